@@ -1,6 +1,7 @@
 //! Hierarchies side by side: the same particles in the same views, within the same numbers of splats, through each of them.
 
 use super::hierarchies_in_memory::{self as in_memory, Splat};
+use super::hierarchies_of_fields;
 use super::paged::{Drawn, Paged};
 use super::plot;
 use super::sheet::{Entry, sheet};
@@ -19,6 +20,7 @@ use crate::mode::{LevelChoice, Levels as LevelKind, Plan};
 use crate::model::{Bounds, Covariance, Dataset, Kernel};
 use crate::modes::column_density;
 use crate::picture::Subject;
+use crate::picture::field::FieldSession;
 use crate::picture::source::{Wanted, particles};
 use crate::store::{InMemory, Representative, Tree};
 use crate::stream::first_nodes;
@@ -31,7 +33,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Ways from hierarchies to pictures, and what each is. Unless asked for, only the first [`USUAL`] are compared.
-pub const WAYS: [(&str, &str); 11] = [
+pub const WAYS: [(&str, &str); 14] = [
     ("sample", "an even sample of the particles"),
     ("octree-tau", "merged particles within 0.8 pixels"),
     ("octree", "merged particles, best first"),
@@ -43,6 +45,9 @@ pub const WAYS: [(&str, &str); 11] = [
     ("pca-gaussian", "pca, each cluster a Gaussian"),
     ("pca-disc", "pca, each cluster a disc"),
     ("pca-pixel", "pca, each cluster a pixel"),
+    ("wavelet", "of images and volumes: oriented points"),
+    ("wavelet-round", "the same without directions"),
+    ("mip", "box means of an evenly coarser grid"),
 ];
 
 /// Those that differ in more than the footprint.
@@ -53,7 +58,7 @@ const USUAL: usize = 8;
 #[group(id = "bench-hierarchies")]
 pub struct Options {
     /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-free, pca-published; and with other
-    /// footprints pca-gaussian, pca-disc, pca-pixel.
+    /// footprints pca-gaussian, pca-disc, pca-pixel; and of images and volumes wavelet, wavelet-round, mip.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = WAYS.map(|(name, _)| name),
           default_values = WAYS[..USUAL].iter().map(|(name, _)| *name))]
     pub hierarchies: Vec<String>,
@@ -84,7 +89,7 @@ fn budget(text: &str) -> Result<Budget, String> {
 }
 
 impl Budget {
-    fn of(self, particles: u64) -> u64 {
+    pub(super) fn of(self, particles: u64) -> u64 {
         match self {
             Budget::Splats(splats) => splats,
             Budget::Share(share) => ((share * particles as f64) as u64).max(1),
@@ -158,12 +163,13 @@ pub struct Best {
 /// What the suite finds for some data.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    source: String,
-    particles: u64,
-    size: [u32; 2],
-    views: Vec<Camera>,
-    outcomes: Vec<Outcome>,
-    best: Vec<Best>,
+    pub(super) source: String,
+    /// Particles, or samples.
+    pub(super) particles: u64,
+    pub(super) size: [u32; 2],
+    pub(super) views: Vec<Camera>,
+    pub(super) outcomes: Vec<Outcome>,
+    pub(super) best: Vec<Best>,
 }
 
 /// One report where a path is named, else one for each kind of generated data.
@@ -187,7 +193,10 @@ pub fn measure(arguments: &Arguments) -> Result<Reports, Failure> {
     }
     let folder = arguments.flight.output.as_deref().unwrap_or(Path::new("hierarchies"));
     if let Some(path) = &arguments.path {
-        let report = Bench::new(path, path.display().to_string(), arguments)?.run(folder)?;
+        let report = match FieldSession::is_field(path) {
+            true => hierarchies_of_fields::compare(path, path.display().to_string(), arguments, folder)?,
+            false => Bench::new(path, path.display().to_string(), arguments)?.run(folder)?,
+        };
         write_csv(arguments, std::slice::from_ref(&report))?;
         return Ok(Reports::One(Box::new(report)));
     }
@@ -283,7 +292,7 @@ impl<'a> Bench<'a> {
                 }
             }
             if number == 0 {
-                self.write(folder, &truth, &shown)?;
+                Shown::write(folder, options.budgets.len() as u32, &truth, &shown)?;
             }
         }
         let best = best(&outcomes);
@@ -377,13 +386,7 @@ impl<'a> Bench<'a> {
         (exact, truth): (&Accumulation, &Image),
         image: &Image,
     ) -> Outcome {
-        let pairs = || drawn.sums.p.iter().zip(&exact.p).map(|(a, b)| (f64::from(*a), f64::from(*b)));
-        let total: f64 = pairs().map(|(_, b)| b.abs()).sum();
-        let squares: f64 = pairs().map(|(_, b)| b * b).sum();
-        let differ: f64 = pairs().map(|(a, b)| (a - b).abs()).sum();
-        let square: f64 = pairs().map(|(a, b)| (a - b) * (a - b)).sum();
-        let peak = pairs().map(|(_, b)| b).fold(0.0, f64::max);
-        let pixels = exact.p.len().max(1) as f64;
+        let [error_l1, error_l2, psnr] = sum_errors(&drawn.sums, exact);
         let pages: BTreeSet<_> = drawn.nodes.iter().map(|node| node.node.page).collect();
         let is_paged = drawn.select_ms.is_some();
         Outcome {
@@ -398,17 +401,31 @@ impl<'a> Bench<'a> {
             build_peak_memory: self.built.and_then(|(_, memory)| memory),
             select_ms: drawn.select_ms,
             frame_ms: milliseconds(Times::of(drawn.times.clone())),
-            error_l1: differ / total,
-            error_l2: (square / squares).sqrt(),
+            error_l1,
+            error_l2,
             error_color: color_errors(image, truth),
-            psnr: 10.0 * (peak * peak * pixels / square.max(f64::MIN_POSITIVE)).log10(),
+            psnr,
             error_bound: drawn.error_bound,
         }
     }
+}
 
-    /// A sheet of the pictures and their differences from the exact one, four times enlarged.
-    fn write(&self, folder: &Path, truth: &Image, shown: &[Shown]) -> Result<(), Failure> {
-        let columns = self.arguments.hierarchies.budgets.len() as u32;
+/// Relative L1 and L2 error of sums, and their peak signal-to-noise ratio in decibels, the brightest pixel being the peak.
+pub(super) fn sum_errors(sums: &Accumulation, exact: &Accumulation) -> [f64; 3] {
+    let pairs = || sums.p.iter().zip(&exact.p).map(|(a, b)| (f64::from(*a), f64::from(*b)));
+    let total: f64 = pairs().map(|(_, b)| b.abs()).sum();
+    let squares: f64 = pairs().map(|(_, b)| b * b).sum();
+    let differ: f64 = pairs().map(|(a, b)| (a - b).abs()).sum();
+    let square: f64 = pairs().map(|(a, b)| (a - b) * (a - b)).sum();
+    let peak = pairs().map(|(_, b)| b).fold(0.0, f64::max);
+    let pixels = exact.p.len().max(1) as f64;
+    let psnr = 10.0 * (peak * peak * pixels / square.max(f64::MIN_POSITIVE)).log10();
+    [differ / total, (square / squares).sqrt(), psnr]
+}
+
+impl Shown {
+    /// A sheet of the pictures and their differences from the exact one, four times enlarged; a row for each hierarchy.
+    pub(super) fn write(folder: &Path, columns: u32, truth: &Image, shown: &[Shown]) -> Result<(), Failure> {
         let caption = |outcome: &Outcome| {
             let Outcome { hierarchy, splats, error_l2, error_color, .. } = outcome;
             vec![
@@ -432,12 +449,12 @@ impl<'a> Bench<'a> {
 }
 
 /// A picture for the sheet.
-struct Shown {
-    outcome: Outcome,
-    image: Image,
+pub(super) struct Shown {
+    pub(super) outcome: Outcome,
+    pub(super) image: Image,
 }
 
-fn color_errors(image: &Image, truth: &Image) -> ColorError {
+pub(super) fn color_errors(image: &Image, truth: &Image) -> ColorError {
     let distance = |(a, b): (&[u8; 4], &[u8; 4])| (0..3).map(|k| f64::from(a[k].abs_diff(b[k]))).sum::<f64>() / 3.0;
     let mut all: Vec<f64> = image.rgba.iter().zip(&truth.rgba).map(distance).collect();
     all.sort_by(f64::total_cmp);
@@ -445,12 +462,12 @@ fn color_errors(image: &Image, truth: &Image) -> ColorError {
     ColorError { mean, p99: all.get(all.len() * 99 / 100).copied().unwrap_or(0.0) }
 }
 
-fn milliseconds(times: Times) -> Times {
+pub(super) fn milliseconds(times: Times) -> Times {
     Times { median: 1e3 * times.median, fastest: 1e3 * times.fastest }
 }
 
 /// Parallel views of a box: from above, then from other directions, the same for any data.
-fn views(bounds: Bounds, count: usize, (width, height): (u32, u32)) -> Result<Vec<(View, Camera)>, Failure> {
+pub(super) fn views(bounds: Bounds, count: usize, (width, height): (u32, u32)) -> Result<Vec<(View, Camera)>, Failure> {
     let (middle, size) = (bounds.center(), bounds.size());
     let away = size.length().max(f64::MIN_POSITIVE);
     let view = |number: usize| {
@@ -471,7 +488,7 @@ fn views(bounds: Bounds, count: usize, (width, height): (u32, u32)) -> Result<Ve
 }
 
 /// For each number of splats the smallest mean L2 error of all views.
-fn best(outcomes: &[Outcome]) -> Vec<Best> {
+pub(super) fn best(outcomes: &[Outcome]) -> Vec<Best> {
     let budgets: BTreeSet<u64> = outcomes.iter().map(|outcome| outcome.budget).collect();
     let mean = |budget: u64, hierarchy: &str| {
         let own = outcomes.iter().filter(|own| own.budget == budget && own.hierarchy == hierarchy);
@@ -490,7 +507,7 @@ fn best(outcomes: &[Outcome]) -> Vec<Best> {
 }
 
 /// The most memory that the program has taken, where the system says.
-fn peak_memory() -> Option<u64> {
+pub(super) fn peak_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
@@ -551,14 +568,14 @@ fn write_csv(arguments: &Arguments, reports: &[Report]) -> Result<(), Failure> {
     writer.flush().map_err(|error| format!("{}: {error}", path.display()).into())
 }
 
-fn print_head() {
+pub(super) fn print_head() {
     eprintln!(
         "{:<14} {:>4} {:>9} {:>9} {:>6} {:>9} {:>9} {:>8} {:>8} {:>8} {:>7}",
         "hierarchy", "view", "budget", "splats", "nodes", "select ms", "frame ms", "L1", "L2", "of 255", "PSNR"
     );
 }
 
-fn print_row(own: &Outcome) {
+pub(super) fn print_row(own: &Outcome) {
     eprintln!(
         "{:<14} {:>4} {:>9} {:>9} {:>6} {:>9.2} {:>9.2} {:>8.4} {:>8.4} {:>8.2} {:>7.1}",
         own.hierarchy,

@@ -7,6 +7,7 @@ pub mod flight;
 pub mod frame;
 pub mod hierarchies;
 mod hierarchies_in_memory;
+mod hierarchies_of_fields;
 mod paged;
 pub mod pages;
 pub mod play;
@@ -20,6 +21,7 @@ pub mod splat;
 pub mod splat_gpu;
 
 use crate::command_line::CommandResult;
+use crate::picture::field::FieldSession;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -126,7 +128,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let text = match arguments.suite.as_str() {
         "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
         "presence" => serde_json::to_string_pretty(&presence::measure(arguments)?)?,
-        "flight" => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
+        "flight" => match arguments.path.as_deref().filter(|path| FieldSession::is_field(path)) {
+            Some(path) => serde_json::to_string_pretty(&flight::fields::measure(arguments, path)?)?,
+            None => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
+        },
         "play" => serde_json::to_string_pretty(&play::measure(arguments)?)?,
         "compare" => serde_json::to_string_pretty(&compare::measure(arguments)?)?,
         "hierarchies" => serde_json::to_string_pretty(&hierarchies::measure(arguments)?)?,

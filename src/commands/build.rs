@@ -118,6 +118,19 @@ pub struct Arguments {
     /// What a file without a header holds.
     #[command(flatten)]
     pub raw: RawOptions,
+    /// What the source is taken for: particles turns a volume's voxels into particles, for the hierarchies of particles.
+    #[arg(long = "as", value_enum, value_name = "WHAT", default_value_t)]
+    pub as_what: As,
+}
+
+/// What a source is taken for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum As {
+    /// What it is: particles, an image or a volume.
+    #[default]
+    Itself,
+    /// Particles; of a volume its voxels.
+    Particles,
 }
 
 fn clock(text: &str) -> Result<ClockVariable, String> {
@@ -144,6 +157,7 @@ fn smoothing(text: &str) -> Result<Smoothing, String> {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let raw = arguments.raw.grid()?;
     if let [only] = &arguments.sources[..]
+        && arguments.as_what == As::Itself
         && (raw.is_some() || grid_format(only)?.is_some())
     {
         return grid(arguments, only, GridOptions { raw, read: arguments.read });
@@ -212,10 +226,12 @@ fn grid(arguments: &Arguments, path: &Path, options: GridOptions) -> CommandResu
     let grid = source.grid();
     if let Some(Over::Particles(kinds)) = arguments.hierarchy.hierarchy {
         let (a, many) = if grid.dimensions == 2 { ("an image", "images") } else { ("a volume", "volumes") };
+        let voxels = if grid.dimensions == 3 { "; --as particles takes their voxels" } else { "" };
         let path = path.display();
-        return Err(
-            format!("{path}: hierarchy {kinds}: found {a}, expected particles ({many} are built as wavelet)").into()
-        );
+        return Err(format!(
+            "{path}: hierarchy {kinds}: found {a}, expected particles ({many} are built as wavelet{voxels})"
+        )
+        .into());
     }
     let options = GridBuildOptions {
         points: arguments.wavelet.options(grid),

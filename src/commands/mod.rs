@@ -6,6 +6,7 @@ pub mod catalogue;
 pub mod demo;
 pub mod export;
 pub mod extract;
+mod field_probe;
 pub mod frame_option;
 mod grid_info;
 pub mod hierarchy_options;

@@ -12,12 +12,15 @@ use crate::explore::{
     histogram, over_time, probe,
 };
 use crate::model::{ReadMethod, When};
+use crate::picture::field::FieldSession;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Sums up what is in a region: count, mass, means and dispersions of each field, a radial profile; over the whole data.
+///
+/// Of an image or a volume: what its samples hold, and a histogram of their values.
 ///
 /// Of a source every particle is looked at, and the answer is exact. Of a page file the answer comes from its leaves, and says how far
 /// off it may be; --exact asks the source that it was built from.
@@ -28,7 +31,8 @@ use std::path::{Path, PathBuf};
   deepfield probe box.df --object \"Subhalo 12\" --catalogue groups.hdf5 --radius 0.5 --exact
   deepfield probe galaxy.df --family gas --where temperature:1e4..1e6 --where density:10.. --json -
   deepfield probe run.df --tracked-at 9.6 --sphere 0.3,0,0,0.5 --over-time -o halo.csv
-  deepfield probe galaxy.df --family gas --histogram temperature --bins 20")]
+  deepfield probe galaxy.df --family gas --histogram temperature --bins 20
+  deepfield probe head.nrrd --sphere 120,110,60,20          a volume: mean, dispersion and histogram, the value in the middle")]
 pub struct Arguments {
     /// The source, page file or run.
     pub path: PathBuf,
@@ -109,6 +113,9 @@ struct Answer<'a> {
 /// # Errors
 /// When the data cannot be read, or has no such field, family or object.
 pub fn run(arguments: &Arguments) -> CommandResult {
+    if FieldSession::is_field(&arguments.path) {
+        return super::field_probe::run(arguments);
+    }
     let progress = TerminalProgress::new();
     let work = Work::told(&progress);
     let run = OpenRun::open(&arguments.path, &arguments.who, &arguments.region, arguments.read)?;

@@ -9,9 +9,9 @@ use crate::hierarchy::wavelet::{Hierarchy, Samples, errors};
 use crate::import::{GridOptions, GridSource, open_grid};
 use crate::look::DataKind;
 use crate::model::{Grid, ReadMethod, Region, SampleType};
+use crate::picture::field::{ErrorValue, PointsReport};
 use crate::store::GridFile;
 use crate::store::grid::planes_of;
-use serde::Serialize;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -95,27 +95,6 @@ fn error_value(text: &str) -> Result<f32, String> {
     value.ok_or_else(|| "expected a number from 0".to_owned())
 }
 
-/// What `--json` tells.
-#[derive(Debug, Serialize)]
-struct Told {
-    /// Points that were drawn.
-    points: u64,
-    /// How many of them are samples.
-    leaves: u64,
-    /// How far values are from the samples, over all samples and channels.
-    error_value: ErrorValue,
-}
-
-#[derive(Debug, Serialize)]
-struct ErrorValue {
-    /// The largest difference.
-    max: f32,
-    /// Root of the mean squared difference.
-    rms: f32,
-    /// What no difference exceeds: what is drawn is compared with every sample.
-    bound: f32,
-}
-
 /// Where a grid is: a file of it, or a source.
 enum Opened {
     File(GridFile),
@@ -176,8 +155,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let (samples, told) = match is_exact {
         true => {
             let points = grid.shape.iter().product();
-            let error_value = ErrorValue { max: 0.0, rms: 0.0, bound: 0.0 };
-            (opened.bytes_of(&part, &region)?, Told { points, leaves: points, error_value })
+            (opened.bytes_of(&part, &region)?, PointsReport::exact(points))
         }
         false => approximate(arguments, &opened, &region, sample_type)?,
     };
@@ -204,7 +182,7 @@ fn approximate(
     opened: &Opened,
     region: &Region,
     sample_type: SampleType,
-) -> Result<(Vec<u8>, Told), Failure> {
+) -> Result<(Vec<u8>, PointsReport), Failure> {
     let grid = opened.grid();
     let whole = opened.bytes_of(grid, &grid.region())?;
     let planes = planes_of(grid.sample_type, grid.channels.len(), &whole);
@@ -227,7 +205,7 @@ fn approximate(
     };
     let off = errors(&samples, &drawn);
     let error_value = ErrorValue { max: off.max, rms: off.rms, bound: off.max };
-    let told = Told { points: cut.points as u64, leaves: cut.leaves as u64, error_value };
+    let told = PointsReport { error_value, ..PointsReport::of(&cut) };
     let mut bytes = Vec::new();
     for z in region.min[2]..region.max[2] {
         for y in region.min[1]..region.max[1] {

@@ -1,6 +1,7 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
 use super::CommandResult;
+use super::progress_bar::Terminal;
 use super::region_options::own_time;
 pub use super::render_arguments::Arguments;
 use super::request::{Request, open};
@@ -8,7 +9,10 @@ use super::statistics;
 use crate::color::{Image, output};
 use crate::import::step_at;
 use crate::look::{DataKind, one_snapshot};
+use crate::picture::Picture;
+use crate::picture::field::FieldSession;
 use crate::view::{CubeLayout, Side, Surround};
+use std::sync::Arc;
 
 /// Renders the picture and writes it.
 ///
@@ -39,6 +43,14 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         }
         request.shot.look.annotations = None;
     }
+    if let [only] = &request.members[..]
+        && FieldSession::is_field(&only.path)
+    {
+        let Request { members, shot, options } = request;
+        let mut session = FieldSession::open(&members[0].path, options, Arc::new(Terminal))?;
+        let picture = session.draw(&shot)?;
+        return write(arguments, &picture, is_exr, || Ok(picture.image(&shot)?));
+    }
     let Request { mut members, mut shot, options } = request;
     if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
         && matches!(DataKind::of(&first.path), Ok(DataKind::Source))
@@ -57,23 +69,39 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
     }
     let mut session = open(&members, options, [&shot])?;
     let picture = session.draw(&shot)?;
-    match is_exr {
-        _ if shot.surround == (Surround::Cube { layout: CubeLayout::Files }) => {
-            if is_exr {
-                return Err("--layout files: writes .png; a strip can be .exr".into());
-            }
-            for (side, face) in Side::ALL.iter().zip(faces(&session.finished(&shot, &picture)?)) {
-                output::write_png(&output.with_extension(format!("{}.png", side.as_str())), &face)?;
-            }
-        }
-        true => picture.write_exr(output)?,
-        false => output::write_png(output, &session.finished(&shot, &picture)?)?,
+    if shot.surround != (Surround::Cube { layout: CubeLayout::Files }) {
+        return write(arguments, &picture, is_exr, || Ok(session.finished(&shot, &picture)?));
     }
+    if is_exr {
+        return Err("--layout files: writes .png; a strip can be .exr".into());
+    }
+    for (side, face) in Side::ALL.iter().zip(faces(&session.finished(&shot, &picture)?)) {
+        output::write_png(&output.with_extension(format!("{}.png", side.as_str())), &face)?;
+    }
+    write_numbers(arguments, &picture)
+}
+
+/// Writes a picture, whose colours are `finished`, and its numbers.
+fn write(
+    arguments: &Arguments,
+    picture: &Picture,
+    is_exr: bool,
+    finished: impl FnOnce() -> Result<Image, Box<dyn std::error::Error + Send + Sync>>,
+) -> CommandResult {
+    match is_exr {
+        true => picture.write_exr(&arguments.output)?,
+        false => output::write_png(&arguments.output, &finished()?)?,
+    }
+    write_numbers(arguments, picture)
+}
+
+/// Writes what numbers of a picture are asked for.
+fn write_numbers(arguments: &Arguments, picture: &Picture) -> CommandResult {
     if let Some(raw) = &arguments.raw {
         picture.write_npy(raw)?;
     }
     if let Some(json) = &arguments.json {
-        statistics::write(json, &picture)?;
+        statistics::write(json, picture)?;
     }
     Ok(())
 }

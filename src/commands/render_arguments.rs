@@ -14,7 +14,9 @@ use crate::look::{
 use crate::mode::{Mode, PathsOf, SettingValue, levels, lod_budget};
 use crate::model::{FamilyName, ReadMethod, When};
 use crate::modes;
+use crate::modes::samples::ERROR_VALUE;
 use crate::picture::SessionOptions;
+use crate::picture::field::FieldSession;
 use crate::view::{CutSettings, Periodic};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -115,6 +117,9 @@ pub struct Arguments {
     /// Refine clusters until the picture's relative L1 error is thought to be at most E.
     #[arg(long, value_name = "E", value_parser = positive, conflicts_with_all = ["exact", "reference", "error_px"])]
     pub error_picture: Option<f64>,
+    /// Of images and volumes: draw as few points as leave values so near to the samples' [default: half a step of whole numbers].
+    #[arg(long, value_name = "E", value_parser = positive, conflicts_with_all = ["exact", "reference", "splats"])]
+    pub error_value: Option<f64>,
     /// Draw as many clusters as take T milliseconds on this machine, found by trying.
     #[arg(long, value_name = "T", value_parser = positive,
           conflicts_with_all = ["exact", "reference", "error_px", "error_picture"])]
@@ -255,14 +260,20 @@ impl Arguments {
             (&levels::SPLATS, self.splats.map(SettingValue::Number)),
             (&levels::ERROR_PICTURE, self.error_picture.map(SettingValue::Number)),
             (&levels::FRAME_MS, self.frame_ms.map(SettingValue::Number)),
+            (&ERROR_VALUE, self.error_value.map(SettingValue::Number)),
             (&lod_budget::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
         ];
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
         for (name, value) in budget.chain(self.set.iter().cloned()) {
             // Without a name the mode is the data's usual one, which is one of these.
-            let usual =
-                || modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty()).chain([modes::first()]);
-            let possible: Vec<&Mode> = look.mode.map_or_else(|| usual().collect(), |mode| vec![mode]);
+            let usual = || match FieldSession::is_field(&self.path) {
+                true => vec![modes::of_fields(2), modes::of_fields(3)],
+                false => {
+                    let of_fields = modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty());
+                    of_fields.chain([modes::first()]).collect()
+                }
+            };
+            let possible: Vec<&Mode> = look.mode.map_or_else(usual, |mode| vec![mode]);
             let known = |mode: &&Mode| mode.all_settings().find(|setting| setting.name == name);
             let Some(setting) = possible.iter().find_map(known) else {
                 let mut names: Vec<&str> =

@@ -3,6 +3,7 @@
 use super::CommandResult;
 use crate::color::output;
 use crate::mode::{LightPicture, Raw};
+use crate::picture::field::PointsReport;
 use crate::picture::{LeftOut, LevelReport, Picture, ShownMoment};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -34,6 +35,9 @@ struct Statistics<'a> {
     /// When it is, of a run.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
     moment: Option<&'a ShownMoment>,
+    /// Of images and volumes.
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    points: Option<&'a PointsReport>,
     #[serde(flatten)]
     values: Values<'a>,
     milliseconds: &'a BTreeMap<String, f64>,
@@ -112,6 +116,7 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
             width,
             height,
             moment: picture.moment.as_ref(),
+            points: picture.points.as_ref(),
             values: values(picture),
             milliseconds: &picture.milliseconds,
         },

@@ -38,7 +38,6 @@ pub enum MetricName {
 impl WaveletOptions {
     /// What they say of a grid.
     pub fn options(&self, grid: &Grid) -> Options {
-        let names: Vec<&str> = grid.channels.iter().map(|channel| channel.name.as_str()).collect();
         Options {
             types: match self.types {
                 TypesName::Measured => Types::Measured,
@@ -48,7 +47,7 @@ impl WaveletOptions {
                 MetricName::Residual => Metric::Residual,
                 MetricName::Rms => Metric::Rms,
             },
-            colours: names.starts_with(&["red", "green", "blue"]),
+            colours: grid.has_colors(),
         }
     }
 }

@@ -26,6 +26,7 @@ mod pictures {
     mod color_error;
     mod conservation;
     mod cut;
+    mod fields;
     mod golden;
     mod guarantee;
     mod joined;

@@ -5,6 +5,7 @@
 pub mod canvas;
 pub mod check;
 pub mod engine;
+pub mod fields;
 pub mod light_canvas;
 pub mod path;
 pub mod plot;

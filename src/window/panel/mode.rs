@@ -46,7 +46,8 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
 /// Which mode is shown; those of paths alone are for runs.
 fn mode_combo(ui: &mut Ui, has_paths: bool, settings: &mut Settings) {
     theme::combo(ui, "Mode", settings.mode.name, |ui| {
-        for mode in modes::all().into_iter().filter(|mode| has_paths || !mode.is_of_paths()) {
+        for mode in modes::all().into_iter().filter(|mode| mode.takes_particles() && (has_paths || !mode.is_of_paths()))
+        {
             let chosen = std::ptr::eq(settings.mode, mode);
             let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
             theme::register(ui, &format!("mode:{}", mode.name), label.rect);

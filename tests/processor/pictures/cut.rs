@@ -78,7 +78,8 @@ fn every_mode_of_colors_leaves_out_the_same() {
     let projection = Projection::Orthographic { height: 1.2 * bounds.size().y };
     let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, 64, 64).unwrap().with_cut(cut);
     let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
-    for mode in modes::all().into_iter().filter(|mode| mode.is_light() && !mode.is_of_paths()) {
+    for mode in modes::all().into_iter().filter(|mode| mode.is_light() && mode.takes_particles() && !mode.is_of_paths())
+    {
         let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
         let drawn = draw_nodes(&view, &depiction, metadata, &selection.nodes, Method::Pyramid, &Plan::default());
         let image = drawn.light(mode).unwrap().colors.image();

@@ -151,8 +151,8 @@ pub fn steps_in(path: &Path) -> Result<u64, ImportError> {
 /// The format of a file.
 fn format_at(path: &Path) -> Result<&'static dyn Format, ImportError> {
     // Formats of text take almost anything for a table, so that grids are told first.
-    if let Some(grid) = super::grid::grid_content(path)? {
-        return Err(ImportError::malformed(path, "content", format!("an image or a volume ({grid})"), "particles"));
+    if super::grid::grid_content(path)?.is_some() {
+        return Ok(&super::grid::Voxels);
     }
     let unknown = || ImportError::Unrecognised { path: path.into(), expected: names() };
     format_of(&Head::read(path)?).ok_or_else(unknown)

@@ -102,6 +102,12 @@ impl Grid {
         if self.dimensions == 2 { "image" } else { "volume" }
     }
 
+    /// Whether its first channels are red, green and blue.
+    pub fn has_colors(&self) -> bool {
+        let names = ["red", "green", "blue"];
+        self.channels.len() >= 3 && self.channels.iter().zip(names).all(|(channel, name)| channel.name == name)
+    }
+
     /// Distance of the centres of neighbouring samples along each axis, in the length unit.
     pub fn spacing(&self) -> Vec<f64> {
         self.columns().map(DVec3::length).collect()

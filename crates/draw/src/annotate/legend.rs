@@ -33,6 +33,8 @@ pub struct Units {
     pub length: Unit,
     /// Of the attribute that colours the picture.
     pub attribute: Unit,
+    /// What brightness shows, and its unit, where the data names it.
+    pub value: Option<(String, Unit)>,
 }
 
 impl Units {
@@ -46,6 +48,7 @@ impl Units {
             mass: metadata.mass_unit.clone(),
             length: metadata.length_unit.clone(),
             attribute: attribute.next().cloned().unwrap_or_default(),
+            value: None,
         }
     }
 }
@@ -93,9 +96,13 @@ impl Legend {
         units: &Units,
     ) -> Legend {
         let mode = depiction.mode;
+        let (title, unit) = match &units.value {
+            Some((name, unit)) => (name.as_str(), unit.clone()),
+            None => (mode.quantity, (mode.unit)(&units.mass, &units.length)),
+        };
         let p = LegendAxis {
-            title: capitalized(mode.quantity),
-            unit: tidy((mode.unit)(&units.mass, &units.length).0),
+            title: capitalized(title),
+            unit: tidy(unit.0),
             range: levels.p,
             log: transfer.scale == Scale::Log,
         };

@@ -18,6 +18,7 @@ pub mod around;
 pub mod cartesian;
 pub mod ellipse;
 pub mod ellipsoid;
+pub mod field;
 pub mod footprint;
 pub mod half_line;
 pub mod kernel_products;

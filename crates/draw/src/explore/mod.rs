@@ -11,6 +11,7 @@ pub mod center;
 pub mod data;
 pub mod error;
 pub mod export;
+pub mod field_probe;
 pub mod followed;
 pub mod highlight;
 pub mod histogram;

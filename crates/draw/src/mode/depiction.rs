@@ -63,13 +63,16 @@ impl Depiction {
     /// `mode` for some data; `attribute` as the user named it, else the mode's usual one if the data has it.
     ///
     /// # Errors
-    /// The names that the data has, when it has none called `attribute`.
+    /// The names that the data has, when it has none called `attribute`; and for a mode that draws no particles.
     pub fn new(
         mode: &'static Mode,
         settings: Settings,
         attribute: Option<&str>,
         metadata: &Metadata,
     ) -> Result<Depiction, String> {
+        if !mode.takes_particles() {
+            return Err(format!("mode {} draws images and volumes, found particles", mode.name));
+        }
         let columns = metadata.families.iter().flat_map(|family| {
             let columns = family.quantities.iter().chain(&family.attributes);
             columns.map(|info| (info, family.count as f64))

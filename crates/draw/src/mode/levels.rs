@@ -50,6 +50,9 @@ pub static REPRESENTATIVE: Setting = Setting {
 /// Those of pictures that are no sums.
 pub static OF_ANY: [&Setting; 4] = [&LEVELS, &SPLATS, &FRAME_MS, &REPRESENTATIVE];
 
+/// Those of pictures of images and volumes alone.
+pub static OF_FIELDS: [&Setting; 2] = [&SPLATS, &FRAME_MS];
+
 /// Whether a setting says which levels are drawn, and how many splats.
 pub fn is_of_levels(name: &str) -> bool {
     [&LEVELS, &SPLATS, &REPRESENTATIVE].iter().any(|setting| setting.name == name)

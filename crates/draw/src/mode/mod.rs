@@ -4,6 +4,7 @@
 
 pub mod blend;
 pub mod depiction;
+pub mod field;
 pub mod levels;
 pub mod lod_budget;
 pub mod over;
@@ -13,6 +14,7 @@ pub mod setting;
 pub mod technique;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
+pub use field::{FieldJob, FieldValues, ValueStatistics};
 pub use levels::{LevelChoice, Levels};
 pub use lod_budget::{LodBudget, Plan};
 pub use paths::{Focus, PathColor, PathSettings, PathShape, PathsOf, Span};
@@ -114,6 +116,7 @@ impl Mode {
         let common: &[&'static Setting] = match self.technique.output() {
             Output::Sums => &lod_budget::COMMON,
             _ if self.technique.takes_clusters() => &levels::OF_ANY,
+            _ if self.takes_fields() => &levels::OF_FIELDS,
             _ => &[],
         };
         self.own_settings().chain(common.iter().copied())
@@ -127,6 +130,24 @@ impl Mode {
     /// Whether it draws pathlines alone, and no particles.
     pub fn is_of_paths(&self) -> bool {
         !self.technique.needs(&Settings::default()).particles
+    }
+
+    /// Whether it draws particles.
+    pub fn takes_particles(&self) -> bool {
+        self.technique.takes_particles()
+    }
+
+    /// Whether it draws images or volumes.
+    pub fn takes_fields(&self) -> bool {
+        self.technique.takes_fields()
+    }
+
+    /// Draws an image or a volume on the processor.
+    ///
+    /// # Errors
+    /// As [`Technique::draw_field`].
+    pub fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
+        self.technique.draw_field(job)
     }
 
     /// Draws it on the processor.

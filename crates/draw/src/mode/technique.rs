@@ -1,7 +1,7 @@
 //! How a mode is drawn: what a technique needs, which backends it has, what it is handed and what it hands back. What draws
 //! asks the technique and never for the mode.
 
-use super::{Footprint, Settings};
+use super::{FieldJob, Footprint, Settings};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::cartesian::CartesianOptions;
@@ -137,6 +137,24 @@ pub trait Technique: Sync {
     /// [`VolumeError`] as [`Technique::draw`], and as `ranges`.
     fn light(&self, _terms: &Terms<'_>, _ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
         Ok(None)
+    }
+
+    /// Whether it draws particles.
+    fn takes_particles(&self) -> bool {
+        true
+    }
+
+    /// Whether [`Technique::draw_field`] draws images or volumes.
+    fn takes_fields(&self) -> bool {
+        false
+    }
+
+    /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for techniques that do.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
+    fn draw_field(&self, _job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
+        Err(VolumeError::OnlyParticles)
     }
 
     /// Draws on the processor; [`super::Mode::draw`] calls it for techniques that do.

@@ -1,5 +1,6 @@
 //! What the modes of the perspective grid (F12 chapter 5) share: their settings, and how these become a picture.
 
+use super::samples;
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
 use crate::cpu::volume::particles::SMALLEST;
@@ -8,8 +9,8 @@ use crate::cpu::volume::{
 };
 use crate::hierarchy::Purpose;
 use crate::mode::{
-    Adapter, Columns, Conserved, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw,
-    Setting, SettingKind, Settings, Technique, Terms,
+    Adapter, Columns, Conserved, FieldJob, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output,
+    Raw, Setting, SettingKind, Settings, Technique, Terms,
 };
 use crate::model::{Bounds, Kernel, Unit};
 use crate::view::perspective_grid::GridOptions;
@@ -113,8 +114,8 @@ pub static OPACITY: Setting = Setting {
 pub static ISOVALUES: Setting = Setting {
     name: "isovalues",
     unit: "",
-    kind: SettingKind::Numbers { min: 0.0, max: 1e38, most: volume::surface::MOST_SURFACES },
-    help: "densities of the isosurfaces, in the data's units; without any they are chosen from the data",
+    kind: SettingKind::Numbers { min: -1e38, max: 1e38, most: volume::surface::MOST_SURFACES },
+    help: "densities of the isosurfaces (of images and volumes: values), in the data's units; without any they are chosen from the data",
 };
 /// Their opacities.
 pub static ISO_OPACITIES: Setting = Setting {
@@ -228,7 +229,7 @@ impl Look {
         terms: &Terms<'_>,
         measure: impl FnMut(&VolumeOptions) -> Result<FieldRange, VolumeError>,
     ) -> Result<Look, VolumeError> {
-        let options = options(terms);
+        let options = options(terms.settings, terms.kernel);
         let attribute = terms.attribute;
         let transfer = terms.transfer.cloned().unwrap_or_else(|| TransferFunction::of_volumes(attribute)).for_volume();
         let levels = levels(terms, &transfer, &options, measure)?;
@@ -266,42 +267,52 @@ impl Look {
             [] => layers.surfaces.iter().map(|&(place, _)| self.density_at(place)).collect(),
             set => set.to_vec(),
         };
+        let gradient = self.transfer.color_map.sample(256);
+        let color = |value: f64| self.surface_color(&gradient, value);
         let scenery = Scenery {
             classifier: self.classifier.clone(),
             volume: layers.volume,
-            surfaces: self.surfaces(settings, &chosen, &layers)?,
+            surfaces: surfaces(settings, &chosen, &layers, self.classifier.has_hues(), color)?,
             light: light(settings),
             termination: settings.number(&TERMINATION) as f32,
         };
         Ok((scenery, chosen))
     }
+}
 
-    fn surfaces(&self, settings: &Settings, isovalues: &[f64], layers: &Layers) -> Result<Vec<Surface>, VolumeError> {
-        let (opacities, colors) = (settings.numbers(&ISO_OPACITIES), settings.colors(&ISO_COLORS));
-        for (field, found) in [("iso-opacities", opacities.len()), ("iso-colors", colors.len())] {
-            if found > 0 && found != isovalues.len() {
-                let expected = format!("as many as isovalues, {}", isovalues.len());
-                return Err(VolumeError::Setting { field, found: format!("a list of {found}"), expected });
-            }
+/// Isosurfaces of these values with the colours and opacities that settings say; `color` is that of a value where they say nothing and
+/// no `hues` of an attribute do.
+///
+/// # Errors
+/// [`VolumeError::Setting`] for lists that do not fit each other.
+pub fn surfaces(
+    settings: &Settings,
+    isovalues: &[f64],
+    layers: &Layers,
+    hues: bool,
+    color: impl Fn(f64) -> [f32; 3],
+) -> Result<Vec<Surface>, VolumeError> {
+    let (opacities, colors) = (settings.numbers(&ISO_OPACITIES), settings.colors(&ISO_COLORS));
+    for (field, found) in [("iso-opacities", opacities.len()), ("iso-colors", colors.len())] {
+        if found > 0 && found != isovalues.len() {
+            let expected = format!("as many as isovalues, {}", isovalues.len());
+            return Err(VolumeError::Setting { field, found: format!("a list of {found}"), expected });
         }
-        let densest = isovalues.iter().copied().fold(0.0, f64::max);
-        let gradient = self.transfer.color_map.sample(256);
-        let hues = self.classifier.has_hues();
-        let surface = |(index, &value): (usize, &f64)| {
-            let usual = match layers.surfaces.get(index).filter(|_| settings.numbers(&ISOVALUES).is_empty()) {
-                Some(&(_, opacity)) => opacity,
-                None if value >= densest => 1.0,
-                None => 0.3,
-            };
-            let mapped = self.surface_color(&gradient, value);
-            Surface {
-                value: value as f32,
-                color: colors.get(index).map(|color| color.map(to_linear)).or((!hues).then_some(mapped)),
-                opacity: opacities.get(index).map_or(usual, |&opacity| opacity as f32),
-            }
-        };
-        Ok(isovalues.iter().enumerate().map(surface).collect())
     }
+    let highest = isovalues.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let surface = |(index, &value): (usize, &f64)| {
+        let usual = match layers.surfaces.get(index).filter(|_| settings.numbers(&ISOVALUES).is_empty()) {
+            Some(&(_, opacity)) => opacity,
+            None if value >= highest => 1.0,
+            None => 0.3,
+        };
+        Surface {
+            value: value as f32,
+            color: colors.get(index).map(|color| color.map(to_linear)).or_else(|| (!hues).then(|| color(value))),
+            opacity: opacities.get(index).map_or(usual, |&opacity| opacity as f32),
+        }
+    };
+    Ok(isovalues.iter().enumerate().map(surface).collect())
 }
 
 /// The light on surfaces; `None` where they are not lit.
@@ -363,6 +374,18 @@ impl Technique for Marched {
         Ok(Some(LightPlan { passes: LightPasses::March(scenery, look.options), levels: look.levels, isovalues }))
     }
 
+    fn takes_fields(&self) -> bool {
+        true
+    }
+
+    fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
+        if !job.values.is_volume {
+            let expected = "image: an image has no depth".to_owned();
+            return Err(VolumeError::Setting { field: "mode", found: "one of volumes".into(), expected });
+        }
+        Ok(Raw::Light(samples::march(job, &self.0)?))
+    }
+
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
         let (scenery, isovalues) = look.scenery(&job.terms(), self.0)?;
@@ -371,13 +394,13 @@ impl Technique for Marched {
     }
 }
 
-fn options(terms: &Terms<'_>) -> VolumeOptions {
-    let settings = terms.settings;
+/// How a volume is sampled; `kernel` is the data's own.
+pub fn options(settings: &Settings, kernel: Kernel) -> VolumeOptions {
     let plane = |setting: &Setting| Some(settings.number(setting)).filter(|&depth| depth > 0.0);
     let kernel = match settings.name(&KERNEL).as_str() {
         "cubic-spline" => Kernel::CubicSpline,
         "poly6" => Kernel::Poly6,
-        _ => terms.kernel,
+        _ => kernel,
     };
     VolumeOptions {
         grid: GridOptions { resolution: settings.number(&RESOLUTION), lambda: settings.flag(&LAMBDA) },

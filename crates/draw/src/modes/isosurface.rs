@@ -1,13 +1,13 @@
 //! `isosurface`: surfaces of equal density through the perspective grid (F12 5.6).
 
-use super::grid;
+use super::{grid, samples};
 use crate::mode::Mode;
 
 /// Particles weigh their mass, so that their sum with the kernel is the density.
 pub static MODE: Mode = Mode {
     name: "isosurface",
     help: "surfaces of equal density, lit from the eye; coloured by their density or by an attribute",
-    settings: &[grid::SURFACES, grid::LIGHT, grid::GRID, grid::COMMON],
+    settings: &[grid::SURFACES, grid::LIGHT, grid::GRID, grid::COMMON, samples::SAMPLES],
     technique: &grid::Marched(grid::Layers::SURFACES),
     ..grid::MODE
 };

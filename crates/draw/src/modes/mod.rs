@@ -5,23 +5,27 @@ pub mod cartesian;
 pub mod column_density;
 pub mod density_squared;
 pub mod grid;
+pub mod image;
 pub mod isosurface;
 pub mod layered;
 mod named;
 pub mod paths;
 pub mod points;
 pub mod primitives;
+pub mod samples;
+pub mod slice;
 pub mod sorted_splats;
 pub mod spheres;
 pub mod volume;
 pub mod volume_isosurface;
+pub mod xray;
 
 use crate::color::transfer::TransferFunction;
 use crate::mode::{Mode, lod_budget};
 use std::sync::{PoisonError, RwLock};
 
 /// The modes that come with deepfield; the first is the default.
-static BUILT_IN: [&Mode; 12] = [
+static BUILT_IN: [&Mode; 15] = [
     &column_density::MODE,
     &density_squared::MODE,
     &points::MODE,
@@ -34,6 +38,9 @@ static BUILT_IN: [&Mode; 12] = [
     &cartesian::MODE,
     &paths::MODE,
     &primitives::MODE,
+    &image::MODE,
+    &slice::MODE,
+    &xray::MODE,
 ];
 
 /// The modes of other crates.
@@ -74,6 +81,11 @@ pub fn all() -> Vec<&'static Mode> {
 /// The mode where none is named.
 pub fn first() -> &'static Mode {
     BUILT_IN[0]
+}
+
+/// The mode that images or volumes begin with.
+pub fn of_fields(dimensions: usize) -> &'static Mode {
+    if dimensions == 2 { &image::MODE } else { &volume::MODE }
 }
 
 /// The mode of that name.

@@ -1,13 +1,13 @@
 //! `volume`: direct volume rendering through the perspective grid (F12 5.6).
 
-use super::grid;
+use super::{grid, samples};
 use crate::mode::Mode;
 
 /// Particles weigh their mass, so that their sum with the kernel is the density.
 pub static MODE: Mode = Mode {
     name: "volume",
     help: "a volume that emits and absorbs light along each ray: dense gas bright and opaque; hue from an attribute",
-    settings: &[&[&grid::OPACITY], grid::GRID, grid::COMMON],
+    settings: &[&[&grid::OPACITY], grid::GRID, grid::COMMON, samples::SAMPLES],
     technique: &grid::Marched(grid::Layers::VOLUME),
     ..grid::MODE
 };

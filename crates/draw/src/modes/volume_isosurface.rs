@@ -1,13 +1,13 @@
 //! `volume-isosurface`: a volume and surfaces in it, in one pass (F12 5.6, figure 5.1 c).
 
-use super::grid;
+use super::{grid, samples};
 use crate::mode::Mode;
 
 /// Particles weigh their mass, so that their sum with the kernel is the density.
 pub static MODE: Mode = Mode {
     name: "volume-isosurface",
     help: "surfaces of equal density within a volume that emits and absorbs light",
-    settings: &[&[&grid::OPACITY], grid::SURFACES, grid::LIGHT, grid::GRID, grid::COMMON],
+    settings: &[&[&grid::OPACITY], grid::SURFACES, grid::LIGHT, grid::GRID, grid::COMMON, samples::SAMPLES],
     technique: &grid::Marched(grid::Layers::BOTH),
     ..grid::MODE
 };

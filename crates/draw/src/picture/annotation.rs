@@ -11,7 +11,7 @@ use crate::import::Source;
 use crate::look::Shot;
 use crate::mode::Depiction;
 use crate::model::{Bounds, FamilyName, Unit};
-use crate::store::{Metadata, PageFile, StoreError};
+use crate::store::{PageFile, StoreError};
 use crate::stream::SceneNode;
 use crate::view::View;
 use glam::DVec3;
@@ -53,7 +53,8 @@ fn labels_of(
 }
 
 impl Annotation {
-    /// For a shot of what lies in `bounds`, of a run at a time, which is in the data's words, too.
+    /// For a shot of what lies in `bounds` in these units, of a run at a time, which is in the data's words, too; other data has a time
+    /// of its `own` or none.
     ///
     /// # Errors
     /// What is wrong with the catalogue of the objects to name.
@@ -62,14 +63,14 @@ impl Annotation {
         view: View,
         bounds: Bounds,
         time: Option<(f64, String)>,
-        metadata: &Metadata,
+        units: Units,
+        own: Option<f64>,
         depiction: &Depiction,
         reporter: &dyn Reporter,
     ) -> Result<Annotation, ExploreError> {
-        let units = Units::of(metadata, depiction);
         let target = shot.camera.target.map_or(bounds.center(), DVec3::from);
         let paper = Paper::of(shot.look.background.unwrap_or_default());
-        let at = time.as_ref().map(|(time, _)| *time).or(metadata.provenance.time);
+        let at = time.as_ref().map(|(time, _)| *time).or(own);
         let labels = shot
             .labels
             .as_deref()

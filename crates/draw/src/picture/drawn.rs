@@ -2,6 +2,7 @@
 
 use super::annotation::Annotation;
 use super::error::PictureError;
+use super::field::PointsReport;
 use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
 use super::level_report::LevelReport;
@@ -50,6 +51,8 @@ pub struct Picture {
     pub moment: Option<ShownMoment>,
     /// Paths that lie on top of it; those of modes that take them are among its values.
     pub paths: Option<Arc<Colors>>,
+    /// Of images and volumes: the points that it was drawn from.
+    pub points: Option<PointsReport>,
 }
 
 /// The moment of a run that a picture shows.

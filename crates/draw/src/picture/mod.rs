@@ -28,6 +28,7 @@ mod times;
 
 mod drawn;
 mod error;
+pub mod field;
 
 pub use adapter::{Adapter, AdapterFrame, AdapterJob};
 pub use drawn::{Coloration, Picture, ShownMoment};

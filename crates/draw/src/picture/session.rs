@@ -20,6 +20,7 @@ use super::paths::PathLayer;
 use super::projected::Means;
 use super::source::{self, Wanted};
 use super::subject::{self, Subject};
+use crate::annotate::Units;
 use crate::color::Image;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
@@ -454,7 +455,11 @@ impl Session {
         let time = self.run().map(|run| (run.time(self.moment), run.times().words(run.time(self.moment))));
         Ok(Picture {
             values: Raw::Sums(Default::default(), Default::default()),
-            annotation: Annotation::new(shot, view, framed, time, metadata, depiction, &*self.reporter)?,
+            annotation: {
+                let units = Units::of(metadata, depiction);
+                let own = metadata.provenance.time;
+                Annotation::new(shot, view, framed, time, units, own, depiction, &*self.reporter)?
+            },
             transfer: transfer.clone(),
             converged: true,
             error_px: 0.0,
@@ -467,6 +472,7 @@ impl Session {
             milliseconds: Default::default(),
             moment: self.shown_moment(0),
             paths: None,
+            points: None,
         })
     }
 

@@ -250,7 +250,7 @@ mod tests {
         let attribute = file.metadata().families[0].quantities[0].name.clone();
         let mut next = window();
         next.app.add_message::<Opened>().add_systems(First, (adopt_opened, restore_state).chain());
-        for mode in modes::all() {
+        for mode in modes::all().into_iter().filter(|mode| mode.takes_particles()) {
             let mut wanted = unusual_settings(mode);
             (wanted.attribute, wanted.families) = (Attribute::Named(attribute.clone()), vec![true]);
             let tour = TourFile::new(vec![Keyframe { look: wanted.look.patch(), ..Keyframe::default() }]);

@@ -21,6 +21,7 @@ mod summary;
 #[cfg(test)]
 mod tests;
 mod tiff;
+mod voxels;
 mod vti;
 mod vtk;
 mod xml;
@@ -28,6 +29,7 @@ mod xml;
 pub use raw::RawGrid;
 pub use source::{GridDescription, GridSource};
 pub use summary::{ChannelSummary, GridSummary, HISTOGRAM, summarize_grid};
+pub(super) use voxels::Voxels;
 
 use super::ImportError;
 use crate::model::ReadMethod;

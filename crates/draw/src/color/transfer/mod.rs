@@ -118,6 +118,13 @@ impl TransferFunction {
         TransferFunction::preset(if attribute { "volume-hue" } else { "volume" }).unwrap_or_default().for_volume()
     }
 
+    /// The one that volumes of measured values begin with, with an attribute or without.
+    pub fn of_values(attribute: bool) -> TransferFunction {
+        let plain = TransferFunction::preset("volume-values").unwrap_or_default();
+        let hue = attribute.then(|| TransferFunction::preset("volume-hue").and_then(|colored| colored.hue)).flatten();
+        TransferFunction { hue, ..plain }
+    }
+
     /// With the curves that volumes have where none are set.
     pub fn for_volume(self) -> TransferFunction {
         TransferFunction {

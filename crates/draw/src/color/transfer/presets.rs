@@ -11,8 +11,10 @@ const PRESETS: &[(&str, &str)] = &[
     ("density", include_str!("../../../../../assets/transfer/density.ron")),
     ("density-hue", include_str!("../../../../../assets/transfer/density-hue.ron")),
     ("stars", include_str!("../../../../../assets/transfer/stars.ron")),
+    ("grey", include_str!("../../../../../assets/transfer/grey.ron")),
     ("volume", include_str!("../../../../../assets/transfer/volume.ron")),
     ("volume-hue", include_str!("../../../../../assets/transfer/volume-hue.ron")),
+    ("volume-values", include_str!("../../../../../assets/transfer/volume-values.ron")),
 ];
 
 /// Where presets are files: `assets/transfer` in the folder that `BEVY_ASSET_ROOT` names, else beside the manifest under

@@ -6,6 +6,7 @@
 
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Curve, Hue, Scale, TransferFunction, shade};
+use crate::cpu::field::ValueAxis;
 use rayon::prelude::*;
 
 /// Numbers in place of automatic ranges.
@@ -52,7 +53,12 @@ pub struct Classifier {
     hue: Hue,
     levels: VolumeLevels,
     least: f32,
+    /// Whether entries lie evenly between 1 and 2 ([`ValueAxis`]), not by leading bits.
+    is_even: bool,
 }
+
+/// Entries of a table of values.
+pub const VALUES: usize = 4096;
 
 /// What a [`Classifier`] looks up.
 #[derive(Clone, Copy, Debug)]
@@ -76,6 +82,59 @@ pub struct Tables<'a> {
 impl Classifier {
     /// Tables of a transfer function; hues count only if the picture has an attribute.
     pub fn new(transfer: &TransferFunction, levels: VolumeLevels, attribute: bool) -> Classifier {
+        let bits = |density: f64| (density as f32).max(f32::MIN_POSITIVE).to_bits() >> HIDDEN_BITS;
+        let (first, last) = (bits(levels.density[0]), bits(levels.density[1]) + 1);
+        let densities = (first..=last.max(first + 1)).map(|index| f32::from_bits(index << HIDDEN_BITS));
+        let mut classifier = Classifier::of(transfer, levels, attribute, densities.collect());
+        classifier.first = first;
+        let visible = classifier.table.iter().position(|entry| entry[0] > 0.0);
+        classifier.least = match visible {
+            Some(0) => f32::MIN_POSITIVE,
+            Some(index) => f32::from_bits((first + index as u32 - 1) << HIDDEN_BITS),
+            None => f32::INFINITY,
+        };
+        classifier
+    }
+
+    /// The same for values on an axis, whatever their sign, in place of densities: light is the colour map's at the value's place, times
+    /// the brightness there; where there are hues, it is as of densities.
+    pub fn of_values(
+        transfer: &TransferFunction,
+        levels: VolumeLevels,
+        attribute: bool,
+        axis: &ValueAxis,
+    ) -> Classifier {
+        if transfer.hue.is_none() || !attribute {
+            let even = TransferFunction { brightness: Some(Curve::identity()), ..transfer.clone() };
+            let mut classifier = Classifier::of_hues(&even, levels, false, axis);
+            if let Some(brightness) = &transfer.brightness {
+                for (index, entry) in classifier.table.iter_mut().enumerate() {
+                    let value = axis.value(1.0 + index as f32 / (VALUES - 1) as f32) as f32;
+                    let factor = brightness.at(transfer.scale.place(value, levels.density));
+                    entry[1..].iter_mut().for_each(|light| *light *= factor);
+                }
+            }
+            return classifier;
+        }
+        Classifier::of_hues(transfer, levels, attribute, axis)
+    }
+
+    /// Tables of values whose light goes by a brightness.
+    fn of_hues(transfer: &TransferFunction, levels: VolumeLevels, attribute: bool, axis: &ValueAxis) -> Classifier {
+        let place = |index: usize| 1.0 + index as f32 / (VALUES - 1) as f32;
+        let values = (0..VALUES).map(|index| axis.value(place(index)) as f32).collect();
+        let mut classifier = Classifier::of(transfer, levels, attribute, values);
+        classifier.is_even = true;
+        classifier.least = match classifier.table.iter().position(|entry| entry[0] > 0.0) {
+            Some(0) => ValueAxis::NOTHING,
+            Some(index) => place(index - 1),
+            None => f32::INFINITY,
+        };
+        classifier
+    }
+
+    /// Tables with an entry for each of some densities.
+    fn of(transfer: &TransferFunction, levels: VolumeLevels, attribute: bool, densities: Vec<f32>) -> Classifier {
         let [min, max] = levels.density;
         let usual = (Curve::usual_opacity(), Curve::usual_brightness());
         let opacity = transfer.opacity.as_ref().unwrap_or(&usual.0);
@@ -84,13 +143,11 @@ impl Classifier {
             let brightness = brightness.at(place.powf(transfer.gamma));
             if transfer.reverse { 1.0 - brightness } else { brightness }
         };
-        let bits = |density: f64| (density as f32).max(f32::MIN_POSITIVE).to_bits() >> HIDDEN_BITS;
-        let (first, last) = (bits(min), bits(max) + 1);
         let hue = transfer.hue.as_ref().filter(|_| attribute);
         let colors = transfer.color_map.sample(1024);
         let unit = levels.unit_length as f32;
-        let entry = |index: u32| {
-            let place = transfer.scale.place(f32::from_bits(index << HIDDEN_BITS), [min, max]);
+        let entry = |density: f32| {
+            let place = transfer.scale.place(density, [min, max]);
             let extinction = -(-opacity.at(place).min(MOST_OPAQUE)).ln_1p() / unit;
             let brightness = brightness_at(place);
             let [r, g, b] = match hue {
@@ -99,12 +156,7 @@ impl Classifier {
             };
             [extinction, r, g, b]
         };
-        let table: Vec<[f32; 4]> = (first..=last.max(first + 1)).map(entry).collect();
-        let least = match table.iter().position(|entry| entry[0] > 0.0) {
-            Some(0) => f32::MIN_POSITIVE,
-            Some(index) => f32::from_bits((first + index as u32 - 1) << HIDDEN_BITS),
-            None => f32::INFINITY,
-        };
+        let table: Vec<[f32; 4]> = densities.into_iter().map(entry).collect();
         let hues = hue.map_or(Vec::new(), |hue| {
             let function = TransferFunction { hue: Some(hue.clone()), ..TransferFunction::default() };
             let lut = function.bake_lut();
@@ -132,7 +184,8 @@ impl Classifier {
             }
             _ => Vec::new(),
         };
-        Classifier { first, table, hues, plane, hue: hue.cloned().unwrap_or_default(), levels, least }
+        let hue = hue.cloned().unwrap_or_default();
+        Classifier { first: 0, table, hues, plane, hue, levels, least: f32::INFINITY, is_even: false }
     }
 
     /// Densities up to this are invisible.
@@ -151,6 +204,11 @@ impl Classifier {
         let bits = density.to_bits();
         let index = (bits >> HIDDEN_BITS).saturating_sub(self.first) as usize;
         let (index, share) = match index < self.table.len() - 1 {
+            _ if self.is_even => {
+                let place = ((density - 1.0) * (VALUES - 1) as f32).clamp(0.0, (VALUES - 1) as f32);
+                let index = (place as usize).min(self.table.len() - 2);
+                (index, place - index as f32)
+            }
             true if bits >> HIDDEN_BITS >= self.first => {
                 (index, (bits & ((1 << HIDDEN_BITS) - 1)) as f32 * (1.0 / (1 << HIDDEN_BITS) as f32))
             }

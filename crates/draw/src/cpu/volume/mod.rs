@@ -18,6 +18,7 @@ pub mod raycast;
 pub mod resample;
 pub mod stretched;
 pub mod surface;
+pub mod variability;
 
 mod block;
 #[cfg(test)]
@@ -28,6 +29,7 @@ pub use classify::{Classifier, VolumeLevels};
 pub use range::FieldRange;
 pub use raycast::Scenery;
 pub use surface::{Light, Surface};
+pub use variability::Variability;
 
 use super::Splats;
 use super::paths::PathFragments;
@@ -35,11 +37,13 @@ use crate::color::Colors;
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridError, GridOptions};
 use crate::view::{PerspectiveGrid, View};
+use bricks::Layer;
 use bricks::{BRICK, BrickGrid, Slab};
 use occlusion::OpacityPyramid;
 use particles::{Projected, Taken};
 use raycast::Rays;
-use resample::Resampler;
+use resample::{Resampler, Work};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use stretched::Body;
@@ -82,6 +86,9 @@ pub enum VolumeError {
     /// A mode that the processor does not draw.
     #[error("the mode {0} is drawn by a graphics adapter only (--backend compute), not by the processor")]
     OnlyAdapter(&'static str),
+    /// A mode that draws particles alone.
+    #[error("mode: found one that draws particles, expected one that draws images or volumes")]
+    OnlyParticles,
     /// An adapter that cannot draw it.
     #[error("{0}")]
     Device(String),
@@ -156,6 +163,22 @@ pub struct VolumeReport {
     pub rendering: Duration,
 }
 
+/// What fills the bricks of a perspective grid, from front to back.
+pub trait Fill {
+    /// Fills layers of the grid that follow those of the last call. Bricks of columns that are `hidden` (one flag for each, row by row; none
+    /// for an empty slice) are left out; they have to stay hidden.
+    fn fill(&mut self, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work);
+
+    /// Takes the memory of layers that are not needed any more.
+    fn recycle(&mut self, layers: Vec<Layer>);
+
+    /// Whether cells have an attribute.
+    fn has_attribute(&self) -> bool;
+
+    /// Memory of what it is filled from, bytes.
+    fn bytes(&self) -> u64;
+}
+
 /// The particles of a view and the grid for them.
 pub struct Prepared {
     /// The grid.
@@ -228,22 +251,23 @@ pub fn draw_with_paths(
         resampling: start.elapsed(),
         ..VolumeReport::default()
     };
-    let colors = cast(view, &prepared, scenery, options, paths, &mut report);
+    let mut resampler = Resampler::new(&prepared, options.kernel).showing_above(scenery.least());
+    let grids = (&prepared.grid, prepared.brick_grid());
+    let colors = cast(view, grids, &mut resampler, scenery, options, paths, &mut report);
     Ok((colors, report))
 }
 
-/// Resamples the particles of a view, casts rays through them, and adds to the report what that took. The picture does not depend
-/// on the number of threads.
+/// Casts rays through a grid while it is filled, and adds to the report what that took. The picture does not depend on the number of threads.
 pub fn cast(
     view: &View,
-    prepared: &Prepared,
+    (grid, brick_grid): (&PerspectiveGrid, &BrickGrid),
+    resampler: &mut dyn Fill,
     scenery: &Scenery,
     options: &VolumeOptions,
     paths: Option<&PathFragments>,
     report: &mut VolumeReport,
 ) -> Colors {
-    let (grid, brick_grid, particles) = (&prepared.grid, prepared.brick_grid(), &prepared.particles);
-    let cell_bytes = 4 * (1 + u64::from(particles.attribute));
+    let cell_bytes = 4 * (1 + u64::from(resampler.has_attribute()));
     let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
     report.slabs = slabs.len();
     let mut rays = Rays::new(grid, brick_grid, view.width, view.height);
@@ -251,11 +275,10 @@ pub fn cast(
         rays.look_for(grid, paths);
     }
     let (mut kept, mut hidden) = (Slab::default(), Vec::new());
-    let mut resampler = Resampler::new(prepared, options.kernel).showing_above(scenery.least());
     for slab in slabs {
         let start = Instant::now();
         let layers = slab.slices.start as usize / BRICK..(slab.slices.end as usize).div_ceil(BRICK);
-        let (resampled, work) = resampler.resample(layers.clone(), &hidden);
+        let (resampled, work) = resampler.fill(layers.clone(), &hidden);
         report.pairs += work.pairs;
         report.bricks += work.bricks;
         report.resampling += start.elapsed();
@@ -263,7 +286,7 @@ pub fn cast(
         let first = if kept.layers.is_empty() { layers.start } else { kept.first };
         let mut held = Slab { first, layers: kept.layers };
         held.layers.extend(resampled);
-        let held_now = particles.bytes() + held.bytes() + rays.bytes();
+        let held_now = resampler.bytes() + held.bytes() + rays.bytes();
         report.memory = report.memory.max(Some(held_now));
         let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery, paths);
         *report.samples.get_or_insert(0) += effort.samples;

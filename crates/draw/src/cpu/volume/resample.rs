@@ -4,11 +4,11 @@
 //! interpolated from coarser grids ([`coarse`]). A brick is filled by one task in the order of the particles, so the field is the
 //! same to the last bit for any number of threads.
 
-use super::Prepared;
 use super::bricks::{BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
 use super::coarse::{self, Interpolate, Peaks, Scratch};
 use super::gather::Gather;
 use super::stretched::Body;
+use super::{Fill, Prepared};
 use crate::model::Kernel;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -198,6 +198,24 @@ impl<'a> Resampler<'a> {
             }
             None => vec![0.0; CELLS].into_boxed_slice(),
         }
+    }
+}
+
+impl Fill for Resampler<'_> {
+    fn fill(&mut self, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work) {
+        self.resample(layers, hidden)
+    }
+
+    fn recycle(&mut self, layers: Vec<Layer>) {
+        Resampler::recycle(self, layers);
+    }
+
+    fn has_attribute(&self) -> bool {
+        self.prepared.particles.attribute
+    }
+
+    fn bytes(&self) -> u64 {
+        self.prepared.particles.bytes()
     }
 }
 

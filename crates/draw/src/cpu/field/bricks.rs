@@ -1,0 +1,155 @@
+//! The bricks of a perspective grid from a sampled field: each cell asks for the value at its centre, so that what is classified, crossed by
+//! surfaces and hidden is the field itself, at any level of detail alike.
+
+use super::values::ValueAxis;
+use super::{Field, FieldLevel};
+use crate::cpu::volume::Fill;
+use crate::cpu::volume::bricks::{BORDER, BRICK, Brick, BrickGrid, CELLS, Layer};
+use crate::cpu::volume::resample::Work;
+use crate::view::{PerspectiveGrid, View};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+/// Cells around a brick that rays through it read.
+const AROUND: f64 = 2.0;
+
+/// Fills bricks from a field.
+pub struct FieldBricks<'a> {
+    /// The field.
+    pub field: &'a Field,
+    /// Its channel that is drawn.
+    pub channel: usize,
+    /// The channel that colours it.
+    pub hue: Option<usize>,
+    /// Its values as numbers.
+    pub axis: ValueAxis,
+    /// The camera.
+    pub view: &'a View,
+    /// The grid.
+    pub grid: &'a PerspectiveGrid,
+    /// Its bricks.
+    pub brick_grid: &'a BrickGrid,
+    /// Numbers up to this show nothing.
+    pub least: f32,
+    spare: Mutex<Vec<Box<[f32]>>>,
+}
+
+impl<'a> FieldBricks<'a> {
+    /// The bricks of a channel of a field, uncoloured, of which everything shows.
+    pub fn new(
+        field: &'a Field,
+        axis: ValueAxis,
+        view: &'a View,
+        grid: &'a PerspectiveGrid,
+        brick_grid: &'a BrickGrid,
+    ) -> FieldBricks<'a> {
+        FieldBricks { field, channel: 0, hue: None, axis, view, grid, brick_grid, least: 0.0, spare: Mutex::default() }
+    }
+
+    /// Indices of samples at a place of the grid.
+    fn indices(&self, place: [f64; 3]) -> DVec3 {
+        let camera = self.grid.to_camera(place);
+        let View { eye, right, up, forward, .. } = *self.view;
+        self.field.to_index.transform_point3(eye + camera.x * right + camera.y * up + camera.z * forward)
+    }
+
+    fn brick(&self, layer: usize, place: usize) -> Option<Brick> {
+        let first = [place % self.brick_grid.bricks[0], place / self.brick_grid.bricks[0]];
+        let corner = first.map(|brick| (brick * BRICK) as f64 - BORDER as f64);
+        let slices = layer * BRICK..((layer + 1) * BRICK).min(self.brick_grid.slices);
+        let ends = |from: f64, to: f64| [from - AROUND, to + AROUND];
+        let (x, y) = (ends(corner[0], corner[0] + BRICK as f64), ends(corner[1], corner[1] + BRICK as f64));
+        let z = ends(slices.start as f64, slices.end as f64);
+        let corners = (0..8).map(|i| self.indices([x[i & 1], y[i >> 1 & 1], z[i >> 2]]));
+        let (low, high) =
+            corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+        let middle = (slices.start + slices.end) as f64 / 2.0;
+        let number = self.field.level_for(self.grid.spacing(self.grid.depth(middle)));
+        let level = &self.field.channels[self.channel].levels[number];
+        let own = |at: DVec3| FieldLevel::indices(number, at.as_vec3().to_array());
+        let [_, most] = level.range_within(own(low), own(high))?;
+        if self.axis.place(most) <= self.least {
+            return None;
+        }
+        let hue = self.hue.map(|hue| &self.field.channels[hue].levels[number]);
+        let mut brick =
+            Brick { density: self.cells(), weighted: hue.map_or_else(Box::default, |_| self.cells()), densest: 0.0 };
+        let clips = self.view.cut.clips();
+        for (z, slice) in slices.enumerate() {
+            for y in 0..BRICK {
+                let at = |x: f64| self.indices([corner[0] + x, corner[1] + y as f64 + 0.5, slice as f64 + 0.5]);
+                let start = at(0.5);
+                let step = at(1.5) - start;
+                let row = (z * BRICK + y) * BRICK;
+                for x in 0..BRICK {
+                    let index = start + x as f64 * step;
+                    let at = index.as_vec3().to_array();
+                    if !self.field.holds(at)
+                        || clips && !self.view.cut.keeps(self.field.to_world.transform_point3(index))
+                    {
+                        continue;
+                    }
+                    let at = FieldLevel::indices(number, at);
+                    let place = self.axis.place(level.at(at));
+                    brick.density[row + x] = place;
+                    if let Some(hue) = hue {
+                        let value = hue.at(at);
+                        brick.weighted[row + x] = if value.is_nan() { 0.0 } else { place * value };
+                    }
+                    brick.densest = brick.densest.max(place);
+                }
+            }
+        }
+        (brick.densest > 0.0).then_some(brick)
+    }
+
+    fn cells(&self) -> Box<[f32]> {
+        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        match spare {
+            Some(mut cells) => {
+                cells.fill(0.0);
+                cells
+            }
+            None => vec![0.0; CELLS].into_boxed_slice(),
+        }
+    }
+}
+
+impl Fill for FieldBricks<'_> {
+    fn fill(&mut self, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work) {
+        let of_layer = self.brick_grid.of_layer();
+        let own = &*self;
+        let brick = |index: usize| match hidden.get(index % of_layer) {
+            Some(true) => None,
+            _ => own.brick(layers.start + index / of_layer, index % of_layer),
+        };
+        let mut all: Vec<Option<Brick>> = (0..layers.len() * of_layer).into_par_iter().map(brick).collect();
+        let bricks = all.iter().flatten().count() as u64;
+        let mut out = Vec::with_capacity(layers.len());
+        while !all.is_empty() {
+            let rest = all.split_off(of_layer.min(all.len()));
+            out.push(std::mem::replace(&mut all, rest));
+        }
+        (out, Work { pairs: bricks, bricks })
+    }
+
+    fn recycle(&mut self, layers: Vec<Layer>) {
+        let spare = self.spare.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for brick in layers.into_iter().flatten().flatten() {
+            spare.extend([brick.density, brick.weighted].into_iter().filter(|cells| !cells.is_empty()));
+        }
+    }
+
+    fn has_attribute(&self) -> bool {
+        self.hue.is_some()
+    }
+
+    fn bytes(&self) -> u64 {
+        let bytes = |channel: usize| {
+            self.field.channels[channel].levels.iter().map(|level| 4 * level.values.len() as u64).sum::<u64>()
+        };
+        bytes(self.channel) + self.hue.map_or(0, bytes)
+    }
+}

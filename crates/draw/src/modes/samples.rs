@@ -1,0 +1,211 @@
+//! What modes of images and volumes share: how near their values have to be, and what their colours come to.
+
+use super::grid::{self, Layers, OPACITY};
+use crate::color::colors::to_linear;
+use crate::color::transfer::{Curve, Hue, Range, TransferFunction, UnitLength};
+use crate::cpu::field::{FieldBricks, ValueAxis};
+use crate::cpu::volume::bricks::BrickGrid;
+use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast};
+use crate::mode::{FieldJob, FieldValues, LightPicture, Setting, SettingKind, Settings};
+use crate::model::Kernel;
+use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
+use crate::view::{Extent, PerspectiveGrid, Projection};
+
+/// How far a value may be off.
+pub static ERROR_VALUE: Setting = Setting {
+    name: "error-value",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "of images and volumes: how far values may be from the samples'; 0: half a step of whole numbers, a 512th of the range of others",
+};
+/// How far a colour may be off.
+pub static TRANSFER_SENSITIVITY: Setting = Setting {
+    name: "transfer-sensitivity",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 255.0, default: 0.5 },
+    help: "of images and volumes: one point shows all values whose opacities and colours differ by no more than this, of 255; 0: none",
+};
+
+/// Settings of every mode of images and volumes.
+pub static SAMPLES: &[&Setting] = &[&ERROR_VALUE, &TRANSFER_SENSITIVITY];
+
+/// Width of a cell of the perspective grid in samples of the field: narrower ones would show nothing more.
+const CELL: f64 = 0.67;
+/// Cells a pixel are never fewer.
+const RESOLUTION_LEAST: f64 = 0.05;
+
+/// What the colours of a field come to.
+pub struct FieldLook {
+    /// The transfer function in use.
+    pub transfer: TransferFunction,
+    /// Numbers for its ranges.
+    pub levels: VolumeLevels,
+    /// The field's values as numbers.
+    pub axis: ValueAxis,
+    /// Its tables for these.
+    pub classifier: Classifier,
+    /// The isosurfaces' values.
+    pub isovalues: Vec<f64>,
+}
+
+impl FieldLook {
+    /// What settings and a transfer function come to for values.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit the values.
+    pub fn new(
+        values: &FieldValues<'_>,
+        settings: &Settings,
+        transfer: Option<&TransferFunction>,
+        diameter: f64,
+        layers: &Layers,
+    ) -> Result<FieldLook, VolumeError> {
+        let usual = || {
+            let usual = match (values.is_volume, values.hue) {
+                (false, _) => TransferFunction::preset("grey").unwrap_or_default(),
+                (true, hue) => TransferFunction::of_values(hue.is_some()),
+            };
+            TransferFunction { scale: values.shown.scale(), ..usual }
+        };
+        let mut transfer = transfer.cloned().unwrap_or_else(usual);
+        if values.hue.is_some() && values.is_volume {
+            transfer = transfer.for_volume();
+        }
+        let density = match transfer.range {
+            Range::Fixed(low, high) => transfer.scale.usable([low, high]),
+            Range::Auto if values.is_volume => values.shown.matter(transfer.scale),
+            Range::Auto => transfer.scale.usable([0.002, 0.998].map(|share| values.shown.percentile(share))),
+        };
+        let hue = transfer.hue.clone().unwrap_or_default();
+        let of_hue = |share: f64| values.hue.map_or(share, |values| values.percentile(share));
+        let attribute = match hue.range {
+            Range::Fixed(low, high) => [low, high],
+            Range::Auto => Range::apart([0.02, 0.98].map(of_hue)),
+        };
+        let unit = match transfer.unit_length {
+            UnitLength::Auto => 0.01 * diameter,
+            UnitLength::Fixed(length) => length,
+        };
+        let unit_length = unit.max(1e-30) / settings.number(&OPACITY);
+        let levels = VolumeLevels { density, attribute: hue.scale.usable(attribute), unit_length };
+        let isovalues: Vec<f64> = match settings.numbers(&grid::ISOVALUES) {
+            _ if layers.surfaces.is_empty() => Vec::new(),
+            [] => layers.surfaces.iter().map(|&(place, _)| transfer.scale.value(place, density)).collect(),
+            set => set.to_vec(),
+        };
+        let [least, most] = values.shown.range();
+        if let Some((index, &value)) =
+            isovalues.iter().enumerate().find(|(_, value)| !(least..=most).contains(*value)).filter(|_| {
+                // Those that were chosen may lie outside of what there is.
+                !settings.numbers(&grid::ISOVALUES).is_empty()
+            })
+        {
+            let (field, found) = ("isovalues", format!("{value} (number {})", index + 1));
+            return Err(VolumeError::Setting { field, found, expected: format!("values from {least} to {most}") });
+        }
+        // A little beyond what colours tell apart, so that what lies there is cut off where it does not show.
+        let ends = isovalues.iter().fold(density, |[low, high], value| [low.min(*value), high.max(*value)]);
+        let beyond = 0.02 * (ends[1] - ends[0]);
+        let axis = ValueAxis::new(transfer.scale, [(ends[0] - beyond).max(least.min(ends[0])), ends[1] + beyond]);
+        let classifier = Classifier::of_values(&transfer, levels, values.hue.is_some(), &axis);
+        if values.hue.is_none() {
+            // Colours are the colour map's at the values' places: what a legend shows.
+            transfer.brightness = Some(Curve::identity());
+        }
+        Ok(FieldLook { transfer, levels, axis, classifier, isovalues })
+    }
+
+    /// What is drawn.
+    fn scenery(&self, settings: &Settings, layers: &Layers) -> Result<Scenery, VolumeError> {
+        let gradient = self.transfer.color_map.sample(256);
+        let color = |value: f64| {
+            let place = f64::from(self.transfer.scale.place(value as f32, self.levels.density));
+            let index = (55.0 + 200.0 * place) / 255.0 * gradient.len().saturating_sub(1) as f64;
+            gradient.get(index.round() as usize).map_or([1.0; 3], |color| color.map(to_linear))
+        };
+        let mut surfaces = grid::surfaces(settings, &self.isovalues, layers, self.classifier.has_hues(), color)?;
+        surfaces.iter_mut().zip(&self.isovalues).for_each(|(surface, value)| {
+            surface.value = self.axis.place(*value as f32);
+        });
+        Ok(Scenery {
+            classifier: self.classifier.clone(),
+            volume: layers.volume,
+            surfaces,
+            light: grid::light(settings),
+            termination: settings.number(&grid::TERMINATION) as f32,
+        })
+    }
+}
+
+/// Draws layers of a field by marching along rays through the perspective grid.
+///
+/// # Errors
+/// [`VolumeError`] for settings that do not fit the field, and when nothing is in view.
+pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, VolumeError> {
+    let FieldJob { view, field, settings, .. } = *job;
+    let look = FieldLook::new(&job.values, settings, job.transfer, job.diameter, layers)?;
+    let scenery = look.scenery(settings, layers)?;
+    let options = grid::options(settings, Kernel::default());
+    let extent = Extent { bounds: field.bounds(), margin: 0.0 };
+    let is_deep = matches!(view.projection, Projection::Perspective { .. });
+    let range = depth_range(view, seen(view, [extent], 0.0));
+    let ends = planes(range, options.near, options.far, is_deep)?;
+    // In the middle of the way through, where lines of sight have spread half.
+    let depth = if is_deep { (ends[0] * ends[1]).sqrt() } else { 1.0 };
+    let fine = depth / view.focal_pixels() / (CELL * field.spacing());
+    let resolution = options.grid.resolution.min(fine.max(RESOLUTION_LEAST));
+    let grid = PerspectiveGrid::new(view, ends, &GridOptions { resolution, ..options.grid })?;
+    let brick_grid = BrickGrid::new(&grid);
+    let mut bricks = FieldBricks::new(field, look.axis, view, &grid, &brick_grid);
+    (bricks.hue, bricks.least) = (job.hue, scenery.least());
+    let mut report = VolumeReport { grid: grid.size, planes: ends, slabs: 0, ..VolumeReport::default() };
+    let colors = cast(view, (&grid, &brick_grid), &mut bricks, &scenery, &options, job.paths, &mut report);
+    // What hides particles is told by their sizes; nothing of a field is left out for it.
+    report.opaque = None;
+    Ok(LightPicture { colors, report, levels: look.levels, isovalues: look.isovalues })
+}
+
+/// A picture's colours of the values of a field's channels, light and opacity: its own, or those of a transfer function.
+///
+/// # Errors
+/// As [`FieldLook::new`].
+pub fn colors_of(
+    job: &FieldJob<'_>,
+) -> Result<(VolumeLevels, impl Fn(&[f32]) -> [f32; 4] + Sync + use<>), VolumeError> {
+    let values = FieldValues { is_volume: false, ..job.values };
+    let look = FieldLook::new(&values, job.settings, job.transfer, job.diameter, &Layers::VOLUME)?;
+    let full_light = job.field.full_light;
+    let (transfer, range) = (look.transfer, look.levels.density);
+    let lut = transfer.bake_colors();
+    let hue = job.hue;
+    let levels = look.levels;
+    let scale = transfer.hue.clone().map_or_else(|| Hue::default().scale, |hue| hue.scale);
+    let color = move |values: &[f32]| {
+        if values[0].is_nan() {
+            return [0.0; 4];
+        }
+        if let (Some(full), [r, g, b, rest @ ..]) = (full_light, values) {
+            let light = [r, g, b].map(|value| to_linear((value / full).clamp(0.0, 1.0)));
+            return [light[0], light[1], light[2], rest.first().map_or(1.0, |alpha| (alpha / full).clamp(0.0, 1.0))];
+        }
+        let column = transfer.scale.place(values[0], range) * (lut.width - 1) as f32;
+        let row = hue.map_or(0.0, |hue| scale.place(values[hue], levels.attribute)) * (lut.height - 1) as f32;
+        let texel = |column: usize| {
+            let at = row.round() as usize * lut.width as usize + column.min(lut.width as usize - 1);
+            lut.rgba[at].map(|byte| f32::from(byte) / 255.0)
+        };
+        let (low, high, share) = (texel(column as usize), texel(column as usize + 1), column.fract());
+        let [r, g, b] = [0, 1, 2].map(|k| to_linear(low[k] + share * (high[k] - low[k])));
+        [r, g, b, 1.0]
+    };
+    Ok((levels, color))
+}
+
+/// The refusal of a mode that draws no particles.
+pub fn no_particles(mode: &str) -> VolumeError {
+    VolumeError::Setting {
+        field: "mode",
+        found: mode.into(),
+        expected: "a mode of particles: it draws images and volumes".into(),
+    }
+}

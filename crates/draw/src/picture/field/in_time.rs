@@ -1,0 +1,102 @@
+//! Pictures of a field within a time: with as many pixels as that leaves time for.
+
+use crate::color::Colors;
+
+/// Fewest pixels of a picture's longer side.
+const LEAST: u32 = 24;
+/// How much of the time a picture is planned to take, so that what differs from picture to picture fits.
+const PLANNED: f64 = 0.82;
+/// How much of what the last pictures took more than planned is remembered by the next.
+const MEMORY: f64 = 0.9;
+
+/// What pictures took, and how many pixels the next may have.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct InTime {
+    /// Milliseconds of a picture, by its pixels to the power of 1.25: rays go further where there are more of them.
+    cost: Option<f64>,
+}
+
+/// What a picture costs, but for a factor.
+fn work((width, height): (u32, u32)) -> f64 {
+    (f64::from(width) * f64::from(height)).powf(1.25)
+}
+
+impl InTime {
+    /// Whether nothing is known yet.
+    pub fn is_new(&self) -> bool {
+        self.cost.is_none()
+    }
+
+    /// The size of the next picture, at most `full`, where it may take `budget` milliseconds; small where nothing is known yet.
+    pub fn size(&self, (width, height): (u32, u32), budget: f64) -> (u32, u32) {
+        let longest = f64::from(width.max(height));
+        let least = (f64::from(LEAST) / longest).min(1.0);
+        let share = match self.cost {
+            None => least,
+            Some(cost) => (PLANNED * budget / (cost * work((width, height)))).powf(0.4).clamp(least, 1.0),
+        };
+        let side = |side: u32| ((f64::from(side) * share).round() as u32).max(1);
+        (side(width), side(height))
+    }
+
+    /// Takes in how long a picture took.
+    pub fn drew(&mut self, size: (u32, u32), milliseconds: f64) {
+        let now = milliseconds / work(size);
+        // A slow picture counts at once, fast ones only by and by.
+        self.cost = Some(self.cost.map_or(now, |before| now.max(MEMORY * before + (1.0 - MEMORY) * now)));
+    }
+}
+
+/// A picture brought to another size: bilinear between its pixels.
+pub fn enlarged(colors: &Colors, (width, height): (u32, u32)) -> Colors {
+    if (colors.width, colors.height) == (width, height) {
+        return colors.clone();
+    }
+    let place = |at: u32, to: u32, from: u32| {
+        let place = ((f64::from(at) + 0.5) * f64::from(from) / f64::from(to) - 0.5).clamp(0.0, f64::from(from - 1));
+        (place as usize, (place as usize + 1).min(from as usize - 1), place.fract() as f32)
+    };
+    let mut rgba = Vec::with_capacity(width as usize * height as usize);
+    for y in 0..height {
+        let (y0, y1, v) = place(y, height, colors.height);
+        for x in 0..width {
+            let (x0, x1, u) = place(x, width, colors.width);
+            let at = |x: usize, y: usize| colors.rgba[y * colors.width as usize + x];
+            let (a, b, c, d) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
+            rgba.push(std::array::from_fn(|k| {
+                let (top, low) = (a[k] + u * (b[k] - a[k]), c[k] + u * (d[k] - c[k]));
+                top + v * (low - top)
+            }));
+        }
+    }
+    Colors { width, height, rgba }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_come_to_the_budget() {
+        let mut in_time = InTime::default();
+        let took = |size: (u32, u32)| 3e-5 * work(size);
+        for _ in 0..30 {
+            let size = in_time.size((1200, 800), 40.0);
+            in_time.drew(size, took(size));
+        }
+        let size = in_time.size((1200, 800), 40.0);
+        assert!(took(size) < 40.0 && took(size) > 28.0, "{size:?} takes {}", took(size));
+        assert_eq!(in_time.size((1200, 800), 1e9), (1200, 800));
+        // A picture that takes twice as long makes the next one smaller at once.
+        in_time.drew(size, 2.0 * took(size));
+        assert!(took(in_time.size((1200, 800), 40.0)) < 20.0);
+    }
+
+    #[test]
+    fn what_is_even_stays_even() {
+        let colors = Colors { width: 3, height: 2, rgba: (0..6).map(|i| [(i % 3) as f32, 0.5, 0.0, 1.0]).collect() };
+        let large = enlarged(&colors, (9, 8));
+        assert!(large.rgba.iter().all(|pixel| pixel[1] == 0.5 && pixel[3] == 1.0));
+        assert!((large.rgba[4][0] - 1.0).abs() < 1e-6 && large.rgba[0][0] == 0.0 && large.rgba[8][0] == 2.0);
+    }
+}

@@ -1,0 +1,13 @@
+//! Pictures of images and volumes: which points stand for the samples, and what a mode draws of them.
+
+pub mod in_time;
+mod opened;
+mod report;
+mod session;
+#[cfg(test)]
+mod tests;
+
+pub use in_time::InTime;
+pub use opened::{OpenField, Shown, Wanted};
+pub use report::{ErrorValue, PointsReport};
+pub use session::{FieldSession, PreparedField};

@@ -1,0 +1,164 @@
+//! Pictures of images and volumes against what is known of them.
+
+use super::FieldSession;
+use crate::color::transfer::TransferFunction;
+use crate::explore::export::grid::{GridFormat, write_grid};
+use crate::look::{CameraConfig, LookPatch, Shot};
+use crate::mode::{Raw, SettingValue};
+use crate::model::{Channel, Grid, SampleType};
+use crate::modes;
+use crate::picture::{PictureError, SessionOptions};
+use crate::view::CutSettings;
+use crate::view::cut::ClipBox;
+use glam::{DMat3, DVec3};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A file of a volume of bytes.
+fn volume(folder: &Path, shape: [u64; 3], value: impl Fn([u64; 3]) -> f64) -> PathBuf {
+    let grid = Grid::volume(shape, SampleType::U8, Channel::numbered(1));
+    stored(folder, &grid, value)
+}
+
+fn stored(folder: &Path, grid: &Grid, value: impl Fn([u64; 3]) -> f64) -> PathBuf {
+    let [x, y, z] = grid.shape;
+    let samples: Vec<u8> =
+        (0..x * y * z).map(|i| value([i % x, i / x % y, i / (x * y)]).round().clamp(0.0, 255.0) as u8).collect();
+    let path = folder.join("volume.nrrd");
+    write_grid(&path, GridFormat::Nrrd, grid, &samples).unwrap();
+    path
+}
+
+/// Straight along z, `height` world units high.
+fn above(target: DVec3, height: f64) -> CameraConfig {
+    let eye = target + DVec3::Z * 1000.0;
+    CameraConfig {
+        eye: Some(eye.to_array()),
+        target: Some(target.to_array()),
+        up: None,
+        fov: None,
+        ortho: Some(height),
+    }
+}
+
+fn shot(mode: &str, transfer: &str, camera: CameraConfig, size: (u32, u32)) -> Shot {
+    let transfer = (!transfer.is_empty()).then(|| TransferFunction::parse(transfer, "t").unwrap());
+    let look = LookPatch { mode: modes::find(mode), transfer, ..LookPatch::default() };
+    Shot { look, camera, size: Some(size), ..Shot::default() }
+}
+
+fn with(mut shot: Shot, name: &str, value: SettingValue) -> Shot {
+    shot.look.settings.0.insert(name.into(), value);
+    shot
+}
+
+fn pixels(path: &Path, shot: &Shot) -> Vec<[f32; 4]> {
+    let mut session = FieldSession::open(path, SessionOptions::default(), Arc::new(())).unwrap();
+    match session.draw(shot).unwrap().values {
+        Raw::Light(painted) => painted.colors.rgba,
+        Raw::Sums(sums, _) => sums.p.iter().map(|p| [*p, 0.0, 0.0, 1.0]).collect(),
+    }
+}
+
+const HAZE: &str = "(scale: linear, range: fixed(0.0, 255.0), color_map: [(0.0, \"#000000\"), (1.0, \"#ffffff\")], \
+                    opacity: [(0.0, 0.1), (1.0, 0.1)], brightness: [(0.0, 0.0), (1.0, 1.0)], unit_length: fixed(2.0))";
+
+#[test]
+fn opacity_is_that_of_the_way_through() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut grid = Grid::volume([16, 16, 24], SampleType::U8, Channel::numbered(1));
+    grid.to_world.matrix3 = DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.5));
+    let path = stored(folder.path(), &grid, |_| 100.0);
+    // 12 units of an opacity of 0.1 in two units, whatever the resolution.
+    for (resolution, tolerance) in [(1.0, 2e-3), (0.5, 4e-3)] {
+        let haze = shot("volume", HAZE, above(DVec3::new(7.5, 7.5, 6.0), 8.0), (64, 64));
+        let haze = with(haze, "resolution", SettingValue::Number(resolution));
+        let alpha = pixels(&path, &haze)[32 * 64 + 32][3];
+        assert!((alpha - (1.0 - 0.9f32.powi(6))).abs() < tolerance, "{resolution}: {alpha}");
+    }
+}
+
+#[test]
+fn images_are_seen_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let (width, height) = (40u64, 30u64);
+    let grid = Grid::image([width, height], SampleType::U8, Channel::of_picture(3));
+    let samples: Vec<u8> = (0..width * height * 3).map(|i| (i * i % 251) as u8).collect();
+    let path = folder.path().join("image.png");
+    write_grid(&path, GridFormat::Png, &grid, &samples).unwrap();
+    let mut session = FieldSession::open(&path, SessionOptions::default(), Arc::new(())).unwrap();
+    let own = Shot { size: Some((width as u32, height as u32)), ..Shot::default() };
+    let picture = session.draw(&own).unwrap();
+    let image = picture.image(&own).unwrap();
+    for (pixel, sample) in image.rgba.iter().zip(samples.chunks(3)) {
+        assert!((0..3).all(|k| pixel[k].abs_diff(sample[k]) <= 1), "{pixel:?} {sample:?}");
+    }
+}
+
+#[test]
+fn slices_are_the_values_on_a_plane() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [20, 20, 20], |[x, y, z]| (10 * x + 2 * y) as f64 + 0.2 * z as f64);
+    let grey = "(scale: linear, range: fixed(0.0, 255.0), color_map: [(0.0, \"#000000\"), (1.0, \"#ffffff\")])";
+    let own = shot("slice", grey, above(DVec3::splat(9.5), 20.0), (20, 20));
+    let found = pixels(&path, &own);
+    for (x, y) in [(3usize, 4usize), (10, 10), (17, 12)] {
+        // The first row of a picture is the highest y.
+        let expected = (10 * x + 2 * (19 - y)) as f32 + 2.0;
+        let light = crate::color::colors::to_linear(expected / 255.0);
+        assert!((found[y * 20 + x][0] - light).abs() < 0.004, "{x} {y}: {} {light}", found[y * 20 + x][0]);
+    }
+    let turned = with(own, "normal", SettingValue::Numbers(vec![1.0, 0.0, 0.2]));
+    assert!(pixels(&path, &turned).iter().any(|pixel| pixel[3] > 0.0));
+}
+
+#[test]
+fn a_surface_is_where_its_value_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let away = |at: [u64; 3]| (DVec3::from_array(at.map(|x| x as f64)) - DVec3::splat(23.5)).length();
+    let path = volume(folder.path(), [48, 48, 48], |at| 200.0 - 8.0 * away(at));
+    let own = shot("isosurface", "", above(DVec3::splat(23.5), 48.0), (96, 96));
+    let own = with(own, "isovalues", SettingValue::Numbers(vec![120.0]));
+    let covered = pixels(&path, &own).iter().filter(|pixel| pixel[3] > 0.5).count() as f64;
+    // A ball of radius 10, two pixels a unit.
+    let expected = std::f64::consts::PI * 20.0 * 20.0;
+    assert!((covered / expected - 1.0).abs() < 0.03, "{covered} {expected}");
+    let wrong = with(own, "isovalues", SettingValue::Numbers(vec![1e4]));
+    let mut session = FieldSession::open(&path, SessionOptions::default(), Arc::new(())).unwrap();
+    let why = session.draw(&wrong).map(drop).unwrap_err().to_string();
+    assert!(why.contains("isovalues is 10000 (number 1), expected values from"), "{why}");
+}
+
+#[test]
+fn what_is_cut_off_is_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [32, 32, 32], |_| 90.0);
+    for mode in ["volume", "xray", "slice"] {
+        let transfer = if mode == "xray" { "" } else { HAZE };
+        let mut own = shot(mode, transfer, above(DVec3::splat(15.5), 32.0), (64, 64));
+        let whole = pixels(&path, &own);
+        let clip = ClipBox { min: DVec3::splat(-1.0), max: DVec3::new(15.5, 40.0, 40.0) };
+        own.look.cut = Some(CutSettings { clip: Some(clip), ..CutSettings::default() });
+        let half = pixels(&path, &own);
+        let seen = |pixels: &[[f32; 4]], x: usize| pixels[32 * 64 + x][if mode == "xray" { 0 } else { 3 }];
+        assert!(seen(&whole, 50) > 0.0 && seen(&half, 50) == 0.0, "{mode}");
+        assert!((seen(&whole, 12) - seen(&half, 12)).abs() < 1e-3 * seen(&whole, 12), "{mode}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused_in_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [8, 8, 8], |[x, ..]| x as f64);
+    let mut session = FieldSession::open(&path, SessionOptions::default(), Arc::new(())).unwrap();
+    let mut refusal = |shot: &Shot| -> String {
+        let refused: Result<_, PictureError> = session.draw(shot).map(drop);
+        refused.unwrap_err().to_string()
+    };
+    let camera = CameraConfig::default();
+    assert!(refusal(&shot("points", "", camera, (8, 8))).contains("mode points draws particles, found a volume"));
+    assert!(refusal(&shot("image", "", camera, (8, 8))).contains("expected slice"));
+    let mut many = shot("volume", "", camera, (8, 8));
+    many.look.budget.0.insert("splats".into(), SettingValue::Number(10.0));
+    assert!(refusal(&many).contains("deepfield build"));
+}

@@ -1,0 +1,104 @@
+//! Images and volumes by the program: from a file to points, to pictures, and back.
+
+use crate::support::run;
+use std::path::Path;
+
+/// A volume of three blobs, in NRRD with a spacing.
+fn blobs(folder: &Path) -> Vec<u8> {
+    let centers = [([10.0, 12.0, 9.0], 4.0), ([22.0, 20.0, 14.0], 5.0), ([16.0, 8.0, 18.0], 3.0)];
+    let value = |i: usize| {
+        let at = [i % 32, i / 32 % 32, i / 1024].map(|x| x as f64);
+        let blob = |(center, radius): &([f64; 3], f64)| {
+            let away: f64 = at.iter().zip(center).map(|(a, b)| (a - b) * (a - b)).sum();
+            220.0 * (-away / (2.0 * radius * radius)).exp()
+        };
+        centers.iter().map(blob).sum::<f64>().min(255.0) as u8
+    };
+    let samples: Vec<u8> = (0..32 * 32 * 24).map(value).collect();
+    let head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 32 32 24\nencoding: raw\nspacings: 0.5 0.5 1\n\n";
+    std::fs::write(folder.join("blobs.nrrd"), [head.as_bytes(), &samples].concat()).unwrap();
+    samples
+}
+
+fn done(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn number(json: &str, path: &[&str]) -> f64 {
+    let value: serde_json::Value = serde_json::from_str(json).unwrap();
+    path.iter().fold(&value, |value, key| &value[*key]).as_f64().unwrap_or_else(|| panic!("{path:?} in {json}"))
+}
+
+#[test]
+fn a_volume_is_built_told_drawn_and_given_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let samples = blobs(folder);
+    done(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
+    done(folder, &["verify", "blobs.df"]);
+    let told = done(folder, &["info", "blobs.df", "--json"]);
+    assert!(told.contains("\"wavelet\"") && told.contains("wavelet_levels"), "{told}");
+    done(folder, &["reconstruct", "blobs.df", "-o", "back.nrrd", "--exact"]);
+    let back = std::fs::read(folder.join("back.nrrd")).unwrap();
+    assert!(back.ends_with(&samples), "the same samples");
+    let size = ["--size", "120x90"];
+    for mode in ["volume", "isosurface", "volume-isosurface", "xray", "slice"] {
+        let draw = |data: &str, more: &[&str]| {
+            let out = format!("{mode}.png");
+            let words = [&["render", data, "-o", &out, "--mode", mode, "--json", "-"], &size[..], more].concat();
+            (done(folder, &words), crate::support::golden::picture_at(&folder.join(out)))
+        };
+        let (_, exact) = draw("blobs.nrrd", &[]);
+        let lit = exact.rgba.iter().filter(|pixel| pixel[..3].iter().any(|byte| *byte > 24)).count();
+        assert!(lit > 300, "{mode}: {lit} pixels");
+        // From the most points down, each picture is further from the exact one.
+        let mut before = -1e-9;
+        for points in ["20000", "2000", "300"] {
+            let (told, picture) = draw("blobs.df", &["--splats", points]);
+            assert!(number(&told, &["points"]) <= points.parse().unwrap());
+            let off = crate::support::golden::difference(&picture, &exact);
+            assert!(off >= before && off < 20.0, "{mode}, {points} points: {off} after {before}");
+            before = off;
+        }
+        let (told, near) = draw("blobs.df", &["--error-value", "1.5"]);
+        if mode == "xray" {
+            assert!(number(&told, &["error_value", "max"]) <= 1.5, "{told}");
+        } else {
+            assert!(number(&told, &["points"]) > 0.0);
+        }
+        assert!(crate::support::golden::difference(&near, &exact) < 1.0, "{mode}");
+    }
+    let refused = run(folder, &["render", "blobs.df", "-o", "x.png", "--mode", "points"]);
+    let why = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!((refused.status.code(), why.lines().count()), (Some(1), 1), "{why}");
+    assert!(why.contains("blobs.df") && why.contains("expected one of"), "{why}");
+}
+
+#[test]
+fn voxels_are_particles_where_particles_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let samples = blobs(folder);
+    let refused = run(folder, &["build", "blobs.nrrd", "-o", "v.df", "--hierarchy", "octree"]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--as particles"));
+    done(folder, &["build", "blobs.nrrd", "-o", "v.df", "--as", "particles"]);
+    let told = done(folder, &["info", "v.df", "--json"]);
+    let most = f64::from(*samples.iter().max().unwrap());
+    let kept = samples.iter().filter(|sample| f64::from(**sample) > 0.02 * most).count();
+    let value: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!(value["families"][0]["count"].as_u64(), Some(kept as u64), "{told}");
+    // The sum of the values times a voxel's volume, but for the air: along any axis the same light.
+    let draw = |data: &str, mode: &str, raw: &str| {
+        let eye = ["--eye", "8,8,200", "--target", "8,8,12", "--ortho", "40", "--size", "80x80"];
+        let words = [&["render", data, "-o", "p.png", "--mode", mode, "--raw", raw, "--backend", "cpu"], &eye[..]];
+        done(folder, &words.concat());
+        let bytes = std::fs::read(folder.join(raw)).unwrap();
+        let numbers =
+            bytes[bytes.len() - 4 * 80 * 80..].chunks(4).map(|p| f32::from_le_bytes([p[0], p[1], p[2], p[3]]));
+        numbers.map(f64::from).sum::<f64>()
+    };
+    let (voxels, lines) = (draw("v.df", "column-density", "a.npy"), draw("blobs.nrrd", "xray", "b.npy"));
+    assert!((voxels / lines - 1.0).abs() < 0.02, "{voxels} {lines}");
+}
