@@ -98,7 +98,9 @@ fn command_line() -> Option<Command> {
     let command = CommandLine::command();
     let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
     let [modes, particles, grids] = [modes::names(), import::names(), import::grid::grid_names()];
-    let known = format!("{examples}\n\nModes: {modes}\nFormats of particles: {particles}\nFormats of images and volumes: {grids}");
+    let known = format!(
+        "{examples}\n\nModes: {modes}\nFormats of particles: {particles}\nFormats of images and volumes: {grids}"
+    );
     let matches = command.after_help(known).get_matches();
     CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command
 }

@@ -16,6 +16,7 @@ use std::io::Read;
 pub(super) const FITS: GridFormat = GridFormat {
     name: "fits",
     extensions: &["fits", "fit", "fts"],
+    has_parts: false,
     detect: |content| content.head.starts_with(b"SIMPLE  ="),
     open,
 };

@@ -4,15 +4,20 @@
 
 mod ascii;
 mod base64;
+mod choice;
 mod content;
+mod conventions;
 mod fields;
 mod fits;
+mod hdf5;
 mod layout;
 mod metaimage;
+mod netcdf;
 mod nifti;
 mod npy;
 mod npz;
 mod nrrd;
+mod part_name;
 mod picture;
 mod raw;
 mod scratch;
@@ -40,6 +45,8 @@ struct GridFormat {
     name: &'static str,
     /// How its files usually end, without the dot.
     extensions: &'static [&'static str],
+    /// Whether a file has several arrays, one of which can be named.
+    has_parts: bool,
     /// Whether a file claims to be of this format. Damaged files may be recognised; opening them finds the damage.
     detect: fn(&Content) -> bool,
     /// Opens a file that was recognised.
@@ -59,6 +66,8 @@ static FORMATS: &[GridFormat] = &[
     vti::VTI,
     fits::FITS,
     tiff::TIFF,
+    hdf5::HDF5,
+    netcdf::NETCDF,
 ];
 
 /// How grids are opened.
@@ -70,7 +79,7 @@ pub struct GridOptions {
     pub read: ReadMethod,
 }
 
-/// Opens the image or volume at `path`, in whatever format its content shows. What is compressed is decoded once, into memory or a
+/// Opens the image or volume at `path`, or the array that is named behind a file's name, in whatever format its content shows. What is compressed is decoded once, into memory or a
 /// temporary file; the rest is read in place.
 ///
 /// # Errors
@@ -81,6 +90,15 @@ pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, Impor
         return raw.open(&content);
     }
     if let Some(format) = FORMATS.iter().find(|format| (format.detect)(&content)) {
+        if let Some(part) = content.part.as_ref().filter(|_| !format.has_parts) {
+            let found = format!("{} ({})", choice::shown(part), format.name);
+            return Err(ImportError::malformed(
+                &content.path,
+                "#",
+                found,
+                "a format whose files have arrays with names",
+            ));
+        }
         return (format.open)(&content);
     }
     if raw::is_raw(path) {
@@ -104,11 +122,16 @@ pub fn grid_format(path: &Path) -> Result<Option<&'static str>, ImportError> {
 /// The same by content alone.
 pub(super) fn grid_content(path: &Path) -> Result<Option<&'static str>, ImportError> {
     // Folders and pipes hold no grid, and reading a pipe would take from it.
-    if !path.is_file() {
+    if !part_name::parts(path).0.is_file() {
         return Ok(None);
     }
     let content = Content::open(path, ReadMethod::Positioned)?;
     Ok(FORMATS.iter().find(|format| (format.detect)(&content)).map(|format| format.name))
+}
+
+/// The file that a name stands for, without that of an array in it.
+pub(super) fn file_of_part(path: &Path) -> &Path {
+    part_name::parts(path).0
 }
 
 /// The names of the formats of grids, for messages.

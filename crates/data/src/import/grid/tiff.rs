@@ -17,6 +17,7 @@ use tiff::tags::Tag;
 pub(super) const TIFF: GridFormat = GridFormat {
     name: "tiff",
     extensions: &["tif", "tiff"],
+    has_parts: false,
     detect: |content| {
         let starts = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
         starts.iter().any(|start| content.head.starts_with(*start))

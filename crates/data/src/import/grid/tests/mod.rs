@@ -1,5 +1,6 @@
 //! Every format against the grid that was written, and against damage.
 
+mod arrays;
 mod files;
 mod more_files;
 mod reference;
