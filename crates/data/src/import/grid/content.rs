@@ -41,19 +41,27 @@ impl Content {
     /// # Errors
     /// When it cannot be read. What of it is compressed and damaged shows as a shorter head.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<Content, ImportError> {
+        Content::glance(path, method, LONGEST_HEADER as u64)
+    }
+
+    /// The same with only so many bytes of its head.
+    ///
+    /// # Errors
+    /// As [`Content::open`].
+    pub(super) fn glance(path: &Path, method: ReadMethod, most: u64) -> Result<Content, ImportError> {
         let named = path;
         let (path, part) = part_name::parts(named);
         let io = |source| ImportError::io(path, "file", source);
         let mut file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let mut head = Vec::new();
-        (&mut file).take(LONGEST_HEADER as u64).read_to_end(&mut head).map_err(io)?;
+        (&mut file).take(most).read_to_end(&mut head).map_err(io)?;
         let is_packed = head.starts_with(&[0x1f, 0x8b]);
         if is_packed {
             head.clear();
             file.seek(SeekFrom::Start(0)).map_err(io)?;
             // A damaged file keeps what came before the damage.
-            let _ = MultiGzDecoder::new(BufReader::new(file)).take(LONGEST_HEADER as u64).read_to_end(&mut head);
+            let _ = MultiGzDecoder::new(BufReader::new(file)).take(most).read_to_end(&mut head);
         }
         let (path, named, part) = (path.into(), named.into(), part.map(str::to_owned));
         Ok(Content { path, named, part, length, is_packed, head, method })

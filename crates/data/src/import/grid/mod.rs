@@ -7,6 +7,7 @@ mod base64;
 mod choice;
 mod content;
 mod conventions;
+mod exr;
 mod fields;
 mod fits;
 mod hdf5;
@@ -21,6 +22,7 @@ mod part_name;
 mod picture;
 mod raw;
 mod scratch;
+mod slices;
 mod source;
 mod summary;
 #[cfg(test)]
@@ -35,6 +37,7 @@ pub use source::{GridDescription, GridSource};
 pub use summary::{ChannelSummary, GridSummary, HISTOGRAM, summarize_grid};
 
 use super::ImportError;
+use super::guarded::guarded;
 use crate::model::ReadMethod;
 use content::Content;
 use std::path::Path;
@@ -60,6 +63,7 @@ static FORMATS: &[GridFormat] = &[
     npz::NPZ,
     picture::PNG,
     picture::JPEG,
+    exr::EXR,
     nifti::NIFTI,
     metaimage::METAIMAGE,
     vtk::VTK,
@@ -79,17 +83,20 @@ pub struct GridOptions {
     pub read: ReadMethod,
 }
 
-/// Opens the image or volume at `path`, or the array that is named behind a file's name, in whatever format its content shows. What is compressed is decoded once, into memory or a
+/// Opens the image or volume at `path`, or the array that is named behind a file's name, in whatever format its content shows; of a folder the slices in it. What is compressed is decoded once, into memory or a
 /// temporary file; the rest is read in place.
 ///
 /// # Errors
 /// [`ImportError`] when the file cannot be read, is of no known format, or is damaged.
 pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, ImportError> {
+    if path.is_dir() {
+        return slices::open(path, options);
+    }
     let content = Content::open(path, options.read)?;
     if let Some(raw) = &options.raw {
         return raw.open(&content);
     }
-    if let Some(format) = FORMATS.iter().find(|format| (format.detect)(&content)) {
+    if let Some(format) = format_of(&content) {
         if let Some(part) = content.part.as_ref().filter(|_| !format.has_parts) {
             let found = format!("{} ({})", choice::shown(part), format.name);
             return Err(ImportError::malformed(
@@ -99,7 +106,12 @@ pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, Impor
                 "a format whose files have arrays with names",
             ));
         }
-        return (format.open)(&content);
+        // What a library says nothing of, and gives up on.
+        let damaged = || {
+            let expected = format!("an intact file ({})", format.name);
+            Err(ImportError::malformed(&content.path, "content", "damage that its reader gave up on", expected))
+        };
+        return guarded(|| (format.open)(&content)).unwrap_or_else(damaged);
     }
     if raw::is_raw(path) {
         return raw::open_described(&content);
@@ -107,12 +119,20 @@ pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, Impor
     Err(ImportError::Unrecognised { path: path.into(), expected: grid_names() })
 }
 
-/// The name of the format of grids that the file at `path` claims to be of, by its content; a file without a header by `.raw` at the
+/// The format that a file claims to be of.
+fn format_of(content: &Content) -> Option<&'static GridFormat> {
+    FORMATS.iter().find(|format| (format.detect)(content))
+}
+
+/// The name of the format of grids that the file at `path` claims to be of, by its content; a folder by the pictures in it, a file without a header by `.raw` at the
 /// end of its name, or by a description beside it.
 ///
 /// # Errors
 /// [`ImportError`] when the file cannot be read.
 pub fn grid_format(path: &Path) -> Result<Option<&'static str>, ImportError> {
+    if path.is_dir() {
+        return Ok(slices::is_stack(path)?.then_some(slices::NAME));
+    }
     Ok(match grid_content(path)? {
         None if raw::is_raw(path) => Some(raw::NAME),
         found => found,
@@ -126,7 +146,7 @@ pub(super) fn grid_content(path: &Path) -> Result<Option<&'static str>, ImportEr
         return Ok(None);
     }
     let content = Content::open(path, ReadMethod::Positioned)?;
-    Ok(FORMATS.iter().find(|format| (format.detect)(&content)).map(|format| format.name))
+    Ok(format_of(&content).map(|format| format.name))
 }
 
 /// The file that a name stands for, without that of an array in it.
@@ -136,7 +156,7 @@ pub(super) fn file_of_part(path: &Path) -> &Path {
 
 /// The names of the formats of grids, for messages.
 pub fn grid_names() -> String {
-    let names: Vec<&str> = FORMATS.iter().map(|format| format.name).chain([raw::NAME]).collect();
+    let names: Vec<&str> = FORMATS.iter().map(|format| format.name).chain([raw::NAME, slices::NAME]).collect();
     names.join(", ")
 }
 

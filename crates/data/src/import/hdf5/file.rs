@@ -2,16 +2,15 @@
 //! [`ImportError`], and sizes are held against the file before anything is allocated.
 
 use crate::import::ImportError;
+use crate::import::guarded::guarded;
 use crate::import::source::exact_id;
 use crate::model::{ReadFile, ReadMethod};
 use hdf5_reader::group::Group;
 use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, RangeRequestStorage, SliceInfo, SliceInfoElem};
-use std::cell::Cell;
 use std::fs::File;
 use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Once};
+use std::sync::Arc;
 
 /// The most that the deflate filter can expand data by, a little rounded up: more than this times the file's size
 /// cannot be in it.
@@ -329,11 +328,6 @@ impl Column {
     }
 }
 
-thread_local! {
-    /// Whether this thread is inside [`guard`], where a panic is reported as an error and not printed.
-    static GUARDED: Cell<bool> = const { Cell::new(false) };
-}
-
 /// Runs `work` of the reader library; its errors and its panics become one error for `field`.
 pub(super) fn guard<T>(
     path: &Path,
@@ -341,24 +335,12 @@ pub(super) fn guard<T>(
     expected: &str,
     work: impl FnOnce() -> hdf5_reader::error::Result<T>,
 ) -> Result<T, ImportError> {
-    static QUIET: Once = Once::new();
-    QUIET.call_once(|| {
-        let loud = std::panic::take_hook();
-        std::panic::set_hook(Box::new(move |panic| {
-            if !GUARDED.get() {
-                loud(panic);
-            }
-        }));
-    });
-    let outer = GUARDED.replace(true);
-    let result = catch_unwind(AssertUnwindSafe(work));
-    GUARDED.set(outer);
-    match result {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(error)) => {
+    match guarded(work) {
+        Some(Ok(value)) => Ok(value),
+        Some(Err(error)) => {
             let text = error.to_string().replace(['\n', '\r'], " ");
             Err(ImportError::malformed(path, field, text, expected))
         }
-        Err(_) => Err(ImportError::malformed(path, field, "damage that the HDF5 reader gave up on", expected)),
+        None => Err(ImportError::malformed(path, field, "damage that the HDF5 reader gave up on", expected)),
     }
 }
