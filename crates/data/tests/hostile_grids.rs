@@ -108,10 +108,10 @@ fn damage_is_an_error_or_a_grid_and_takes_no_memory() {
             std::fs::write(folder.join(name), bytes).unwrap();
         }
         assert_eq!(read(folder, &case, &case.bytes), None);
-        for part in 0..32 {
-            read(folder, &case, &case.bytes[..case.bytes.len() * part / 32]);
+        for part in 0..16 {
+            read(folder, &case, &case.bytes[..case.bytes.len() * part / 16]);
         }
-        for round in 0..48 {
+        for round in 0..32 {
             let mut bytes = case.bytes.clone();
             let among = if round % 2 == 0 { bytes.len() } else { bytes.len().min(600) };
             for _ in 0..1 + random.next_u32() % 8 {

@@ -106,7 +106,7 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
         return Err(ImportError::malformed(path, &*array.label, array.type_in_words(), expected));
     };
     let about = array.attributes()?;
-    let is_netcdf = file.root()?.attributes()?.has("_NCProperties") || about.has("DIMENSION_LIST");
+    let is_netcdf = file.root()?.attributes()?.has("_NCProperties") || is_of_dimensions(&array);
     let mut axes = axes(&array.shape);
     // A field at one time.
     while let [1, rest @ ..] = axes
@@ -136,6 +136,12 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
     let mut about = GridDescription::new(&content.named, format, content.length, grid);
     about.notes = notes;
     Ok(GridSource::new(about, scratch.into_storage()?, layout))
+}
+
+/// Whether a data set has dimensions as NetCDF 4 writes them.
+fn is_of_dimensions(array: &Array) -> bool {
+    let scales = array.scales().into_iter().flatten();
+    scales.filter_map(|scale| scale.attributes().ok()).any(|about| about.has("_Netcdf4Dimid"))
 }
 
 /// Data sets as a message lists them.

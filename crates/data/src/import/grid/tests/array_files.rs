@@ -1,4 +1,4 @@
-//! Small files of HDF5 and classic NetCDF; the latter made here byte by byte.
+//! Small files of HDF5, FITS and TIFF in tiles, which `tests/data/make_grids.py` wrote, and of classic NetCDF, made here byte by byte.
 
 use super::files::{Case, SHAPE, big, gzip, volume};
 use std::path::{Path, PathBuf};
@@ -69,6 +69,10 @@ pub fn every() -> Vec<Case> {
     let [x, y, _] = [1.5, 2.0, 2.5];
     vec![
         unspaced(volume("one.h5", std::fs::read(written("one.h5")).unwrap())),
+        unspaced(volume("rice.fits", std::fs::read(written("rice.fits")).unwrap())),
+        unspaced(volume("tiles.tif", std::fs::read(written("tiles.tif")).unwrap())),
+        unspaced(volume("gzip.fits", std::fs::read(written("gzip.fits")).unwrap())),
+        unspaced(volume("shuffled.fits", std::fs::read(written("shuffled.fits")).unwrap())),
         volume("fixed.nc", netcdf(1, false)),
         volume("wide.nc", netcdf(5, false)),
         volume("fixed.nc.gz", gzip(&netcdf(2, false))),

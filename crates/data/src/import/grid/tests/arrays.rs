@@ -104,6 +104,35 @@ fn files_of_particles_stay_files_of_particles() {
 }
 
 #[test]
+fn a_tiff_says_where_it_is_and_what_is_no_value() {
+    let source = open(&written("geo.tif")).unwrap();
+    let grid = source.grid();
+    assert_eq!((grid.spacing(), grid.channels[0].no_data), (vec![0.25, 0.5], Some(-32767.0)));
+    // The corner of pixel (1, 0) is at (10, 50).
+    assert_eq!(grid.to_world.transform_point3(DVec3::new(0.5, -0.5, 0.0)), DVec3::new(10.0, 50.0, 0.0));
+    assert_eq!(super::summarize_grid(&source).unwrap().channels[0].no_data, 1);
+}
+
+/// Floats of FITS that were rounded with noise, against what another reader made of them.
+#[test]
+fn noise_is_taken_away_again() {
+    let source = open(&written("dither.fits")).unwrap();
+    assert_eq!((source.grid().shape, source.grid().sample_type), ([40, 30, 1], SampleType::F32));
+    let at = |x: u64, y: u64| {
+        let mut sample = [0; 4];
+        source.read(&Region { min: [x, y, 0], max: [x + 1, y + 1, 1] }, &mut sample).unwrap();
+        f32::from_ne_bytes(sample)
+    };
+    for (x, y, wanted) in [(0, 0, 1.785_195_1e-8), (39, 29, 0.835_740_75), (7, 11, -0.466_464_2)] {
+        assert!((at(x, y) - wanted).abs() < 1e-7, "{x} {y}: {} for {wanted}", at(x, y));
+    }
+    assert!(at(4, 3).is_nan());
+    let summary = super::summarize_grid(&source).unwrap();
+    assert_eq!(summary.channels[0].nan, 1);
+    assert!(summary.notes[0].contains("rounded"), "{:?}", summary.notes);
+}
+
+#[test]
 fn headers_of_netcdf_are_not_trusted() {
     let whole = netcdf(1, false);
     let cut = |length: usize| refusal("v.nc", &whole[..length]);
