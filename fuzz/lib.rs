@@ -5,7 +5,7 @@ mod page_checksums;
 #[path = "../crates/data/tests/support/run_checksums.rs"]
 mod run_checksums;
 
-use deepfield::import::{LoadOptions, formats, load_source, summarize_source};
+use deepfield::import::{GridOptions, LoadOptions, formats, load_source, open_grid, summarize_grid, summarize_source};
 use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
 use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
 use deepfield::look::SceneFile;
@@ -29,6 +29,18 @@ pub fn import(format: &str, bytes: &[u8]) {
             let skipped: u64 = loaded.skipped.iter().map(|skipped| skipped.count).sum();
             assert_eq!(loaded.len() as u64 + skipped, summary.particles);
         }
+    }
+}
+
+/// Opens `bytes` as the image or the volume that they claim to be, and reads every sample.
+pub fn grids(bytes: &[u8]) {
+    let Some(file) = file(bytes) else { return };
+    let Ok(source) = open_grid(file.path(), &GridOptions::default()) else { return };
+    let Ok(summary) = summarize_grid(&source) else { return };
+    let samples: u64 = summary.shape.iter().product();
+    for channel in summary.channels {
+        let finite: u64 = channel.histogram.iter().sum();
+        assert_eq!(finite + channel.nan + channel.infinite + channel.no_data, samples);
     }
 }
 

@@ -7,7 +7,7 @@ use crate::modes;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;
 
-/// Explore huge point data: snapshots, star catalogues and their hierarchies on disk.
+/// Explore huge point data and sampled grids: snapshots, star catalogues, images, volumes, and their hierarchies on disk.
 ///
 /// Without a command, deepfield opens its demo dataset in a window, or renders it to a file where there is no display.
 #[derive(Parser)]
@@ -17,7 +17,8 @@ use std::process::ExitCode;
   deepfield                                        the demo dataset
   deepfield view snapshot_099.hdf5                 look around in a snapshot
   deepfield render snapshot_099.hdf5 -o halo.png   the same picture without a window
-  deepfield info snapshot_099.hdf5                 what the file holds"
+  deepfield info snapshot_099.hdf5                 what the file holds
+  deepfield build head.nrrd -o head.df             an image or a volume, as oriented points over its samples"
 )]
 struct CommandLine {
     #[command(subcommand)]
@@ -96,7 +97,10 @@ impl Program {
 fn command_line() -> Option<Command> {
     let command = CommandLine::command();
     let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-    let known = format!("{examples}\n\nModes: {}\nFormats: {}", modes::names(), import::names());
+    let [modes, particles, grids] = [modes::names(), import::names(), import::grid::grid_names()];
+    let known = format!(
+        "{examples}\n\nModes: {modes}\nFormats of particles: {particles}\nFormats of images and volumes: {grids}"
+    );
     let matches = command.after_help(known).get_matches();
     CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command
 }

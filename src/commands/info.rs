@@ -18,6 +18,8 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   deepfield info snapshot_099.hdf5
   deepfield info head.nrrd
+  deepfield info slices/
+  deepfield info run.h5#fields/density
   deepfield info scan.raw --shape 512,512,300 --type u16 --spacing 0.5,0.5,1
   deepfield info galaxy.df --json")]
 pub struct Arguments {
@@ -38,7 +40,9 @@ pub struct Arguments {
 /// error.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json, raw } = arguments;
-    let path = &data_file(path)?;
+    // A folder of pictures is the volume that they are slices of.
+    let is_stack = path.is_dir() && grid_format(path)?.is_some();
+    let path = &if is_stack { path.clone() } else { data_file(path)? };
     let options = GridOptions { raw: raw.grid()?, ..GridOptions::default() };
     let pretty = |value: &serde_json::Value| serde_json::to_string_pretty(value).map(|text| text + "\n");
     // What cannot be read is left to the importer's message.

@@ -130,7 +130,8 @@ impl Opened {
 /// When the grid cannot be read, the file cannot hold it, or cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, output, .. } = arguments;
-    let opened = match DataKind::of(path)? {
+    // What cannot be looked at is told by the importer; folders of slices cannot.
+    let opened = match DataKind::of(path).unwrap_or(DataKind::Source) {
         DataKind::Grid => Opened::File(GridFile::open(path, ReadMethod::default())?),
         _ => {
             let options = GridOptions { raw: arguments.raw.grid()?, ..GridOptions::default() };

@@ -45,6 +45,16 @@ pub enum ImportError {
         /// What would have done, or what there is instead.
         expected: String,
     },
+    /// A file that is to be like others and is not.
+    #[error("{}: found {found}, expected {expected}", path.display())]
+    Unlike {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        found: String,
+        /// What the others are.
+        expected: String,
+    },
     /// Axes of a grid that do not span an image or a volume.
     #[error("{}: {field}: singular, expected directions that span the grid", path.display())]
     Singular {

@@ -14,6 +14,7 @@ mod folder;
 mod format;
 mod gadget;
 pub mod grid;
+mod guarded;
 mod hdf5;
 mod load;
 mod multifile;

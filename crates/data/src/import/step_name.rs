@@ -10,9 +10,12 @@ pub fn step_name(file: &Path, step: u64) -> PathBuf {
     name.into()
 }
 
-/// The file that a source's name stands for, without the number of a step.
+/// The file that a source's name stands for, without the number of a step, or the name of an array in it.
 pub fn file_of_step(path: &Path) -> &Path {
-    parts(path).0
+    match parts(path) {
+        (file, Some(_)) => file,
+        (whole, None) => super::grid::file_of_part(whole),
+    }
 }
 
 /// The file and the step that a name stands for; a file that has such a name itself is meant by it.

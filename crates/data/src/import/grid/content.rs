@@ -2,6 +2,7 @@
 
 use super::super::ImportError;
 use super::super::bytes::RangeFile;
+use super::part_name;
 use super::scratch::{Scratch, Storage};
 use crate::model::{Grid, ReadMethod};
 use flate2::read::MultiGzDecoder;
@@ -21,6 +22,10 @@ const BUFFER: usize = 1 << 18;
 pub(super) struct Content {
     /// The file.
     pub path: PathBuf,
+    /// What was named: the file, or an array in it.
+    pub named: PathBuf,
+    /// The array that was named, of a file of several.
+    pub part: Option<String>,
     /// Its length as it is stored, bytes.
     pub length: u64,
     /// Whether it is compressed.
@@ -31,24 +36,35 @@ pub(super) struct Content {
 }
 
 impl Content {
-    /// Looks into a file, which is to be read in the way `method`.
+    /// Looks into a file, which is to be read in the way `method`; an array in it may be named behind it.
     ///
     /// # Errors
     /// When it cannot be read. What of it is compressed and damaged shows as a shorter head.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<Content, ImportError> {
+        Content::glance(path, method, LONGEST_HEADER as u64)
+    }
+
+    /// The same with only so many bytes of its head.
+    ///
+    /// # Errors
+    /// As [`Content::open`].
+    pub(super) fn glance(path: &Path, method: ReadMethod, most: u64) -> Result<Content, ImportError> {
+        let named = path;
+        let (path, part) = part_name::parts(named);
         let io = |source| ImportError::io(path, "file", source);
         let mut file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let mut head = Vec::new();
-        (&mut file).take(LONGEST_HEADER as u64).read_to_end(&mut head).map_err(io)?;
+        (&mut file).take(most).read_to_end(&mut head).map_err(io)?;
         let is_packed = head.starts_with(&[0x1f, 0x8b]);
         if is_packed {
             head.clear();
             file.seek(SeekFrom::Start(0)).map_err(io)?;
             // A damaged file keeps what came before the damage.
-            let _ = MultiGzDecoder::new(BufReader::new(file)).take(LONGEST_HEADER as u64).read_to_end(&mut head);
+            let _ = MultiGzDecoder::new(BufReader::new(file)).take(most).read_to_end(&mut head);
         }
-        Ok(Content { path: path.into(), length, is_packed, head, method })
+        let (path, named, part) = (path.into(), named.into(), part.map(str::to_owned));
+        Ok(Content { path, named, part, length, is_packed, head, method })
     }
 
     /// The file that a header names as that of its samples, in the entry `field`.
@@ -86,6 +102,20 @@ impl Content {
         // Where the content ends earlier there is nothing from `offset` on.
         let _ = std::io::copy(&mut (&mut reader).take(offset), &mut std::io::sink());
         Ok(Box::new(reader))
+    }
+
+    /// The file itself, or what is in it as a temporary one without a name.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is damaged.
+    pub(super) fn file(&self) -> Result<File, ImportError> {
+        if !self.is_packed {
+            return File::open(&self.path).map_err(|source| ImportError::io(&self.path, "file", source));
+        }
+        let io = |source| ImportError::io(&self.path, "unpacking", source);
+        let mut file = tempfile::tempfile().map_err(io)?;
+        std::io::copy(&mut self.reader(0)?, &mut file).map_err(io)?;
+        Ok(file)
     }
 
     /// All of it, where that is at most `most` bytes.

@@ -17,6 +17,7 @@ use std::path::Path;
 pub(super) const METAIMAGE: GridFormat = GridFormat {
     name: "metaimage",
     extensions: &["mha", "mhd"],
+    has_parts: false,
     detect: |content| {
         let start = &content.head[..content.head.len().min(4096)];
         let text = String::from_utf8_lossy(start);

@@ -4,18 +4,25 @@
 
 mod ascii;
 mod base64;
+mod choice;
 mod content;
+mod conventions;
+mod exr;
 mod fields;
 mod fits;
+mod hdf5;
 mod layout;
 mod metaimage;
+mod netcdf;
 mod nifti;
 mod npy;
 mod npz;
 mod nrrd;
+mod part_name;
 mod picture;
 mod raw;
 mod scratch;
+mod slices;
 mod source;
 mod summary;
 #[cfg(test)]
@@ -32,6 +39,7 @@ pub use summary::{ChannelSummary, GridSummary, HISTOGRAM, summarize_grid};
 pub(super) use voxels::Voxels;
 
 use super::ImportError;
+use super::guarded::guarded;
 use crate::model::ReadMethod;
 use content::Content;
 use std::path::Path;
@@ -42,6 +50,8 @@ struct GridFormat {
     name: &'static str,
     /// How its files usually end, without the dot.
     extensions: &'static [&'static str],
+    /// Whether a file has several arrays, one of which can be named.
+    has_parts: bool,
     /// Whether a file claims to be of this format. Damaged files may be recognised; opening them finds the damage.
     detect: fn(&Content) -> bool,
     /// Opens a file that was recognised.
@@ -55,12 +65,15 @@ static FORMATS: &[GridFormat] = &[
     npz::NPZ,
     picture::PNG,
     picture::JPEG,
+    exr::EXR,
     nifti::NIFTI,
     metaimage::METAIMAGE,
     vtk::VTK,
     vti::VTI,
     fits::FITS,
     tiff::TIFF,
+    hdf5::HDF5,
+    netcdf::NETCDF,
 ];
 
 /// How grids are opened.
@@ -72,18 +85,35 @@ pub struct GridOptions {
     pub read: ReadMethod,
 }
 
-/// Opens the image or volume at `path`, in whatever format its content shows. What is compressed is decoded once, into memory or a
+/// Opens the image or volume at `path`, or the array that is named behind a file's name, in whatever format its content shows; of a folder the slices in it. What is compressed is decoded once, into memory or a
 /// temporary file; the rest is read in place.
 ///
 /// # Errors
 /// [`ImportError`] when the file cannot be read, is of no known format, or is damaged.
 pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, ImportError> {
+    if path.is_dir() {
+        return slices::open(path, options);
+    }
     let content = Content::open(path, options.read)?;
     if let Some(raw) = &options.raw {
         return raw.open(&content);
     }
-    if let Some(format) = FORMATS.iter().find(|format| (format.detect)(&content)) {
-        return (format.open)(&content);
+    if let Some(format) = format_of(&content) {
+        if let Some(part) = content.part.as_ref().filter(|_| !format.has_parts) {
+            let found = format!("{} ({})", choice::shown(part), format.name);
+            return Err(ImportError::malformed(
+                &content.path,
+                "#",
+                found,
+                "a format whose files have arrays with names",
+            ));
+        }
+        // What a library says nothing of, and gives up on.
+        let damaged = || {
+            let expected = format!("an intact file ({})", format.name);
+            Err(ImportError::malformed(&content.path, "content", "damage that its reader gave up on", expected))
+        };
+        return guarded(|| (format.open)(&content)).unwrap_or_else(damaged);
     }
     if raw::is_raw(path) {
         return raw::open_described(&content);
@@ -91,12 +121,20 @@ pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, Impor
     Err(ImportError::Unrecognised { path: path.into(), expected: grid_names() })
 }
 
-/// The name of the format of grids that the file at `path` claims to be of, by its content; a file without a header by `.raw` at the
+/// The format that a file claims to be of.
+fn format_of(content: &Content) -> Option<&'static GridFormat> {
+    FORMATS.iter().find(|format| (format.detect)(content))
+}
+
+/// The name of the format of grids that the file at `path` claims to be of, by its content; a folder by the pictures in it, a file without a header by `.raw` at the
 /// end of its name, or by a description beside it.
 ///
 /// # Errors
 /// [`ImportError`] when the file cannot be read.
 pub fn grid_format(path: &Path) -> Result<Option<&'static str>, ImportError> {
+    if path.is_dir() {
+        return Ok(slices::is_stack(path)?.then_some(slices::NAME));
+    }
     Ok(match grid_content(path)? {
         None if raw::is_raw(path) => Some(raw::NAME),
         found => found,
@@ -106,16 +144,21 @@ pub fn grid_format(path: &Path) -> Result<Option<&'static str>, ImportError> {
 /// The same by content alone.
 pub(super) fn grid_content(path: &Path) -> Result<Option<&'static str>, ImportError> {
     // Folders and pipes hold no grid, and reading a pipe would take from it.
-    if !path.is_file() {
+    if !part_name::parts(path).0.is_file() {
         return Ok(None);
     }
     let content = Content::open(path, ReadMethod::Positioned)?;
-    Ok(FORMATS.iter().find(|format| (format.detect)(&content)).map(|format| format.name))
+    Ok(format_of(&content).map(|format| format.name))
+}
+
+/// The file that a name stands for, without that of an array in it.
+pub(super) fn file_of_part(path: &Path) -> &Path {
+    part_name::parts(path).0
 }
 
 /// The names of the formats of grids, for messages.
 pub fn grid_names() -> String {
-    let names: Vec<&str> = FORMATS.iter().map(|format| format.name).chain([raw::NAME]).collect();
+    let names: Vec<&str> = FORMATS.iter().map(|format| format.name).chain([raw::NAME, slices::NAME]).collect();
     names.join(", ")
 }
 

@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 pub(super) const NIFTI: GridFormat = GridFormat {
     name: "nifti",
     extensions: &["nii", "hdr", "img"],
+    has_parts: false,
     detect: |content| Version::of(&content.head).is_some() || header_of(content).is_some(),
     open,
 };

@@ -11,8 +11,13 @@ use crate::model::{Channel, Grid, SampleType};
 use std::path::Path;
 
 /// Arrays of two axes are images, of three volumes; of four, volumes whose last axis is that of values.
-pub(super) const NPY: GridFormat =
-    GridFormat { name: "npy", extensions: &["npy"], detect: |content| content.head.starts_with(b"\x93NUMPY"), open };
+pub(super) const NPY: GridFormat = GridFormat {
+    name: "npy",
+    extensions: &["npy"],
+    has_parts: false,
+    detect: |content| content.head.starts_with(b"\x93NUMPY"),
+    open,
+};
 
 fn open(content: &Content) -> Result<GridSource, ImportError> {
     let array = Array::read(&content.path, &content.head)?;

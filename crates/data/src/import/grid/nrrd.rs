@@ -18,6 +18,7 @@ use std::path::Path;
 pub(super) const NRRD: GridFormat = GridFormat {
     name: "nrrd",
     extensions: &["nrrd", "nhdr"],
+    has_parts: false,
     detect: |content| content.head.starts_with(b"NRRD000"),
     open,
 };

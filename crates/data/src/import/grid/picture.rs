@@ -18,6 +18,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 pub(super) const PNG: GridFormat = GridFormat {
     name: "png",
     extensions: &["png"],
+    has_parts: false,
     detect: |content| content.head.starts_with(b"\x89PNG\r\n\x1a\n"),
     open: open_png,
 };
@@ -26,6 +27,7 @@ pub(super) const PNG: GridFormat = GridFormat {
 pub(super) const JPEG: GridFormat = GridFormat {
     name: "jpeg",
     extensions: &["jpg", "jpeg"],
+    has_parts: false,
     detect: |content| content.head.starts_with(b"\xff\xd8\xff"),
     open: open_jpeg,
 };

@@ -134,9 +134,10 @@ fn by_count(source: &GridSource) -> Result<Vec<ChannelSummary>, ImportError> {
     };
     let (counts, _) = source.chunks(CHUNK).into_par_iter().try_fold(nothing, count).try_reduce(nothing, add)?;
     // The bit patterns of all values, in their order.
-    let patterns: Vec<u8> = (0..values)
-        .flat_map(|pattern| if size == 1 { vec![pattern as u8] } else { (pattern as u16).to_ne_bytes().to_vec() })
-        .collect();
+    let patterns: Vec<u8> = match size {
+        1 => (0..=u8::MAX).collect(),
+        _ => (0..=u16::MAX).flat_map(u16::to_ne_bytes).collect(),
+    };
     let mut stored = Vec::with_capacity(values);
     grid.sample_type.decode(&patterns, 1, &mut stored);
     Ok(grid

@@ -21,6 +21,7 @@ use std::io::{BufReader, Read};
 pub(super) const VTI: GridFormat = GridFormat {
     name: "vti",
     extensions: &["vti"],
+    has_parts: false,
     detect: |content| {
         let start = String::from_utf8_lossy(&content.head[..content.head.len().min(4096)]);
         let start = start.trim_start_matches('\u{feff}').trim_start();

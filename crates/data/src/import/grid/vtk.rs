@@ -15,6 +15,7 @@ use glam::{DAffine3, DVec3};
 pub(super) const VTK: GridFormat = GridFormat {
     name: "vtk",
     extensions: &["vtk"],
+    has_parts: false,
     detect: |content| content.head.starts_with(b"# vtk DataFile"),
     open,
 };

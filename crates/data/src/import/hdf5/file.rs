@@ -2,20 +2,19 @@
 //! [`ImportError`], and sizes are held against the file before anything is allocated.
 
 use crate::import::ImportError;
+use crate::import::guarded::guarded;
 use crate::import::source::exact_id;
 use crate::model::{ReadFile, ReadMethod};
 use hdf5_reader::group::Group;
 use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, RangeRequestStorage, SliceInfo, SliceInfoElem};
-use std::cell::Cell;
 use std::fs::File;
 use std::ops::Range;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Once};
+use std::sync::Arc;
 
 /// The most that the deflate filter can expand data by, a little rounded up: more than this times the file's size
 /// cannot be in it.
-const MOST_EXPANSION: u64 = 1040;
+pub(super) const MOST_EXPANSION: u64 = 1040;
 
 /// Largest chunk that is decoded at once, bytes.
 const MOST_CHUNK: u64 = 1 << 30;
@@ -24,7 +23,7 @@ const MOST_CHUNK: u64 = 1 << 30;
 const MOST_COMPONENTS: u64 = 64;
 
 /// An open HDF5 file.
-pub(super) struct H5 {
+pub(in crate::import) struct H5 {
     pub path: PathBuf,
     pub bytes: u64,
     file: Hdf5File,
@@ -33,8 +32,13 @@ pub(super) struct H5 {
 impl H5 {
     /// Opens the file, to be read in the way `method`, and reads its superblock.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<H5, ImportError> {
+        let file = File::open(path).map_err(|source| ImportError::io(path, "file", source))?;
+        H5::of(path, file, method)
+    }
+
+    /// The same of an open file, which is called `path`.
+    pub(in crate::import) fn of(path: &Path, file: File, method: ReadMethod) -> Result<H5, ImportError> {
         let io = |source| ImportError::io(path, "file", source);
-        let file = File::open(path).map_err(io)?;
         let bytes = file.metadata().map_err(io)?.len();
         let file = ReadFile::new(file, method);
         let storage = RangeRequestStorage::new(bytes, move |offset, len| {
@@ -51,22 +55,23 @@ impl H5 {
     }
 
     /// The root group.
-    pub(super) fn root(&self) -> Result<H5Group<'_>, ImportError> {
+    pub(in crate::import) fn root(&self) -> Result<H5Group<'_>, ImportError> {
         let group = guard(&self.path, "/", "a readable root group", || self.file.root_group())?;
         Ok(H5Group { file: self, name: String::new(), group })
     }
 }
 
 /// A group of an open file.
-pub(super) struct H5Group<'a> {
+pub(in crate::import) struct H5Group<'a> {
     pub file: &'a H5,
-    name: String,
-    group: Group,
+    /// Path inside the file, without a leading slash.
+    pub name: String,
+    pub(super) group: Group,
 }
 
 impl<'a> H5Group<'a> {
     /// Names of the groups and the data sets in this group.
-    pub(super) fn members(&self) -> Result<(Vec<String>, Vec<String>), ImportError> {
+    pub(in crate::import) fn members(&self) -> Result<(Vec<String>, Vec<String>), ImportError> {
         guard(&self.file.path, self.label(), "a readable group", || self.group.member_names())
     }
 
@@ -74,19 +79,19 @@ impl<'a> H5Group<'a> {
         if self.name.is_empty() { "/" } else { &self.name }
     }
 
-    fn child(&self, name: &str) -> String {
+    pub(super) fn child(&self, name: &str) -> String {
         if self.name.is_empty() { name.into() } else { format!("{}/{name}", self.name) }
     }
 
     /// The group `name` in this one, which must exist.
-    pub(super) fn group(&self, name: &str) -> Result<H5Group<'a>, ImportError> {
+    pub(in crate::import) fn group(&self, name: &str) -> Result<H5Group<'a>, ImportError> {
         let label = self.child(name);
         let group = guard(&self.file.path, &label, "a readable group", || self.group.group(name))?;
         Ok(H5Group { file: self.file, name: label, group })
     }
 
     /// The attributes of this group.
-    pub(super) fn attributes(&self) -> Result<Attributes, ImportError> {
+    pub(in crate::import) fn attributes(&self) -> Result<Attributes, ImportError> {
         let list = guard(&self.file.path, self.label(), "readable attributes", || self.group.attributes())?;
         Ok(Attributes { path: self.file.path.clone(), label: self.label().into(), list })
     }
@@ -132,19 +137,19 @@ impl<'a> H5Group<'a> {
 }
 
 /// The attributes of one group or data set.
-pub(super) struct Attributes {
-    path: PathBuf,
-    label: String,
-    list: Vec<Attribute>,
+pub(in crate::import) struct Attributes {
+    pub(super) path: PathBuf,
+    pub(super) label: String,
+    pub(super) list: Vec<Attribute>,
 }
 
 impl Attributes {
-    fn find(&self, name: &str) -> Option<&Attribute> {
+    pub(super) fn find(&self, name: &str) -> Option<&Attribute> {
         self.list.iter().find(|attribute| attribute.name == name)
     }
 
     /// The numbers of an attribute, if it is there and numeric.
-    pub(super) fn numbers(&self, name: &str) -> Option<Vec<f64>> {
+    pub(in crate::import) fn numbers(&self, name: &str) -> Option<Vec<f64>> {
         let attribute = self.find(name)?;
         macro_rules! read {
             ($number:ty) => {
@@ -167,7 +172,7 @@ impl Attributes {
     }
 
     /// Whether there is an attribute of that name.
-    pub(super) fn has(&self, name: &str) -> bool {
+    pub(in crate::import) fn has(&self, name: &str) -> bool {
         self.find(name).is_some()
     }
 
@@ -177,12 +182,12 @@ impl Attributes {
     }
 
     /// The first number of an attribute.
-    pub(super) fn number(&self, name: &str) -> Option<f64> {
+    pub(in crate::import) fn number(&self, name: &str) -> Option<f64> {
         self.numbers(name)?.first().copied()
     }
 
     /// A text attribute.
-    pub(super) fn text(&self, name: &str) -> Option<String> {
+    pub(in crate::import) fn text(&self, name: &str) -> Option<String> {
         let attribute = self.find(name)?;
         let text = guard(&self.path, &self.label, "text", || attribute.read_string()).ok();
         text.or_else(|| attribute.decoded_strings.as_ref().and_then(|strings| strings.first().cloned()))
@@ -234,7 +239,7 @@ pub(super) struct Column {
 
 impl Column {
     /// The attributes of the data set.
-    pub(super) fn attributes(&self) -> Result<Attributes, ImportError> {
+    pub(in crate::import) fn attributes(&self) -> Result<Attributes, ImportError> {
         let list = guard(&self.path, &self.label, "readable attributes", || Ok(self.dataset.attributes()))?;
         Ok(Attributes { path: self.path.clone(), label: self.label.clone(), list })
     }
@@ -323,36 +328,19 @@ impl Column {
     }
 }
 
-thread_local! {
-    /// Whether this thread is inside [`guard`], where a panic is reported as an error and not printed.
-    static GUARDED: Cell<bool> = const { Cell::new(false) };
-}
-
 /// Runs `work` of the reader library; its errors and its panics become one error for `field`.
-fn guard<T>(
+pub(super) fn guard<T>(
     path: &Path,
     field: &str,
     expected: &str,
     work: impl FnOnce() -> hdf5_reader::error::Result<T>,
 ) -> Result<T, ImportError> {
-    static QUIET: Once = Once::new();
-    QUIET.call_once(|| {
-        let loud = std::panic::take_hook();
-        std::panic::set_hook(Box::new(move |panic| {
-            if !GUARDED.get() {
-                loud(panic);
-            }
-        }));
-    });
-    let outer = GUARDED.replace(true);
-    let result = catch_unwind(AssertUnwindSafe(work));
-    GUARDED.set(outer);
-    match result {
-        Ok(Ok(value)) => Ok(value),
-        Ok(Err(error)) => {
+    match guarded(work) {
+        Some(Ok(value)) => Ok(value),
+        Some(Err(error)) => {
             let text = error.to_string().replace(['\n', '\r'], " ");
             Err(ImportError::malformed(path, field, text, expected))
         }
-        Err(_) => Err(ImportError::malformed(path, field, "damage that the HDF5 reader gave up on", expected)),
+        None => Err(ImportError::malformed(path, field, "damage that the HDF5 reader gave up on", expected)),
     }
 }

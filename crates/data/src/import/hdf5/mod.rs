@@ -1,5 +1,7 @@
-//! HDF5: snapshots of Gadget-2, -3 and -4, AREPO, GIZMO, EAGLE and SWIFT, and bare files with coordinates.
+//! HDF5: snapshots of Gadget-2, -3 and -4, AREPO, GIZMO, EAGLE and SWIFT, and bare files with coordinates. Data sets that are images or
+//! volumes are opened by [`super::grid`], through [`Array`].
 
+mod array;
 mod expansion;
 mod file;
 mod header;
@@ -8,10 +10,12 @@ mod snapshot;
 mod tables;
 mod units;
 
+pub(super) use array::Array;
+pub(super) use file::{Attributes, H5};
 pub use tables::{Hdf5Column, Hdf5Tables};
 
-use super::{Format, ImportError, Source};
-use crate::model::ReadMethod;
+use super::{FieldKind, Format, ImportError, Source};
+use crate::model::{FamilyName, ReadMethod};
 use std::path::Path;
 
 /// The HDF5 format.
@@ -20,14 +24,25 @@ pub(super) struct Hdf5;
 /// What a superblock begins with.
 const SIGNATURE: &[u8; 8] = b"\x89HDF\r\n\x1a\n";
 
+/// Whether a file begins as HDF5 does. A user block may precede the superblock, which then starts at 512, 1024, 2048, ...
+pub(super) fn is_hdf5(head: &[u8]) -> bool {
+    [0, 512, 1024, 2048].iter().any(|start| head.get(*start..).is_some_and(|rest| rest.starts_with(SIGNATURE)))
+}
+
+/// Whether the root of a file holds these groups and data sets because it is a snapshot or a catalogue, damaged or not.
+pub(super) fn is_of_particles(groups: &[String], datasets: &[String]) -> bool {
+    let of_types = |name: &String| name.starts_with("PartType") || ["Header", "Group", "Subhalo"].contains(&&**name);
+    let positions = |name: &String| snapshot::is_kind(name, FamilyName::Dark, FieldKind::Position);
+    groups.iter().any(of_types) || datasets.iter().any(positions)
+}
+
 impl Format for Hdf5 {
     fn name(&self) -> &'static str {
         "HDF5 snapshot"
     }
 
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
-        // A user block may precede the superblock, which then starts at 512, 1024, 2048, ...
-        [0, 512, 1024, 2048].iter().any(|start| head.get(*start..).is_some_and(|rest| rest.starts_with(SIGNATURE)))
+        is_hdf5(head)
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {

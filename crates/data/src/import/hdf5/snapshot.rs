@@ -198,7 +198,7 @@ const BARE_TYPE: usize = 1;
 /// The groups of a Gadget-4 or AREPO group catalogue, as types of particles: friends-of-friends groups and subhaloes.
 const GROUP_CATALOGUE: [(usize, &str); 2] = [(1, "Group"), (2, "Subhalo")];
 
-fn is_kind(dataset: &str, family: FamilyName, kind: FieldKind) -> bool {
+pub(super) fn is_kind(dataset: &str, family: FamilyName, kind: FieldKind) -> bool {
     names::quantity(dataset, family).is_some_and(|(quantity, _)| quantity.kind == kind)
 }
 

@@ -206,5 +206,7 @@ pub fn every() -> Vec<Case> {
     cases.push(colours("interleaved.nrrd", [interleaved.as_bytes(), &rgb].concat()));
     cases.push(colours("planar.nrrd", [planes.as_bytes(), &planar].concat()));
     cases.extend(super::more_files::every());
+    cases.extend(super::array_files::every());
+    cases.extend(super::exr_files::every());
     cases
 }

@@ -1,7 +1,11 @@
 //! Every format against the grid that was written, and against damage.
 
+mod array_files;
+mod arrays;
+mod exr_files;
 mod files;
 mod more_files;
+mod pictures;
 mod reference;
 
 use super::{GridOptions, GridSource, RawGrid, open_grid, summarize_grid};

@@ -138,3 +138,16 @@ fn images_of_the_reference_data_are_as_others_read_them() {
         assert!(pixel.iter().zip(middle).all(|(have, want)| have.abs_diff(*want) <= near), "{name}: {pixel:?}");
     }
 }
+
+#[test]
+#[ignore = "needs the reference data: DEEPFIELD_DATA"]
+fn an_elevation_of_the_reference_data_has_its_place_and_holes() {
+    let Some(folder) = folder() else { return };
+    let source = open_grid(&folder.join("heightfields/elev_luxembourg.tif"), &GridOptions::default()).unwrap();
+    let summary = summarize_grid(&source).unwrap();
+    let channel = &summary.channels[0];
+    assert_eq!((&summary.shape[..], channel.min, channel.max), (&[95, 90][..], Some(141.0), Some(547.0)));
+    assert_eq!(channel.no_data, 3942);
+    assert!((channel.mean.unwrap() - 348.3366).abs() < 1e-4);
+    assert!(summary.spacing.iter().all(|step| (step - 0.008_333_333).abs() < 1e-8));
+}

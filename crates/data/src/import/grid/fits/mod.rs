@@ -1,6 +1,10 @@
 //! FITS images and cubes (<https://fits.gsfc.nasa.gov/fits_standard.html>): the first array of two or three axes. The second axis
 //! goes upwards.
 
+mod dither;
+mod rice;
+mod tiles;
+
 use super::content::Content;
 use super::fields::Entry;
 use super::layout::{Layout, PLANAR};
@@ -12,10 +16,11 @@ use crate::model::{Channel, Grid, SampleType, Scale, Unit};
 use std::collections::HashMap;
 use std::io::Read;
 
-/// Arrays of FITS files; those compressed by tiles are named as unsupported.
+/// Arrays of FITS files, those compressed by tiles among them.
 pub(super) const FITS: GridFormat = GridFormat {
     name: "fits",
     extensions: &["fits", "fit", "fts"],
+    has_parts: false,
     detect: |content| content.head.starts_with(b"SIMPLE  ="),
     open,
 };
@@ -72,6 +77,10 @@ impl Header<'_> {
         Some(Entry { path: &self.content.path, name, text: self.entries.get(name)? })
     }
 
+    fn needed<'e>(&'e self, name: &'e str, expected: &str) -> Result<Entry<'e>, ImportError> {
+        self.entry(name).ok_or_else(|| ImportError::missing(&self.content.path, name, expected))
+    }
+
     fn whole(&self, name: &str, missing: i64) -> Result<i64, ImportError> {
         self.entry(name).map_or(Ok(missing), |entry| entry.value("a whole number"))
     }
@@ -82,20 +91,17 @@ impl Header<'_> {
         self.entry(name).map(value).transpose()
     }
 
-    /// The sizes of all axes.
-    fn sizes(&self) -> Result<Vec<u64>, ImportError> {
-        let Some(count) = self.entry("NAXIS") else {
-            return Err(ImportError::missing(&self.content.path, "NAXIS", "the number of axes"));
-        };
+    /// The sizes of all axes; of an array of tiles, `ZNAXIS`, those of the array.
+    fn sizes(&self, key: &str) -> Result<Vec<u64>, ImportError> {
+        let count = self.needed(key, "the number of axes")?;
         let number: usize = count.value("a number of axes up to 999")?;
         if number > 999 {
             return Err(count.wrong("a number of axes up to 999"));
         }
         (1..=number)
             .map(|axis| {
-                let name = format!("NAXIS{axis}");
-                let entry = self.entry(&name);
-                entry.ok_or_else(|| ImportError::missing(&self.content.path, &*name, "a size"))?.value("a size")
+                let name = format!("{key}{axis}");
+                self.needed(&name, "a size")?.value("a size")
             })
             .collect()
     }
@@ -132,22 +138,20 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
     let mut start = 0;
     for part in 0..MOST_PARTS {
         let Some(header) = Header::read(content, start)? else { break };
-        let sizes = header.sizes()?;
-        if header.entry("ZIMAGE").is_some_and(|entry| entry.text == "T") {
-            let found = header.entry("ZCMPTYPE").map_or("tiles", |entry| entry.text);
-            return Err(ImportError::malformed(path, format!("part {part}: ZIMAGE"), found, "an uncompressed array"));
-        }
-        let is_image = part == 0 || header.entry("XTENSION").is_some_and(|entry| entry.text == "IMAGE");
+        let sizes = header.sizes("NAXIS")?;
+        let is_tiled = header.entry("ZIMAGE").is_some_and(|entry| entry.text == "T");
+        let is_image = is_tiled || part == 0 || header.entry("XTENSION").is_some_and(|entry| entry.text == "IMAGE");
         // Axes of one sample beyond those of a volume say nothing.
-        let mut axes = sizes.clone();
+        let own = if is_tiled { header.sizes("ZNAXIS")? } else { sizes.clone() };
+        let mut axes = own.clone();
         while axes.len() > 2 && axes.last() == Some(&1) {
             axes.pop();
         }
         if is_image && (2..=3).contains(&axes.len()) {
-            return array(&header, &axes);
+            return if is_tiled { tiles::open(&header, &axes) } else { array(&header, &axes) };
         }
-        if is_image && !sizes.is_empty() && axes.len() != 1 {
-            let found = format!("{} axes", sizes.len());
+        if is_image && !own.is_empty() && axes.len() != 1 {
+            let found = format!("{} axes", own.len());
             return Err(ImportError::malformed(
                 path,
                 format!("part {part}: NAXIS"),
@@ -165,18 +169,17 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
     Err(ImportError::missing(path, "image", "an array of 2 or 3 axes"))
 }
 
-/// The array behind a header.
-fn array(header: &Header, axes: &[u64]) -> Result<GridSource, ImportError> {
-    let content = header.content;
-    let path = &*content.path;
-    let kind = match header.whole("BITPIX", 0)? {
+/// The grid of a header, whose entry `bits` tells the type of samples.
+fn described(header: &Header, bits: &str, axes: &[u64]) -> Result<Grid, ImportError> {
+    let path = &*header.content.path;
+    let kind = match header.whole(bits, 0)? {
         8 => SampleType::U8,
         16 => SampleType::I16,
         32 => SampleType::I32,
         64 => SampleType::I64,
         -32 => SampleType::F32,
         -64 => SampleType::F64,
-        other => return Err(ImportError::malformed(path, "BITPIX", other, "8, 16, 32, 64, -32 or -64")),
+        other => return Err(ImportError::malformed(path, bits, other, "8, 16, 32, 64, -32 or -64")),
     };
     let mut channel = Channel::new("value");
     channel.unit = Unit::new(header.entry("BUNIT").map_or("", |entry| entry.text));
@@ -184,9 +187,18 @@ fn array(header: &Header, axes: &[u64]) -> Result<GridSource, ImportError> {
         slope: header.float("BSCALE")?.unwrap_or(Scale::NONE.slope),
         intercept: header.float("BZERO")?.unwrap_or(Scale::NONE.intercept),
     };
-    channel.no_data = header.float("BLANK")?.filter(|_| !kind.is_float());
+    let blank = if bits == "BITPIX" { None } else { header.float("ZBLANK")? };
+    channel.no_data = header.float("BLANK")?.or(blank).filter(|_| !kind.is_float());
     let mut grid = Grid::volume([axes[0], axes[1], axes.get(2).copied().unwrap_or(1)], kind, vec![channel]);
     grid.dimensions = axes.len();
+    Ok(grid)
+}
+
+/// The array behind a header.
+fn array(header: &Header, axes: &[u64]) -> Result<GridSource, ImportError> {
+    let content = header.content;
+    let path = &*content.path;
+    let grid = described(header, "BITPIX", axes)?;
     let bytes = checked(path, &grid, "NAXIS", "NAXIS")?;
     let storage = content.samples(header.end, bytes, &grid)?;
     let layout = Layout::packed(&grid, PLANAR, if content.is_packed { 0 } else { header.end }, Order::Big);

@@ -1,5 +1,8 @@
 //! TIFF and BigTIFF: an image, or a stack of equal pages as a volume. The library decodes a page at a time.
 
+mod directory;
+mod geo;
+
 use super::content::{Content, MOST_EXPANSION, in_one_line, too_few};
 use super::layout::{INTERLEAVED, Layout, NATIVE};
 use super::picture::seekable;
@@ -8,7 +11,8 @@ use super::source::checked;
 use super::{GridDescription, GridFormat, GridSource};
 use crate::import::ImportError;
 use crate::model::{Channel, Grid, SampleType};
-use std::io::BufReader;
+use geo::Geo;
+use std::io::{BufReader, Seek, SeekFrom};
 use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
@@ -17,6 +21,7 @@ use tiff::tags::Tag;
 pub(super) const TIFF: GridFormat = GridFormat {
     name: "tiff",
     extensions: &["tif", "tiff"],
+    has_parts: false,
     detect: |content| {
         let starts = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
         starts.iter().any(|start| content.head.starts_with(*start))
@@ -64,9 +69,17 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
     let wrong = |page: u64, error: tiff::TiffError| {
         ImportError::malformed(path, format!("page {page}"), in_one_line(&error), "a page that can be read")
     };
-    let decoder = Decoder::new(BufReader::new(seekable(content)?)).map_err(|error| wrong(1, error))?;
+    let mut reader = BufReader::new(seekable(content)?);
+    if let Some(found) = directory::excess(&mut reader, content.most()) {
+        let expected = format!("no more than a file of {} bytes can hold", content.length);
+        return Err(ImportError::malformed(path, "page 1", found, expected));
+    }
+    let rewound = reader.seek(SeekFrom::Start(0));
+    rewound.map_err(|source| ImportError::io(path, "file", source))?;
+    let decoder = Decoder::new(reader).map_err(|error| wrong(1, error))?;
     let mut decoder = decoder.with_limits(limits(0, content.most()));
     let first = page(&mut decoder, content, 1)?;
+    let geo = Geo::read(&mut decoder);
     let one = first.grid();
     let bytes = checked(path, &one, "page 1", "page 1")?;
     let most = content.most().saturating_mul(MOST_EXPANSION);
@@ -108,11 +121,12 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
         }
         decoder.next_image().map_err(|error| wrong(pages + 1, error))?;
     }
-    let grid = match pages {
+    let mut grid = match pages {
         1 => one,
         _ => Grid::volume([first.width.into(), first.height.into(), pages], first.kind, one.channels),
     };
-    checked(path, &grid, "pages", "pages")?;
+    geo.apply(&mut grid);
+    checked(path, &grid, "pages", "ModelPixelScale")?;
     // Of a page whose values lie apart, all of the first come first.
     let axes = if first.is_planar { [1, 2, 0, 3] } else { INTERLEAVED };
     let layout = Layout::packed(&grid, axes, 0, NATIVE);
@@ -127,7 +141,8 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
 fn limits(page: u64, file: u64) -> Limits {
     let mut limits = Limits::default();
     let size = |bytes: u64| usize::try_from(bytes).unwrap_or(usize::MAX);
-    limits.decoding_buffer_size = size(page.max(1 << 20));
+    // A value that is listed takes 32 bytes, in the file 2 at least.
+    limits.decoding_buffer_size = size(page.max(file.saturating_mul(16)).max(1 << 20));
     limits.intermediate_buffer_size = size(page.saturating_add(file).max(1 << 16));
     limits.ifd_value_size = size(file.clamp(1 << 12, 1 << 28));
     limits

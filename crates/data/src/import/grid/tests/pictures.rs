@@ -1,0 +1,70 @@
+//! OpenEXR, and folders of pictures.
+
+use super::exr_files::exr;
+use super::files::png;
+use super::open;
+use crate::import::grid_format;
+use crate::model::SampleType;
+use exr::prelude::{Encoding, FlatSamples};
+use std::path::Path;
+
+#[test]
+fn channels_of_exr_have_their_names_and_types() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let whole = |from: u32| FlatSamples::U32((from..from + 30).collect());
+    let opened = |channels| {
+        std::fs::write(&path, exr(channels, Encoding::FAST_LOSSLESS)).unwrap();
+        let source = open(&path).unwrap();
+        let names: Vec<String> = source.grid().channels.iter().map(|channel| channel.name.clone()).collect();
+        (names.join(" "), source.grid().sample_type)
+    };
+    assert_eq!(opened(vec![("id", whole(7))]), ("id".into(), SampleType::U32));
+    assert_eq!(opened(vec![("Y", whole(7))]), ("value".into(), SampleType::U32));
+    let depth = || FlatSamples::F32(vec![1.5; 30]);
+    assert_eq!(opened(vec![("id", whole(u32::MAX - 40)), ("Z", depth())]), ("Z id".into(), SampleType::F64));
+    assert_eq!(opened(vec![("A", depth()), ("Y", depth())]), ("value alpha".into(), SampleType::F32));
+}
+
+/// Grey pictures of which all have the value of their number.
+fn slice(folder: &Path, name: &str, width: u32, value: u8) {
+    let pixels = vec![value; width as usize * 3];
+    std::fs::write(folder.join(name), png(width, 3, png::ColorType::Grayscale, png::BitDepth::Eight, &pixels)).unwrap();
+}
+
+#[test]
+fn a_folder_of_pictures_is_a_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    assert_eq!(grid_format(path).unwrap(), None);
+    for (name, value) in [("s2.png", 2), ("s10.png", 10), ("s1.png", 1)] {
+        slice(path, name, 4, value);
+    }
+    std::fs::write(path.join(".hidden"), "x").unwrap();
+    std::fs::write(path.join("notes.txt"), "x").unwrap();
+    assert_eq!(grid_format(path).unwrap(), Some("slices"));
+    let source = open(path).unwrap();
+    assert_eq!((source.grid().kind(), source.grid().shape), ("volume", [4, 3, 3]));
+    let mut samples = vec![0; 36];
+    source.read(&source.grid().region(), &mut samples).unwrap();
+    assert_eq!([samples[0], samples[12], samples[35]], [1, 2, 10]);
+    let about = source.description();
+    assert_eq!((about.files, &*about.format), (3, "slices"));
+    assert!(about.notes[0].ends_with("from s1.png to s10.png") && about.notes[1].ends_with("notes.txt"), "{about:?}");
+    let said = || open(path).unwrap_err().to_string().replace(&format!("{}/", path.display()), "");
+    slice(path, "t.png", 5, 3);
+    assert_eq!(said(), "t.png: found 5 x 3, expected 4 x 3 as s1.png");
+    std::fs::write(path.join("t.png"), png(4, 3, png::ColorType::Rgb, png::BitDepth::Eight, &[0; 36])).unwrap();
+    assert_eq!(said(), "t.png: found 4 x 3 of 3 uint8, expected 4 x 3 of uint8 as s1.png");
+    std::fs::write(path.join("t.png"), super::more_files::tiff(&[5, 5], &super::files::big())).unwrap();
+    assert_eq!(said(), "t.png: found a volume of 6 x 5 x 2, expected an image, as slices are");
+    std::fs::write(path.join("t.png"), b"\x89PNG\r\n\x1a\nbroken").unwrap();
+    assert!(said().starts_with("t.png: data: found "), "{}", said());
+    // Other things than pictures.
+    for name in ["a", "b", "c", "d", "e"] {
+        std::fs::write(path.join(name), "x").unwrap();
+    }
+    assert_eq!(grid_format(path).unwrap(), None);
+    let text = open(path).unwrap_err().to_string();
+    assert!(text.contains("folder: found 4 pictures and 6 other files, expected several PNG"), "{text}");
+}
