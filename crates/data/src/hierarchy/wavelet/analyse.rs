@@ -177,18 +177,17 @@ impl Octave {
         // The taps begin two cells before the node.
         let start = HALO - 2;
         for_each_place(window.nodes.shape, |at| {
-            let depth = if self.dimensions == 3 { TAPS.len() } else { 1 };
-            let mut sum = 0.0;
-            for z in 0..depth {
-                let (slice, tap) = if depth == 1 { (0, 1.0) } else { (start + 2 * at[2] + z, TAPS[z]) };
-                let mut over_rows = 0.0;
-                for (y, own) in TAPS.iter().enumerate() {
+            let over_slice = |slice: usize| -> f32 {
+                let over_row = |(y, own): (usize, &f32)| {
                     let row = (slice * WINDOW + start + 2 * at[1] + y) * WINDOW + start + 2 * at[0];
-                    over_rows += own * cells[row..row + TAPS.len()].iter().zip(&TAPS).map(|(v, t)| v * t).sum::<f32>();
-                }
-                sum += tap * over_rows;
+                    own * cells[row..row + TAPS.len()].iter().zip(&TAPS).map(|(v, t)| v * t).sum::<f32>()
+                };
+                TAPS.iter().enumerate().map(over_row).sum()
+            };
+            if self.dimensions == 2 {
+                return over_slice(0);
             }
-            sum
+            TAPS.iter().enumerate().map(|(z, own)| own * over_slice(start + 2 * at[2] + z)).sum()
         })
     }
 

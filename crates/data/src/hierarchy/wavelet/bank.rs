@@ -38,11 +38,6 @@ impl Bank {
         Bank { directions, finer: (finer as i32).min(NEAR) }
     }
 
-    /// Unit vectors of the directions.
-    pub fn directions(&self) -> &[[f64; 3]] {
-        &self.directions
-    }
-
     /// The response of a filter to a frequency, cycles a cell: 0 to 1.
     pub fn response(&self, filter: usize, frequency: [f64; 3]) -> f64 {
         let own = gaussian(self.directions[filter], CENTRE, frequency);
@@ -126,7 +121,7 @@ mod tests {
                 let mut sum = 0.0;
                 for (octave, bank) in banks.iter().enumerate() {
                     let scale = (1_u32 << octave) as f64;
-                    for filter in 0..bank.directions().len() {
+                    for filter in 0..bank.directions.len() {
                         sum += bank.response(filter, frequency.map(|f| scale * f));
                         sum += bank.response(filter, frequency.map(|f| -scale * f));
                     }
@@ -140,8 +135,8 @@ mod tests {
     fn directions_are_unit_vectors_and_filters_even_about_them() {
         for dimensions in [2, 3] {
             let bank = Bank::new(dimensions, 0);
-            assert_eq!(bank.directions().len(), directions(dimensions));
-            for (filter, along) in bank.directions().iter().enumerate() {
+            assert_eq!(bank.directions.len(), directions(dimensions));
+            for (filter, along) in bank.directions.iter().enumerate() {
                 assert!((along.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
                 // The axis to a corner has a third of a turn as its symmetry, not half of one: even but for what neighbours take.
                 let most = if along.iter().all(|v| v.abs() > 0.5) { 0.05 } else { 1e-6 };
@@ -161,7 +156,7 @@ mod tests {
     fn neighbours_share_what_is_between_them() {
         for dimensions in [2, 3] {
             let bank = Bank::new(dimensions, 1);
-            let all = bank.directions();
+            let all = &bank.directions;
             // A face and the edge next to it; an octave and the next finer one.
             let (a, b) = if dimensions == 2 { (0, 1) } else { (0, 3) };
             let between: [f64; 3] = std::array::from_fn(|k| all[a][k] + all[b][k]);
