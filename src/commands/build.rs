@@ -237,6 +237,7 @@ fn grid(arguments: &Arguments, path: &Path, options: GridOptions) -> CommandResu
         points: arguments.wavelet.options(grid),
         memory: arguments.memory,
         threads: arguments.threads.map(usize::from),
+        temporary: arguments.temporary.clone(),
     };
     let built = build_grid(&source, &options, &arguments.output, &TerminalProgress::new())?;
     built.notes.iter().for_each(|note| eprintln!("note: {note}"));

@@ -1,12 +1,14 @@
-//! `deepfield synth`: seeded synthetic snapshots.
+//! `deepfield synth`: seeded synthetic snapshots, images and volumes.
 
 use super::CommandResult;
 use super::arguments::{count, positive};
 use super::progress_bar::TerminalProgress;
+use crate::hierarchy::wavelet::sets::directions;
 use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
+use crate::synth::grids::{self, SyntheticGrid};
 use crate::synth::merger::Merger;
 use crate::synth::moving::{self, Births, Halo, Moving, Orbits, Pancake};
-use crate::synth::{Generator, cloud::Cloud, clusters::Clusters, filaments::Filaments, files, gadget};
+use crate::synth::{Generator, cloud::Cloud, clusters::Clusters, filaments::Filaments, files, gadget, grid_files};
 use std::path::PathBuf;
 
 /// What can be made.
@@ -30,6 +32,16 @@ pub enum Kind {
     Halo,
     /// A run: particles that are born, vanish and change from gas to stars
     Births,
+    /// An image or volume: a plane wave whose frequency is in the middle of the octave of --level
+    Wave,
+    /// An image or volume: a soft edge along --angle
+    Edge,
+    /// An image or volume: a Gaussian, 16 samples wide
+    Blob,
+    /// An image or volume: many Gaussians, in bytes
+    Blobs,
+    /// An image or volume: two noisy plateaus, in bytes
+    Plateaus,
 }
 
 impl Kind {
@@ -41,16 +53,33 @@ impl Kind {
             Kind::Halo => Box::new(Halo::new(seed, particles)),
             Kind::Births => Box::new(Births::new(seed, particles, steps)),
             Kind::Merger => Box::new(moving::Merger::new(seed, particles)),
-            Kind::Cosmology | Kind::Clusters | Kind::Filaments | Kind::Cloud => return None,
+            _ => return None,
+        })
+    }
+
+    /// What an image or volume shows; `None` for particles.
+    fn grid(self, arguments: &Arguments) -> Option<grids::Kind> {
+        let angle = arguments.angle.unwrap_or(0.0);
+        Some(match self {
+            Kind::Wave => grids::Kind::Wave {
+                level: u32::from(arguments.level.unwrap_or(2)),
+                direction: usize::from(arguments.direction.unwrap_or(0)),
+                angle,
+            },
+            Kind::Edge => grids::Kind::Edge { angle },
+            Kind::Blob => grids::Kind::Blob,
+            Kind::Blobs => grids::Kind::Blobs,
+            Kind::Plateaus => grids::Kind::Plateaus,
+            _ => return None,
         })
     }
 }
 
-/// Writes a seeded synthetic snapshot, of any size and the same on any machine, as Gadget binary files (format 2).
+/// Writes a seeded synthetic snapshot, of any size and the same on any machine, as Gadget binary files (format 2); or an image or volume.
 ///
 /// Above 357 million particles the snapshot is in several files, FILE.0, FILE.1, ...; open any one of them. Particles
 /// are written as they are made, so that memory does not grow with their number (below 700 MB for cosmology). A run is FILE_000,
-/// FILE_001, ...: where its particles are at any time, docs/series.md says.
+/// FILE_001, ...: where its particles are at any time, docs/series.md says. Images and volumes are NRRD, or NumPy where FILE ends in .npy.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield synth cosmology -n 1e9 -o universe.gadget2         40 GB
@@ -58,14 +87,28 @@ impl Kind {
   deepfield synth merger -n 2e6 -o merger.gadget2
   deepfield synth orbits -n 1e5 --steps 32 -o orbits/run       a run of 32 snapshots
   deepfield synth merger -n 2e6 --steps 84 -o merger/run
-  deepfield synth pancake -n 1e5 --steps 9 --irregular 3 -o pancake/run")]
+  deepfield synth pancake -n 1e5 --steps 9 --irregular 3 -o pancake/run
+  deepfield synth blobs --size 1024,1024,1024 -o blobs.nrrd    1 GiB of bytes
+  deepfield synth wave --size 128,128 --level 3 --direction 1 -o wave.npy")]
 pub struct Arguments {
     /// What to make.
     pub kind: Kind,
     /// Number of particles, such as 1000000 or 1e9.
-    #[arg(short = 'n', long = "particles", value_name = "N", value_parser = count)]
-    pub particles: u64,
-    /// The file to write: Gadget binary, format 2, whatever its name.
+    #[arg(short = 'n', long = "particles", value_name = "N", value_parser = count, required_unless_present = "size")]
+    pub particles: Option<u64>,
+    /// Samples of an image or volume along x, y and z.
+    #[arg(long, value_name = "W,H[,D]", value_parser = size, conflicts_with = "particles")]
+    pub size: Option<Size>,
+    /// Level of the nodes that a wave needs: it has 0.75 / 2^M cycles a sample [default: 2].
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u8).range(1..=30))]
+    pub level: Option<u8>,
+    /// Direction of a wave, one of the 4 of images or the 13 of volumes as `info` lists them, from 0 on [default: 0].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=12))]
+    pub direction: Option<u8>,
+    /// Direction of an edge, or by what a wave is turned from its direction, degrees from x to y [default: 0].
+    #[arg(long, value_name = "DEGREES", value_parser = angle, allow_negative_numbers = true)]
+    pub angle: Option<f64>,
+    /// The file to write: Gadget binary, format 2, whatever its name; of images and volumes NRRD, or NumPy (.npy).
     #[arg(short, long, value_name = "FILE", value_parser = output)]
     pub output: PathBuf,
     /// Another seed makes another universe.
@@ -103,22 +146,62 @@ fn edge(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected an edge from 1 to 10000 Mpc/h".into())
 }
 
+/// The samples of an image or a volume along each axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Size {
+    dimensions: usize,
+    shape: [u64; 3],
+}
+
+/// Two or three numbers of samples.
+fn size(text: &str) -> Result<Size, String> {
+    let wrong = || "expected two or three numbers of samples from 1 on, such as 512,512 or 256,256,256".to_owned();
+    let sides: Vec<u64> = text.split(',').map(count).collect::<Result<_, _>>().map_err(|_| wrong())?;
+    match sides[..] {
+        [width, height] => Ok(Size { dimensions: 2, shape: [width, height, 1] }),
+        [width, height, depth] => Ok(Size { dimensions: 3, shape: [width, height, depth] }),
+        _ => Err(wrong()),
+    }
+}
+
+/// Degrees.
+fn angle(text: &str) -> Result<f64, String> {
+    let degrees = text.parse().ok().filter(|degrees: &f64| degrees.is_finite());
+    degrees.ok_or_else(|| "expected degrees".into())
+}
+
+/// Ends the program with a message about options that do not go together.
+fn conflict(message: &str) -> ! {
+    clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, format!("{message}\n")).exit()
+}
+
 /// A ratio of lengths that leaves intervals apart.
 fn irregular(text: &str) -> Result<f64, String> {
     let ratio = text.parse().ok().filter(|ratio: &f64| (1.0..=1000.0).contains(ratio));
     ratio.ok_or_else(|| "expected a ratio from 1 to 1000".into())
 }
 
-/// Writes the snapshot, or those of a run; nothing is left behind on failure.
+/// Writes the snapshot, those of a run, or the image or volume; nothing is left behind on failure.
 ///
 /// # Errors
 /// When a file cannot be written; the message names it.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let (seed, particles) = (arguments.seed, arguments.particles);
+    let seed = arguments.seed;
     if arguments.edge.is_some() && arguments.kind != Kind::Cosmology {
-        let message = "--box: only a cosmology has a box to choose\n";
-        clap::Error::raw(clap::error::ErrorKind::ArgumentConflict, message).exit();
+        conflict("--box: only a cosmology has a box to choose");
     }
+    if (arguments.level.is_some() || arguments.direction.is_some()) && arguments.kind != Kind::Wave {
+        conflict("--level, --direction: only a wave has them");
+    }
+    if arguments.angle.is_some() && !matches!(arguments.kind, Kind::Wave | Kind::Edge) {
+        conflict("--angle: only a wave and an edge have one");
+    }
+    let particles = match (arguments.kind.grid(arguments), arguments.size, arguments.particles) {
+        (Some(kind), Some(size), _) => return grid(arguments, kind, size),
+        (Some(_), None, _) => conflict("--size: missing, an image or a volume has one"),
+        (None, None, Some(particles)) => particles,
+        (None, ..) => conflict("--size: only an image or a volume has one; a snapshot has a number of particles (-n)"),
+    };
     let progress = TerminalProgress::new();
     let steps = usize::from(arguments.steps.unwrap_or(16));
     let is_one = arguments.kind == Kind::Merger && arguments.steps.is_none();
@@ -143,5 +226,18 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         _ => Box::new(Clusters::new(seed, particles)),
     };
     files::write(generator.as_ref(), &arguments.output, arguments.per_file, &progress)?;
+    Ok(())
+}
+
+/// Writes an image or a volume.
+fn grid(arguments: &Arguments, kind: grids::Kind, Size { dimensions, shape }: Size) -> CommandResult {
+    if arguments.steps.is_some() || arguments.irregular.is_some() {
+        conflict("--steps, --irregular: only merger, orbits, pancake, halo and births are runs");
+    }
+    if arguments.direction.is_some_and(|n| usize::from(n) >= directions(dimensions)) {
+        conflict("--direction: an image has directions 0 to 3");
+    }
+    let grid = SyntheticGrid::new(kind, dimensions, shape, arguments.seed);
+    grid_files::write(&grid, &arguments.output, &TerminalProgress::new())?;
     Ok(())
 }

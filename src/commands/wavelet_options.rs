@@ -23,6 +23,8 @@ pub enum TypesName {
     Measured,
     /// No directions: one point, or samples.
     Round,
+    /// The coefficients of directed filters, as published.
+    Gabor,
 }
 
 /// What counts as a node's error.
@@ -33,6 +35,8 @@ pub enum MetricName {
     Residual,
     /// The variation of the samples.
     Rms,
+    /// The largest coefficient of directed filters of what is not drawn, as published.
+    Gabor,
 }
 
 impl WaveletOptions {
@@ -42,10 +46,12 @@ impl WaveletOptions {
             types: match self.types {
                 TypesName::Measured => Types::Measured,
                 TypesName::Round => Types::Round,
+                TypesName::Gabor => Types::Gabor,
             },
             metric: match self.error_metric {
                 MetricName::Residual => Metric::Residual,
                 MetricName::Rms => Metric::Rms,
+                MetricName::Gabor => Metric::Gabor,
             },
             colours: grid.has_colors(),
         }

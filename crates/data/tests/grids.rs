@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::grid::{GridBuildOptions, build_grid};
-use deepfield_data::hierarchy::wavelet::{Samples, errors};
+use deepfield_data::hierarchy::wavelet::{Hierarchy, Metric, Options, Samples, Types, errors};
 use deepfield_data::import::{GridOptions, open_grid};
 use deepfield_data::model::{ReadMethod, Region};
 use deepfield_data::store::GridFile;
@@ -24,9 +24,12 @@ fn npy(folder: &Path, kind: &str, shape: &[usize], bytes: &[u8]) -> PathBuf {
 }
 
 fn build(source: &Path, output: &Path, threads: usize) {
+    build_as(source, output, &GridBuildOptions { threads: Some(threads), ..GridBuildOptions::default() });
+}
+
+fn build_as(source: &Path, output: &Path, options: &GridBuildOptions) {
     let source = open_grid(source, &GridOptions::default()).unwrap();
-    let options = GridBuildOptions { threads: Some(threads), ..GridBuildOptions::default() };
-    build_grid(&source, &options, output, &()).unwrap();
+    build_grid(&source, options, output, &()).unwrap();
 }
 
 /// Something smooth with an edge and a little noise.
@@ -125,5 +128,122 @@ fn every_flipped_bit_is_found() {
     for len in (0..whole.len()).step_by(whole.len() / 64) {
         std::fs::write(&output, &whole[..len]).unwrap();
         assert!(verify_grid(&output, &()).is_err(), "{len} bytes");
+    }
+}
+
+/// Points by measured errors and by coefficients, in several bricks, with what is known of nodes in memory and in a file: the same bytes.
+#[test]
+fn memory_and_threads_change_no_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let (width, height) = (1700, 1600);
+    let value = |i: usize| {
+        let (x, y) = ((i % width) as f64, (i / width) as f64);
+        let ring = if (x - 800.0).hypot(y - 700.0) % 160.0 < 70.0 { 90.0 } else { 20.0 };
+        (ring + 50.0 + 40.0 * (x * 0.05 + y * 0.021).sin()) as u8
+    };
+    let bytes: Vec<u8> = (0..width * height).map(value).collect();
+    let source = npy(folder.path(), "|u1", &[height, width], &bytes);
+    for (types, metric) in [(Types::Measured, Metric::Residual), (Types::Gabor, Metric::Gabor)] {
+        let points = Options { types, metric, colours: false };
+        let of = |name: &str, threads: usize, memory: Option<u64>| {
+            let output = folder.path().join(name);
+            let options = GridBuildOptions { points, threads: Some(threads), memory, temporary: None };
+            build_as(&source, &output, &options);
+            std::fs::read(output).unwrap()
+        };
+        let all = of("all.df", 2, None);
+        assert!(all == of("one.df", 1, Some(1 << 30)), "one thread");
+        assert!(all == of("little.df", 3, Some(20 << 20)), "little memory");
+        verify_grid(&folder.path().join("little.df"), &()).unwrap();
+    }
+    // Too little for a single brick: nothing is begun.
+    let source = open_grid(&source, &GridOptions::default()).unwrap();
+    let options = GridBuildOptions { memory: Some(4 << 20), ..GridBuildOptions::default() };
+    let output = folder.path().join("none.df");
+    let error = build_grid(&source, &options, &output, &()).unwrap_err().to_string();
+    assert!(error.contains("none.df: a brick of 1700 x 1600 of uint8 takes about") && !output.exists(), "{error}");
+}
+
+/// Samples that are no numbers stay what they are, and points are fitted around them.
+#[test]
+fn holes_come_back_and_points_go_around_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let shape = [40, 90, 70];
+    let value = |i: usize| {
+        let (x, y, z) = ((i % 70) as f32, (i / 70 % 90) as f32, (i / 6300) as f32);
+        let is_hole = (x - 30.0).hypot(y - 60.0) < 12.0 || i % 97 == 5 || x > 64.0 && y > 64.0;
+        if is_hole { f32::NAN } else { 0.3 * x + (0.1 * y).sin() * 20.0 + z }
+    };
+    let values: Vec<f32> = (0..shape.iter().product()).map(value).collect();
+    let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    let source = npy(folder.path(), "<f4", &shape, &bytes);
+    let [one, two] = ["one.df", "two.df"].map(|name| folder.path().join(name));
+    build(&source, &one, 1);
+    build(&source, &two, 3);
+    assert!(std::fs::read(&one).unwrap() == std::fs::read(&two).unwrap());
+    let file = GridFile::open(&one, ReadMethod::default()).unwrap();
+    let planes = file.planes().unwrap();
+    assert!(planes[0].iter().zip(&values).all(|(a, b)| a.to_bits() == b.to_bits()));
+    let hierarchy = file.hierarchy(&planes).unwrap();
+    let samples = Samples { dimensions: 3, shape: [70, 90, 40], channels: vec![&planes[0]] };
+    let numbers = values.iter().filter(|v| v.is_finite()).count();
+    assert_eq!(hierarchy.levels[0].samples.iter().map(|n| *n as usize).sum::<usize>(), numbers);
+    assert_eq!(hierarchy.levels.last().unwrap().samples[0] as usize, numbers);
+    let cut = hierarchy.cut_of_points(numbers / 20);
+    let shown = hierarchy.reconstruct(&samples, &cut);
+    assert!(shown[0].iter().zip(&values).all(|(a, b)| a.is_finite() == b.is_finite()));
+    let off = errors(&samples, &shown);
+    assert!(off.rms < 1.0, "{}", off.rms);
+}
+
+/// Whatever chooses points and says what an error is: the file is whole, more points are nearer, and bounds hold.
+#[test]
+fn published_points_keep_the_promises_of_measured_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let (width, height) = (300, 220);
+    let value = |i: usize| {
+        let (x, y) = ((i % width) as f64, (i / width) as f64);
+        let stripes =
+            if x < 150.0 { 40.0 * (0.75 * std::f64::consts::PI * 0.5 * (x + y) * 0.5_f64.sqrt()).cos() } else { 0.0 };
+        let edge = if y > 0.3 * x + 60.0 { 120.0 } else { 60.0 };
+        (edge + stripes) as u8
+    };
+    let bytes: Vec<u8> = (0..width * height).map(value).collect();
+    let source = npy(folder.path(), "|u1", &[height, width], &bytes);
+    for (types, metric) in [
+        (Types::Gabor, Metric::Residual),
+        (Types::Gabor, Metric::Gabor),
+        (Types::Measured, Metric::Gabor),
+        (Types::Round, Metric::Gabor),
+        (Types::Measured, Metric::Rms),
+    ] {
+        let output = folder.path().join("grid.df");
+        let points = Options { types, metric, colours: false };
+        build_as(&source, &output, &GridBuildOptions { points, ..GridBuildOptions::default() });
+        verify_grid(&output, &()).unwrap();
+        let file = GridFile::open(&output, ReadMethod::default()).unwrap();
+        assert_eq!(file.about().options, points);
+        let planes = file.planes().unwrap();
+        let hierarchy = file.hierarchy(&planes).unwrap();
+        let samples = Samples { dimensions: 2, shape: [width, height, 1], channels: vec![&planes[0]] };
+        let mut before = f32::INFINITY;
+        for share in [0.02, 0.08, 0.32, 0.7] {
+            let most = (share * (width * height) as f64) as usize;
+            let cut = hierarchy.cut_of_points(most);
+            let off = errors(&samples, &hierarchy.reconstruct(&samples, &cut));
+            assert!(cut.points <= most && off.rms < before, "{types:?} {metric:?} {share}: {} {}", cut.points, off.rms);
+            before = off.rms;
+        }
+        for most in [20.0, 2.0, 0.0] {
+            let (cut, drawn) = hierarchy.cut_within(&samples, most);
+            assert!(errors(&samples, &drawn).max <= most && cut.points <= width * height);
+        }
+        let directed: u64 = file.about().levels.iter().flat_map(|level| &level.types.directed).sum();
+        assert_eq!(directed > 0, types != Types::Round);
+        // In memory the same hierarchy.
+        let built = Hierarchy::build(&samples, &points);
+        for (own, read) in built.levels.iter().zip(&hierarchy.levels) {
+            assert!(own.set == read.set && own.soft == read.soft && own.laid == read.laid);
+        }
     }
 }

@@ -14,6 +14,7 @@ mod flow_region;
 mod flow_regions;
 mod flow_sums;
 pub mod grid;
+mod grid_shelf;
 mod in_order;
 mod left_out;
 mod matching;

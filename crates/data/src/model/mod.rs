@@ -6,6 +6,7 @@ pub mod clock;
 pub mod cosmology;
 pub mod covariance;
 pub mod family_name;
+pub mod fft;
 pub mod grid;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]

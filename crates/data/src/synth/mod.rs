@@ -1,16 +1,17 @@
-//! Seeded synthetic snapshots of any size, for benchmarks and tests.
+//! Seeded synthetic snapshots, images and volumes of any size, for benchmarks and tests.
 //!
-//! Every particle follows from the seed and its index alone, by integer arithmetic, the four basic operations and
+//! Every particle and every sample follows from the seed and its index alone, by integer arithmetic, the four basic operations and
 //! square roots, which IEEE 754 defines to the last bit, and by functions of the crate `libm`, which are made of these:
 //! the same bytes on any machine, for any number of threads.
 
 pub mod cloud;
 pub mod clusters;
 pub mod cosmology;
-pub mod fft;
 pub mod filaments;
 pub mod files;
 pub mod gadget;
+pub mod grid_files;
+pub mod grids;
 pub mod merger;
 pub mod moving;
 pub mod random;

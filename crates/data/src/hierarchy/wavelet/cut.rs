@@ -6,16 +6,14 @@
 //! refined) and once from its set to its large point (below [`Level::direct`] it is its set), so two numbers a node give the cut of every
 //! budget, and of every price, without a search.
 
-use super::error::Metric;
 use super::grid::{children, factors, for_each_place, index, place, volume};
-use super::pyramid::Means;
 use super::sets::{NONE, Set};
 use super::tree::{Hierarchy, Level};
 use rayon::prelude::*;
 
 /// A change of the best cut of a subtree at a price: so many points less, so much error more.
 #[derive(Clone, Copy, Debug)]
-struct Event {
+pub(super) struct Event {
     price: f32,
     fewer: f64,
     error: f64,
@@ -24,23 +22,20 @@ struct Event {
 /// Events of a subtree beyond which those of nearly the same price become one.
 const MANY: usize = 1024;
 
-/// Finds the prices of all nodes.
-pub(super) fn prices(hierarchy: &mut Hierarchy, pyramids: &[Vec<Means>], metric: Metric) {
+/// Finds the prices of all nodes, from the events of the nodes below the first level; none where these are samples. Errors are the
+/// variation of each level's nodes where it is given. The events of the last level's nodes.
+pub(super) fn prices(hierarchy: &mut Hierarchy, variation: &[Vec<f32>], mut below: Vec<Vec<Event>>) -> Vec<Vec<Event>> {
     let d = hierarchy.dimensions;
-    let weights = hierarchy.planes.weights.clone();
     let mut shape = hierarchy.shape;
-    let mut below: Vec<Vec<Event>> = Vec::new();
     for (own, level) in hierarchy.levels.iter_mut().enumerate() {
-        let variation =
-            |node: usize| pyramids.iter().zip(&weights).map(|(p, w)| w * p[own].variation[node]).sum::<f32>();
         let find = |at| {
             let node = index(level.shape, at);
-            let (large, set) = match metric {
-                Metric::Rms => (variation(node), variation(node)),
-                _ => (level.large_error[node], level.set_error[node]),
+            let (large, set) = match variation.get(own) {
+                Some(variation) => (variation[node], variation[node]),
+                None => (level.large_error[node], level.set_error[node]),
             };
             let mut events: Vec<Event> = Vec::new();
-            if own > 0 {
+            if !below.is_empty() {
                 children(d, shape, at).for_each(|child| events.extend_from_slice(&below[child]));
                 events.sort_by(|a, b| a.price.total_cmp(&b.price));
             }
@@ -57,6 +52,7 @@ pub(super) fn prices(hierarchy: &mut Hierarchy, pyramids: &[Vec<Means>], metric:
         below = found.into_par_iter().map(|f| f.1).collect();
         shape = level.shape;
     }
+    below
 }
 
 /// The prices of a node from its children's events, to which its own are added; `samples` is what it has refined for nothing.

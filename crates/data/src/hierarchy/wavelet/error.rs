@@ -8,6 +8,8 @@ pub enum Types {
     Measured,
     /// One large point or samples: the hierarchy of Laur and Hanrahan.
     Round,
+    /// By its coefficients of directed filters, as published: a direction counts where its own is large, and none but its neighbours' are.
+    Gabor,
 }
 
 /// What counts as a node's error (WM03 section 4.4).
@@ -18,6 +20,15 @@ pub enum Metric {
     Residual,
     /// ii: the variation of the samples, whatever is drawn.
     Rms,
+    /// i: the largest coefficient of directed filters of what is not drawn: of the nodes below and, but for a directed set, of the node.
+    Gabor,
+}
+
+impl Options {
+    /// Whether coefficients of directed filters are needed.
+    pub(super) fn needs_coefficients(&self) -> bool {
+        self.types == Types::Gabor || self.metric == Metric::Gabor
+    }
 }
 
 /// How images and volumes are taken apart.

@@ -3,45 +3,51 @@
 //! Where all nodes of a level are drawn as one large point each, and each point reaches to the middles of its neighbours with a weight
 //! that falls linearly, the level is a spline of first degree. Its values of least error solve `T V = U^T s`, where `U` spreads values
 //! to cells and `T = U^T U` couples neighbours only: per axis a filter with three taps, whose inverse falls by 0.27 from node to node. It is
-//! cut off after [`REACH`] nodes, so a value depends on samples up to that far away and on no others.
+//! cut off after [`REACH`] nodes, so a value depends on samples up to that far away and on no others: bricks are built one by one, and
+//! each finds what it would have found in the whole grid.
 
-use super::grid::{Shape, for_each_place, index, volume};
+use super::bricks::Part;
+use super::grid::{Shape, for_each_place};
+use std::ops::Range;
 
 /// How many nodes away a node's value still depends on samples.
-pub const REACH: usize = 7;
+pub(super) const REACH: usize = 7;
 
-/// A filter along an axis: output `i` is the sum of `taps[j]` times input `i * stride + j - before`, mirrored at the ends of `whole` inputs and
-/// clamped to those that are there.
+/// A filter along an axis: output `i` is the sum of `taps[j]` times input `i * stride + j - before`, mirrored at the ends of `stride` times
+/// `outputs` inputs and clamped to the `inputs` that there are, both in the whole level.
 struct Filter {
     taps: Vec<f32>,
     stride: usize,
     before: usize,
+    outputs: usize,
+    inputs: usize,
 }
 
-fn along(values: &[f32], shape: Shape, axis: usize, outputs: usize, filter: &Filter) -> (Vec<f32>, Shape) {
-    let step: usize = shape[..axis].iter().product();
-    let (present, whole) = (shape[axis], (outputs * filter.stride) as isize);
-    let mut to = shape;
-    to[axis] = outputs;
+/// The outputs `to` from the values in a box that has all their inputs.
+fn along(values: &[f32], part: &Part, axis: usize, to: Range<usize>, filter: &Filter) -> (Vec<f32>, Part) {
+    let step: usize = part.shape[..axis].iter().product();
+    let whole = (filter.outputs * filter.stride) as isize;
+    let mut out = *part;
+    (out.min[axis], out.shape[axis]) = (to.start, to.len());
     // Where each output's inputs lie, once for all lines.
-    let inputs: Vec<u32> = (0..outputs)
+    let inputs: Vec<u32> = to
         .flat_map(|i| (0..filter.taps.len()).map(move |j| (i * filter.stride + j) as isize - filter.before as isize))
         .map(|at| {
             let period = 2 * whole;
             let folded = at.rem_euclid(period);
             let folded = if folded >= whole { period - 1 - folded } else { folded };
-            ((folded as usize).min(present - 1) * step) as u32
+            (((folded as usize).min(filter.inputs - 1) - part.min[axis]) * step) as u32
         })
         .collect();
     let taps = filter.taps.len();
-    let out = for_each_place(to, |at| {
+    let values = for_each_place(out.shape, |at| {
         let mut from = at;
         from[axis] = 0;
-        let base = index(shape, from);
+        let base = super::grid::index(part.shape, from);
         let inputs = &inputs[at[axis] * taps..(at[axis] + 1) * taps];
         inputs.iter().zip(&filter.taps).map(|(&i, t)| t * values[base + i as usize]).sum::<f32>()
     });
-    (out, to)
+    (values, out)
 }
 
 /// The weights of a point at the cells around it: it reaches from its node's middle one extent to each side, `side` cells a node.
@@ -65,18 +71,48 @@ fn inverse(side: usize) -> Vec<f32> {
     raw.into_iter().map(|v| (v / sum) as f32).collect()
 }
 
-/// The values of least squares of a level whose nodes have `side` cells along each axis; `cells` are the cells' means.
-pub fn overlapping(dimensions: usize, cells: &[f32], shape: Shape, nodes: Shape, side: usize) -> Vec<f32> {
-    let mut values = cells.to_vec();
-    let mut at = shape;
-    for (axis, &count) in nodes.iter().enumerate().take(dimensions) {
-        let filter = Filter { taps: tent(side), stride: side, before: side / 2 };
-        (values, at) = along(&values, at, axis, count, &filter);
+/// The cells that [`tents`] of the nodes in a box needs, of a level of cells of the shape `of`.
+pub(super) fn cells_of_tents(dimensions: usize, nodes: &Part, side: usize, of: Shape) -> Part {
+    let end = nodes.end();
+    let before = side / 2;
+    let first: Shape =
+        std::array::from_fn(|k| if k < dimensions { (nodes.min[k] * side).saturating_sub(before) } else { 0 });
+    let last: Shape = std::array::from_fn(|k| if k < dimensions { (end[k] * side + before).min(of[k]) } else { of[k] });
+    Part { min: first, shape: std::array::from_fn(|k| last[k] - first[k]) }
+}
+
+/// `U^T s` of the nodes in a box of a level of the shape `of`, with `side` cells a node along each axis: from means of cells in a box of
+/// a level of the shape `cells_of`.
+pub(super) fn tents(
+    dimensions: usize,
+    (cells, cells_part, cells_of): (&[f32], &Part, Shape),
+    (nodes, of): (&Part, Shape),
+    side: usize,
+) -> Vec<f32> {
+    let (mut values, mut part) = (Vec::new(), *cells_part);
+    let end = nodes.end();
+    for axis in 0..dimensions {
+        let (taps, before) = (tent(side), side / 2);
+        let filter = Filter { taps, stride: side, before, outputs: of[axis], inputs: cells_of[axis] };
+        let from = if axis == 0 { cells } else { &values };
+        (values, part) = along(from, &part, axis, nodes.min[axis]..end[axis], &filter);
     }
-    for (axis, &count) in nodes.iter().enumerate().take(dimensions) {
-        let filter = Filter { taps: inverse(side), stride: 1, before: REACH };
-        (values, at) = along(&values, at, axis, count, &filter);
+    values
+}
+
+/// The values of least squares of the nodes in a box of a level of the shape `of`, from tents in a box that is [`REACH`] wider.
+pub(super) fn splines(
+    dimensions: usize,
+    (tents, tents_part): (&[f32], &Part),
+    (nodes, of): (&Part, Shape),
+    side: usize,
+) -> Vec<f32> {
+    let (mut values, mut part) = (Vec::new(), *tents_part);
+    let end = nodes.end();
+    for axis in 0..dimensions {
+        let filter = Filter { taps: inverse(side), stride: 1, before: REACH, outputs: of[axis], inputs: of[axis] };
+        let from = if axis == 0 { tents } else { &values };
+        (values, part) = along(from, &part, axis, nodes.min[axis]..end[axis], &filter);
     }
-    debug_assert_eq!(volume(at), values.len());
     values
 }

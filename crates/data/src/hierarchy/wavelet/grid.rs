@@ -38,12 +38,6 @@ pub(super) fn factors(dimensions: usize) -> Shape {
     if dimensions == 2 { [2, 2, 1] } else { [2, 2, 2] }
 }
 
-/// The shape of the next coarser level.
-pub(super) fn coarser(dimensions: usize, shape: Shape) -> Shape {
-    let by = factors(dimensions);
-    std::array::from_fn(|k| shape[k].div_ceil(by[k]))
-}
-
 /// The place of an index.
 #[inline]
 pub(super) fn place(shape: Shape, index: usize) -> Shape {
@@ -58,17 +52,31 @@ pub(super) fn index(shape: Shape, at: Shape) -> usize {
 
 /// The children of a node that exist, by their places at the finer level.
 #[inline]
-pub(super) fn children(dimensions: usize, finer: Shape, at: Shape) -> impl Iterator<Item = usize> {
+pub(super) fn children_in(dimensions: usize, finer: Shape, at: Shape) -> impl Iterator<Item = Shape> {
     let by = factors(dimensions);
     let first: Shape = std::array::from_fn(|k| at[k] * by[k]);
     let end: Shape = std::array::from_fn(|k| (first[k] + by[k]).min(finer[k]));
-    (first[2]..end[2]).flat_map(move |z| {
-        (first[1]..end[1]).flat_map(move |y| (first[0]..end[0]).map(move |x| index(finer, [x, y, z])))
-    })
+    (first[2]..end[2])
+        .flat_map(move |z| (first[1]..end[1]).flat_map(move |y| (first[0]..end[0]).map(move |x| [x, y, z])))
+}
+
+/// The same by their indices.
+#[inline]
+pub(super) fn children(dimensions: usize, finer: Shape, at: Shape) -> impl Iterator<Item = usize> {
+    children_in(dimensions, finer, at).map(move |child| index(finer, child))
 }
 
 /// Computes something for every place, in order, rows in parallel.
 pub(super) fn for_each_place<T: Send>(shape: Shape, compute: impl Fn(Shape) -> T + Sync) -> Vec<T> {
+    for_each_place_with(shape, || (), |(), at| compute(at))
+}
+
+/// The same with something that is made once for many places.
+pub(super) fn for_each_place_with<T: Send, W>(
+    shape: Shape,
+    make: impl Fn() -> W + Sync,
+    compute: impl Fn(&mut W, Shape) -> T + Sync,
+) -> Vec<T> {
     let row = shape[0].max(1);
     let rows = shape[1] * shape[2];
     // Short rows together: the result is the same.
@@ -78,8 +86,9 @@ pub(super) fn for_each_place<T: Send>(shape: Shape, compute: impl Fn(Shape) -> T
         .map(|part| {
             let rows = part * together..((part + 1) * together).min(rows);
             let mut values = Vec::with_capacity(rows.len() * row);
+            let mut with = make();
             for r in rows {
-                values.extend((0..shape[0]).map(|x| compute([x, r % shape[1], r / shape[1]])));
+                values.extend((0..shape[0]).map(|x| compute(&mut with, [x, r % shape[1], r / shape[1]])));
             }
             values
         })

@@ -1,5 +1,6 @@
 //! What nodes are: one large point, samples, or directed, each by the set that its own error chose.
 
+use super::grid::{children, for_each_place, index};
 use super::sets::{Set, directions};
 use super::tree::{Hierarchy, Level};
 use rayon::prelude::*;
@@ -86,23 +87,50 @@ impl Hierarchy {
                     }
                     all
                 })
-                .reduce(none, |a, b| LevelKinds {
-                    nodes: a.nodes + b.nodes,
-                    points: a.points + b.points,
-                    large: a.large + b.large,
-                    samples: a.samples + b.samples,
-                    directed: a.directed.iter().zip(&b.directed).map(|(a, b)| a + b).collect(),
+                .reduce(none, |mut a, b| {
+                    a += &b;
+                    a
                 })
         };
         self.levels.iter().map(of).collect()
     }
 
-    /// Whether nothing is spared at half a step of 8 bits: noise, of which nearly all points are leaves.
-    pub fn is_noise(&self) -> bool {
-        let Some(finest) = self.levels.first() else { return false };
-        let samples: f64 = finest.samples.iter().map(|&n| f64::from(n)).sum();
-        let good = self.tolerance().sqrt() / self.planes.weights.iter().sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
-        let cut = self.cut_by_maximum(good);
-        samples > 1.0 && (samples - cut.points as f64) < SPARES * samples
+    /// The difference that is good enough.
+    pub(super) fn good_enough(&self) -> f32 {
+        self.tolerance().sqrt() / self.planes.weights.iter().sum::<f32>().sqrt().max(f32::MIN_POSITIVE)
+    }
+
+    /// How many points the nodes of the last level have in the cut by measured largest differences; `below` are those of the nodes below
+    /// the first level, where these are no samples.
+    pub(super) fn points_within(&self, most: f32, mut below: Option<Vec<usize>>) -> Vec<usize> {
+        let mut finer = self.shape;
+        for level in &self.levels {
+            let points = for_each_place(level.shape, |at| {
+                let node = index(level.shape, at);
+                match &below {
+                    _ if level.samples[node] == 0 => 0,
+                    _ if level.large_max[node] <= most => 1,
+                    _ if level.set_max[node] <= most => {
+                        Set::of(self.dimensions, level.set[node]).map_or(1, |set| set.points)
+                    }
+                    Some(below) => children(self.dimensions, finer, at).map(|child| below[child]).sum(),
+                    None => level.samples[node] as usize,
+                }
+            });
+            below = Some(points);
+            finer = level.shape;
+        }
+        below.unwrap_or_default()
+    }
+}
+
+impl std::ops::AddAssign<&LevelKinds> for LevelKinds {
+    fn add_assign(&mut self, other: &LevelKinds) {
+        self.nodes += other.nodes;
+        self.points += other.points;
+        self.large += other.large;
+        self.samples += other.samples;
+        self.directed.resize(self.directed.len().max(other.directed.len()), 0);
+        self.directed.iter_mut().zip(&other.directed).for_each(|(own, other)| *own += other);
     }
 }

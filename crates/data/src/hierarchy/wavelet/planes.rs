@@ -1,8 +1,11 @@
 //! What is measured: channels without holes, colours as lightness and two differences.
 
-use super::grid::{Samples, Shape, children, for_each_place};
-use super::pyramid::shapes;
+use super::bricks::{Bricks, Part};
+use super::feed::Feed;
+use super::grid::Samples;
+use super::holes::{Filling, holes};
 use rayon::prelude::*;
+use std::convert::Infallible;
 
 /// How much a difference of colour counts against one of lightness, squared.
 const COLOUR: f32 = 0.15;
@@ -23,40 +26,93 @@ pub struct Planes {
     pub holes: Vec<bool>,
 }
 
+/// What turns channels into planes.
+#[derive(Clone, Debug)]
+pub(super) struct Rules {
+    /// Whether the first three channels are red, green and blue.
+    pub colours: bool,
+    /// What stands in holes, where there are any.
+    pub filling: Option<Filling>,
+}
+
+impl Rules {
+    /// The rules for channels of which the first may be colours. Reads all samples where some may be holes.
+    pub fn new<F: Feed>(feed: &F, bricks: Bricks, colours: bool, at_once: usize) -> Result<Rules, F::Error> {
+        let count = feed.channels();
+        let filling = if feed.may_have_holes() { Filling::survey(feed, bricks, at_once)? } else { None };
+        Ok(Rules { colours: colours && (count == 3 || count == 4), filling })
+    }
+
+    /// The planes' values in a box, and where holes are; no mask where the grid has none.
+    pub fn read<F: Feed>(&self, feed: &F, part: &Part) -> Result<(Vec<Vec<f32>>, Vec<bool>), F::Error> {
+        let Some(filling) = &self.filling else {
+            let mut channels = feed.read(part)?;
+            self.turn(&mut channels);
+            return Ok((channels, Vec::new()));
+        };
+        let aligned = filling.aligned(part);
+        let mut channels = feed.read(&aligned)?;
+        let holes = holes(&channels);
+        filling.fill(&aligned, &mut channels, &holes);
+        self.turn(&mut channels);
+        let values = channels.iter().map(|channel| within(channel, &aligned, part)).collect();
+        Ok((values, within(&holes, &aligned, part)))
+    }
+
+    /// Channels as planes.
+    fn turn(&self, values: &mut [Vec<f32>]) {
+        if let (true, [red, green, blue, ..]) = (self.colours, values) {
+            red.par_iter_mut().zip(green).zip(blue).for_each(|((a, b), c)| {
+                let rgb = [*a, *b, *c];
+                [*a, *b, *c] = FROM_RGB.map(|row| (0..3).map(|k| row[k] * rgb[k]).sum());
+            });
+        }
+    }
+
+    /// How much the square of a difference counts in planes with these ranges.
+    pub fn weights(&self, ranges: &[(f32, f32)]) -> Vec<f32> {
+        let by_range = |(low, high): &(f32, f32)| {
+            let span = high - low;
+            if span > 0.0 && span.is_finite() { 1.0 / (span * span) } else { 0.0 }
+        };
+        match ranges.len() {
+            count if self.colours => (0..count).map(|k| if k == 1 || k == 2 { COLOUR } else { 1.0 }).collect(),
+            // Channels of any units: each counts by its range.
+            2.. => ranges.iter().map(by_range).collect(),
+            _ => vec![1.0; ranges.len()],
+        }
+    }
+}
+
+/// What a box has in a box within it.
+fn within<T: Copy>(values: &[T], from: &Part, part: &Part) -> Vec<T> {
+    let mut out = Vec::with_capacity(part.len());
+    let end = part.end();
+    for z in part.min[2]..end[2] {
+        for y in part.min[1]..end[1] {
+            let row = from.index([part.min[0], y, z]);
+            out.extend_from_slice(&values[row..row + part.shape[0]]);
+        }
+    }
+    out
+}
+
 impl Planes {
     /// The planes of samples.
     pub fn new(samples: &Samples, colours: bool) -> Planes {
-        let count = samples.channels.len();
-        let colours = colours && (count == 3 || count == 4);
-        let holes: Vec<bool> = (0..samples.len())
-            .into_par_iter()
-            .map(|i| samples.channels.iter().any(|channel| !channel[i].is_finite()))
-            .collect();
-        let any = holes.par_iter().any(|&hole| hole);
-        let mut values: Vec<Vec<f32>> = samples.channels.iter().map(|channel| channel.to_vec()).collect();
-        if any {
-            values.iter_mut().for_each(|plane| filled(samples, plane, &holes));
-        }
-        let mut weights = vec![1.0; count];
-        if colours {
-            let rgb: Vec<[f32; 3]> = (0..samples.len())
-                .into_par_iter()
-                .map(|i| FROM_RGB.map(|row| (0..3).map(|c| row[c] * values[c][i]).sum()))
-                .collect();
-            for (c, plane) in values.iter_mut().take(3).enumerate() {
-                plane.par_iter_mut().zip(&rgb).for_each(|(v, rgb)| *v = rgb[c]);
-            }
-            weights[1] = COLOUR;
-            weights[2] = COLOUR;
-        } else if count > 1 {
-            // Channels of any units: each counts by its range.
-            for (plane, weight) in values.iter().zip(&mut weights) {
-                let (low, high) = range(plane);
-                let span = high - low;
-                *weight = if span > 0.0 && span.is_finite() { 1.0 / (span * span) } else { 0.0 };
-            }
-        }
-        Planes { values, weights, colours, holes: if any { holes } else { Vec::new() } }
+        let bricks = Bricks { dimensions: samples.dimensions, shape: samples.shape };
+        let all = Part::whole(samples.shape);
+        let read = || -> Result<(Rules, (Vec<Vec<f32>>, Vec<bool>)), Infallible> {
+            let rules = Rules::new(samples, bricks, colours, bricks.len())?;
+            let read = rules.read(samples, &all)?;
+            Ok((rules, read))
+        };
+        let (rules, (values, holes)) = match read() {
+            Ok(read) => read,
+            Err(never) => match never {},
+        };
+        let ranges: Vec<(f32, f32)> = values.iter().map(|plane| range(plane)).collect();
+        Planes { weights: rules.weights(&ranges), values, colours: rules.colours, holes }
     }
 
     /// A place's channels from its planes, in place.
@@ -75,33 +131,4 @@ pub(super) fn range(values: &[f32]) -> (f32, f32) {
         .par_iter()
         .fold(|| (f32::INFINITY, f32::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
         .reduce(|| (f32::INFINITY, f32::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)))
-}
-
-/// Fills holes with the mean of the smallest node around them that has samples.
-fn filled(samples: &Samples, plane: &mut [f32], holes: &[bool]) {
-    let shapes = shapes(samples.dimensions, samples.shape);
-    // Sum and number of what there is.
-    let mut levels: Vec<Vec<(f64, f64)>> =
-        vec![plane.iter().zip(holes).map(|(&v, &hole)| if hole { (0.0, 0.0) } else { (f64::from(v), 1.0) }).collect()];
-    for level in 1..shapes.len() {
-        let below = &levels[level - 1];
-        let sums = for_each_place(shapes[level], |at| {
-            children(samples.dimensions, shapes[level - 1], at)
-                .fold((0.0, 0.0), |(sum, number), child| (sum + below[child].0, number + below[child].1))
-        });
-        levels.push(sums);
-    }
-    let by: Shape = super::grid::factors(samples.dimensions);
-    plane.par_iter_mut().enumerate().filter(|(i, _)| holes[*i]).for_each(|(i, v)| {
-        let mut at = super::grid::place(samples.shape, i);
-        *v = 0.0;
-        for level in 1..shapes.len() {
-            at = std::array::from_fn(|k| at[k] / by[k]);
-            let (sum, number) = levels[level][super::grid::index(shapes[level], at)];
-            if number > 0.0 {
-                *v = (sum / number) as f32;
-                break;
-            }
-        }
-    });
 }

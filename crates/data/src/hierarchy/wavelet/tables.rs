@@ -78,6 +78,12 @@ impl Table {
         }
         table
     }
+
+    /// The entry of the set that a byte tells; `None` where it tells none, or these nodes have too few cells for it.
+    pub fn of_code(&self, code: u8) -> Option<usize> {
+        let range = self.of_direction.get(Set::direction_of(code)?)?.clone();
+        range.into_iter().find(|&entry| self.entries[entry].code == code)
+    }
 }
 
 impl Entry {

@@ -114,10 +114,12 @@ pub(super) fn encode(about: &GridAbout) -> Vec<u8> {
     out.u8(match about.options.types {
         Types::Measured => 0,
         Types::Round => 1,
+        Types::Gabor => 2,
     });
     out.u8(match about.options.metric {
         Metric::Residual => 0,
         Metric::Rms => 1,
+        Metric::Gabor => 2,
     });
     out.u8(about.options.colours.into());
     out.u32(about.ranges.len() as u32);
@@ -192,12 +194,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<GridAbout, Damage> {
     let types = match input.u8("how sets are chosen")? {
         0 => Types::Measured,
         1 => Types::Round,
-        other => return Err(wrong(format!("sets chosen as 0 or 1 says, found {other}"))),
+        2 => Types::Gabor,
+        other => return Err(wrong(format!("sets chosen as 0, 1 or 2 says, found {other}"))),
     };
     let metric = match input.u8("what errors are")? {
         0 => Metric::Residual,
         1 => Metric::Rms,
-        other => return Err(wrong(format!("errors as 0 or 1 says, found {other}"))),
+        2 => Metric::Gabor,
+        other => return Err(wrong(format!("errors as 0, 1 or 2 says, found {other}"))),
     };
     let options = Options { types, metric, colours: flag(input, "colours")? };
     let ranges = (0..input.count(8, "ranges")?)

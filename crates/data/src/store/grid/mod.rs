@@ -3,14 +3,14 @@
 //! Its specification is `docs/page-file.md`, "Grids".
 
 mod about;
-mod bricks;
 mod columns;
+mod nodes;
 mod verify;
 mod writer;
 
 pub use about::{ChannelStatistics, GridAbout, LevelTypes, WaveletLevel};
 pub use verify::{VerifiedGrid, verify_grid};
-pub use writer::{GridFileWriter, rounded};
+pub use writer::{BrickCode, CodedBrick, GridFileWriter, rounded};
 
 use super::container::{Container, FileKind};
 use super::disk::{Disk, LocalFile};
@@ -18,11 +18,8 @@ use super::error::{Damage, StoreError};
 use super::layout::GRID_MAGIC;
 use super::page::PageId;
 use crate::codec::samples::{self, Words};
-use crate::hierarchy::wavelet::sets::MOST;
-use crate::hierarchy::wavelet::{Hierarchy, Level, Planes, Samples};
+use crate::hierarchy::wavelet::{Bricks, Part};
 use crate::model::{ReadMethod, Region, SampleType};
-use bricks::{Bricks, Part};
-use columns::{Columns, value_code};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -171,104 +168,6 @@ impl GridFile {
         let mut samples = vec![0; bytes];
         self.read(&whole, &mut samples)?;
         Ok(planes_of(grid.sample_type, grid.channels.len(), &samples))
-    }
-
-    /// The hierarchy over its samples, which are these planes.
-    ///
-    /// # Errors
-    /// [`StoreError`] where a page is damaged.
-    pub fn hierarchy(&self, planes: &[Vec<f32>]) -> Result<Hierarchy, StoreError> {
-        let (bricks, about) = (self.bricks, &self.about);
-        let channels = planes.iter().map(Vec::as_slice).collect();
-        let samples = Samples { dimensions: bricks.dimensions, shape: bricks.shape, channels };
-        let mut hierarchy = Hierarchy {
-            dimensions: bricks.dimensions,
-            shape: bricks.shape,
-            planes: Planes::new(&samples, about.options.colours),
-            levels: (1..=bricks.all_levels()).map(|level| empty(bricks, level, planes.len())).collect(),
-            types: about.options.types,
-            ranges: about.ranges.clone(),
-        };
-        for brick in 0..bricks.len() {
-            self.nodes(PageId(2 * brick as u32), Some(brick), &mut hierarchy)?;
-        }
-        if bricks.all_levels() > bricks.levels() {
-            self.nodes(PageId(2 * bricks.len() as u32), None, &mut hierarchy)?;
-        }
-        Ok(hierarchy)
-    }
-
-    /// Reads a page of nodes: those of a brick, or those above all of them.
-    fn nodes(&self, page: PageId, brick: Option<usize>, hierarchy: &mut Hierarchy) -> Result<(), StoreError> {
-        let bytes = self.page(page)?;
-        let low = lows(&self.about);
-        let columns = columns_of(&self.about, &low);
-        let mut at = 0;
-        for (level, part) in parts(self.bricks, brick) {
-            let Some(own) = hierarchy.levels.get_mut(level - 1) else { continue };
-            let nodes = part.indices(own.shape);
-            let rest = bytes.get(at..).unwrap_or_default();
-            let taken = columns.decode(rest, &nodes, part.shape, own);
-            at += taken.ok_or_else(|| self.damaged(page, &format!("nodes of level {level}")))?;
-        }
-        self.check_end(page, &bytes, at)
-    }
-}
-
-/// The levels that a page of nodes has, the coarsest first, and which nodes of each.
-fn parts(bricks: Bricks, brick: Option<usize>) -> impl Iterator<Item = (usize, Part)> {
-    let all = bricks.all_levels();
-    let levels = match brick {
-        Some(_) => 1..=bricks.levels().min(all),
-        None => bricks.levels() + 1..=all,
-    };
-    levels.rev().map(move |level| match brick {
-        Some(brick) => (level, bricks.part(brick, level)),
-        None => (level, Part { min: [0; 3], shape: bricks.level_shape(level) }),
-    })
-}
-
-/// The smallest value of each plane.
-fn lows(about: &GridAbout) -> Vec<f32> {
-    about.ranges.iter().map(|(low, _)| *low).collect()
-}
-
-fn columns_of<'a>(about: &GridAbout, low: &'a [f32]) -> Columns<'a> {
-    let sample_type = about.grid.sample_type;
-    Columns {
-        dimensions: about.grid.dimensions,
-        values: value_code(sample_type.size(), sample_type.is_float()),
-        low,
-        has_holes: about.has_holes,
-    }
-}
-
-/// A level of nodes that nothing is known of, with as many samples as each has place for.
-fn empty(bricks: Bricks, level: usize, planes: usize) -> Level {
-    let shape = bricks.level_shape(level);
-    let nodes: usize = shape.iter().product();
-    let samples = |node: usize| -> u32 {
-        let at = [node % shape[0], node / shape[0] % shape[1], node / (shape[0] * shape[1])];
-        let side = |axis: usize| match axis < bricks.dimensions {
-            true => (bricks.shape[axis] - (at[axis] << level)).min(1 << level) as u32,
-            false => 1,
-        };
-        (0..3).map(side).fold(1u32, u32::saturating_mul)
-    };
-    Level {
-        shape,
-        large: vec![vec![0.0; nodes]; planes],
-        soft: vec![false; nodes],
-        laid: vec![false; nodes],
-        set: vec![0; nodes],
-        points: vec![vec![[0.0; MOST]; nodes]; planes],
-        large_error: vec![0.0; nodes],
-        set_error: vec![f32::INFINITY; nodes],
-        large_max: vec![0.0; nodes],
-        set_max: vec![f32::INFINITY; nodes],
-        samples: (0..nodes).map(samples).collect(),
-        refine: vec![0.0; nodes],
-        direct: vec![0.0; nodes],
     }
 }
 

@@ -6,6 +6,7 @@ use super::super::page::PageId;
 use super::GridFile;
 use crate::model::ReadMethod;
 use crate::model::progress::Progress;
+use rayon::prelude::*;
 use std::path::Path;
 
 /// What was verified.
@@ -35,12 +36,19 @@ pub fn verify_grid(path: &Path, progress: &dyn Progress) -> Result<VerifiedGrid,
         file.container.check_zeros(Some(PageId(page)))?;
         progress.advance(1);
     }
-    let planes = file.planes()?;
-    let hierarchy = file.hierarchy(&planes)?;
+    // Brick by brick: a file may hold more than memory does.
+    let bricks: Vec<usize> = (0..file.pages_of_nodes()).collect();
+    let of_brick = |&number: &usize| -> Result<u64, StoreError> {
+        if number < file.bricks.len() {
+            file.samples(number, &file.bricks.part(number, 0))?;
+        }
+        Ok(file.nodes(number)?.iter().map(|nodes| nodes.part.len() as u64).sum())
+    };
+    let nodes: Vec<u64> = bricks.par_iter().map(of_brick).collect::<Result<_, _>>()?;
     Ok(VerifiedGrid {
         bytes: file.bytes(),
         pages,
-        nodes: hierarchy.levels.iter().map(|level| level.set.len() as u64).sum(),
+        nodes: nodes.iter().sum(),
         samples: file.about.grid.shape.iter().product(),
     })
 }

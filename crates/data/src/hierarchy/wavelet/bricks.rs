@@ -1,6 +1,6 @@
-//! How a grid is cut into bricks, each of which has a page of its nodes and one of its samples; and a page for the nodes above them.
+//! How a grid is cut into bricks, which are built, written and read one by one; and boxes of nodes or samples.
 
-use crate::hierarchy::wavelet::{Hierarchy, Shape};
+use super::grid::{Shape, index};
 
 /// Samples along a brick's edge, as a power of two, of images and volumes: the levels of nodes that a brick has.
 const LEVELS: [usize; 2] = [9, 6];
@@ -15,7 +15,7 @@ pub struct Bricks {
 }
 
 /// Nodes of a level, or samples, in a box.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Part {
     /// The first.
     pub min: Shape,
@@ -24,6 +24,63 @@ pub struct Part {
 }
 
 impl Part {
+    /// All of a level of this shape.
+    pub fn whole(of: Shape) -> Part {
+        Part { min: [0; 3], shape: of }
+    }
+
+    /// The first place along each axis that is not in it any more.
+    pub fn end(&self) -> Shape {
+        std::array::from_fn(|k| self.min[k] + self.shape[k])
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The index within it of a place of the level.
+    #[inline]
+    pub fn index(&self, at: Shape) -> usize {
+        index(self.shape, [at[0] - self.min[0], at[1] - self.min[1], at[2] - self.min[2]])
+    }
+
+    /// The place of the level that an index within it is.
+    #[inline]
+    pub fn place(&self, index: usize) -> Shape {
+        let at = super::grid::place(self.shape, index);
+        std::array::from_fn(|k| self.min[k] + at[k])
+    }
+
+    /// The box with so many places more on each side along the first axes, as far as a level of this shape has them.
+    pub fn wider(&self, by: usize, dimensions: usize, of: Shape) -> Part {
+        let end = self.end();
+        let min: Shape = std::array::from_fn(|k| if k < dimensions { self.min[k].saturating_sub(by) } else { 0 });
+        let end: Shape = std::array::from_fn(|k| if k < dimensions { (end[k] + by).min(of[k]) } else { of[k] });
+        Part { min, shape: std::array::from_fn(|k| end[k] - min[k]) }
+    }
+
+    /// The box of what so many levels further down lies below it, of a level of this shape.
+    pub fn below(&self, levels: usize, dimensions: usize, of: Shape) -> Part {
+        let end = self.end();
+        let min: Shape = std::array::from_fn(|k| if k < dimensions { self.min[k] << levels } else { 0 });
+        let end: Shape = std::array::from_fn(|k| if k < dimensions { (end[k] << levels).min(of[k]) } else { of[k] });
+        Part { min, shape: std::array::from_fn(|k| end[k] - min[k]) }
+    }
+
+    /// The box of the nodes so many levels further up that have any of it below them.
+    pub fn above(&self, levels: usize, dimensions: usize) -> Part {
+        let end = self.end();
+        let min: Shape = std::array::from_fn(|k| if k < dimensions { self.min[k] >> levels } else { 0 });
+        let end: Shape = std::array::from_fn(|k| if k < dimensions { end[k].div_ceil(1 << levels) } else { 1 });
+        Part { min, shape: std::array::from_fn(|k| end[k] - min[k]) }
+    }
+
     /// The indices of a level of this shape, the first axis fastest.
     pub fn indices(&self, of: Shape) -> Vec<usize> {
         let Part { min, shape } = *self;
@@ -52,6 +109,11 @@ impl Bricks {
         self.counts().iter().product()
     }
 
+    /// Whether there are none, as of a grid without samples.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     /// Nodes of a level along each axis; of level 0 samples.
     pub fn level_shape(&self, level: usize) -> Shape {
         std::array::from_fn(|axis| if axis < self.dimensions { self.shape[axis].div_ceil(1 << level) } else { 1 })
@@ -71,14 +133,6 @@ impl Bricks {
             std::array::from_fn(|axis| if axis < self.dimensions { 1 << (self.levels() - level) } else { 1 });
         let min: Shape = std::array::from_fn(|axis| at[axis] * side[axis]);
         Part { min, shape: std::array::from_fn(|axis| (of[axis] - min[axis]).min(side[axis])) }
-    }
-
-    /// Whether a hierarchy is one of such a grid.
-    pub fn fits(&self, hierarchy: &Hierarchy) -> bool {
-        let levels = hierarchy.levels.iter().enumerate();
-        hierarchy.shape == self.shape
-            && hierarchy.levels.len() == self.all_levels()
-            && levels.into_iter().all(|(at, level)| level.shape == self.level_shape(at + 1))
     }
 }
 

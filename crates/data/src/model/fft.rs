@@ -1,4 +1,4 @@
-//! A Fourier transform of cubes with powers of two as edges, the same to the last bit on every machine: scalar
+//! A Fourier transform of squares and cubes with powers of two as edges, the same to the last bit on every machine: scalar
 //! arithmetic in a fixed order, with roots of unity from `libm` rather than from the platform.
 
 use rayon::prelude::*;
@@ -31,6 +31,70 @@ struct Lines {
     im: Vec<[f32; LANES]>,
 }
 
+/// What transforms of lines of a length need.
+struct Plan {
+    roots: Vec<[f32; 2]>,
+    reversed: Vec<usize>,
+}
+
+impl Plan {
+    fn new(size: usize, direction: Direction) -> Plan {
+        let sign = if direction == Direction::Forward { -1.0 } else { 1.0 };
+        let root = |k: usize| {
+            let angle = 2.0 * PI * k as f64 / size as f64;
+            [libm::cos(angle) as f32, (sign * libm::sin(angle)) as f32]
+        };
+        let bits = size.trailing_zeros();
+        let reversed = (0..size).map(|i| i.reverse_bits() >> (usize::BITS - bits)).collect();
+        Plan { roots: (0..size / 2).map(root).collect(), reversed }
+    }
+
+    fn lines(&self) -> Lines {
+        let size = self.reversed.len();
+        Lines { re: vec![[0.0; LANES]; size], im: vec![[0.0; LANES]; size] }
+    }
+
+    /// Transforms one slab: along its rows, then across them.
+    fn slab(&self, lines: &mut Lines, re: &mut [f32], im: &mut [f32]) {
+        let size = self.reversed.len();
+        along_rows(re, im, lines, &self.roots, &self.reversed);
+        let (mut re, mut im): (Vec<_>, Vec<_>) = (re.chunks_mut(size).collect(), im.chunks_mut(size).collect());
+        across_rows(&mut re, &mut im, lines, &self.roots, &self.reversed);
+    }
+}
+
+/// Transforms of squares or cubes of one size, many of them, each by one thread; neither direction divides by the number of cells.
+pub struct BoxTransform {
+    forward: Plan,
+    inverse: Plan,
+}
+
+impl BoxTransform {
+    /// For boxes with an edge of `size`, a power of two of at least 16.
+    ///
+    /// # Panics
+    /// When `size` is anything else.
+    pub fn new(size: usize) -> BoxTransform {
+        assert!(size.is_power_of_two() && size >= LANES, "an edge of {size}");
+        BoxTransform { forward: Plan::new(size, Direction::Forward), inverse: Plan::new(size, Direction::Inverse) }
+    }
+
+    /// Transforms a square or a cube in place.
+    pub fn apply(&self, direction: Direction, re: &mut [f32], im: &mut [f32]) {
+        let plan = if direction == Direction::Forward { &self.forward } else { &self.inverse };
+        let size = plan.reversed.len();
+        let slab = size * size;
+        let mut lines = plan.lines();
+        for (re, im) in re.chunks_exact_mut(slab).zip(im.chunks_exact_mut(slab)) {
+            plan.slab(&mut lines, re, im);
+        }
+        if re.len() > slab {
+            let (mut re, mut im): (Vec<_>, Vec<_>) = (re.chunks_mut(slab).collect(), im.chunks_mut(slab).collect());
+            across_rows(&mut re, &mut im, &mut lines, &plan.roots, &plan.reversed);
+        }
+    }
+}
+
 impl ComplexCube {
     /// A cube of zeros; `size` is a power of two of at least 16.
     ///
@@ -45,23 +109,10 @@ impl ComplexCube {
     /// Transforms in place; neither direction divides by the number of cells.
     pub fn transform(&mut self, direction: Direction) {
         let size = self.size;
-        let sign = if direction == Direction::Forward { -1.0 } else { 1.0 };
-        let roots: Vec<[f32; 2]> = (0..size / 2)
-            .map(|k| {
-                let angle = 2.0 * PI * k as f64 / size as f64;
-                [libm::cos(angle) as f32, (sign * libm::sin(angle)) as f32]
-            })
-            .collect();
-        let bits = size.trailing_zeros();
-        let reversed: Vec<usize> = (0..size).map(|i| i.reverse_bits() >> (usize::BITS - bits)).collect();
-        let lines = || Lines { re: vec![[0.0; LANES]; size], im: vec![[0.0; LANES]; size] };
+        let plan = Plan::new(size, direction);
         let slab = size * size;
         let slabs = self.re.par_chunks_mut(slab).zip(self.im.par_chunks_mut(slab));
-        slabs.for_each_init(lines, |lines, (re, im)| {
-            along_rows(re, im, lines, &roots, &reversed);
-            let (mut re, mut im): (Vec<_>, Vec<_>) = (re.chunks_mut(size).collect(), im.chunks_mut(size).collect());
-            across_rows(&mut re, &mut im, lines, &roots, &reversed);
-        });
+        slabs.for_each_init(|| plan.lines(), |lines, (re, im)| plan.slab(lines, re, im));
         // Rows of equal y, one of each slab, belong together.
         let mut by_y: Vec<(Vec<&mut [f32]>, Vec<&mut [f32]>)> =
             (0..size).map(|_| (Vec::with_capacity(size), Vec::with_capacity(size))).collect();
@@ -70,7 +121,8 @@ impl ComplexCube {
             rows.0.push(re);
             rows.1.push(im);
         }
-        by_y.par_iter_mut().for_each_init(lines, |lines, (re, im)| across_rows(re, im, lines, &roots, &reversed));
+        by_y.par_iter_mut()
+            .for_each_init(|| plan.lines(), |lines, (re, im)| across_rows(re, im, lines, &plan.roots, &plan.reversed));
     }
 }
 
@@ -94,7 +146,7 @@ fn along_rows(re: &mut [f32], im: &mut [f32], lines: &mut Lines, roots: &[[f32; 
     }
 }
 
-/// Transforms along the index of the rows.
+/// Transforms along the index of the rows, whose length is a multiple of the lanes.
 fn across_rows(
     re: &mut [&mut [f32]],
     im: &mut [&mut [f32]],
@@ -102,7 +154,8 @@ fn across_rows(
     roots: &[[f32; 2]],
     reversed: &[usize],
 ) {
-    for first in (0..reversed.len()).step_by(LANES) {
+    let length = re.first().map_or(0, |row| row.len());
+    for first in (0..length).step_by(LANES) {
         for (row, &to) in reversed.iter().enumerate() {
             lines.re[to].copy_from_slice(&re[row][first..first + LANES]);
             lines.im[to].copy_from_slice(&im[row][first..first + LANES]);
@@ -165,6 +218,25 @@ mod tests {
         }
         cube.transform(Direction::Inverse);
         assert!((cube.re[0] / 4096.0 - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn boxes_are_transformed_as_cubes_are() {
+        let size = 16;
+        let mut cube = ComplexCube::new(size);
+        let mut random = Random::new(1, 2);
+        cube.re.iter_mut().for_each(|value| *value = random.signed() as f32);
+        let (mut re, mut im) = (cube.re.clone(), cube.im.clone());
+        cube.transform(Direction::Forward);
+        let transform = BoxTransform::new(size);
+        transform.apply(Direction::Forward, &mut re, &mut im);
+        assert!(re == cube.re && im == cube.im);
+        // A square that is constant along y has the transform of its rows there, and nothing else.
+        let mut re: Vec<f32> = (0..size * size).map(|i| if i % size == 3 { 1.0 } else { 0.0 }).collect();
+        let mut im = vec![0.0; size * size];
+        transform.apply(Direction::Forward, &mut re, &mut im);
+        assert!(re[..size].iter().zip(&im).all(|(re, im)| (re.hypot(*im) - 16.0).abs() < 1e-4));
+        assert!(re[size..].iter().chain(&im[size..]).all(|value| value.abs() < 1e-4));
     }
 
     #[test]

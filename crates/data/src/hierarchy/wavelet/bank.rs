@@ -1,0 +1,173 @@
+//! The filters that tell how much of a frequency and a direction there is at a place (WM03 section 4.1): Gaussians in the frequency domain.
+//!
+//! Octave m has the frequencies from `2^-(m+1)` to `2^-m` cycles a sample. Its filters are centred at `omega_c = 2^-m - dw`, `dw = 2^(-m-2)`
+//! (equation 3), in the direction of each set of points: 4 in 2D and 13 in 3D, unit vectors to the faces, edges and corners of a
+//! cube. Along the direction a Gaussian falls to half its height at the octave's ends, where it meets those of the next octaves; across it
+//! at half of 45 degrees. Equations 2 and 4 turn the centre twice and give no width that follows the octave: here a
+//! filter's centre is `omega_c` times its direction. Since neither octaves nor directions are evenly spaced, the sum of all Gaussians is not
+//! constant, so each is divided by it: what a frequency holds is shared among the filters.
+//!
+//! On a pyramid each octave is found where it is the finest but for aliasing: at a level of samples `2^(m-1)` apart, where it has the
+//! frequencies from 1/4 to 1/2.
+
+use super::sets::{direction, directions};
+use std::f64::consts::LN_2;
+
+/// `omega_c` of the octave from 1/4 to 1/2, cycles a cell.
+pub const CENTRE: f64 = 0.375;
+/// `dw` of that octave.
+const HALF_WIDTH: f64 = 0.125;
+/// Octaves on each side that take part of what a frequency holds.
+const NEAR: i32 = 2;
+/// What is not worth a multiplication.
+const LEAST: f32 = 1e-4;
+
+/// The filters of the octave from 1/4 to 1/2 cycles a cell.
+#[derive(Clone, Debug)]
+pub struct Bank {
+    /// Unit vectors.
+    directions: Vec<[f64; 3]>,
+    /// How many octaves there are above this one.
+    finer: i32,
+}
+
+impl Bank {
+    /// The filters in so many dimensions of an octave below so many others.
+    pub fn new(dimensions: usize, finer: usize) -> Bank {
+        let directions = (0..directions(dimensions)).map(|n| unit(direction(dimensions, n))).collect();
+        Bank { directions, finer: (finer as i32).min(NEAR) }
+    }
+
+    /// The response of a filter to a frequency, cycles a cell: 0 to 1.
+    pub fn response(&self, filter: usize, frequency: [f64; 3]) -> f64 {
+        let own = gaussian(self.directions[filter], CENTRE, frequency);
+        if own < 1e-9 {
+            return 0.0;
+        }
+        let opposite = frequency.map(|f| -f);
+        let mut sum = 0.0;
+        for octave in -self.finer..=NEAR {
+            let centre = CENTRE * libm::exp2(f64::from(-octave));
+            for &along in &self.directions {
+                sum += gaussian(along, centre, frequency) + gaussian(along, centre, opposite);
+            }
+        }
+        own / sum
+    }
+
+    /// Of each filter the cells of the transform of a box of `size` along each axis that it passes, and how much of them.
+    pub fn tables(&self, dimensions: usize, size: usize) -> Vec<Vec<(u32, f32)>> {
+        let frequency = |k: usize| if 2 * k < size { k as f64 } else { k as f64 - size as f64 } / size as f64;
+        let of = |filter: usize| {
+            let cells = (0..size.pow(dimensions as u32)).filter_map(|cell| {
+                let at = [cell % size, cell / size % size, cell / (size * size)];
+                let response =
+                    self.response(filter, std::array::from_fn(|k| if k < dimensions { frequency(at[k]) } else { 0.0 }));
+                (response as f32 > LEAST).then_some((cell as u32, response as f32))
+            });
+            cells.collect()
+        };
+        (0..self.directions.len()).map(of).collect()
+    }
+
+    /// Whether two directions are next to each other: less than 60 degrees apart.
+    pub fn are_neighbours(&self, a: usize, b: usize) -> bool {
+        (0..3).map(|k| self.directions[a][k] * self.directions[b][k]).sum::<f64>().abs() > 0.5001
+    }
+}
+
+/// A vector of unit length to double precision.
+fn unit(vector: [f32; 3]) -> [f64; 3] {
+    let vector = vector.map(f64::from);
+    let length = libm::sqrt(vector.iter().map(|v| v * v).sum::<f64>());
+    vector.map(|v| v / length)
+}
+
+/// A Gaussian around `centre` times a direction, whose widths follow the centre.
+fn gaussian(along: [f64; 3], centre: f64, frequency: [f64; 3]) -> f64 {
+    let t: f64 = (0..3).map(|k| along[k] * frequency[k]).sum();
+    let across = (frequency.iter().map(|f| f * f).sum::<f64>() - t * t).max(0.0);
+    // Half of the height at these distances.
+    let (half_along, half_across) = (centre * (HALF_WIDTH / CENTRE), centre * libm::sin(std::f64::consts::FRAC_PI_8));
+    let along = (t - centre) / half_along;
+    libm::exp(-LN_2 * (along * along + across / (half_across * half_across)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frequencies all around, at distances from the centre of the coarsest of `octaves` to the end of the finest.
+    fn frequencies(dimensions: usize, octaves: i32) -> Vec<[f64; 3]> {
+        let mut all = Vec::new();
+        for i in 0..40 {
+            let (turn, rise) = (0.157 * f64::from(i), if dimensions == 3 { 0.37 * f64::from(i) } else { 0.0 });
+            let way = [turn.cos() * rise.cos(), turn.sin() * rise.cos(), rise.sin()];
+            for k in 0..=20 {
+                let distance = 0.5 * 2.0_f64.powf(-f64::from(k) / 20.0 * (f64::from(octaves) - 0.5));
+                all.push(way.map(|w| w * distance));
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn responses_of_impulses_sum_to_a_constant() {
+        // An impulse holds all frequencies alike, so its responses sum to what the filters sum to.
+        for dimensions in [2, 3] {
+            let octaves = 4;
+            let banks: Vec<Bank> = (0..octaves).map(|finer| Bank::new(dimensions, finer)).collect();
+            for frequency in frequencies(dimensions, octaves as i32) {
+                let mut sum = 0.0;
+                for (octave, bank) in banks.iter().enumerate() {
+                    let scale = (1_u32 << octave) as f64;
+                    for filter in 0..bank.directions.len() {
+                        sum += bank.response(filter, frequency.map(|f| scale * f));
+                        sum += bank.response(filter, frequency.map(|f| -scale * f));
+                    }
+                }
+                assert!((sum - 1.0).abs() < 0.05, "{dimensions}: {frequency:?}: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn directions_are_unit_vectors_and_filters_even_about_them() {
+        for dimensions in [2, 3] {
+            let bank = Bank::new(dimensions, 0);
+            assert_eq!(bank.directions.len(), directions(dimensions));
+            for (filter, along) in bank.directions.iter().enumerate() {
+                assert!((along.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
+                // The axis to a corner has a third of a turn as its symmetry, not half of one: even but for what neighbours take.
+                let most = if along.iter().all(|v| v.abs() > 0.5) { 0.05 } else { 1e-6 };
+                let centre = bank.response(filter, along.map(|v| CENTRE * v));
+                assert!(centre > 0.5);
+                for frequency in frequencies(dimensions, 1) {
+                    let t: f64 = (0..3).map(|k| along[k] * frequency[k]).sum();
+                    let other: [f64; 3] = std::array::from_fn(|k| 2.0 * t * along[k] - frequency[k]);
+                    let (one, other) = (bank.response(filter, frequency), bank.response(filter, other));
+                    assert!((one - other).abs() < most, "{filter}: {one} {other}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn neighbours_share_what_is_between_them() {
+        for dimensions in [2, 3] {
+            let bank = Bank::new(dimensions, 1);
+            let all = &bank.directions;
+            // A face and the edge next to it; an octave and the next finer one.
+            let (a, b) = if dimensions == 2 { (0, 1) } else { (0, 3) };
+            let between: [f64; 3] = std::array::from_fn(|k| all[a][k] + all[b][k]);
+            let length = between.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let between = between.map(|v| CENTRE * v / length);
+            assert!((bank.response(a, between) - bank.response(b, between)).abs() < 1e-6);
+            assert!(bank.are_neighbours(a, b) && !bank.are_neighbours(0, if dimensions == 2 { 2 } else { 1 }));
+            let end = all[0].map(|v| 0.5 * v);
+            let finer = Bank::new(dimensions, 0).response(0, end.map(|f| 0.5 * f));
+            let own = bank.response(0, end);
+            assert!((own - finer).abs() < 0.02 && (0.35..0.55).contains(&own), "{own} {finer}");
+        }
+    }
+}
