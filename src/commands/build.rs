@@ -32,7 +32,8 @@ use std::path::{Path, PathBuf};
   deepfield build output/ -o run.df --every 5 --skip-damaged
   deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
   deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump
-  deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples")]
+  deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples
+  deepfield build run.h5#fields/density -o density.df        a data set of several")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files. Several of them, a folder or a quoted pattern of them, or @LIST with one in
     /// each line make a run.

@@ -35,8 +35,7 @@ fn detect(content: &Content) -> bool {
 /// Whether there is a grid in a file that is none of particles, or one is named.
 fn holds_grids(content: &Content) -> Result<bool, ImportError> {
     let file = file(content)?;
-    let (groups, datasets) = file.root()?.members()?;
-    let is_of_particles = is_of_particles(&groups, &datasets);
+    let is_of_particles = is_of_particles(&file)?;
     match &content.part {
         // Of particles a number names a step.
         Some(part) => Ok(!is_of_particles || !part.bytes().all(|byte| byte.is_ascii_digit())),

@@ -40,6 +40,7 @@ pub(super) use voxels::Voxels;
 
 use super::ImportError;
 use super::guarded::guarded;
+use super::hdf5::is_hdf5;
 use crate::model::ReadMethod;
 use content::Content;
 use std::path::Path;
@@ -98,7 +99,9 @@ pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, Impor
     if let Some(raw) = &options.raw {
         return raw.open(&content);
     }
-    if let Some(format) = format_of(&content) {
+    // A grid is asked for: what of particles, or of damage, keeps an HDF5 file from being told as one shows when it is opened.
+    let hdf5 = is_hdf5(&content.head).then_some(&hdf5::HDF5);
+    if let Some(format) = format_of(&content).or(hdf5) {
         if let Some(part) = content.part.as_ref().filter(|_| !format.has_parts) {
             let found = format!("{} ({})", choice::shown(part), format.name);
             return Err(ImportError::malformed(

@@ -29,11 +29,20 @@ pub(super) fn is_hdf5(head: &[u8]) -> bool {
     [0, 512, 1024, 2048].iter().any(|start| head.get(*start..).is_some_and(|rest| rest.starts_with(SIGNATURE)))
 }
 
-/// Whether the root of a file holds these groups and data sets because it is a snapshot or a catalogue, damaged or not.
-pub(super) fn is_of_particles(groups: &[String], datasets: &[String]) -> bool {
-    let of_types = |name: &String| name.starts_with("PartType") || ["Header", "Group", "Subhalo"].contains(&&**name);
+/// Whether a file is a snapshot, a catalogue of groups or of their trees, damaged or not.
+///
+/// # Errors
+/// When its root cannot be read.
+pub(super) fn is_of_particles(file: &H5) -> Result<bool, ImportError> {
+    let root = file.root()?;
+    let (groups, datasets) = root.members()?;
+    let of_types = |name: &String| name.starts_with("PartType") || ["Group", "Subhalo"].contains(&&**name);
     let positions = |name: &String| snapshot::is_kind(name, FamilyName::Dark, FieldKind::Position);
-    groups.iter().any(of_types) || datasets.iter().any(positions)
+    // Other codes have a group of this name, too.
+    let counts = ["NumPart_ThisFile", "NumPart_Total", "Ngroups_ThisFile", "Nhalos_ThisFile", "Ntrees_ThisFile"];
+    let header = groups.iter().any(|name| name == "Header").then(|| root.group("Header")?.attributes()).transpose()?;
+    let is_header = header.is_some_and(|header| counts.iter().any(|name| header.has(name)));
+    Ok(is_header || groups.iter().any(of_types) || datasets.iter().any(positions))
 }
 
 impl Format for Hdf5 {

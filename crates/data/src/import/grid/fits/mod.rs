@@ -1,6 +1,7 @@
 //! FITS images and cubes (<https://fits.gsfc.nasa.gov/fits_standard.html>): the first array of two or three axes. The second axis
 //! goes upwards.
 
+mod columns;
 mod dither;
 mod rice;
 mod tiles;

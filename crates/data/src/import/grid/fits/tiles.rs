@@ -5,6 +5,7 @@ use super::super::layout::{Layout, NATIVE, PLANAR};
 use super::super::scratch::Scratch;
 use super::super::source::checked;
 use super::super::{GridDescription, GridSource};
+use super::columns::Column;
 use super::dither::Dither;
 use super::{FITS, Header, described, rice};
 use crate::import::ImportError;
@@ -23,13 +24,6 @@ enum Coding {
     Gzip,
     /// The first bytes of all numbers come first, then the second ones.
     ShuffledGzip,
-}
-
-/// Where a column stands in a row, and the letter of its type.
-#[derive(Clone, Copy)]
-struct Column {
-    at: usize,
-    letter: u8,
 }
 
 /// A table of tiles.
@@ -122,7 +116,7 @@ impl<'a> Tiles<'a> {
                 format!("{} x {} x {} tiles in rows of at most {MOST_ROW} bytes", counts[0], counts[1], counts[2]);
             return Err(ImportError::malformed(path, "NAXIS2", format!("{rows} rows of {row} bytes"), expected));
         }
-        let column = |name: &str| column(header, name, row);
+        let column = |name: &str| Column::of(header, name, row);
         let data = column("COMPRESSED_DATA")?;
         let data = data.ok_or_else(|| ImportError::missing(path, "COMPRESSED_DATA", "a column of this name"))?;
         let scale = column("ZSCALE")?.zip(column("ZZERO")?).filter(|_| kind.is_float());
@@ -247,7 +241,7 @@ impl<'a> Tiles<'a> {
         }
     }
 
-    /// What a column of lists holds of a row.
+    /// What a column of lists holds for a row.
     fn bytes(&self, row: &[u8], column: Column, field: &str) -> Result<Vec<u8>, ImportError> {
         let word = |at: usize, size: usize| -> u64 {
             row.get(at..at + size).unwrap_or_default().iter().fold(0, |number, byte| number << 8 | u64::from(*byte))
@@ -314,39 +308,4 @@ fn native(bytes: Vec<u8>, size: usize, is_shuffled: bool) -> Option<Vec<u8>> {
         ordered.chunks_exact_mut(size).for_each(<[u8]>::reverse);
     }
     Some(ordered)
-}
-
-/// Where the column of a name stands.
-fn column(header: &Header, name: &str, row: u64) -> Result<Option<Column>, ImportError> {
-    let mut at: usize = 0;
-    for number in 1..=header.whole("TFIELDS", 0)?.clamp(0, 999) {
-        let key = format!("TFORM{number}");
-        let form = header.needed(&key, "the type of a column")?;
-        let digits = form.text.chars().take_while(char::is_ascii_digit).count();
-        let (repeat, kind) = form.text.split_at(digits);
-        let repeat =
-            if repeat.is_empty() { 1 } else { repeat.parse().map_err(|_| form.wrong("a type with a count"))? };
-        let letter = kind.bytes().next().unwrap_or_default();
-        let size: usize = match letter {
-            b'L' | b'B' | b'A' => 1,
-            b'I' => 2,
-            b'J' | b'E' => 4,
-            b'K' | b'D' | b'C' | b'P' => 8,
-            b'M' | b'Q' => 16,
-            _ => return Err(form.wrong("a type of columns")),
-        };
-        let end = size.checked_mul(repeat).and_then(|bytes| bytes.checked_add(at)).filter(|end| *end as u64 <= row);
-        let end = end.ok_or_else(|| form.wrong(format!("columns of no more than {row} bytes")))?;
-        if header.entry(&format!("TTYPE{number}")).is_some_and(|entry| entry.text == name) {
-            let is_list = name.ends_with("DATA");
-            let fits = if is_list { matches!(letter, b'P' | b'Q') } else { letter == b'D' } && repeat == 1;
-            return if fits {
-                Ok(Some(Column { at, letter }))
-            } else {
-                Err(form.wrong(if is_list { "a list" } else { "a double" }))
-            };
-        }
-        at = end;
-    }
-    Ok(None)
 }
