@@ -249,7 +249,11 @@ impl Hierarchy {
 
     /// The best cut of at most `most` points; at least one.
     pub fn cut_of_points(&self, most: usize) -> Cut {
-        let curve = self.curve();
+        self.cut_on(&self.curve(), most)
+    }
+
+    /// The same where its [`Hierarchy::curve`] is known.
+    pub fn cut_on(&self, curve: &[(f32, usize)], most: usize) -> Cut {
         // The number of points may fall a little on the way down where sets give way: take the last that fits.
         let fits = curve.partition_point(|&(_, points)| points <= most);
         let Some(&(next, _)) = curve.get(fits) else { return self.cut_at_price(0.0) };

@@ -7,12 +7,13 @@ use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, errors};
 use crate::import::{GridOptions, GridSource, open_grid};
 use crate::look::DataKind;
 use crate::mode::ValueStatistics;
-use crate::model::{Channel, Grid, ReadMethod, SampleType, Unit};
+use crate::model::{Channel, Grid, ReadMethod, SampleType, Scale, Unit};
 use crate::picture::PictureError;
 use crate::store::GridFile;
 use crate::store::grid::planes_of;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Where samples come from.
 enum Data {
@@ -29,6 +30,8 @@ pub struct OpenField {
     /// Stored samples, a plane a channel.
     stored: Vec<Vec<f32>>,
     hierarchy: Option<Hierarchy>,
+    /// Prices at which its cuts change.
+    curve: Vec<(f32, usize)>,
     /// What the values of the first channel are.
     statistics: ValueStatistics,
 }
@@ -54,6 +57,8 @@ pub struct Shown {
     pub field: Field,
     /// How they came about.
     pub report: PointsReport,
+    /// How long reading the points, choosing some of them, and drawing these to a grid took.
+    pub times: [Duration; 3],
 }
 
 impl OpenField {
@@ -79,8 +84,14 @@ impl OpenField {
         }
         let stored = planes_of(grid.sample_type, grid.channels.len(), &samples);
         drop(samples);
-        let mut open =
-            OpenField { path: path.into(), data, stored, hierarchy: None, statistics: ValueStatistics::default() };
+        let mut open = OpenField {
+            path: path.into(),
+            data,
+            stored,
+            hierarchy: None,
+            curve: Vec::new(),
+            statistics: ValueStatistics::default(),
+        };
         open.statistics = open.statistics_of(0);
         Ok(open)
     }
@@ -117,62 +128,70 @@ impl OpenField {
     pub fn shown(&mut self, wanted: &Wanted, channels: &[usize]) -> Result<Shown, PictureError> {
         let count: u64 = self.grid().shape.iter().product();
         if matches!(wanted, Wanted::Samples) {
-            return Ok(Shown { field: self.field(&self.stored, channels), report: PointsReport::exact(count) });
+            let report = PointsReport::exact(count);
+            return Ok(Shown { field: self.field(&self.stored, channels), report, times: Default::default() });
         }
+        let start = Instant::now();
         if self.hierarchy.is_none() {
             let Data::File(file) = &self.data else {
                 let why = "no points stand for its samples: build a file of it first (deepfield build)";
                 return Err(PictureError::of(&self.path, why));
             };
-            self.hierarchy = Some(file.hierarchy(&self.stored)?);
+            let hierarchy = file.hierarchy(&self.stored)?;
+            self.curve = hierarchy.curve();
+            self.hierarchy = Some(hierarchy);
         }
         let (Some(hierarchy), grid) = (&self.hierarchy, self.grid()) else {
-            return Ok(Shown { field: self.field(&self.stored, channels), report: PointsReport::exact(count) });
+            return Err(PictureError::of(&self.path, "no points stand for its samples"));
         };
+        let loaded = start.elapsed();
+        let start = Instant::now();
         let samples = Samples {
             dimensions: grid.dimensions,
             shape: grid.shape.map(|side| side as usize),
             channels: self.stored.iter().map(Vec::as_slice).collect(),
         };
-        let (cut, planes, error_color) = match wanted {
-            Wanted::Points(most) => {
-                let cut = hierarchy.cut_of_points(*most);
-                let planes = hierarchy.reconstruct(&samples, &cut);
-                (cut, planes, None)
+        // Values that must be found among others of the same look, and by how much that may be.
+        let (cut, alike) = match wanted {
+            Wanted::Points(most) => (hierarchy.cut_on(&self.curve, *most), None),
+            Wanted::Near { error, seen: Some(seen) } => {
+                let (cut, alike) = self.cut_alike(hierarchy, *error, seen);
+                (cut, Some(alike))
             }
-            Wanted::Near { error, seen } => self.near(hierarchy, &samples, *error, seen.as_ref()),
-            Wanted::Samples => (hierarchy.exact(), self.stored.clone(), None),
+            Wanted::Near { error, seen: None } => (hierarchy.cut_within(&samples, self.most(*error)).0, None),
+            Wanted::Samples => (hierarchy.exact(), None),
         };
+        let chosen = start.elapsed();
+        let start = Instant::now();
+        let mut planes = hierarchy.reconstruct(&samples, &cut);
+        let error_color = alike.map(|alike| alike.hold(self, hierarchy, &cut, &mut planes[0]));
         let off = errors(&samples, &planes);
         let error_value = ErrorValue { max: off.max, rms: off.rms, bound: off.max };
         let report = PointsReport { error_value, error_color, ..PointsReport::of(&cut) };
-        Ok(Shown { field: self.field(&planes, channels), report })
+        let field = self.field(&planes, channels);
+        Ok(Shown { field, report, times: [loaded, chosen, start.elapsed()] })
     }
 
-    /// As few points as are near, with what they show.
-    fn near(
+    /// How far a stored value may be off.
+    fn most(&self, error: Option<f64>) -> f32 {
+        let slope = self.grid().channels[0].scale.slope.abs();
+        error.map_or_else(|| self.usual_error(), |error| (error / slope) as f32)
+    }
+
+    /// As few points as are near, or else look alike.
+    fn cut_alike<'a>(
         &self,
         hierarchy: &Hierarchy,
-        samples: &Samples<'_>,
         error: Option<f64>,
-        seen: Option<&(Variability, f32)>,
-    ) -> (Cut, Vec<Vec<f32>>, Option<f32>) {
-        let channel = &self.grid().channels[0];
-        let most = error.map_or_else(|| self.usual_error(), |error| (error / channel.scale.slope.abs()) as f32);
-        let Some((variability, sensitivity)) = seen else {
-            let (cut, planes) = hierarchy.cut_within(samples, most);
-            return (cut, planes, None);
-        };
-        let ranges = Ranges::new(hierarchy, &self.stored[0]);
-        let value = |stored: f32| channel.scale.value(f64::from(stored)) as f32;
-        let varies = |[low, high]: [f32; 2]| {
-            let (a, b) = (value(low), value(high));
-            variability.over([a.min(b), a.max(b)])
-        };
-        let is_alike = |level: usize, node: usize| varies(ranges.of(level, node)) <= *sensitivity;
+        (variability, sensitivity): &'a (Variability, f32),
+    ) -> (Cut, Alike<'a>) {
+        let most = self.most(error);
+        let scale = self.grid().channels[0].scale;
+        let alike =
+            Alike { ranges: Ranges::new(hierarchy, &self.stored[0]), variability, sensitivity: *sensitivity, scale };
         let cut = hierarchy.cut(|level, node| {
             let nodes = &hierarchy.levels[level];
-            if is_alike(level, node) || nodes.large_max[node] <= most {
+            if alike.is_so(level, node) || nodes.large_max[node] <= most {
                 Drawn::Large
             } else if nodes.set_max[node] <= most {
                 Drawn::Directed
@@ -180,14 +199,7 @@ impl OpenField {
                 Drawn::Refined
             }
         });
-        let mut planes = hierarchy.reconstruct(samples, &cut);
-        // What blends with its neighbours must not leave the range that is seen alike.
-        ranges.hold(hierarchy, &cut, &mut planes[0], is_alike);
-        let apart = |(stored, drawn): (&f32, &f32)| {
-            if stored.is_nan() { 0.0 } else { varies([stored.min(*drawn), stored.max(*drawn)]) }
-        };
-        let worst = self.stored[0].par_iter().zip(&planes[0]).map(apart).reduce(|| 0.0, f32::max);
-        (cut, planes, Some(worst))
+        (cut, alike)
     }
 
     /// Half a step of whole numbers, a 512th of the range of others.
@@ -217,6 +229,38 @@ impl OpenField {
             _ => u32::MAX as f32,
         });
         Field::new(grid, channels.iter().map(of).collect(), full_light)
+    }
+}
+
+/// What a transfer function shows of the values below nodes.
+struct Alike<'a> {
+    ranges: Ranges,
+    variability: &'a Variability,
+    sensitivity: f32,
+    scale: Scale,
+}
+
+impl Alike<'_> {
+    /// By how much what is seen of stored values of a range differs.
+    fn varies(&self, [low, high]: [f32; 2]) -> f32 {
+        let [a, b] = [low, high].map(|stored| self.scale.value(f64::from(stored)) as f32);
+        self.variability.over([a.min(b), a.max(b)])
+    }
+
+    /// Whether all values below a node look alike.
+    fn is_so(&self, level: usize, node: usize) -> bool {
+        let range = self.ranges.of(level, node);
+        range[0] > range[1] || self.varies(range) <= self.sensitivity
+    }
+
+    /// Brings values that blend with their neighbours' back to where they look alike; by how much any looks different from its sample.
+    fn hold(&self, open: &OpenField, hierarchy: &Hierarchy, cut: &Cut, values: &mut [f32]) -> f32 {
+        self.ranges.hold(hierarchy, cut, values, |level, node| self.is_so(level, node));
+        let apart = |(sample, value): (&f32, &f32)| match sample.is_nan() {
+            true => 0.0,
+            false => self.varies([sample.min(*value), sample.max(*value)]),
+        };
+        open.stored[0].par_iter().zip(&*values).map(apart).reduce(|| 0.0, f32::max)
     }
 }
 

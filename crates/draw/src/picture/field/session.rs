@@ -90,9 +90,7 @@ impl FieldSession {
         let look = FieldLook::new(&values, settings, transfer.as_ref(), diameter, &Layers::VOLUME)?;
         let wanted = self.wanted(shot, mode, &look);
         let levels = if matches!(wanted, Wanted::Samples) { "samples" } else { "wavelet" };
-        let start = Instant::now();
-        let Shown { field, report } = self.opened.shown(&wanted, &channels)?;
-        let chosen = start.elapsed();
+        let Shown { field, report, times } = self.opened.shown(&wanted, &channels)?;
         let transfer = match mode.technique.output() {
             Output::Light => look.transfer,
             _ => transfer.clone().or_else(|| TransferFunction::preset(mode.transfer[0])).unwrap_or_default(),
@@ -110,7 +108,7 @@ impl FieldSession {
             hue,
             hue_values,
             diameter,
-            chosen,
+            times,
         })
     }
 
@@ -123,7 +121,9 @@ impl FieldSession {
         let prepared = self.prepare(shot)?;
         let view = view_of(shot, bounds, dimensions)?;
         let mut times = Times::default();
-        times.note("select", prepared.chosen);
+        for (pass, time) in ["load", "select", "reconstruct"].into_iter().zip(prepared.times) {
+            times.note(pass, time);
+        }
         let choice = shot.look.budget.level_choice();
         let mut drawn = None;
         for _ in 0..self.options.repeat.max(1) {
@@ -278,8 +278,8 @@ pub struct PreparedField {
     hue: Option<usize>,
     hue_values: Option<ValueStatistics>,
     diameter: f64,
-    /// How long choosing the points took.
-    chosen: Duration,
+    /// How long reading the points, choosing some, and drawing these to a grid took.
+    times: [Duration; 3],
 }
 
 impl PreparedField {
