@@ -64,7 +64,8 @@ def tiles():
 
 def tiff():
     """A stack of tiles larger than its pages, in BigTIFF and big-endian; an image with a place and a value for none."""
-    tifffile.imwrite("tiles.tif", VOLUME, bigtiff=True, byteorder=">", tile=(16, 16), compression="zlib", metadata=None, software="")
+    tifffile.imwrite("tiles.tif", VOLUME, bigtiff=True, byteorder=">", tile=(16, 16), compression="zlib", photometric="minisblack",
+                     metadata=None, software="")
     geo = [(33550, "d", 3, (0.25, 0.5, 0)), (33922, "d", 6, (1, 0, 0, 10, 50, 0)), (42113, "s", 0, "-32767")]
     image = VOLUME[0].copy()
     image[2, 3] = -32767

@@ -30,7 +30,7 @@ impl Geo {
         let tie = floats(TIE).and_then(|tie| tie.first_chunk().copied());
         let keys = decoder.find_tag(KEYS).ok().flatten().and_then(|keys| keys.into_u32_vec().ok()).unwrap_or_default();
         let is_point =
-            keys.as_chunks().0.iter().any(|[key, _, _, value]: &[u32; 4]| (*key, *value) == (RASTER_TYPE, 2));
+            keys.as_chunks::<4>().0.iter().any(|[key, _, _, value]: &[u32; 4]| (*key, *value) == (RASTER_TYPE, 2));
         let text = decoder.find_tag(Tag::GdalNodata).ok().flatten().and_then(|value| value.into_string().ok());
         let no_data = text.and_then(|text| text.trim_matches(['\0', ' ', '\n']).parse().ok());
         Geo { scale, tie, is_point, no_data: no_data.filter(|value: &f64| !value.is_nan()) }
