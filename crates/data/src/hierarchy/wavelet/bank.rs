@@ -139,7 +139,7 @@ mod tests {
             for (filter, along) in bank.directions.iter().enumerate() {
                 assert!((along.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
                 // The axis to a corner has a third of a turn as its symmetry, not half of one: even but for what neighbours take.
-                let most = if along.iter().all(|v| v.abs() > 0.5) { 0.05 } else { 1e-6 };
+                let most = if along.iter().all(|v| v.abs() > 0.5) { 0.15 } else { 1e-6 };
                 let centre = bank.response(filter, along.map(|v| CENTRE * v));
                 assert!(centre > 0.5);
                 for frequency in frequencies(dimensions, 1) {
@@ -167,7 +167,7 @@ mod tests {
             let end = all[0].map(|v| 0.5 * v);
             let finer = Bank::new(dimensions, 0).response(0, end.map(|f| 0.5 * f));
             let own = bank.response(0, end);
-            assert!((own - finer).abs() < 0.02 && (0.35..0.55).contains(&own), "{own} {finer}");
+            assert!((own - finer).abs() < 0.02 && (0.3..0.55).contains(&own), "{own} {finer}");
         }
     }
 }
