@@ -7,6 +7,7 @@ use deepfield::color::Colors;
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::volume::extents::{self, planes_and_widest};
 use deepfield::cpu::volume::range::{self, Sketch};
+use deepfield::cpu::volume::resample::Resampler;
 use deepfield::cpu::volume::{
     Classifier, FieldRange, Light, Scenery, Surface, VolumeLevels, VolumeOptions, VolumeReport, cast, draw, prepare,
 };
@@ -417,7 +418,9 @@ fn wide_kernels_go_to_the_cpus_coarser_grids() {
     // What coarser grids are wrong by shows: the picture without them differs by more than what is allowed below.
     let mut exact = prepare(&view, &[cloud.batch()], &options).unwrap();
     exact.levels.truncate(1);
-    let exact = cast(&view, &exact, &cloud.volume(), &options, None, &mut VolumeReport::default());
+    let mut resampler = Resampler::new(&exact, options.kernel);
+    let grids = (&exact.grid, exact.brick_grid());
+    let exact = cast(&view, grids, &mut resampler, &cloud.volume(), &options, None, &mut VolumeReport::default());
     let (l2, _) = difference(&exact, &on_cpu(&view, &cloud, &cloud.volume(), &options).0);
     println!("without coarser grids: L2 {l2:.2e}");
     for scenery in [cloud.volume(), cloud.surfaces(true, [0.2, 0.4, 1.0])] {

@@ -7,8 +7,8 @@ use crate::hierarchy::wavelet::sets::{direction, directions};
 use crate::model::SampleType;
 use std::f64::consts::PI;
 
-/// How many blobs there are among [`Kind::Blobs`].
-const BLOBS: u64 = 256;
+/// How many blobs there are in images and volumes of them.
+const BLOBS: [u64; 2] = [48, 256];
 /// Standard deviation of the one blob, samples.
 const SIGMA: f64 = 16.0;
 /// A blob ends so many standard deviations from its centre, where it is below a hundredth of a step of 8 bits.
@@ -40,7 +40,7 @@ pub enum Kind {
     },
     /// A Gaussian of height 200, 16 samples wide.
     Blob,
-    /// 256 Gaussians of any place, height and width on a dark ground.
+    /// Gaussians of any place, height and width on a dark ground: 48 in images, 256 in volumes.
     Blobs,
     /// Two halves of equal value with noise.
     Plateaus,
@@ -66,7 +66,7 @@ impl SyntheticGrid {
     /// A grid of so many samples along x, y and, of volumes, z. Directions beyond the last begin again.
     pub fn new(kind: Kind, dimensions: usize, shape: [u64; 3], seed: u64) -> SyntheticGrid {
         let blobs = if kind == Kind::Blobs {
-            (0..BLOBS).map(|n| blob(dimensions, shape, seed, n)).collect()
+            (0..BLOBS[usize::from(dimensions == 3)]).map(|n| blob(dimensions, shape, seed, n)).collect()
         } else {
             Vec::new()
         };
@@ -145,11 +145,11 @@ fn turned(way: [f64; 3], degrees: f64) -> [f64; 3] {
     [cos * way[0] - sin * way[1], sin * way[0] + cos * way[1], way[2]]
 }
 
-/// Blob `number`: its widths go from a 128th to a 12th of the longest side, as many of each size as of any other.
+/// Blob `number`: its widths go from a 128th to a 12th of the sides' geometric mean, as many of each size as of any other.
 fn blob(dimensions: usize, shape: [u64; 3], seed: u64, number: u64) -> Blob {
     let mut random = Random::new(seed, number);
-    let longest = shape.iter().fold(1, |longest, side| longest.max(*side)) as f64;
-    let sigma = (longest / 12.0 * libm::pow(12.0 / 128.0, random.uniform())).max(0.7);
+    let side = libm::pow(shape.iter().map(|side| *side as f64).product(), 1.0 / dimensions as f64);
+    let sigma = (side / 12.0 * libm::pow(12.0 / 128.0, random.uniform())).max(0.7);
     let height = 30.0 + 170.0 * random.uniform();
     let mut first = [0; 3];
     let along = std::array::from_fn(|axis| {

@@ -283,3 +283,72 @@ impl<F: Feed, S: Shelf> Survey<'_, F, S> {
         Ok(rows.chunks_exact(WIDTH).map(node).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::error::{Metric, Options, Types};
+    use super::super::fields::InMemory;
+    use super::super::grid::{Samples, index, place};
+    use super::super::sets::{direction, directions};
+    use super::super::survey::shelf_len;
+    use super::*;
+
+    /// What is found of the nodes of a level of a grid.
+    fn found_of(dimensions: usize, shape: Shape, value: impl Fn(Shape) -> f64, level: usize) -> (Shape, Vec<Found>) {
+        let values: Vec<f32> = (0..volume(shape)).map(|i| value(place(shape, i)) as f32).collect();
+        let samples = Samples { dimensions, shape, channels: vec![&values] };
+        let options = Options { types: Types::Gabor, metric: Metric::Gabor, colours: false };
+        let bricks = super::super::bricks::Bricks { dimensions, shape };
+        let shelf = InMemory::new(shelf_len(bricks, 1, &options));
+        let found = Survey::new(&samples, &shelf, &options, 4).and_then(|survey| {
+            let of = bricks.level_shape(level);
+            let found = survey.coefficients.as_ref().map(|own| survey.found(own, level, &Part::whole(of)));
+            Ok((of, found.transpose()?.unwrap_or_default()))
+        });
+        match found {
+            Ok(found) => found,
+            Err(Fault::Feed(never) | Fault::Shelf(never)) => match never {},
+        }
+    }
+
+    #[test]
+    fn waves_are_found_in_their_octave_and_direction() {
+        for (dimensions, shape, levels) in [(2, [150, 140, 1], 1..=3), (3, [60, 52, 56], 1..=2)] {
+            for level in levels {
+                for n in 0..directions(dimensions) {
+                    let way = direction(dimensions, n).map(f64::from);
+                    let step = 2.0 * std::f64::consts::PI * 0.75 * 0.5_f64.powi(level as i32);
+                    let wave =
+                        |at: Shape| 128.0 + 100.0 * (step * (0..3).map(|k| way[k] * at[k] as f64).sum::<f64>()).cos();
+                    let (of, found) = found_of(dimensions, shape, wave, level);
+                    // Where reflections at the grid's ends do not matter.
+                    let inner = (0..volume(of)).filter(|&i| {
+                        let at = place(of, i);
+                        (0..dimensions).all(|k| at[k] >= 3 && at[k] + 3 < of[k])
+                    });
+                    let (mut all, mut hits) = (0, 0);
+                    for i in inner {
+                        all += 1;
+                        let is_near = (45.0..110.0).contains(&found[i].largest);
+                        hits += usize::from(is_near && found[i].set == Set::published(n));
+                    }
+                    assert!(all > 0 && hits == all, "{dimensions}, level {level}, direction {n}: {hits} of {all}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_direction_is_not_directed() {
+        let (_, found) = found_of(2, [100, 90, 1], |_| 7.0, 1);
+        assert!(found.iter().all(|found| *found == Found::default()));
+        // As much of one direction as of that across it.
+        let both = |at: Shape| {
+            let wave = |k: usize| (0.75 * std::f64::consts::PI * at[k] as f64).cos();
+            128.0 + 60.0 * (wave(0) + wave(1))
+        };
+        let (of, found) = found_of(2, [100, 90, 1], both, 1);
+        let middle = found[index(of, [25, 22, 0])];
+        assert!(middle.set == NONE && middle.largest > 25.0 && middle.other > 0.9 * middle.largest, "{middle:?}");
+    }
+}

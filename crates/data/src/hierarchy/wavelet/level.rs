@@ -222,7 +222,9 @@ impl Nodes<'_> {
         for laid in [false, true] {
             let (of, left) = if laid { (&*rest, uneven) } else { (&*x, variation) };
             let entry = match self.proposed {
-                Some(proposed) => self.table.of_code(proposed[self.part.index(at)]),
+                // At the grid's ends children may be as few.
+                Some(proposed) => (self.table.of_code(proposed[self.part.index(at)]))
+                    .filter(|&entry| self.table.entries[entry].set.points < children),
                 None => choose(self.table, of, self.weights, left, children),
             };
             let Some(entry) = entry else { continue };

@@ -34,6 +34,10 @@ pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0_f32; LANES];
     let (a_parts, b_parts) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
     let rest: f32 = a_parts.remainder().iter().zip(b_parts.remainder()).map(|(a, b)| a * b).sum();
+    if a.len() < LANES {
+        // The nodes with the fewest cells are the most.
+        return rest;
+    }
     for (a, b) in a_parts.zip(b_parts) {
         for k in 0..LANES {
             sums[k] += a[k] * b[k];

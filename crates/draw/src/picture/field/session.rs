@@ -8,7 +8,7 @@ use crate::color::transfer::TransferFunction;
 use crate::cpu::field::Field;
 use crate::cpu::volume::{Variability, VolumeError};
 use crate::import::grid_format;
-use crate::look::{DataKind, LookPatch, Shot};
+use crate::look::{Backend, DataKind, LookPatch, Shot};
 use crate::mode::{
     Coloring, Depiction, FieldJob, FieldValues, LightPicture, Mode, Output, Raw, Settings, ValueStatistics,
 };
@@ -181,6 +181,12 @@ impl FieldSession {
             return refuse(
                 "images and volumes are drawn flat and for one eye, not as domes, panoramas or in stereo".into(),
             );
+        }
+        if self.options.backend.is_some_and(|backend| backend != Backend::Cpu) {
+            return refuse("--backend: images and volumes are drawn by the processor, expected cpu".into());
+        }
+        if self.options.overdraw.is_some() {
+            return refuse("--overdraw: images and volumes have no splats".into());
         }
         if shot.look.time.is_some() {
             return refuse("--time: an image or a volume has no times".into());
