@@ -48,7 +48,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let region = Region { shapes, ranges: options.ranges.clone(), ..Region::default() };
     let mut open = OpenField::open(path, arguments.read)?;
     let (channels, unit) = (open.grid().channels.len(), open.grid().length_unit.clone());
-    let field = open.shown(&Wanted::Samples, &(0..channels).collect::<Vec<_>>())?.field;
+    let field = open.shown(&Wanted::Samples, &(0..channels).collect::<Vec<_>>(), false)?.field;
     let probe = probe_field(&field, &region, arguments.bins as usize)?;
     if let Some(out) = &arguments.json {
         return write_json(out, &Answer { path, region: &region, length_unit: &unit, probe: &probe });

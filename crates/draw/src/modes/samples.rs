@@ -150,8 +150,8 @@ pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, Volume
     let is_deep = matches!(view.projection, Projection::Perspective { .. });
     let range = depth_range(view, seen(view, [extent], 0.0));
     let ends = planes(range, options.near, options.far, is_deep)?;
-    // In the middle of the way through, where lines of sight have spread half.
-    let depth = if is_deep { (ends[0] * ends[1]).sqrt() } else { 1.0 };
+    // In the middle of the way through; from within, where most of what is seen lies.
+    let depth = if is_deep { (ends[0] * ends[1]).sqrt().max(0.5 * ends[1]) } else { 1.0 };
     let fine = depth / view.focal_pixels() / (CELL * field.spacing());
     let resolution = options.grid.resolution.min(fine.max(RESOLUTION_LEAST));
     let grid = PerspectiveGrid::new(view, ends, &GridOptions { resolution, ..options.grid })?;

@@ -77,28 +77,53 @@ impl<'a> FieldBricks<'a> {
         let mut brick =
             Brick { density: self.cells(), weighted: hue.map_or_else(Box::default, |_| self.cells()), densest: 0.0 };
         let clips = self.view.cut.clips();
+        // Ends of the field in this level's indices, along each axis that it has.
+        let shape = self.field.shape().map(|side| side as f64);
+        let ends = |axis: usize| FieldLevel::ends(number, shape[axis]);
+        let linear = self.axis.linear();
         for (z, slice) in slices.enumerate() {
             for y in 0..BRICK {
                 let at = |x: f64| self.indices([corner[0] + x, corner[1] + y as f64 + 0.5, slice as f64 + 0.5]);
-                let start = at(0.5);
-                let step = at(1.5) - start;
-                let row = (z * BRICK + y) * BRICK;
-                for x in 0..BRICK {
-                    let index = start + x as f64 * step;
-                    let at = index.as_vec3().to_array();
-                    if !self.field.holds(at)
-                        || clips && !self.view.cut.keeps(self.field.to_world.transform_point3(index))
-                    {
+                let (first, second) = (at(0.5), at(1.5));
+                let start = DVec3::from_array(FieldLevel::fine_indices(number, first.to_array()));
+                let step = DVec3::from_array(FieldLevel::fine_indices(number, second.to_array())) - start;
+                // The cells of the row whose centres are within the field.
+                let (mut from, mut to) = (0.0f64, (BRICK - 1) as f64);
+                for axis in 0..self.field.dimensions {
+                    let [low, high] = ends(axis);
+                    if step[axis] == 0.0 {
+                        if start[axis] < low || start[axis] > high {
+                            to = -1.0;
+                        }
                         continue;
                     }
-                    let at = FieldLevel::indices(number, at);
-                    let place = self.axis.place(level.at(at));
+                    let (a, b) = ((low - start[axis]) / step[axis], (high - start[axis]) / step[axis]);
+                    (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
+                }
+                if from > to {
+                    continue;
+                }
+                let row = (z * BRICK + y) * BRICK;
+                let (origin, along) = (start.as_vec3(), step.as_vec3());
+                for x in from.ceil() as usize..=to.floor() as usize {
+                    if clips {
+                        let index = first + x as f64 * (second - first);
+                        if !self.view.cut.keeps(self.field.to_world.transform_point3(index)) {
+                            continue;
+                        }
+                    }
+                    let at = (origin + x as f32 * along).to_array();
+                    let value = level.at(at);
+                    let place = match linear {
+                        Some([low, per]) if !value.is_nan() => 1.0 + ((value - low) * per).clamp(0.0, 1.0),
+                        _ => self.axis.place(value),
+                    };
                     brick.density[row + x] = place;
+                    brick.densest = brick.densest.max(place);
                     if let Some(hue) = hue {
                         let value = hue.at(at);
                         brick.weighted[row + x] = if value.is_nan() { 0.0 } else { place * value };
                     }
-                    brick.densest = brick.densest.max(place);
                 }
             }
         }

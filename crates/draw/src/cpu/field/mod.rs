@@ -263,6 +263,17 @@ impl FieldLevel {
         sum / weights
     }
 
+    /// The first and the last index of a level at which so many samples along an axis, each with its surroundings, still are.
+    pub fn ends(level: usize, samples: f64) -> [f64; 2] {
+        [-0.5, samples / f64::from(1u32 << level) - 0.5]
+    }
+
+    /// As [`FieldLevel::indices`], in double precision.
+    pub fn fine_indices(level: usize, at: [f64; 3]) -> [f64; 3] {
+        let scale = 1.0 / f64::from(1u32 << level);
+        at.map(|index| (index + 0.5) * scale - 0.5)
+    }
+
     /// The indices of this level for indices of samples, where each value here stands for `2^level` of them along an axis.
     #[inline]
     pub fn indices(level: usize, at: [f32; 3]) -> [f32; 3] {

@@ -35,6 +35,12 @@ impl ValueAxis {
         }
     }
 
+    /// The value at place 1, and what a unit of values adds to a place, where that is the same everywhere.
+    pub fn linear(&self) -> Option<[f32; 2]> {
+        let [low, high] = self.range;
+        (self.scale == Scale::Linear).then(|| [low as f32, (1.0 / (high - low)) as f32])
+    }
+
     /// The value at a place.
     pub fn value(&self, place: f32) -> f64 {
         self.scale.value((place - 1.0).clamp(0.0, 1.0), self.range)

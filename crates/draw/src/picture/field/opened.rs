@@ -121,11 +121,12 @@ impl OpenField {
         ValueStatistics::of(&values_of(&self.grid().channels[channel], &self.stored[channel], &self.stored[channel]))
     }
 
-    /// The values of some channels, as near as wanted.
+    /// The values of some channels, as near as wanted. For pictures of sums the first one's are brought to the sum of the samples, which is
+    /// kept whatever points stand for them.
     ///
     /// # Errors
     /// When the points cannot be read, or there are none.
-    pub fn shown(&mut self, wanted: &Wanted, channels: &[usize]) -> Result<Shown, PictureError> {
+    pub fn shown(&mut self, wanted: &Wanted, channels: &[usize], is_sum: bool) -> Result<Shown, PictureError> {
         let count: u64 = self.grid().shape.iter().product();
         if matches!(wanted, Wanted::Samples) {
             let report = PointsReport::exact(count);
@@ -165,6 +166,9 @@ impl OpenField {
         let start = Instant::now();
         let mut planes = hierarchy.reconstruct(&samples, &cut);
         let error_color = alike.map(|alike| alike.hold(self, hierarchy, &cut, &mut planes[0]));
+        if is_sum {
+            keep_sum(&mut planes[0], &self.stored[0]);
+        }
         let off = errors(&samples, &planes);
         let error_value = ErrorValue { max: off.max, rms: off.rms, bound: off.max };
         let report = PointsReport { error_value, error_color, ..PointsReport::of(&cut) };
@@ -278,6 +282,21 @@ pub(super) fn colors_of(grid: &Grid) -> Vec<usize> {
     let find = |name: &&str| grid.channels.iter().position(|channel| channel.name == **name);
     let colors: Vec<usize> = ["red", "green", "blue", "alpha"].iter().filter_map(find).collect();
     if grid.dimensions == 2 && colors.len() >= 3 && colors.len() == grid.channels.len() { colors } else { Vec::new() }
+}
+
+/// How far the sum of what points show may be from that of the samples, of it, and be brought back: more is another grid's.
+const SUM_OFF: f64 = 0.1;
+
+/// Scales values to the sum of the samples that they stand for.
+fn keep_sum(values: &mut [f32], samples: &[f32]) {
+    let total = |of: &[f32]| -> f64 {
+        let pairs = of.iter().zip(samples).filter(|(_, sample)| sample.is_finite());
+        pairs.map(|(value, _)| f64::from(*value)).sum()
+    };
+    let factor = total(samples) / total(values);
+    if (factor - 1.0).abs() < SUM_OFF {
+        values.par_iter_mut().for_each(|value| *value = (f64::from(*value) * factor) as f32);
+    }
 }
 
 /// The values of stored samples, NaN where those of the file, `samples`, stand for none.

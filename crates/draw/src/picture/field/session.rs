@@ -90,7 +90,8 @@ impl FieldSession {
         let look = FieldLook::new(&values, settings, transfer.as_ref(), diameter, &Layers::VOLUME)?;
         let wanted = self.wanted(shot, mode, &look);
         let levels = if matches!(wanted, Wanted::Samples) { "samples" } else { "wavelet" };
-        let Shown { field, report, times } = self.opened.shown(&wanted, &channels)?;
+        let Shown { field, report, times } =
+            self.opened.shown(&wanted, &channels, mode.technique.output() != Output::Light)?;
         let transfer = match mode.technique.output() {
             Output::Light => look.transfer,
             _ => transfer.clone().or_else(|| TransferFunction::preset(mode.transfer[0])).unwrap_or_default(),
