@@ -16,11 +16,7 @@ use rayon::prelude::*;
 /// The first level that is kept; level 1 is found anew wherever it is needed, since it has nearly as many numbers as the samples.
 pub(super) const FIRST: usize = 2;
 /// The last level whose cells the first pass has at hand: those of level 1.
-const LAST_TENTS: usize = cell_levels_of_level_one();
-
-const fn cell_levels_of_level_one() -> usize {
-    1 + SIDE.trailing_zeros() as usize
-}
+const LAST_TENTS: usize = 1 + SIDE.trailing_zeros() as usize;
 
 /// Why a build ended.
 #[derive(Debug)]
