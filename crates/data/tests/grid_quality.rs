@@ -96,7 +96,8 @@ fn differences(a: &[f64], b: &[f64]) -> Vec<f64> {
 #[ignore = "needs the reference data: DEEPFIELD_DATA"]
 fn images_at_equal_count() {
     let (mut gains, mut missed) = (Vec::new(), Vec::new());
-    for (name, bars) in IMAGES {
+    let only = std::env::var("DEEPFIELD_ONLY").unwrap_or_else(|_| "camera".into());
+    for (name, bars) in IMAGES.into_iter().filter(|(name, _)| name.contains(&only)) {
         let (ours, seconds) = decibels("images", name, MEASURED, &OF_IMAGES);
         let (round, _) = decibels("images", name, ROUND, &OF_IMAGES);
         let gain = differences(&ours, &round);
@@ -118,7 +119,7 @@ fn images_at_equal_count() {
 #[ignore = "needs the reference data: DEEPFIELD_DATA"]
 fn volumes_at_equal_count() {
     let mut missed = Vec::new();
-    let only = std::env::var("DEEPFIELD_ONLY").unwrap_or_default();
+    let only = std::env::var("DEEPFIELD_ONLY").unwrap_or_else(|_| "fuel".into());
     for (name, bars) in VOLUMES.into_iter().filter(|(name, _)| name.contains(&only)) {
         let (ours, seconds) = decibels("volumes", name, MEASURED, &OF_VOLUMES);
         let (round, _) = decibels("volumes", name, ROUND, &OF_VOLUMES);

@@ -305,10 +305,11 @@ fn statistics_are_those_of_the_values() {
 }
 
 #[test]
-fn a_grid_is_no_source_of_particles() {
+fn a_volume_is_a_source_of_its_voxels() {
     let folder = tempfile::tempdir().unwrap();
     let case = every().into_iter().next().unwrap();
     let path = write(folder.path(), &case);
-    let error = crate::import::open(&path).map(|_| ()).unwrap_err().to_string();
-    assert!(error.ends_with("raw.nrrd: content: found an image or a volume (nrrd), expected particles"), "{error}");
+    let source = crate::import::open(&path).unwrap();
+    assert_eq!(source.description().format, "voxels");
+    assert!(source.description().notes.iter().any(|note| note.contains("count as air")));
 }
