@@ -100,5 +100,5 @@ fn voxels_are_particles_where_particles_are_asked_for() {
         numbers.map(f64::from).sum::<f64>()
     };
     let (voxels, lines) = (draw("v.df", "column-density", "a.npy"), draw("blobs.nrrd", "xray", "b.npy"));
-    assert!((voxels / lines - 1.0).abs() < 0.02, "{voxels} {lines}");
+    assert!((voxels / lines - 1.0).abs() < 0.03, "{voxels} {lines}");
 }

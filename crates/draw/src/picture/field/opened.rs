@@ -121,8 +121,8 @@ impl OpenField {
         ValueStatistics::of(&values_of(&self.grid().channels[channel], &self.stored[channel], &self.stored[channel]))
     }
 
-    /// The values of some channels, as near as wanted. For pictures of sums the first one's are brought to the sum of the samples, which is
-    /// kept whatever points stand for them.
+    /// The values of some channels, as near as wanted. For pictures of sums the first one's are brought to the sum of the samples where a number
+    /// of points was asked for, so that it does not depend on that.
     ///
     /// # Errors
     /// When the points cannot be read, or there are none.
@@ -166,7 +166,8 @@ impl OpenField {
         let start = Instant::now();
         let mut planes = hierarchy.reconstruct(&samples, &cut);
         let error_color = alike.map(|alike| alike.hold(self, hierarchy, &cut, &mut planes[0]));
-        if is_sum {
+        // What is to be near everywhere stays so.
+        if is_sum && matches!(wanted, Wanted::Points(_)) {
             keep_sum(&mut planes[0], &self.stored[0]);
         }
         let off = errors(&samples, &planes);
