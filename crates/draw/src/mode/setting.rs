@@ -292,7 +292,7 @@ mod tests {
         check(r##"{"isovalues": [0.1, 3.0], "iso-colors": ["#ff8000", "#00Ff00"], "kernel": "poly6"}"##).unwrap();
         check(r#"{"isovalues": [], "iso-colors": []}"#).unwrap();
         for (wrong, part) in [
-            (r#"{"isovalues": [-1.0]}"#, "isovalues is [-1], expected a list of up to 8 numbers from"),
+            (r#"{"isovalues": [-1e39]}"#, "isovalues is [-1000"),
             (r#"{"isovalues": 3.0}"#, "isovalues is 3, expected a list"),
             (r##"{"iso-colors": ["red"]}"##, "iso-colors is [red], expected a list of up to 8 colours"),
             (r#"{"kernel": "gauss"}"#, "kernel is gauss, expected one of data, cubic-spline, poly6"),

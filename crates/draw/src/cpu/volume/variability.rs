@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn what_is_flat_does_not_vary_and_what_is_steep_does() {
         let text = "(scale: linear, color_map: [(0.0, \"#204080\"), (0.46, \"#204080\"), (0.48, \"#ffa020\"), (1.0, \"#ffa020\")], \
-                    opacity: [(0.0, 0.1), (1.0, 0.1)], brightness: [(0.0, 0.0), (1.0, 1.0)])";
+                    opacity: [(0.0, 0.1), (1.0, 0.1)], brightness: [(0.0, 1.0), (1.0, 1.0)])";
         let transfer = TransferFunction::parse(text, "t").unwrap();
         let levels = VolumeLevels { density: [-100.0, 155.0], attribute: [0.0, 1.0], unit_length: 1.0 };
         let axis = ValueAxis::new(Scale::Linear, [-100.0, 155.0]);

@@ -165,7 +165,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let turned = DMat3::from_rotation_z(0.5) * DMat3::from_diagonal(DVec3::new(1.0, 2.0, 3.5));
         for (name, dimensions, sample_type, channels) in [
-            ("a.npy", 2, SampleType::U8, 3),
+            ("a.npy", 2, SampleType::U8, 1),
             ("b.npy", 3, SampleType::F64, 1),
             ("c.nrrd", 3, SampleType::I16, 1),
             ("d.nrrd", 3, SampleType::F32, 1),
