@@ -52,7 +52,7 @@ pub fn compare(path: &Path, named: String, arguments: &Arguments, folder: &Path)
     let mut source = OpenField::open(path, ReadMethod::default())?;
     let grid = source.grid().clone();
     let samples: u64 = grid.shape.iter().product();
-    let exact = source.shown(&Wanted::Samples, &[0], false)?.field;
+    let exact = source.shown(None, &[0], false)?.field;
     let mut ways = Vec::new();
     for name in names {
         ways.push(Way::new(name, path, temporary.path(), arguments)?);
@@ -146,7 +146,7 @@ impl Way {
     fn field(&mut self, exact: &Field, grid: &Grid, budget: u64) -> Result<(Field, u64, usize), Failure> {
         match &mut self.open {
             Some(open) => {
-                let shown = open.shown(&Wanted::Points(usize::try_from(budget)?), &[0], grid.dimensions == 3)?;
+                let shown = open.shown(Some(&Wanted::Points(usize::try_from(budget)?)), &[0], grid.dimensions == 3)?;
                 Ok((shown.field, shown.report.points, shown.report.nodes as usize))
             }
             None => {

@@ -6,7 +6,7 @@ use super::statistics::write_json;
 use crate::explore::Region;
 use crate::explore::field_probe::{ChannelProbe, FieldProbe, probe_field};
 use crate::model::Unit;
-use crate::picture::field::{OpenField, Wanted};
+use crate::picture::field::OpenField;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -48,7 +48,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let region = Region { shapes, ranges: options.ranges.clone(), ..Region::default() };
     let mut open = OpenField::open(path, arguments.read)?;
     let (channels, unit) = (open.grid().channels.len(), open.grid().length_unit.clone());
-    let field = open.shown(&Wanted::Samples, &(0..channels).collect::<Vec<_>>(), false)?.field;
+    let field = open.shown(None, &(0..channels).collect::<Vec<_>>(), false)?.field;
     let probe = probe_field(&field, &region, arguments.bins as usize)?;
     if let Some(out) = &arguments.json {
         return write_json(out, &Answer { path, region: &region, length_unit: &unit, probe: &probe });

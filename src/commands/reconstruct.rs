@@ -212,9 +212,8 @@ fn approximate(
         for y in region.min[1]..region.max[1] {
             let row = (z * grid.shape[1] + y) * grid.shape[0];
             for at in (row + region.min[0])..(row + region.max[0]) {
-                for (plane, own) in drawn.iter().zip(&planes) {
-                    // What is no number stays none.
-                    let value = if own[at as usize].is_nan() { f32::NAN } else { plane[at as usize] };
+                for plane in &drawn {
+                    let value = plane[at as usize];
                     match sample_type {
                         // Casts saturate.
                         SampleType::U8 => bytes.push(value.round() as u8),

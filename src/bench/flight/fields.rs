@@ -80,7 +80,7 @@ pub fn measure(arguments: &Arguments, path: &Path) -> Result<Vec<Outcome>, Failu
     let mut in_time = InTime::default();
     // What is not measured: memory that is touched for the first time, and what pictures take at all.
     for _ in 0..8 {
-        shown(&prepared, &flight.view(0.0, width, height)?, frame_ms, &mut in_time)?;
+        prepared.draw_within(&flight.view(0.0, width, height)?, frame_ms, &mut in_time)?;
     }
     let (mut times, mut pixels, mut kept) = (Vec::new(), 0.0, Vec::new());
     let start = Instant::now();
@@ -88,7 +88,8 @@ pub fn measure(arguments: &Arguments, path: &Path) -> Result<Vec<Outcome>, Failu
     while now < flight.seconds {
         let view = flight.view(now, width, height)?;
         let begun = Instant::now();
-        let (size, colors) = shown(&prepared, &view, frame_ms, &mut in_time)?;
+        let size = in_time.size((width, height), frame_ms);
+        let colors = colors_of(prepared.draw_within(&view, frame_ms, &mut in_time)?)?;
         times.push(1e3 * begun.elapsed().as_secs_f64());
         pixels += f64::from(size.0) * f64::from(size.1);
         if kept.len() as f64 <= now / flight.seconds * COMPARED as f64 {
@@ -125,23 +126,12 @@ pub fn measure(arguments: &Arguments, path: &Path) -> Result<Vec<Outcome>, Failu
     Ok(vec![Outcome { path: path.into(), mode: mode.name, frame_ms: options.frame_ms, points, flight: summary, rest }])
 }
 
-/// A frame: its own size, and its colours at the view's.
-fn shown(
-    prepared: &PreparedField,
-    view: &View,
-    frame_ms: f64,
-    in_time: &mut InTime,
-) -> Result<((u32, u32), Colors), Failure> {
-    let size = in_time.size((view.width, view.height), frame_ms);
-    let start = Instant::now();
-    let small = light(prepared, &view.resized(size.0, size.1))?;
-    let colors = enlarged(&small, (view.width, view.height));
-    in_time.drew(size, 1e3 * start.elapsed().as_secs_f64());
-    Ok((size, colors))
+fn light(prepared: &PreparedField, view: &View) -> Result<Colors, Failure> {
+    colors_of(prepared.draw(view)?)
 }
 
-fn light(prepared: &PreparedField, view: &View) -> Result<Colors, Failure> {
-    match prepared.draw(view)? {
+fn colors_of(drawn: Raw) -> Result<Colors, Failure> {
+    match drawn {
         Raw::Light(light) => Ok(light.colors),
         Raw::Sums(..) => Err("bench flight: found a mode of sums, expected volume, isosurface or slice".into()),
     }

@@ -3,8 +3,9 @@
 
 use super::files::WriteError;
 use super::grids::SyntheticGrid;
+use crate::import::grid::head::{npy_head, nrrd_head};
+use crate::model::new_file;
 use crate::model::progress::Progress;
-use crate::model::{SampleType, new_file};
 use crate::store::temporary::{folder_of, free_bytes};
 use rayon::prelude::*;
 use std::io::{Error, ErrorKind, Write};
@@ -33,7 +34,8 @@ pub fn write(grid: &SyntheticGrid, path: &Path, progress: &dyn Progress) -> Resu
     }
     let mut file = new_file::builder().tempfile_in(folder).map_err(fail)?;
     let is_array = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("npy"));
-    let head = if is_array { npy_head(grid) } else { nrrd_head(grid) };
+    let about = grid.grid();
+    let head = if is_array { npy_head(&about, true) } else { nrrd_head(&about, true).into_bytes() };
     file.write_all(&head).map_err(fail)?;
     progress.begin("writing rows", rows);
     // So many rows in a part, and so many parts at a time, that all threads have some.
@@ -56,32 +58,6 @@ pub fn write(grid: &SyntheticGrid, path: &Path, progress: &dyn Progress) -> Resu
     }
     file.persist(path).map_err(|error| fail(error.error))?;
     Ok(())
-}
-
-/// The head of an array in format 1.0: its length is a multiple of 64.
-fn npy_head(grid: &SyntheticGrid) -> Vec<u8> {
-    let kind = if grid.sample_type() == SampleType::U8 { "|u1" } else { "<f4" };
-    let sides = grid.shape()[..grid.dimensions()].iter().rev().map(|side| format!("{side}, ")).collect::<String>();
-    let text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({}), }}", sides.trim_end());
-    let len = (10 + text.len() + 1).next_multiple_of(64) - 10;
-    let mut head = b"\x93NUMPY\x01\x00".to_vec();
-    head.extend_from_slice(&(len as u16).to_le_bytes());
-    head.extend_from_slice(text.as_bytes());
-    head.resize(10 + len - 1, b' ');
-    head.push(b'\n');
-    head
-}
-
-fn nrrd_head(grid: &SyntheticGrid) -> Vec<u8> {
-    let kind = if grid.sample_type() == SampleType::U8 { "uint8" } else { "float" };
-    let sides: Vec<String> = grid.shape()[..grid.dimensions()].iter().map(u64::to_string).collect();
-    let spacings = vec!["1"; grid.dimensions()].join(" ");
-    format!(
-        "NRRD0004\ntype: {kind}\ndimension: {}\nsizes: {}\nspacings: {spacings}\nendian: little\nencoding: raw\n\n",
-        grid.dimensions(),
-        sides.join(" ")
-    )
-    .into_bytes()
 }
 
 #[cfg(test)]

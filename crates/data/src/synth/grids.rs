@@ -4,7 +4,7 @@
 
 use super::random::Random;
 use crate::hierarchy::wavelet::sets::{direction, directions};
-use crate::model::SampleType;
+use crate::model::{Channel, Grid, SampleType};
 use std::f64::consts::PI;
 
 /// How many blobs there are in images and volumes of them.
@@ -88,6 +88,15 @@ impl SyntheticGrid {
         match self.kind {
             Kind::Blobs | Kind::Plateaus => SampleType::U8,
             _ => SampleType::F32,
+        }
+    }
+
+    /// What its files say of it.
+    pub fn grid(&self) -> Grid {
+        let [width, height, _] = self.shape;
+        match self.dimensions {
+            2 => Grid::image([width, height], self.sample_type(), Channel::numbered(1)),
+            _ => Grid::volume(self.shape, self.sample_type(), Channel::numbered(1)),
         }
     }
 

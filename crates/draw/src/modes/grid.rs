@@ -379,10 +379,7 @@ impl Technique for Marched {
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-        if !job.values.is_volume {
-            let expected = "image: an image has no depth".to_owned();
-            return Err(VolumeError::Setting { field: "mode", found: "one of volumes".into(), expected });
-        }
+        samples::check_kind(job, true)?;
         Ok(Raw::Light(samples::march(job, &self.0)?))
     }
 

@@ -3,10 +3,11 @@
 use super::grid::{self, Layers, OPACITY};
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Curve, Hue, Range, TransferFunction, UnitLength};
+use crate::cpu::field::plane::{self, Plane};
 use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast};
-use crate::mode::{FieldJob, FieldValues, LightPicture, Setting, SettingKind, Settings};
+use crate::mode::{FieldJob, FieldValues, Job, LightPicture, Output, Raw, Setting, SettingKind, Settings, Technique};
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
 use crate::view::{Extent, PerspectiveGrid, Projection};
@@ -201,11 +202,58 @@ pub fn colors_of(
     Ok((levels, color))
 }
 
-/// The refusal of a mode that draws no particles.
-pub fn no_particles(mode: &str) -> VolumeError {
-    VolumeError::Setting {
-        field: "mode",
-        found: mode.into(),
-        expected: "a mode of particles: it draws images and volumes".into(),
+/// What lies on a plane, in its colours.
+///
+/// # Errors
+/// As [`FieldLook::new`].
+pub fn on_plane(job: &FieldJob<'_>, plane: &Plane) -> Result<Raw, VolumeError> {
+    let (levels, color) = colors_of(job)?;
+    let colors = plane::draw(job.view, job.field, plane, color);
+    Ok(Raw::Light(LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }))
+}
+
+/// Refuses an image where volumes are drawn, or a volume where images are.
+///
+/// # Errors
+/// [`VolumeError::Setting`] with modes that fit.
+pub fn check_kind(job: &FieldJob<'_>, is_of_volumes: bool) -> Result<(), VolumeError> {
+    let (found, expected) = match (job.values.is_volume, is_of_volumes) {
+        (false, true) => ("one of volumes", "image: the data is one"),
+        (true, false) => ("one of images", "volume, slice or another one of volumes: the data is one"),
+        _ => return Ok(()),
+    };
+    Err(VolumeError::Setting { field: "mode", found: found.into(), expected: expected.into() })
+}
+
+/// How a mode that draws images or volumes alone is drawn.
+pub struct OfFields {
+    /// What its pictures are made of.
+    pub output: Output,
+    /// Whether it draws volumes; else images.
+    pub is_of_volumes: bool,
+    /// Draws one of the kind.
+    pub draw: fn(&FieldJob<'_>) -> Result<Raw, VolumeError>,
+}
+
+impl Technique for OfFields {
+    fn output(&self) -> Output {
+        self.output
+    }
+
+    fn takes_particles(&self) -> bool {
+        false
+    }
+
+    fn takes_fields(&self) -> bool {
+        true
+    }
+
+    fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {
+        Err(VolumeError::OnlyFields)
+    }
+
+    fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
+        check_kind(job, self.is_of_volumes)?;
+        (self.draw)(job)
     }
 }

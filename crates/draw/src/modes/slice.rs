@@ -1,9 +1,9 @@
 //! `slice`: a plane through a volume.
 
 use super::{grid, samples};
-use crate::cpu::field::plane::{self, Plane};
-use crate::cpu::volume::{VolumeError, VolumeReport};
-use crate::mode::{FieldJob, Job, LightPicture, Mode, Output, Raw, Setting, SettingKind, Technique};
+use crate::cpu::field::plane::Plane;
+use crate::cpu::volume::VolumeError;
+use crate::mode::{FieldJob, Mode, Output, Raw, Setting, SettingKind};
 use glam::DVec3;
 
 /// Across which axis of the grid it lies.
@@ -28,64 +28,32 @@ pub static NORMAL: Setting = Setting {
     help: "the slice's normal in the world, three numbers, in place of an axis",
 };
 
-struct Slice;
-
-impl Slice {
-    /// The plane that settings mean, in indices of samples.
-    fn plane(job: &FieldJob<'_>) -> Result<Plane, VolumeError> {
-        let shape = job.field.shape().map(|side| side as f64);
-        let normal = match *job.settings.numbers(&NORMAL) {
-            [] => match job.settings.name(&AXIS).as_str() {
-                "x" => DVec3::X,
-                "y" => DVec3::Y,
-                _ => DVec3::Z,
-            },
-            // A plane's normal is a covector: n . (M i) = (M^T n) . i.
-            [x, y, z] if (x, y, z) != (0.0, 0.0, 0.0) => job.field.to_world.matrix3.transpose() * DVec3::new(x, y, z),
-            ref found => {
-                let found = format!("{found:?}");
-                return Err(VolumeError::Setting {
-                    field: "normal",
-                    found,
-                    expected: "three numbers, not all 0".into(),
-                });
-            }
-        };
-        let ends = (0..8).map(|corner| {
-            let end = |axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { shape[axis] - 0.5 };
-            normal.dot(DVec3::new(end(0), end(1), end(2)))
-        });
-        let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
-        Ok(Plane { normal, distance: low + job.settings.number(&AT) * (high - low) })
-    }
+/// The plane that settings mean, in indices of samples.
+fn plane(job: &FieldJob<'_>) -> Result<Plane, VolumeError> {
+    let shape = job.field.shape().map(|side| side as f64);
+    let normal = match *job.settings.numbers(&NORMAL) {
+        [] => match job.settings.name(&AXIS).as_str() {
+            "x" => DVec3::X,
+            "y" => DVec3::Y,
+            _ => DVec3::Z,
+        },
+        // A plane's normal is a covector: n . (M i) = (M^T n) . i.
+        [x, y, z] if (x, y, z) != (0.0, 0.0, 0.0) => job.field.to_world.matrix3.transpose() * DVec3::new(x, y, z),
+        ref found => {
+            let found = format!("{found:?}");
+            return Err(VolumeError::Setting { field: "normal", found, expected: "three numbers, not all 0".into() });
+        }
+    };
+    let ends = (0..8).map(|corner| {
+        let end = |axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { shape[axis] - 0.5 };
+        normal.dot(DVec3::new(end(0), end(1), end(2)))
+    });
+    let [low, high] = ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)]);
+    Ok(Plane { normal, distance: low + job.settings.number(&AT) * (high - low) })
 }
 
-impl Technique for Slice {
-    fn output(&self) -> Output {
-        Output::Light
-    }
-
-    fn takes_particles(&self) -> bool {
-        false
-    }
-
-    fn takes_fields(&self) -> bool {
-        true
-    }
-
-    fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {
-        Err(samples::no_particles(MODE.name))
-    }
-
-    fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-        if !job.values.is_volume {
-            let expected = "image: an image is its own slice".to_owned();
-            return Err(VolumeError::Setting { field: "mode", found: MODE.name.into(), expected });
-        }
-        let (levels, color) = samples::colors_of(job)?;
-        let colors = plane::draw(job.view, job.field, &Slice::plane(job)?, color);
-        Ok(Raw::Light(LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }))
-    }
+fn draw(job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
+    samples::on_plane(job, &plane(job)?)
 }
 
 /// The value on a plane.
@@ -93,7 +61,7 @@ pub static MODE: Mode = Mode {
     name: "slice",
     help: "of volumes: what lies on a plane through them",
     settings: &[&[&AXIS, &AT, &NORMAL], samples::SAMPLES],
-    technique: &Slice,
+    technique: &samples::OfFields { output: Output::Light, is_of_volumes: true, draw },
     quantity: "value",
     ..grid::MODE
 };

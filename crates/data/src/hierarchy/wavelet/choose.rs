@@ -3,6 +3,8 @@
 use super::sets::turned_directions;
 use super::tables::{Table, dot};
 
+/// What single precision makes of a difference of two explanations, of the whole.
+const ROUNDING: f32 = 1e-4;
 /// Directions whose sets are looked at in full.
 const BEST: usize = 3;
 
@@ -49,7 +51,9 @@ pub(super) fn choose(table: &Table, x: &[f32], weights: &[f32], variation: f32, 
     match best {
         [Some((two, less)), Some((three, more))] => {
             let left = (variation - more).max(0.0) / (children as f32 - 3.0).max(1.0);
-            Some(if more - less >= left.min(less) { three } else { two })
+            // Where two points explain all of it, a third spares nothing but rounding.
+            let spared = more - less;
+            Some(if spared >= left.min(less) && spared > ROUNDING * variation { three } else { two })
         }
         [two, three] => two.or(three).map(|(entry, _)| entry),
     }

@@ -113,7 +113,7 @@ impl Hierarchy {
             .collect()
     }
 
-    /// The grid that a cut shows, channel by channel; samples that are drawn themselves are exact.
+    /// The grid that a cut shows, channel by channel; samples that are drawn themselves are exact, and those that are no numbers stay so.
     pub fn reconstruct(&self, samples: &Samples, cut: &Cut) -> Vec<Vec<f32>> {
         let sets = (0..=u8::MAX).map(|code| Set::of(self.dimensions, code)).collect();
         let drawing = Drawing { hierarchy: self, cut, sets, cover: self.cover(cut), shown: self.shown(cut) };
@@ -124,7 +124,8 @@ impl Hierarchy {
             let (y, z) = (at % self.shape[1], at / self.shape[1]);
             for (x, out) in out.chunks_exact_mut(number).enumerate() {
                 let i = at * row + x;
-                if drawing.cover[i] == 0 || drawing.cover[i] == HOLE {
+                let is_hole = self.planes.holes.get(i) == Some(&true);
+                if drawing.cover[i] == 0 || drawing.cover[i] == HOLE || is_hole {
                     out.iter_mut().zip(&samples.channels).for_each(|(v, channel)| *v = channel[i]);
                 } else {
                     drawing.value([x, y, z], out);

@@ -11,6 +11,7 @@ mod exr;
 mod fields;
 mod fits;
 mod hdf5;
+pub mod head;
 mod layout;
 mod metaimage;
 mod netcdf;

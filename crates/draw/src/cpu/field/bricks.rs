@@ -4,7 +4,7 @@
 use super::values::ValueAxis;
 use super::{Field, FieldLevel};
 use crate::cpu::volume::Fill;
-use crate::cpu::volume::bricks::{BORDER, BRICK, Brick, BrickGrid, CELLS, Layer};
+use crate::cpu::volume::bricks::{self, BORDER, BRICK, Brick, BrickGrid, CELLS, Layer};
 use crate::cpu::volume::resample::Work;
 use crate::view::{PerspectiveGrid, View};
 use glam::DVec3;
@@ -150,14 +150,9 @@ impl Fill for FieldBricks<'_> {
             Some(true) => None,
             _ => own.brick(layers.start + index / of_layer, index % of_layer),
         };
-        let mut all: Vec<Option<Brick>> = (0..layers.len() * of_layer).into_par_iter().map(brick).collect();
+        let all: Vec<Option<Brick>> = (0..layers.len() * of_layer).into_par_iter().map(brick).collect();
         let bricks = all.iter().flatten().count() as u64;
-        let mut out = Vec::with_capacity(layers.len());
-        while !all.is_empty() {
-            let rest = all.split_off(of_layer.min(all.len()));
-            out.push(std::mem::replace(&mut all, rest));
-        }
-        (out, Work { pairs: bricks, bricks })
+        (bricks::layers(all, of_layer), Work { pairs: bricks, bricks })
     }
 
     fn recycle(&mut self, layers: Vec<Layer>) {

@@ -27,6 +27,16 @@ pub struct Brick {
 /// Bricks at the same depth, row by row; `None` where nothing is.
 pub type Layer = Vec<Option<Brick>>;
 
+/// The bricks of several layers, one after the other, as layers of so many.
+pub fn layers(mut bricks: Vec<Option<Brick>>, of_layer: usize) -> Vec<Layer> {
+    let mut layers = Vec::with_capacity(bricks.len().div_ceil(of_layer.max(1)));
+    while !bricks.is_empty() {
+        let rest = bricks.split_off(of_layer.min(bricks.len()));
+        layers.push(std::mem::replace(&mut bricks, rest));
+    }
+    layers
+}
+
 /// How a grid is cut into bricks.
 #[derive(Clone, Debug)]
 pub struct BrickGrid {

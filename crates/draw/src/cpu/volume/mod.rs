@@ -89,6 +89,9 @@ pub enum VolumeError {
     /// A mode that draws particles alone.
     #[error("mode: found one that draws particles, expected one that draws images or volumes")]
     OnlyParticles,
+    /// A mode that draws images or volumes alone.
+    #[error("mode: found one that draws images or volumes, expected one that draws particles")]
+    OnlyFields,
     /// An adapter that cannot draw it.
     #[error("{0}")]
     Device(String),

@@ -4,7 +4,7 @@
 //! interpolated from coarser grids ([`coarse`]). A brick is filled by one task in the order of the particles, so the field is the
 //! same to the last bit for any number of threads.
 
-use super::bricks::{BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
+use super::bricks::{self, BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
 use super::coarse::{self, Interpolate, Peaks, Scratch};
 use super::gather::Gather;
 use super::stretched::Body;
@@ -146,14 +146,8 @@ impl<'a> Resampler<'a> {
             brick.densest = brick.density.iter().fold(0.0, |densest, density| densest.max(density.abs()));
             (brick.densest > 0.0).then_some(brick)
         };
-        let bricks = (0..layers.len() * brick_grid.of_layer()).into_par_iter().map_init(Scratch::default, gather);
-        let mut all: Vec<Option<Brick>> = bricks.collect();
-        let mut out = Vec::with_capacity(layers.len());
-        while !all.is_empty() {
-            let rest = all.split_off(brick_grid.of_layer().min(all.len()));
-            out.push(std::mem::replace(&mut all, rest));
-        }
-        out
+        let filled = (0..layers.len() * brick_grid.of_layer()).into_par_iter().map_init(Scratch::default, gather);
+        bricks::layers(filled.collect(), brick_grid.of_layer())
     }
 
     /// For each brick of layers of the grid, whether it or one next to it may show something.

@@ -1,9 +1,12 @@
 //! Images and volumes as files of other programs: NumPy arrays, NRRD and PNG, each as the grid's samples are stored.
 
 use crate::color::output::{OutputError, write_atomically};
+use crate::import::grid::head::{npy_head, nrrd_head};
 use crate::model::{Grid, SampleType};
-use std::fmt::Write as _;
 use std::path::Path;
+
+/// Samples are written in this machine's byte order.
+const LITTLE: bool = cfg!(target_endian = "little");
 
 /// What kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,79 +51,12 @@ pub fn write_grid(path: &Path, format: GridFormat, grid: &Grid, samples: &[u8]) 
         return Err(OutputError::Encode { path: path.into(), message: reason });
     }
     let bytes = match format {
-        GridFormat::Npy => [&npy_head(grid)[..], samples].concat(),
-        GridFormat::Nrrd => [nrrd_head(grid).as_bytes(), samples].concat(),
+        GridFormat::Npy => [&npy_head(grid, LITTLE)[..], samples].concat(),
+        GridFormat::Nrrd => [nrrd_head(grid, LITTLE).as_bytes(), samples].concat(),
         GridFormat::Png => png_bytes(grid, samples)
             .map_err(|error| OutputError::Encode { path: path.into(), message: error.to_string() })?,
     };
     write_atomically(path, &bytes)
-}
-
-/// Sides as arrays have them, the slowest axis first.
-fn sides(grid: &Grid) -> Vec<u64> {
-    let mut sides: Vec<u64> = grid.shape[..grid.dimensions].iter().rev().copied().collect();
-    if grid.channels.len() > 1 {
-        sides.push(grid.channels.len() as u64);
-    }
-    sides
-}
-
-/// The head of an array in format 1.0: its length is a multiple of 64.
-fn npy_head(grid: &Grid) -> Vec<u8> {
-    let order = match (grid.sample_type.size(), cfg!(target_endian = "little")) {
-        (1, _) => '|',
-        (_, true) => '<',
-        (_, false) => '>',
-    };
-    let kind = if grid.sample_type.is_float() { 'f' } else { grid.sample_type.name().chars().next().unwrap_or('u') };
-    let shape: String = sides(grid).iter().map(|side| format!("{side}, ")).collect();
-    let size = grid.sample_type.size();
-    let text = format!("{{'descr': '{order}{kind}{size}', 'fortran_order': False, 'shape': ({}), }}", shape.trim_end());
-    let len = (10 + text.len() + 1).next_multiple_of(64) - 10;
-    let mut head = b"\x93NUMPY\x01\x00".to_vec();
-    head.extend_from_slice(&(len as u16).to_le_bytes());
-    head.extend_from_slice(text.as_bytes());
-    head.resize(10 + len - 1, b' ');
-    head.push(b'\n');
-    head
-}
-
-fn nrrd_head(grid: &Grid) -> String {
-    let kind = match grid.sample_type {
-        SampleType::F32 => "float",
-        SampleType::F64 => "double",
-        whole => whole.name(),
-    };
-    let several = grid.channels.len() > 1;
-    let mut sizes: Vec<u64> = grid.shape[..grid.dimensions].to_vec();
-    if several {
-        sizes.insert(0, grid.channels.len() as u64);
-    }
-    let sizes: Vec<String> = sizes.iter().map(u64::to_string).collect();
-    let vector = |column: glam::DVec3| -> String {
-        let parts: Vec<String> = column.to_array()[..grid.dimensions].iter().map(|part| format!("{part:?}")).collect();
-        format!("({})", parts.join(","))
-    };
-    let mut directions: Vec<String> =
-        (0..grid.dimensions).map(|axis| vector(grid.to_world.matrix3.col(axis))).collect();
-    let mut kinds = vec!["domain"; grid.dimensions];
-    if several {
-        directions.insert(0, "none".into());
-        kinds.insert(0, "vector");
-    }
-    let mut text = String::from("NRRD0004\n");
-    // Writing to a string cannot fail.
-    let _ = writeln!(text, "type: {kind}\ndimension: {}\nsizes: {}", sizes.len(), sizes.join(" "));
-    let _ = writeln!(text, "space dimension: {}\nspace directions: {}", grid.dimensions, directions.join(" "));
-    let _ = writeln!(text, "space origin: {}\nkinds: {}", vector(grid.to_world.translation), kinds.join(" "));
-    if !grid.length_unit.is_unknown() {
-        let unit = format!("\"{}\"", grid.length_unit.to_string().replace('"', "'"));
-        let _ = writeln!(text, "space units: {}", vec![unit; grid.dimensions].join(" "));
-    }
-    if grid.sample_type.size() > 1 {
-        let _ = writeln!(text, "endian: {}", if cfg!(target_endian = "little") { "little" } else { "big" });
-    }
-    text + "encoding: raw\n\n"
 }
 
 fn png_bytes(grid: &Grid, samples: &[u8]) -> Result<Vec<u8>, png::EncodingError> {

@@ -29,17 +29,20 @@ pub struct OpenField {
     data: Data,
     /// Stored samples, a plane a channel.
     stored: Vec<Vec<f32>>,
-    hierarchy: Option<Hierarchy>,
-    /// Prices at which its cuts change.
-    curve: Vec<(f32, usize)>,
+    points: Option<Points>,
     /// What the values of the first channel are.
     statistics: ValueStatistics,
 }
 
+/// The points that stand for the samples, as they are in the file.
+struct Points {
+    hierarchy: Hierarchy,
+    /// Prices at which its cuts change.
+    curve: Vec<(f32, usize)>,
+}
+
 /// Which points are wanted of a field.
 pub enum Wanted {
-    /// All samples.
-    Samples,
     /// The best so many points.
     Points(usize),
     /// As few points as leave values, or else what a transfer function shows of them, nearly as they are.
@@ -84,14 +87,8 @@ impl OpenField {
         }
         let stored = planes_of(grid.sample_type, grid.channels.len(), &samples);
         drop(samples);
-        let mut open = OpenField {
-            path: path.into(),
-            data,
-            stored,
-            hierarchy: None,
-            curve: Vec::new(),
-            statistics: ValueStatistics::default(),
-        };
+        let mut open =
+            OpenField { path: path.into(), data, stored, points: None, statistics: ValueStatistics::default() };
         open.statistics = open.statistics_of(0);
         Ok(open)
     }
@@ -121,31 +118,40 @@ impl OpenField {
         ValueStatistics::of(&values_of(&self.grid().channels[channel], &self.stored[channel], &self.stored[channel]))
     }
 
-    /// The values of some channels, as near as wanted. For pictures of sums the first one's are brought to the sum of the samples where a number
-    /// of points was asked for, so that it does not depend on that.
+    /// The values of some channels: the samples' own, or as near as wanted. For pictures of sums the first one's are brought to the sum of the
+    /// samples where a number of points was asked for, so that it does not depend on that.
     ///
     /// # Errors
     /// When the points cannot be read, or there are none.
-    pub fn shown(&mut self, wanted: &Wanted, channels: &[usize], is_sum: bool) -> Result<Shown, PictureError> {
-        let count: u64 = self.grid().shape.iter().product();
-        if matches!(wanted, Wanted::Samples) {
-            let report = PointsReport::exact(count);
+    pub fn shown(&mut self, wanted: Option<&Wanted>, channels: &[usize], is_sum: bool) -> Result<Shown, PictureError> {
+        let Some(wanted) = wanted else {
+            let report = PointsReport::exact(self.grid().shape.iter().product());
             return Ok(Shown { field: self.field(&self.stored, channels), report, times: Default::default() });
-        }
+        };
         let start = Instant::now();
-        if self.hierarchy.is_none() {
-            let Data::File(file) = &self.data else {
-                let why = "no points stand for its samples: build a file of it first (deepfield build)";
-                return Err(PictureError::of(&self.path, why));
-            };
-            let hierarchy = file.hierarchy(&self.stored)?;
-            self.curve = hierarchy.curve();
-            self.hierarchy = Some(hierarchy);
-        }
-        let (Some(hierarchy), grid) = (&self.hierarchy, self.grid()) else {
-            return Err(PictureError::of(&self.path, "no points stand for its samples"));
+        let points = match self.points.take() {
+            Some(points) => points,
+            None => self.read_points()?,
         };
         let loaded = start.elapsed();
+        let mut shown = self.of_points(&points, wanted, channels, is_sum);
+        self.points = Some(points);
+        shown.times[0] = loaded;
+        Ok(shown)
+    }
+
+    fn read_points(&self) -> Result<Points, PictureError> {
+        let Data::File(file) = &self.data else {
+            let why = "no points stand for its samples: build a file of it first (deepfield build)";
+            return Err(PictureError::of(&self.path, why));
+        };
+        let hierarchy = file.hierarchy(&self.stored)?;
+        Ok(Points { curve: hierarchy.curve(), hierarchy })
+    }
+
+    /// What some of the points show.
+    fn of_points(&self, points: &Points, wanted: &Wanted, channels: &[usize], is_sum: bool) -> Shown {
+        let (Points { hierarchy, curve }, grid) = (points, self.grid());
         let start = Instant::now();
         let samples = Samples {
             dimensions: grid.dimensions,
@@ -154,13 +160,12 @@ impl OpenField {
         };
         // Values that must be found among others of the same look, and by how much that may be.
         let (cut, alike) = match wanted {
-            Wanted::Points(most) => (hierarchy.cut_on(&self.curve, *most), None),
+            Wanted::Points(most) => (hierarchy.cut_on(curve, *most), None),
             Wanted::Near { error, seen: Some(seen) } => {
                 let (cut, alike) = self.cut_alike(hierarchy, *error, seen);
                 (cut, Some(alike))
             }
             Wanted::Near { error, seen: None } => (hierarchy.cut_within(&samples, self.most(*error)).0, None),
-            Wanted::Samples => (hierarchy.exact(), None),
         };
         let chosen = start.elapsed();
         let start = Instant::now();
@@ -174,7 +179,7 @@ impl OpenField {
         let error_value = ErrorValue { max: off.max, rms: off.rms, bound: off.max };
         let report = PointsReport { error_value, error_color, ..PointsReport::of(&cut) };
         let field = self.field(&planes, channels);
-        Ok(Shown { field, report, times: [loaded, chosen, start.elapsed()] })
+        Shown { field, report, times: [Duration::ZERO, chosen, start.elapsed()] }
     }
 
     /// How far a stored value may be off.

@@ -89,9 +89,9 @@ impl FieldSession {
         let LookPatch { settings, transfer, .. } = &shot.look;
         let look = FieldLook::new(&values, settings, transfer.as_ref(), diameter, &Layers::VOLUME)?;
         let wanted = self.wanted(shot, mode, &look);
-        let levels = if matches!(wanted, Wanted::Samples) { "samples" } else { "wavelet" };
+        let levels = if wanted.is_none() { "samples" } else { "wavelet" };
         let Shown { field, report, times } =
-            self.opened.shown(&wanted, &channels, mode.technique.output() != Output::Light)?;
+            self.opened.shown(wanted.as_ref(), &channels, mode.technique.output() != Output::Light)?;
         let transfer = match mode.technique.output() {
             Output::Light => look.transfer,
             _ => transfer.clone().or_else(|| TransferFunction::preset(mode.transfer[0])).unwrap_or_default(),
@@ -209,22 +209,22 @@ impl FieldSession {
         }
     }
 
-    /// The points that a shot asks for.
-    fn wanted(&self, shot: &Shot, mode: &Mode, look: &FieldLook) -> Wanted {
+    /// The points that a shot asks for; `None` for the samples.
+    fn wanted(&self, shot: &Shot, mode: &Mode, look: &FieldLook) -> Option<Wanted> {
         let settings = &shot.look.settings;
         let points = shot.look.budget.level_choice().splats;
         let error = Some(settings.number(&ERROR_VALUE)).filter(|error| *error > 0.0);
         match points {
-            _ if self.options.exact.is_some() => Wanted::Samples,
-            Some(points) => Wanted::Points(usize::try_from(points).unwrap_or(usize::MAX)),
+            _ if self.options.exact.is_some() => None,
+            Some(points) => Some(Wanted::Points(usize::try_from(points).unwrap_or(usize::MAX))),
             // Of a source that was not built there is nothing but the samples.
-            None if !self.opened.has_points() => Wanted::Samples,
+            None if !self.opened.has_points() => None,
             None => {
                 let sensitivity = settings.number(&TRANSFER_SENSITIVITY) as f32;
                 let is_classified = mode.technique.output() == Output::Light && self.opened.grid().dimensions == 3;
                 let seen = (sensitivity > 0.0 && is_classified)
                     .then(|| (Variability::new(&look.classifier, look.axis), sensitivity));
-                Wanted::Near { error, seen }
+                Some(Wanted::Near { error, seen })
             }
         }
     }
