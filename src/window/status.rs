@@ -129,6 +129,8 @@ struct TimeStatus {
     there: bool,
     /// Whether tracks are shown, at that time.
     moves: bool,
+    /// Whether stored steps alone are shown.
+    holds: bool,
     playing: bool,
     /// How many times as fast as usual it plays.
     speed: f64,
@@ -281,6 +283,7 @@ pub(super) fn write_status(
             step: playhead.shown(),
             there: playhead.is_there(),
             moves: playhead.is_moving(),
+            holds: playhead.holds(),
             playing: playhead.is_playing(),
             speed: playhead.speed(),
             repeat: preset.playing.repeat,

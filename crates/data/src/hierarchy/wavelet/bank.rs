@@ -12,6 +12,7 @@
 //! frequencies from 1/4 to 1/2.
 
 use super::sets::{direction, directions};
+use rayon::prelude::*;
 use std::f64::consts::LN_2;
 
 /// `omega_c` of the octave from 1/4 to 1/2, cycles a cell.
@@ -22,6 +23,8 @@ const HALF_WIDTH: f64 = 0.125;
 const NEAR: i32 = 2;
 /// The height at which a Gaussian ends.
 const END: f64 = 1.0 / 64.0;
+/// How often a Gaussian has halved there.
+const HALVINGS: f64 = 6.0;
 /// What is not worth a multiplication.
 const LEAST: f32 = 1e-4;
 
@@ -41,11 +44,11 @@ impl Bank {
         Bank { directions, finer: (finer as i32).min(NEAR) }
     }
 
-    /// The response of a filter to a frequency, cycles a cell: 0 to 1.
-    pub fn response(&self, filter: usize, frequency: [f64; 3]) -> f64 {
-        let own = gaussian(self.directions[filter], CENTRE, frequency);
-        if own <= 0.0 {
-            return 0.0;
+    /// The response of each filter to a frequency, cycles a cell: 0 to 1.
+    pub fn responses(&self, frequency: [f64; 3]) -> Vec<f64> {
+        let mut responses: Vec<f64> = self.directions.iter().map(|&along| gaussian(along, CENTRE, frequency)).collect();
+        if responses.iter().all(|own| *own <= 0.0) {
+            return responses;
         }
         let opposite = frequency.map(|f| -f);
         let mut sum = 0.0;
@@ -55,22 +58,34 @@ impl Bank {
                 sum += gaussian(along, centre, frequency) + gaussian(along, centre, opposite);
             }
         }
-        own / sum
+        responses.iter_mut().for_each(|own| *own /= sum);
+        responses
     }
 
     /// Of each filter the cells of the transform of a box of `size` along each axis that it passes, and how much of them.
     pub fn tables(&self, dimensions: usize, size: usize) -> Vec<Vec<(u32, f32)>> {
         let frequency = |k: usize| if 2 * k < size { k as f64 } else { k as f64 - size as f64 } / size as f64;
-        let of = |filter: usize| {
-            let cells = (0..size.pow(dimensions as u32)).filter_map(|cell| {
-                let at = [cell % size, cell / size % size, cell / (size * size)];
-                let response =
-                    self.response(filter, std::array::from_fn(|k| if k < dimensions { frequency(at[k]) } else { 0.0 }));
-                (response as f32 > LEAST).then_some((cell as u32, response as f32))
-            });
-            cells.collect()
+        let of_cell = |cell: usize| {
+            let at = [cell % size, cell / size % size, cell / (size * size)];
+            self.responses(std::array::from_fn(|k| if k < dimensions { frequency(at[k]) } else { 0.0 }))
         };
-        (0..self.directions.len()).map(of).collect()
+        let rows = size.pow(dimensions as u32 - 1);
+        let passed = (0..rows).into_par_iter().map(|row| {
+            let mut tables = vec![Vec::new(); self.directions.len()];
+            for cell in row * size..(row + 1) * size {
+                for (table, response) in tables.iter_mut().zip(of_cell(cell)) {
+                    if response as f32 > LEAST {
+                        table.push((cell as u32, response as f32));
+                    }
+                }
+            }
+            tables
+        });
+        let join = |mut all: Vec<Vec<(u32, f32)>>, more: Vec<Vec<(u32, f32)>>| {
+            all.iter_mut().zip(more).for_each(|(table, more)| table.extend(more));
+            all
+        };
+        passed.reduce(|| vec![Vec::new(); self.directions.len()], join)
     }
 
     /// Whether two directions are next to each other: less than 60 degrees apart.
@@ -93,7 +108,12 @@ fn gaussian(along: [f64; 3], centre: f64, frequency: [f64; 3]) -> f64 {
     // Half of the height at these distances.
     let (half_along, half_across) = (centre * (HALF_WIDTH / CENTRE), centre * libm::sin(std::f64::consts::FRAC_PI_8));
     let along = (t - centre) / half_along;
-    let height = libm::exp(-LN_2 * (along * along + across / (half_across * half_across)));
+    let halvings = along * along + across / (half_across * half_across);
+    // Most filters are far from a frequency.
+    if halvings >= HALVINGS {
+        return 0.0;
+    }
+    let height = libm::exp(-LN_2 * halvings);
     ((height - END) / (1.0 - END)).max(0.0)
 }
 
@@ -125,9 +145,8 @@ mod tests {
                 let mut sum = 0.0;
                 for (octave, bank) in banks.iter().enumerate() {
                     let scale = (1_u32 << octave) as f64;
-                    for filter in 0..bank.directions.len() {
-                        sum += bank.response(filter, frequency.map(|f| scale * f));
-                        sum += bank.response(filter, frequency.map(|f| -scale * f));
+                    for sign in [scale, -scale] {
+                        sum += bank.responses(frequency.map(|f| sign * f)).iter().sum::<f64>();
                     }
                 }
                 assert!((sum - 1.0).abs() < 0.05, "{dimensions}: {frequency:?}: {sum}");
@@ -139,7 +158,7 @@ mod tests {
     fn constants_are_not_answered() {
         for dimensions in [2, 3] {
             let bank = Bank::new(dimensions, 1);
-            assert!((0..directions(dimensions)).all(|filter| bank.response(filter, [0.0; 3]) == 0.0));
+            assert!(bank.responses([0.0; 3]).iter().all(|response| *response == 0.0));
         }
     }
 
@@ -152,12 +171,12 @@ mod tests {
                 assert!((along.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-12);
                 // The axis to a corner has a third of a turn as its symmetry, not half of one: even but for what neighbours take.
                 let most = if along.iter().all(|v| v.abs() > 0.5) { 0.15 } else { 1e-6 };
-                let centre = bank.response(filter, along.map(|v| CENTRE * v));
+                let centre = bank.responses(along.map(|v| CENTRE * v))[filter];
                 assert!(centre > 0.5);
                 for frequency in frequencies(dimensions, 1) {
                     let t: f64 = (0..3).map(|k| along[k] * frequency[k]).sum();
                     let other: [f64; 3] = std::array::from_fn(|k| 2.0 * t * along[k] - frequency[k]);
-                    let (one, other) = (bank.response(filter, frequency), bank.response(filter, other));
+                    let (one, other) = (bank.responses(frequency)[filter], bank.responses(other)[filter]);
                     assert!((one - other).abs() < most, "{filter}: {one} {other}");
                 }
             }
@@ -174,11 +193,12 @@ mod tests {
             let between: [f64; 3] = std::array::from_fn(|k| all[a][k] + all[b][k]);
             let length = between.iter().map(|v| v * v).sum::<f64>().sqrt();
             let between = between.map(|v| CENTRE * v / length);
-            assert!((bank.response(a, between) - bank.response(b, between)).abs() < 1e-6);
+            let shared = bank.responses(between);
+            assert!((shared[a] - shared[b]).abs() < 1e-6);
             assert!(bank.are_neighbours(a, b) && !bank.are_neighbours(0, if dimensions == 2 { 2 } else { 1 }));
             let end = all[0].map(|v| 0.5 * v);
-            let finer = Bank::new(dimensions, 0).response(0, end.map(|f| 0.5 * f));
-            let own = bank.response(0, end);
+            let finer = Bank::new(dimensions, 0).responses(end.map(|f| 0.5 * f))[0];
+            let own = bank.responses(end)[0];
             assert!((own - finer).abs() < 0.02 && (0.3..0.55).contains(&own), "{own} {finer}");
         }
     }
