@@ -139,15 +139,26 @@ impl Mode {
 
     /// Whether it draws images or volumes.
     pub fn takes_fields(&self) -> bool {
-        self.technique.takes_fields()
+        !self.technique.field_dimensions().is_empty()
+    }
+
+    /// Whether it draws fields of so many dimensions: images, of 2, or volumes, of 3.
+    pub fn takes_fields_of(&self, dimensions: usize) -> bool {
+        self.technique.field_dimensions().contains(&dimensions)
     }
 
     /// Draws an image or a volume on the processor.
     ///
     /// # Errors
-    /// As [`Technique::draw_field`].
+    /// [`VolumeError::Setting`] with modes that fit, where this one does not draw the data; else as [`Technique::draw_field`].
     pub fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-        self.technique.draw_field(job)
+        let is_volume = job.values.is_volume;
+        let (found, expected) = match (self.takes_fields_of(if is_volume { 3 } else { 2 }), is_volume) {
+            (true, _) => return self.technique.draw_field(job),
+            (false, true) => ("one of images", "volume, slice or another one of volumes: the data is one"),
+            (false, false) => ("one of volumes", "image: the data is one"),
+        };
+        Err(VolumeError::Setting { field: "mode", found: found.into(), expected: expected.into() })
     }
 
     /// Draws it on the processor.

@@ -144,12 +144,12 @@ pub trait Technique: Sync {
         true
     }
 
-    /// Whether [`Technique::draw_field`] draws images or volumes.
-    fn takes_fields(&self) -> bool {
-        false
+    /// Of which dimensions the fields are that [`Technique::draw_field`] draws: 2 for images, 3 for volumes.
+    fn field_dimensions(&self) -> &'static [usize] {
+        &[]
     }
 
-    /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for techniques that do.
+    /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for fields of such dimensions.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.

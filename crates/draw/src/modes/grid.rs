@@ -374,12 +374,11 @@ impl Technique for Marched {
         Ok(Some(LightPlan { passes: LightPasses::March(scenery, look.options), levels: look.levels, isovalues }))
     }
 
-    fn takes_fields(&self) -> bool {
-        true
+    fn field_dimensions(&self) -> &'static [usize] {
+        &[3]
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-        samples::check_kind(job, true)?;
         Ok(Raw::Light(samples::march(job, &self.0)?))
     }
 

@@ -61,14 +61,7 @@ impl FieldLook {
         diameter: f64,
         layers: &Layers,
     ) -> Result<FieldLook, VolumeError> {
-        let usual = || {
-            let usual = match (values.is_volume, values.hue) {
-                (false, _) => TransferFunction::preset("grey").unwrap_or_default(),
-                (true, hue) => TransferFunction::of_values(hue.is_some()),
-            };
-            TransferFunction { scale: values.shown.scale(), ..usual }
-        };
-        let mut transfer = transfer.cloned().unwrap_or_else(usual);
+        let mut transfer = transfer.cloned().unwrap_or_else(|| FieldLook::usual(values));
         if values.hue.is_some() && values.is_volume {
             transfer = transfer.for_volume();
         }
@@ -114,6 +107,15 @@ impl FieldLook {
             transfer.brightness = Some(Curve::identity());
         }
         Ok(FieldLook { transfer, levels, axis, classifier, isovalues })
+    }
+
+    /// The transfer function of values that nobody has chosen one for.
+    pub fn usual(values: &FieldValues<'_>) -> TransferFunction {
+        let usual = match (values.is_volume, values.hue) {
+            (false, None) => TransferFunction::preset("grey").unwrap_or_default(),
+            (_, hue) => TransferFunction::of_values(hue.is_some()),
+        };
+        TransferFunction { scale: values.shown.scale(), ..usual }
     }
 
     /// What is drawn.
@@ -212,25 +214,12 @@ pub fn on_plane(job: &FieldJob<'_>, plane: &Plane) -> Result<Raw, VolumeError> {
     Ok(Raw::Light(LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }))
 }
 
-/// Refuses an image where volumes are drawn, or a volume where images are.
-///
-/// # Errors
-/// [`VolumeError::Setting`] with modes that fit.
-pub fn check_kind(job: &FieldJob<'_>, is_of_volumes: bool) -> Result<(), VolumeError> {
-    let (found, expected) = match (job.values.is_volume, is_of_volumes) {
-        (false, true) => ("one of volumes", "image: the data is one"),
-        (true, false) => ("one of images", "volume, slice or another one of volumes: the data is one"),
-        _ => return Ok(()),
-    };
-    Err(VolumeError::Setting { field: "mode", found: found.into(), expected: expected.into() })
-}
-
 /// How a mode that draws images or volumes alone is drawn.
 pub struct OfFields {
     /// What its pictures are made of.
     pub output: Output,
-    /// Whether it draws volumes; else images.
-    pub is_of_volumes: bool,
+    /// What it draws: images, of 2 dimensions, or volumes, of 3.
+    pub dimensions: &'static [usize],
     /// Draws one of the kind.
     pub draw: fn(&FieldJob<'_>) -> Result<Raw, VolumeError>,
 }
@@ -244,8 +233,8 @@ impl Technique for OfFields {
         false
     }
 
-    fn takes_fields(&self) -> bool {
-        true
+    fn field_dimensions(&self) -> &'static [usize] {
+        self.dimensions
     }
 
     fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {
@@ -253,7 +242,6 @@ impl Technique for OfFields {
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-        check_kind(job, self.is_of_volumes)?;
         (self.draw)(job)
     }
 }

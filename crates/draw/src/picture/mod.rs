@@ -4,6 +4,7 @@
 pub mod adapter;
 mod adapter_faces;
 pub mod annotation;
+mod any_session;
 pub mod around;
 pub mod decode;
 pub mod drawing_cost;
@@ -31,6 +32,7 @@ mod error;
 pub mod field;
 
 pub use adapter::{Adapter, AdapterFrame, AdapterJob};
+pub use any_session::AnySession;
 pub use drawn::{Coloration, Picture, ShownMoment};
 pub use error::PictureError;
 pub use left_out::LeftOut;

@@ -157,6 +157,42 @@ impl Projector {
         whole.ok_or_else(|| PictureError::Asked("nothing was drawn".into()))
     }
 
+    /// Puts together what `draw` shows in each view, colours or else sums; black where that is nothing.
+    ///
+    /// # Errors
+    /// The first of `draw`, and where all views show nothing.
+    pub fn draw_each(
+        &self,
+        is_light: bool,
+        mut draw: impl FnMut(&View) -> Result<Option<Raw>, PictureError>,
+    ) -> Result<Raw, PictureError> {
+        let nothing = || PictureError::Asked("eye, target: nothing of the data is in view".into());
+        if is_light {
+            let mut last: Option<LightPicture> = None;
+            let texels = self.shoot(COLORS, |face| {
+                let Some(Raw::Light(mut light)) = draw(face.view)? else {
+                    return Ok(Texels::black(face.view.width, face.view.height));
+                };
+                let colors = std::mem::take(&mut light.colors);
+                last = Some(light);
+                Ok(colors.into())
+            })?;
+            return Ok(Raw::Light(LightPicture { colors: texels.into(), ..last.ok_or_else(nothing)? }));
+        }
+        let mut any = false;
+        let texels = self.shoot(COLORS, |face| {
+            let Some(Raw::Sums(sums, _)) = draw(face.view)? else {
+                return Ok(Texels::black(face.view.width, face.view.height));
+            };
+            any = true;
+            Ok(sums.into())
+        })?;
+        if !any {
+            return Err(nothing());
+        }
+        Ok(Raw::Sums(texels.accumulation(false), Counts::default()))
+    }
+
     /// From where its paths are chosen: the same for all faces and both eyes.
     ///
     /// # Errors

@@ -38,7 +38,7 @@ pub struct Measured {
 impl Format {
     /// The size of pictures that ranges are found from. Discs of a fixed number of pixels cover another share of a smaller
     /// picture, and are brighter in it, so that these need pictures as large as those that are shown.
-    fn measured_size(self, footprint: Footprint) -> (u32, u32) {
+    pub(super) fn measured_size(self, footprint: Footprint) -> (u32, u32) {
         let (width, height) = self.size;
         let shrink = match footprint {
             Footprint::Pixels(_) => 1.0,

@@ -4,6 +4,7 @@
 //! 2, 4, 8, ... samples along each axis, so that nothing between two pixels is lost.
 
 pub mod bricks;
+pub mod gradient;
 pub mod plane;
 pub mod values;
 pub mod xray;

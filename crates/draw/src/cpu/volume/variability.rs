@@ -8,7 +8,7 @@ use crate::cpu::field::ValueAxis;
 const CLASSES: usize = 256;
 
 /// The variability of a transfer function over every range of values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Variability {
     axis: ValueAxis,
     /// For each class of lowest values, each class of highest ones: a square, the lower half of which is empty.

@@ -1,6 +1,7 @@
 //! Pictures of images and volumes: which points stand for the samples, and what a mode draws of them.
 
 pub mod in_time;
+mod names;
 mod opened;
 mod report;
 mod session;
@@ -8,6 +9,7 @@ mod session;
 mod tests;
 
 pub use in_time::InTime;
+pub use names::GRADIENT;
 pub use opened::{OpenField, Shown, Wanted};
 pub use report::{ErrorValue, PointsReport};
 pub use session::{FieldSession, PreparedField};

@@ -1,7 +1,7 @@
 //! An image or a volume, open: its samples, and the points that stand for them.
 
 use super::report::{ErrorValue, PointsReport};
-use crate::cpu::field::Field;
+use crate::cpu::field::{Field, gradient};
 use crate::cpu::volume::Variability;
 use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, errors};
 use crate::import::{GridOptions, GridSource, open_grid};
@@ -13,6 +13,7 @@ use crate::store::GridFile;
 use crate::store::grid::planes_of;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Where samples come from.
@@ -29,7 +30,7 @@ pub struct OpenField {
     data: Data,
     /// Stored samples, a plane a channel.
     stored: Vec<Vec<f32>>,
-    points: Option<Points>,
+    points: OnceLock<Points>,
     /// What the values of the first channel are.
     statistics: ValueStatistics,
 }
@@ -42,6 +43,7 @@ struct Points {
 }
 
 /// Which points are wanted of a field.
+#[derive(Clone, Debug, PartialEq)]
 pub enum Wanted {
     /// The best so many points.
     Points(usize),
@@ -57,7 +59,7 @@ pub enum Wanted {
 /// What is drawn, and how near it is.
 pub struct Shown {
     /// The values.
-    pub field: Field,
+    pub field: Arc<Field>,
     /// How they came about.
     pub report: PointsReport,
     /// How long reading the points, choosing some of them, and drawing these to a grid took.
@@ -87,8 +89,13 @@ impl OpenField {
         }
         let stored = planes_of(grid.sample_type, grid.channels.len(), &samples);
         drop(samples);
-        let mut open =
-            OpenField { path: path.into(), data, stored, points: None, statistics: ValueStatistics::default() };
+        let mut open = OpenField {
+            path: path.into(),
+            data,
+            stored,
+            points: OnceLock::new(),
+            statistics: ValueStatistics::default(),
+        };
         open.statistics = open.statistics_of(0);
         Ok(open)
     }
@@ -113,29 +120,40 @@ impl OpenField {
         &self.statistics
     }
 
-    /// What the values of a channel are.
-    pub fn statistics_of(&self, channel: usize) -> ValueStatistics {
-        ValueStatistics::of(&values_of(&self.grid().channels[channel], &self.stored[channel], &self.stored[channel]))
+    /// What the values of one of [`OpenField::attributes`] are.
+    pub fn statistics_of(&self, attribute: usize) -> ValueStatistics {
+        ValueStatistics::of(&self.values(&self.stored, attribute))
     }
 
-    /// The values of some channels: the samples' own, or as near as wanted. For pictures of sums the first one's are brought to the sum of the
+    /// The values of an attribute where the stored samples are such.
+    fn values(&self, planes: &[Vec<f32>], attribute: usize) -> Vec<f32> {
+        let grid = self.grid();
+        match grid.channels.get(attribute) {
+            Some(channel) => values_of(channel, &planes[attribute], &self.stored[attribute]),
+            None => gradient::magnitudes(grid, &values_of(&grid.channels[0], &planes[0], &self.stored[0])),
+        }
+    }
+
+    /// The values of some of [`OpenField::attributes`]: the samples' own, or as near as wanted. For pictures of sums the first one's are brought to the sum of the
     /// samples where a number of points was asked for, so that it does not depend on that.
     ///
     /// # Errors
     /// When the points cannot be read, or there are none.
-    pub fn shown(&mut self, wanted: Option<&Wanted>, channels: &[usize], is_sum: bool) -> Result<Shown, PictureError> {
+    pub fn shown(&self, wanted: Option<&Wanted>, channels: &[usize], is_sum: bool) -> Result<Shown, PictureError> {
         let Some(wanted) = wanted else {
             let report = PointsReport::exact(self.grid().shape.iter().product());
             return Ok(Shown { field: self.field(&self.stored, channels), report, times: Default::default() });
         };
         let start = Instant::now();
-        let points = match self.points.take() {
+        let points = match self.points.get() {
             Some(points) => points,
-            None => self.read_points()?,
+            None => {
+                let read = self.read_points()?;
+                self.points.get_or_init(|| read)
+            }
         };
         let loaded = start.elapsed();
-        let mut shown = self.of_points(&points, wanted, channels, is_sum);
-        self.points = Some(points);
+        let mut shown = self.of_points(points, wanted, channels, is_sum);
         shown.times[0] = loaded;
         Ok(shown)
     }
@@ -223,13 +241,12 @@ impl OpenField {
         }
     }
 
-    /// Planes of stored samples as a field of some channels' values.
-    fn field(&self, planes: &[Vec<f32>], channels: &[usize]) -> Field {
+    /// Planes of stored samples as a field of some attributes' values.
+    fn field(&self, planes: &[Vec<f32>], channels: &[usize]) -> Arc<Field> {
         let grid = self.grid();
-        let of = |&channel: &usize| -> (String, Unit, Vec<f32>) {
-            let about = &grid.channels[channel];
-            let values = values_of(about, &planes[channel], &self.stored[channel]);
-            (about.name.clone(), about.unit.clone(), values)
+        let of = |&attribute: &usize| -> (String, Unit, Vec<f32>) {
+            let (name, unit) = self.about(attribute);
+            (name, unit, self.values(planes, attribute))
         };
         let is_colored = channels.len() >= 3 && channels == colors_of(grid);
         let full_light = is_colored.then_some(match grid.sample_type {
@@ -238,7 +255,7 @@ impl OpenField {
             SampleType::F32 | SampleType::F64 => 1.0,
             _ => u32::MAX as f32,
         });
-        Field::new(grid, channels.iter().map(of).collect(), full_light)
+        Arc::new(Field::new(grid, channels.iter().map(of).collect(), full_light))
     }
 }
 

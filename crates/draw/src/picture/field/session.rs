@@ -1,27 +1,28 @@
-//! An open image or volume, of which pictures are drawn.
+//! An open image or a volume, of which pictures are drawn.
 
 use super::in_time::{self, InTime};
 use super::opened::{OpenField, Shown, Wanted, colors_of};
 use super::report::PointsReport;
-use crate::annotate::Units;
-use crate::color::transfer::TransferFunction;
+use crate::color::Image;
+use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::field::Field;
-use crate::cpu::volume::{Variability, VolumeError};
+use crate::cpu::volume::{Variability, VolumeError, VolumeLevels};
 use crate::import::grid_format;
-use crate::look::{Backend, DataKind, LookPatch, Shot};
-use crate::mode::{
-    Coloring, Depiction, FieldJob, FieldValues, LightPicture, Mode, Output, Raw, Settings, ValueStatistics,
-};
-use crate::model::{Bounds, Unit};
+use crate::look::{Backend, Camera, DataKind, LookPatch, Shot};
+use crate::mode::{FieldJob, FieldValues, LightPicture, Mode, Output, Raw, Settings, ValueStatistics};
+use crate::model::Bounds;
 use crate::modes;
 use crate::modes::grid::Layers;
 use crate::modes::samples::{ERROR_VALUE, FieldLook, TRANSFER_SENSITIVITY};
 use crate::picture::annotation::Annotation;
 use crate::picture::left_out::LeftOut;
 use crate::picture::level_report::LevelReport;
+use crate::picture::projected::Projector;
+use crate::picture::ranges::{Format, Measured};
 use crate::picture::session::Reporter;
 use crate::picture::times::Times;
 use crate::picture::{Picture, PictureError, SessionOptions};
+use crate::view::perspective_grid::GridError;
 use crate::view::{Projection, View};
 use glam::DVec3;
 use std::path::Path;
@@ -30,9 +31,11 @@ use std::time::{Duration, Instant};
 
 /// Draws pictures of an image or a volume, on the processor.
 pub struct FieldSession {
-    opened: OpenField,
+    opened: Arc<OpenField>,
     options: SessionOptions,
     reporter: Arc<dyn Reporter>,
+    /// What was drawn last.
+    prepared: Option<PreparedField>,
 }
 
 impl FieldSession {
@@ -56,18 +59,23 @@ impl FieldSession {
     ) -> Result<FieldSession, PictureError> {
         let progress = reporter.progress();
         progress.begin("reading", 1);
-        let opened = OpenField::open(path, options.read)?;
+        let opened = Arc::new(OpenField::open(path, options.read)?);
         progress.advance(1);
         drop(progress);
-        Ok(FieldSession { opened, options, reporter })
+        Ok(FieldSession { options, ..FieldSession::of(opened, reporter) })
+    }
+
+    /// For what is open.
+    pub fn of(opened: Arc<OpenField>, reporter: Arc<dyn Reporter>) -> FieldSession {
+        FieldSession { opened, options: SessionOptions::default(), reporter, prepared: None }
     }
 
     /// What is open.
-    pub fn opened(&self) -> &OpenField {
+    pub fn opened(&self) -> &Arc<OpenField> {
         &self.opened
     }
 
-    /// Chooses what a shot is drawn from, whatever its view.
+    /// Chooses what a shot is drawn from, whatever its view; what was chosen last is chosen again where nothing else is wanted.
     ///
     /// # Errors
     /// [`PictureError`] when the data cannot be read, or a setting does not fit it.
@@ -75,42 +83,59 @@ impl FieldSession {
         let dimensions = self.opened.grid().dimensions;
         let mode = shot.look.mode.unwrap_or_else(|| modes::of_fields(dimensions));
         self.check(shot, mode)?;
-        let hue = self.hue(shot)?;
+        let hue = shot.look.attribute_name().map(|name| self.opened.attribute(name)).transpose();
+        let hue = hue.map_err(|why| PictureError::of(self.opened.path(), why))?;
         let colors = colors_of(self.opened.grid());
+        let output = mode.technique.output();
         // What is shown comes first, what colours it last.
-        let channels: Vec<usize> = match (mode.technique.output(), &colors[..]) {
+        let channels: Vec<usize> = match (output, &colors[..]) {
             (Output::Light, [_, ..]) if hue.is_none() => colors,
             _ => [0].into_iter().chain(hue).collect(),
         };
-        let shown = self.opened.statistics().clone();
-        let hue_values = hue.map(|channel| self.opened.statistics_of(channel));
-        let diameter = self.opened.grid().bounds().size().length();
-        let values = FieldValues { shown: &shown, hue: hue_values.as_ref(), is_volume: dimensions == 3 };
-        let LookPatch { settings, transfer, .. } = &shot.look;
-        let look = FieldLook::new(&values, settings, transfer.as_ref(), diameter, &Layers::VOLUME)?;
-        let wanted = self.wanted(shot, mode, &look);
-        let levels = if wanted.is_none() { "samples" } else { "wavelet" };
-        let Shown { field, report, times } =
-            self.opened.shown(wanted.as_ref(), &channels, mode.technique.output() != Output::Light)?;
-        let transfer = match mode.technique.output() {
-            Output::Light => look.transfer,
-            _ => transfer.clone().or_else(|| TransferFunction::preset(mode.transfer[0])).unwrap_or_default(),
+        let before = self.prepared.take();
+        let known = before.as_ref().filter(|before| before.choice.channels == channels);
+        let hue_values = match known {
+            Some(known) => known.hue_values.clone(),
+            None => hue.map(|attribute| Arc::new(self.opened.statistics_of(attribute))),
         };
-        let (own, settings) = (shot.look.transfer.clone(), settings.clone());
-        Ok(PreparedField {
+        let diameter = self.opened.grid().bounds().size().length();
+        let values =
+            FieldValues { shown: self.opened.statistics(), hue: hue_values.as_deref(), is_volume: dimensions == 3 };
+        let LookPatch { settings, transfer: own, .. } = &shot.look;
+        let look = FieldLook::new(&values, settings, own.as_ref(), diameter, &Layers::VOLUME)?;
+        let wanted = self.wanted(shot, mode, &look);
+        let choice = Choice { wanted, channels, is_sum: output != Output::Light };
+        let (field, report, times) = match before.filter(|before| before.choice == choice) {
+            Some(before) => (before.field, before.report, Default::default()),
+            None => {
+                let Choice { wanted, channels, is_sum } = &choice;
+                let Shown { field, report, times } = self.opened.shown(wanted.as_ref(), channels, *is_sum)?;
+                (field, report, times)
+            }
+        };
+        let levels = look.levels;
+        let transfer = match (output, own) {
+            (Output::Light, _) => look.transfer,
+            (_, Some(own)) => own.clone(),
+            (_, None) => TransferFunction::preset(mode.transfer[0]).unwrap_or_default(),
+        };
+        let prepared = PreparedField {
             mode,
-            settings,
-            own,
+            settings: settings.clone(),
+            own: own.clone(),
             transfer,
+            levels,
             field,
             report,
-            levels,
-            shown,
+            choice,
+            opened: Arc::clone(&self.opened),
             hue,
             hue_values,
             diameter,
             times,
-        })
+        };
+        self.prepared = Some(prepared.clone());
+        Ok(prepared)
     }
 
     /// Draws a shot; where its time is limited, with as many pixels as that leaves time for.
@@ -120,7 +145,14 @@ impl FieldSession {
     pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
         let (bounds, dimensions) = (self.opened.grid().bounds(), self.opened.grid().dimensions);
         let prepared = self.prepare(shot)?;
-        let view = view_of(shot, bounds, dimensions)?;
+        let projector = match shot.is_projected() {
+            true => Some(Projector::new(shot.view(bounds, None)?, shot.surround, shot.stereo)?),
+            false => None,
+        };
+        let view = match &projector {
+            Some(projector) => projector.base,
+            None => view_of(shot, bounds, dimensions)?,
+        };
         let mut times = Times::default();
         for (pass, time) in ["load", "select", "reconstruct"].into_iter().zip(prepared.times) {
             times.note(pass, time);
@@ -128,24 +160,35 @@ impl FieldSession {
         let choice = shot.look.budget.level_choice();
         let mut drawn = None;
         for _ in 0..self.options.repeat.max(1) {
-            drawn = Some(times.frame(|times| {
-                times.measure("draw", || match choice.frame_ms {
-                    Some(budget) => prepared.draw_within(&view, budget, &mut InTime::default()),
-                    None => prepared.draw(&view),
-                })
-            })?);
+            let draw = || match (&projector, choice.frame_ms) {
+                (Some(projector), _) => projector.draw_each(prepared.mode.is_light(), |view| {
+                    if self.reporter.is_stopped() {
+                        return Err(PictureError::Stopped);
+                    }
+                    match prepared.draw(view) {
+                        Err(VolumeError::Grid(GridError::NothingInView)) => Ok(None),
+                        drawn => Ok(Some(drawn?)),
+                    }
+                }),
+                (None, Some(budget)) => Ok(prepared.draw_within(&view, budget, &mut InTime::default())?),
+                (None, None) => Ok(prepared.draw(&view)?),
+            };
+            drawn = Some(times.frame(|times| times.measure("draw", draw))?);
         }
         let Some(values) = drawn else { return Err(PictureError::Stopped) };
-        let PreparedField { mode, transfer, report, levels, hue, hue_values, .. } = prepared;
-        let depiction = self.depiction(shot, mode, hue, hue_values.as_ref());
-        let units = self.units(mode, hue);
+        let PreparedField { mode, transfer, report, .. } = &prepared;
+        let attribute = shot.look.attribute_name();
+        let depiction = self.opened.depiction(mode, shot.look.settings.clone(), attribute, choice);
+        let depiction = depiction.map_err(|why| PictureError::of(self.opened.path(), why))?;
+        let units = self.opened.units(&depiction);
         let annotation = Annotation::new(shot, view, bounds, None, units, None, &depiction, &*self.reporter)?;
+        let levels = prepared.drawn_from();
         let level_report =
             LevelReport { levels, splats: report.points, budget: choice.splats, ..LevelReport::default() };
         Ok(Picture {
             values,
             annotation,
-            transfer,
+            transfer: transfer.clone(),
             converged: choice.frame_ms.is_none(),
             error_px: 0.0,
             particles: 0,
@@ -157,16 +200,56 @@ impl FieldSession {
             milliseconds: times.medians(),
             moment: None,
             paths: None,
-            points: Some(report),
+            points: Some(report.clone()),
         })
+    }
+
+    /// A drawn picture in colours, with what the shot's film does to it.
+    ///
+    /// # Errors
+    /// As [`FieldSession::draw`] for the picture that it is blended with, and where a picture over it cannot be read.
+    pub fn finished(&mut self, shot: &Shot, picture: &Picture) -> Result<Image, PictureError> {
+        let Some(film) = &shot.film else { return picture.image(shot) };
+        let before = film.from.as_deref().map(|from| {
+            let mut before = Shot::of_scene(from.clone(), Path::new(""));
+            (before.size, before.film, before.look.background) = (shot.size, None, shot.look.background);
+            self.draw(&before)?.image(&before)
+        });
+        picture.filmed(shot, film, before.transpose()?)
+    }
+
+    /// What is known of a look's picture from a camera: its ranges.
+    ///
+    /// # Errors
+    /// As [`FieldSession::draw`].
+    pub fn ranges(&mut self, look: &LookPatch, camera: &Camera, format: Format) -> Result<Measured, PictureError> {
+        let prepared = self.prepare(&Shot { look: look.clone(), ..Shot::default() })?;
+        let PreparedField { mode, transfer, levels, .. } = &prepared;
+        let levels = match mode.is_light() {
+            true => Levels { p: levels.density, s: levels.attribute },
+            false => {
+                let (width, height) = format.measured_size(mode.technique.needs(&look.settings).footprint);
+                let middle = if format.surround.is_flat() { camera.target } else { camera.eye };
+                let view = camera.view(width, height)?;
+                let view = look.cut.unwrap_or_default().applied(&view, middle.into(), None);
+                let drawn = match format.surround.is_flat() {
+                    true => prepared.draw(&view)?,
+                    false => Projector::new(view, format.surround, None)?
+                        .draw_each(false, |view| Ok(Some(prepared.draw(view)?)))?,
+                };
+                let Raw::Sums(sums, _) = drawn else { return Err(VolumeError::OnlyFields.into()) };
+                transfer.levels(&sums)
+            }
+        };
+        let attribute = look.attribute_name().map(str::to_owned);
+        Ok(Measured { mode, attribute, transfer: transfer.clone(), levels })
     }
 
     /// Refuses what images and volumes are not drawn with.
     fn check(&self, shot: &Shot, mode: &'static Mode) -> Result<(), PictureError> {
         let refuse = |why: String| Err(PictureError::of(self.opened.path(), why));
         if !mode.takes_fields() {
-            let all = modes::all();
-            let names: Vec<&str> = all.iter().filter(|mode| mode.takes_fields()).map(|mode| mode.name).collect();
+            let names: Vec<&str> = self.opened.modes().iter().map(|mode| mode.name).collect();
             let kind = if self.opened.grid().dimensions == 2 { "an image" } else { "a volume" };
             return refuse(format!(
                 "mode {} draws particles, found {kind}, expected one of {}",
@@ -178,11 +261,6 @@ impl FieldSession {
             let named = &self.options.named;
             PictureError::of(if named.as_os_str().is_empty() { self.opened.path() } else { named }, error)
         })?;
-        if shot.is_projected() {
-            return refuse(
-                "images and volumes are drawn flat and for one eye, not as domes, panoramas or in stereo".into(),
-            );
-        }
         if self.options.backend.is_some_and(|backend| backend != Backend::Cpu) {
             return refuse("--backend: images and volumes are drawn by the processor, expected cpu".into());
         }
@@ -193,20 +271,6 @@ impl FieldSession {
             return refuse("--time: an image or a volume has no times".into());
         }
         Ok(())
-    }
-
-    /// The channel that colours the picture, where one is named.
-    fn hue(&self, shot: &Shot) -> Result<Option<usize>, PictureError> {
-        let Some(name) = shot.look.attribute_name() else { return Ok(None) };
-        let channels = &self.opened.grid().channels;
-        match channels.iter().position(|channel| channel.name == name) {
-            Some(channel) => Ok(Some(channel)),
-            None => {
-                let names: Vec<&str> = channels.iter().map(|channel| channel.name.as_str()).collect();
-                let why = format!("attribute {name} is not in the data, expected one of {}", names.join(", "));
-                Err(PictureError::of(self.opened.path(), why))
-            }
-        }
     }
 
     /// The points that a shot asks for; `None` for the samples.
@@ -228,75 +292,62 @@ impl FieldSession {
             }
         }
     }
+}
 
-    fn depiction(
-        &self,
-        shot: &Shot,
-        mode: &'static Mode,
-        hue: Option<usize>,
-        values: Option<&ValueStatistics>,
-    ) -> Depiction {
-        let coloring = |channel: usize| Coloring {
-            name: self.opened.grid().channels[channel].name.clone(),
-            fallback: 0.0,
-            least: values.map_or(0.0, |values| values.range()[0]),
-        };
-        Depiction {
-            mode,
-            settings: shot.look.settings.clone(),
-            attribute: hue.map(coloring),
-            choice: shot.look.budget.level_choice(),
-        }
-    }
-
-    /// What a legend calls the values.
-    fn units(&self, mode: &Mode, hue: Option<usize>) -> Units {
-        let grid = self.opened.grid();
-        let shown = &grid.channels[0];
-        let length = grid.length_unit.clone();
-        let value = match mode.technique.output() {
-            Output::Light => (shown.name.clone(), shown.unit.clone()),
-            _ => {
-                let unit = match (shown.unit.is_unknown(), length.is_unknown()) {
-                    (false, false) => Unit::new(format!("{} {length}", shown.unit)),
-                    _ => Unit::default(),
-                };
-                (format!("{} of {}", mode.quantity, shown.name), unit)
-            }
-        };
-        let attribute = hue.map(|channel| grid.channels[channel].unit.clone()).unwrap_or_default();
-        Units { mass: Unit::default(), length, attribute, value: Some(value) }
-    }
+/// What is shown of the data, whatever its colours.
+#[derive(Clone, Debug, PartialEq)]
+struct Choice {
+    /// Its points; `None` for the samples.
+    wanted: Option<Wanted>,
+    /// The attributes, what is shown first.
+    channels: Vec<usize>,
+    /// Whether their sums are drawn.
+    is_sum: bool,
 }
 
 /// A field and what is drawn of it, ready for any view.
+#[derive(Clone)]
 pub struct PreparedField {
     mode: &'static Mode,
     settings: Settings,
     /// The transfer function that was asked for.
     own: Option<TransferFunction>,
     /// The one in use.
-    transfer: TransferFunction,
-    field: Field,
+    pub transfer: TransferFunction,
+    /// The ranges of colours of light.
+    pub levels: VolumeLevels,
+    /// What is drawn.
+    pub field: Arc<Field>,
     /// The points that it is made of.
     pub report: PointsReport,
-    levels: &'static str,
-    shown: ValueStatistics,
+    choice: Choice,
+    opened: Arc<OpenField>,
+    /// The attribute that colours it.
     hue: Option<usize>,
-    hue_values: Option<ValueStatistics>,
+    hue_values: Option<Arc<ValueStatistics>>,
     diameter: f64,
     /// How long reading the points, choosing some, and drawing these to a grid took.
     times: [Duration; 3],
 }
 
 impl PreparedField {
+    /// What it is drawn from, by name.
+    pub fn drawn_from(&self) -> &'static str {
+        if self.choice.wanted.is_none() { "samples" } else { "wavelet" }
+    }
+
+    /// Whether an attribute colours it.
+    pub fn has_hue(&self) -> bool {
+        self.hue.is_some()
+    }
+
     /// Draws a view.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the field, and where nothing is in view.
     pub fn draw(&self, view: &View) -> Result<Raw, VolumeError> {
-        let values =
-            FieldValues { shown: &self.shown, hue: self.hue_values.as_ref(), is_volume: self.field.dimensions == 3 };
+        let hue = self.hue_values.as_deref();
+        let values = FieldValues { shown: self.opened.statistics(), hue, is_volume: self.field.dimensions == 3 };
         self.mode.draw_field(&FieldJob {
             view,
             field: &self.field,

@@ -1,0 +1,70 @@
+//! What draws shots of data, whatever it is: particles, or an image or a volume.
+
+use super::field::FieldSession;
+use super::ranges::{Format, Measured};
+use super::{Picture, PictureError, Session};
+use crate::color::Image;
+use crate::look::{Camera, LookPatch, Shot};
+use crate::model::Bounds;
+
+/// What draws shots of open data.
+pub enum AnySession {
+    /// Of particles.
+    Particles(Box<Session>),
+    /// Of an image or a volume.
+    Field(Box<FieldSession>),
+}
+
+impl AnySession {
+    /// What draws particles, where these are open.
+    pub fn particles(&mut self) -> Option<&mut Session> {
+        match self {
+            AnySession::Particles(session) => Some(session),
+            AnySession::Field(_) => None,
+        }
+    }
+
+    /// The box that a look's pictures are framed by.
+    ///
+    /// # Errors
+    /// When the data has nothing of it, or cannot be opened.
+    pub fn framed(&mut self, look: &LookPatch) -> Result<Bounds, PictureError> {
+        match self {
+            AnySession::Particles(session) => session.framed(look),
+            AnySession::Field(session) => Ok(session.opened().grid().bounds()),
+        }
+    }
+
+    /// Draws a shot.
+    ///
+    /// # Errors
+    /// [`PictureError`] when the data cannot be read, a setting does not fit it, or nothing draws the mode.
+    pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
+        match self {
+            AnySession::Particles(session) => session.draw(shot),
+            AnySession::Field(session) => session.draw(shot),
+        }
+    }
+
+    /// A drawn picture in colours, with what the shot's film does to it.
+    ///
+    /// # Errors
+    /// As [`AnySession::draw`] for the picture that it is blended with, and where a picture over it cannot be read.
+    pub fn finished(&mut self, shot: &Shot, picture: &Picture) -> Result<Image, PictureError> {
+        match self {
+            AnySession::Particles(session) => session.finished(shot, picture),
+            AnySession::Field(session) => session.finished(shot, picture),
+        }
+    }
+
+    /// What is known of a look's picture from a camera: its ranges.
+    ///
+    /// # Errors
+    /// As [`AnySession::draw`].
+    pub fn ranges(&mut self, look: &LookPatch, camera: &Camera, format: Format) -> Result<Measured, PictureError> {
+        match self {
+            AnySession::Particles(session) => session.ranges(look, camera, format),
+            AnySession::Field(session) => session.ranges(look, camera, format),
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! What the attributes of an image or a volume are called, and what its pictures mean.
+
+use super::opened::OpenField;
+use crate::annotate::Units;
+use crate::color::transfer::TransferFunction;
+use crate::mode::{Coloring, Depiction, FieldValues, LevelChoice, Mode, Output, Settings};
+use crate::model::Unit;
+use crate::modes;
+use crate::modes::grid::Layers;
+use crate::modes::samples::FieldLook;
+
+/// The attribute that every field has: how steep what it shows is.
+pub const GRADIENT: &str = "gradient";
+
+impl OpenField {
+    /// The names of what can colour its pictures: its channels, and how steep the first one is.
+    pub fn attributes(&self) -> Vec<String> {
+        let channels = &self.grid().channels;
+        let mut names: Vec<String> = channels.iter().map(|channel| channel.name.clone()).collect();
+        if !names.iter().any(|name| name == GRADIENT) {
+            names.push(GRADIENT.into());
+        }
+        names
+    }
+
+    /// The place of an attribute among these.
+    ///
+    /// # Errors
+    /// The names that there are.
+    pub fn attribute(&self, name: &str) -> Result<usize, String> {
+        let names = self.attributes();
+        let missing = || format!("attribute {name} is not in the data, expected one of {}", names.join(", "));
+        names.iter().position(|own| own == name).ok_or_else(missing)
+    }
+
+    /// The name and the unit of an attribute.
+    pub(super) fn about(&self, attribute: usize) -> (String, Unit) {
+        let grid = self.grid();
+        match grid.channels.get(attribute) {
+            Some(channel) => (channel.name.clone(), channel.unit.clone()),
+            None => {
+                let (value, length) = (&grid.channels[0].unit, &grid.length_unit);
+                let is_known = !value.is_unknown() && !length.is_unknown();
+                (GRADIENT.into(), if is_known { Unit::new(format!("{value}/{length}")) } else { Unit::default() })
+            }
+        }
+    }
+
+    /// A mode of its pictures, coloured by an attribute where one is named.
+    ///
+    /// # Errors
+    /// As [`OpenField::attribute`].
+    pub fn depiction(
+        &self,
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        choice: LevelChoice,
+    ) -> Result<Depiction, String> {
+        let coloring = |name: &str| {
+            let statistics = self.statistics_of(self.attribute(name)?);
+            Ok::<_, String>(Coloring { name: name.into(), fallback: 0.0, least: statistics.range()[0] })
+        };
+        Ok(Depiction { mode, settings, attribute: attribute.map(coloring).transpose()?, choice })
+    }
+
+    /// The transfer function that a depiction of it has where none is chosen.
+    pub fn usual_transfer(&self, depiction: &Depiction) -> TransferFunction {
+        let attribute = depiction.attribute.as_ref();
+        if depiction.mode.technique.output() != Output::Light {
+            let name = depiction.mode.transfer[usize::from(attribute.is_some())];
+            return TransferFunction::preset(name).unwrap_or_default();
+        }
+        let hue = attribute.and_then(|coloring| Some(self.statistics_of(self.attribute(&coloring.name).ok()?)));
+        let is_volume = self.grid().dimensions == 3;
+        FieldLook::usual(&FieldValues { shown: self.statistics(), hue: hue.as_ref(), is_volume })
+    }
+
+    /// What a legend calls the values of a depiction.
+    pub fn units(&self, depiction: &Depiction) -> Units {
+        let grid = self.grid();
+        let (shown, length) = (&grid.channels[0], grid.length_unit.clone());
+        let mode = depiction.mode;
+        let value = match mode.technique.output() {
+            Output::Light => (shown.name.clone(), shown.unit.clone()),
+            _ => {
+                let unit = match (shown.unit.is_unknown(), length.is_unknown()) {
+                    (false, false) => Unit::new(format!("{} {length}", shown.unit)),
+                    _ => Unit::default(),
+                };
+                (format!("{} of {}", mode.quantity, shown.name), unit)
+            }
+        };
+        let index = depiction.attribute.as_ref().and_then(|coloring| self.attribute(&coloring.name).ok());
+        let attribute = index.map(|index| self.about(index).1).unwrap_or_default();
+        Units { mass: Unit::default(), length, attribute, value: Some(value) }
+    }
+
+    /// The modes that draw it.
+    pub fn modes(&self) -> Vec<&'static Mode> {
+        modes::all().into_iter().filter(|mode| mode.takes_fields_of(self.grid().dimensions)).collect()
+    }
+}
