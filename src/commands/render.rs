@@ -1,10 +1,9 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
 use super::CommandResult;
-use super::progress_bar::Terminal;
 use super::region_options::own_time;
 pub use super::render_arguments::Arguments;
-use super::request::{Request, open};
+use super::request::{Request, open_any};
 use super::statistics;
 use crate::color::{Image, output};
 use crate::import::step_at;
@@ -12,7 +11,6 @@ use crate::look::{DataKind, one_snapshot};
 use crate::picture::Picture;
 use crate::picture::field::FieldSession;
 use crate::view::{CubeLayout, Side, Surround};
-use std::sync::Arc;
 
 /// Renders the picture and writes it.
 ///
@@ -43,15 +41,8 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         }
         request.shot.look.annotations = None;
     }
-    if let [only] = &request.members[..]
-        && FieldSession::is_field(&only.path)
-    {
-        let Request { members, shot, options } = request;
-        let mut session = FieldSession::open(&members[0].path, options, Arc::new(Terminal))?;
-        let picture = session.draw(&shot)?;
-        return write(arguments, &picture, is_exr, || Ok(picture.image(&shot)?));
-    }
     let Request { mut members, mut shot, options } = request;
+    let is_field = matches!(&members[..], [only] if FieldSession::is_field(&only.path));
     if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
         && matches!(DataKind::of(&first.path), Ok(DataKind::Source))
         && let Some(step) = step_at(&first.path, when, options.read)?
@@ -59,7 +50,7 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         (first.path, shot.look.time) = (step, None);
     }
     let has_times = members.iter().any(|member| matches!(DataKind::of(&member.path), Ok(DataKind::Run)));
-    if let (false, Some(_), Some(first)) = (has_times, shot.look.time, members.first()) {
+    if let (false, false, Some(_), Some(first)) = (is_field, has_times, shot.look.time, members.first()) {
         let why = one_snapshot(&first.path, own_time(&first.path)?);
         match arguments.time {
             Some(_) => return Err(why.into()),
@@ -67,7 +58,7 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
             None => eprintln!("deepfield: {why}; the scene's time is left out"),
         }
     }
-    let mut session = open(&members, options, [&shot])?;
+    let mut session = open_any(&members, options, [&shot])?;
     let picture = session.draw(&shot)?;
     if shot.surround != (Surround::Cube { layout: CubeLayout::Files }) {
         return write(arguments, &picture, is_exr, || Ok(session.finished(&shot, &picture)?));

@@ -3,7 +3,8 @@
 use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
 use crate::look::{Member, Shot};
-use crate::picture::{PictureError, Session, SessionOptions};
+use crate::picture::field::FieldSession;
+use crate::picture::{AnySession, PictureError, Session, SessionOptions};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -16,6 +17,23 @@ pub struct Request {
     pub shot: Shot,
     /// How they are opened and drawn.
     pub options: SessionOptions,
+}
+
+/// Opens datasets for pictures of these shots: an image or a volume that is alone as what it is, everything else as particles.
+///
+/// # Errors
+/// As [`open`], and [`FieldSession::open`].
+pub fn open_any<'a>(
+    members: &[Member],
+    options: SessionOptions,
+    shots: impl IntoIterator<Item = &'a Shot>,
+) -> Result<AnySession, PictureError> {
+    Ok(match members {
+        [only] if FieldSession::is_field(&only.path) => {
+            AnySession::Field(Box::new(FieldSession::open(&only.path, options, Arc::new(Terminal))?))
+        }
+        _ => AnySession::Particles(Box::new(open(members, options, shots)?)),
+    })
 }
 
 /// Opens datasets for pictures of these shots; sources by their page files in the cache, which are built first where there are

@@ -5,15 +5,17 @@ use super::facts::Facts;
 use super::open::Opened;
 use super::picture::{DataCamera, Picture};
 use super::playhead::{Playhead, families_of};
-use super::scene::{Scene, Settings, TransferKept, home};
+use super::scene::{Scene, SceneField, Settings, TransferKept, home};
 use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
 use crate::color::transfer::Range;
 use crate::look::{Attribute, shown_families};
+use crate::mode::Mode;
 use crate::model::FamilyName;
 use crate::modes;
 use crate::view::CutSettings;
+use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
 use std::sync::Arc;
@@ -32,7 +34,7 @@ pub(crate) fn adopt_opened(
     mut transfer_kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, members, notes, run, tracks, file, frame, scene: opened, keeps }) =
+    let Some(Opened { path, members, notes, run, tracks, field, file, frame, scene: opened, keeps }) =
         opened.read().last().cloned()
     else {
         return;
@@ -43,7 +45,13 @@ pub(crate) fn adopt_opened(
     // More of what is open changes nothing of how it is seen.
     let kept =
         scene.as_ref().filter(|_| keeps).map(|scene| families_of(scene.metadata(), &settings.families, metadata));
-    choices.attributes = Choices::attributes_of(metadata);
+    choices.attributes = field.as_ref().map_or_else(Vec::new, |field| field.opened.attributes());
+    for name in Choices::attributes_of(metadata) {
+        if !choices.attributes.contains(&name) {
+            choices.attributes.push(name);
+        }
+    }
+    let dimensions = field.as_ref().map(SceneField::dimensions);
     let (shown, missing) = shown_families(&file, &members);
     if let Some(families) = kept {
         if settings.families != families {
@@ -55,6 +63,14 @@ pub(crate) fn adopt_opened(
         match home(frame, viewpoint.fov_y, &picture) {
             Ok(_) if follows => {}
             Ok(home) => {
+                // One looks at an image straight from in front.
+                let home = match dimensions {
+                    Some(2) => {
+                        let (eye, target) = (DVec3::Z * home.distance(), frame.center());
+                        Viewpoint { eye: target + eye, target, up: DVec3::Y, ..home }
+                    }
+                    _ => home,
+                };
                 *viewpoint = home;
                 *anchor = Anchor::adopt(&home, &mut orbit);
                 commands.entity(entity).remove::<Flight>();
@@ -66,8 +82,17 @@ pub(crate) fn adopt_opened(
         {
             settings.attribute = Attribute::Automatic;
         }
-        if !settings.mode_chosen {
-            settings.change_mode(modes::usual(choices.attributes.iter().map(String::as_str)));
+        let is_drawn = |mode: &Mode| {
+            mode.takes_particles() || dimensions.is_some_and(|dimensions| mode.takes_fields_of(dimensions))
+        };
+        if !settings.mode_chosen || !is_drawn(settings.mode) {
+            if settings.mode_chosen {
+                notices.error(format!("mode {} does not draw {}", settings.mode.name, path.display()));
+            }
+            settings.change_mode(match dimensions {
+                Some(dimensions) => modes::of_fields(dimensions),
+                None => modes::usual(choices.attributes.iter().map(String::as_str)),
+            });
         }
         settings.families = shown;
         settings.transfer.range = Range::Auto;
@@ -84,6 +109,10 @@ pub(crate) fn adopt_opened(
         }
     }
     let facts = Facts::of(&file, &members);
+    let facts = match &field {
+        Some(field) => facts.with_field(&field.opened),
+        None => facts,
+    };
     let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
     notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| notices.error(note));
     notices.info(match members.len() {
@@ -120,6 +149,7 @@ pub(crate) fn adopt_opened(
         length_unit,
         facts,
         moving: None,
+        field,
         times,
         following,
         opened,

@@ -125,6 +125,7 @@ mod tests {
             periodic: None,
             length_unit: String::new(),
             moving: None,
+            field: None,
             times: None,
             following: None,
             opened: None,

@@ -6,6 +6,7 @@ use crate::codec::CodebookScope;
 use crate::color::Accumulation;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
 use crate::mode::Depiction;
+use crate::picture::field::PreparedField;
 use crate::store::Metadata;
 use bevy::prelude::*;
 
@@ -84,6 +85,25 @@ impl Exposure {
         Exposure { brightness, hue, joint, levels: Some(levels) }
     }
 
+    /// Measures what an image or a volume is made of: an even sample of its values, and of what colours them.
+    pub fn of_field(prepared: &PreparedField) -> Exposure {
+        let (transfer, levels) = (&prepared.transfer, prepared.levels);
+        let levels = Levels { p: levels.density, s: levels.attribute };
+        let values = |channel: usize| {
+            let values = &prepared.field.channels[channel].levels[0].values;
+            // An odd step, so that rows of an even length do not repeat.
+            values.iter().copied().step_by((values.len() / FIELD_SAMPLE) | 1)
+        };
+        let brightness = histogram(values(0), transfer.scale, 1e-9);
+        let hue = transfer.hue.as_ref().filter(|_| prepared.has_hue());
+        let joint = hue.and_then(|hue| {
+            let pairs = values(0).zip(values(1)).filter(|(p, s)| p.is_finite() && s.is_finite());
+            Joint::of(pairs.map(|(p, s)| [p, s, 1.0]), [transfer.scale, hue.scale], &levels)
+        });
+        let hue = hue.and_then(|hue| histogram(values(1), hue.scale, 1e-9));
+        Exposure { brightness, hue, joint, levels: Some(levels) }
+    }
+
     /// Measures a picture.
     pub fn of(picture: &Accumulation, transfer: &TransferFunction) -> Exposure {
         let levels = transfer.levels(picture);
@@ -100,6 +120,8 @@ impl Exposure {
     }
 }
 
+/// Values of a field that are counted, about.
+const FIELD_SAMPLE: usize = 1 << 16;
 /// Number of bins of the histograms.
 const BINS: usize = 96;
 

@@ -2,6 +2,7 @@
 
 use crate::annotate::number;
 use crate::look::Member;
+use crate::picture::field::OpenField;
 use crate::store::{Metadata, PageFile, PartInfo};
 use bevy::math::DVec3;
 use std::path::Path;
@@ -75,6 +76,25 @@ impl Facts {
         });
         let families = Facts::families_of(metadata);
         Facts { rows, datasets: datasets.collect(), families, notes: told.chain(skipped).collect() }
+    }
+
+    /// The same of an image or a volume, whose voxels the particles are.
+    #[must_use]
+    pub fn with_field(mut self, opened: &OpenField) -> Facts {
+        let grid = opened.grid();
+        let kind = if grid.dimensions == 2 { "Image" } else { "Volume" };
+        let spacing = grid.spacing();
+        let spacing: Vec<String> = spacing[..grid.dimensions].iter().map(|side| number::quantity(*side)).collect();
+        let [low, high] = opened.statistics().range().map(number::quantity);
+        let channel = &grid.channels[0];
+        let own = [
+            (kind, grid.described()),
+            ("Spacing", format!("{} {}", spacing.join(" x "), grid.length_unit)),
+            ("Values", format!("{low} to {high} {}", channel.unit)),
+        ];
+        self.rows.retain(|(label, _)| *label != "Format");
+        self.rows.splice(0..0, own);
+        self
     }
 
     /// What is said of the families.

@@ -6,6 +6,7 @@
 
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
+use super::field_backend;
 use super::listed::Listed;
 use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
@@ -103,20 +104,22 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     cameras: Query<Entity, With<DataCamera>>,
     mut notices: ResMut<Notices>,
-    (live, paths): (Res<LiveParticles>, Res<Paths>),
+    (live, paths, scene): (Res<LiveParticles>, Res<Paths>, Option<Res<Scene>>),
     slots: Query<Entity, With<GpuSlot>>,
     aim: Option<Res<Aim>>,
 ) {
     let asked = preset.drawing.backend;
     let surrounds =
         settings.as_ref().is_some_and(|settings| surround_backend::is_wanted(settings, &live, aim.as_deref()));
+    let is_field =
+        settings.as_ref().is_some_and(|settings| field_backend::is_wanted(scene.as_deref(), settings, &live));
     let mode = settings.map_or(modes::first(), |settings| settings.mode);
     let adapter_of_mode = mode.technique.adapter();
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
     let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
         // Panoramas are put together from pages themselves.
-        _ if surrounds || adapter_of_mode == Adapter::None => None,
+        _ if surrounds || is_field || adapter_of_mode == Adapter::None => None,
         // What paths hide, and what hides them, the processor knows.
         _ if paths.is_among() => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
@@ -158,6 +161,7 @@ pub(super) fn choose_backend(
     let wanted = match found {
         Some(_) => ActiveBackend::Gpu,
         None if surrounds => ActiveBackend::Surround,
+        None if is_field => ActiveBackend::Field,
         None => ActiveBackend::Cpu,
     };
     // While something else is shown, the file's pages have no place there.
@@ -168,7 +172,7 @@ pub(super) fn choose_backend(
     if *active == wanted && copies.0 == uses_copies {
         return;
     }
-    if adapter_of_mode == Adapter::None {
+    if adapter_of_mode == Adapter::None && !is_field {
         notices.info(format!("the processor draws {}", mode.name));
     } else if paths.is_among() {
         notices.info(format!("the processor draws {} with paths", mode.name));

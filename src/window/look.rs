@@ -2,13 +2,13 @@
 
 use super::exposure::Exposure;
 use super::scene::{Scene, Settings, TransferKept};
+use super::state::choices::Choices;
 use super::state::notices::Notices;
 use super::transfer_presets::TransferPresets;
-use crate::annotate::{Legend, Units};
+use crate::annotate::Legend;
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::look::Attribute;
-use crate::mode::{Depiction, LodBudget};
-use crate::store::Metadata;
+use crate::mode::{Depiction, LevelChoice, LodBudget};
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 use std::sync::Arc;
@@ -41,14 +41,14 @@ pub struct Look {
 
 impl Look {
     /// What the picture's colours mean, where an axis tells it.
-    pub fn told(&self, metadata: &Metadata) -> Option<Legend> {
-        let units = Units::of(metadata, &self.depiction);
+    pub fn told(&self, scene: &Scene) -> Option<Legend> {
+        let units = scene.units(&self.depiction);
         Legend::told(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
     }
 
     /// What the transfer function's colours mean.
-    pub fn legend(&self, metadata: &Metadata) -> Legend {
-        let units = Units::of(metadata, &self.depiction);
+    pub fn legend(&self, scene: &Scene) -> Legend {
+        let units = scene.units(&self.depiction);
         Legend::of(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
     }
 
@@ -81,7 +81,7 @@ pub(crate) fn follow_settings(
         match depict(&scene, &settings) {
             Ok(depiction) => {
                 if !kept {
-                    settings.transfer = initial_transfer(&depiction, &mut presets);
+                    settings.transfer = initial_transfer(&scene, &depiction, &mut presets);
                 }
                 let lut = Arc::new(bake(&depiction, &settings.transfer));
                 commands.insert_resource(Look {
@@ -105,7 +105,7 @@ pub(crate) fn follow_settings(
         || look.attribute != settings.attribute
         || look.depiction.settings != settings.look.settings
         || look.lod_budget != settings.budget.lod_budget()
-        || look.depiction.choice != settings.budget.level_choice().of_window()
+        || look.depiction.choice != choice_of(&scene, &settings)
         || !std::ptr::eq(look.depiction.mode, settings.mode);
     let mut depicted = false;
     if stale {
@@ -116,7 +116,7 @@ pub(crate) fn follow_settings(
                 let other_attribute = look.depiction.attribute != depiction.attribute;
                 // What was kept came with the mode and the attribute.
                 if other_kind && !kept {
-                    settings.transfer = initial_transfer(&depiction, &mut presets);
+                    settings.transfer = initial_transfer(&scene, &depiction, &mut presets);
                 } else if other_attribute
                     && !kept
                     && let Some(hue) = &mut settings.transfer.hue
@@ -158,17 +158,35 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
         Attribute::Named(name) => Some(name.as_str()),
         Attribute::Automatic | Attribute::None => None,
     };
+    if let Some(field) = scene.field_for(settings.mode) {
+        let opened = &field.opened;
+        // Of the voxels there are other attributes.
+        let name = name.filter(|name| opened.attribute(name).is_ok());
+        return opened.depiction(settings.mode, settings.look.settings.clone(), name, choice_of(scene, settings));
+    }
     let metadata = scene.metadata();
+    let is_there =
+        |name: &&str| scene.field.is_none() || Choices::attributes_of(metadata).iter().any(|own| own == name);
+    let name = name.filter(is_there);
     let mut depiction = Depiction::new(settings.mode, settings.look.settings.clone(), name, metadata)?;
-    depiction.choice = settings.budget.level_choice().of_window();
+    depiction.choice = choice_of(scene, settings);
     if settings.attribute == Attribute::None {
         depiction.attribute = None;
     }
     Ok(depiction)
 }
 
+/// Which levels of the data the settings choose.
+fn choice_of(scene: &Scene, settings: &Settings) -> LevelChoice {
+    let choice = settings.budget.level_choice();
+    if scene.field_for(settings.mode).is_some() { choice } else { choice.of_window() }
+}
+
 /// The transfer function that a depiction begins with.
-fn initial_transfer(depiction: &Depiction, presets: &mut TransferPresets) -> TransferFunction {
+fn initial_transfer(scene: &Scene, depiction: &Depiction, presets: &mut TransferPresets) -> TransferFunction {
+    if let Some(field) = scene.field_for(depiction.mode) {
+        return field.opened.usual_transfer(depiction);
+    }
     let [plain, colored] = depiction.mode.transfer;
     let name = if depiction.attribute.is_some() { colored } else { plain };
     let transfer = presets.choose(name).or_else(|| TransferFunction::preset(name)).unwrap_or_default();

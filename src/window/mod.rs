@@ -13,6 +13,7 @@ pub mod cpu_backend;
 pub mod dropped;
 pub mod exposure;
 pub mod facts;
+mod field_backend;
 pub mod free_name;
 pub mod gpu_backend;
 pub mod growing;
@@ -222,6 +223,7 @@ impl Plugin for WindowApp {
         .init_resource::<state::notices::Notices>()
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
+        .init_resource::<field_backend::FieldPicture>()
         .init_resource::<paths::Paths>()
         .init_resource::<comparison::Comparison>()
         .init_resource::<run_ranges::RunRanges>()
@@ -290,6 +292,7 @@ impl Plugin for WindowApp {
                         .or_else(gpu_backend::technique_changed)
                         .or_else(live::came_or_went)
                         .or_else(paths::among_changed)
+                        .or_else(field_backend::came_or_went)
                         .or_else(surround_backend::came_or_went),
                 ),
             )
@@ -311,6 +314,7 @@ impl Plugin for WindowApp {
                     paths::follow_paths,
                     cpu_backend::draw_on_cpu,
                     cpu_backend::show_on_cpu,
+                    (field_backend::draw_field, field_backend::show_field).chain(),
                     surround_backend::draw_surround,
                     gpu_backend::upload_pages,
                     gpu_backend::hold_picture,

@@ -3,12 +3,14 @@
 
 use super::options::{OpenRequest, Opener};
 use super::preset::Preset;
+use super::scene::SceneField;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Member, OpenData, SceneFile, is_scene_file};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Moment, ReadMethod, When};
+use crate::picture::field::{FieldSession, OpenField};
 use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
@@ -61,6 +63,8 @@ pub struct Opened {
     pub run: Option<(OpenData, Moment)>,
     /// Its tracks, where it has some.
     pub tracks: Option<Arc<RunTree>>,
+    /// The image or the volume that is open, where it is one and alone.
+    pub field: Option<SceneField>,
     /// The page file made of them; of runs, of the step that is shown.
     pub file: Arc<PageFile>,
     /// The box to look at first.
@@ -142,12 +146,24 @@ pub(super) fn open_members(
         None
     });
     let run = moment.map(|moment| (data, moment));
+    let field = match &members[..] {
+        [only] if FieldSession::is_field(&only.path) => match OpenField::open(&only.path, read) {
+            Ok(field) => Some(SceneField::new(field)),
+            // Its voxels are shown.
+            Err(error) => {
+                notes.push(error.to_string());
+                None
+            }
+        },
+        _ => None,
+    };
     Ok(Opened {
         path,
         members,
         notes,
         run,
         tracks,
+        field,
         file: Arc::new(file),
         frame,
         scene: scene.map(Arc::new),

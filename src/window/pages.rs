@@ -362,6 +362,7 @@ mod tests {
                 length_unit: String::new(),
                 facts: Facts::of(file, &[]),
                 moving: None,
+                field: None,
                 times: None,
                 following: None,
                 opened: None,

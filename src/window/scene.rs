@@ -4,21 +4,24 @@ use super::camera::{Lens, Viewpoint};
 use super::facts::Facts;
 use super::picture::Picture;
 use super::preset::Preset;
+use crate::annotate::Units;
 use crate::explore::Following;
 use crate::explore::data::source_path;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Attribute, Look, LookPatch, Member, OpenData};
 use crate::mode::lod_budget::{PRESENCE, THINNING};
-use crate::mode::{Mode, SettingValue};
+use crate::mode::{Depiction, Mode, SettingValue};
 use crate::model::{Bounds, Moment, PeriodicBox, StepTimes, When};
 use crate::modes;
-use crate::picture::{PictureError, Session};
+use crate::picture::field::{FieldSession, OpenField};
+use crate::picture::look::depict;
+use crate::picture::{AnySession, PictureError, Session};
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, Tree};
 use crate::view::{Stereo, Surround};
 use bevy::prelude::*;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// The open dataset.
 #[derive(Resource)]
@@ -29,6 +32,8 @@ pub struct Scene {
     pub members: Vec<Member>,
     /// Its page file, or theirs as one.
     pub file: Arc<PageFile>,
+    /// The image or the volume, where that is open alone: the particles of the page file are its voxels.
+    pub field: Option<SceneField>,
     /// The box around all families, world units.
     pub bounds: Bounds,
     /// The box that the first picture shows: without far outliers.
@@ -55,6 +60,34 @@ pub struct Scene {
     pub generation: u32,
 }
 
+/// An image or a volume.
+#[derive(Clone)]
+pub struct SceneField {
+    /// Its samples.
+    pub opened: Arc<OpenField>,
+    /// What draws the window's own pictures of it.
+    pub session: Arc<Mutex<FieldSession>>,
+}
+
+impl SceneField {
+    /// Of what is open.
+    pub fn new(opened: OpenField) -> SceneField {
+        let opened = Arc::new(opened);
+        let session = FieldSession::of(Arc::clone(&opened), Arc::new(()));
+        SceneField { opened, session: Arc::new(Mutex::new(session)) }
+    }
+
+    /// What draws pictures of it beside the window's own.
+    pub fn drawer(&self) -> FieldSession {
+        FieldSession::of(Arc::clone(&self.opened), Arc::new(()))
+    }
+
+    /// Its number of dimensions.
+    pub fn dimensions(&self) -> usize {
+        self.opened.grid().dimensions
+    }
+}
+
 /// The tracks of a run, at a moment.
 #[derive(Clone, Debug)]
 pub struct MovingRun {
@@ -74,6 +107,52 @@ impl Scene {
             // Of a run whatever moment is asked for.
             Some(opened) => Ok(Session::of_opened_within(opened, members, budget_bytes)?.0),
             None => Ok(Session::of(file, budget_bytes)),
+        }
+    }
+
+    /// The same of the kind that a mode draws.
+    pub fn opener_for(
+        &self,
+        mode: &Mode,
+        budget_bytes: u64,
+    ) -> impl FnOnce() -> Result<AnySession, PictureError> + Send + use<> {
+        let field = self.field_for(mode).map(SceneField::drawer);
+        let open = self.opener(budget_bytes);
+        move || match field {
+            Some(field) => Ok(AnySession::Field(Box::new(field))),
+            None => Ok(AnySession::Particles(Box::new(open()?))),
+        }
+    }
+
+    /// The image or volume, where it is open and a mode draws it.
+    pub fn field_for(&self, mode: &Mode) -> Option<&SceneField> {
+        self.field.as_ref().filter(|field| mode.takes_fields_of(field.dimensions()))
+    }
+
+    /// Whether a mode draws what is open.
+    pub fn takes(&self, mode: &Mode) -> bool {
+        mode.takes_particles() || self.field_for(mode).is_some()
+    }
+
+    /// What a look comes to on what is open.
+    ///
+    /// # Errors
+    /// The names of its attributes, where it has none that the look names.
+    pub fn depict(&self, look: &LookPatch) -> Result<Depiction, String> {
+        match look.mode.and_then(|mode| Some((mode, self.field_for(mode)?))) {
+            Some((mode, field)) => {
+                let choice = look.budget.level_choice();
+                field.opened.depiction(mode, look.settings.clone(), look.attribute_name(), choice)
+            }
+            None => depict(look, self.metadata()),
+        }
+    }
+
+    /// The units of what a depiction shows.
+    pub fn units(&self, depiction: &Depiction) -> Units {
+        match self.field_for(depiction.mode) {
+            Some(field) => field.opened.units(depiction),
+            None => Units::of(self.metadata(), depiction),
         }
     }
 

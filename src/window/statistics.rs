@@ -1,5 +1,6 @@
 //! Numbers of the running program: frames, what is drawn, what is resident.
 
+use crate::picture::field::PointsReport;
 use bevy::prelude::*;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -17,9 +18,11 @@ pub struct Statistics {
     pub sampled: Option<u64>,
     /// Which state of [`super::live::LiveParticles`] the picture shows; none where it shows the file.
     pub live: Option<u64>,
+    /// Points that stand for the samples of an image or a volume, where that is drawn.
+    pub points: Option<PointsReport>,
     /// Nodes drawn.
     pub nodes: usize,
-    /// Which levels of the file are drawn: `splats`, `volume` or `clusters`.
+    /// Which levels of the file are drawn: `splats`, `volume` or `clusters`; of an image or a volume `samples` or `wavelet`.
     pub levels: &'static str,
     /// Nodes that are left as they are because they are hidden.
     pub hidden: usize,
@@ -76,6 +79,8 @@ pub enum ActiveBackend {
     Cpu,
     /// Passes of the data camera.
     Gpu,
+    /// Background tasks that draw an image or a volume.
+    Field,
     /// Background tasks that put pictures of all directions, and for two eyes, together.
     Surround,
 }

@@ -79,6 +79,8 @@ struct Status<'a> {
     target: [f64; 3],
     mode: &'a str,
     levels: &'a str,
+    /// Points that stand for the samples of an image or a volume, where that is drawn.
+    points: Option<PointsReport>,
     /// The ranges of the colours in use, and whether they have arrived.
     ranges: Option<([[f64; 2]; 2], bool)>,
     converged: bool,
@@ -222,6 +224,7 @@ pub(super) fn write_status(
         target: viewpoint.target.to_array(),
         mode: settings.mode.name,
         levels: statistics.levels,
+        points: statistics.points,
         ranges: look.as_ref().map(|look| ([look.levels.p, look.levels.s], look.settled)),
         converged: converged.0,
         error_px: statistics.error_px,

@@ -30,7 +30,8 @@ use crate::gpu::Offscreen;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
 use crate::mode::Settings as ModeSettings;
-use crate::picture::{PictureError, Session};
+use crate::picture::field::FieldSession;
+use crate::picture::{AnySession, PictureError, Session};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use std::path::Path;
@@ -93,7 +94,7 @@ struct Coming {
     wanted: Wanted,
     /// Whether it is meant to stay.
     at_rest: bool,
-    answer: Answer<(Session, Result<Done, PictureError>)>,
+    answer: Answer<(AnySession, Result<Done, PictureError>)>,
 }
 
 /// What the window shows of all directions or to two eyes, and what draws it.
@@ -111,8 +112,8 @@ pub struct SurroundPicture {
     rests: Option<(Wanted, Instant)>,
     /// Room and milliseconds of the last picture.
     cost: Option<(UVec2, f64)>,
-    /// What draws it, the [`Scene::dataset`] that it has open, and what it asks to draw.
-    session: Option<(u32, Backend, Session)>,
+    /// What draws it, the [`Scene::dataset`] that it has open, what it asks to draw, and whether that is a field.
+    session: Option<((u32, Backend, bool), AnySession)>,
     told: Told,
 }
 
@@ -134,7 +135,8 @@ impl SurroundPicture {
         let Coming { wanted, answer, .. } = coming;
         let outcome = match answer {
             Answer::Here((session, outcome)) => {
-                self.session = Some((wanted.content.dataset, wanted.content.backend, session));
+                let is_field = matches!(session, AnySession::Field(_));
+                self.session = Some(((wanted.content.dataset, wanted.content.backend, is_field), session));
                 outcome
             }
             Answer::Failed(why) => Err(PictureError::Asked(why)),
@@ -184,10 +186,16 @@ impl SurroundPicture {
     /// Begins to draw.
     fn start(&mut self, wanted: Wanted, at_rest: bool, scene: &Scene, budget: u64) {
         let backend = wanted.content.backend;
-        let known = self.session.take().filter(|(dataset, by, _)| (*dataset, *by) == (scene.dataset, backend));
+        let field = wanted.content.shot.look.mode.and_then(|mode| scene.field_for(mode)).cloned();
+        let of = (scene.dataset, backend, field.is_some());
+        let known = self.session.take().filter(|(known, _)| *known == of);
         let (opened, file) = (scene.opened.clone(), Arc::clone(&scene.file));
         let (told, members) = (self.told.clone(), wanted.content.members.clone());
         let open = move || {
+            if let Some(field) = field {
+                let field = FieldSession::of(field.opened, Arc::new(told));
+                return Ok(AnySession::Field(Box::new(field)));
+            }
             let adapter = match backend {
                 Backend::Cpu => None,
                 Backend::Auto => Some(Offscreen::default()),
@@ -199,13 +207,14 @@ impl SurroundPicture {
                 None => Session::of(file, budget),
             };
             let session = session.with_reporter(Arc::new(told));
-            Ok::<_, PictureError>(session.with_adapter(adapter.map(|adapter| Box::new(adapter) as _)))
+            let session = session.with_adapter(adapter.map(|adapter| Box::new(adapter) as _));
+            Ok::<_, PictureError>(AnySession::Particles(Box::new(session)))
         };
         let values = self.drawn.take();
         let asked = wanted.clone();
         self.told.stop(false);
         let answer = Answer::ask("panorama", move |_| {
-            let mut session = known.map_or_else(open, |(_, _, session)| Ok(session))?;
+            let mut session = known.map_or_else(open, |(_, session)| Ok(session))?;
             let done = draw(&mut session, &asked, values);
             Ok::<_, PictureError>((session, done))
         });

@@ -195,7 +195,7 @@ fn draw_annotations(
     picture: &Picture,
     (view, viewpoint): (&View, &Viewpoint),
 ) {
-    let legend = state.look.as_ref().and_then(|look| look.told(scene.metadata()));
+    let legend = state.look.as_ref().and_then(|look| look.told(scene));
     let subject = annotate::Subject {
         view,
         scale: picture.scale,

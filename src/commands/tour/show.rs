@@ -7,7 +7,7 @@ use crate::commands::CommandResult;
 use crate::commands::request;
 use crate::look::{Backend, Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
 use crate::picture::ranges::Format;
-use crate::picture::{Picture, Session, SessionOptions};
+use crate::picture::{AnySession, Picture, Session, SessionOptions};
 use crate::tour::exposure::is_searched;
 use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile, play_along};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ pub(super) struct Show {
     pub data: PathBuf,
     /// When what is shown.
     pub timeline: Timeline,
-    session: Session,
+    session: AnySession,
     exposure: Exposure,
     /// The tour's folder.
     folder: PathBuf,
@@ -51,8 +51,9 @@ impl Show {
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
         let backend = Some(arguments.backend.unwrap_or(Backend::Cpu));
         let options = SessionOptions { backend, ..SessionOptions::default() };
-        let mut session = request::open(&[Member::new(data.clone())], options, [])?;
+        let mut session = request::open_any(&[Member::new(data.clone())], options, [])?;
         let framed = session.framed(&LookPatch::default())?;
+        let particles = session.particles().map(|session| &*session);
         let parent = file.as_deref().and_then(Path::parent).filter(|parent| !parent.as_os_str().is_empty());
         let folder = parent.unwrap_or(Path::new(".")).to_owned();
         let surroundings = Surroundings {
@@ -61,8 +62,8 @@ impl Show {
             folder: folder.clone(),
             framed,
             aspect: f64::from(tour.size.0) / f64::from(tour.size.1),
-            times: session.run().map(|run| run.times().clone()),
-            data: session.opened().filter(|data| data.run().is_some()).cloned(),
+            times: particles.and_then(Session::run).map(|run| run.times().clone()),
+            data: particles.and_then(Session::opened).filter(|data| data.run().is_some()).cloned(),
         };
         if let (None, Some(times)) = (&file, &surroundings.times) {
             play_along(&mut tour, times);
@@ -158,14 +159,16 @@ impl Show {
         shot: &SceneFile,
         next: Option<f64>,
     ) -> Result<Take, Box<dyn std::error::Error + Send + Sync>> {
-        self.session.keep_within(self.memory);
-        let (width, height) = self.tour.size;
-        let periodic = self.session.tree().metadata().periodic_box();
-        let ahead = next.map(|next| self.timeline.state(next)).and_then(|state| {
-            let view = state.camera.view(width, height).ok()?;
-            Some(state.look.cut.unwrap_or_default().applied(&view, state.camera.target.into(), periodic))
-        });
-        self.session.look_ahead(ahead);
+        if let Some(session) = self.session.particles() {
+            session.keep_within(self.memory);
+            let (width, height) = self.tour.size;
+            let periodic = session.tree().metadata().periodic_box();
+            let ahead = next.map(|next| self.timeline.state(next)).and_then(|state| {
+                let view = state.camera.view(width, height).ok()?;
+                Some(state.look.cut.unwrap_or_default().applied(&view, state.camera.target.into(), periodic))
+            });
+            session.look_ahead(ahead);
+        }
         let shot = Shot::of_scene(shot.clone(), Path::new(""));
         let picture = self.session.draw(&shot)?;
         if !picture.converged {

@@ -12,8 +12,7 @@ pub static SECTION: Section = Section {
     show: |ui, state| {
         let (Some(scene), Some(look)) = (&state.scene, &state.look) else { return };
         let mut edited = state.settings.clone();
-        let shown =
-            transfer::Shown { metadata: scene.metadata(), look, exposure: &state.exposure, choices: &state.choices };
+        let shown = transfer::Shown { scene, look, exposure: &state.exposure, choices: &state.choices };
         transfer::show(ui, &shown, &mut state.presets, &mut edited);
         state.settings.set_if_neq(edited);
     },

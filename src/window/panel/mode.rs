@@ -3,7 +3,7 @@
 use super::{Dock, PanelState, Section, theme};
 use crate::look::Attribute;
 use crate::mode::levels::{is_of_levels, is_of_pictures};
-use crate::mode::{Setting, SettingKind, SettingValue};
+use crate::mode::{Mode, Setting, SettingKind, SettingValue};
 use crate::modes;
 use crate::window::scene::Settings;
 use bevy_egui::egui::{ComboBox, TextEdit, Ui};
@@ -23,7 +23,11 @@ pub static SECTION: Section = Section {
 
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let has_paths = state.scene.as_ref().is_some_and(|scene| scene.following.is_some());
-    mode_combo(ui, has_paths, settings);
+    let shown = |mode: &&'static Mode| {
+        let is_drawn = state.scene.as_ref().map_or_else(|| mode.takes_particles(), |scene| scene.takes(mode));
+        is_drawn && (has_paths || !mode.is_of_paths())
+    };
+    mode_combo(ui, modes::all().into_iter().filter(shown), settings);
     attribute_combo(ui, state, settings);
     let takes_clusters = state.look.as_ref().is_some_and(|look| look.depiction.takes_clusters());
     let has_levels = takes_clusters && state.scene.as_ref().is_some_and(|scene| scene.metadata().has_clusters());
@@ -43,11 +47,10 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
         .on_hover_text("No drawn particle is farther than this from where it belongs on the screen, in pixels.");
 }
 
-/// Which mode is shown; those of paths alone are for runs.
-fn mode_combo(ui: &mut Ui, has_paths: bool, settings: &mut Settings) {
+/// Which mode is shown, of those that draw the data; those of paths alone are for runs.
+fn mode_combo(ui: &mut Ui, shown: impl Iterator<Item = &'static Mode>, settings: &mut Settings) {
     theme::combo(ui, "Mode", settings.mode.name, |ui| {
-        for mode in modes::all().into_iter().filter(|mode| mode.takes_particles() && (has_paths || !mode.is_of_paths()))
-        {
+        for mode in shown {
             let chosen = std::ptr::eq(settings.mode, mode);
             let label = ui.selectable_label(chosen, mode.name).on_hover_text(mode.help);
             theme::register(ui, &format!("mode:{}", mode.name), label.rect);
@@ -180,7 +183,6 @@ fn parse_list(setting: &Setting, text: &str) -> Option<SettingValue> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mode::Mode;
     use crate::modes::grid::{ISO_COLORS, ISOVALUES};
     use crate::window::preset::Preset;
     use bevy_egui::egui::{Context, Event, Modifiers, MouseWheelUnit, PointerButton, Pos2, RawInput, TouchPhase, vec2};
@@ -194,7 +196,7 @@ mod tests {
         let mut frame = |events: Vec<Event>| {
             let mut output = ctx.run_ui(RawInput { events, ..RawInput::default() }, |ui| {
                 ui.set_max_width(300.0);
-                mode_combo(ui, false, &mut settings);
+                mode_combo(ui, modes::all().into_iter(), &mut settings);
             });
             // Nobody draws them.
             output.textures_delta.clear();

@@ -2,6 +2,7 @@
 
 use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
+use crate::picture::field::PointsReport;
 use crate::window::statistics::FrameClock;
 use bevy_egui::egui::{self, Align2, FontId, Rect, Sense, Stroke, Ui, pos2, vec2};
 
@@ -27,6 +28,9 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     let share = if needed == 0 { 1.0 } else { statistics.nodes as f32 / needed as f32 };
     theme::bar(ui, if state.converged.0 { 1.0 } else { share.min(0.99) }, color);
     ui.add_space(2.0);
+    if let Some(points) = &statistics.points {
+        return field(ui, points, statistics.draw_ms);
+    }
     theme::fact(ui, "Error", error(statistics.error_px));
     let particles = match statistics.sampled {
         Some(sampled) => format!("{}  of  {}", number::count(sampled), number::count(statistics.particles)),
@@ -55,6 +59,17 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     memory(ui, "Memory", statistics.bytes, statistics.budget_bytes);
     if let Some([bytes, budget]) = statistics.copies {
         memory(ui, "Graphics memory", bytes, budget);
+    }
+}
+
+/// What an image or a volume is drawn from, and how near that is.
+fn field(ui: &mut Ui, points: &PointsReport, draw_ms: Option<f64>) {
+    theme::fact(ui, "Points", number::count(points.points)).on_hover_text("Points that stand for the samples");
+    let error = points.error_value;
+    theme::fact(ui, "Error", format!("{}  at most", number::quantity(f64::from(error.max))))
+        .on_hover_text(format!("How far values are from the samples'; root mean square {}", error.rms));
+    if let Some(milliseconds) = draw_ms {
+        theme::fact(ui, "Drawn in", format!("{milliseconds:.1} ms"));
     }
 }
 

@@ -5,7 +5,7 @@ use crate::color::Image;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::mode::Raw;
 use crate::model::Progress;
-use crate::picture::{Picture, PictureError, Reporter, Session};
+use crate::picture::{AnySession, Picture, PictureError, Reporter};
 use crate::window::exposure::Exposure;
 use crate::window::statistics::Statistics;
 use bevy::math::UVec2;
@@ -124,11 +124,13 @@ pub struct Done {
 /// Draws what is wanted; `known`: the values of the picture before, of which nothing is drawn where they are the same.
 ///
 /// # Errors
-/// As [`Session::draw`].
-pub fn draw(session: &mut Session, wanted: &Wanted, known: Option<Drawn>) -> Result<Done, PictureError> {
+/// As [`AnySession::draw`].
+pub fn draw(session: &mut AnySession, wanted: &Wanted, known: Option<Drawn>) -> Result<Done, PictureError> {
     let start = Instant::now();
     let Wanted { content, area, shot, levels, is_empty } = wanted;
-    session.show_members(content.members.clone());
+    if let Some(session) = session.particles() {
+        session.show_members(content.members.clone());
+    }
     let known = known.filter(|known| known.content == *content && known.area == *area);
     let is_new = known.is_none();
     let mut drawn = match known {
@@ -143,19 +145,23 @@ pub fn draw(session: &mut Session, wanted: &Wanted, known: Option<Drawn>) -> Res
         return Ok(Done { drawn, image: Image::black(width, height), exposure: None, milliseconds: None });
     };
     // The picture that it is blended with may be of another moment.
-    let tree = Arc::clone(session.tree());
+    let tree = session.particles().map(|session| Arc::clone(session.tree()));
     let transfer = shot.look.transfer.clone().unwrap_or_else(|| picture.transfer.clone());
     if let Raw::Sums(..) = picture.values {
         picture.transfer = levels.map_or_else(|| transfer.clone(), |levels| transfer.clone().with_levels(&levels));
     }
     let image = session.finished(shot, picture)?;
-    let exposure = (drawn.exposed.as_ref() != Some(&transfer)).then(|| match &picture.values {
-        Raw::Sums(sums, _) => Exposure::of(sums, &transfer),
-        Raw::Light(painted) => {
+    let measure = || match (&picture.values, tree, session) {
+        (Raw::Light(painted), Some(tree), _) => {
             let found = Levels { p: painted.levels.density, s: painted.levels.attribute };
-            Exposure::of_codebooks(tree.metadata(), &picture.annotation.depiction, &transfer, found)
+            Ok(Exposure::of_codebooks(tree.metadata(), &picture.annotation.depiction, &transfer, found))
         }
-    });
+        (Raw::Light(_), None, AnySession::Field(session)) => Ok(Exposure::of_field(&session.prepare(shot)?)),
+        (Raw::Sums(sums, _), ..) => Ok(Exposure::of(sums, &transfer)),
+        (Raw::Light(_), None, AnySession::Particles(_)) => Ok(Exposure::default()),
+    };
+    let is_measured = drawn.exposed.as_ref() == Some(&transfer);
+    let exposure = if is_measured { None } else { Some(measure()?) };
     drawn.exposed = Some(transfer);
     let milliseconds = is_new.then(|| 1e3 * start.elapsed().as_secs_f64());
     Ok(Done { drawn, image, exposure, milliseconds })
@@ -167,6 +173,7 @@ mod tests {
     use crate::build::{BuildOptions, build_source};
     use crate::import::LoadOptions;
     use crate::look::{LookPatch, Member, Shot};
+    use crate::picture::Session;
     use crate::store::PageFile;
     use crate::view::Surround;
     use crate::window::preset::Backend;
@@ -180,7 +187,8 @@ mod tests {
         build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &output, &()).unwrap();
         let file = Arc::new(PageFile::open(&output).unwrap());
         let told = Told::default();
-        let mut session = Session::of(Arc::clone(&file), 1 << 30).with_reporter(Arc::new(told.clone()));
+        let session = Session::of(Arc::clone(&file), 1 << 30).with_reporter(Arc::new(told.clone()));
+        let mut session = AnySession::Particles(Box::new(session));
         let wanted = |transfer: &str, levels| {
             let transfer = TransferFunction::preset(transfer);
             let look = LookPatch { transfer, ..LookPatch::default() };

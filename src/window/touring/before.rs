@@ -7,9 +7,9 @@ use crate::color::Image;
 use crate::color::transfer::Levels;
 use crate::look::LookPatch;
 use crate::mode::{Footprint, Mode};
+use crate::modes;
 use crate::picture::drawing_cost::DrawingCost;
-use crate::picture::look::depict;
-use crate::picture::{PictureError, Session};
+use crate::picture::{AnySession, PictureError};
 use crate::tour::{Blend, State, Timeline};
 use crate::view::View;
 use crate::window::lens::view_of;
@@ -57,7 +57,7 @@ struct Wanted {
 struct Coming {
     wanted: Wanted,
     since: Instant,
-    answer: Answer<(Session, Result<(Image, u64), PictureError>)>,
+    answer: Answer<(AnySession, Result<(Image, u64), PictureError>)>,
 }
 
 /// A picture that has been drawn.
@@ -77,8 +77,8 @@ pub struct Before {
     share: Option<f32>,
     awaited: bool,
     settled: bool,
-    /// What draws it, and the [`Scene::dataset`] that it has open.
-    session: Option<(u32, Session)>,
+    /// What draws it, and the [`Scene::dataset`] that it has open, as a field or as particles.
+    session: Option<((u32, bool), AnySession)>,
     /// What could not be drawn.
     failed: Option<Key>,
     /// The mode and ranges of the last frame without a blend.
@@ -124,7 +124,8 @@ impl Before {
         let Coming { wanted, since, answer } = coming;
         let drawn = match answer {
             Answer::Here((session, drawn)) => {
-                self.session = Some((wanted.key.dataset, session));
+                let is_field = matches!(session, AnySession::Field(_));
+                self.session = Some(((wanted.key.dataset, is_field), session));
                 drawn.map_err(|error| error.to_string())
             }
             Answer::Failed(why) => Err(why),
@@ -150,8 +151,10 @@ impl Before {
 
     /// Begins to draw.
     fn start(&mut self, wanted: Wanted, scene: &Scene) {
-        let known = self.session.take().filter(|(dataset, _)| *dataset == scene.dataset);
-        let open = scene.opener(BUDGET);
+        let mode = wanted.key.look.mode.unwrap_or(modes::first());
+        let of = (scene.dataset, scene.field_for(mode).is_some());
+        let known = self.session.take().filter(|(known, _)| *known == of);
+        let open = scene.opener_for(mode, BUDGET);
         let Key { view, look, levels, limit, .. } = wanted.key.clone();
         let diameter = wanted.diameter;
         let answer = Answer::ask("blend", move |_| {
@@ -213,7 +216,7 @@ pub fn draw_before(
         is_moving
     };
     let exposed = ranges.exposed(timeline, then.keyframe.saturating_sub(1), then.time, &blend.look);
-    let Ok(depiction) = depict(&blend.look, scene.metadata()) else { return };
+    let Ok(depiction) = scene.depict(&blend.look) else { return };
     let numbers = exposed.as_ref().and_then(|look| look.transfer.as_ref()?.numbers());
     let levels = numbers.or(before.last.filter(|(mode, _)| std::ptr::eq(*mode, depiction.mode)).map(|last| last.1));
     let painted = depiction.mode.is_light();

@@ -5,9 +5,8 @@ use super::Player;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::look::LookPatch;
 use crate::mode::Footprint;
-use crate::picture::look::depict;
 use crate::picture::ranges::{Format, Measured};
-use crate::picture::{PictureError, Session};
+use crate::picture::{AnySession, PictureError, Session};
 use crate::tour::exposure::{Exposure, Moment, is_searched};
 use crate::tour::{State, Timeline, TourFile};
 use crate::view::Surround;
@@ -28,8 +27,8 @@ const BUDGET: u64 = 512 << 20;
 pub struct Ranges {
     tour: Option<Rehearsed>,
     coming: Option<Coming>,
-    /// What draws for it, and the [`Scene::generation`] of its file.
-    session: Option<(u32, Session)>,
+    /// What draws for it, and the [`Scene::generation`] of its file, as a field or as particles.
+    session: Option<((u32, bool), AnySession)>,
 }
 
 /// A moment that is being drawn.
@@ -37,7 +36,7 @@ struct Coming {
     timeline: Arc<Timeline>,
     moment: Moment,
     generation: u32,
-    answer: Answer<(Session, Result<Measured, PictureError>)>,
+    answer: Answer<(AnySession, Result<Measured, PictureError>)>,
 }
 
 /// A tour, and what is known of it.
@@ -63,9 +62,8 @@ impl Rehearsed {
         before: Option<Rehearsed>,
     ) -> Rehearsed {
         let format = Format { size: tour.size, surround: tour.projection };
-        let metadata = scene.file.metadata();
         let in_pixels = timeline.stops().iter().enumerate().any(|(index, stop)| {
-            let depiction = depict(&timeline.look(index, stop.arrive), metadata);
+            let depiction = scene.depict(&timeline.look(index, stop.arrive));
             depiction.is_ok_and(|depiction| matches!(depiction.footprint(), Footprint::Pixels(_)))
         });
         let rows = in_pixels.then_some(rows);
@@ -134,7 +132,8 @@ impl Ranges {
         let tour = self.tour.as_mut().filter(|tour| Arc::ptr_eq(&tour.timeline, &coming.timeline));
         let measured = match coming.answer {
             Answer::Here((session, measured)) => {
-                self.session = Some((coming.generation, session));
+                let is_field = matches!(session, AnySession::Field(_));
+                self.session = Some(((coming.generation, is_field), session));
                 measured.ok()
             }
             _ => None,
@@ -150,14 +149,18 @@ impl Ranges {
     /// Begins to draw a moment.
     fn start(&mut self, moment: Moment, scene: &Scene) {
         let Some(tour) = &self.tour else { return };
-        let known = self.session.take().filter(|(generation, _)| *generation == scene.generation);
-        let mut session = known.map_or_else(|| Session::of(Arc::clone(&scene.file), BUDGET), |(_, session)| session);
         let State { look, camera, .. } = tour.timeline.state(tour.exposure.time(moment));
+        let field = look.mode.and_then(|mode| scene.field_for(mode));
+        let of = (scene.generation, field.is_some());
+        let known = self.session.take().filter(|(known, _)| *known == of);
+        let open = || match field {
+            Some(field) => AnySession::Field(Box::new(field.drawer())),
+            None => AnySession::Particles(Box::new(Session::of(Arc::clone(&scene.file), BUDGET))),
+        };
+        let mut session = known.map_or_else(open, |(_, session)| session);
         let format = match tour.rows {
             // Dots are compared with those of a window, whose picture is flat.
-            Some(rows)
-                if depict(&look, scene.file.metadata()).is_ok_and(|own| own.footprint() != Footprint::Kernel) =>
-            {
+            Some(rows) if scene.depict(&look).is_ok_and(|own| own.footprint() != Footprint::Kernel) => {
                 let aspect = f64::from(tour.format.size.0) / f64::from(tour.format.size.1.max(1));
                 let width = (f64::from(rows) * aspect).round().clamp(1.0, 16384.0) as u32;
                 Format { size: (width, rows), surround: Surround::Flat }

@@ -4,8 +4,10 @@ use super::field::FieldSession;
 use super::ranges::{Format, Measured};
 use super::{Picture, PictureError, Session};
 use crate::color::Image;
+use crate::color::transfer::Levels;
 use crate::look::{Camera, LookPatch, Shot};
 use crate::model::Bounds;
+use crate::view::View;
 
 /// What draws shots of open data.
 pub enum AnySession {
@@ -54,6 +56,25 @@ impl AnySession {
         match self {
             AnySession::Particles(session) => session.finished(shot, picture),
             AnySession::Field(session) => session.finished(shot, picture),
+        }
+    }
+
+    /// A look's picture of a view, of about `limit` particles at most, black where nothing is in view; its colours have the ranges `levels`, or
+    /// their own. And how many particles it took.
+    ///
+    /// # Errors
+    /// As [`AnySession::draw`].
+    pub fn image(
+        &mut self,
+        look: &LookPatch,
+        view: &View,
+        levels: Option<Levels>,
+        diameter: f64,
+        limit: u64,
+    ) -> Result<(Image, u64), PictureError> {
+        match self {
+            AnySession::Particles(session) => session.image(look, view, levels, diameter, limit),
+            AnySession::Field(session) => Ok((session.image(look, view, levels)?, 0)),
         }
     }
 

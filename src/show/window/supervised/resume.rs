@@ -269,6 +269,7 @@ mod tests {
                 notes: Vec::new(),
                 run: None,
                 tracks: None,
+                field: None,
                 file: Arc::clone(&file),
                 frame,
                 scene: Some(Arc::new(scene)),

@@ -14,10 +14,9 @@ use super::histogram::{RangeEdit, range_editor};
 use super::{Choices, theme};
 use crate::annotate::LegendAxis;
 use crate::color::transfer::{Curve, Range, Scale};
-use crate::store::Metadata;
 use crate::window::exposure::Exposure;
 use crate::window::look::Look;
-use crate::window::scene::Settings;
+use crate::window::scene::{Scene, Settings};
 use crate::window::state::histogram::AxisHistogram;
 use crate::window::transfer_presets::TransferPresets;
 use bevy_egui::egui::{self, Color32, DragValue, RichText, Ui, vec2};
@@ -25,8 +24,8 @@ use curve_view::Backdrop;
 
 /// What the editor needs to know of the picture.
 pub struct Shown<'a> {
-    /// The open file's metadata.
-    pub metadata: &'a Metadata,
+    /// What is open.
+    pub scene: &'a Scene,
     /// The picture's look.
     pub look: &'a Look,
     /// How often values occur in it.
@@ -46,14 +45,14 @@ enum Tab {
 
 /// Draws the editor and writes what the user chose into `settings`.
 pub fn show(ui: &mut Ui, shown: &Shown<'_>, presets: &mut TransferPresets, settings: &mut Settings) {
-    let Shown { metadata, look, exposure, choices } = *shown;
+    let Shown { scene, look, exposure, choices } = *shown;
     presets::show(ui, presets, settings);
     let transfer = &mut settings.transfer;
     match &mut transfer.hue {
         Some(hue) => colors::show(ui, choices, &mut hue.color_map, &mut hue.reverse),
         None => colors::show(ui, choices, &mut transfer.color_map, &mut transfer.reverse),
     }
-    let legend = look.legend(metadata);
+    let legend = look.legend(scene);
     let brightness = |t: f32| look.color(t, 0.5);
     let histogram = exposure.brightness.as_ref();
     range(ui, "brightness", &legend.p, &mut transfer.scale, histogram, look.levels.p, &mut transfer.range, brightness);

@@ -45,6 +45,7 @@ impl Window {
             periodic: None,
             length_unit: String::new(),
             moving: None,
+            field: None,
             times: None,
             following: None,
             opened: None,

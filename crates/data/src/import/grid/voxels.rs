@@ -1,7 +1,7 @@
-//! A volume's voxels as particles: what is drawn, asked and followed as particles are, a volume beside them too.
+//! A volume's voxels as particles, or an image's pixels: what is drawn, asked and followed as particles are, a volume beside them too.
 //!
 //! A voxel becomes a particle of its value as density and its value times its volume as mass, with a kernel wide enough that neighbours add up
-//! to the value again. What is air is left out.
+//! to the value again. What is air around a volume is left out.
 
 use super::super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source};
 use super::{GridOptions, GridSource, open_grid, summarize_grid};
@@ -16,7 +16,7 @@ const AIR: f64 = 0.02;
 /// hundredth.
 const SUPPORT: f64 = 2.2;
 
-/// Volumes as particles. Their content is told as that of grids is, before any format of particles is asked.
+/// Volumes and images as particles. Their content is told as that of grids is, before any format of particles is asked.
 pub(in crate::import) struct Voxels;
 
 impl Format for Voxels {
@@ -44,15 +44,15 @@ enum Column {
     Channel(usize),
 }
 
-/// An opened volume whose voxels are particles.
+/// An opened volume whose voxels are particles, or an image whose pixels are.
 struct VoxelSource {
     source: GridSource,
     description: Description,
     columns: Vec<Column>,
     /// How many voxels there are before each row of samples, and in all.
     before: Vec<u64>,
-    /// Values up to this are air, and what is added to the others so that they are positive.
-    air: f64,
+    /// Values up to this are air, of volumes, and what is added to the others so that they are positive.
+    air: Option<f64>,
     lifted: f64,
 }
 
@@ -60,16 +60,13 @@ impl VoxelSource {
     fn open(path: &Path, method: ReadMethod) -> Result<VoxelSource, ImportError> {
         let source = open_grid(path, &GridOptions { read: method, ..GridOptions::default() })?;
         let (grid, about) = (source.grid().clone(), source.description().clone());
-        if grid.dimensions != 3 {
-            let found = format!("an image ({})", about.format);
-            return Err(ImportError::malformed(path, "content", found, "particles or a volume"));
-        }
         let summary = summarize_grid(&source)?;
         let channel = &summary.channels[0];
         let (Some(min), Some(max)) = (channel.min, channel.max) else {
             return Err(ImportError::malformed(path, "samples", "no number", "at least one"));
         };
-        let (air, lifted) = (min + AIR * (max - min), if min < 0.0 { -min } else { 0.0 });
+        let air = (grid.dimensions == 3).then_some(min + AIR * (max - min));
+        let lifted = if min < 0.0 { -min } else { 0.0 };
         let mut voxels = VoxelSource {
             description: Description::unitless(path, "voxels", about.bytes),
             source,
@@ -108,9 +105,10 @@ impl VoxelSource {
         (description.files, description.length_unit) = (about.files, length);
         description.notes = about.notes;
         let all: u64 = grid.shape.iter().product();
-        description
-            .notes
-            .push(format!("{count} of {all} voxels, whose values are above {air}; the others count as air"));
+        description.notes.push(match air {
+            Some(air) => format!("{count} of {all} voxels, whose values are above {air}; the others count as air"),
+            None => format!("{count} of {all} pixels"),
+        });
         if lifted > 0.0 {
             description.notes.push(format!("densities are values and {lifted}, so that none is negative"));
         }
@@ -138,7 +136,7 @@ impl VoxelSource {
     }
 
     fn is_voxel(&self, value: f64) -> bool {
-        value > self.air && value.is_finite()
+        value.is_finite() && self.air.is_none_or(|air| value > air)
     }
 
     /// The values of a channel in a box; NaN where there is none.

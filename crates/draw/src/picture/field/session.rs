@@ -4,6 +4,7 @@ use super::in_time::{self, InTime};
 use super::opened::{OpenField, Shown, Wanted, colors_of};
 use super::report::PointsReport;
 use crate::color::Image;
+use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::field::Field;
 use crate::cpu::volume::{Variability, VolumeError, VolumeLevels};
@@ -200,7 +201,7 @@ impl FieldSession {
             milliseconds: times.medians(),
             moment: None,
             paths: None,
-            points: Some(report.clone()),
+            points: Some(*report),
         })
     }
 
@@ -216,6 +217,26 @@ impl FieldSession {
             self.draw(&before)?.image(&before)
         });
         picture.filmed(shot, film, before.transpose()?)
+    }
+
+    /// A look's picture of a view, black where nothing is in view; its colours have the ranges `levels`, or their own.
+    ///
+    /// # Errors
+    /// As [`FieldSession::prepare`].
+    pub fn image(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<Image, PictureError> {
+        let mut shot = Shot { look: look.clone(), ..Shot::default() };
+        let mut prepared = self.prepare(&shot)?;
+        if let Some(levels) = levels.filter(|_| prepared.mode.is_light()) {
+            shot.look.transfer = Some(prepared.transfer.with_levels(&levels));
+            prepared = self.prepare(&shot)?;
+        }
+        let transfer = &prepared.transfer;
+        Ok(match prepared.draw(view) {
+            Ok(Raw::Light(light)) => light.colors.image(),
+            Ok(Raw::Sums(sums, _)) => composite_at(&sums, transfer, &levels.unwrap_or_else(|| transfer.levels(&sums))),
+            Err(VolumeError::Grid(GridError::NothingInView)) => Image::black(view.width, view.height),
+            Err(error) => return Err(error.into()),
+        })
     }
 
     /// What is known of a look's picture from a camera: its ranges.

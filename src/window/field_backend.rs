@@ -1,0 +1,259 @@
+//! Drawing an image or a volume that is open alone, with the processor, on background tasks: its samples, or the points that stand for them.
+//!
+//! While the view moves, or what is drawn changes, pictures have as many pixels as there is time for; when it rests, the full one follows.
+//! Sums are kept, so that other colours need no other picture.
+
+use super::exposure::Exposure;
+use super::live::LiveParticles;
+use super::look::{Held, Look};
+use super::pages::ViewSelection;
+use super::picture::{Letterbox, Picture, to_image};
+use super::picture_sizes::moving_size;
+use super::preset::Preset;
+use super::scene::{Scene, Settings};
+use super::state::notices::Notices;
+use super::statistics::{ActiveBackend, Converged, Statistics};
+use super::touring::Before;
+use crate::color::composite::composite_at;
+use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::{Accumulation, Image as Colors};
+use crate::cpu::volume::VolumeError;
+use crate::look::{LookPatch, Shot};
+use crate::mode::Raw;
+use crate::picture::PictureError;
+use crate::picture::fade::faded;
+use crate::picture::field::PointsReport;
+use crate::view::View;
+use crate::view::perspective_grid::GridError;
+use bevy::prelude::*;
+use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
+use std::sync::{Arc, PoisonError};
+use std::time::Instant;
+
+/// What a picture depends on, whatever its size and the colours of its sums.
+#[derive(Clone, PartialEq)]
+struct Content {
+    dataset: u32,
+    depiction: u64,
+    view: View,
+    /// What light is painted with; none for sums.
+    transfer: Option<TransferFunction>,
+}
+
+/// A picture.
+#[derive(Clone, PartialEq)]
+struct Key {
+    content: Content,
+    size: UVec2,
+}
+
+/// What was drawn: sums, or light in its own colours.
+#[derive(Clone)]
+enum Values {
+    Sums(Arc<Accumulation>),
+    Light(Arc<Colors>),
+}
+
+/// A finished picture.
+struct Drawn {
+    key: Key,
+    values: Values,
+    /// What colours sums were given.
+    colored: (Levels, TransferFunction),
+    image: Arc<Colors>,
+    exposure: Exposure,
+    report: PointsReport,
+    drawn_from: &'static str,
+    /// How long it took, where it was drawn anew.
+    milliseconds: Option<f64>,
+}
+
+/// The picture of the field that is open, and the task that draws the next one.
+#[derive(Resource, Default)]
+pub(super) struct FieldPicture {
+    task: Option<(Key, Task<Result<Drawn, String>>)>,
+    drawn: Option<Drawn>,
+    /// What is wanted, and since when.
+    moved: Option<(Content, Instant)>,
+    /// Size and milliseconds of the last picture.
+    cost: Option<(UVec2, f64)>,
+    failed: Option<Key>,
+    /// Counts pictures.
+    number: u64,
+    /// What the window shows: the number, and what is blended with it.
+    shown: Option<(u64, Option<(u64, u32)>)>,
+}
+
+/// Whether a mode of fields is shown of the field that is open. Particles that move are drawn in its place.
+pub(super) fn is_wanted(scene: Option<&Scene>, settings: &Settings, live: &LiveParticles) -> bool {
+    scene.is_some_and(|scene| scene.field_for(settings.mode).is_some()) && live.particles().is_none()
+}
+
+/// Whether it is shown now and was not before, or the other way round.
+pub(super) fn came_or_went(
+    scene: Option<Res<Scene>>,
+    settings: Res<Settings>,
+    live: Res<LiveParticles>,
+    mut before: Local<bool>,
+) -> bool {
+    let now = is_wanted(scene.as_deref(), &settings, &live);
+    std::mem::replace(&mut *before, now) != now
+}
+
+/// Takes in what has been drawn, and starts to draw what is wanted now.
+pub(super) fn draw_field(
+    mut field: ResMut<FieldPicture>,
+    backend: Res<ActiveBackend>,
+    (scene, look, selection): (Option<Res<Scene>>, Option<Res<Look>>, Res<ViewSelection>),
+    (settings, held): (Res<Settings>, Res<Held>),
+    (picture, preset): (Res<Picture>, Res<Preset>),
+    (mut exposure, mut statistics): (ResMut<Exposure>, ResMut<Statistics>),
+    (mut converged, mut notices): (ResMut<Converged>, ResMut<Notices>),
+) {
+    let field = field.bypass_change_detection();
+    if *backend != ActiveBackend::Field {
+        if field.drawn.is_some() || field.task.is_some() {
+            statistics.points = None;
+            *field = FieldPicture::default();
+        }
+        return;
+    }
+    converged.0 = false;
+    if statistics.backend != "cpu" {
+        "cpu".clone_into(&mut statistics.backend);
+    }
+    if let Some((_, task)) = &mut field.task
+        && let Some(outcome) = check_ready(task)
+    {
+        let key = field.task.take().map(|(key, _)| key);
+        match outcome {
+            Ok(drawn) => {
+                exposure.set_if_neq(drawn.exposure.clone());
+                if let Some(milliseconds) = drawn.milliseconds {
+                    field.cost = Some((drawn.key.size, milliseconds));
+                }
+                field.number += 1;
+                field.drawn = Some(drawn);
+            }
+            Err(why) => {
+                notices.error(why);
+                field.failed = key;
+            }
+        }
+    }
+    if let Some(drawn) = &field.drawn {
+        statistics.draw_ms = field.cost.map(|(_, milliseconds)| milliseconds);
+        (statistics.points, statistics.levels) = (Some(drawn.report), drawn.drawn_from);
+        (statistics.sampled, statistics.live, statistics.slabs) = (None, None, None);
+        (statistics.particles, statistics.nodes, statistics.missing) = (0, drawn.report.nodes as usize, 0);
+        (statistics.error_px, statistics.hidden) = (0.0, 0);
+        statistics.passes.clear();
+    }
+    let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
+    let Some(open) = scene.field_for(look.depiction.mode) else { return };
+    let is_light = look.depiction.mode.is_light();
+    // Ranges that are given are not looked for in each picture.
+    let given = held.0.filter(|levels| is_light && levels.p[0] < levels.p[1]);
+    let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
+    let (dataset, depiction) = (scene.dataset, look.depiction_revision);
+    let content = Content { dataset, depiction, view, transfer: is_light.then(|| transfer.clone()) };
+    if field.moved.as_ref().is_none_or(|(before, _)| *before != content) {
+        field.moved = Some((content.clone(), Instant::now()));
+    }
+    let motion = &preset.motion;
+    let rests =
+        field.moved.as_ref().is_some_and(|(_, since)| since.elapsed().as_millis() >= u128::from(motion.rest_ms));
+    let full = picture.size();
+    let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { motion.volume_ms };
+    let size = if rests { full } else { moving_size(full, field.cost, budget, motion) };
+    let key = Key { content, size };
+    let drawn = field.drawn.as_ref().filter(|drawn| drawn.key == key);
+    let colored = (look.levels, transfer.clone());
+    let is_current = drawn.is_some_and(|drawn| is_light || drawn.colored == colored);
+    converged.0 = is_current && rests && size == full && look.settled;
+    if field.task.is_some() || is_current || field.failed.as_ref() == Some(&key) {
+        return;
+    }
+    let reused = drawn.map(|drawn| drawn.values.clone());
+    let shot =
+        Shot { look: LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() }, ..Shot::default() };
+    let (session, wanted) = (Arc::clone(&open.session), key.clone());
+    let task = AsyncComputeTaskPool::get().spawn(async move {
+        let mut session = session.lock().unwrap_or_else(PoisonError::into_inner);
+        draw(&mut session, &shot, wanted, reused, colored)
+    });
+    field.task = Some((key, task));
+}
+
+/// Draws a picture, or colours what was drawn.
+fn draw(
+    session: &mut crate::picture::field::FieldSession,
+    shot: &Shot,
+    key: Key,
+    reused: Option<Values>,
+    (levels, transfer): (Levels, TransferFunction),
+) -> Result<Drawn, String> {
+    let start = Instant::now();
+    let told = |error: PictureError| error.to_string();
+    let prepared = session.prepare(shot).map_err(told)?;
+    let is_new = reused.is_none();
+    let (width, height) = (key.size.x, key.size.y);
+    let values = match reused {
+        Some(values) => values,
+        None => match prepared.draw(&key.content.view.resized(width, height)) {
+            Ok(Raw::Light(light)) => Values::Light(Arc::new(light.colors.image())),
+            Ok(Raw::Sums(sums, _)) => Values::Sums(Arc::new(sums)),
+            // A view without data is a black picture, and no error.
+            Err(VolumeError::Grid(GridError::NothingInView)) => Values::Light(Arc::new(Colors::black(width, height))),
+            Err(error) => return Err(error.to_string()),
+        },
+    };
+    let (image, exposure) = match &values {
+        Values::Light(image) => (Arc::clone(image), Exposure::of_field(&prepared)),
+        Values::Sums(sums) => (Arc::new(composite_at(sums, &transfer, &levels)), Exposure::of(sums, &transfer)),
+    };
+    Ok(Drawn {
+        key,
+        values,
+        colored: (levels, transfer),
+        image,
+        exposure,
+        report: prepared.report,
+        drawn_from: prepared.drawn_from(),
+        milliseconds: is_new.then(|| 1e3 * start.elapsed().as_secs_f64()),
+    })
+}
+
+/// Shows the finished picture, where a tour says so blended with the one before it.
+pub(super) fn show_field(
+    mut field: ResMut<FieldPicture>,
+    (backend, before, picture): (Res<ActiveBackend>, Res<Before>, Res<Picture>),
+    mut images: ResMut<Assets<Image>>,
+    mut letterbox: ResMut<Letterbox>,
+    mut converged: ResMut<Converged>,
+) {
+    if *backend != ActiveBackend::Field {
+        return;
+    }
+    let field = field.bypass_change_detection();
+    converged.0 &= before.is_settled();
+    let Some(drawn) = &field.drawn else { return };
+    // Without the picture before, what was shown last stays.
+    if before.is_awaited() {
+        return;
+    }
+    let fade = before.fade();
+    let wanted = (field.number, fade.map(|(_, share)| (before.number(), share.to_bits())));
+    if field.shown == Some(wanted) {
+        return;
+    }
+    let colors = match fade {
+        Some((image, share)) => faded(image, &drawn.image, share),
+        None => Colors::clone(&drawn.image),
+    };
+    if images.insert(&picture.image, to_image(colors)).is_err() {
+        warn!("the picture's image is gone");
+    }
+    letterbox.set_if_neq(Letterbox(None));
+    field.shown = Some(wanted);
+}
