@@ -22,6 +22,7 @@ use crate::picture::field::{OpenField, Wanted};
 use crate::view::View;
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What is compared.
@@ -49,7 +50,7 @@ pub fn compare(path: &Path, named: String, arguments: &Arguments, folder: &Path)
     // The default names hierarchies of particles.
     let names = if asked.is_empty() { WAYS.to_vec() } else { asked };
     let temporary = tempfile::tempdir()?;
-    let mut source = OpenField::open(path, ReadMethod::default())?;
+    let source = OpenField::open(path, ReadMethod::default())?;
     let grid = source.grid().clone();
     let samples: u64 = grid.shape.iter().product();
     let exact = source.shown(None, &[0], false)?.field;
@@ -143,8 +144,8 @@ impl Way {
     }
 
     /// The first channel from so many points at most; with the number of points, and of the nodes that they stand for.
-    fn field(&mut self, exact: &Field, grid: &Grid, budget: u64) -> Result<(Field, u64, usize), Failure> {
-        match &mut self.open {
+    fn field(&self, exact: &Field, grid: &Grid, budget: u64) -> Result<(Arc<Field>, u64, usize), Failure> {
+        match &self.open {
             Some(open) => {
                 let shown = open.shown(Some(&Wanted::Points(usize::try_from(budget)?)), &[0], grid.dimensions == 3)?;
                 Ok((shown.field, shown.report.points, shown.report.nodes as usize))
@@ -153,7 +154,8 @@ impl Way {
                 let (shape, values) = means(&exact.channels[0].levels[0], grid.dimensions, budget as usize);
                 let samples = shape.iter().product::<usize>();
                 let channel = (exact.channels[0].name.clone(), exact.channels[0].unit.clone(), values);
-                Ok((Field::new(&coarser(grid, shape), vec![channel], None), samples as u64, samples))
+                let field = Field::new(&coarser(grid, shape), vec![channel], None);
+                Ok((Arc::new(field), samples as u64, samples))
             }
         }
     }

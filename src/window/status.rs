@@ -24,6 +24,7 @@ use crate::color::transfer::TransferFunction;
 use crate::explore::SelectionSet;
 use crate::look::Attribute;
 use crate::picture::decode::decoded_nodes;
+use crate::picture::field::PointsReport;
 use crate::view::{CutSettings, Stereo, Surround};
 use bevy::prelude::*;
 use serde::Serialize;

@@ -9,6 +9,7 @@ mod support;
 mod budgets;
 mod comparison;
 mod desktop;
+mod fields;
 mod frames;
 mod growing;
 mod ids;

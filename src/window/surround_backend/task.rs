@@ -154,7 +154,12 @@ pub fn draw(session: &mut AnySession, wanted: &Wanted, known: Option<Drawn>) -> 
     let measure = || match (&picture.values, tree, session) {
         (Raw::Light(painted), Some(tree), _) => {
             let found = Levels { p: painted.levels.density, s: painted.levels.attribute };
-            Ok(Exposure::of_codebooks(tree.metadata(), &picture.annotation.depiction, &transfer, found))
+            Ok::<_, PictureError>(Exposure::of_codebooks(
+                tree.metadata(),
+                &picture.annotation.depiction,
+                &transfer,
+                found,
+            ))
         }
         (Raw::Light(_), None, AnySession::Field(session)) => Ok(Exposure::of_field(&session.prepare(shot)?)),
         (Raw::Sums(sums, _), ..) => Ok(Exposure::of(sums, &transfer)),

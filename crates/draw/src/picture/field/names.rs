@@ -6,7 +6,6 @@ use crate::color::transfer::TransferFunction;
 use crate::mode::{Coloring, Depiction, FieldValues, LevelChoice, Mode, Output, Settings};
 use crate::model::Unit;
 use crate::modes;
-use crate::modes::grid::Layers;
 use crate::modes::samples::FieldLook;
 
 /// The attribute that every field has: how steep what it shows is.

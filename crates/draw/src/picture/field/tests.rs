@@ -1,15 +1,15 @@
 //! Pictures of images and volumes against what is known of them.
 
-use super::FieldSession;
+use super::{FieldSession, GRADIENT};
 use crate::color::transfer::{Range, TransferFunction};
 use crate::explore::export::grid::{GridFormat, write_grid};
-use crate::look::{CameraConfig, LookPatch, Shot};
+use crate::look::{Attribute, CameraConfig, LookPatch, Shot};
 use crate::mode::{Raw, SettingValue};
 use crate::model::{Channel, Grid, SampleType};
 use crate::modes;
 use crate::picture::{PictureError, SessionOptions};
-use crate::view::CutSettings;
 use crate::view::cut::ClipBox;
+use crate::view::{CutSettings, Eyes, Stereo, StereoKind, Surround};
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -162,4 +162,97 @@ fn what_does_not_fit_is_refused_in_a_line() {
     let mut many = shot("volume", "", camera, (8, 8));
     many.look.budget.0.insert("splats".into(), SettingValue::Number(10.0));
     assert!(refusal(&many).contains("deepfield build"));
+}
+
+#[test]
+fn panoramas_are_line_integrals_in_all_directions() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [32, 32, 32], |_| 100.0);
+    // From the middle of a cube of half a side of 16.
+    let mut around = shot("xray", "", CameraConfig::default(), (64, 32));
+    around.surround = Surround::Equirectangular;
+    let found = pixels(&path, &around);
+    let turn = |x: usize| std::f64::consts::TAU * (x as f64 + 0.5) / 64.0;
+    let rise = |y: usize| std::f64::consts::PI * (0.5 - (y as f64 + 0.5) / 32.0);
+    for y in 0..32 {
+        let way = |x: usize| {
+            let [east, up] = [rise(y).cos(), rise(y).sin()];
+            1600.0 / [east * turn(x).cos(), up, east * turn(x).sin()].map(f64::abs).into_iter().fold(0.0, f64::max)
+        };
+        // Whichever quarter of a turn the row begins with, and whichever way round it goes.
+        let mut expected: Vec<f64> = (0..64).map(way).collect();
+        let mut row: Vec<f64> = found[64 * y..64 * (y + 1)].iter().map(|pixel| f64::from(pixel[0])).collect();
+        expected.sort_by(f64::total_cmp);
+        row.sort_by(f64::total_cmp);
+        for (found, expected) in row.iter().zip(&expected) {
+            assert!((found / expected - 1.0).abs() < 0.02, "row {y}: {found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn each_eye_sees_what_its_own_camera_sees() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [24, 24, 24], |[x, y, z]| if x > 8 && y > 5 && z > 11 { 200.0 } else { 10.0 });
+    let camera = CameraConfig {
+        fov: Some(40.0),
+        eye: Some([12.0, 12.0, 70.0]),
+        target: Some([12.0; 3]),
+        ..CameraConfig::default()
+    };
+    let mut pair = shot("volume", HAZE, camera, (40, 40));
+    pair.stereo =
+        Some(Stereo { kind: StereoKind::OffAxis, separation: 4.0, zero_parallax: 58.0, eyes: Eyes::SideBySide });
+    let both = pixels(&path, &pair);
+    assert_eq!(both.len(), 80 * 40);
+    for (half, eyes) in [(0, Eyes::Left), (1, Eyes::Right)] {
+        pair.stereo = pair.stereo.map(|stereo| Stereo { eyes, ..stereo });
+        let alone = pixels(&path, &pair);
+        assert!((0..40).all(|y| both[80 * y + 40 * half..][..40] == alone[40 * y..][..40]));
+    }
+    assert!(both[80 * 20..][..40] != both[80 * 20 + 40..][..40]);
+}
+
+#[test]
+fn how_steep_values_are_colours_a_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    // Steeper from left to right.
+    let path = volume(folder.path(), [32, 20, 20], |[x, ..]| 0.2 * (x * x) as f64 + 20.0);
+    let camera = above(DVec3::new(15.5, 9.5, 9.5), 20.0);
+    let transfer = "(scale: linear, range: fixed(0.0, 255.0), opacity: [(0.0, 1.0), (1.0, 1.0)], brightness: [(0.0, 1.0), (1.0, 1.0)], \
+                    hue: (scale: linear, range: fixed(0.0, 12.0), color_map: [(0.0, \"#0000ff\"), (1.0, \"#ff0000\")]))";
+    let mut steep = shot("volume", transfer, camera, (64, 40));
+    steep.look.attribute = Some(Attribute::Named(GRADIENT.into()));
+    let found = pixels(&path, &steep);
+    let [left, right] = [20 * 64 + 20, 20 * 64 + 44].map(|at| found[at]);
+    assert!(left[2] > left[0] && right[0] > right[2], "{left:?} {right:?}");
+    steep.look.attribute = Some(Attribute::Named("steepness".into()));
+    let mut session = FieldSession::open(&path, SessionOptions::default(), Arc::new(())).unwrap();
+    let why = session.draw(&steep).err().unwrap().to_string();
+    assert!(why.contains("steepness") && why.contains(GRADIENT), "{why}");
+}
+
+#[test]
+fn what_was_prepared_is_used_again_for_other_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [16, 16, 16], |[x, y, z]| (x * y + z) as f64);
+    let mut session = FieldSession::open(&path, SessionOptions::default(), Arc::new(())).unwrap();
+    let camera = above(DVec3::splat(7.5), 16.0);
+    let first = session.prepare(&shot("volume", HAZE, camera, (8, 8))).unwrap();
+    let other = session.prepare(&shot("volume", "", camera, (8, 8))).unwrap();
+    assert!(Arc::ptr_eq(&first.field, &other.field));
+    let mut colored = shot("volume", HAZE, camera, (8, 8));
+    colored.look.attribute = Some(Attribute::Named(GRADIENT.into()));
+    assert!(!Arc::ptr_eq(&first.field, &session.prepare(&colored).unwrap().field));
+    let view = crate::view::View::look_at(
+        DVec3::new(7.5, 7.5, 90.0),
+        DVec3::splat(7.5),
+        DVec3::Y,
+        crate::view::Projection::Orthographic { height: 16.0 },
+        8,
+        8,
+    );
+    let look = shot("volume", HAZE, camera, (8, 8)).look;
+    let image = session.image(&look, &view.unwrap(), None).unwrap();
+    assert!(image.rgba.iter().any(|pixel| pixel[0] > 20));
 }

@@ -1,0 +1,144 @@
+//! An image or a volume in the window: drawn from its samples, by the modes that draw it, as `deepfield render` draws it.
+
+use super::desktop::{Desktop, Program, Screen, choose, columns, keep};
+use serde_json::Value;
+use std::path::Path;
+
+const SIZE: [u16; 2] = [640, 400];
+
+/// A volume of a ball in haze beside a denser, smaller one.
+fn balls(path: &Path) {
+    let value = |i: usize| {
+        let at = [i % 40, i / 40 % 36, i / 1440].map(|x| x as f64);
+        let away = |center: [f64; 3]| at.iter().zip(center).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+        match (away([14.0, 16.0, 15.0]) < 100.0, away([29.0, 20.0, 16.0]) < 36.0) {
+            (_, true) => 220,
+            (true, _) => 120,
+            _ => 10,
+        }
+    };
+    let samples: Vec<u8> = (0..40 * 36 * 32).map(value).collect();
+    let head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 40 36 32\nencoding: raw\nspacings: 0.5 0.5 0.5\n\n";
+    std::fs::write(path, [head.as_bytes(), &samples].concat()).unwrap();
+}
+
+/// The picture of a scene as `deepfield render` writes it.
+fn render(folder: &Path, scene: &Path) -> Vec<[u8; 3]> {
+    let output = folder.join("rendered.png");
+    let mut render = crate::support::program();
+    render.args(["render", "--backend", "cpu"]).arg(scene).arg("-o").arg(&output).env("XDG_CACHE_HOME", folder);
+    assert!(render.status().unwrap().success());
+    let picture = crate::support::golden::picture_at(&output);
+    assert_eq!([picture.width, picture.height], SIZE.map(u32::from));
+    picture.rgba.iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
+}
+
+/// Share of the pixels that are more than a little off, but for where messages come and go.
+fn difference(screen: &Screen, expected: &[[u8; 3]]) -> f64 {
+    let width = usize::from(SIZE[0]);
+    let off = |(i, pixel): (usize, &[u8; 3])| {
+        screen.at(i % width, i / width).iter().zip(pixel).any(|(a, b)| a.abs_diff(*b) > 4)
+    };
+    expected.iter().enumerate().take(300 * width).filter(|pixel| off(*pixel)).count() as f64 / (300 * width) as f64
+}
+
+#[test]
+fn volumes_are_drawn_from_their_samples_as_they_are_rendered() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    balls(&folder.join("balls.nrrd"));
+    for mode in ["volume", "isosurface", "xray", "slice"] {
+        let scene = folder.join("balls.scene.ron");
+        let text = format!(
+            "(version: 2, datasets: [(path: \"balls.nrrd\")], mode: {mode:?}, size: ({}, {}), \
+             camera: (eye: (25.0, 20.0, 40.0), target: (9.0, 9.0, 8.0), fov: 30.0), panels: (shown: false, closed: []), \
+             annotations: (legend: false, scale_bar: false))",
+            SIZE[0], SIZE[1]
+        );
+        std::fs::write(&scene, text).unwrap();
+        let expected = render(folder, &scene);
+        let desktop = Desktop::with_screen(SIZE);
+        let mut program = Program::open(&desktop, folder, &scene, SIZE, &[]);
+        let status = program.wait("a converged picture", |status| status["converged"] == true);
+        assert_eq!(
+            (&status["mode"], &status["levels"], &status["backend"]),
+            (&mode.into(), &"samples".into(), &"cpu".into())
+        );
+        assert_eq!(status["points"]["points"], 40 * 36 * 32, "{status:#}");
+        keep(&desktop, &format!("field-{mode}.png"));
+        desktop.wait("the rendered picture", |screen| difference(screen, &expected) < 0.01);
+        assert!(expected.iter().filter(|pixel| pixel.iter().any(|byte| *byte > 60)).count() > 5000, "{mode}");
+    }
+}
+
+#[test]
+fn a_volume_is_opened_turned_and_shown_by_other_modes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let path = folder.join("balls.nrrd");
+    balls(&path);
+    let desktop = Desktop::with_screen([960, 600]);
+    let mut program = Program::open(&desktop, folder, &path, [960, 600], &[]);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!((&first["mode"], &first["levels"]), (&"volume".into(), &"samples".into()), "{first:#}");
+    let lit = |screen: &Screen| screen.share(columns(&first), |pixel| pixel.iter().any(|&c| c > 40));
+    desktop.wait("the volume", |screen| lit(screen) > 0.05);
+    keep(&desktop, "field-window.png");
+    let [x, y] = super::desktop::middle(&first);
+    let turned = super::desktop::repeat(
+        &program,
+        "a drag",
+        || desktop.drag([x, y], [x + 60, y + 20]),
+        |status| status["eye"] != first["eye"],
+    );
+    assert_eq!(turned["mode"], "volume");
+    let shown = |mode: &'static str| {
+        move |status: &Value| status["mode"] == mode && status["converged"] == true && status["messages"] != ""
+    };
+    choose(&program, &desktop, "mode", "mode:xray", |status| status["mode"] == "xray");
+    program.wait("the X-ray picture", shown("xray"));
+    keep(&desktop, "field-xray.png");
+    // Its voxels, as particles.
+    choose(&program, &desktop, "mode", "mode:column-density", |status| status["mode"] == "column-density");
+    let voxels = program.wait("the voxels", shown("column-density"));
+    assert!(voxels["points"].is_null() && voxels["particles_drawn"].as_u64() > Some(1000), "{voxels:#}");
+    choose(&program, &desktop, "attribute", "attribute:gradient", |status| {
+        status["settings"]["attribute"] == "gradient"
+    });
+    choose(&program, &desktop, "mode", "mode:volume", |status| status["mode"] == "volume");
+    let colored = program.wait("the volume again", shown("volume"));
+    assert!(colored["points"]["points"] == 40 * 36 * 32, "{colored:#}");
+    keep(&desktop, "field-gradient.png");
+    // All around, from the same samples.
+    choose(&program, &desktop, "projection", "projection:dome", |status| status["settings"]["projection"].is_object());
+    let dome = program.wait("the dome", |status| status["converged"] == true);
+    assert_eq!(dome["levels"], "samples", "{dome:#}");
+    keep(&desktop, "field-dome.png");
+}
+
+#[test]
+fn an_image_is_seen_from_in_front() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let path = folder.join("image.png");
+    let image = deepfield::color::Image {
+        width: 120,
+        height: 80,
+        rgba: (0..120 * 80)
+            .map(|i| if (i % 120 < 60) == (i / 120 < 40) { [220, 40, 40, 255] } else { [40, 40, 220, 255] })
+            .collect(),
+    };
+    deepfield::color::output::write_png(&path, &image).unwrap();
+    let desktop = Desktop::with_screen([960, 600]);
+    let mut program = Program::open(&desktop, folder, &path, [960, 600], &[]);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!(first["mode"], "image", "{first:#}");
+    let red = |screen: &Screen| screen.share(columns(&first), |[r, _, b]| r > 180 && b < 80);
+    let blue = |screen: &Screen| screen.share(columns(&first), |[r, _, b]| b > 180 && r < 80);
+    desktop.wait("both colours", |screen| red(screen) > 0.1 && (red(screen) / blue(screen) - 1.0).abs() < 0.1);
+    keep(&desktop, "field-image.png");
+    let [x, y] = super::desktop::middle(&first);
+    let at = |x: i16, y: i16| desktop.screenshot().at(x as usize, y as usize);
+    let [above, beside] = [at(x - 40, y - 40), at(x + 40, y - 40)];
+    assert!(above[0] > 180 && beside[2] > 180, "{above:?} {beside:?}");
+}
