@@ -3,6 +3,7 @@
 use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
 use crate::look::{Member, Shot};
+use crate::mode::Mode;
 use crate::picture::field::FieldSession;
 use crate::picture::{AnySession, PictureError, Session, SessionOptions};
 use std::path::Path;
@@ -19,7 +20,8 @@ pub struct Request {
     pub options: SessionOptions,
 }
 
-/// Opens datasets for pictures of these shots: an image or a volume that is alone as what it is, everything else as particles.
+/// Opens datasets for pictures of these shots: an image or a volume that is alone as what it is, unless a mode draws particles alone, which
+/// are its pixels or voxels then; everything else as particles.
 ///
 /// # Errors
 /// As [`open`], and [`FieldSession::open`].
@@ -28,8 +30,10 @@ pub fn open_any<'a>(
     options: SessionOptions,
     shots: impl IntoIterator<Item = &'a Shot>,
 ) -> Result<AnySession, PictureError> {
+    let shots: Vec<&Shot> = shots.into_iter().collect();
+    let takes_fields = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_fields);
     Ok(match members {
-        [only] if FieldSession::is_field(&only.path) => {
+        [only] if shots.iter().all(takes_fields) && FieldSession::is_field(&only.path) => {
             AnySession::Field(Box::new(FieldSession::open(&only.path, options, Arc::new(Terminal))?))
         }
         _ => AnySession::Particles(Box::new(open(members, options, shots)?)),

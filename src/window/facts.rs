@@ -86,11 +86,11 @@ impl Facts {
         let spacing = grid.spacing();
         let spacing: Vec<String> = spacing[..grid.dimensions].iter().map(|side| number::quantity(*side)).collect();
         let [low, high] = opened.statistics().range().map(number::quantity);
-        let channel = &grid.channels[0];
+        let (channel, values) = (&grid.channels[0], format!("{low} to {high}"));
         let own = [
             (kind, grid.described()),
             ("Spacing", format!("{} {}", spacing.join(" x "), grid.length_unit)),
-            ("Values", format!("{low} to {high} {}", channel.unit)),
+            ("Values", if channel.unit.is_unknown() { values } else { format!("{values} {}", channel.unit) }),
         ];
         self.rows.retain(|(label, _)| *label != "Format");
         self.rows.splice(0..0, own);

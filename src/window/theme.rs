@@ -136,10 +136,24 @@ pub fn fact_colored(ui: &mut Ui, label: &str, value: impl Into<String>, color: C
 /// A row: the label at the left, anything at the right edge (laid out from the right). What is there is the control of the label's
 /// name.
 pub fn row(ui: &mut Ui, label: &str, add_value: impl FnOnce(&mut Ui)) -> Response {
+    row_within(ui, label, f32::INFINITY, add_value)
+}
+
+/// The same with so much room for the label, which is cut off where it is longer.
+fn row_within(ui: &mut Ui, label: &str, room: f32, add_value: impl FnOnce(&mut Ui)) -> Response {
     let size = vec2(ui.available_width(), ROW);
     ui.allocate_ui_with_layout(size, Layout::left_to_right(Align::Center), |ui| {
         ui.set_min_height(ROW);
-        ui.label(RichText::new(label).color(LABEL));
+        let text = RichText::new(label).color(LABEL);
+        match room.is_finite() {
+            true => {
+                let room = vec2(room, ROW);
+                ui.allocate_ui_with_layout(room, Layout::left_to_right(Align::Center), |ui| {
+                    ui.add(egui::Label::new(text).truncate())
+                });
+            }
+            false => drop(ui.label(text)),
+        }
         let value = ui.with_layout(Layout::right_to_left(Align::Center), add_value).response;
         register(ui, &control_name(label), value.rect);
     })
@@ -202,7 +216,8 @@ impl NumberRow<'_> {
     /// Draws the row; whether the number has changed.
     pub fn show(&self, ui: &mut Ui, value: &mut f64) -> Response {
         let before = *value;
-        let mut response = row(ui, self.label, |ui| {
+        let room = ui.available_width() - VALUE - MARK_ROOM;
+        let mut response = row_within(ui, self.label, room, |ui| {
             ui.spacing_mut().item_spacing.x = 6.0;
             reset_mark(ui, self.label, self.default.is_some_and(|default| default != *value), || {
                 *value = self.default.unwrap_or(*value);

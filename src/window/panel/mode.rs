@@ -2,9 +2,9 @@
 
 use super::{Dock, PanelState, Section, theme};
 use crate::look::Attribute;
-use crate::mode::levels::{is_of_levels, is_of_pictures};
+use crate::mode::levels::{LEVELS, REPRESENTATIVE, is_of_levels, is_of_pictures};
 use crate::mode::{Mode, Setting, SettingKind, SettingValue};
-use crate::modes;
+use crate::modes::{self, grid, samples};
 use crate::window::scene::Settings;
 use bevy_egui::egui::{ComboBox, TextEdit, Ui};
 
@@ -21,6 +21,11 @@ pub static SECTION: Section = Section {
     },
 };
 
+/// Settings of modes of particles and of fields alike that say something of particles alone.
+const OF_PARTICLES: [&Setting; 5] = [&grid::DETAIL, &grid::KERNEL, &grid::SMALLEST_CELLS, &LEVELS, &REPRESENTATIVE];
+/// Settings of such modes that say something of fields alone.
+const OF_FIELDS: [&Setting; 2] = [&samples::ERROR_VALUE, &samples::TRANSFER_SENSITIVITY];
+
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let has_paths = state.scene.as_ref().is_some_and(|scene| scene.following.is_some());
     let shown = |mode: &&'static Mode| {
@@ -31,9 +36,20 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     attribute_combo(ui, state, settings);
     let takes_clusters = state.look.as_ref().is_some_and(|look| look.depiction.takes_clusters());
     let has_levels = takes_clusters && state.scene.as_ref().is_some_and(|scene| scene.metadata().has_clusters());
-    let applies = |name: &str| !is_of_pictures(name) && (has_levels || !is_of_levels(name));
+    let is_field = state.scene.as_ref().is_some_and(|scene| scene.field_for(settings.mode).is_some());
+    let applies = |name: &str| match is_field {
+        true => !is_of_pictures(name) && OF_PARTICLES.iter().all(|setting| setting.name != name),
+        false => {
+            !is_of_pictures(name)
+                && (has_levels || !is_of_levels(name))
+                && OF_FIELDS.iter().all(|setting| setting.name != name)
+        }
+    };
     for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {
         mode_setting(ui, setting, settings.values(setting));
+    }
+    if is_field {
+        return;
     }
     let error = theme::NumberRow {
         label: "Error bound",

@@ -264,6 +264,7 @@ pub fn draw_before(
 #[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 mod tests {
     use super::*;
+    use crate::picture::Session;
     use crate::picture::ranges::Format;
     use crate::tour::TourFile;
     use crate::view::Surround;

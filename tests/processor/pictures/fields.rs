@@ -70,10 +70,44 @@ fn a_volume_is_built_told_drawn_and_given_back() {
         }
         assert!(crate::support::golden::difference(&near, &exact) < 1.0, "{mode}");
     }
-    let refused = run(folder, &["render", "blobs.df", "-o", "x.png", "--mode", "points"]);
+    // What draws particles alone draws its voxels.
+    for data in ["blobs.nrrd", "blobs.df"] {
+        let told =
+            done(folder, &["render", data, "-o", "x.png", "--mode", "sorted-splats", "--size", "80x60", "--json", "-"]);
+        assert!(number(&told, &["particles"]) > 1000.0, "{told}");
+    }
+    let refused = run(folder, &["render", "blobs.df", "-o", "x.png", "--mode", "image"]);
     let why = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert_eq!((refused.status.code(), why.lines().count()), (Some(1), 1), "{why}");
-    assert!(why.contains("blobs.df") && why.contains("expected one of"), "{why}");
+    assert!(why.contains("blobs.df") && why.contains("expected volume, slice"), "{why}");
+}
+
+#[test]
+fn tours_domes_and_pairs_of_pictures_show_volumes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    blobs(folder);
+    done(
+        folder,
+        &["tour", "--around", "blobs.nrrd", "--seconds", "0.1", "--fps", "20", "--size", "96x64", "--record", "frames"],
+    );
+    let frame = |i: usize| crate::support::golden::picture_at(&folder.join(format!("frames/frame-{i:05}.png")));
+    let lit = |image: &deepfield::color::Image| {
+        image.rgba.iter().filter(|pixel| pixel[..3].iter().any(|byte| *byte > 24)).count()
+    };
+    assert!(lit(&frame(0)) > 100 && frame(0).rgba != frame(1).rgba);
+    // Any frame again, from its scene.
+    done(folder, &["render", "frames/scenes/frame-00001.scene.ron", "-o", "again.png"]);
+    assert!(crate::support::golden::picture_at(&folder.join("again.png")).rgba == frame(1).rgba);
+    let pair = ["--stereo", "off-axis", "--eye-separation", "1", "--zero-parallax", "40"];
+    for (mode, more, size) in [("volume", &["--projection", "dome"][..], [64, 64]), ("xray", &pair[..], [128, 64])] {
+        let words =
+            ["render", "blobs.nrrd", "-o", "p.png", "--mode", mode, "--attribute", "gradient", "--size", "64x64"];
+        done(folder, &[&words[..], more].concat());
+        let picture = crate::support::golden::picture_at(&folder.join("p.png"));
+        assert_eq!([picture.width, picture.height], size);
+        assert!(lit(&picture) > 300, "{mode}: {}", lit(&picture));
+    }
 }
 
 #[test]
