@@ -50,7 +50,7 @@ pub fn compare(path: &Path, named: String, arguments: &Arguments, folder: &Path)
     // The default names hierarchies of particles.
     let names = if asked.is_empty() { WAYS.to_vec() } else { asked };
     let temporary = tempfile::tempdir()?;
-    let source = OpenField::open(path, ReadMethod::default())?;
+    let source = OpenField::open(path, ReadMethod::default(), None)?;
     let grid = source.grid().clone();
     let samples: u64 = grid.shape.iter().product();
     let exact = source.shown(None, &[0], false)?.field;
@@ -140,7 +140,7 @@ impl Way {
             }
         };
         let bytes = std::fs::metadata(&file)?.len();
-        Ok(Way { name, open: Some(OpenField::open(&file, ReadMethod::default())?), bytes: Some(bytes), built })
+        Ok(Way { name, open: Some(OpenField::open(&file, ReadMethod::default(), None)?), bytes: Some(bytes), built })
     }
 
     /// The first channel from so many points at most; with the number of points, and of the nodes that they stand for.

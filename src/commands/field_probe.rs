@@ -46,7 +46,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     let shapes = options.sphere.iter().chain(&options.cuboid).cloned().collect();
     let region = Region { shapes, ranges: options.ranges.clone(), ..Region::default() };
-    let open = OpenField::open(path, arguments.read)?;
+    let open = OpenField::open(path, arguments.read, None)?;
     let (channels, unit) = (open.grid().channels.len(), open.grid().length_unit.clone());
     let field = open.shown(None, &(0..channels).collect::<Vec<_>>(), false)?.field;
     let probe = probe_field(&field, &region, arguments.bins as usize)?;

@@ -152,6 +152,10 @@ pub struct Arguments {
     /// Draw so many times and report median times.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
+    /// Memory that the samples of an image or a volume may take; of larger ones one in two, three, ... along each axis is drawn
+    /// [default: 4GiB].
+    #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
+    pub memory: Option<u64>,
     /// Threads of the CPU's part [default: all].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -206,6 +210,7 @@ impl Arguments {
             read: self.read,
             overdraw: self.overdraw.clone(),
             repeat: self.repeat,
+            memory: self.memory,
         };
         Ok(Request { members, shot, options })
     }

@@ -34,7 +34,7 @@ pub(crate) fn adopt_opened(
     mut transfer_kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, members, notes, run, tracks, field, file, frame, scene: opened, keeps }) =
+    let Some(Opened { path, members, notes, run, tracks, field, file, frame, scene: opened, keeps, .. }) =
         opened.read().last().cloned()
     else {
         return;
@@ -116,6 +116,7 @@ pub(crate) fn adopt_opened(
     let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
     notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| notices.error(note));
     notices.info(match members.len() {
+        1 if keeps && field.is_some() => "its voxels are there as particles, too".to_owned(),
         1 if keeps => {
             let steps = run.as_ref().and_then(|(data, _)| Some(data.run()?.times().times.len())).unwrap_or_default();
             let moves = if tracks.is_some() { ", and what moves between them" } else { "" };

@@ -1,16 +1,16 @@
 //! Opening files: on a background thread, with progress that the window shows, and without stopping the program where
 //! a file cannot be read.
 
+use super::field_opening::Sketch;
 use super::options::{OpenRequest, Opener};
 use super::preset::Preset;
-use super::scene::SceneField;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Member, OpenData, SceneFile, is_scene_file};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Moment, ReadMethod, When};
-use crate::picture::field::{FieldSession, OpenField};
+use crate::picture::field::FieldSession;
 use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
@@ -37,6 +37,8 @@ struct Opening {
     path: PathBuf,
     progress: Arc<SharedProgress>,
     outcome: Mutex<Receiver<Result<Opened, String>>>,
+    /// Whether a part of it is shown.
+    is_shown: bool,
 }
 
 /// A scene that has been opened: with its data it is handed to the window.
@@ -73,6 +75,8 @@ pub struct Opened {
     pub scene: Option<Arc<OpenedScene>>,
     /// Whether it is more of what is open, so that the view of it stays as it is.
     pub keeps: bool,
+    /// Whether more of it will come.
+    pub has_more: bool,
 }
 
 impl Openings {
@@ -89,22 +93,30 @@ impl Openings {
         let (opener, path, shared) = (Arc::clone(&self.opener), named.unwrap_or_default(), Arc::clone(&progress));
         let (read, time, (send, outcome)) = (self.read, request.time, channel());
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
+        let (early, failed) = (send.clone(), send.clone());
         let open = move || {
             let (members, scene) = data_of(request)?;
-            open_members(members, scene, time, read, &opener, shared.as_ref())
+            let sketch = match &members[..] {
+                [only] if FieldSession::is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
+                _ => None,
+            };
+            match sketch {
+                Some(Ok(sketch)) => sketch.end(|| open_members(members, scene, time, read, &opener, shared.as_ref())),
+                // What cannot be drawn as a field may be drawn by its voxels.
+                Some(Err(_)) | None => open_members(members, scene, time, read, &opener, shared.as_ref()),
+            }
         };
-        let failed = send.clone();
         // Nobody listens any more where another file was opened meanwhile.
         let thread = std::thread::Builder::new().name("deepfield open".into()).spawn(move || drop(send.send(open())));
         if let Err(error) = thread {
             drop(failed.send(Err(format!("{}: no thread can be started: {error}", path.display()))));
         }
-        self.current = Some(Opening { path, progress, outcome: Mutex::new(outcome) });
+        self.current = Some(Opening { path, progress, outcome: Mutex::new(outcome), is_shown: false });
     }
 
     /// Whether a file that was asked for is on its way.
     pub(super) fn is_opening(&self) -> bool {
-        self.current.is_some()
+        self.current.as_ref().is_some_and(|opening| !opening.is_shown)
     }
 
     /// What is being opened, or built meanwhile: its path, the stage and the share of the stage that is done.
@@ -146,28 +158,18 @@ pub(super) fn open_members(
         None
     });
     let run = moment.map(|moment| (data, moment));
-    let field = match &members[..] {
-        [only] if FieldSession::is_field(&only.path) => match OpenField::open(&only.path, read) {
-            Ok(field) => Some(SceneField::new(field)),
-            // Its voxels are shown.
-            Err(error) => {
-                notes.push(error.to_string());
-                None
-            }
-        },
-        _ => None,
-    };
     Ok(Opened {
         path,
         members,
         notes,
         run,
         tracks,
-        field,
+        field: None,
         file: Arc::new(file),
         frame,
         scene: scene.map(Arc::new),
         keeps: false,
+        has_more: false,
     })
 }
 
@@ -242,9 +244,12 @@ pub(crate) fn finish_opening(
             return;
         }
     };
-    openings.current = None;
+    let known = openings.current.take();
     match result {
         Ok(file) => {
+            if file.has_more {
+                openings.current = known.map(|opening| Opening { path, is_shown: true, ..opening });
+            }
             opened.write(file);
         }
         Err(error) => notices.error(error),

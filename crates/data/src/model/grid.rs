@@ -140,6 +140,17 @@ impl Grid {
         Region { min: [0; 3], max: self.shape }
     }
 
+    /// Every `every`-th sample along each axis, the first one among them.
+    #[must_use]
+    pub fn thinned(&self, every: u64) -> Grid {
+        let (every, mut grid) = (every.max(1), self.clone());
+        for axis in 0..self.dimensions.min(3) {
+            grid.shape[axis] = self.shape[axis].div_ceil(every);
+            *grid.to_world.matrix3.col_mut(axis) *= every as f64;
+        }
+        grid
+    }
+
     /// Size of one sample, all channels, bytes.
     pub fn sample_bytes(&self) -> u64 {
         self.sample_type.size() as u64 * self.channels.len() as u64

@@ -78,6 +78,8 @@ pub struct SessionOptions {
     pub backend: Option<Backend>,
     /// Where a picture of how many splats lie over each pixel goes.
     pub overdraw: Option<PathBuf>,
+    /// Bytes that the samples of an image or a volume may take; more are thinned.
+    pub memory: Option<u64>,
     /// How many times a picture is drawn, for times; 0 counts as 1.
     pub repeat: u32,
     /// What messages about settings name: the file that has them; the data where it is empty.

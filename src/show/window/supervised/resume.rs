@@ -274,6 +274,7 @@ mod tests {
                 frame,
                 scene: Some(Arc::new(scene)),
                 keeps: false,
+                has_more: false,
             });
             next.frame(0.0);
             assert!(*next.app.world().resource::<Settings>() == wanted, "{}", mode.name);

@@ -29,7 +29,7 @@ mod summary;
 #[cfg(test)]
 mod tests;
 mod tiff;
-mod voxels;
+pub mod voxels;
 mod vti;
 mod vtk;
 mod xml;

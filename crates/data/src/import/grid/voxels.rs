@@ -10,11 +10,11 @@ use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
 
-/// Values above the least one by no more than this share of the range are air.
-const AIR: f64 = 0.02;
+/// Values of volumes above the least one by no more than this share of the range are air.
+pub const AIR: f64 = 0.02;
 /// Support radius of a voxel's kernel, in the largest distance of neighbours: from here on the kernels of a grid add up to one within a
 /// hundredth.
-const SUPPORT: f64 = 2.2;
+pub const SUPPORT: f64 = 2.2;
 
 /// Volumes and images as particles. Their content is told as that of grids is, before any format of particles is asked.
 pub(in crate::import) struct Voxels;

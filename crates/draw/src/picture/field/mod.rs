@@ -5,6 +5,7 @@ mod names;
 mod opened;
 mod report;
 mod session;
+mod sketch;
 #[cfg(test)]
 mod tests;
 
@@ -12,4 +13,4 @@ pub use in_time::InTime;
 pub use names::GRADIENT;
 pub use opened::{OpenField, Shown, Wanted};
 pub use report::{ErrorValue, PointsReport};
-pub use session::{FieldSession, PreparedField};
+pub use session::{FieldSession, MEMORY, PreparedField};

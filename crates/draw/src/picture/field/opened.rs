@@ -7,7 +7,7 @@ use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, errors};
 use crate::import::{GridOptions, GridSource, open_grid};
 use crate::look::DataKind;
 use crate::mode::ValueStatistics;
-use crate::model::{Channel, Grid, ReadMethod, SampleType, Scale, Unit};
+use crate::model::{Channel, Grid, ReadMethod, Region, SampleType, Scale, Unit};
 use crate::picture::PictureError;
 use crate::store::GridFile;
 use crate::store::grid::planes_of;
@@ -15,6 +15,13 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
+
+/// Bytes that a sample takes: as it is stored, as a value, and in the means of boxes.
+const BYTES: f64 = 9.2;
+/// Bytes that are read at a time where not all samples are taken.
+const BAND: u64 = 64 << 20;
+/// Slices that are read together of files in bricks.
+const BRICK: u64 = 32;
 
 /// Where samples come from.
 enum Data {
@@ -24,10 +31,13 @@ enum Data {
     Source(GridSource),
 }
 
-/// An image or a volume, open. All of its samples are in memory.
+/// An image or a volume, open. Its samples are in memory: all of them, or as many as there is room for.
 pub struct OpenField {
     path: PathBuf,
     data: Data,
+    /// What is drawn: all of its samples, or every so many-th along each axis.
+    grid: Grid,
+    every: u64,
     /// Stored samples, a plane a channel.
     stored: Vec<Vec<f32>>,
     points: OnceLock<Points>,
@@ -67,35 +77,26 @@ pub struct Shown {
 }
 
 impl OpenField {
-    /// Opens a file of an image or a volume, built or not, and reads all of its samples.
+    /// Opens a file of an image or a volume, built or not, and reads its samples: all of them, or every second, third, ... along each axis where
+    /// pictures of all would take more than so many bytes of `memory`.
     ///
     /// # Errors
     /// When it cannot be read, or is too large for this machine.
-    pub fn open(path: &Path, read: ReadMethod) -> Result<OpenField, PictureError> {
+    pub fn open(path: &Path, read: ReadMethod, memory: Option<u64>) -> Result<OpenField, PictureError> {
         let kind = DataKind::of(path).map_err(|error| PictureError::Asked(error.to_string()))?;
         let data = match kind {
             DataKind::Grid => Data::File(GridFile::open(path, read)?),
             _ => Data::Source(open_grid(path, &GridOptions { read, ..GridOptions::default() })?),
         };
-        let grid = data.grid().clone();
-        let too_large = || PictureError::of(path, format!("{}: too large for this machine", grid.described()));
-        let bytes = grid.bytes().and_then(|bytes| usize::try_from(bytes).ok()).ok_or_else(too_large)?;
-        let mut samples = Vec::new();
-        samples.try_reserve_exact(bytes).map_err(|_| too_large())?;
-        samples.resize(bytes, 0);
-        match &data {
-            Data::File(file) => file.read(&grid.region(), &mut samples)?,
-            Data::Source(source) => source.read(&grid.region(), &mut samples)?,
-        }
-        let stored = planes_of(grid.sample_type, grid.channels.len(), &samples);
-        drop(samples);
-        let mut open = OpenField {
-            path: path.into(),
-            data,
-            stored,
-            points: OnceLock::new(),
-            statistics: ValueStatistics::default(),
+        let every = memory.map_or(1, |memory| thinning(data.grid(), memory));
+        let grid = data.grid().thinned(every);
+        let too_large = || PictureError::of(path, format!("{}: too large for this machine", data.grid().described()));
+        let stored = match every {
+            1 => data.samples(too_large)?,
+            _ => data.thinned_samples(every, too_large)?,
         };
+        let statistics = ValueStatistics::default();
+        let mut open = OpenField { path: path.into(), data, grid, every, stored, points: OnceLock::new(), statistics };
         open.statistics = open.statistics_of(0);
         Ok(open)
     }
@@ -105,14 +106,31 @@ impl OpenField {
         &self.path
     }
 
-    /// The grid.
+    /// The grid that is drawn.
     pub fn grid(&self) -> &Grid {
-        self.data.grid()
+        &self.grid
     }
 
-    /// Whether points stand for its samples: whether it was built.
+    /// Samples in the file.
+    pub fn samples(&self) -> u64 {
+        self.data.grid().shape.iter().fold(1, |samples, &side| samples.saturating_mul(side))
+    }
+
+    /// What is left out for want of memory, in a sentence.
+    pub fn note(&self) -> Option<String> {
+        let whole = self.data.grid().described();
+        let why = "since all of them would take more memory than they may (--memory)";
+        (self.every > 1).then(|| format!("{whole}: one of {} samples along each axis is drawn, {why}", self.every))
+    }
+
+    /// Whether points stand for its samples: whether it was built, and all of it is there.
     pub fn has_points(&self) -> bool {
-        matches!(self.data, Data::File(_))
+        matches!(self.data, Data::File(_)) && self.every == 1
+    }
+
+    /// The stored samples of the first channel's values, in the grid's order; NaN where there are none.
+    pub(super) fn shown_values(&self) -> Vec<f32> {
+        self.values(&self.stored, 0)
     }
 
     /// What the values of the first channel are.
@@ -159,9 +177,13 @@ impl OpenField {
     }
 
     fn read_points(&self) -> Result<Points, PictureError> {
-        let Data::File(file) = &self.data else {
-            let why = "no points stand for its samples: build a file of it first (deepfield build)";
-            return Err(PictureError::of(&self.path, why));
+        let file = match &self.data {
+            Data::File(file) if self.every == 1 => file,
+            Data::File(_) => return Err(PictureError::of(&self.path, self.note().unwrap_or_default())),
+            Data::Source(_) => {
+                let why = "no points stand for its samples: build a file of it first (deepfield build)";
+                return Err(PictureError::of(&self.path, why));
+            }
         };
         let hierarchy = file.hierarchy(&self.stored)?;
         Ok(Points { curve: hierarchy.curve(), hierarchy })
@@ -298,6 +320,74 @@ impl Data {
             Data::Source(source) => source.grid(),
         }
     }
+
+    fn read(&self, region: &Region, samples: &mut [u8]) -> Result<(), PictureError> {
+        match self {
+            Data::File(file) => Ok(file.read(region, samples)?),
+            Data::Source(source) => Ok(source.read(region, samples)?),
+        }
+    }
+
+    /// All samples, a plane a channel.
+    fn samples(&self, too_large: impl Fn() -> PictureError) -> Result<Vec<Vec<f32>>, PictureError> {
+        let grid = self.grid();
+        let bytes = grid.bytes().and_then(|bytes| usize::try_from(bytes).ok()).ok_or_else(&too_large)?;
+        let mut samples = Vec::new();
+        samples.try_reserve_exact(bytes).map_err(|_| too_large())?;
+        samples.resize(bytes, 0);
+        self.read(&grid.region(), &mut samples)?;
+        Ok(planes_of(grid.sample_type, grid.channels.len(), &samples))
+    }
+
+    /// Every `every`-th sample along each axis, a plane a channel; read in parts of [`BAND`] bytes.
+    fn thinned_samples(&self, every: u64, too_large: impl Fn() -> PictureError) -> Result<Vec<Vec<f32>>, PictureError> {
+        let grid = self.grid();
+        let ([width, height, depth], kept) = (grid.shape, grid.thinned(every).shape);
+        let count = kept.iter().try_fold(1u64, |count, &side| count.checked_mul(side));
+        let count = count.and_then(|count| usize::try_from(count).ok()).ok_or_else(&too_large)?;
+        let mut planes = vec![Vec::new(); grid.channels.len()];
+        for plane in &mut planes {
+            plane.try_reserve_exact(count).map_err(|_| too_large())?;
+            plane.resize(count, f32::NAN);
+        }
+        // Bricks are read whole; of other files single slices.
+        let slices = if matches!(self, Data::File(_)) { BRICK.min(depth) } else { 1 };
+        let row = width.saturating_mul(grid.sample_bytes()).saturating_mul(slices).max(1);
+        let rows = (BAND / row).clamp(1, height);
+        let mut samples = Vec::new();
+        for front in (0..depth).step_by(slices as usize) {
+            let back = (front + slices).min(depth);
+            if (front..back).all(|z| z % every != 0) {
+                continue;
+            }
+            for top in (0..height).step_by(rows as usize) {
+                let region = grid.region().with(1, top..(top + rows).min(height)).with(2, front..back);
+                let bytes = (back - front) * (region.max[1] - top) * width * grid.sample_bytes();
+                samples.resize(usize::try_from(bytes).map_err(|_| too_large())?, 0);
+                self.read(&region, &mut samples)?;
+                for (plane, part) in planes.iter_mut().zip(planes_of(grid.sample_type, grid.channels.len(), &samples)) {
+                    let lines = (front..back).flat_map(|z| (top..region.max[1]).map(move |y| (y, z)));
+                    for ((y, z), line) in lines.zip(part.chunks(width as usize)) {
+                        if y % every == 0 && z % every == 0 {
+                            let start = ((z / every * kept[1] + y / every) * kept[0]) as usize;
+                            let out = &mut plane[start..start + kept[0] as usize];
+                            out.iter_mut().zip(line.iter().step_by(every as usize)).for_each(|(out, own)| *out = *own);
+                        }
+                    }
+                }
+            }
+        }
+        Ok(planes)
+    }
+}
+
+/// Of how many samples along each axis one is taken so that pictures of them take no more than so many bytes.
+fn thinning(grid: &Grid, memory: u64) -> u64 {
+    let takes = |every: u64| {
+        let samples: f64 = grid.thinned(every).shape.iter().map(|&side| side as f64).product();
+        samples * grid.channels.len() as f64 * BYTES
+    };
+    (1..u64::from(u32::MAX)).find(|&every| takes(every) <= memory as f64 || takes(every) <= 8.0 * BYTES).unwrap_or(1)
 }
 
 /// The channels of a picture in colours, red first; none where a grid has no colours.

@@ -30,6 +30,9 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+/// Memory that the samples of an image or a volume take at most unless it is set, bytes.
+pub const MEMORY: u64 = 4 << 30;
+
 /// Draws pictures of an image or a volume, on the processor.
 pub struct FieldSession {
     opened: Arc<OpenField>,
@@ -60,7 +63,11 @@ impl FieldSession {
     ) -> Result<FieldSession, PictureError> {
         let progress = reporter.progress();
         progress.begin("reading", 1);
-        let opened = Arc::new(OpenField::open(path, options.read)?);
+        let memory = options.exact.is_none().then_some(options.memory.unwrap_or(MEMORY));
+        let opened = Arc::new(OpenField::open(path, options.read, memory)?);
+        if let Some(note) = opened.note() {
+            reporter.tell(format!("{}: {note}", path.display()));
+        }
         progress.advance(1);
         drop(progress);
         Ok(FieldSession { options, ..FieldSession::of(opened, reporter) })
