@@ -1,11 +1,13 @@
 //! Pictures of images and volumes against what is known of them.
 
-use super::{FieldSession, GRADIENT};
+use super::{FieldSession, GRADIENT, OpenField, Wanted};
+use crate::build::{GridBuildOptions, build_grid};
 use crate::color::transfer::{Range, TransferFunction};
 use crate::explore::export::grid::{GridFormat, write_grid};
+use crate::import::{GridOptions, open_grid};
 use crate::look::{Attribute, CameraConfig, LookPatch, Shot};
 use crate::mode::{Raw, SettingValue};
-use crate::model::{Channel, Grid, SampleType};
+use crate::model::{Channel, Grid, ReadMethod, SampleType};
 use crate::modes;
 use crate::picture::{PictureError, SessionOptions};
 use crate::view::cut::ClipBox;
@@ -255,4 +257,45 @@ fn what_was_prepared_is_used_again_for_other_colours() {
     let look = shot("volume", HAZE, camera, (8, 8)).look;
     let image = session.image(&look, &view.unwrap(), None).unwrap();
     assert!(image.rgba.iter().any(|pixel| pixel[0] > 20));
+}
+
+#[test]
+fn what_is_too_large_is_thinned_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let value = |[x, y, z]: [u64; 3]| ((3 * x + 7 * y + 11 * z) % 251) as f64;
+    let source = volume(folder.path(), [41, 70, 66], value);
+    let built = folder.path().join("volume.df");
+    let open = open_grid(&source, &GridOptions::default()).unwrap();
+    build_grid(&open, &GridBuildOptions::default(), &built, &()).unwrap();
+    let samples = 41 * 70 * 66;
+    for path in [&source, &built] {
+        let whole = OpenField::open(path, ReadMethod::default(), Some(10 * samples)).unwrap();
+        assert!(whole.note().is_none() && whole.grid().shape == [41, 70, 66]);
+        // A third along each axis is what a twentieth of the memory has room for.
+        let thinned = OpenField::open(path, ReadMethod::default(), Some(samples / 2)).unwrap();
+        assert_eq!((thinned.grid().shape, thinned.samples()), ([14, 24, 22], samples));
+        assert!(thinned.note().unwrap().contains("one of 3 samples") && !thinned.has_points());
+        assert!(thinned.shown(Some(&Wanted::Points(9)), &[0], false).is_err());
+        let shown = thinned.shown(None, &[0], false).unwrap();
+        let place = thinned.grid().to_world.transform_point3(DVec3::new(13.0, 23.0, 21.0));
+        assert_eq!(place, whole.grid().to_world.transform_point3(DVec3::new(39.0, 69.0, 63.0)));
+        for (i, found) in shown.field.channels[0].levels[0].values.iter().enumerate() {
+            let at = [i % 14, i / 14 % 24, i / (14 * 24)].map(|index| 3 * index as u64);
+            assert_eq!(f64::from(*found), value(at), "{at:?}");
+        }
+    }
+}
+
+#[test]
+fn a_sketch_fills_the_box_of_the_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [50, 40, 30], |[x, ..]| if x > 20 { 90.0 } else { 0.0 });
+    let open = OpenField::open(&path, ReadMethod::default(), None).unwrap();
+    let sketch = open.sketch(5000);
+    let family = &sketch.families[0];
+    assert!((500..=5000).contains(&family.len()), "{}", family.len());
+    let bounds = family.bounds();
+    assert_eq!((bounds.min, bounds.max), (DVec3::ZERO, DVec3::new(49.0, 39.0, 29.0)));
+    let mass: f64 = family.mass.iter().map(|mass| f64::from(*mass)).sum();
+    assert!((mass / (90.0 * 29.0 * 40.0 * 30.0) - 1.0).abs() < 0.15, "{mass}");
 }
