@@ -5,6 +5,7 @@ use super::arguments::bytes;
 use super::hierarchy_options::{HierarchyOptions, Over};
 use super::progress_bar::TerminalProgress;
 use super::raw_options::RawOptions;
+use super::trace_options::TraceOptions;
 use super::wavelet_options::WaveletOptions;
 use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::build::{BuildOptions, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
@@ -19,7 +20,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// Builds a page file: the error-bounded hierarchy that deepfield draws; of several snapshots a run, which holds one for each; of an image or
-/// a volume a file of its samples and of oriented points over them.
+/// a volume a file of its samples and of oriented points over them; of a velocity field, with --trace, a run of particles that it carries along.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield build snapshot_099.hdf5 -o galaxy.df
@@ -33,7 +34,12 @@ use std::path::{Path, PathBuf};
   deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
   deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump
   deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples
-  deepfield build run.h5#fields/density -o density.df        a data set of several")]
+  deepfield build run.h5#fields/density -o density.df        a data set of several
+  deepfield build gyre.npy --trace --times 0:0.5 --box 0,0,2,1 -o flow.df
+                                                             a velocity field, as the paths of particles in it
+  deepfield build abc.npy --trace --periodic --box 0,0,0,6.283185307,6.283185307,6.283185307 --seeds 100000 -o flow.df
+  deepfield build ocean.npz --trace --instant 86400 --duration 864000 -o currents.df
+  deepfield build wind_*.vti --trace --times 0:60 -o wind.df  a field with a file for each time")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files. Several of them, a folder or a quoted pattern of them, or @LIST with one in
     /// each line make a run.
@@ -119,6 +125,9 @@ pub struct Arguments {
     /// What a file without a header holds.
     #[command(flatten)]
     pub raw: RawOptions,
+    /// How particles are traced through a velocity field.
+    #[command(flatten)]
+    pub tracing: TraceOptions,
     /// What the source is taken for: particles turns a volume's voxels into particles, for the hierarchies of particles.
     #[arg(long = "as", value_enum, value_name = "WHAT", default_value_t)]
     pub as_what: As,
@@ -157,8 +166,10 @@ fn smoothing(text: &str) -> Result<Smoothing, String> {
 /// When the source cannot be read or the page file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let raw = arguments.raw.grid()?;
+    let trace = arguments.tracing.trace(arguments.times.as_ref());
     if let [only] = &arguments.sources[..]
         && arguments.as_what == As::Itself
+        && trace.is_none()
         && (raw.is_some() || grid_format(only)?.is_some())
     {
         return grid(arguments, only, GridOptions { raw, read: arguments.read });
@@ -186,6 +197,19 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     };
     let progress = TerminalProgress::new();
     let sources = sources_of(&arguments.sources)?;
+    let flow = FlowOptions { levels: arguments.flow_levels.map(|levels| levels as usize), error: arguments.flow_error };
+    let tracks = TrackOptions {
+        matching: arguments.r#match,
+        tangents: arguments.tangents,
+        flow,
+        no_stills: arguments.no_stills,
+    };
+    let tracks = (!arguments.stills_only).then_some(&tracks);
+    let skip_damaged = arguments.skip_damaged;
+    let build = RunBuild { load: &load_options, options: &options, tracks, skip_damaged, still_of: None };
+    if let Some(trace) = trace {
+        return build.build_traced(&sources, &trace, &arguments.output, &progress).map(drop).map_err(Into::into);
+    }
     let is_one = arguments.times.is_none() && arguments.every.is_none();
     if let (true, [source]) = (is_one, &sources[..])
         && steps_in(source)? == 1
@@ -199,25 +223,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         attributes: arguments.attributes.clone(),
         clock: arguments.clock,
     };
-    let flow = FlowOptions { levels: arguments.flow_levels.map(|levels| levels as usize), error: arguments.flow_error };
-    let tracks = TrackOptions {
-        matching: arguments.r#match,
-        tangents: arguments.tangents,
-        flow,
-        no_stills: arguments.no_stills,
-    };
-    let tracks = (!arguments.stills_only).then_some(&tracks);
     let run = open_run(&sources, &run_options, options.read)?;
     match &run.steps[..] {
         // Files of one snapshot.
         [only] if is_one && !arguments.skip_damaged => {
             build_one(&only.about.path, &load_options, &options, &arguments.output, &progress)
         }
-        _ => {
-            let skip_damaged = arguments.skip_damaged;
-            let build = RunBuild { load: &load_options, options: &options, tracks, skip_damaged, still_of: None };
-            build.build(run, &arguments.output, &progress).map(drop).map_err(Into::into)
-        }
+        _ => build.build(run, &arguments.output, &progress).map(drop).map_err(Into::into),
     }
 }
 

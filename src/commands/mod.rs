@@ -31,6 +31,7 @@ pub mod statistics;
 mod supervise;
 pub mod synth;
 pub mod tour;
+pub mod trace_options;
 pub mod verify;
 pub mod view;
 pub mod wavelet_options;

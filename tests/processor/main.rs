@@ -74,3 +74,4 @@ mod network;
 mod outputs;
 mod tours;
 mod tracked;
+mod vector_fields;

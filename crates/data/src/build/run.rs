@@ -2,7 +2,8 @@
 
 use super::tracks::{BuiltStep, TrackBuild, TrackOptions};
 use super::{BuildError, BuildOptions, built_of, in_pool};
-use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute, open_with};
+use crate::import::vector_field::{TraceOptions, trace};
+use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute};
 use crate::model::{Placement, Progress, Unit};
 use crate::store::run::{Directory, RunFileWriter, Section, Step};
 use crate::store::temporary::{clean, folder_of};
@@ -48,6 +49,23 @@ impl RunBuild<'_> {
     /// it was.
     pub fn build(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
         in_pool(self.options, || self.build_here(run, out, progress))
+    }
+
+    /// Builds the run file `out` of particles that are traced through the velocity field in `files`.
+    ///
+    /// # Errors
+    /// As [`RunBuild::build`], and where nothing can be traced.
+    pub fn build_traced(
+        &self,
+        files: &[PathBuf],
+        trace_options: &TraceOptions,
+        out: &Path,
+        progress: &dyn Progress,
+    ) -> Result<BuiltRun, BuildError> {
+        in_pool(self.options, || {
+            let run = trace(files, trace_options, self.options.read, progress)?;
+            self.build_here(run, out, progress)
+        })
     }
 
     fn build_here(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
@@ -152,7 +170,7 @@ impl RunBuild<'_> {
             let section = if keeps { writer.append(&file)? } else { append_outline(pages.metadata(), out, writer)? };
             return Ok(Still { metadata: pages.metadata().clone(), section, temporary_bytes: section.len });
         }
-        let source = open_with(&step.about.path, options.read)?;
+        let source = step.open(options.read)?;
         let built = built_of(source.as_ref(), load, options, out, progress)?;
         let section = match keeps {
             true => writer.append(built.file.file())?,

@@ -18,7 +18,7 @@ use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Plan;
 use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::hierarchy::spacetime::{Interval, Lattice};
-use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, open_with, streams};
+use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, streams};
 use crate::model::periodic::PeriodicBox;
 use crate::model::{Bounds, ClockVariable, FamilyName, ParticleStream, Progress, Unit};
 use crate::store::Metadata;
@@ -242,12 +242,11 @@ impl TrackBuild<'_> {
         let mut families: Vec<(FamilyName, Vec<(String, Unit)>)> = Vec::new();
         let mut units = Vec::new();
         for (index, step) in self.steps.iter().enumerate() {
-            let about = &self.run.steps[step.number].about;
             let is_new = |name: &FamilyName| families.iter().all(|(known, _)| known != name);
             if !step.means.iter().any(|(name, _)| is_new(name)) {
                 continue;
             }
-            let source = open_with(&about.path, self.options.read)?;
+            let source = self.run.steps[step.number].open(self.options.read)?;
             for stream in self.streams(source.as_ref(), index)?.families {
                 if step.means.iter().any(|(name, _)| *name == stream.family()) && is_new_in(&families, stream.family())
                 {
@@ -306,7 +305,7 @@ impl TrackBuild<'_> {
     /// Reads the states of a step.
     fn states(&self, plans: &Plans, step: usize, progress: &dyn Progress) -> Result<StepStates, BuildError> {
         let own = &self.run.steps[self.steps[step].number];
-        let source = open_with(&own.about.path, self.options.read)?;
+        let source = own.open(self.options.read)?;
         let streams = self.streams(source.as_ref(), step)?;
         let room = self.memory() / 6;
         let mut states = StepStates::new(&plans.layout, self.options, self.out, room);

@@ -2,7 +2,7 @@
 //! knows a format.
 //!
 //! [`open`] gives a [`Source`] that reads in bounded ranges, [`summarize`] what `info` prints, [`load`] particles in memory,
-//! [`streams()`] particles in chunks. Images and volumes have a room of their own, [`grid`].
+//! [`streams()`] particles in chunks. Images and volumes have a room of their own, [`grid`], and so do velocity fields, [`vector_field`].
 
 mod attributes;
 mod bytes;
@@ -30,6 +30,7 @@ mod table;
 mod tipsy;
 mod trajectory;
 mod units;
+pub mod vector_field;
 
 pub use attributes::has_attribute;
 pub use choice::replaced_densities;

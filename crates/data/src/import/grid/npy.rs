@@ -50,6 +50,56 @@ impl Array {
     /// # Errors
     /// What is wrong with it, or with the array as a grid.
     pub(super) fn read(path: &Path, head: &[u8]) -> Result<Array, ImportError> {
+        let header = Header::read(path, head)?;
+        let kind = header.kind;
+        let grid = match header.sizes[..] {
+            [y, x] => Grid::image([x, y], kind, Channel::numbered(1)),
+            [z, y, x] => Grid::volume([x, y, z], kind, Channel::numbered(1)),
+            [z, y, x, channels @ 1..=4096] => Grid::volume([x, y, z], kind, Channel::numbered(channels)),
+            _ => {
+                let expected = "2 axes (an image), 3 (a volume), or 4, the last of at most 4096 values";
+                return Err(header.wrong_shape(path, expected));
+            }
+        };
+        Array::of(path, &header, grid)
+    }
+
+    /// An array whose numbers are the samples of `grid`.
+    ///
+    /// # Errors
+    /// What is wrong with it as a grid.
+    pub(super) fn of(path: &Path, header: &Header, grid: Grid) -> Result<Array, ImportError> {
+        let bytes = checked(path, &grid, "shape", "shape")?;
+        let axes = match (header.is_fortran, header.sizes.len()) {
+            (false, _) => [0, 1, 2, 3],
+            (true, 2) => [2, 1, 3, 0],
+            (true, _) => [3, 2, 1, 0],
+        };
+        Ok(Array { grid, bytes, start: header.start, axes, order: header.order })
+    }
+}
+
+/// What an array says of itself.
+pub(super) struct Header {
+    /// Its shape, the slowest axis first unless [`Header::is_fortran`].
+    pub sizes: Vec<u64>,
+    /// What its numbers are stored in.
+    pub kind: SampleType,
+    /// Whether the first axis is the fastest.
+    pub is_fortran: bool,
+    /// The byte behind the header.
+    pub start: u64,
+    order: Order,
+    /// The shape as it is written.
+    shape: String,
+}
+
+impl Header {
+    /// Reads it from what a file begins with.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(super) fn read(path: &Path, head: &[u8]) -> Result<Header, ImportError> {
         let (text, start) = header(path, head)?;
         let descr = Entry { path, name: "descr", text: value(path, text, "descr")? };
         let (kind, order) = sample_type(descr)?;
@@ -63,19 +113,12 @@ impl Array {
         let sizes = shape.text.strip_prefix('(').and_then(|text| text.strip_suffix(')'));
         let sizes = sizes.ok_or_else(|| shape.wrong("numbers in brackets"))?;
         let sizes: Vec<u64> = Entry { text: sizes, ..shape }.values("whole numbers")?;
-        let grid = match sizes[..] {
-            [y, x] => Grid::image([x, y], kind, Channel::numbered(1)),
-            [z, y, x] => Grid::volume([x, y, z], kind, Channel::numbered(1)),
-            [z, y, x, channels @ 1..=4096] => Grid::volume([x, y, z], kind, Channel::numbered(channels)),
-            _ => return Err(shape.wrong("2 axes (an image), 3 (a volume), or 4, the last of at most 4096 values")),
-        };
-        let bytes = checked(path, &grid, "shape", "shape")?;
-        let axes = match (is_fortran, sizes.len()) {
-            (false, _) => [0, 1, 2, 3],
-            (true, 2) => [2, 1, 3, 0],
-            (true, _) => [3, 2, 1, 0],
-        };
-        Ok(Array { grid, bytes, start, axes, order })
+        Ok(Header { sizes, kind, is_fortran, start, order, shape: shape.text.to_owned() })
+    }
+
+    /// The message that an array has another shape.
+    pub(super) fn wrong_shape(&self, path: &Path, expected: &str) -> ImportError {
+        Entry { path, name: "shape", text: &self.shape }.wrong(expected)
     }
 }
 

@@ -13,7 +13,7 @@ const IN_MEMORY: usize = 64 << 20;
 const BUFFER: usize = 1 << 18;
 
 /// The bytes of samples, readable by offset by several threads at once.
-pub(super) enum Storage {
+pub(in crate::import) enum Storage {
     /// In a file: the source's own, or a temporary one.
     File(RangeFile),
     /// In memory.
@@ -25,7 +25,7 @@ impl Storage {
     ///
     /// # Errors
     /// When the file cannot be read there.
-    pub(super) fn read(&self, path: &Path, offset: u64, out: &mut [u8]) -> Result<(), ImportError> {
+    pub(in crate::import) fn read(&self, path: &Path, offset: u64, out: &mut [u8]) -> Result<(), ImportError> {
         match self {
             Storage::File(file) => file.read(offset, out, "data"),
             Storage::Memory(bytes) => {
@@ -42,7 +42,7 @@ impl Storage {
 }
 
 /// Samples on their way to where they are read from.
-pub(super) struct Scratch {
+pub(in crate::import) struct Scratch {
     path: PathBuf,
     memory: Vec<u8>,
     file: Option<BufWriter<File>>,
@@ -50,7 +50,7 @@ pub(super) struct Scratch {
 
 impl Scratch {
     /// For the samples of `path`.
-    pub(super) fn new(path: &Path) -> Scratch {
+    pub(in crate::import) fn new(path: &Path) -> Scratch {
         Scratch { path: path.into(), memory: Vec::new(), file: None }
     }
 
@@ -58,7 +58,7 @@ impl Scratch {
     ///
     /// # Errors
     /// When the temporary file cannot be made or written.
-    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<(), ImportError> {
+    pub(in crate::import) fn write(&mut self, bytes: &[u8]) -> Result<(), ImportError> {
         let io = |error| ImportError::io(&self.path, "unpacking", error);
         if self.file.is_none() && self.memory.len() + bytes.len() > IN_MEMORY {
             let mut file = BufWriter::with_capacity(BUFFER, tempfile::tempfile().map_err(io)?);
@@ -76,7 +76,7 @@ impl Scratch {
     ///
     /// # Errors
     /// When the temporary file cannot be written.
-    pub(super) fn into_storage(self) -> Result<Storage, ImportError> {
+    pub(in crate::import) fn into_storage(self) -> Result<Storage, ImportError> {
         let Some(file) = self.file else { return Ok(Storage::Memory(self.memory)) };
         let file = file.into_inner().map_err(|error| ImportError::io(&self.path, "unpacking", error.into_error()))?;
         Ok(Storage::File(RangeFile::of(&self.path, file, ReadMethod::Positioned)?))

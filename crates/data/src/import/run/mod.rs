@@ -4,8 +4,9 @@ mod agree;
 mod names;
 
 use super::folder::name_of;
-use super::format::{open_file, steps_in};
-use super::{Description, ImportError, multifile, step_name};
+use super::format::{open_file, open_with, steps_in};
+use super::vector_field::Frame;
+use super::{Description, ImportError, Source, multifile, step_name};
 use crate::model::{ClockVariable, ReadMethod};
 use std::collections::HashSet;
 use std::num::NonZeroUsize;
@@ -73,6 +74,21 @@ pub struct RunStep {
     pub length: f64,
     /// The same of masses.
     pub mass: f64,
+    /// What was traced through a velocity field; `None`: it lies in a file.
+    pub frame: Option<Frame>,
+}
+
+impl RunStep {
+    /// Opens its source; a file is read in the way `method`.
+    ///
+    /// # Errors
+    /// [`ImportError`] when the file cannot be read, or is damaged.
+    pub fn open(&self, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        match &self.frame {
+            Some(frame) => Ok(frame.open()),
+            None => open_with(&self.about.path, method),
+        }
+    }
 }
 
 /// The snapshots of a run, in the order of time.
@@ -220,7 +236,7 @@ fn timed(opened: Vec<(usize, Description)>, times: Option<&Times>) -> Result<Vec
     };
     let step = |(number, about): (usize, Description)| {
         let time = time(number, &about)?;
-        Ok(RunStep { time, clock: time, about, length: 1.0, mass: 1.0 })
+        Ok(RunStep { time, clock: time, about, length: 1.0, mass: 1.0, frame: None })
     };
     opened.into_iter().map(step).collect()
 }
