@@ -4,6 +4,7 @@
 use super::field_opening::Sketch;
 use super::options::{OpenRequest, Opener};
 use super::preset::Preset;
+use super::scene::SceneField;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;

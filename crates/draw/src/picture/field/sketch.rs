@@ -23,7 +23,7 @@ impl OpenField {
         let (mut positions, mut density, mut shown) = (Vec::new(), Vec::new(), Vec::new());
         let mut add = |at: [u64; 3], is_end: bool| {
             let value = f64::from(values[((at[2] * height + at[1]) * width + at[0]) as usize]);
-            if !is_end && !(value.is_finite() && value > air) {
+            if !(is_end || value.is_finite() && value > air) {
                 return;
             }
             let place = DVec3::from_array(at.map(|index| index as f64));
