@@ -12,6 +12,7 @@ use crate::stream::first_frame;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+use tempfile::TempDir;
 
 /// Particles that stand in for all voxels.
 const SKETCHED: usize = 20_000;
@@ -53,12 +54,12 @@ impl Sketch {
         let members = members.map_err(|error| error.to_string())?;
         let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
         let field = OpenField::open(&path, read, Some(MEMORY)).map_err(|error| error.to_string())?;
-        let file = sketched(&field)?;
+        let (file, folder) = sketched(&field)?;
         let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
         let frame = first_frame(&file, &families, 0.0);
         let is_huge = field.samples() > MOST_VOXELS;
         let notes = field.note().map(|note| format!("{}: {note}", path.display()));
-        let field = SceneField::new(field);
+        let field = SceneField { sketch: Some(Arc::new(folder)), ..SceneField::new(field) };
         let first = Opened {
             path,
             members,
@@ -79,7 +80,7 @@ impl Sketch {
     ///
     /// # Errors
     /// As `open`, where nothing is shown yet.
-    pub fn end(self, open: impl FnOnce() -> Result<Opened, String>) -> Result<Opened, String> {
+    pub fn end(self, open: impl FnOnce() -> Result<Opened, String> + Send) -> Result<Opened, String> {
         let Sketch { first, field, send, state, is_huge } = self;
         if is_huge {
             let why = format!("a few of its voxels are there as particles, since it has more than {MOST_VOXELS}");
@@ -97,7 +98,12 @@ impl Sketch {
         };
         // Without a thread all of it is waited for.
         drop(std::thread::Builder::new().name("deepfield sketch".into()).spawn(show));
-        let all = open();
+        // A part of the processor only: the picture of the samples needs it more.
+        let threads = (std::thread::available_parallelism().map_or(1, usize::from) / 2).max(1);
+        let all = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+            Ok(few) => few.install(open),
+            Err(error) => Err(format!("no threads can be started: {error}")),
+        };
         let mut state = state.lock().unwrap_or_else(PoisonError::into_inner);
         let is_shown = std::mem::replace(&mut *state, State::Over) == State::Shown;
         match (all, is_shown) {
@@ -113,11 +119,11 @@ impl Sketch {
     }
 }
 
-/// A page file of the sketch, which is gone with the last who has it open.
-fn sketched(field: &OpenField) -> Result<PageFile, String> {
+/// A page file of the sketch, in a folder for it alone.
+fn sketched(field: &OpenField) -> Result<(PageFile, TempDir), String> {
     let told = |error: std::io::Error| format!("a folder for temporary files: {error}");
     let folder = tempfile::Builder::new().prefix("deepfield-sketch").tempdir().map_err(told)?;
     let path = folder.path().join("sketch.df");
     build(field.sketch(SKETCHED), &BuildOptions::default(), &path, &()).map_err(|error| error.to_string())?;
-    PageFile::open(&path).map_err(|error| error.to_string())
+    Ok((PageFile::open(&path).map_err(|error| error.to_string())?, folder))
 }

@@ -22,6 +22,7 @@ use crate::view::{Stereo, Surround};
 use bevy::prelude::*;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
+use tempfile::TempDir;
 
 /// The open dataset.
 #[derive(Resource)]
@@ -67,6 +68,8 @@ pub struct SceneField {
     pub opened: Arc<OpenField>,
     /// What draws the window's own pictures of it.
     pub session: Arc<Mutex<FieldSession>>,
+    /// Where the page file of a few of its voxels lies, as long as anybody may read it.
+    pub sketch: Option<Arc<TempDir>>,
 }
 
 impl SceneField {
@@ -74,7 +77,7 @@ impl SceneField {
     pub fn new(opened: OpenField) -> SceneField {
         let opened = Arc::new(opened);
         let session = FieldSession::of(Arc::clone(&opened), Arc::new(()));
-        SceneField { opened, session: Arc::new(Mutex::new(session)) }
+        SceneField { opened, session: Arc::new(Mutex::new(session)), sketch: None }
     }
 
     /// What draws pictures of it beside the window's own.

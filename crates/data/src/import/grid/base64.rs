@@ -2,7 +2,7 @@
 
 use std::io::{Error, ErrorKind, Read, Result};
 
-/// Decodes what another reader gives; space between letters is left out.
+/// Decodes what another reader gives, up to the markup that follows it or its end; space between letters is left out.
 pub(super) struct Base64<R> {
     inner: R,
     input: Vec<u8>,
@@ -13,18 +13,28 @@ pub(super) struct Base64<R> {
     bits: u32,
     letters: u32,
     padding: u32,
+    is_over: bool,
 }
 
 const BUFFER: usize = 1 << 16;
 
 impl<R: Read> Base64<R> {
     pub(super) fn new(inner: R) -> Base64<R> {
-        Base64 { inner, input: vec![0; BUFFER], output: Vec::new(), given: 0, bits: 0, letters: 0, padding: 0 }
+        Base64 {
+            inner,
+            input: vec![0; BUFFER],
+            output: Vec::new(),
+            given: 0,
+            bits: 0,
+            letters: 0,
+            padding: 0,
+            is_over: false,
+        }
     }
 
     /// Decodes some more; false at the end.
     fn decode(&mut self) -> Result<bool> {
-        let read = self.inner.read(&mut self.input)?;
+        let read = if self.is_over { 0 } else { self.inner.read(&mut self.input)? };
         if read == 0 {
             return if self.letters == 0 {
                 Ok(false)
@@ -43,6 +53,10 @@ impl<R: Read> Base64<R> {
                 b'/' => 63,
                 b'=' if self.letters >= 2 => 0,
                 _ if letter.is_ascii_whitespace() => continue,
+                b'<' => {
+                    self.is_over = true;
+                    break;
+                }
                 _ => return Err(Error::new(ErrorKind::InvalidData, "a letter that is not base64")),
             };
             if letter != b'=' && self.padding > 0 {
@@ -89,7 +103,8 @@ mod tests {
         assert_eq!(decoded("aGVsbG8=").unwrap(), b"hello");
         assert_eq!(decoded("aGVs\n bG8=d29ybGQ=").unwrap(), b"helloworld");
         assert_eq!(decoded("//8=").unwrap(), [255, 255]);
-        for wrong in ["aGV", "aG=V", "a===", "a*==", "=aaa"] {
+        assert_eq!(decoded("aGVsbG8=</AppendedData>").unwrap(), b"hello");
+        for wrong in ["aGV", "aGV<", "aG=V", "a===", "a*==", "=aaa"] {
             assert!(decoded(wrong).is_err(), "{wrong}");
         }
     }
