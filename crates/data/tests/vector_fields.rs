@@ -6,7 +6,7 @@
 use deepfield_data::build::{BuildOptions, RunBuild, TrackOptions};
 use deepfield_data::import::grid::head::nrrd_head;
 use deepfield_data::import::vector_field::{FieldOptions, Seeds, TraceOptions, VectorField, trace};
-use deepfield_data::import::{FieldKind, LoadOptions, Run, RunStep};
+use deepfield_data::import::{FieldKind, LoadOptions, Run, RunStep, Source};
 use deepfield_data::model::{Bounds, Channel, Grid, Moment, ReadMethod, SampleType};
 use deepfield_data::store::RunFile;
 use deepfield_data::store::run::verify_run;
