@@ -572,10 +572,10 @@ fn fields_of_the_reference_data_are_as_others_read_them() {
     let ocean = VectorField::open(&ocean, &FieldOptions::default(), ReadMethod::default()).unwrap();
     assert_eq!((ocean.times().len(), ocean.times()[1] - ocean.times()[0]), (5, 86400.0));
     let (low, high) = (ocean.bounds().min, ocean.bounds().max);
-    assert_eq!((high.z, low.z, high.x - low.x, high.y - low.y), (0.0, -3000.0, 90.0 * 20e3, 50.0 * 20e3));
+    assert_eq!((high.z, low.z, high.x - low.x, high.y - low.y), (0.0, -3000.0, 90.0 * 20.0, 50.0 * 20.0));
     let start = ocean.interval(ocean.times()[0]).unwrap();
     near(
-        start.velocity([low.x + 45.0 * 20e3, low.y + 25.0 * 20e3, 0.0], ocean.times()[0]),
+        start.velocity([low.x + 45.0 * 20.0, low.y + 25.0 * 20.0, 0.0], ocean.times()[0]),
         [0.0833257, -0.01556634, 0.0],
     );
 
@@ -604,8 +604,10 @@ fn an_ocean_is_traced() {
     for count in [20_000, 200_000] {
         let seeds = Seeds::Spread { count, within: None, random: 0 };
         let begin = std::time::Instant::now();
-        let run =
-            traced(&reference("arctic20_ocean_uv.npz"), &TraceOptions { seeds, ..TraceOptions::default() }).unwrap();
+        // Its places are in km, its depths and velocities in m.
+        let field = FieldOptions { bounds: bounds([0.0, 0.0, -3000.0], [1.8e6, 1e6, 0.0]), ..FieldOptions::default() };
+        let options = TraceOptions { seeds, field, ..TraceOptions::default() };
+        let run = traced(&reference("arctic20_ocean_uv.npz"), &options).unwrap();
         println!("{count} particles of an ocean: {:.2} s; {:?}", begin.elapsed().as_secs_f64(), run.notes);
         assert_eq!(places(&run.steps[0]).len() as u64, count);
         assert!(run.steps.len() == 61 && run.steps[60].about.particles() > count / 2);

@@ -37,19 +37,18 @@ impl Axis {
         (0..count).map(|node| first + step * node as f64).collect()
     }
 
-    /// The same nodes, evenly between `from` and `to`, which is one cell beyond the last node of a periodic axis and the last node of any other.
+    /// The same nodes, stretched to between `from` and `to`, which is one mean distance behind the last node of a periodic axis and the
+    /// last node of any other; of an axis of several nodes.
     pub(super) fn within(&mut self, from: f64, to: f64, is_periodic: bool) {
-        let count = self.nodes.len();
-        let cells = if is_periodic { count } else { count - 1 };
-        let width = (to - from) / cells.max(1) as f64;
-        for (number, node) in self.nodes.iter_mut().enumerate() {
-            *node = from + width * number as f64;
-        }
-        if let Some(last) = self.nodes.last_mut().filter(|_| !is_periodic && count > 1) {
-            *last = to;
+        let (count, first, span) = (self.nodes.len() as f64, self.first(), self.last() - self.first());
+        let whole = if is_periodic { span * count / (count - 1.0) } else { span };
+        for node in &mut self.nodes {
+            *node = from + (*node - first) / whole * (to - from);
         }
         if is_periodic {
             self.period = Some(to - from);
+        } else if let Some(last) = self.nodes.last_mut() {
+            *last = to;
         }
     }
 
@@ -181,6 +180,16 @@ mod tests {
             (flat.locate(1e9), flat.place(5, 0.3), flat.width(2), flat.ends(9)),
             (Some((0, 0.0)), 7.0, 1.0, [0, 0])
         );
+    }
+
+    #[test]
+    fn boxes_stretch_nodes() {
+        let mut depth = axis(&[0.0, -1.0, -4.0]);
+        depth.within(-8.0, 0.0, false);
+        assert_eq!([depth.place(0, 0.0), depth.place(1, 0.0), depth.end()], [-8.0, -2.0, 0.0]);
+        let mut around = axis(&[0.0, 1.0, 2.0, 3.0]);
+        around.within(2.0, 3.0, true);
+        assert_eq!([around.start(), around.place(3, 0.0), around.end(), around.place(5, 0.5)], [2.0, 2.75, 3.0, 3.375]);
     }
 
     proptest! {

@@ -4,7 +4,7 @@
 use super::axis::Axis;
 use super::field::{FieldOptions, Part, Stored};
 use crate::import::ImportError;
-use crate::import::grid::{GridOptions, GridSource, open_grid};
+use crate::import::grid::{GridOptions, GridSource, file_of_part, open_grid};
 use crate::model::{Grid, ReadMethod};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -60,7 +60,7 @@ pub(super) fn stored(files: &[PathBuf], options: &FieldOptions, method: ReadMeth
     };
     let (about, grid) = (first.description(), first.grid());
     Ok(Stored {
-        path: path.clone(),
+        path: file_of_part(path).to_owned(),
         format: about.format.clone(),
         bytes,
         nodes: nodes(path, grid)?,
