@@ -41,7 +41,7 @@ fn ok(folder: &Path, arguments: &[&str]) -> Output {
 
 /// Pixels of a picture that are not black.
 fn lit(path: &Path) -> usize {
-    picture_at(path).rgba.iter().filter(|pixel| pixel[..3].iter().any(|part| *part > 0.0)).count()
+    picture_at(path).rgba.iter().filter(|pixel| pixel[..3].iter().any(|part| *part > 0)).count()
 }
 
 const TRACE: [&str; 6] = ["--trace", "--times", "0:0.5", "--box", "0,0,2,1", "--seeds"];
