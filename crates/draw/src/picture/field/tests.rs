@@ -1,7 +1,7 @@
 //! Pictures of images and volumes against what is known of them.
 
 use super::{FieldSession, GRADIENT, OpenField, Wanted};
-use crate::build::{GridBuildOptions, build_grid};
+use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::color::transfer::{Range, TransferFunction};
 use crate::explore::export::grid::{GridFormat, write_grid};
 use crate::import::{GridOptions, open_grid};
