@@ -1,7 +1,6 @@
 //! Oriented points of images and volumes.
 
 mod analyse;
-mod around;
 mod bank;
 mod bound;
 pub mod brick;
