@@ -51,14 +51,13 @@ fn pictures_at_rest_are_those_of_everything_after_the_camera_has_moved() {
     let file = folder.path().join("eclipse.df");
     let octree = OctreeOptions { leaf_capacity: 200, volume_levels: true, ..OctreeOptions::default() };
     build(eclipse(), &BuildOptions { octree, ..BuildOptions::default() }, &file, &()).unwrap();
-    let modes = ["spheres", "volume", "layered", "sorted-splats"];
-    for (mode, backend) in modes.into_iter().flat_map(|mode| [(mode, "cpu"), (mode, "compute")]) {
+    // Each technique once: a window takes long, and what either backend hides without one is tested beside it.
+    for (mode, backend) in [("spheres", "cpu"), ("volume", "compute"), ("layered", "cpu"), ("sorted-splats", "compute")]
+    {
         let [found, all] = [true, false].map(|occlusion| fly(folder.path(), &file, (mode, backend), occlusion));
         for ((found, at), (all, everything)) in found.iter().zip(&all) {
-            // Within layers an adapter adds in any order.
-            let most = u8::from((mode, backend) == ("layered", "compute"));
             let pairs = found.as_flattened().iter().zip(all.as_flattened());
-            let unlike = pairs.enumerate().filter(|(_, (a, b))| a.abs_diff(**b) > most);
+            let unlike = pairs.enumerate().filter(|(_, (a, b))| a != b);
             let unlike: Vec<(usize, (&u8, &u8))> = unlike.collect();
             let first = &unlike[..unlike.len().min(8)];
             let (here, there) = (&at["eye"], &everything["eye"]);

@@ -74,7 +74,7 @@ fn a_volume_is_built_told_drawn_and_given_back() {
     for data in ["blobs.nrrd", "blobs.df"] {
         let told =
             done(folder, &["render", data, "-o", "x.png", "--mode", "sorted-splats", "--size", "80x60", "--json", "-"]);
-        assert!(number(&told, &["particles"]) > 1000.0, "{told}");
+        assert!(number(&told, &["particles_drawn"]) > 1000.0, "{told}");
     }
     let refused = run(folder, &["render", "blobs.df", "-o", "x.png", "--mode", "image"]);
     let why = String::from_utf8_lossy(&refused.stderr).into_owned();

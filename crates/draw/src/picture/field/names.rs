@@ -71,7 +71,8 @@ impl OpenField {
             return TransferFunction::preset(name).unwrap_or_default();
         }
         let hue = attribute.and_then(|coloring| Some(self.statistics_of(self.attribute(&coloring.name).ok()?)));
-        let is_volume = self.grid().dimensions == 3;
+        // What marches through a volume takes particles, too; a plane through one is coloured as an image is.
+        let is_volume = self.grid().dimensions == 3 && depiction.mode.takes_particles();
         FieldLook::usual(&FieldValues { shown: self.statistics(), hue: hue.as_ref(), is_volume })
     }
 
