@@ -2,7 +2,7 @@
 
 use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
-use crate::look::{Member, Shot};
+use crate::look::{DataKind, Member, Shot};
 use crate::mode::Mode;
 use crate::picture::field::FieldSession;
 use crate::picture::{AnySession, PictureError, Session, SessionOptions};
@@ -21,7 +21,7 @@ pub struct Request {
 }
 
 /// Opens datasets for pictures of these shots: an image or a volume that is alone as what it is, unless a mode draws particles alone, which
-/// are its pixels or voxels then; everything else as particles.
+/// are a source's pixels or voxels then; everything else as particles.
 ///
 /// # Errors
 /// As [`open`], and [`FieldSession::open`].
@@ -33,7 +33,10 @@ pub fn open_any<'a>(
     let shots: Vec<&Shot> = shots.into_iter().collect();
     let takes_fields = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_fields);
     Ok(match members {
-        [only] if shots.iter().all(takes_fields) && FieldSession::is_field(&only.path) => {
+        [only]
+            if (shots.iter().all(takes_fields) || matches!(DataKind::of(&only.path), Ok(DataKind::Grid)))
+                && FieldSession::is_field(&only.path) =>
+        {
             AnySession::Field(Box::new(FieldSession::open(&only.path, options, Arc::new(Terminal))?))
         }
         _ => AnySession::Particles(Box::new(open(members, options, shots)?)),

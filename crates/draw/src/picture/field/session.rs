@@ -276,14 +276,10 @@ impl FieldSession {
     /// Refuses what images and volumes are not drawn with.
     fn check(&self, shot: &Shot, mode: &'static Mode) -> Result<(), PictureError> {
         let refuse = |why: String| Err(PictureError::of(self.opened.path(), why));
-        if !mode.takes_fields() {
+        if !mode.takes_fields_of(self.opened.grid().dimensions) {
             let names: Vec<&str> = self.opened.modes().iter().map(|mode| mode.name).collect();
             let kind = if self.opened.grid().dimensions == 2 { "an image" } else { "a volume" };
-            return refuse(format!(
-                "mode {} draws particles, found {kind}, expected one of {}",
-                mode.name,
-                names.join(", ")
-            ));
+            return refuse(format!("mode {} does not draw {kind}, expected one of {}", mode.name, names.join(", ")));
         }
         shot.look.settings.check(mode).map_err(|error| {
             let named = &self.options.named;

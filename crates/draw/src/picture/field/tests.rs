@@ -159,8 +159,8 @@ fn what_does_not_fit_is_refused_in_a_line() {
         refused.unwrap_err().to_string()
     };
     let camera = CameraConfig::default();
-    assert!(refusal(&shot("points", "", camera, (8, 8))).contains("mode points draws particles, found a volume"));
-    assert!(refusal(&shot("image", "", camera, (8, 8))).contains("expected volume, slice"));
+    assert!(refusal(&shot("points", "", camera, (8, 8))).contains("mode points does not draw a volume"));
+    assert!(refusal(&shot("image", "", camera, (8, 8))).contains("expected one of volume, isosurface"));
     let mut many = shot("volume", "", camera, (8, 8));
     many.look.budget.0.insert("splats".into(), SettingValue::Number(10.0));
     assert!(refusal(&many).contains("deepfield build"));
