@@ -22,7 +22,7 @@ use crate::look::{LookPatch, Shot};
 use crate::mode::Raw;
 use crate::picture::PictureError;
 use crate::picture::fade::faded;
-use crate::picture::field::PointsReport;
+use crate::picture::field::{FieldSession, PointsReport};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
 use bevy::prelude::*;
@@ -187,7 +187,7 @@ pub(super) fn draw_field(
 
 /// Draws a picture, or colours what was drawn.
 fn draw(
-    session: &mut crate::picture::field::FieldSession,
+    session: &mut FieldSession,
     shot: &Shot,
     key: Key,
     reused: Option<Values>,

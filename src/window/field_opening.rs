@@ -4,7 +4,7 @@
 use super::open::{Opened, OpenedScene};
 use super::scene::SceneField;
 use crate::build::{BuildOptions, build};
-use crate::look::Member;
+use crate::look::{DataKind, Member};
 use crate::model::ReadMethod;
 use crate::picture::field::{MEMORY, OpenField};
 use crate::store::PageFile;
@@ -28,7 +28,8 @@ pub(super) struct Sketch {
     send: Sender<Result<Opened, String>>,
     /// Whether all voxels have come, or the sketch is shown.
     state: Arc<Mutex<State>>,
-    is_huge: bool,
+    /// Why all voxels are not built.
+    alone: Option<String>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,7 +58,16 @@ impl Sketch {
         let (file, folder) = sketched(&field)?;
         let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
         let frame = first_frame(&file, &families, 0.0);
-        let is_huge = field.samples() > MOST_VOXELS;
+        let is_built = matches!(DataKind::of(&path), Ok(DataKind::Grid));
+        let alone = match (is_built, field.samples() > MOST_VOXELS) {
+            (true, _) => {
+                Some("a few of its voxels are there as particles: a file that was built holds no others".into())
+            }
+            (_, true) => {
+                Some(format!("a few of its voxels are there as particles, since it has more than {MOST_VOXELS}"))
+            }
+            (false, false) => None,
+        };
         let notes = field.note().map(|note| format!("{}: {note}", path.display()));
         let field = SceneField { sketch: Some(Arc::new(folder)), ..SceneField::new(field) };
         let first = Opened {
@@ -73,7 +83,7 @@ impl Sketch {
             keeps: false,
             has_more: true,
         };
-        Ok(Sketch { first, field, send, state: Arc::default(), is_huge })
+        Ok(Sketch { first, field, send, state: Arc::default(), alone })
     }
 
     /// Opens all voxels, and shows the sketch meanwhile where that takes long.
@@ -81,9 +91,8 @@ impl Sketch {
     /// # Errors
     /// As `open`, where nothing is shown yet.
     pub fn end(self, open: impl FnOnce() -> Result<Opened, String> + Send) -> Result<Opened, String> {
-        let Sketch { first, field, send, state, is_huge } = self;
-        if is_huge {
-            let why = format!("a few of its voxels are there as particles, since it has more than {MOST_VOXELS}");
+        let Sketch { first, field, send, state, alone } = self;
+        if let Some(why) = alone {
             let notes = first.notes.iter().cloned().chain([why]).collect();
             return Ok(Opened { notes, has_more: false, ..first });
         }

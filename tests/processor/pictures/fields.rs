@@ -70,13 +70,10 @@ fn a_volume_is_built_told_drawn_and_given_back() {
         }
         assert!(crate::support::golden::difference(&near, &exact) < 1.0, "{mode}");
     }
-    // What draws particles alone draws its voxels.
-    {
-        let data = "blobs.nrrd";
-        let told =
-            done(folder, &["render", data, "-o", "x.png", "--mode", "sorted-splats", "--size", "80x60", "--json", "-"]);
-        assert!(number(&told, &["particles_drawn"]) > 1000.0, "{told}");
-    }
+    // What draws particles alone draws the source's voxels.
+    let voxels = ["render", "blobs.nrrd", "-o", "x.png", "--mode", "sorted-splats", "--size", "80x60", "--json", "-"];
+    let told = done(folder, &voxels);
+    assert!(number(&told, &["particles_drawn"]) > 1000.0, "{told}");
     let refused = run(folder, &["render", "blobs.df", "-o", "x.png", "--mode", "image"]);
     let why = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert_eq!((refused.status.code(), why.lines().count()), (Some(1), 1), "{why}");
