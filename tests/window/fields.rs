@@ -46,7 +46,7 @@ fn volumes_are_drawn_from_their_samples_as_they_are_rendered() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     balls(&folder.join("balls.nrrd"));
-    for mode in ["volume", "isosurface", "xray"] {
+    for mode in ["volume", "isosurface", "xray", "slice"] {
         let scene = folder.join("balls.scene.ron");
         let text = format!(
             "(version: 2, datasets: [(path: \"balls.nrrd\")], mode: {mode:?}, size: ({}, {}), \
