@@ -14,7 +14,6 @@ pub mod dropped;
 pub mod exposure;
 pub mod facts;
 mod field_backend;
-mod field_opening;
 pub mod free_name;
 pub mod gpu_backend;
 pub mod growing;

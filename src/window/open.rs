@@ -1,7 +1,8 @@
 //! Opening files: on a background thread, with progress that the window shows, and without stopping the program where
 //! a file cannot be read.
 
-use super::field_opening::Sketch;
+mod sketch;
+
 use super::options::{OpenRequest, Opener};
 use super::preset::Preset;
 use super::scene::SceneField;
@@ -16,6 +17,7 @@ use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
 use bevy::prelude::*;
+use sketch::Sketch;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -67,6 +67,7 @@ const WINDOW: [&[&str]; 4] = [
         "comparison",
         "paths",
         "cpu_backend",
+        "field_backend",
         "surround_backend",
         "gpu_backend",
         "light_backend",

@@ -1,14 +1,14 @@
 //! Opening an image or a volume: its samples are shown as soon as they are read, and a few of its voxels stand in for all of them as
 //! particles until those are built.
 
-use super::open::{Opened, OpenedScene};
-use super::scene::SceneField;
+use super::{Opened, OpenedScene};
 use crate::build::{BuildOptions, build};
 use crate::look::{DataKind, Member};
 use crate::model::ReadMethod;
 use crate::picture::field::{MEMORY, OpenField};
 use crate::store::PageFile;
 use crate::stream::first_frame;
+use crate::window::scene::SceneField;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
