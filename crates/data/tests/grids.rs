@@ -3,11 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::grid::{GridBuildOptions, build_grid};
-use deepfield_data::hierarchy::wavelet::{Hierarchy, Metric, Options, Samples, Types, errors};
+use deepfield_data::hierarchy::wavelet::{Hierarchy, LevelKinds, Metric, Options, Samples, Types, errors};
 use deepfield_data::import::{GridOptions, open_grid};
 use deepfield_data::model::{ReadMethod, Region};
 use deepfield_data::store::GridFile;
 use deepfield_data::store::grid::verify_grid;
+use deepfield_data::synth::grids::{Kind, SyntheticGrid};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -245,4 +246,105 @@ fn published_points_keep_the_promises_of_measured_ones() {
             assert!(own.set == read.set && own.soft == read.soft && own.laid == read.laid);
         }
     }
+}
+
+/// A synthetic image or volume of one side.
+fn synthetic(kind: Kind, dimensions: usize, side: u64) -> Vec<f32> {
+    let grid = SyntheticGrid::new(kind, dimensions, [side, side, if dimensions == 3 { side } else { 1 }], 1);
+    let mut bytes = Vec::new();
+    (0..side.pow(dimensions as u32 - 1)).for_each(|row| grid.row(row, &mut bytes));
+    bytes.chunks_exact(4).map(|v| f32::from_le_bytes(v.try_into().unwrap())).collect()
+}
+
+fn hierarchy_of(dimensions: usize, side: usize, values: &[f32], types: Types) -> (Samples<'_>, Hierarchy) {
+    let shape = [side, side, if dimensions == 3 { side } else { 1 }];
+    let samples = Samples { dimensions, shape, channels: vec![values] };
+    let options = Options { types, ..Options::default() };
+    let hierarchy = Hierarchy::build(&samples, &options);
+    (samples, hierarchy)
+}
+
+/// Of a level's nodes the least share, over all directions, that is directed along a wave whose frequency is in the middle of its octave.
+fn directed_along_waves(dimensions: usize, side: usize, level: u32, angle: f64) -> f64 {
+    let count = if dimensions == 2 { 4 } else { 13 };
+    let share = |direction: usize| {
+        let values = synthetic(Kind::Wave { level, direction, angle }, dimensions, side as u64);
+        let (_, hierarchy) = hierarchy_of(dimensions, side, &values, Types::Measured);
+        let LevelKinds { nodes, directed, .. } = &hierarchy.kinds()[level as usize - 1];
+        directed[direction] as f64 / *nodes as f64
+    };
+    (0..count).map(share).fold(1.0, f64::min)
+}
+
+#[test]
+fn truth_of_waves_in_images() {
+    // Turned either way: no direction is before its mirror image.
+    for (angle, level) in [0.0, 10.0, -10.0].into_iter().flat_map(|angle| (1..=3).map(move |level| (angle, level))) {
+        let share = directed_along_waves(2, 128, level, angle);
+        assert!(share >= 0.95, "level {level}, {angle} degrees off: {share}");
+    }
+}
+
+#[test]
+fn truth_of_waves_in_volumes() {
+    for level in [1, 2] {
+        let share = directed_along_waves(3, 48, level, 0.0);
+        assert!(share >= 0.95, "level {level}: {share}");
+    }
+}
+
+/// Nodes on an edge are directed along it, and sets of points spare what round ones need.
+#[test]
+fn truth_of_edges() {
+    // The direction that values change along, and the other neighbour of one between two.
+    for (angle, across) in [
+        (0.0, [2, 2]),
+        (45.0, [3, 3]),
+        (90.0, [0, 0]),
+        (135.0, [1, 1]),
+        (22.5, [2, 3]),
+        (67.5, [3, 0]),
+        (112.5, [0, 1]),
+        (157.5, [1, 2]),
+    ] {
+        let values = synthetic(Kind::Edge { angle }, 2, 256);
+        let (samples, hierarchy) = hierarchy_of(2, 256, &values, Types::Measured);
+        for (level, kinds) in hierarchy.kinds().iter().enumerate().take(2) {
+            let all: usize = kinds.directed.iter().sum();
+            let along = (0..4).filter(|n| across.contains(n)).map(|n| kinds.directed[n]).sum::<usize>();
+            assert!(all > 50 && along as f64 >= 0.9 * all as f64, "{angle} degrees, {level}: {:?}", kinds.directed);
+        }
+        let points = hierarchy.cut_within(&samples, 4.0).0.points;
+        let (samples, round) = hierarchy_of(2, 256, &values, Types::Round);
+        let round = round.cut_within(&samples, 4.0).0.points;
+        assert!(points as f64 <= 0.6 * round as f64, "{angle} degrees: {points} points, round {round}");
+    }
+}
+
+#[test]
+fn truth_of_what_has_no_direction() {
+    let values = synthetic(Kind::Blob, 2, 256);
+    let (samples, hierarchy) = hierarchy_of(2, 256, &values, Types::Measured);
+    let cut = hierarchy.cut_of_points(values.len() / 50);
+    let off = errors(&samples, &hierarchy.reconstruct(&samples, &cut));
+    assert!(off.rms <= 200.0 * 10.0_f32.powf(-50.0 / 20.0), "a blob: {}", off.rms);
+
+    let (samples, hierarchy) = hierarchy_of(2, 90, &[7.25; 90 * 90], Types::Measured);
+    let (cut, grid) = hierarchy.cut_within(&samples, 0.0);
+    assert!(cut.points == 1 && grid[0].iter().all(|v| *v == 7.25), "a constant: {} points", cut.points);
+
+    let noise: Vec<f32> = samples_of_noise(128 * 128);
+    let (samples, hierarchy) = hierarchy_of(2, 128, &noise, Types::Measured);
+    let cut = hierarchy.cut_within(&samples, 0.5).0;
+    assert_eq!((cut.points, cut.leaves), (noise.len(), noise.len()));
+}
+
+/// Bytes without any pattern.
+fn samples_of_noise(count: usize) -> Vec<f32> {
+    let mut state = 9_u64;
+    let next = |_| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 56) as f32
+    };
+    (0..count).map(next).collect()
 }

@@ -1,7 +1,7 @@
 //! What nodes are: one large point, samples, or directed, each by the set that its own error chose.
 
 use super::grid::{children, for_each_place, index};
-use super::sets::{Set, directions};
+use super::sets::{NONE, Set, directions};
 use super::tree::{Hierarchy, Level};
 use rayon::prelude::*;
 
@@ -19,7 +19,8 @@ pub enum NodeKind {
     Large,
     /// Its children's points are needed.
     Samples,
-    /// Directed along a published direction, see [`super::sets::direction`].
+    /// Directed along a published direction, see [`super::sets::direction`]: that of its set or, where this lies between two of them, the one
+    /// along which values around the node change more.
     Directed(usize),
 }
 
@@ -45,23 +46,17 @@ impl Hierarchy {
         self.planes.weights.iter().zip(spans).map(|(w, span)| w * span * span).sum::<f32>() * TOLERANCE * TOLERANCE
     }
 
-    /// What a node is.
+    /// What a node of a hierarchy that was built is; a file has no more than what [`Hierarchy::kinds`] found.
     pub fn kind(&self, level: &Level, node: usize) -> NodeKind {
         let (good, large) = (self.tolerance() * level.samples[node] as f32, level.large_error[node]);
-        let set = level.set[node];
         if large <= good {
             return NodeKind::Large;
         }
         let explained = level.set_error[node] <= good.max(DIRECTED * large);
-        match Set::direction_of(set) {
-            Some(n) if explained => NodeKind::Directed(self.nearest(n)),
-            _ => NodeKind::Samples,
+        if level.set[node] == NONE || !explained {
+            return NodeKind::Samples;
         }
-    }
-
-    /// The published direction nearest to one that may be turned.
-    fn nearest(&self, n: usize) -> usize {
-        n % directions(self.dimensions)
+        NodeKind::Directed(usize::from(level.toward[node]))
     }
 
     /// How many nodes of each level are what, the finest level first.

@@ -1,5 +1,6 @@
 //! The nodes of a level in a box: of each its large point, its directed set, and their errors.
 
+use super::around::Changes;
 use super::bricks::Part;
 use super::cells::{Blend, Cells, scratch_len};
 use super::choose::choose;
@@ -7,13 +8,16 @@ use super::error::Types;
 use super::fit::{REACH, splines};
 use super::grid::{Shape, children_in, for_each_place, for_each_place_with};
 use super::pyramid::{Means, counts};
-use super::sets::{MOST, NONE};
+use super::sets::{MOST, NONE, Set, nearest};
 use super::tables::{Entry, Table, dot};
 use super::tree::Level;
 use rayon::prelude::*;
 
 /// How much wider than the nodes that are built the box of what is known of their level is.
 pub(super) const MARGIN: usize = REACH + 2;
+
+/// How often each value is found anew where values of least squares lie outside of the range.
+const DESCENTS: usize = 4;
 
 /// What the nodes of a level in a box are built from.
 pub(super) struct Nodes<'a> {
@@ -46,6 +50,7 @@ pub(super) struct Nodes<'a> {
 struct Found {
     laid: bool,
     set: u8,
+    toward: u8,
     entry: u32,
     large_error: f32,
     set_error: f32,
@@ -143,6 +148,7 @@ impl Nodes<'_> {
             soft: (0..nodes).map(|i| soft[own(i)]).collect(),
             laid: found.iter().map(|f| f.laid).collect(),
             set: found.iter().map(|f| f.set).collect(),
+            toward: found.iter().map(|f| f.toward).collect(),
             points,
             large_error: column(|f| f.large_error),
             set_error: column(|f| f.set_error),
@@ -219,13 +225,16 @@ impl Nodes<'_> {
             return found;
         }
         let children = children_in(self.dimensions, self.shapes[1], at).count();
+        // Nodes of more cells tell by these which way they change.
+        let changes = || Changes::around(&self.cells, at, self.weights, &self.table.directions);
+        let few = (side == 2 && self.proposed.is_none()).then(changes);
         for laid in [false, true] {
             let (of, left) = if laid { (&*rest, uneven) } else { (&*x, variation) };
             let entry = match self.proposed {
                 // At the grid's ends children may be as few.
                 Some(proposed) => (self.table.of_code(proposed[self.part.index(at)]))
                     .filter(|&entry| self.table.entries[entry].set.points < children),
-                None => choose(self.table, of, self.weights, left, children),
+                None => choose(self.table, (of, left), self.weights, few.as_ref(), children),
             };
             let Some(entry) = entry else { continue };
             let chosen = &self.table.entries[entry];
@@ -251,6 +260,11 @@ impl Nodes<'_> {
                 (found.set_error, found.set_max) = (set_error, set_max);
             }
         }
+        if let Some(n) = Set::direction_of(self.dimensions, found.set) {
+            let [one, other] = nearest(self.dimensions, n);
+            let is_other = one != other && few.unwrap_or_else(changes).more(other, one);
+            found.toward = if is_other { other } else { one } as u8;
+        }
         found
     }
 
@@ -273,11 +287,26 @@ impl Nodes<'_> {
         self.values(&self.table.entries[found.entry as usize], plane, found.laid, own)
     }
 
-    /// A set's values of least squares, kept within the plane's range; those that are laid on others within its span.
+    /// A set's values of least squares within the plane's range; of those that are laid on others within its span.
     fn values(&self, entry: &Entry, plane: usize, laid: bool, x: &[f32]) -> [f32; MOST] {
         let (low, high) = self.ranges[plane];
         let (low, high) = if laid { (low - high, high - low) } else { (low, high) };
-        std::array::from_fn(|k| entry.solve.get(k).map_or(0.0, |solve| dot(solve, x).clamp(low, high)))
+        let mut values = [0.0; MOST];
+        values.iter_mut().zip(&entry.solve).for_each(|(value, solve)| *value = dot(solve, x));
+        let own = &mut values[..entry.solve.len()];
+        if own.iter().all(|v| (low..=high).contains(v)) {
+            return values;
+        }
+        // Some lie outside: the best that are inside, one after the other while those beside it stay.
+        own.iter_mut().for_each(|v| *v = v.clamp(low, high));
+        for _ in 0..DESCENTS {
+            for (k, shares) in entry.shares.iter().enumerate() {
+                let row = &entry.gram[k];
+                let beside: f32 = (0..own.len()).filter(|&j| j != k).map(|j| row[j] * own[j]).sum();
+                own[k] = ((dot(shares, x) - beside) / row[k]).clamp(low, high);
+            }
+        }
+        values
     }
 
     /// The sum of squared differences over whole cells, weighted, and the largest difference.

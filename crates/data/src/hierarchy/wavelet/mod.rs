@@ -1,6 +1,7 @@
 //! Oriented points of images and volumes.
 
 mod analyse;
+mod around;
 mod bank;
 mod bound;
 pub mod brick;

@@ -1,6 +1,9 @@
 //! What the sets of [`super::sets`] look like in cells: with them a node's error for every set is a few scalar products.
 
-use super::sets::{MOST, Set, VARIANTS, turned_directions};
+use super::sets::{MOST, Set, direction, turned_directions, variants};
+
+/// What is left of a vector that others span all but for rounding, of its length.
+const NEARLY_SPANNED: f32 = 0.05;
 
 /// A set in a node of a number of cells.
 #[derive(Clone, Debug)]
@@ -14,15 +17,21 @@ pub(super) struct Entry {
     pub solve: Vec<Vec<f32>>,
     /// Shares of the points in each cell.
     pub shares: Vec<Vec<f32>>,
+    /// Products of the points' shares with each other, summed over cells.
+    pub gram: [[f32; MOST]; MOST],
 }
 
 /// All sets for nodes of `side` cells along each axis.
 #[derive(Clone, Debug)]
 pub(super) struct Table {
+    pub dimensions: usize,
     pub cells: usize,
     pub entries: Vec<Entry>,
-    /// For each direction its wide set of three points, or of two, with which directions are compared first.
-    pub wide: Vec<Option<usize>>,
+    /// All directions, turned ones included.
+    pub directions: Vec<[f32; 3]>,
+    /// For each direction vectors of one length, orthogonal to each other and to a constant, with which directions are compared first: they
+    /// span its wide set of three points, or of two, and in the smallest nodes all of its sets.
+    pub spans: Vec<Vec<Vec<f32>>>,
     /// For each direction its entries.
     pub of_direction: Vec<std::ops::Range<usize>>,
 }
@@ -31,6 +40,11 @@ pub(super) struct Table {
 #[inline]
 pub(super) fn dot(a: &[f32], b: &[f32]) -> f32 {
     const LANES: usize = 16;
+    if let (Ok(a), Ok(b)) = (<&[f32; 8]>::try_from(a), <&[f32; 8]>::try_from(b)) {
+        // The smallest nodes of volumes, of which there are most: sums that do not wait for each other.
+        let p: [f32; 8] = std::array::from_fn(|k| a[k] * b[k]);
+        return ((p[0] + p[4]) + (p[2] + p[6])) + ((p[1] + p[5]) + (p[3] + p[7]));
+    }
     let mut sums = [0.0_f32; LANES];
     let (a_parts, b_parts) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
     let rest: f32 = a_parts.remainder().iter().zip(b_parts.remainder()).map(|(a, b)| a * b).sum();
@@ -55,11 +69,14 @@ pub(super) fn middle(dimensions: usize, side: usize, cell: usize) -> [f32; 3] {
 impl Table {
     pub fn new(dimensions: usize, side: usize) -> Table {
         let cells = side.pow(dimensions as u32);
-        let mut table = Table { cells, entries: Vec::new(), wide: Vec::new(), of_direction: Vec::new() };
-        for n in 0..turned_directions(dimensions) {
+        let all = turned_directions(dimensions);
+        let directions = (0..all).map(|n| direction(dimensions, n)).collect();
+        let (spans, of_direction) = (Vec::with_capacity(all), Vec::with_capacity(all));
+        let mut table = Table { dimensions, cells, entries: Vec::new(), directions, spans, of_direction };
+        for n in 0..all {
             let first = table.entries.len();
-            for variant in 0..VARIANTS {
-                let code = (1 + n * VARIANTS + variant) as u8;
+            for variant in 0..variants(dimensions) {
+                let code = Set::code(dimensions, n, variant);
                 if let Some(entry) = Set::of(dimensions, code).and_then(|set| Entry::new(dimensions, side, code, set)) {
                     // Few cells cannot tell many sets apart.
                     let same = |other: &Entry| {
@@ -77,7 +94,9 @@ impl Table {
             }
             let range = first..table.entries.len();
             let widest = |points: usize| range.clone().find(|&i| table.entries[i].set.points == points);
-            table.wide.push(widest(3).or_else(|| widest(2)));
+            let wide = widest(3).or_else(|| widest(2)).into_iter().collect();
+            let compared: Vec<usize> = if side == 2 { range.clone().collect() } else { wide };
+            table.spans.push(span(compared.iter().flat_map(|&entry| &table.entries[entry].basis)));
             table.of_direction.push(range);
         }
         table
@@ -85,9 +104,30 @@ impl Table {
 
     /// The entry of the set that a byte tells; `None` where it tells none, or these nodes have too few cells for it.
     pub fn of_code(&self, code: u8) -> Option<usize> {
-        let range = self.of_direction.get(Set::direction_of(code)?)?.clone();
+        let range = self.of_direction.get(Set::direction_of(self.dimensions, code)?)?.clone();
         range.into_iter().find(|&entry| self.entries[entry].code == code)
     }
+}
+
+/// Vectors of one length, orthogonal to each other, that span others of one length.
+fn span<'a>(vectors: impl Iterator<Item = &'a Vec<f32>>) -> Vec<Vec<f32>> {
+    let mut spans: Vec<Vec<f32>> = Vec::new();
+    for vector in vectors {
+        let mut rest = vector.clone();
+        // Twice, since the first time leaves what rounding makes of it.
+        for _ in 0..2 {
+            for own in &spans {
+                let along = dot(&rest, own);
+                rest.iter_mut().zip(own).for_each(|(v, own)| *v -= along * own);
+            }
+        }
+        let length = dot(&rest, &rest).sqrt();
+        if length > NEARLY_SPANNED {
+            rest.iter_mut().for_each(|v| *v /= length);
+            spans.push(rest);
+        }
+    }
+    spans
 }
 
 impl Entry {
@@ -135,7 +175,7 @@ impl Entry {
             basis.push(v);
         }
         let basis = basis.into_iter().map(|b| b.into_iter().map(|v| v as f32).collect()).collect();
-        Some(Entry { code, set, basis, solve, shares })
+        Some(Entry { code, set, basis, solve, shares, gram: gram.map(|row| row.map(|v| v as f32)) })
     }
 }
 

@@ -23,6 +23,8 @@ pub struct Level {
     pub laid: Vec<bool>,
     /// The directed set, a byte of [`super::sets::Set`].
     pub set: Vec<u8>,
+    /// The published direction nearest to the set's, as values around the node have it; see [`super::kinds`]. Files do not have it.
+    pub toward: Vec<u8>,
     /// Of each plane: the values of its points.
     pub points: Vec<Vec<[f32; MOST]>>,
     /// Sum of squared differences, weighted over planes, of the large point.
@@ -68,6 +70,7 @@ impl Level {
             soft: vec![false; nodes],
             laid: vec![false; nodes],
             set: vec![0; nodes],
+            toward: vec![0; nodes],
             points: vec![vec![[0.0; MOST]; nodes]; planes],
             large_error: vec![0.0; nodes],
             set_error: vec![f32::INFINITY; nodes],
@@ -89,6 +92,7 @@ impl Level {
         scatter(&mut self.soft, &part.soft, indices);
         scatter(&mut self.laid, &part.laid, indices);
         scatter(&mut self.set, &part.set, indices);
+        scatter(&mut self.toward, &part.toward, indices);
         scatter(&mut self.large_error, &part.large_error, indices);
         scatter(&mut self.set_error, &part.set_error, indices);
         scatter(&mut self.large_max, &part.large_max, indices);
