@@ -107,7 +107,7 @@ struct Cutting<'a> {
     /// What of the world a sample stands for.
     cell: f64,
     /// The second moments of a sample.
-    sample: Covariance,
+    box_moments: Covariance,
 }
 
 /// Sums over the samples of a node of what one of its points has of them; places are steps of the grid from the node's middle.
@@ -165,7 +165,7 @@ impl<'a> Cutting<'a> {
             to_world,
             origin: to_world.transform_point3(middle),
             cell: if is_flat { axes.x_axis.cross(axes.y_axis).length() } else { axes.determinant().abs() },
-            sample: Covariance::of(axes * boxes(hierarchy.dimensions) * axes.transpose()),
+            box_moments: Covariance::of(axes * boxes(hierarchy.dimensions) * axes.transpose()),
         }
     }
 
@@ -238,7 +238,7 @@ impl<'a> Cutting<'a> {
         }
         let place = self.to_world.transform_point3(DVec3::from_array(at.map(|step| step as f64)));
         batch.offsets.push((place - self.origin).as_vec3().to_array());
-        batch.covariances.push(self.sample);
+        batch.covariances.push(self.box_moments);
         batch.volumes.push(self.cell as f32);
         batch.misfits.push(0.0);
         batch.values.iter_mut().zip(&self.channels).for_each(|(values, channel)| values.push(channel[index]));

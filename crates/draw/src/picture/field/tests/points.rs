@@ -189,7 +189,7 @@ fn sources_have_no_points() {
     let folder = tempfile::tempdir().unwrap();
     let source = volume(folder.path(), [8, 8, 8], |[x, ..]| x as f64);
     let file = built(&source);
-    let names = |path: &Path| -> Vec<&str> {
+    let names = |path: &Path| -> Vec<&'static str> {
         OpenField::open(path, ReadMethod::default(), None).unwrap().modes().iter().map(|mode| mode.name).collect()
     };
     for mode in ["sorted-splats", "primitives"] {
