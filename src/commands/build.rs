@@ -2,7 +2,7 @@
 
 use super::CommandResult;
 use super::arguments::bytes;
-use super::hierarchy_options::{HierarchyOptions, Over};
+use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
 use super::raw_options::RawOptions;
 use super::trace_options::TraceOptions;
@@ -10,6 +10,8 @@ use super::wavelet_options::WaveletOptions;
 use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::build::{BuildOptions, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
 use crate::codec::VqBits;
+use crate::hierarchy::Matter;
+use crate::hierarchy::kind::WAVELET;
 use crate::import::{
     AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, grid_format, open_grid, open_run,
     sources_of, steps_in,
@@ -174,9 +176,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     {
         return grid(arguments, only, GridOptions { raw, read: arguments.read });
     }
-    if arguments.hierarchy.hierarchy == Some(Over::Grids) {
+    if let Some(kinds) = arguments.hierarchy.of(Matter::Grids) {
         let named = arguments.sources[0].display();
-        return Err(format!("{named}: hierarchy wavelet: found particles, expected an image or a volume").into());
+        return Err(format!("{named}: hierarchy {kinds}: found particles, expected an image or a volume").into());
     }
     let mut options = BuildOptions {
         attributes: arguments.attributes.clone(),
@@ -237,12 +239,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
 fn grid(arguments: &Arguments, path: &Path, options: GridOptions) -> CommandResult {
     let source = open_grid(path, &options)?;
     let grid = source.grid();
-    if let Some(Over::Particles(kinds)) = arguments.hierarchy.hierarchy {
+    if let Some(kinds) = arguments.hierarchy.of(Matter::Particles) {
         let (a, many) = if grid.dimensions == 2 { ("an image", "images") } else { ("a volume", "volumes") };
         let voxels = if grid.dimensions == 3 { "; --as particles takes their voxels" } else { "" };
         let path = path.display();
+        let own = WAVELET.name;
         return Err(format!(
-            "{path}: hierarchy {kinds}: found {a}, expected particles ({many} are built as wavelet{voxels})"
+            "{path}: hierarchy {kinds}: found {a}, expected particles ({many} are built as {own}{voxels})"
         )
         .into());
     }
