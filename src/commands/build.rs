@@ -8,7 +8,7 @@ use super::raw_options::RawOptions;
 use super::trace_options::TraceOptions;
 use super::wavelet_options::WaveletOptions;
 use crate::build::grid::{GridBuildOptions, build_grid};
-use crate::build::{BuildOptions, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
+use crate::build::{BuildOptions, FEW_PARTICLES, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
 use crate::codec::VqBits;
 use crate::hierarchy::Matter;
 use crate::hierarchy::kind::WAVELET;
@@ -97,9 +97,10 @@ pub struct Arguments {
     /// Where smoothing lengths come from: auto, field:NAME or knn:K (distance to the K-th neighbour).
     #[arg(long, value_name = "HOW", default_value = "auto", value_parser = smoothing)]
     pub smoothing: Smoothing,
-    /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space.
-    #[arg(long, value_name = "BITS", default_value = "8")]
-    pub vq_bits: VqBits,
+    /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space [default: 8; 16 of a source of less than
+    /// 65536 particles, each of which then has its own values].
+    #[arg(long, value_name = "BITS")]
+    pub vq_bits: Option<VqBits>,
     /// Keep positions to 21 bits of a leaf's edge instead of rounding them to 1/512 of the smoothing length; takes more space.
     #[arg(long)]
     pub exact_positions: bool,
@@ -186,7 +187,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         temporary: arguments.temporary.clone(),
         threads: arguments.threads.map(usize::from),
         read: arguments.read,
-        ..BuildOptions::with_vq_bits(arguments.vq_bits)
+        exact_below: if arguments.vq_bits.is_none() { FEW_PARTICLES } else { 0 },
+        ..BuildOptions::with_vq_bits(arguments.vq_bits.unwrap_or_default())
     };
     arguments.hierarchy.apply(&mut options);
     options.octree.exact_positions = arguments.exact_positions;
