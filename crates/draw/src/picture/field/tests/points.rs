@@ -102,7 +102,6 @@ fn scans_are_as_opaque_from_few_points() {
             let [found, marched] = [&picture, &marched].map(|picture| 100.0 * (opacity(picture) / exact - 1.0));
             let [points, seen] = [picture.points.unwrap().points, light(&picture).report.particles];
             println!("{percent} %: {points} points, {seen} seen: {found:+.2} %, marched {marched:+.2} %");
-            println!("{:?}", picture.milliseconds);
             assert!(found.abs() < 5.0, "{name} at {percent} %: {found}");
         }
     }
