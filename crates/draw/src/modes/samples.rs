@@ -7,7 +7,9 @@ use crate::cpu::field::plane::{self, Plane};
 use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast};
-use crate::mode::{FieldJob, FieldValues, Job, LightPicture, Output, Raw, Setting, SettingKind, Settings, Technique};
+use crate::mode::{
+    FieldJob, FieldMarch, FieldValues, Job, LightPicture, Output, Raw, Setting, SettingKind, Settings, Technique,
+};
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
 use crate::view::{Extent, PerspectiveGrid, Projection};
@@ -140,11 +142,11 @@ impl FieldLook {
     }
 }
 
-/// Draws layers of a field by marching along rays through the perspective grid.
+/// What marching along rays through the perspective grid shows of layers of a field.
 ///
 /// # Errors
 /// [`VolumeError`] for settings that do not fit the field, and when nothing is in view.
-pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, VolumeError> {
+pub fn plan(job: &FieldJob<'_>, layers: &Layers) -> Result<FieldMarch, VolumeError> {
     let FieldJob { view, field, settings, .. } = *job;
     let look = FieldLook::new(&job.values, settings, job.transfer, job.diameter, layers)?;
     let scenery = look.scenery(settings, layers)?;
@@ -158,14 +160,25 @@ pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, Volume
     let fine = depth / view.focal_pixels() / (CELL * field.spacing());
     let resolution = options.grid.resolution.min(fine.max(RESOLUTION_LEAST));
     let grid = PerspectiveGrid::new(view, ends, &GridOptions { resolution, ..options.grid })?;
+    let FieldLook { axis, levels, isovalues, .. } = look;
+    Ok(FieldMarch { grid, axis, scenery, options, levels, isovalues })
+}
+
+/// Draws layers of a field by marching along rays through the perspective grid.
+///
+/// # Errors
+/// As [`plan`].
+pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, VolumeError> {
+    let FieldMarch { grid, axis, scenery, options, levels, isovalues } = plan(job, layers)?;
     let brick_grid = BrickGrid::new(&grid);
-    let mut bricks = FieldBricks::new(field, look.axis, view, &grid, &brick_grid);
+    let mut bricks = FieldBricks::new(job.field, axis, job.view, &grid, &brick_grid);
     (bricks.hue, bricks.least) = (job.hue, scenery.least());
-    let mut report = VolumeReport { grid: grid.size, planes: ends, slabs: 0, ..VolumeReport::default() };
-    let colors = cast(view, (&grid, &brick_grid), &mut bricks, &scenery, &options, job.paths, &mut report);
+    let planes = [grid.near, grid.far];
+    let mut report = VolumeReport { grid: grid.size, planes, slabs: 0, ..VolumeReport::default() };
+    let colors = cast(job.view, (&grid, &brick_grid), &mut bricks, &scenery, &options, job.paths, &mut report);
     // What hides particles is told by their sizes; nothing of a field is left out for it.
     report.opaque = None;
-    Ok(LightPicture { colors, report, levels: look.levels, isovalues: look.isovalues })
+    Ok(LightPicture { colors, report, levels, isovalues })
 }
 
 /// A picture's colours of the values of a field's channels, light and opacity: its own, or those of a transfer function.

@@ -3,6 +3,7 @@
 pub mod in_time;
 mod names;
 mod opened;
+mod painting;
 mod report;
 mod session;
 mod sketch;
