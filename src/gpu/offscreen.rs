@@ -1,24 +1,28 @@
 //! The adapter that draws pictures which no window shows.
 
 use super::depiction::request_from;
-use super::device::GpuError;
+use super::device::{DeviceOptions, GpuError};
 use super::headless::HeadlessRequest;
 use super::renderer::HeadlessRenderer;
 use super::tile_passes::TilePasses;
 use super::timing::MeasuredPasses;
-use super::view::Backend;
-use super::volume::{Shows, VolumeJob, VolumeView};
+use super::view::{Backend, Footprint};
+use super::volume::{Shows, VolumeFindings, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
-use crate::mode::LightPasses;
-use crate::picture::adapter::{Adapter, AdapterFrame, AdapterJob, AdapterValues, Passes};
+use crate::mode::{FieldPasses, LightPasses};
+use crate::model::Kernel;
+use crate::picture::adapter::{Adapter, AdapterField, AdapterFrame, AdapterJob, AdapterValues, Passes};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, View};
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
+
+/// Slabs that a frame draws.
+const SLABS: u32 = 4;
 
 /// The best adapter there is: opened when something is to be drawn, and kept for the next picture.
 #[derive(Default)]
@@ -86,6 +90,45 @@ impl Adapter for Offscreen {
         }
     }
 
+    fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
+        let FieldPasses::March(march) = job.passes;
+        let attribute = job.hue.is_some();
+        let wanted = VolumeJob::of_field(self.next(), job.view, job.field, job.hue, march);
+        let (grid, planes) = (wanted.grid.size, [wanted.grid.near, wanted.grid.far]);
+        // The field alone: no particles.
+        let request = HeadlessRequest {
+            view: *job.view,
+            mode: None,
+            footprint: Footprint::Kernel(Kernel::default()),
+            backend: Backend::Compute,
+            culling: false,
+            faintest: 0.0,
+            nodes: Vec::new(),
+            tables: Vec::new(),
+            attribute,
+            transfer: None,
+            repeat: job.repeat,
+            device: DeviceOptions::default(),
+        };
+        let volume = VolumeView {
+            extents: [].into(),
+            light: Some(wanted),
+            ranges: None,
+            attribute,
+            ranges_only: false,
+            memory: u64::MAX,
+            slabs: SLABS,
+        };
+        let drawn = self.with(move |slot| {
+            let renderer = loaded(slot, &request)?;
+            let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
+            let note = found.coarser.map(|(_, by)| coarser(by));
+            let report = report_of((grid, planes), found, renderer);
+            Ok(AdapterFrame { note, ..light_frame(colors, report, renderer, &passes, frame) })
+        });
+        drawn.map_err(device)
+    }
+
     fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
         let request = request(job);
         let particles = request.nodes.iter().map(|node| node.upload.payload.len()).sum();
@@ -139,6 +182,7 @@ impl Offscreen {
             backend: frame.stats.backend,
             adapter: frame.stats.adapter,
             milliseconds: passes.chain([("frame".to_owned(), frame.stats.frame)]).collect(),
+            note: None,
         })
     }
 
@@ -164,17 +208,7 @@ impl Offscreen {
         let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
-            let report = VolumeReport {
-                grid,
-                planes,
-                slabs: found.slabs[1],
-                particles: renderer.particles(),
-                raised: found.raised,
-                pairs: found.pairs,
-                bricks: found.bricks,
-                opaque: found.opaque.map(|(_, opaque)| opaque),
-                ..VolumeReport::default()
-            };
+            let report = report_of((grid, planes), found, renderer);
             Ok(light_frame(colors, report, renderer, &passes, frame))
         });
         drawn.map_err(|error| match (error, passes) {
@@ -208,6 +242,27 @@ impl Offscreen {
     }
 }
 
+/// What is told of samples that did not all fit.
+fn coarser(levels: usize) -> String {
+    let side = 1u64 << levels;
+    format!("the graphics memory is too small for all samples: means of {side} along each axis are drawn")
+}
+
+/// What drawing a volume between these planes took.
+fn report_of((grid, planes): ([u32; 3], [f64; 2]), found: VolumeFindings, renderer: &HeadlessRenderer) -> VolumeReport {
+    VolumeReport {
+        grid,
+        planes,
+        slabs: found.slabs[1],
+        particles: renderer.particles(),
+        raised: found.raised,
+        pairs: found.pairs,
+        bricks: found.bricks,
+        opaque: found.opaque.map(|(_, opaque)| opaque),
+        ..VolumeReport::default()
+    }
+}
+
 fn device(error: GpuError) -> VolumeError {
     VolumeError::Device(error.to_string())
 }
@@ -227,6 +282,7 @@ fn light_frame(
         backend: "compute",
         adapter: renderer.adapter().to_owned(),
         milliseconds: passes.chain([("frame".to_owned(), frame)]).collect(),
+        note: None,
     }
 }
 
@@ -280,6 +336,6 @@ fn volume(job: &AdapterJob<'_>, request: &HeadlessRequest, [light, ranges]: [Opt
         attribute: job.depiction.attribute.is_some(),
         ranges_only: false,
         memory: u64::MAX,
-        slabs: 4,
+        slabs: SLABS,
     }
 }

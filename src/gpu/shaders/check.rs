@@ -75,13 +75,14 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        for index in 0..32 {
+        for index in 0..64 {
             let variant = volume::Variant {
                 kernel: Kernel::ALL[index & 1],
                 attribute: index & 2 > 0,
                 surfaces: index & 4 > 0,
                 centered: index & 8 > 0,
                 vectors: index & 16 > 0,
+                field: index & 32 > 0,
             };
             let defs = kind.defs(variant);
             if !built.contains(&defs) {

@@ -16,6 +16,7 @@ use crate::gpu::splat::layout::{
 };
 use crate::gpu::target::FrameUniform;
 use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
+use crate::gpu::volume::field::layout::{FieldLine, FieldUniform};
 use crate::gpu::volume::layout::{Portion, REACH_BYTES, TierPortion, TierUniform, Turn, VolumeUniform};
 use crate::gpu::volume::march::MarchUniform;
 use std::collections::BTreeSet;
@@ -357,6 +358,22 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             cell,
             unused,
         }),
+        "samples" => layout!(FieldUniform {
+            right,
+            up,
+            world_right,
+            world_up,
+            clip,
+            ends,
+            shape,
+            scale,
+            blocks,
+            is_log,
+            low,
+            per,
+            unused,
+        }),
+        "lines" => layout!(FieldLine { start, world }),
         "reduction" => layout!(Reduction { size, reduced, stride, side, one, unused }),
         "turn" => layout!(Turn { number, unused }),
         "spots" | "depths" | "rays" if volume => plain(16, ScalarKind::Float),
@@ -451,7 +468,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 76, "{compared:?}");
+    assert_eq!(compared.len(), 79, "{compared:?}");
 }
 
 #[test]
