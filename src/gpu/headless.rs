@@ -12,6 +12,7 @@ use crate::color::composite::{self, Image as Picture};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::overdraw::Overdraw;
 use crate::mode::sample::Sample;
+use crate::model::Kernel;
 use crate::view::{Extent, View};
 use bevy::math::DVec3;
 /// One node to draw.
@@ -63,6 +64,24 @@ pub struct HeadlessRequest {
 }
 
 impl HeadlessRequest {
+    /// A picture of no particles, for passes that draw something else.
+    pub fn without_particles(view: &View, attribute: bool) -> HeadlessRequest {
+        HeadlessRequest {
+            view: *view,
+            mode: None,
+            footprint: Footprint::Kernel(Kernel::default()),
+            backend: Backend::Compute,
+            culling: false,
+            faintest: 0.0,
+            nodes: Vec::new(),
+            tables: Vec::new(),
+            attribute,
+            transfer: None,
+            repeat: 1,
+            device: DeviceOptions::default(),
+        }
+    }
+
     /// Whether some of the particles are in the space of one camera.
     pub fn has_own_particles(&self) -> bool {
         self.nodes.iter().any(|node| matches!(node.upload.payload, Payload::Camera(_)))

@@ -1,12 +1,12 @@
 //! The adapter that draws pictures which no window shows.
 
 use super::depiction::request_from;
-use super::device::{DeviceOptions, GpuError};
+use super::device::GpuError;
 use super::headless::HeadlessRequest;
 use super::renderer::HeadlessRenderer;
 use super::tile_passes::TilePasses;
 use super::timing::MeasuredPasses;
-use super::view::{Backend, Footprint};
+use super::view::Backend;
 use super::volume::{Shows, VolumeFindings, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
@@ -14,7 +14,6 @@ use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::mode::{FieldPasses, LightPasses};
-use crate::model::Kernel;
 use crate::picture::adapter::{Adapter, AdapterField, AdapterFrame, AdapterJob, AdapterValues, Passes};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, View};
@@ -92,36 +91,13 @@ impl Adapter for Offscreen {
 
     fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
         let FieldPasses::March(march) = job.passes;
-        let attribute = job.hue.is_some();
         let wanted = VolumeJob::of_field(self.next(), job.view, job.field, job.hue, march);
         let (grid, planes) = (wanted.grid.size, [wanted.grid.near, wanted.grid.far]);
-        // The field alone: no particles.
-        let request = HeadlessRequest {
-            view: *job.view,
-            mode: None,
-            footprint: Footprint::Kernel(Kernel::default()),
-            backend: Backend::Compute,
-            culling: false,
-            faintest: 0.0,
-            nodes: Vec::new(),
-            tables: Vec::new(),
-            attribute,
-            transfer: None,
-            repeat: job.repeat,
-            device: DeviceOptions::default(),
-        };
-        let volume = VolumeView {
-            extents: [].into(),
-            light: Some(wanted),
-            ranges: None,
-            attribute,
-            ranges_only: false,
-            memory: u64::MAX,
-            slabs: SLABS,
-        };
+        let request = HeadlessRequest::without_particles(job.view, job.hue.is_some());
+        let (volume, repeat) = (VolumeView::of_field(wanted, u64::MAX, SLABS), job.repeat);
         let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
-            let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
+            let (colors, found, (passes, frame)) = renderer.volume(volume, repeat)?;
             let note = found.coarser.map(|(_, by)| coarser(by));
             let report = report_of((grid, planes), found, renderer);
             Ok(AdapterFrame { note, ..light_frame(colors, report, renderer, &passes, frame) })

@@ -35,6 +35,14 @@ pub struct VolumeView {
     pub slabs: u32,
 }
 
+impl VolumeView {
+    /// Draws the samples of a job in place of particles, so many slabs a frame.
+    pub fn of_field(job: VolumeJob, memory: u64, slabs: u32) -> VolumeView {
+        let attribute = job.field().is_some_and(|picture| picture.hue.is_some());
+        VolumeView { extents: [].into(), light: Some(job), ranges: None, ranges_only: false, attribute, memory, slabs }
+    }
+}
+
 /// A field, and what is wanted of it.
 #[derive(Clone, Debug)]
 pub struct VolumeJob {
