@@ -399,7 +399,7 @@ impl PreparedField {
     }
 
     /// The channel of what is drawn that colours it.
-    pub(super) fn hue_channel(&self) -> Option<usize> {
+    pub fn hue_channel(&self) -> Option<usize> {
         self.hue.map(|_| 1)
     }
 
