@@ -22,6 +22,7 @@ pub mod content_look;
 pub mod depiction;
 pub mod device;
 pub mod environment;
+pub mod field_samples;
 pub mod headless;
 pub mod layered;
 pub mod light;

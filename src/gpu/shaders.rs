@@ -80,6 +80,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("volume/raycast.wgsl", include_str!("../../shaders/volume/raycast.wgsl")),
     ("lib/isosurface.wgsl", include_str!("../../shaders/lib/isosurface.wgsl")),
     ("volume/march.wgsl", include_str!("../../shaders/volume/march.wgsl")),
+    ("lib/field_samples.wgsl", include_str!("../../shaders/lib/field_samples.wgsl")),
     ("volume/field.wgsl", include_str!("../../shaders/volume/field.wgsl")),
     ("lib/frame.wgsl", include_str!("../../shaders/lib/frame.wgsl")),
     ("composite/light.wgsl", include_str!("../../shaders/composite/light.wgsl")),

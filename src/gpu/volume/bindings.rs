@@ -360,9 +360,9 @@ impl Bindings {
         for (lines, (level, uniform)) in
             sampled.iter().flat_map(|(lines, uniforms)| uniforms.iter().map(move |uniform| (lines, uniform)))
         {
-            let Some(([shown, hues], most)) = store.samples.as_ref().and_then(|held| held.of_level(*level)) else {
-                continue;
-            };
+            let (Some(picture), Some(held)) = (job.field(), store.samples.as_mut()) else { continue };
+            let Some([shown, hues]) = held.of_level(*level) else { continue };
+            let Some(most) = held.places(*level, &picture.axis, device) else { continue };
             let list = [
                 all.binding(),
                 portion(),

@@ -1,6 +1,6 @@
 //! Buffers that are kept from picture to picture while they are large enough.
 
-use super::field::samples::HeldSamples;
+use crate::gpu::field_samples::HeldSamples;
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::{BindingResource, Buffer, BufferBinding, BufferDescriptor, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};

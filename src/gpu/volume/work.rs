@@ -4,7 +4,6 @@ use super::bindings::{Bindings, Buffers, Groups, Wanted};
 use super::constants::BRICK;
 use super::cut::{Cut, Window};
 use super::field::runs;
-use super::field::samples::{Finest, HeldSamples};
 use super::layout::{self, MOST_TIERS, Portion, TierPortion, VolumeUniform};
 use super::programs::Variant;
 use super::room::Room;
@@ -15,6 +14,7 @@ use crate::cpu::volume::particles::growth;
 use crate::cpu::volume::{coarse, extents, raycast};
 use crate::gpu::answer::Answer;
 use crate::gpu::arena::Arena;
+use crate::gpu::field_samples::{Finest, HeldSamples};
 use crate::gpu::splat::draw_list::{DrawBatch, DrawList, PartToDraw};
 use crate::gpu::splat::layout::{Grids, Node};
 use crate::gpu::splat::{particle_layout, resources::slice, workgroups};
@@ -368,7 +368,9 @@ fn levels(job: &VolumeJob, room: &Room, store: &mut Store, means: &Means<'_>) ->
     let Some(picture) = job.field() else { return Some((Vec::new(), None)) };
     let wanted = runs::levels(&picture.field, &job.grid);
     let all: BTreeSet<usize> = wanted.iter().copied().collect();
-    let finest: Finest = HeldSamples::load(&mut store.samples, picture, &all, room.samples, means)?;
+    let source = (&picture.field, picture.hue);
+    let finest: Finest =
+        HeldSamples::load(&mut store.samples, source, &all, room.samples, (means.device, means.queue))?;
     let coarser = Some(finest.missing(&all)).filter(|missing| *missing > 0);
     Some((wanted.into_iter().map(|level| finest.in_place_of(level)).collect(), coarser))
 }

@@ -1,13 +1,12 @@
 //! The samples of a field on the adapter, kept from picture to picture: the levels that have been needed, a texture for each channel.
 
 use crate::cpu::field::{Field, FieldLevel, ValueAxis};
-use crate::gpu::volume::view::FieldPicture;
-use crate::gpu::volume::work::Means;
 use bevy::render::render_resource::{
     Buffer, BufferInitDescriptor, BufferUsages, Extent3d, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo,
     Texture, TextureAspect, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
     TextureViewDescriptor,
 };
+use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::tasks::block_on;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -54,32 +53,29 @@ impl Finest {
 }
 
 impl HeldSamples {
-    /// Holds what a picture needs, of the levels that are `wanted` or the next coarser ones for which there is room in `memory` bytes;
-    /// `None` where there is none for any.
+    /// Holds what a picture needs of a field and a channel that colours it, of the levels that are `wanted` or the next coarser ones for
+    /// which there is room in `memory` bytes; `None` where there is none for any.
     pub fn load(
         slot: &mut Option<HeldSamples>,
-        picture: &FieldPicture,
+        (field, hue): (&Arc<Field>, Option<usize>),
         wanted: &BTreeSet<usize>,
         memory: u64,
-        means: &Means<'_>,
+        means: (&RenderDevice, &RenderQueue),
     ) -> Option<Finest> {
-        let FieldPicture { field, hue, axis, .. } = picture;
-        let is_same = |held: &HeldSamples| Arc::ptr_eq(&held.field, field) && held.hue == *hue;
+        let is_same = |held: &HeldSamples| Arc::ptr_eq(&held.field, field) && held.hue == hue;
         let known = slot.take().filter(is_same);
-        let mut held =
-            known.unwrap_or_else(|| HeldSamples { field: Arc::clone(field), hue: *hue, levels: BTreeMap::new() });
-        let most = means.device.limits().max_texture_dimension_3d as usize;
+        let mut held = known.unwrap_or_else(|| HeldSamples { field: Arc::clone(field), hue, levels: BTreeMap::new() });
+        let most = means.0.limits().max_texture_dimension_3d as usize;
         for finest in (0..field.channels[0].levels.len()).map(Finest) {
             let needed = finest.all(wanted);
             let fits = |level: &usize| field.channels[0].levels[*level].shape.iter().all(|side| *side <= most);
-            if !needed.iter().all(fits) || bytes_of(field, *hue, &needed) > memory {
+            if !needed.iter().all(fits) || bytes_of(field, hue, &needed) > memory {
                 continue;
             }
-            if held.bytes() + bytes_of(field, *hue, &needed) > memory {
+            if held.bytes() + bytes_of(field, hue, &needed) > memory {
                 held.levels.retain(|level, _| needed.contains(level));
             }
             if held.add(&needed, means) {
-                needed.iter().for_each(|level| held.place(*level, axis, means));
                 *slot = Some(held);
                 return Some(finest);
             }
@@ -90,7 +86,7 @@ impl HeldSamples {
     }
 
     /// Uploads levels that are not there; whether there was room.
-    fn add(&mut self, needed: &BTreeSet<usize>, means: &Means<'_>) -> bool {
+    fn add(&mut self, needed: &BTreeSet<usize>, means: (&RenderDevice, &RenderQueue)) -> bool {
         for &level in needed {
             if self.levels.contains_key(&level) {
                 continue;
@@ -109,27 +105,26 @@ impl HeldSamples {
         true
     }
 
-    /// Places the largest values of a level's blocks on an axis.
-    fn place(&mut self, level: usize, axis: &ValueAxis, means: &Means<'_>) {
-        let Some(held) = self.levels.get_mut(&level) else { return };
+    /// Places the largest values of a level's blocks on an axis; the buffer that has them, if the level is there.
+    pub fn places(&mut self, level: usize, axis: &ValueAxis, device: &RenderDevice) -> Option<&Buffer> {
+        let held = self.levels.get_mut(&level)?;
         if held.most.as_ref().is_some_and(|(known, _)| known == axis) {
-            return;
+            return held.most.as_ref().map(|(_, buffer)| buffer);
         }
         let most = self.field.channels[0].levels[level].most_of_blocks();
         let places: Vec<f32> = most.map(|most| most.map_or(0.0, |most| axis.place(most))).collect();
-        let buffer = means.device.create_buffer_with_data(&BufferInitDescriptor {
+        let buffer = device.create_buffer_with_data(&BufferInitDescriptor {
             label: Some("deepfield volume blocks"),
             contents: bytemuck::cast_slice(&places),
             usage: BufferUsages::STORAGE,
         });
-        held.most = Some((*axis, buffer));
+        Some(&held.most.insert((*axis, buffer)).1)
     }
 
-    /// What a level is read from: views of its channels, and the places of its blocks; `None` if it is not there.
-    pub fn of_level(&self, level: usize) -> Option<([TextureView; 2], &Buffer)> {
-        let HeldLevel { textures, most } = self.levels.get(&level)?;
-        let (_, most) = most.as_ref()?;
-        Some((textures.each_ref().map(|texture| texture.create_view(&TextureViewDescriptor::default())), most))
+    /// The channels of a level: that which is shown, and the one that colours it; `None` if it is not there.
+    pub fn of_level(&self, level: usize) -> Option<[TextureView; 2]> {
+        let textures = &self.levels.get(&level)?.textures;
+        Some(textures.each_ref().map(|texture| texture.create_view(&TextureViewDescriptor::default())))
     }
 
     /// Bytes of the samples that are held.
@@ -145,10 +140,10 @@ fn bytes_of(field: &Field, hue: Option<usize>, levels: &BTreeSet<usize>) -> u64 
 }
 
 /// A texture of a level's values, bit for bit; `None` where the adapter has no room for it.
-fn upload(level: &FieldLevel, means: &Means<'_>) -> Option<Texture> {
+fn upload(level: &FieldLevel, (device, queue): (&RenderDevice, &RenderQueue)) -> Option<Texture> {
     let [width, height, depth] = level.shape.map(|side| side as u32);
-    let scope = means.device.wgpu_device().push_error_scope(ErrorFilter::OutOfMemory);
-    let texture = means.device.create_texture(&TextureDescriptor {
+    let scope = device.wgpu_device().push_error_scope(ErrorFilter::OutOfMemory);
+    let texture = device.create_texture(&TextureDescriptor {
         label: Some("deepfield volume samples"),
         size: Extent3d { width, height, depth_or_array_layers: depth },
         mip_level_count: 1,
@@ -173,9 +168,9 @@ fn upload(level: &FieldLevel, means: &Means<'_>) -> Option<Texture> {
         let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * width), rows_per_image: Some(height) };
         let depth_or_array_layers = (values.len() / slice) as u32;
         let size = Extent3d { width, height, depth_or_array_layers };
-        means.queue.write_texture(to, bytemuck::cast_slice(values), layout, size);
+        queue.write_texture(to, bytemuck::cast_slice(values), layout, size);
         // Or all copies would be there at the same time.
-        means.queue.submit([]);
+        queue.submit([]);
     }
     Some(texture)
 }
