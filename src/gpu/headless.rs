@@ -15,6 +15,8 @@ use crate::mode::sample::Sample;
 use crate::model::Kernel;
 use crate::view::{Extent, View};
 use bevy::math::DVec3;
+use bevy::prelude::Bundle;
+
 /// One node to draw.
 #[derive(Clone, Debug)]
 pub struct HeadlessNode {
@@ -128,11 +130,24 @@ pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuErr
 ///
 /// # Errors
 /// As [`render_headless`].
-pub fn render(renderer: &mut HeadlessRenderer, mut request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
+pub fn render(renderer: &mut HeadlessRenderer, request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
+    render_with(renderer, request, ())
+}
+
+/// The same where the camera has components of other passes that fill its cells.
+///
+/// # Errors
+/// As [`render_headless`].
+pub fn render_with(
+    renderer: &mut HeadlessRenderer,
+    mut request: HeadlessRequest,
+    components: impl Bundle,
+) -> Result<HeadlessFrame, GpuError> {
     let whole = request.view;
     let parts = parts_of(renderer, &request)?;
     request.view = parts.view(&whole, 0);
     renderer.load(&request)?;
+    renderer.insert(components);
     renderer.complete()?;
     let (mut frames, passes) = renderer.measure(request.repeat)?;
     let (mut accumulation, mut splats) = renderer.accumulation(request.attribute)?;

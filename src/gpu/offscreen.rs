@@ -2,7 +2,8 @@
 
 use super::depiction::request_from;
 use super::device::GpuError;
-use super::headless::HeadlessRequest;
+use super::headless::{HeadlessFrame, HeadlessRequest};
+use super::integrals::IntegralView;
 use super::renderer::HeadlessRenderer;
 use super::tile_passes::TilePasses;
 use super::timing::MeasuredPasses;
@@ -17,6 +18,7 @@ use crate::mode::{FieldPasses, LightPasses};
 use crate::picture::adapter::{Adapter, AdapterField, AdapterFrame, AdapterJob, AdapterValues, Passes};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, View};
+use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
 
@@ -90,7 +92,10 @@ impl Adapter for Offscreen {
     }
 
     fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
-        let FieldPasses::March(march) = job.passes;
+        let march = match job.passes {
+            FieldPasses::March(march) => march,
+            FieldPasses::Integrals => return self.integrals(job).map_err(device),
+        };
         let wanted = VolumeJob::of_field(self.next(), job.view, job.field, job.hue, march);
         let (grid, planes) = (wanted.grid.size, [wanted.grid.near, wanted.grid.far]);
         let request = HeadlessRequest::without_particles(job.view, job.hue.is_some());
@@ -151,14 +156,20 @@ impl Offscreen {
     fn sums(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, GpuError> {
         let request = request(job);
         let frame = self.with(move |slot| headless::render(able(slot, &request)?, request))?;
-        let passes = frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time));
-        Ok(AdapterFrame {
-            values: AdapterValues::Sums(frame.accumulation),
-            splats: frame.stats.splats,
-            backend: frame.stats.backend,
-            adapter: frame.stats.adapter,
-            milliseconds: passes.chain([("frame".to_owned(), frame.stats.frame)]).collect(),
-            note: None,
+        Ok(sums_frame(frame))
+    }
+
+    /// Draws line integrals of samples.
+    fn integrals(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, GpuError> {
+        let request = HeadlessRequest { repeat: job.repeat, ..HeadlessRequest::without_particles(job.view, false) };
+        let integrals = IntegralView { number: self.next(), field: Arc::clone(job.field), memory: u64::MAX };
+        self.with(move |slot| {
+            let renderer = able(slot, &request)?;
+            let frame = headless::render_with(renderer, request, integrals)?;
+            match renderer.integral_findings() {
+                found if found.no_room => Err(GpuError::NoRoom("samples".to_owned())),
+                found => Ok(AdapterFrame { note: found.coarser.map(coarser), ..sums_frame(frame) }),
+            }
         })
     }
 
@@ -215,6 +226,19 @@ impl Offscreen {
     fn next(&mut self) -> u64 {
         self.number += 1;
         self.number
+    }
+}
+
+/// What is handed back of a picture of sums.
+fn sums_frame(frame: HeadlessFrame) -> AdapterFrame {
+    let passes = frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time));
+    AdapterFrame {
+        milliseconds: passes.chain([("frame".to_owned(), frame.stats.frame)]).collect(),
+        values: AdapterValues::Sums(frame.accumulation),
+        splats: frame.stats.splats,
+        backend: frame.stats.backend,
+        adapter: frame.stats.adapter,
+        note: None,
     }
 }
 

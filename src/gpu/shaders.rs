@@ -82,6 +82,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("volume/march.wgsl", include_str!("../../shaders/volume/march.wgsl")),
     ("lib/field_samples.wgsl", include_str!("../../shaders/lib/field_samples.wgsl")),
     ("volume/field.wgsl", include_str!("../../shaders/volume/field.wgsl")),
+    ("integrals/integrate.wgsl", include_str!("../../shaders/integrals/integrate.wgsl")),
     ("lib/frame.wgsl", include_str!("../../shaders/lib/frame.wgsl")),
     ("composite/light.wgsl", include_str!("../../shaders/composite/light.wgsl")),
     ("measure/reduce.wgsl", include_str!("../../shaders/measure/reduce.wgsl")),

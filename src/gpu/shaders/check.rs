@@ -48,6 +48,7 @@ pub fn variants() -> Vec<Variant> {
         plain("layered/blend.wgsl", vec![], vec!["blend"]),
         plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
         plain("measure/reduce.wgsl", vec![], vec!["reduce"]),
+        plain("integrals/integrate.wgsl", vec![], vec!["integrate"]),
         plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
     ];
     for subgroup in [false, true] {

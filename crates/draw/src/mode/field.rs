@@ -32,6 +32,8 @@ pub struct FieldJob<'a> {
 pub enum FieldPasses {
     /// Rays through a perspective grid that the field fills.
     March(Box<FieldMarch>),
+    /// Integrals of the first channel's values along each pixel's ray.
+    Integrals,
 }
 
 /// What rays through a perspective grid meet that a field fills.

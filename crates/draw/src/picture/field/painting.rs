@@ -1,6 +1,7 @@
 //! What draws the views of a picture of a field: the processor, or an adapter that is asked for or faster.
 
 use super::session::PreparedField;
+use crate::cpu::Counts;
 use crate::cpu::volume::VolumeError;
 use crate::look::Backend;
 use crate::mode::{FieldMarch, FieldPasses, LightPicture, Raw};
@@ -119,6 +120,7 @@ fn draw_on(
             let FieldMarch { levels, isovalues, .. } = *march;
             Ok(Some((Raw::Light(LightPicture { colors, report, levels, isovalues }), frame)))
         }
+        (FieldPasses::Integrals, AdapterValues::Sums(sums)) => Ok(Some((Raw::Sums(sums, Counts::default()), frame))),
         _ => Err(VolumeError::Device(format!("the adapter does not draw {}", prepared.mode().name))),
     }
 }
