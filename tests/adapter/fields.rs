@@ -206,13 +206,38 @@ fn other_samples_take_the_place_of_those_before() {
     assert!(first == again, "the same samples from the same camera");
 }
 
+#[test]
+fn line_integrals_are_those_of_the_processor() {
+    let volume = volume(None);
+    let mut adapter = Offscreen::preferred();
+    let mode = modes::find("xray").unwrap();
+    let whole = view(&volume, PERSPECTIVE, 1.1);
+    for (what, view) in [
+        ("perspective", whole),
+        ("orthographic", view(&volume, orthographic(&volume), 1.1)),
+        ("cut", cut(&volume, whole)),
+        ("from within", view(&volume, Projection::Perspective { fov_y: 1.4 }, 0.2)),
+        ("from afar", view(&volume, PERSPECTIVE, 9.0)),
+    ] {
+        let wanted = Wanted { mode: "xray", settings: &[], transfer: None, hue: false, view };
+        let (expected, _) = wanted.with_job(&volume, |job| mode.draw_field(job)).unwrap().sums(mode).unwrap();
+        let AdapterValues::Sums(found) = wanted.adapter(&volume, &mut adapter).values else { panic!("no sums") };
+        let pairs = || found.p.iter().zip(&expected.p).map(|(a, b)| [f64::from(*a), f64::from(*b)]);
+        let square: f64 = pairs().map(|[a, b]| (a - b) * (a - b)).sum();
+        let norm: f64 = pairs().map(|[_, b]| b * b).sum();
+        let error = (square / norm).sqrt();
+        println!("xray, {what}: {error:.2e}");
+        assert!(norm > 0.0 && error < 5e-5, "{what}: {error:.2e}");
+    }
+}
+
 /// Where the adapter has no room for all samples, means take their place, and that is told.
 #[test]
 fn little_memory_makes_samples_coarser() {
     let volume = volume(None);
     let view = view(&volume, PERSPECTIVE, 1.0);
     let wanted = Wanted { mode: "volume", settings: &[], transfer: None, hue: false, view };
-    let FieldPasses::March(march) = wanted.passes(&volume);
+    let FieldPasses::March(march) = wanted.passes(&volume) else { panic!("no march") };
     // A stand-in for memory, of which adapters have more than a test may take.
     let limits = wgpu::Limits { max_texture_dimension_3d: 32, ..wgpu::Limits::default() };
     let device = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
@@ -252,7 +277,7 @@ fn the_program_draws_samples_by_the_backend_that_is_asked_for() {
         let square = |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>();
         (square(&mut a.iter().zip(b).map(|(a, b)| a - b)) / square(&mut b.iter().copied())).sqrt()
     };
-    for (mode, more) in [("volume", &["--attribute", "gradient"][..]), ("isosurface", &[])] {
+    for (mode, more) in [("volume", &["--attribute", "gradient"][..]), ("isosurface", &[]), ("xray", &[])] {
         let (expected, by, _) = draw(mode, "cpu", more);
         assert_eq!(by, "cpu");
         let (found, by, told) = draw(mode, "compute", more);

@@ -113,7 +113,7 @@ impl FieldOnAdapter {
                 Some(VolumeJob::of_field(number, &view, &prepared.field, prepared.hue_channel(), &march))
             }
             // A view without data is a black picture, and no error.
-            Ok(None) | Err(VolumeError::Grid(GridError::NothingInView)) => None,
+            Ok(_) | Err(VolumeError::Grid(GridError::NothingInView)) => None,
             Err(error) => {
                 notices.error(error.to_string());
                 None

@@ -8,7 +8,8 @@ use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast};
 use crate::mode::{
-    FieldJob, FieldMarch, FieldValues, Job, LightPicture, Output, Raw, Setting, SettingKind, Settings, Technique,
+    FieldJob, FieldMarch, FieldPasses, FieldValues, Job, LightPicture, Output, Raw, Setting, SettingKind, Settings,
+    Technique,
 };
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
@@ -233,6 +234,8 @@ pub struct OfFields {
     pub output: Output,
     /// What it draws: images, of 2 dimensions, or volumes, of 3.
     pub dimensions: &'static [usize],
+    /// Whether it draws the line integrals that adapters draw too.
+    pub is_integral: bool,
     /// Draws one of the kind.
     pub draw: fn(&FieldJob<'_>) -> Result<Raw, VolumeError>,
 }
@@ -252,6 +255,14 @@ impl Technique for OfFields {
 
     fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {
         Err(VolumeError::OnlyFields)
+    }
+
+    fn has_field_passes(&self) -> bool {
+        self.is_integral
+    }
+
+    fn field_passes(&self, _: &FieldJob<'_>) -> Result<Option<FieldPasses>, VolumeError> {
+        Ok(self.is_integral.then_some(FieldPasses::Integrals))
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
