@@ -14,7 +14,7 @@ use crate::color::{Accumulation, output};
 use crate::command_line::arguments::PictureSize;
 use crate::command_line::progress_bar::Terminal;
 use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, Sprite, draw};
-use crate::hierarchy::{Kind, Kinds, Purpose};
+use crate::hierarchy::{Kinds, Purpose};
 use crate::look::{DataKind, LookPatch, Member};
 use crate::mode::{LevelChoice, Levels as LevelKind, Plan};
 use crate::model::{Bounds, Covariance, Dataset, Kernel};
@@ -241,7 +241,7 @@ impl<'a> Bench<'a> {
             false => (path.to_owned(), None),
             true => {
                 let out = temporary.path().join("hierarchies.df");
-                let hierarchies = Kinds::of(Kind::ALL);
+                let hierarchies = Kinds::of_particles();
                 let options = BuildOptions { hierarchies, memory: arguments.memory, ..BuildOptions::default() };
                 let start = Instant::now();
                 build_source(path, &Default::default(), &options, &out, &())?;

@@ -2,7 +2,7 @@
 //! the source does not change. The folder has a budget, and what was opened longest ago goes first.
 
 use super::arguments::bytes;
-use crate::build::{BuildOptions, build_source};
+use crate::build::{BuildOptions, FEW_PARTICLES, build_source};
 use crate::hierarchy::Kinds;
 use crate::hierarchy::kind::{OCTREE, PCA};
 use crate::import::{LoadOptions, file_of_step};
@@ -52,7 +52,12 @@ pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box
 
 /// How page files in the cache are built: all that a window shows of them.
 fn build_options() -> BuildOptions {
-    BuildOptions { hierarchies: Kinds::of([&OCTREE, &PCA]), clusters_from: CLUSTERS_FROM, ..BuildOptions::default() }
+    BuildOptions {
+        hierarchies: Kinds::of([&OCTREE, &PCA]),
+        clusters_from: CLUSTERS_FROM,
+        exact_below: FEW_PARTICLES,
+        ..BuildOptions::default()
+    }
 }
 
 /// The budget that the user has set.

@@ -2,14 +2,16 @@
 
 use super::CommandResult;
 use super::arguments::bytes;
-use super::hierarchy_options::{HierarchyOptions, Over};
+use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
 use super::raw_options::RawOptions;
 use super::trace_options::TraceOptions;
 use super::wavelet_options::WaveletOptions;
 use crate::build::grid::{GridBuildOptions, build_grid};
-use crate::build::{BuildOptions, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
+use crate::build::{BuildOptions, FEW_PARTICLES, FlowOptions, Matching, RunBuild, TrackOptions, build_source};
 use crate::codec::VqBits;
+use crate::hierarchy::Matter;
+use crate::hierarchy::kind::WAVELET;
 use crate::import::{
     AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, grid_format, open_grid, open_run,
     sources_of, steps_in,
@@ -95,9 +97,10 @@ pub struct Arguments {
     /// Where smoothing lengths come from: auto, field:NAME or knn:K (distance to the K-th neighbour).
     #[arg(long, value_name = "HOW", default_value = "auto", value_parser = smoothing)]
     pub smoothing: Smoothing,
-    /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space.
-    #[arg(long, value_name = "BITS", default_value = "8")]
-    pub vq_bits: VqBits,
+    /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space [default: 8; 16 of a source of less than
+    /// 65536 particles, each of which then has its own values].
+    #[arg(long, value_name = "BITS")]
+    pub vq_bits: Option<VqBits>,
     /// Keep positions to 21 bits of a leaf's edge instead of rounding them to 1/512 of the smoothing length; takes more space.
     #[arg(long)]
     pub exact_positions: bool,
@@ -174,9 +177,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     {
         return grid(arguments, only, GridOptions { raw, read: arguments.read });
     }
-    if arguments.hierarchy.hierarchy == Some(Over::Grids) {
+    if let Some(kinds) = arguments.hierarchy.of(Matter::Grids) {
         let named = arguments.sources[0].display();
-        return Err(format!("{named}: hierarchy wavelet: found particles, expected an image or a volume").into());
+        return Err(format!("{named}: hierarchy {kinds}: found particles, expected an image or a volume").into());
     }
     let mut options = BuildOptions {
         attributes: arguments.attributes.clone(),
@@ -184,7 +187,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         temporary: arguments.temporary.clone(),
         threads: arguments.threads.map(usize::from),
         read: arguments.read,
-        ..BuildOptions::with_vq_bits(arguments.vq_bits)
+        exact_below: if arguments.vq_bits.is_none() { FEW_PARTICLES } else { 0 },
+        ..BuildOptions::with_vq_bits(arguments.vq_bits.unwrap_or_default())
     };
     arguments.hierarchy.apply(&mut options);
     options.octree.exact_positions = arguments.exact_positions;
@@ -237,12 +241,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
 fn grid(arguments: &Arguments, path: &Path, options: GridOptions) -> CommandResult {
     let source = open_grid(path, &options)?;
     let grid = source.grid();
-    if let Some(Over::Particles(kinds)) = arguments.hierarchy.hierarchy {
+    if let Some(kinds) = arguments.hierarchy.of(Matter::Particles) {
         let (a, many) = if grid.dimensions == 2 { ("an image", "images") } else { ("a volume", "volumes") };
         let voxels = if grid.dimensions == 3 { "; --as particles takes their voxels" } else { "" };
         let path = path.display();
+        let own = WAVELET.name;
         return Err(format!(
-            "{path}: hierarchy {kinds}: found {a}, expected particles ({many} are built as wavelet{voxels})"
+            "{path}: hierarchy {kinds}: found {a}, expected particles ({many} are built as {own}{voxels})"
         )
         .into());
     }

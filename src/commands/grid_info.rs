@@ -1,6 +1,7 @@
 //! What `deepfield info` prints of images and volumes.
 
 use super::info::short;
+use crate::hierarchy::kind::WAVELET;
 use crate::hierarchy::wavelet::sets::{direction, directions};
 use crate::import::grid::{ChannelSummary, GridSummary};
 use crate::model::Channel;
@@ -55,7 +56,7 @@ pub(super) fn file_json(file: &GridFile) -> Result<Value, serde_json::Error> {
     let dimensions = about.grid.dimensions;
     let ways: Vec<Vec<f32>> =
         (0..directions(dimensions)).map(|n| direction(dimensions, n)[..dimensions].to_vec()).collect();
-    told["hierarchies"] = json!(["wavelet"]);
+    told["hierarchies"] = json!([WAVELET.name]);
     told["directions"] = json!(ways);
     told["wavelet_levels"] = serde_json::to_value(&about.levels)?;
     Ok(told)

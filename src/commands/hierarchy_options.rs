@@ -3,15 +3,15 @@
 use super::arguments::bytes;
 use crate::build::BuildOptions;
 use crate::hierarchy::pca::SplitRule;
-use crate::hierarchy::{ClusterOptions, Kind, Kinds, OctreeOptions};
+use crate::hierarchy::{ClusterOptions, Kind, Kinds, Matter, OctreeOptions};
 
 /// How the hierarchy is built.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Hierarchy")]
 pub struct HierarchyOptions {
     /// What is built over the leaves.
-    #[arg(long, value_name = "KINDS", help = format!("What is built over the leaves, of particles one or more of: {} [default: octree]; of images and volumes wavelet (oriented points)", Kind::list()))]
-    pub hierarchy: Option<Over>,
+    #[arg(long, value_name = "KINDS", help = format!("What is built over the leaves, of particles one or more of: {} [default: octree]; of images and volumes: {}", Kind::list(Matter::Particles), Kind::list(Matter::Grids)))]
+    pub hierarchy: Option<Kinds>,
     /// Particles of a cluster of the finest level, and clusters of one level in one of the next, on average, 2 to 64.
     #[arg(long, value_name = "N", default_value_t = ClusterOptions::default().size, value_parser = cluster_size)]
     pub cluster_size: f64,
@@ -48,12 +48,14 @@ pub struct HierarchyOptions {
 }
 
 impl HierarchyOptions {
+    /// The hierarchies over something that are asked for, if any are.
+    pub fn of(&self, matter: Matter) -> Option<Kinds> {
+        self.hierarchy.filter(|kinds| kinds.matter() == Some(matter))
+    }
+
     /// Sets what of a build they say.
     pub fn apply(&self, options: &mut BuildOptions) {
-        options.hierarchies = match self.hierarchy {
-            Some(Over::Particles(kinds)) => kinds,
-            Some(Over::Grids) | None => Kinds::default(),
-        };
+        options.hierarchies = self.of(Matter::Particles).unwrap_or_default();
         options.clusters = ClusterOptions { size: self.cluster_size, rule: self.split, shape_bits: self.shape_bits };
         options.page_bytes = self.page_size;
         options.octree.leaf_capacity = self.leaf_particles;
@@ -61,35 +63,6 @@ impl HierarchyOptions {
         options.octree.thinning_budget = self.thinning_budget;
         options.octree.relay_fraction = self.relay_share;
         options.octree.root_particles = self.root_particles;
-    }
-}
-
-/// What is built, and over what.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Over {
-    /// Over particles.
-    Particles(Kinds),
-    /// Oriented points over images and volumes (WM03).
-    Grids,
-}
-
-impl std::str::FromStr for Over {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Over, String> {
-        match text.trim() {
-            "wavelet" => Ok(Over::Grids),
-            _ => text.parse().map(Over::Particles).map_err(|why: String| format!("{why}, wavelet")),
-        }
-    }
-}
-
-impl std::fmt::Display for Over {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Over::Particles(kinds) => kinds.fmt(f),
-            Over::Grids => f.write_str("wavelet"),
-        }
     }
 }
 

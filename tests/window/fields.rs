@@ -46,12 +46,20 @@ fn volumes_are_drawn_from_their_samples_as_they_are_rendered() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     balls(&folder.join("balls.nrrd"));
-    for mode in ["volume", "isosurface", "xray", "slice"] {
+    let scenes = [
+        ("volume", ""),
+        ("isosurface", ""),
+        ("xray", ""),
+        ("slice", ""),
+        ("volume", ", attribute: named(\"gradient\")"),
+        ("xray", ", projection: dome(aperture: 180.0, tilt: 0.0)"),
+    ];
+    for (number, (mode, more)) in scenes.into_iter().enumerate() {
         let scene = folder.join("balls.scene.ron");
         let text = format!(
             "(version: 2, datasets: [(path: \"balls.nrrd\")], mode: {mode:?}, size: ({}, {}), \
              camera: (eye: (25.0, 20.0, 40.0), target: (9.0, 9.0, 8.0), fov: 30.0), panels: (shown: false, closed: []), \
-             annotations: (legend: false, scale_bar: false))",
+             annotations: (legend: false, scale_bar: false){more})",
             SIZE[0], SIZE[1]
         );
         std::fs::write(&scene, text).unwrap();
@@ -64,9 +72,9 @@ fn volumes_are_drawn_from_their_samples_as_they_are_rendered() {
             (&mode.into(), &"samples".into(), &"cpu".into())
         );
         assert_eq!(status["points"]["points"], 40 * 36 * 32, "{status:#}");
-        keep(&desktop, &format!("field-{mode}.png"));
+        keep(&desktop, &format!("field-{number}-{mode}.png"));
         desktop.wait("the rendered picture", |screen| difference(screen, &expected) < 0.01);
-        assert!(expected.iter().filter(|pixel| pixel.iter().any(|byte| *byte > 60)).count() > 5000, "{mode}");
+        assert!(expected.iter().filter(|pixel| pixel.iter().any(|byte| *byte > 60)).count() > 5000, "{mode}{more}");
     }
 }
 

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::grid::{GridBuildOptions, build_grid};
-use deepfield_data::hierarchy::wavelet::{Hierarchy, LevelKinds, Metric, Options, Samples, Types, errors};
+use deepfield_data::hierarchy::wavelet::{Hierarchy, LevelKinds, Metric, Options, Samples, Types, Weighting, errors};
 use deepfield_data::import::{GridOptions, open_grid};
 use deepfield_data::model::{ReadMethod, Region};
 use deepfield_data::store::GridFile;
@@ -110,6 +110,41 @@ fn few_points_are_near_and_more_are_nearer() {
     for most in [20.0, 5.0, 1.0, 0.0] {
         let (cut, drawn) = hierarchy.cut_within(&samples, most);
         assert!(errors(&samples, &drawn).max <= most && cut.points <= width * height);
+    }
+}
+
+/// What a number of points is chosen for is what becomes small.
+#[test]
+fn points_are_chosen_for_what_is_asked() {
+    let side = 128;
+    let value = |i: usize| {
+        let (x, y) = ((i % side) as f32, (i / side) as f32);
+        let ring = if ((x - 60.0).hypot(y - 50.0) % 40.0) < 17.0 { 90.0 } else { 20.0 };
+        ring + 8.0 * (0.9 * x + 1.3 * y).sin() + if i % 1999 == 0 { 120.0 } else { 0.0 }
+    };
+    let values: Vec<f32> = (0..side * side).map(value).collect();
+    let (samples, hierarchy) = hierarchy_of(2, side, &values, Types::Measured);
+    let curve = hierarchy.curve();
+    for most in [200, 1000, 4000] {
+        let [rms, max, same, coarse] =
+            [Weighting::Rms, Weighting::Max, Weighting::Levels(vec![1.0]), Weighting::Levels(vec![0.0, 0.3])].map(
+                |weighting| {
+                    let cut = hierarchy.cut_weighted(&curve, most, &weighting);
+                    assert!(
+                        cut.points <= most && (cut.points * 2 > most || cut.leaves == 0),
+                        "{} of {most}",
+                        cut.points
+                    );
+                    (cut.leaves, errors(&samples, &hierarchy.reconstruct(&samples, &cut)))
+                },
+            );
+        assert!(
+            rms.1.rms <= 1.001 * max.1.rms && rms.1.rms <= 1.001 * coarse.1.rms,
+            "{most}: {rms:?} {max:?} {coarse:?}"
+        );
+        assert!(max.1.max <= rms.1.max, "{most}: {max:?} {rms:?}");
+        assert!((same.1.rms / rms.1.rms - 1.0).abs() < 0.05, "{most}: {same:?} {rms:?}");
+        assert_eq!(coarse.0, 0, "{most}: no sample counts");
     }
 }
 

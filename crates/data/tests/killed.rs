@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::{BuildOptions, build_source};
-use deepfield_data::hierarchy::{Kind, Kinds};
+use deepfield_data::hierarchy::Kinds;
 use deepfield_data::import::LoadOptions;
 use deepfield_data::model::Progress;
 use deepfield_data::synth;
@@ -35,7 +35,7 @@ fn killed_builds_leave_nothing() {
     if let Some(folder) = std::env::var_os(WORK) {
         let folder = Path::new(&folder);
         let options = BuildOptions {
-            hierarchies: Kinds::of(Kind::ALL),
+            hierarchies: Kinds::of_particles(),
             memory: Some(10 << 20),
             threads: Some(1),
             ..BuildOptions::default()

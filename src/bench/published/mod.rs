@@ -24,8 +24,8 @@ use crate::command_line::arguments::{count, not_negative};
 use crate::command_line::progress_bar::Terminal;
 use crate::cpu::over::Order;
 use crate::cpu::{Extent, Positions, SplatOptions, Splats, draw};
+use crate::hierarchy::Kinds;
 use crate::hierarchy::pca::members::DiameterRule;
-use crate::hierarchy::{Kind, Kinds};
 use crate::look::{DataKind, LookPatch, Member};
 use crate::mode::{LevelChoice, Levels, Plan};
 use crate::model::{Bounds, Dataset, Kernel};
@@ -327,7 +327,7 @@ fn all(view: &View, level: &Level, kernel: Kernel) -> Result<Accumulation, Failu
 /// A page file of the same particles with our clusters.
 fn ours(dataset: Dataset, arguments: &Arguments, folder: &Path) -> Result<Paged, Failure> {
     let out = folder.join("published.df");
-    let hierarchies = Kinds::of(Kind::ALL);
+    let hierarchies = Kinds::of_particles();
     let options = BuildOptions { hierarchies, memory: arguments.memory, ..BuildOptions::default() };
     build(dataset, &options, &out, &())?;
     Paged::open(&out)

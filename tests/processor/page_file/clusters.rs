@@ -5,7 +5,7 @@ use deepfield::build::{BuildOptions, build};
 use deepfield::codec::clusters::cluster_limit;
 use deepfield::hierarchy::kind::PCA;
 use deepfield::hierarchy::pca::SplitRule;
-use deepfield::hierarchy::{ClusterOptions, Kind, Kinds, OctreeOptions};
+use deepfield::hierarchy::{ClusterOptions, Kinds, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::{Encoding, NodeRef, PageFile, PageId, Particles, Representative, verify};
 use glam::{DMat3, DVec3};
@@ -52,7 +52,7 @@ fn options(hierarchies: Kinds, rule: SplitRule) -> BuildOptions {
 }
 
 fn both() -> Kinds {
-    Kinds::of(Kind::ALL)
+    Kinds::of_particles()
 }
 
 fn built(folder: &Path, family: Family, options: &BuildOptions) -> PathBuf {

@@ -3,7 +3,7 @@
 use crate::support::page_checksums;
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
-use deepfield::hierarchy::{Kind, Kinds, OctreeOptions};
+use deepfield::hierarchy::{Kinds, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::layout::{ALIGNMENT, HEADER_LEN};
 use deepfield::store::{PageFile, PageId, Representative, verify};
@@ -58,7 +58,7 @@ fn sound(has: Has) -> &'static [u8] {
             OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity, volume_levels, ..OctreeOptions::default() };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sound.df");
-        let hierarchies = if pca { Kinds::of(Kind::ALL) } else { Kinds::default() };
+        let hierarchies = if pca { Kinds::of_particles() } else { Kinds::default() };
         build(dataset, &BuildOptions { octree, hierarchies, ..BuildOptions::default() }, &path, &()).unwrap();
         std::fs::read(path).unwrap()
     })

@@ -5,7 +5,7 @@ use deepfield::build::{BuildOptions, build_source};
 use deepfield::color::Accumulation;
 use deepfield::color::transfer::Range;
 use deepfield::cpu::volume::VolumeLevels;
-use deepfield::hierarchy::{Kind, Kinds};
+use deepfield::hierarchy::Kinds;
 use deepfield::import::LoadOptions;
 use deepfield::look::LookPatch;
 use deepfield::mode::levels::{LEVELS, SPLATS};
@@ -30,7 +30,7 @@ pub struct Data {
 pub fn data() -> Data {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clusters.df");
-    let hierarchies = Kinds::of(Kind::ALL);
+    let hierarchies = Kinds::of_particles();
     let options = BuildOptions { hierarchies, ..BuildOptions::default() };
     build_source(&demo(), &LoadOptions::default(), &options, &path, &()).unwrap();
     Data { file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }

@@ -6,7 +6,7 @@ use deepfield::build::{BuildOptions, build_source};
 use deepfield::cpu::Method;
 use deepfield::cpu::overdraw::Overdraw;
 use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
-use deepfield::hierarchy::{Kind, Kinds};
+use deepfield::hierarchy::Kinds;
 use deepfield::import::LoadOptions;
 use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::SettingValue;
@@ -210,7 +210,7 @@ fn what_does_not_fit_says_why() {
 #[test]
 fn clusters_are_as_many_as_time_and_error_ask_for() {
     let folder = tempfile::tempdir().unwrap();
-    let hierarchies = Kinds::of(Kind::ALL);
+    let hierarchies = Kinds::of_particles();
     let build = BuildOptions { hierarchies, ..BuildOptions::default() };
     build_source(&demo(), &LoadOptions::default(), &build, &folder.path().join("demo.df"), &()).unwrap();
     let mut session = session(folder.path(), None);

@@ -3,7 +3,7 @@
 use crate::stream::disk::offset_of;
 use crate::support::demo;
 use deepfield::build::{BuildOptions, build_source};
-use deepfield::hierarchy::{Kind, Kinds, Purpose};
+use deepfield::hierarchy::{Kinds, Purpose};
 use deepfield::import::LoadOptions;
 use deepfield::mode::{Depiction, Levels, Mode, Settings};
 use deepfield::modes::{column_density, density_squared};
@@ -20,7 +20,7 @@ const TAU: f64 = 0.8;
 
 fn built(folder: &Path) -> Arc<PageFile> {
     let path = folder.join("clusters.df");
-    let hierarchies = Kinds::of(Kind::ALL);
+    let hierarchies = Kinds::of_particles();
     let options = BuildOptions { hierarchies, ..BuildOptions::default() };
     build_source(&demo(), &LoadOptions::default(), &options, &path, &()).unwrap();
     Arc::new(PageFile::open(&path).unwrap())

@@ -72,6 +72,9 @@ const PREFERRED: [&str; 10] = [
     "potential",
 ];
 
+/// As many particles as the largest codebook has entries.
+pub const FEW_PARTICLES: u64 = 1 << 16;
+
 /// What to build, and with what.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildOptions {
@@ -87,6 +90,9 @@ pub struct BuildOptions {
     pub clusters: ClusterOptions,
     /// Source particles of all families from which on a file gets clusters, where [`BuildOptions::hierarchies`] has them beside others.
     pub clusters_from: u64,
+    /// Source particles of all families below which indices have [`VqBits::Sixteen`] whatever [`OctreeOptions::vq_bits`] is: up to
+    /// [`FEW_PARTICLES`] each has an entry of the codebook of its own.
+    pub exact_below: u64,
     /// Bytes that a page aims at; only a page of a single node may be longer.
     pub page_bytes: usize,
     /// Bytes of memory that the build may take; `None`: half of what the machine has free.
@@ -104,7 +110,9 @@ impl BuildOptions {
     fn for_particles(&self, particles: u64) -> BuildOptions {
         let without: Kinds = Kinds::of(self.hierarchies.iter().filter(|kind| **kind != PCA));
         let is_small = particles < self.clusters_from && !without.is_empty();
-        BuildOptions { hierarchies: if is_small { without } else { self.hierarchies }, ..self.clone() }
+        let hierarchies = if is_small { without } else { self.hierarchies };
+        let vq_bits = if particles < self.exact_below { VqBits::Sixteen } else { self.octree.vq_bits };
+        BuildOptions { hierarchies, octree: OctreeOptions { vq_bits, ..self.octree }, ..self.clone() }
     }
 }
 
@@ -117,6 +125,7 @@ impl Default for BuildOptions {
             hierarchies: Kinds::default(),
             clusters: ClusterOptions::default(),
             clusters_from: 0,
+            exact_below: 0,
             page_bytes: PAGE_BYTES,
             memory: None,
             temporary: None,

@@ -1,9 +1,18 @@
-//! The kinds of hierarchies: what each is called, and what its inner nodes are for and hold. A kind is one constant here and one line in
-//! [`Kind::ALL`]; builds, their help, `info`, `verify` and the window's cache ask this list.
+//! The kinds of hierarchies: what each is called, what it is built over, and what its inner nodes are for and hold. A kind is one constant
+//! here and one line in [`Kind::ALL`]; builds, their help, `info`, `verify` and the window's cache ask this list.
 
 use super::{Encoding, Purpose};
 use std::fmt;
 use std::str::FromStr;
+
+/// What a hierarchy is built over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Matter {
+    /// Particles: several kinds share a file's leaves.
+    Particles,
+    /// Samples of an image or a volume: a file has one kind.
+    Grids,
+}
 
 /// A kind of hierarchy.
 #[derive(Debug)]
@@ -12,9 +21,11 @@ pub struct Kind {
     pub name: &'static str,
     /// What it is, for lists.
     pub about: &'static str,
-    /// What its inner nodes are for; those for the first are there wherever the kind is.
+    /// What it is built over.
+    pub matter: Matter,
+    /// What its inner nodes over particles are for; those for the first are there wherever the kind is.
     pub purposes: &'static [Purpose],
-    /// What its inner nodes hold.
+    /// What its inner nodes over particles hold.
     pub encodings: &'static [Encoding],
 }
 
@@ -22,6 +33,7 @@ pub struct Kind {
 pub static OCTREE: Kind = Kind {
     name: "octree",
     about: "merged particles, an error on the screen",
+    matter: Matter::Particles,
     purposes: &[Purpose::Splats, Purpose::Samples],
     encodings: &[Encoding::Relay, Encoding::Grid],
 };
@@ -30,13 +42,18 @@ pub static OCTREE: Kind = Kind {
 pub static PCA: Kind = Kind {
     name: "pca",
     about: "clusters with a shape, for pictures of few splats",
+    matter: Matter::Particles,
     purposes: &[Purpose::Clusters],
     encodings: &[Encoding::Relay, Encoding::Clusters, Encoding::LeafClusters],
 };
 
+/// Oriented points over bricks of samples (WM03); its nodes are columns of a brick and not nodes of particles.
+pub static WAVELET: Kind =
+    Kind { name: "wavelet", about: "oriented points", matter: Matter::Grids, purposes: &[], encodings: &[] };
+
 impl Kind {
     /// All kinds.
-    pub const ALL: [&'static Kind; 2] = [&OCTREE, &PCA];
+    pub const ALL: [&'static Kind; 3] = [&OCTREE, &PCA, &WAVELET];
 
     /// The kind whose inner nodes are for a purpose.
     pub fn of(purpose: Purpose) -> &'static Kind {
@@ -49,9 +66,10 @@ impl Kind {
         Kind::ALL.into_iter().find(|kind| kind.name == name)
     }
 
-    /// All kinds with what they are, for help.
-    pub fn list() -> String {
-        Kind::ALL.map(|kind| format!("{} ({})", kind.name, kind.about)).join(", ")
+    /// All kinds over something with what they are, for help.
+    pub fn list(matter: Matter) -> String {
+        let kinds = Kind::ALL.into_iter().filter(|kind| kind.matter == matter);
+        kinds.map(|kind| format!("{} ({})", kind.name, kind.about)).collect::<Vec<_>>().join(", ")
     }
 
     fn bit(&self) -> u8 {
@@ -76,6 +94,16 @@ impl Kinds {
     /// These.
     pub fn of<'a>(kinds: impl IntoIterator<Item = &'a Kind>) -> Kinds {
         Kinds(kinds.into_iter().fold(0, |bits, kind| bits | kind.bit()))
+    }
+
+    /// All that are built over particles.
+    pub fn of_particles() -> Kinds {
+        Kinds::of(Kind::ALL.into_iter().filter(|kind| kind.matter == Matter::Particles))
+    }
+
+    /// What they are built over: all the same; `None` where there is none.
+    pub fn matter(self) -> Option<Matter> {
+        self.iter().next().map(|kind| kind.matter)
     }
 
     /// Whether a kind is among them.
@@ -120,7 +148,14 @@ impl FromStr for Kinds {
             let names = || Kind::ALL.map(|kind| kind.name).join(", ");
             Kind::named(name).ok_or_else(|| format!("{name:?}: expected {}", names()))
         });
-        Ok(Kinds::of(kinds.collect::<Result<Vec<_>, _>>()?))
+        let kinds = Kinds::of(kinds.collect::<Result<Vec<_>, _>>()?);
+        let mut matters = kinds.iter().map(|kind| kind.matter);
+        match matters.next() {
+            Some(first) if matters.any(|other| other != first) => {
+                Err(format!("{text:?}: expected hierarchies of particles, or one of images and volumes"))
+            }
+            _ => Ok(kinds),
+        }
     }
 }
 
@@ -137,17 +172,21 @@ mod tests {
         for kind in Kind::ALL {
             assert_eq!(Kind::named(kind.name), Some(kind));
             assert_eq!(kind.name.parse(), Ok(Kinds::of([kind])));
-            assert!(!kind.purposes.is_empty() && !kind.encodings.is_empty());
+            let of_particles = kind.matter == Matter::Particles;
+            assert_eq!([kind.purposes.is_empty(), kind.encodings.is_empty()], [!of_particles; 2]);
         }
-        let all = Kinds::of(Kind::ALL);
+        let all = Kinds::of_particles();
         assert_eq!(all.to_string().parse(), Ok(all));
-        assert_eq!(all.iter().collect::<Vec<_>>(), Kind::ALL);
+        assert_eq!((all.iter().collect::<Vec<_>>(), all.matter()), (vec![&OCTREE, &PCA], Some(Matter::Particles)));
+        assert_eq!(Kinds::of([&WAVELET]).matter(), Some(Matter::Grids));
     }
 
     #[test]
     fn what_is_no_kind_is_named_with_those_that_are() {
-        assert_eq!("octree,kd".parse::<Kinds>(), Err("\"kd\": expected octree, pca".into()));
-        assert_eq!(" pca , octree".parse(), Ok(Kinds::of(Kind::ALL)));
+        assert_eq!("octree,kd".parse::<Kinds>(), Err("\"kd\": expected octree, pca, wavelet".into()));
+        assert_eq!(" pca , octree".parse(), Ok(Kinds::of_particles()));
+        let why = "octree,wavelet".parse::<Kinds>().unwrap_err();
+        assert!(why.contains("expected hierarchies of particles, or one of images and volumes"), "{why}");
         assert!("".parse::<Kinds>().is_err());
     }
 }

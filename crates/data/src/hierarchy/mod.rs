@@ -11,7 +11,7 @@ pub mod wavelet;
 
 pub use attribute_info::{AttributeInfo, Histogram};
 pub use cell::{NodeKey, RootCell};
-pub use kind::{Kind, Kinds};
+pub use kind::{Kind, Kinds, Matter};
 pub use octree::{Encoding, LevelInfo, OctreeOptions};
 pub use pca::ClusterOptions;
 pub use purpose::Purpose;

@@ -263,7 +263,9 @@ impl Hierarchy {
         cut
     }
 
-    /// Refines nodes that come next until `most` points are used: those of the highest price first, then by place.
+    /// Refines nodes that come next until `most` points are used: those of the highest price first, then by place. A node that is refined
+    /// comes with all that is refined below it at its price, since what lies between may be worse than the node itself; where that is too
+    /// much, with as much as fits of what is no worse.
     fn spend(&self, cut: &mut Cut, price: f32, most: usize) {
         let least = price * 0.9;
         let mut next: Vec<(f32, usize, usize)> = Vec::new();
@@ -278,28 +280,78 @@ impl Hierarchy {
         }
         next.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)).then(a.2.cmp(&b.2)));
         let mut left = most.saturating_sub(cut.points);
-        for (_, at, node) in next {
+        let mut below = Vec::new();
+        for (refine, at, node) in next {
             if left == 0 {
                 break;
             }
             let level = &self.levels[at];
             let now = self.points_of(level, node, cut.drawn[at][node]);
             let set = self.points_of(level, node, Drawn::Directed);
-            let finer = if at == 0 { self.shape } else { self.levels[at - 1].shape };
-            let filled = |child: &usize| at == 0 || self.levels[at - 1].samples[*child] > 0;
-            let below: Vec<usize> = children(self.dimensions, finer, place(level.shape, node)).filter(filled).collect();
-            let refined = if at == 0 { level.samples[node] as usize } else { below.len() };
-            if level.refine[node] >= least && refined <= now + left {
+            below.clear();
+            let points = if refine >= least { self.below(at, node, refine, now + left, &mut below) } else { None };
+            if let Some(points) = points {
                 cut.drawn[at][node] = Drawn::Refined;
-                if at > 0 {
-                    below.iter().for_each(|&child| cut.drawn[at - 1][child] = Drawn::Large);
-                }
-                left = (left + now).saturating_sub(refined);
+                below.iter().for_each(|&(at, node, how)| cut.drawn[at][node] = how);
+                left = (left + now).saturating_sub(points);
             } else if cut.drawn[at][node] == Drawn::Large && set > 1 && set <= now + left {
                 cut.drawn[at][node] = Drawn::Directed;
                 left = (left + now).saturating_sub(set);
             }
         }
         self.count(cut);
+    }
+
+    /// How what is below a refined node is drawn at a price, and how many points that is; `None` where even its children alone are more
+    /// than `most`, or are not drawn as near as the node.
+    fn below(
+        &self,
+        at: usize,
+        node: usize,
+        price: f32,
+        most: usize,
+        all: &mut Vec<(usize, usize, Drawn)>,
+    ) -> Option<usize> {
+        let level = &self.levels[at];
+        let Some(finer) = at.checked_sub(1) else {
+            let points = level.samples[node] as usize;
+            return (points <= most).then_some(points);
+        };
+        let nodes = &self.levels[finer];
+        let first = all.len();
+        let (mut points, mut most_off) = (0, 0.0_f32);
+        for child in children(self.dimensions, nodes.shape, place(level.shape, node)) {
+            if nodes.samples[child] == 0 {
+                continue;
+            }
+            let is_set = nodes.set[child] != NONE && price <= nodes.direct[child];
+            let how = if is_set { Drawn::Directed } else { Drawn::Large };
+            most_off = most_off.max(if is_set { nodes.set_max[child] } else { nodes.large_max[child] });
+            points += self.points_of(nodes, child, how);
+            all.push((finer, child, how));
+        }
+        if points > most {
+            return None;
+        }
+        let end = all.len();
+        let is_nearer = most_off <= level.large_max[node].min(level.set_max[node]);
+        for i in first..end {
+            let (_, child, how) = all[i];
+            if nodes.refine[child] < price {
+                continue;
+            }
+            let own = self.points_of(nodes, child, how);
+            let room = most + own - points;
+            let before = all.len();
+            match self.below(finer, child, price, room, all) {
+                Some(more) => {
+                    all[i].2 = Drawn::Refined;
+                    points += more - own;
+                }
+                None => all.truncate(before),
+            }
+        }
+        let is_whole = (first..end).all(|i| nodes.refine[all[i].1] < price || all[i].2 == Drawn::Refined);
+        (is_whole || is_nearer).then_some(points)
     }
 }

@@ -25,6 +25,7 @@ pub mod sets;
 mod survey;
 mod tables;
 pub mod tree;
+pub mod weighting;
 
 pub use brick::{Root, Top};
 pub use bricks::{Bricks, Part};
@@ -40,3 +41,4 @@ pub use reconstruct::errors;
 pub use sets::Set;
 pub use survey::{Fault, FaultOf, Survey, shelf_len};
 pub use tree::{Hierarchy, Level};
+pub use weighting::Weighting;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::build::{BuildOptions, build};
 use crate::color::transfer::TransferFunction;
-use crate::hierarchy::{ClusterOptions, Kind, Kinds, OctreeOptions};
+use crate::hierarchy::{ClusterOptions, Kinds, OctreeOptions};
 use crate::look::LookPatch;
 use crate::mode::SettingValue;
 use crate::mode::levels::{LEVELS, SPLATS};
@@ -59,7 +59,7 @@ fn page_file(folder: &Path, dataset: Dataset, pca: bool) -> PathBuf {
     let octree =
         OctreeOptions { leaf_capacity: 600, vq_bits: crate::codec::VqBits::Sixteen, ..OctreeOptions::default() };
     let options = BuildOptions {
-        hierarchies: if pca { Kinds::of(Kind::ALL) } else { Kinds::default() },
+        hierarchies: if pca { Kinds::of_particles() } else { Kinds::default() },
         clusters: ClusterOptions { shape_bits: 16, ..ClusterOptions::default() },
         octree,
         ..BuildOptions::default()
