@@ -247,11 +247,10 @@ impl Work {
                     unused: 0,
                     tiers,
                 };
-                portions.extend(batches.iter().enumerate().map(|(number, batch)| Portion {
-                    candidates: batch.places,
-                    opening: u32::from(number == 0),
-                    ..whole
-                }));
+                for (number, batch) in batches.iter().enumerate() {
+                    let opening = u32::from(number == 0);
+                    portions.push(Portion { candidates: batch.places, opening, ..whole });
+                }
                 let mut runs = Vec::new();
                 if job.field().is_some() {
                     portions.push(whole);
