@@ -2,7 +2,7 @@
 
 use super::Settings;
 use crate::color::transfer::{Scale, TransferFunction};
-use crate::cpu::field::{Field, ValueAxis};
+use crate::cpu::field::{Field, FieldPoints, ValueAxis};
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::{Scenery, VolumeLevels, VolumeOptions};
 use crate::view::{PerspectiveGrid, View};
@@ -13,6 +13,8 @@ pub struct FieldJob<'a> {
     pub view: &'a View,
     /// The samples, or what stands for them.
     pub field: &'a Field,
+    /// The points that show it, for techniques that draw those.
+    pub points: Option<&'a FieldPoints>,
     /// The channel that colours what the first one shows.
     pub hue: Option<usize>,
     /// What the samples' values are.

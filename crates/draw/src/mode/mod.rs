@@ -147,6 +147,11 @@ impl Mode {
         self.technique.field_dimensions().contains(&dimensions)
     }
 
+    /// Whether it draws a field of so many dimensions, of which there are points or samples alone.
+    pub fn takes_field(&self, dimensions: usize, has_points: bool) -> bool {
+        self.takes_fields_of(dimensions) || has_points && self.technique.takes_points()
+    }
+
     /// Draws an image or a volume on the processor.
     ///
     /// # Errors
@@ -168,7 +173,8 @@ impl Mode {
     /// Refuses fields that it does not draw.
     fn takes(&self, job: &FieldJob<'_>) -> Result<(), VolumeError> {
         let is_volume = job.values.is_volume;
-        let (found, expected) = match (self.takes_fields_of(if is_volume { 3 } else { 2 }), is_volume) {
+        let takes = self.takes_field(if is_volume { 3 } else { 2 }, job.points.is_some());
+        let (found, expected) = match (takes, is_volume) {
             (true, _) => return Ok(()),
             (false, true) => ("one of images", "volume, slice or another one of volumes: the data is one"),
             (false, false) => ("one of volumes", "image: the data is one"),

@@ -162,7 +162,12 @@ pub trait Technique: Sync {
         Ok(None)
     }
 
-    /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for fields of such dimensions.
+    /// Whether [`Technique::draw_field`] draws the points of images and volumes that have some, in place of their samples.
+    fn takes_points(&self) -> bool {
+        false
+    }
+
+    /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for fields of such dimensions, or with their points.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.

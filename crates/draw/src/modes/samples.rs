@@ -8,8 +8,8 @@ use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast};
 use crate::mode::{
-    FieldJob, FieldMarch, FieldPasses, FieldValues, Job, LightPicture, Output, Raw, Setting, SettingKind, Settings,
-    Technique,
+    FieldJob, FieldMarch, FieldPasses, FieldValues, Job, LightPicture, Mode, Output, Raw, Setting, SettingKind,
+    Settings, Technique,
 };
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
@@ -119,6 +119,18 @@ impl FieldLook {
             (_, hue) => TransferFunction::of_values(hue.is_some()),
         };
         TransferFunction { scale: values.shown.scale(), ..usual }
+    }
+
+    /// The same for pictures of a mode: where colours tell something else than values, they are the mode's usual ones.
+    pub fn usual_of(mode: &Mode, settings: &Settings, values: &FieldValues<'_>) -> TransferFunction {
+        let usual = FieldLook::usual(values);
+        match mode.technique.own_colors(settings, &usual) {
+            None => usual,
+            Some(_) => {
+                let own = TransferFunction::preset(mode.transfer[0]).unwrap_or_default();
+                TransferFunction { color_map: own.color_map, ..usual }
+            }
+        }
     }
 
     /// What is drawn.

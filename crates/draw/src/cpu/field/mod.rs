@@ -6,10 +6,14 @@
 pub mod bricks;
 pub mod gradient;
 pub mod plane;
+pub mod points;
+pub mod seen_points;
 pub mod values;
 pub mod xray;
 
 pub use bricks::FieldBricks;
+pub use points::FieldPoints;
+pub use seen_points::{PointLook, SeenPoints};
 pub use values::ValueAxis;
 
 use crate::model::{Bounds, Grid, Unit};

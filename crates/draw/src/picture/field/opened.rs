@@ -1,7 +1,7 @@
 //! An image or a volume, open: its samples, and the points that stand for them.
 
 use super::report::{ErrorValue, PointsReport};
-use crate::cpu::field::{Field, gradient};
+use crate::cpu::field::{Field, FieldPoints, gradient};
 use crate::cpu::volume::Variability;
 use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, errors};
 use crate::import::{GridOptions, GridSource, open_grid};
@@ -70,6 +70,8 @@ pub enum Wanted {
 pub struct Shown {
     /// The values.
     pub field: Arc<Field>,
+    /// The points that show them, where these are wanted.
+    pub points: Option<Arc<FieldPoints>>,
     /// How they came about.
     pub report: PointsReport,
     /// How long reading the points, choosing some of them, and drawing these to a grid took.
@@ -158,10 +160,39 @@ impl OpenField {
     /// # Errors
     /// When the points cannot be read, or there are none.
     pub fn shown(&self, wanted: Option<&Wanted>, channels: &[usize], is_sum: bool) -> Result<Shown, PictureError> {
-        let Some(wanted) = wanted else {
-            let report = PointsReport::exact(self.grid().shape.iter().product());
-            return Ok(Shown { field: self.field(&self.stored, channels), report, times: Default::default() });
+        let Some(wanted) = wanted else { return Ok(self.of_samples(channels)) };
+        let (points, loaded) = self.points()?;
+        let (mut shown, _) = self.of_points(points, wanted, channels, is_sum);
+        shown.times[0] = loaded;
+        Ok(shown)
+    }
+
+    /// The same with the points themselves, which are the samples where nothing else is wanted.
+    ///
+    /// # Errors
+    /// As [`OpenField::shown`].
+    pub fn shown_as_points(&self, wanted: Option<&Wanted>, channels: &[usize]) -> Result<Shown, PictureError> {
+        let (points, loaded) = self.points()?;
+        let (mut shown, cut) = match wanted {
+            Some(wanted) => self.of_points(points, wanted, channels, false),
+            None => (self.of_samples(channels), points.hierarchy.cut(|_, _| Drawn::Refined)),
         };
+        let start = Instant::now();
+        let samples = self.values(&self.stored, channels[0]);
+        shown.points = Some(Arc::new(FieldPoints::new(&points.hierarchy, &cut, &shown.field, &samples)));
+        shown.times[0] = loaded;
+        shown.times[2] += start.elapsed();
+        Ok(shown)
+    }
+
+    /// The samples themselves.
+    fn of_samples(&self, channels: &[usize]) -> Shown {
+        let report = PointsReport::exact(self.grid().shape.iter().product());
+        Shown { field: self.field(&self.stored, channels), points: None, report, times: Default::default() }
+    }
+
+    /// The points, and how long it took to read them.
+    fn points(&self) -> Result<(&Points, Duration), PictureError> {
         let start = Instant::now();
         let points = match self.points.get() {
             Some(points) => points,
@@ -170,10 +201,7 @@ impl OpenField {
                 self.points.get_or_init(|| read)
             }
         };
-        let loaded = start.elapsed();
-        let mut shown = self.of_points(points, wanted, channels, is_sum);
-        shown.times[0] = loaded;
-        Ok(shown)
+        Ok((points, start.elapsed()))
     }
 
     fn read_points(&self) -> Result<Points, PictureError> {
@@ -189,8 +217,8 @@ impl OpenField {
         Ok(Points { curve: hierarchy.curve(), hierarchy })
     }
 
-    /// What some of the points show.
-    fn of_points(&self, points: &Points, wanted: &Wanted, channels: &[usize], is_sum: bool) -> Shown {
+    /// What some of the points show, and which these are.
+    fn of_points(&self, points: &Points, wanted: &Wanted, channels: &[usize], is_sum: bool) -> (Shown, Cut) {
         let (Points { hierarchy, curve }, grid) = (points, self.grid());
         let start = Instant::now();
         let samples = Samples {
@@ -219,7 +247,7 @@ impl OpenField {
         let error_value = ErrorValue { max: off.max, rms: off.rms, bound: off.max };
         let report = PointsReport { error_value, error_color, ..PointsReport::of(&cut) };
         let field = self.field(&planes, channels);
-        Shown { field, report, times: [Duration::ZERO, chosen, start.elapsed()] }
+        (Shown { field, points: None, report, times: [Duration::ZERO, chosen, start.elapsed()] }, cut)
     }
 
     /// How far a stored value may be off.

@@ -7,7 +7,7 @@ use super::report::PointsReport;
 use crate::color::Image;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
-use crate::cpu::field::Field;
+use crate::cpu::field::{Field, FieldPoints};
 use crate::cpu::volume::{Variability, VolumeError, VolumeLevels};
 use crate::import::grid_format;
 use crate::look::{Camera, DataKind, LookPatch, Shot};
@@ -126,15 +126,23 @@ impl FieldSession {
         let values =
             FieldValues { shown: self.opened.statistics(), hue: hue_values.as_deref(), is_volume: dimensions == 3 };
         let LookPatch { settings, transfer: own, .. } = &shot.look;
-        let look = FieldLook::new(&values, settings, own.as_ref(), diameter, &Layers::VOLUME)?;
+        let usual = || FieldLook::usual_of(mode, settings, &values);
+        let transfer = own.clone().unwrap_or_else(usual);
+        let look = FieldLook::new(&values, settings, Some(&transfer), diameter, &Layers::VOLUME)?;
         let wanted = self.wanted(shot, mode, &look);
-        let choice = Choice { wanted, channels, is_sum: output != Output::Light };
-        let (field, report, times) = match before.filter(|before| before.choice == choice) {
-            Some(before) => (before.field, before.report, Default::default()),
+        // What draws no samples draws points.
+        let as_points = !mode.takes_fields_of(dimensions);
+        let choice = Choice { wanted, channels, is_sum: output != Output::Light, as_points };
+        let Shown { field, points, report, times } = match before.filter(|before| before.choice == choice) {
+            Some(PreparedField { field, points, report, .. }) => {
+                Shown { field, points, report, times: Default::default() }
+            }
             None => {
-                let Choice { wanted, channels, is_sum } = &choice;
-                let Shown { field, report, times } = self.opened.shown(wanted.as_ref(), channels, *is_sum)?;
-                (field, report, times)
+                let Choice { wanted, channels, is_sum, .. } = &choice;
+                match as_points {
+                    true => self.opened.shown_as_points(wanted.as_ref(), channels)?,
+                    false => self.opened.shown(wanted.as_ref(), channels, *is_sum)?,
+                }
             }
         };
         let levels = look.levels;
@@ -150,6 +158,7 @@ impl FieldSession {
             transfer,
             levels,
             field,
+            points,
             report,
             choice,
             opened: Arc::clone(&self.opened),
@@ -307,7 +316,7 @@ impl FieldSession {
     /// Refuses what images and volumes are not drawn with.
     fn check(&self, shot: &Shot, mode: &'static Mode) -> Result<(), PictureError> {
         let refuse = |why: String| Err(PictureError::of(self.opened.path(), why));
-        if !mode.takes_fields_of(self.opened.grid().dimensions) {
+        if !self.opened.is_drawn_by(mode) {
             let names: Vec<&str> = self.opened.modes().iter().map(|mode| mode.name).collect();
             let kind = if self.opened.grid().dimensions == 2 { "an image" } else { "a volume" };
             return refuse(format!("mode {} does not draw {kind}, expected one of {}", mode.name, names.join(", ")));
@@ -355,6 +364,8 @@ struct Choice {
     channels: Vec<usize>,
     /// Whether their sums are drawn.
     is_sum: bool,
+    /// Whether points are drawn, not what they show.
+    as_points: bool,
 }
 
 /// A field and what is drawn of it, ready for any view.
@@ -370,6 +381,8 @@ pub struct PreparedField {
     pub levels: VolumeLevels,
     /// What is drawn.
     pub field: Arc<Field>,
+    /// The points themselves, where these are drawn.
+    pub points: Option<Arc<FieldPoints>>,
     /// The points that it is made of.
     pub report: PointsReport,
     choice: Choice,
@@ -424,6 +437,7 @@ impl PreparedField {
         FieldJob {
             view,
             field: &self.field,
+            points: self.points.as_deref(),
             hue: self.hue_channel(),
             values: FieldValues { shown: self.opened.statistics(), hue, is_volume: self.field.dimensions == 3 },
             settings: &self.settings,

@@ -16,6 +16,8 @@ use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+mod points;
+
 /// A file of a volume of bytes.
 fn volume(folder: &Path, shape: [u64; 3], value: impl Fn([u64; 3]) -> f64) -> PathBuf {
     let grid = Grid::volume(shape, SampleType::U8, Channel::numbered(1));
