@@ -73,6 +73,7 @@ impl Wanted<'_> {
         with(&FieldJob {
             view: &self.view,
             field: &volume.field,
+            points: None,
             hue: self.hue.then_some(1),
             values: FieldValues { shown, hue: self.hue.then_some(hue), is_volume: true },
             settings: &Settings(settings.collect()),

@@ -30,8 +30,17 @@ pub static TRANSFER_SENSITIVITY: Setting = Setting {
     help: "of images and volumes: one point shows all values whose opacities and colours differ by no more than this, of 255; 0: none",
 };
 
+/// What a number of points keeps small.
+pub static WEIGHTING: Setting = Setting {
+    name: "weighting",
+    unit: "",
+    kind: SettingKind::Choice { options: &["rms", "max", "perceptual"] },
+    help: "of images and volumes drawn from a number of points: whether these keep the mean squared error small, the largest one, or errors \
+           as well as the eye sees them, by their cycles a degree",
+};
+
 /// Settings of every mode of images and volumes.
-pub static SAMPLES: &[&Setting] = &[&ERROR_VALUE, &TRANSFER_SENSITIVITY];
+pub static SAMPLES: &[&Setting] = &[&ERROR_VALUE, &TRANSFER_SENSITIVITY, &WEIGHTING];
 
 /// Width of a cell of the perspective grid in samples of the field: narrower ones would show nothing more.
 const CELL: f64 = 0.67;

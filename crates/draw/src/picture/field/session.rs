@@ -3,19 +3,21 @@
 use super::in_time::{self, InTime};
 use super::opened::{OpenField, Shown, Wanted, colors_of};
 use super::painting::{Painter, Painting};
+use super::perception;
 use super::report::PointsReport;
 use crate::color::Image;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::field::{Field, FieldPoints};
 use crate::cpu::volume::{Variability, VolumeError, VolumeLevels};
+use crate::hierarchy::wavelet::Weighting;
 use crate::import::grid_format;
 use crate::look::{Camera, DataKind, LookPatch, Shot};
 use crate::mode::{FieldJob, FieldPasses, FieldValues, Mode, Output, Raw, Settings, ValueStatistics};
 use crate::model::Bounds;
 use crate::modes;
 use crate::modes::grid::Layers;
-use crate::modes::samples::{ERROR_VALUE, FieldLook, TRANSFER_SENSITIVITY};
+use crate::modes::samples::{ERROR_VALUE, FieldLook, TRANSFER_SENSITIVITY, WEIGHTING};
 use crate::picture::adapter::Adapter;
 use crate::picture::annotation::Annotation;
 use crate::picture::left_out::LeftOut;
@@ -129,7 +131,7 @@ impl FieldSession {
         let usual = || FieldLook::usual_of(mode, settings, &values);
         let transfer = own.clone().unwrap_or_else(usual);
         let look = FieldLook::new(&values, settings, Some(&transfer), diameter, &Layers::VOLUME)?;
-        let wanted = self.wanted(shot, mode, &look);
+        let wanted = self.wanted(shot, mode, &look)?;
         // What draws no samples draws points.
         let as_points = !mode.takes_fields_of(dimensions);
         let choice = Choice { wanted, channels, is_sum: output != Output::Light, as_points };
@@ -334,14 +336,34 @@ impl FieldSession {
         Ok(())
     }
 
+    /// What a number of points is to keep small.
+    fn weighting(&self, shot: &Shot) -> Result<Weighting, PictureError> {
+        Ok(match &*shot.look.settings.name(&WEIGHTING) {
+            "max" => Weighting::Max,
+            "perceptual" => {
+                let grid = self.opened.grid();
+                let view = view_of(shot, grid.bounds(), grid.dimensions)?;
+                let columns = (0..grid.dimensions).map(|axis| grid.to_world.matrix3.col(axis).length());
+                let spacing = columns.fold(f64::INFINITY, f64::min);
+                let levels = grid.shape.iter().max().map_or(0, |side| u64::BITS - side.leading_zeros()) as usize;
+                let samples = perception::samples_a_degree(&view, grid.bounds(), spacing);
+                Weighting::Levels(perception::weights(levels, samples))
+            }
+            _ => Weighting::Rms,
+        })
+    }
+
     /// The points that a shot asks for; `None` for the samples.
-    fn wanted(&self, shot: &Shot, mode: &Mode, look: &FieldLook) -> Option<Wanted> {
+    fn wanted(&self, shot: &Shot, mode: &Mode, look: &FieldLook) -> Result<Option<Wanted>, PictureError> {
         let settings = &shot.look.settings;
         let points = shot.look.budget.level_choice().splats;
         let error = Some(settings.number(&ERROR_VALUE)).filter(|error| *error > 0.0);
-        match points {
+        Ok(match points {
             _ if self.options.exact.is_some() => None,
-            Some(points) => Some(Wanted::Points(usize::try_from(points).unwrap_or(usize::MAX))),
+            Some(points) => {
+                let weighting = self.weighting(shot)?;
+                Some(Wanted::Points(usize::try_from(points).unwrap_or(usize::MAX), weighting))
+            }
             // Of a source that was not built there is nothing but the samples.
             None if !self.opened.has_points() => None,
             None => {
@@ -351,7 +373,7 @@ impl FieldSession {
                     .then(|| (Variability::new(&look.classifier, look.axis), sensitivity));
                 Some(Wanted::Near { error, seen })
             }
-        }
+        })
     }
 }
 
