@@ -1,7 +1,7 @@
 //! How a mode is drawn: what a technique needs, which backends it has, what it is handed and what it hands back. What draws
 //! asks the technique and never for the mode.
 
-use super::{FieldJob, Footprint, Settings};
+use super::{FieldJob, FieldPasses, Footprint, Settings};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::cartesian::CartesianOptions;
@@ -147,6 +147,19 @@ pub trait Technique: Sync {
     /// Of which dimensions the fields are that [`Technique::draw_field`] draws: 2 for images, 3 for volumes.
     fn field_dimensions(&self) -> &'static [usize] {
         &[]
+    }
+
+    /// Whether an adapter draws images or volumes by what [`Technique::field_passes`] says.
+    fn has_field_passes(&self) -> bool {
+        false
+    }
+
+    /// What an adapter's passes draw of an image or a volume; [`super::Mode::field_passes`] calls it for fields of the dimensions that it draws.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw_field`].
+    fn field_passes(&self, _job: &FieldJob<'_>) -> Result<Option<FieldPasses>, VolumeError> {
+        Ok(None)
     }
 
     /// Whether [`Technique::draw_field`] draws the points of images and volumes that have some, in place of their samples.

@@ -5,7 +5,7 @@ use super::sets::{NONE, Set, directions};
 use super::tree::{Hierarchy, Level};
 use rayon::prelude::*;
 
-/// A node's set is good enough where the root of its mean squared error is below this share of the range: half a step of 8 bits.
+/// What is drawn of a node is good enough where the root of its mean squared error is below this share of the range: half a step of 8 bits.
 const TOLERANCE: f32 = 1.0 / 512.0;
 /// A directed set that is not good enough still tells what a node is where it leaves at most this share of what the large point leaves.
 const DIRECTED: f32 = 0.5;
@@ -39,11 +39,15 @@ pub struct LevelKinds {
     pub directed: Vec<usize>,
 }
 
+/// The squared error per sample that is good enough, weighted over planes of these ranges.
+pub(super) fn tolerance(weights: &[f32], ranges: &[(f32, f32)]) -> f32 {
+    let spans = ranges.iter().map(|(low, high)| high - low);
+    weights.iter().zip(spans).map(|(w, span)| w * span * span).sum::<f32>() * TOLERANCE * TOLERANCE
+}
+
 impl Hierarchy {
-    /// The squared error per sample that is good enough.
     fn tolerance(&self) -> f32 {
-        let spans = self.ranges.iter().map(|(low, high)| high - low);
-        self.planes.weights.iter().zip(spans).map(|(w, span)| w * span * span).sum::<f32>() * TOLERANCE * TOLERANCE
+        tolerance(&self.planes.weights, &self.ranges)
     }
 
     /// What a node of a hierarchy that was built is; a file has no more than what [`Hierarchy::kinds`] found.

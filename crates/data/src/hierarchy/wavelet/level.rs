@@ -7,6 +7,7 @@ use super::choose::choose;
 use super::error::Types;
 use super::fit::{REACH, splines};
 use super::grid::{Shape, children_in, for_each_place, for_each_place_with};
+use super::kinds::tolerance;
 use super::pyramid::{Means, counts};
 use super::sets::{MOST, NONE, Set, nearest};
 use super::tables::{Entry, Table, dot};
@@ -216,12 +217,11 @@ impl Nodes<'_> {
             variation += self.weights[p] * dot(x, x);
             uneven += self.weights[p] * dot(rest, rest);
         }
-        let count = counts(self.dimensions, self.shapes[0], self.level);
-        let share = count(at) as f32 / (self.cells.samples * n as f32);
+        let count = counts(self.dimensions, self.shapes[0], self.level)(at) as f32;
+        let share = count / (self.cells.samples * n as f32);
         found.large_error *= share;
-        let worth = self.weights.iter().zip(self.ranges).map(|(w, (low, high))| w * (high - low) * (high - low));
-        let worth = worth.sum::<f32>() * 1e-8 * n as f32;
-        if self.types == Types::Round || found.large_error <= 0.0 || variation <= worth {
+        // Where one point is good enough, a set would take bytes of the file for nothing that is seen.
+        if self.types == Types::Round || found.large_error <= tolerance(self.weights, self.ranges) * count {
             return found;
         }
         let children = children_in(self.dimensions, self.shapes[1], at).count();

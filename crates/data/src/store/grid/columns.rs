@@ -6,14 +6,16 @@ use crate::hierarchy::wavelet::Level;
 use crate::hierarchy::wavelet::sets::{MOST, NONE, Set};
 
 /// Steps of a price's logarithm to base 2.
-const PRICE_STEPS: f32 = 32.0;
+const PRICE_STEPS: f32 = 8.0;
 /// Steps of an error's logarithm to base 2.
 const ERROR_STEPS: f32 = 8.0;
 /// The price of what is refined whatever a point costs, and of what is not there.
 const ALWAYS: u64 = 0xffff;
 const NEVER: u64 = 0xfffe;
-/// The points of a directed set.
-const POINTS: [usize; MOST] = [0, 1, 2];
+/// Of a node's flags: the large point blends with its neighbours, the set lies on blended points, all samples are the same.
+const SOFT: u64 = 1;
+const LAID: u64 = 2;
+const CONSTANT: u64 = 4;
 /// The logarithm that code 1 stands for.
 const LEAST: f32 = -140.0;
 
@@ -121,29 +123,53 @@ impl Columns<'_> {
         let mut column = |words, shape, of: &dyn Fn(usize) -> u64, nodes: &[usize]| {
             encode(words, shape, &[nodes.iter().map(|node| of(*node)).collect()], out);
         };
-        column(BYTE, shape, &|node| level.set[node].into(), nodes);
-        column(BYTE, shape, &|node| u64::from(level.soft[node]) | u64::from(level.laid[node]) << 1, nodes);
+        let flag = |is: bool, flag: u64| if is { flag } else { 0 };
+        let is_constant = |node: usize| {
+            let prices = [level.refine[node], level.direct[node]];
+            level.set[node] == NONE && level.large_max[node] == 0.0 && prices == [0.0; 2]
+        };
+        let flags = |node: usize| {
+            let known = flag(level.soft[node], SOFT) | flag(level.laid[node], LAID);
+            known | flag(is_constant(node), CONSTANT)
+        };
+        column(BYTE, shape, &flags, nodes);
         if self.has_holes {
             column(WHOLE, shape, &|node| level.samples[node].into(), nodes);
         }
         for (plane, &low) in level.large.iter().zip(self.low) {
             column(self.values.words(), shape, &|node| self.values.code(plane[node], low), nodes);
         }
-        column(SHORT, shape, &|node| price_code(level.refine[node]), nodes);
-        column(SHORT, shape, &|node| error_code(level.large_max[node]), nodes);
-        // What directed sets alone have is in a row.
-        let directed: Vec<usize> = nodes.iter().copied().filter(|node| level.set[*node] != NONE).collect();
+        // What some nodes alone have is in rows.
+        let uneven: Vec<usize> = nodes.iter().copied().filter(|&node| !is_constant(node)).collect();
+        if uneven.is_empty() {
+            return;
+        }
+        let row = [uneven.len(), 1, 1];
+        column(BYTE, row, &|node| level.set[node].into(), &uneven);
+        column(SHORT, row, &|node| price_code(level.refine[node]), &uneven);
+        column(SHORT, row, &|node| error_code(level.large_max[node]), &uneven);
+        let directed: Vec<usize> = uneven.into_iter().filter(|node| level.set[*node] != NONE).collect();
         if directed.is_empty() {
             return;
         }
         let row = [directed.len(), 1, 1];
         column(SHORT, row, &|node| price_code(level.direct[node]), &directed);
         column(SHORT, row, &|node| error_code(level.set_max[node]), &directed);
-        for (plane, &low) in level.points.iter().zip(self.low) {
-            for point in POINTS {
-                column(self.values.words(), row, &|node| self.values.code(plane[node][point], low), &directed);
+        for point in 0..MOST {
+            let with: Vec<usize> = directed.iter().copied().filter(|&node| self.points(level, node) > point).collect();
+            if with.is_empty() {
+                return;
+            }
+            let row = [with.len(), 1, 1];
+            for (plane, &low) in level.points.iter().zip(self.low) {
+                column(self.values.words(), row, &|node| self.values.code(plane[node][point], low), &with);
             }
         }
+    }
+
+    /// Points of a node's directed set.
+    fn points(&self, level: &Level, node: usize) -> usize {
+        Set::of(self.dimensions, level.set[node]).map_or(0, |set| set.points)
     }
 
     /// Reads what [`Columns::encode`] has written into a level, and how many bytes that was; `None` where it makes no sense.
@@ -154,13 +180,13 @@ impl Columns<'_> {
             at += taken;
             columns.pop()
         };
-        let set = column(BYTE, shape)?;
-        if set.iter().any(|code| *code as u8 != NONE && Set::of(self.dimensions, *code as u8).is_none()) {
+        let flags = column(BYTE, shape)?;
+        if flags.iter().any(|flags| *flags > (SOFT | LAID | CONSTANT)) {
             return None;
         }
-        let flags = column(BYTE, shape)?;
-        for ((&node, set), flags) in nodes.iter().zip(&set).zip(flags) {
-            (level.set[node], level.soft[node], level.laid[node]) = (*set as u8, flags & 1 == 1, flags >> 1 & 1 == 1);
+        for (&node, flags) in nodes.iter().zip(&flags) {
+            (level.soft[node], level.laid[node]) = (flags & SOFT != 0, flags & LAID != 0);
+            (level.set[node], level.refine[node], level.direct[node], level.large_max[node]) = (NONE, 0.0, 0.0, 0.0);
         }
         if self.has_holes {
             let samples = column(WHOLE, shape)?;
@@ -170,27 +196,44 @@ impl Columns<'_> {
             let values = column(self.values.words(), shape)?;
             nodes.iter().zip(values).for_each(|(&node, code)| plane[node] = self.values.value(code, low));
         }
-        let refine = column(SHORT, shape)?;
-        let most = column(SHORT, shape)?;
-        for ((&node, refine), most) in nodes.iter().zip(refine).zip(most) {
-            level.refine[node] = price(refine);
-            level.direct[node] = price(refine);
+        let uneven: Vec<usize> =
+            nodes.iter().zip(flags).filter(|(_, flags)| flags & CONSTANT == 0).map(|(node, _)| *node).collect();
+        if uneven.is_empty() {
+            return Some(at);
+        }
+        let row = [uneven.len(), 1, 1];
+        for (&node, code) in uneven.iter().zip(column(BYTE, row)?) {
+            let set = code as u8;
+            if set != NONE && Set::of(self.dimensions, set).is_none() {
+                return None;
+            }
+            level.set[node] = set;
+        }
+        for (&node, refine) in uneven.iter().zip(column(SHORT, row)?) {
+            (level.refine[node], level.direct[node]) = (price(refine), price(refine));
+        }
+        for (&node, most) in uneven.iter().zip(column(SHORT, row)?) {
             level.large_max[node] = error(most);
         }
-        let directed: Vec<usize> =
-            nodes.iter().zip(&set).filter(|(_, set)| **set as u8 != NONE).map(|(n, _)| *n).collect();
+        let directed: Vec<usize> = uneven.into_iter().filter(|node| level.set[*node] != NONE).collect();
         if directed.is_empty() {
             return Some(at);
         }
         let row = [directed.len(), 1, 1];
-        let direct = column(SHORT, row)?;
-        let most = column(SHORT, row)?;
-        for ((&node, direct), most) in directed.iter().zip(direct).zip(most) {
-            (level.direct[node], level.set_max[node]) = (price(direct), error(most));
+        for (&node, direct) in directed.iter().zip(column(SHORT, row)?) {
+            level.direct[node] = price(direct);
         }
-        for (plane, &low) in level.points.iter_mut().zip(self.low) {
-            for point in POINTS {
-                for (&node, code) in directed.iter().zip(column(self.values.words(), row)?) {
+        for (&node, most) in directed.iter().zip(column(SHORT, row)?) {
+            level.set_max[node] = error(most);
+        }
+        for point in 0..MOST {
+            let with: Vec<usize> = directed.iter().copied().filter(|&node| self.points(level, node) > point).collect();
+            if with.is_empty() {
+                break;
+            }
+            let row = [with.len(), 1, 1];
+            for (plane, &low) in level.points.iter_mut().zip(self.low) {
+                for (&node, code) in with.iter().zip(column(self.values.words(), row)?) {
                     plane[node][point] = self.values.value(code, low);
                 }
             }

@@ -3,7 +3,7 @@
 use super::report::{ErrorValue, PointsReport};
 use crate::cpu::field::{Field, FieldPoints, gradient};
 use crate::cpu::volume::Variability;
-use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, errors};
+use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, Weighting, errors};
 use crate::import::{GridOptions, GridSource, open_grid};
 use crate::look::DataKind;
 use crate::mode::ValueStatistics;
@@ -55,8 +55,8 @@ struct Points {
 /// Which points are wanted of a field.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wanted {
-    /// The best so many points.
-    Points(usize),
+    /// The best so many points, and what they keep small.
+    Points(usize, Weighting),
     /// As few points as leave values, or else what a transfer function shows of them, nearly as they are.
     Near {
         /// How far a value may be off; as said of [`crate::modes::samples::ERROR_VALUE`] where nothing is.
@@ -228,7 +228,7 @@ impl OpenField {
         };
         // Values that must be found among others of the same look, and by how much that may be.
         let (cut, alike) = match wanted {
-            Wanted::Points(most) => (hierarchy.cut_on(curve, *most), None),
+            Wanted::Points(most, weighting) => (hierarchy.cut_weighted(curve, *most, weighting), None),
             Wanted::Near { error, seen: Some(seen) } => {
                 let (cut, alike) = self.cut_alike(hierarchy, *error, seen);
                 (cut, Some(alike))
@@ -240,12 +240,18 @@ impl OpenField {
         let mut planes = hierarchy.reconstruct(&samples, &cut);
         let error_color = alike.map(|alike| alike.hold(self, hierarchy, &cut, &mut planes[0]));
         // What is to be near everywhere stays so.
-        if is_sum && matches!(wanted, Wanted::Points(_)) {
+        if is_sum && matches!(wanted, Wanted::Points(..)) {
             keep_sum(&mut planes[0], &self.stored[0]);
         }
         let off = errors(&samples, &planes);
         let error_value = ErrorValue { max: off.max, rms: off.rms, bound: off.max };
-        let report = PointsReport { error_value, error_color, ..PointsReport::of(&cut) };
+        let weighting = match wanted {
+            Wanted::Points(_, Weighting::Rms) => Some("rms"),
+            Wanted::Points(_, Weighting::Max) => Some("max"),
+            Wanted::Points(_, Weighting::Levels(_)) => Some("perceptual"),
+            Wanted::Near { .. } => None,
+        };
+        let report = PointsReport { error_value, error_color, weighting, ..PointsReport::of(&cut) };
         let field = self.field(&planes, channels);
         (Shown { field, points: None, report, times: [Duration::ZERO, chosen, start.elapsed()] }, cut)
     }
