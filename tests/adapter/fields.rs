@@ -117,7 +117,7 @@ fn compare(adapter: &mut Offscreen, volume: &Volume, wanted: &Wanted<'_>, what: 
     println!("{what}: {error:.2e}, at most {most:.2e}; {} slabs, {} bricks", report.slabs, report.bricks);
     assert!(error < 5e-5, "{what}: {error:.2e}, at most {most:.2e}");
     assert_eq!(report.grid, by_processor.grid, "{what}");
-    assert!(report.bricks > 20, "{what}: {report:?}");
+    assert!(report.bricks > 0, "{what}: {report:?}");
     (found, report)
 }
 
@@ -161,9 +161,11 @@ fn volumes_and_surfaces_of_samples_are_those_of_the_processor() {
 fn decades_are_placed_by_their_logarithm() {
     let volume = volume(Some(0.02));
     let mut adapter = Offscreen::preferred();
-    let transfer = "(scale: log, range: fixed(0.1, 20.0), opacity: [(0.0, 0.0), (0.2, 0.02), (1.0, 0.9)])";
+    let plain = "(scale: log, range: fixed(0.1, 20.0), opacity: [(0.0, 0.0), (0.2, 0.02), (1.0, 0.9)])";
+    let with_hue = "(scale: log, range: fixed(0.1, 20.0), opacity: [(0.0, 0.0), (0.2, 0.02), (1.0, 0.9)], \
+                    hue: (scale: linear, range: fixed(0.0, 40.0), color_map: \"turbo\"))";
     for mode in ["volume", "volume-isosurface"] {
-        for hue in [false, true] {
+        for (hue, transfer) in [(false, plain), (true, with_hue)] {
             let view = view(&volume, PERSPECTIVE, 0.9);
             let wanted = Wanted { mode, settings: &[], transfer: Some(transfer), hue, view };
             compare(&mut adapter, &volume, &wanted, &format!("{mode}, log, hue {hue}"));
@@ -250,6 +252,20 @@ fn little_memory_makes_samples_coarser() {
     let (expected, _) = wanted.processor(&volume);
     let (error, _) = difference(&found, &expected);
     assert!(error > 1e-3 && error < 0.2, "means of two along each axis: {error}");
+
+    // Windows of the picture, where cells of all of it do not fit into a buffer.
+    let limits =
+        wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, max_buffer_size: 1 << 20, ..Default::default() };
+    let device = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
+    let large = Wanted { view: view.resized(500, 300), ..wanted };
+    let FieldPasses::March(march) = large.passes(&volume) else { panic!("no march") };
+    let request = HeadlessRequest { device, ..HeadlessRequest::without_particles(&large.view, false) };
+    let mut renderer = HeadlessRenderer::open(&request).unwrap();
+    let job = VolumeJob::of_field(2, &large.view, &volume.field, None, &march);
+    let (found, findings, _) = renderer.volume(VolumeView::of_field(job, u64::MAX, 4), 1).unwrap();
+    let (error, most) = difference(&found, &large.processor(&volume).0);
+    println!("windows: {error:.2e}, at most {most:.2e}, {:?} slabs", findings.slabs);
+    assert!(findings.coarser.is_none() && findings.slabs[1] > 2 && error < 5e-5, "{error} {findings:?}");
 }
 
 #[test]

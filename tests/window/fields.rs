@@ -88,21 +88,27 @@ fn a_volume_is_opened_and_turned() {
     let folder = folder.path();
     let path = folder.join("balls.nrrd");
     balls(&path);
-    let desktop = Desktop::with_screen([960, 600]);
-    let mut program = Program::open(&desktop, folder, &path, [960, 600], &[]);
-    let first = program.wait("a converged picture", |status| status["converged"] == true);
-    assert_eq!((&first["mode"], &first["levels"]), (&"volume".into(), &"samples".into()), "{first:#}");
-    let lit = |screen: &Screen| screen.share(columns(&first), |pixel| pixel.iter().any(|&c| c > 40));
-    desktop.wait("the volume", |screen| lit(screen) > 0.05);
-    keep(&desktop, "field-window.png");
-    let [x, y] = super::desktop::middle(&first);
-    let turned = super::desktop::repeat(
-        &program,
-        "a drag",
-        || desktop.drag([x, y], [x + 60, y + 20]),
-        |status| status["eye"] != first["eye"],
-    );
-    assert_eq!(turned["mode"], "volume");
+    for backend in ["cpu", "compute"] {
+        let desktop = Desktop::with_screen([960, 600]);
+        let mut program = Program::open(&desktop, folder, &path, [960, 600], &["--backend", backend]);
+        let first = program.wait("a converged picture", |status| status["converged"] == true);
+        assert_eq!(
+            (&first["mode"], &first["levels"], &first["backend"]),
+            (&"volume".into(), &"samples".into(), &backend.into()),
+            "{first:#}"
+        );
+        let lit = |screen: &Screen| screen.share(columns(&first), |pixel| pixel.iter().any(|&c| c > 40));
+        desktop.wait("the volume", |screen| lit(screen) > 0.05);
+        keep(&desktop, &format!("field-window-{backend}.png"));
+        let [x, y] = super::desktop::middle(&first);
+        let turned = super::desktop::repeat(
+            &program,
+            "a drag",
+            || desktop.drag([x, y], [x + 60, y + 20]),
+            |status| status["eye"] != first["eye"],
+        );
+        assert_eq!((&turned["mode"], &turned["backend"]), (&"volume".into(), &backend.into()));
+    }
 }
 
 #[test]
