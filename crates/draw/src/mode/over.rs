@@ -22,7 +22,7 @@ impl Technique for OverSplats {
     fn needs(&self, settings: &Settings) -> Needs {
         let needs = self.sums.needs(settings);
         // Discs of a fixed number of pixels have no depth.
-        Needs { densities: needs.footprint == Footprint::Kernel, ..needs }
+        Needs { densities: needs.footprint == Footprint::Kernel, blur_px: over::LOW_PASS, ..needs }
     }
 
     fn takes_clusters(&self) -> bool {
@@ -43,7 +43,8 @@ impl Technique for OverSplats {
         let colors = &SplatColors::new(transfer, levels);
         let (order, kernel) = (job.settings.order(), job.options.kernel);
         let column = own_column(self.conserves, kernel, (job.mean_mass, job.density_scale));
-        let (colors, report) = over::draw(job.view, job.batches, &Over { order, kernel, colors, column });
+        let around = job.around;
+        let (colors, report) = over::draw(job.view, job.batches, &Over { order, kernel, colors, column, around });
         let levels = VolumeLevels { density: levels.p, attribute: levels.s, unit_length: 0.0 };
         Ok(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() }))
     }

@@ -54,6 +54,8 @@ pub struct Needs {
     pub particles: bool,
     /// How far beyond the picture it looks, pixels.
     pub margin_px: u32,
+    /// How far its splats reach beyond their footprint, pixels.
+    pub blur_px: f64,
     /// Whether depth is divided between the near and the far plane, so that where samples lie depends on both.
     pub slices: bool,
     /// Whether it resamples all of the data where that is, whatever the view.
@@ -72,6 +74,7 @@ impl Default for Needs {
             densities: false,
             particles: true,
             margin_px: 1,
+            blur_px: 0.0,
             slices: false,
             of_data: false,
             hides: false,
@@ -186,6 +189,8 @@ pub struct Job<'a> {
     pub mean_mass: f64,
     /// Paths that are drawn among it, by techniques that take them.
     pub paths: Option<&'a PathFragments>,
+    /// Angle of a pixel of the panorama that the picture is a face of, radians; `None` for a flat picture.
+    pub around: Option<f64>,
 }
 
 impl<'a> Job<'a> {
@@ -418,6 +423,7 @@ mod tests {
             density_scale: 1.0,
             mean_mass: 1.0,
             paths: None,
+            around: None,
         };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");

@@ -283,6 +283,7 @@ mod tests {
             density_scale: 1.0,
             mean_mass: 1.0,
             paths: None,
+            around: None,
         };
         let light = MODE.draw(&job).and_then(|raw| raw.light(&MODE)).expect("outlines");
         let gradient = transfer.color_map.sample(ENTRIES);

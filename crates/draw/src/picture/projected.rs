@@ -289,7 +289,7 @@ impl Projector {
         let decoded = batches(depiction, &decoded)?;
         self.shoot(SPLATS, |face| {
             means.go_on()?;
-            let seen = seen(depiction.footprint(), face);
+            let seen = seen(depiction.reach_px(), face);
             let pixel = face.around.map(|[pixel, _]| pixel);
             if is_decoded {
                 let (sums, counts) = subject.sum_batches(face.view, &seen_of(&decoded, &seen), pixel)?;
@@ -326,6 +326,7 @@ impl Projector {
     ) -> Result<LightPicture, PictureError> {
         let &Subject { metadata, depiction, .. } = subject;
         let Needs { margin_px, of_data, .. } = depiction.needs();
+        let reach = depiction.reach_px();
         let whole = if of_data { None } else { self.select_within(means, subject, tally)? };
         let is_of_all = of_data || whole.is_some();
         // Where faces do not share what they draw, all the data is read for ranges that are looked for.
@@ -348,7 +349,7 @@ impl Projector {
                 true => None,
                 false => {
                     let detail = shared.depiction.detail(face.view, tau * face.scale(), metadata);
-                    let own = means.converge(face.view, detail)?;
+                    let own = means.converge(&seen(reach, face), detail)?;
                     tally.add(&own, face.scale());
                     Some(own)
                 }
@@ -357,16 +358,17 @@ impl Projector {
             let takes_paths = depiction.mode.technique.takes_paths();
             let among = takes_paths.then(|| means.paths_in(face).map(PathLayer::fragments)).flatten();
             let among = among.as_ref();
+            let around = face.around.map(|[pixel, _]| pixel);
             let painted = match (&mut means.adapter, &own) {
                 (Some((passes, adapter)), _) => {
                     let painter = (*passes, &mut **adapter);
                     let shared = shared.subject(subject);
                     adapter_faces::light(painter, &shared, face.view, &selection.nodes, &mut tally.drawn_by)?
                 }
-                (None, None) => shared.paint(subject, face.view, &all, among)?,
+                (None, None) => shared.paint(subject, face.view, &all, (among, around))?,
                 (None, Some(selection)) => {
                     let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-                    shared.paint(subject, face.view, &batches(depiction, &nodes)?, among)?
+                    shared.paint(subject, face.view, &batches(depiction, &nodes)?, (among, around))?
                 }
             };
             let Some(mut painted) = painted else {
@@ -391,16 +393,13 @@ impl Projector {
     ) -> Result<Option<SceneSelection>, PictureError> {
         let Subject { metadata, depiction, .. } = *subject;
         let Detail::Budget { splats, .. } = depiction.detail(&self.base, 1.0, metadata) else { return Ok(None) };
-        let disc = match depiction.footprint() {
-            Footprint::Kernel => 0.0,
-            Footprint::Pixels(radius) => f64::from(radius),
-        };
+        let reach = depiction.reach_px();
         let (view, scope) = match (&self.panorama, self.stereo) {
             (Some(panorama), stereo) => {
                 let [right, up, forward] = panorama.frame();
                 let pixel = panorama.pixel_angle();
                 // A face's pixels are narrower towards its edges, as in `seen`.
-                let half_angle = panorama.half_angle() + 3.0 * pixel * disc;
+                let half_angle = panorama.half_angle() + 3.0 * pixel * reach;
                 let away = stereo.map_or(0.0, |stereo| 0.5 * stereo.separation);
                 (View { right, up, forward, ..self.base }, Scope::Around { half_angle, pixel, away })
             }
@@ -452,11 +451,11 @@ fn seen_of<'a>(batches: &[Splats<'a>], view: &View) -> Vec<Splats<'a>> {
     batches.iter().filter(is_seen).copied().collect()
 }
 
-/// The view by which nodes are selected: discs reach into a face from outside.
-fn seen(footprint: Footprint, face: &Face<'_>) -> View {
-    match footprint {
-        Footprint::Kernel => *face.view,
-        // A face's pixels are narrower towards its edges, by half and more.
-        Footprint::Pixels(radius) => face.view.padded((3.0 * face.scale() * f64::from(radius)).ceil() as u32),
+/// The view by which nodes are selected: what lies outside of a face reaches so many of the picture's pixels into it.
+fn seen(reach: f64, face: &Face<'_>) -> View {
+    // A face's pixels are narrower towards its edges, by half and more.
+    match (3.0 * face.scale() * reach).ceil() as u32 {
+        0 => *face.view,
+        pixels => face.view.padded(pixels),
     }
 }

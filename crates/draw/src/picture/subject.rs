@@ -125,6 +125,20 @@ impl<'a> Subject<'a> {
         self.depiction.mode.draw(&Job { paths, ..self.job(view, batches, plan) })
     }
 
+    /// The same as a face of a panorama whose pixels are `around` radians wide, or as a flat picture.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub(super) fn draw_face(
+        &self,
+        view: &View,
+        batches: &[Splats<'_>],
+        paths: Option<&PathFragments>,
+        around: Option<f64>,
+    ) -> Result<Raw, VolumeError> {
+        self.depiction.mode.draw(&Job { paths, around, ..self.job(view, batches, &Plan::default()) })
+    }
+
     /// Sums of nodes on a face of a panorama whose pixels are `pixel` radians wide, or in a flat picture.
     ///
     /// # Errors
@@ -226,6 +240,7 @@ impl<'a> Subject<'a> {
             density_scale,
             mean_mass: self.mean_mass,
             paths: None,
+            around: None,
         }
     }
 

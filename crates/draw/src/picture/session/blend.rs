@@ -24,7 +24,7 @@ impl Session {
                 format!("lays kernels over each other, found footprint {}", sprite.name())
             }
             Some(Backend::Compute | Backend::Raster) => "only --backend cpu draws it".to_owned(),
-            _ if !shot.surround.is_flat() => "only flat pictures are drawn so".to_owned(),
+            _ if !lies_over && !shot.surround.is_flat() => "only flat pictures are drawn so".to_owned(),
             _ => return Ok(()),
         };
         Err(PictureError::Asked(format!("{asked}: {why}")))
