@@ -30,6 +30,7 @@ pub mod measure;
 pub mod mode_view;
 pub mod moving;
 pub mod offscreen;
+pub mod over_splats;
 pub mod page_copies;
 pub mod parts;
 pub mod plugins;
@@ -55,6 +56,7 @@ pub use layered::Layered;
 pub use light::{LightCells, LightView};
 pub use mode_view::{ModePlugin, ModeView};
 pub use offscreen::Offscreen;
+pub use over_splats::OverSplats;
 pub use renderer::HeadlessRenderer;
 pub use scene::{
     NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, Table, TableEntry, TableId,
@@ -80,6 +82,7 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(volume::VolumePlugin)
             .add(measure::MeasurePlugin)
             .add(tiles::TilePlugin::<SortedSplats>::default())
+            .add(tiles::TilePlugin::<OverSplats>::default())
             .add(tiles::TilePlugin::<Spheres>::default())
             .add(tiles::TilePlugin::<Layered>::default())
             .add(timing::TimingPlugin)

@@ -28,7 +28,7 @@ use std::cmp::Ordering;
 pub const LOW_PASS: f64 = 2.0;
 
 /// Opacity at which a ray ends: what is behind cannot change a colour of 8 bits by more than a quarter of a step in linear light.
-const TERMINATION: f32 = 0.999;
+pub const TERMINATION: f32 = 0.999;
 
 /// Splats that are looked at by one task.
 const CHUNK: usize = 1 << 14;

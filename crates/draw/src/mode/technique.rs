@@ -2,10 +2,12 @@
 //! asks the technique and never for the mode.
 
 use super::{FieldJob, Footprint, Settings};
+use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::cartesian::CartesianOptions;
 use crate::cpu::layered::Assignment;
+use crate::cpu::over::Order;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
 use crate::cpu::volume::{
@@ -15,6 +17,7 @@ use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Purpose;
 use crate::model::{Bounds, Kernel};
 use crate::view::{Detail, View};
+use std::sync::Arc;
 
 /// What a technique's pictures are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,6 +122,12 @@ pub trait Technique: Sync {
         false
     }
 
+    /// Whether a particle's colour is that of its own column ([`crate::color::splat_colors::OwnColumn`]) in place of its density, of
+    /// techniques that draw light.
+    fn tells_columns(&self) -> bool {
+        false
+    }
+
     /// What the colours of its pictures mean, where that is not what the transfer function's do.
     fn own_colors(&self, _settings: &Settings, _transfer: &TransferFunction) -> Option<OwnColors> {
         None
@@ -191,14 +200,17 @@ pub struct Job<'a> {
     pub paths: Option<&'a PathFragments>,
     /// Angle of a pixel of the panorama that the picture is a face of, radians; `None` for a flat picture.
     pub around: Option<f64>,
+    /// The order in which splats lie over each other, by techniques that draw them so.
+    pub order: Order,
 }
 
 impl<'a> Job<'a> {
     /// What the picture depends on beside the particles.
     pub fn terms(&self) -> Terms<'a> {
-        let Job { view, settings, transfer, diameter, densest, density_scale, .. } = *self;
+        let Job { view, settings, transfer, diameter, densest, density_scale, mean_mass, .. } = *self;
         let attribute = self.batches.iter().any(|batch| batch.attribute().is_some());
-        Terms { view, settings, transfer, attribute, kernel: self.options.kernel, diameter, densest, density_scale }
+        let kernel = self.options.kernel;
+        Terms { view, settings, transfer, attribute, kernel, diameter, densest, density_scale, mean_mass }
     }
 }
 
@@ -221,6 +233,8 @@ pub struct Terms<'a> {
     pub densest: f64,
     /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
     pub density_scale: f32,
+    /// Mean mass of a source particle of the families that are drawn.
+    pub mean_mass: f64,
 }
 
 /// Finds between which values the mass of a field lies that is sampled like this.
@@ -272,6 +286,15 @@ pub enum LightPasses {
         termination: f32,
         /// Factor on the particles' own densities.
         density_scale: f32,
+    },
+    /// Splats over each other, in the order of their distance from the eye.
+    Over {
+        /// What splats look like.
+        colors: Arc<SplatColors>,
+        /// By what their own columns are found.
+        column: OwnColumn,
+        /// Whether they have an attribute.
+        attribute: bool,
     },
     /// Splats in layers of depth.
     Layered {
@@ -424,6 +447,7 @@ mod tests {
             mean_mass: 1.0,
             paths: None,
             around: None,
+            order: Order::default(),
         };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");

@@ -1,6 +1,7 @@
 //! What levels a picture was drawn from, and how far it may be from what is left out: for its statistics.
 
 use super::node_traits::misfit;
+use crate::cpu::over::Order;
 use crate::mode::{Conserved, Depiction};
 use crate::stream::SceneNode;
 use crate::view::{Projection, View};
@@ -21,6 +22,14 @@ pub struct LevelReport {
     pub error_estimate: Option<f64>,
     /// In which order splats lie over each other; `null` where they are added.
     pub order: Option<&'static str>,
+}
+
+impl LevelReport {
+    /// The same of a picture that an adapter has drawn, which knows no order but the exact one.
+    #[must_use]
+    pub fn by_adapter(self) -> LevelReport {
+        LevelReport { order: self.order.map(|_| Order::Exact.name()), ..self }
+    }
 }
 
 /// A bound on the relative L1 distance of the sums of some nodes, `total` of them over all pixels, from those of all leaves: what the clusters

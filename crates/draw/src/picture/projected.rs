@@ -238,6 +238,9 @@ impl Projector {
         if self.base.cut.around {
             return Some("panoramas that fade with the distance".into());
         }
+        if depiction.mode.technique.tells_columns() {
+            return Some("panoramas of splats over each other".into());
+        }
         let is_able = match depiction.mode.technique.adapter() {
             // Discs have as many pixels everywhere in a flat picture.
             mode::Adapter::Splats => matches!(depiction.footprint(), Footprint::Kernel),
