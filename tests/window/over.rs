@@ -7,7 +7,8 @@ use deepfield::color::Image;
 use std::time::Instant;
 
 const TAB: u32 = 0xff09;
-const SIZE: [u16; 2] = [480, 270];
+/// As wide as a picture of all directions is for its height.
+const SIZE: [u16; 2] = [480, 240];
 
 /// Mean of a picture's values, and of their differences from a screen's: of the middle, which no words of the window cover.
 fn compare(screen: &Screen, picture: &Image) -> [f64; 2] {

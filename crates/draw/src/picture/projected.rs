@@ -9,7 +9,7 @@ use super::adapter_faces;
 use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
-use super::level_report::has_clusters;
+use super::level_report::{bound_around, has_clusters};
 use super::panorama::{Texels, assemble};
 use super::paths::{ChosenPaths, PathLayer, Sight};
 use super::session::Reporter;
@@ -91,14 +91,24 @@ pub(super) struct Tally {
     /// Whether any of them is drawn as clusters.
     pub has_clusters: bool,
     pub counts: Counts,
+    /// Of a panorama of sums whose faces draw the same clusters: see [`bound_around`].
+    pub error_bound: Option<f64>,
     /// Backend and adapter that drew; `None` where the processor did.
     pub drawn_by: Option<[String; 2]>,
 }
 
 impl Tally {
     fn new() -> Tally {
-        let counts = Counts::default();
-        Tally { converged: true, error_px: 0.0, particles: 0, nodes: 0, has_clusters: false, counts, drawn_by: None }
+        Tally {
+            converged: true,
+            error_px: 0.0,
+            particles: 0,
+            nodes: 0,
+            has_clusters: false,
+            counts: Counts::default(),
+            error_bound: None,
+            drawn_by: None,
+        }
     }
 
     /// Adds a selection by a view with so many pixels for one of the picture.
@@ -290,7 +300,7 @@ impl Projector {
             _ => Vec::new(),
         };
         let decoded = batches(depiction, &decoded)?;
-        self.shoot(SPLATS, |face| {
+        let texels = self.shoot(SPLATS, |face| {
             means.go_on()?;
             let seen = seen(depiction.reach_px(), face);
             let pixel = face.around.map(|[pixel, _]| pixel);
@@ -316,7 +326,17 @@ impl Projector {
             };
             tally.counts += counts;
             Ok(sums.into())
-        })
+        })?;
+        let clusters = whole.filter(|_| means.scene.purpose == Purpose::Clusters);
+        if let (Some(clusters), Some(panorama), None) = (clusters, self.panorama, self.stereo) {
+            let lit = |(index, [p, _]): (usize, &[f32; 2])| {
+                let [x, y] = [index % texels.width as usize, index / texels.width as usize];
+                f64::from(*p) * panorama.solid_angle([x as f64 + 0.5, y as f64 + 0.5])
+            };
+            let total = texels.values.iter().enumerate().map(lit).sum();
+            tally.error_bound = bound_around(self.base.eye, depiction, &clusters.nodes, total);
+        }
+        Ok(texels)
     }
 
     /// Colours, face by face.
