@@ -7,13 +7,14 @@
 // every round, and on a graphics card rays would wait for each other. So rays go past cells that do not show, through cells that
 // do, to surfaces, and to the next layer that is not empty in four loops, each within the one that follows.
 //
-// With CENTERED (cells are pixels) rays go through the cells' centres.
+// With CENTERED (cells are pixels) rays go through the cells' centres. With EVEN the table's entries lie evenly between 1 and 2: those of a
+// sampled field.
 #import deepfield::isosurface::{
     volume, Crossings, NO_CROSSING, crossings_of, is_crossed, shaded, surface_levels, take_nearest,
 }
 #import deepfield::volume_view::Portion
 #import deepfield::volume_constants::{
-    BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS,
+    BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS, VALUE_ENTRIES,
 }
 
 @group(0) @binding(1) var<uniform> portion: Portion;
@@ -173,10 +174,15 @@ fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, se
     if value.x <= faintest || share <= 0.0 {
         return;
     }
+    let last = lookup.last_entry;
+#ifdef EVEN
+    let entry = clamp((value.x - 1.0) * f32(VALUE_ENTRIES - 1u), 0.0, f32(VALUE_ENTRIES - 1u));
+    let at = min(u32(entry), last);
+    let between = entry - f32(at);
+#else
     let bits = bitcast<u32>(value.x);
     let entry = bits >> HIDDEN_BITS;
     let first = lookup.first_entry;
-    let last = lookup.last_entry;
     var at = 0u;
     var between = 0.0;
     if entry >= first {
@@ -187,6 +193,7 @@ fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, se
             between = 1.0;
         }
     }
+#endif
     let low = table[at];
     let matter = low + between * (table[at + 1u] - low);
     if matter.x <= 0.0 {

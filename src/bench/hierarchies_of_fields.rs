@@ -13,7 +13,7 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::TransferFunction;
 use crate::command_line::arguments::PictureSize;
 use crate::cpu::field::{Field, FieldLevel, xray};
-use crate::hierarchy::wavelet::{Options, Types};
+use crate::hierarchy::wavelet::{Options, Types, Weighting};
 use crate::import::{GridOptions, open_grid};
 use crate::look::DataKind;
 use crate::model::{Grid, ReadMethod};
@@ -147,7 +147,11 @@ impl Way {
     fn field(&self, exact: &Field, grid: &Grid, budget: u64) -> Result<(Arc<Field>, u64, usize), Failure> {
         match &self.open {
             Some(open) => {
-                let shown = open.shown(Some(&Wanted::Points(usize::try_from(budget)?)), &[0], grid.dimensions == 3)?;
+                let shown = open.shown(
+                    Some(&Wanted::Points(usize::try_from(budget)?, Weighting::Rms)),
+                    &[0],
+                    grid.dimensions == 3,
+                )?;
                 Ok((shown.field, shown.report.points, shown.report.nodes as usize))
             }
             None => {

@@ -37,7 +37,10 @@ pub fn open_any<'a>(
             if (shots.iter().all(takes_fields) || matches!(DataKind::of(&only.path), Ok(DataKind::Grid)))
                 && FieldSession::is_field(&only.path) =>
         {
-            AnySession::Field(Box::new(FieldSession::open(&only.path, options, Arc::new(Terminal))?))
+            let session = FieldSession::open(&only.path, options, Arc::new(Terminal))?;
+            #[cfg(feature = "viewer")]
+            let session = session.with_adapter(Some(Box::new(crate::gpu::Offscreen::default())));
+            AnySession::Field(Box::new(session))
         }
         _ => AnySession::Particles(Box::new(open(members, options, shots)?)),
     })

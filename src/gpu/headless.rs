@@ -12,8 +12,11 @@ use crate::color::composite::{self, Image as Picture};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::overdraw::Overdraw;
 use crate::mode::sample::Sample;
+use crate::model::Kernel;
 use crate::view::{Extent, View};
 use bevy::math::DVec3;
+use bevy::prelude::Bundle;
+
 /// One node to draw.
 #[derive(Clone, Debug)]
 pub struct HeadlessNode {
@@ -63,6 +66,24 @@ pub struct HeadlessRequest {
 }
 
 impl HeadlessRequest {
+    /// A picture of no particles, for passes that draw something else.
+    pub fn without_particles(view: &View, attribute: bool) -> HeadlessRequest {
+        HeadlessRequest {
+            view: *view,
+            mode: None,
+            footprint: Footprint::Kernel(Kernel::default()),
+            backend: Backend::Compute,
+            culling: false,
+            faintest: 0.0,
+            nodes: Vec::new(),
+            tables: Vec::new(),
+            attribute,
+            transfer: None,
+            repeat: 1,
+            device: DeviceOptions::default(),
+        }
+    }
+
     /// Whether some of the particles are in the space of one camera.
     pub fn has_own_particles(&self) -> bool {
         self.nodes.iter().any(|node| matches!(node.upload.payload, Payload::Camera(_)))
@@ -109,11 +130,24 @@ pub fn render_headless(request: HeadlessRequest) -> Result<HeadlessFrame, GpuErr
 ///
 /// # Errors
 /// As [`render_headless`].
-pub fn render(renderer: &mut HeadlessRenderer, mut request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
+pub fn render(renderer: &mut HeadlessRenderer, request: HeadlessRequest) -> Result<HeadlessFrame, GpuError> {
+    render_with(renderer, request, ())
+}
+
+/// The same where the camera has components of other passes that fill its cells.
+///
+/// # Errors
+/// As [`render_headless`].
+pub fn render_with(
+    renderer: &mut HeadlessRenderer,
+    mut request: HeadlessRequest,
+    components: impl Bundle,
+) -> Result<HeadlessFrame, GpuError> {
     let whole = request.view;
     let parts = parts_of(renderer, &request)?;
     request.view = parts.view(&whole, 0);
     renderer.load(&request)?;
+    renderer.insert(components);
     renderer.complete()?;
     let (mut frames, passes) = renderer.measure(request.repeat)?;
     let (mut accumulation, mut splats) = renderer.accumulation(request.attribute)?;

@@ -9,7 +9,8 @@
 //!    its target. Replace the component's list to change what is drawn, [`SplatView::view`] to move the camera. An
 //!    unchanged picture is not accumulated again.
 //! 4. A camera with a [`LightView`] beside its [`SplatView`] shows the light that a mode's passes draw of these nodes.
-//! 5. [`timing::PassTimer`] measures milliseconds of passes, [`ParticleScene::stats`] memory.
+//! 5. A camera with an [`integrals::IntegralView`] accumulates line integrals of a sampled field in their place.
+//! 6. [`timing::PassTimer`] measures milliseconds of passes, [`ParticleScene::stats`] memory.
 //!
 //! [`render_headless`] does all that for one picture without a window.
 
@@ -22,7 +23,9 @@ pub mod content_look;
 pub mod depiction;
 pub mod device;
 pub mod environment;
+pub mod field_samples;
 pub mod headless;
+pub mod integrals;
 pub mod layered;
 pub mod light;
 pub mod matter;
@@ -81,6 +84,7 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(light::LightPlugin)
             .add(volume::VolumePlugin)
             .add(measure::MeasurePlugin)
+            .add(integrals::IntegralPlugin)
             .add(tiles::TilePlugin::<SortedSplats>::default())
             .add(tiles::TilePlugin::<OverSplats>::default())
             .add(tiles::TilePlugin::<Spheres>::default())

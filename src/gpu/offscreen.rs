@@ -2,23 +2,28 @@
 
 use super::depiction::request_from;
 use super::device::GpuError;
-use super::headless::HeadlessRequest;
+use super::headless::{HeadlessFrame, HeadlessRequest};
+use super::integrals::IntegralView;
 use super::renderer::HeadlessRenderer;
 use super::tile_passes::TilePasses;
 use super::timing::MeasuredPasses;
 use super::view::Backend;
-use super::volume::{Shows, VolumeJob, VolumeView};
+use super::volume::{Shows, VolumeFindings, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
-use crate::mode::LightPasses;
-use crate::picture::adapter::{Adapter, AdapterFrame, AdapterJob, AdapterValues, Passes};
+use crate::mode::{FieldPasses, LightPasses};
+use crate::picture::adapter::{Adapter, AdapterField, AdapterFrame, AdapterJob, AdapterValues, Passes};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, View};
+use std::sync::Arc;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::{self, JoinHandle};
+
+/// Slabs that a frame draws.
+const SLABS: u32 = 4;
 
 /// The best adapter there is: opened when something is to be drawn, and kept for the next picture.
 #[derive(Default)]
@@ -86,6 +91,25 @@ impl Adapter for Offscreen {
         }
     }
 
+    fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
+        let march = match job.passes {
+            FieldPasses::March(march) => march,
+            FieldPasses::Integrals => return self.integrals(job).map_err(device),
+        };
+        let wanted = VolumeJob::of_field(self.next(), job.view, job.field, job.hue, march);
+        let (grid, planes) = (wanted.grid.size, [wanted.grid.near, wanted.grid.far]);
+        let request = HeadlessRequest::without_particles(job.view, job.hue.is_some());
+        let (volume, repeat) = (VolumeView::of_field(wanted, u64::MAX, SLABS), job.repeat);
+        let drawn = self.with(move |slot| {
+            let renderer = loaded(slot, &request)?;
+            let (colors, found, (passes, frame)) = renderer.volume(volume, repeat)?;
+            let note = found.coarser.map(|(_, by)| coarser(by));
+            let report = report_of((grid, planes), found, renderer);
+            Ok(AdapterFrame { note, ..light_frame(colors, report, renderer, &passes, frame) })
+        });
+        drawn.map_err(device)
+    }
+
     fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
         let request = request(job);
         let particles = request.nodes.iter().map(|node| node.upload.payload.len()).sum();
@@ -132,13 +156,20 @@ impl Offscreen {
     fn sums(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, GpuError> {
         let request = request(job);
         let frame = self.with(move |slot| headless::render(able(slot, &request)?, request))?;
-        let passes = frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time));
-        Ok(AdapterFrame {
-            values: AdapterValues::Sums(frame.accumulation),
-            splats: frame.stats.splats,
-            backend: frame.stats.backend,
-            adapter: frame.stats.adapter,
-            milliseconds: passes.chain([("frame".to_owned(), frame.stats.frame)]).collect(),
+        Ok(sums_frame(frame))
+    }
+
+    /// Draws line integrals of samples.
+    fn integrals(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, GpuError> {
+        let request = HeadlessRequest { repeat: job.repeat, ..HeadlessRequest::without_particles(job.view, false) };
+        let integrals = IntegralView { number: self.next(), field: Arc::clone(job.field), memory: u64::MAX };
+        self.with(move |slot| {
+            let renderer = able(slot, &request)?;
+            let frame = headless::render_with(renderer, request, integrals)?;
+            match renderer.integral_findings() {
+                found if found.no_room => Err(GpuError::NoRoom("samples".to_owned())),
+                found => Ok(AdapterFrame { note: found.coarser.map(coarser), ..sums_frame(frame) }),
+            }
         })
     }
 
@@ -164,17 +195,7 @@ impl Offscreen {
         let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
-            let report = VolumeReport {
-                grid,
-                planes,
-                slabs: found.slabs[1],
-                particles: renderer.particles(),
-                raised: found.raised,
-                pairs: found.pairs,
-                bricks: found.bricks,
-                opaque: found.opaque.map(|(_, opaque)| opaque),
-                ..VolumeReport::default()
-            };
+            let report = report_of((grid, planes), found, renderer);
             Ok(light_frame(colors, report, renderer, &passes, frame))
         });
         drawn.map_err(|error| match (error, passes) {
@@ -208,6 +229,40 @@ impl Offscreen {
     }
 }
 
+/// What is handed back of a picture of sums.
+fn sums_frame(frame: HeadlessFrame) -> AdapterFrame {
+    let passes = frame.stats.passes.medians().map(|(pass, time)| (pass.to_owned(), time));
+    AdapterFrame {
+        milliseconds: passes.chain([("frame".to_owned(), frame.stats.frame)]).collect(),
+        values: AdapterValues::Sums(frame.accumulation),
+        splats: frame.stats.splats,
+        backend: frame.stats.backend,
+        adapter: frame.stats.adapter,
+        note: None,
+    }
+}
+
+/// What is told of samples that did not all fit.
+fn coarser(levels: usize) -> String {
+    let side = 1u64 << levels;
+    format!("the graphics memory is too small for all samples: means of {side} along each axis are drawn")
+}
+
+/// What drawing a volume between these planes took.
+fn report_of((grid, planes): ([u32; 3], [f64; 2]), found: VolumeFindings, renderer: &HeadlessRenderer) -> VolumeReport {
+    VolumeReport {
+        grid,
+        planes,
+        slabs: found.slabs[1],
+        particles: renderer.particles(),
+        raised: found.raised,
+        pairs: found.pairs,
+        bricks: found.bricks,
+        opaque: found.opaque.map(|(_, opaque)| opaque),
+        ..VolumeReport::default()
+    }
+}
+
 fn device(error: GpuError) -> VolumeError {
     VolumeError::Device(error.to_string())
 }
@@ -227,6 +282,7 @@ fn light_frame(
         backend: "compute",
         adapter: renderer.adapter().to_owned(),
         milliseconds: passes.chain([("frame".to_owned(), frame)]).collect(),
+        note: None,
     }
 }
 
@@ -280,6 +336,6 @@ fn volume(job: &AdapterJob<'_>, request: &HeadlessRequest, [light, ranges]: [Opt
         attribute: job.depiction.attribute.is_some(),
         ranges_only: false,
         memory: u64::MAX,
-        slabs: 4,
+        slabs: SLABS,
     }
 }

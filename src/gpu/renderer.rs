@@ -5,6 +5,7 @@ use super::DeepfieldRenderPlugins;
 use super::capabilities::Technique;
 use super::device::{DeviceOptions, GpuError, open};
 use super::headless::{HeadlessNode, HeadlessRequest};
+use super::integrals::{IntegralFindings, IntegralNews, IntegralView};
 use super::light::{LightCells, LightView};
 use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
@@ -169,9 +170,15 @@ impl HeadlessRenderer {
         let items = request.nodes.iter().map(item).collect();
         // Nothing is drawn before everything is there.
         let world = self.app.world_mut();
-        world
-            .entity_mut(self.camera)
-            .remove::<(SplatView, ModeView, Composite, LightView, VolumeView, CountOverdraw)>();
+        world.entity_mut(self.camera).remove::<(
+            SplatView,
+            ModeView,
+            Composite,
+            LightView,
+            VolumeView,
+            CountOverdraw,
+            IntegralView,
+        )>();
         TilePasses::hide(&mut world.commands().entity(self.camera));
         world.flush();
         match self.upload(&scene, request, bytes) {
@@ -296,6 +303,11 @@ impl HeadlessRenderer {
             self.check_shaders(start)?;
         };
         Ok((self.light()?, opaque, (passes, median(&mut frames))))
+    }
+
+    /// What has been found out about line integrals.
+    pub fn integral_findings(&self) -> IntegralFindings {
+        self.app.world().resource::<IntegralNews>().now()
     }
 
     /// What has been found out about the volume on its way.

@@ -1,8 +1,12 @@
 //! Drawing an image or a volume that is open alone, with the processor, on background tasks: its samples, or the points that stand for them.
+//! Where an adapter draws it, [`on_adapter`] does.
 //!
 //! While the view moves, or what is drawn changes, pictures have as many pixels as there is time for; when it rests, the full one follows.
 //! Sums are kept, so that other colours need no other picture.
 
+pub(super) mod on_adapter;
+
+use self::on_adapter::FieldOnAdapter;
 use super::exposure::Exposure;
 use super::live::LiveParticles;
 use super::look::{Held, Look};
@@ -89,14 +93,16 @@ pub(super) fn is_wanted(scene: Option<&Scene>, settings: &Settings, live: &LiveP
     scene.is_some_and(|scene| scene.field_for(settings.mode).is_some()) && live.particles().is_none()
 }
 
-/// Whether it is shown now and was not before, or the other way round.
+/// Whether it is shown now and was not before, or the other way round; or whether the adapter has room for it.
 pub(super) fn came_or_went(
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     live: Res<LiveParticles>,
-    mut before: Local<bool>,
+    adapter: Res<FieldOnAdapter>,
+    mut before: Local<[bool; 2]>,
 ) -> bool {
-    let now = is_wanted(scene.as_deref(), &settings, &live);
+    let is_refused = scene.as_ref().is_some_and(|scene| adapter.is_refused(scene));
+    let now = [is_wanted(scene.as_deref(), &settings, &live), is_refused];
     std::mem::replace(&mut *before, now) != now
 }
 

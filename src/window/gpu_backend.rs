@@ -6,7 +6,7 @@
 
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
-use super::field_backend;
+use super::field_backend::{self, on_adapter::FieldOnAdapter};
 use super::listed::Listed;
 use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
@@ -105,7 +105,7 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     cameras: Query<Entity, With<DataCamera>>,
     mut notices: ResMut<Notices>,
-    (live, paths, scene): (Res<LiveParticles>, Res<Paths>, Option<Res<Scene>>),
+    (live, paths, scene, field): (Res<LiveParticles>, Res<Paths>, Option<Res<Scene>>, Res<FieldOnAdapter>),
     slots: Query<Entity, With<GpuSlot>>,
     aim: Option<Res<Aim>>,
 ) {
@@ -120,11 +120,13 @@ pub(super) fn choose_backend(
         true => Adapter::None,
         false => mode.technique.adapter(),
     };
+    let has_room = scene.as_ref().is_some_and(|scene| !field.is_refused(scene));
+    let is_processors = is_field && !(mode.technique.has_field_passes() && has_room);
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
     let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
         // Panoramas are put together from pages themselves.
-        _ if surrounds || is_field || adapter_of_mode == Adapter::None => None,
+        _ if surrounds || is_processors || adapter_of_mode == Adapter::None => None,
         // What paths hide, and what hides them, the processor knows.
         _ if paths.is_among() => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
@@ -164,6 +166,7 @@ pub(super) fn choose_backend(
     }
     statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
     let wanted = match found {
+        Some(_) if is_field => ActiveBackend::FieldOnGpu,
         Some(_) => ActiveBackend::Gpu,
         None if surrounds => ActiveBackend::Surround,
         None if is_field => ActiveBackend::Field,
@@ -307,7 +310,10 @@ pub(super) fn hold_picture(
     mut camera: Single<&mut Camera, With<DataCamera>>,
 ) {
     let is_there = live.is_shown() || selection.complete || !selection.nodes.is_empty();
-    let draws = *active == ActiveBackend::Gpu && is_there;
+    let draws = match *active {
+        ActiveBackend::Gpu => is_there,
+        backend => backend.is_on_adapter(),
+    };
     if camera.is_active != draws {
         camera.is_active = draws;
     }
@@ -519,6 +525,7 @@ mod tests {
         world.init_resource::<Notices>();
         world.init_resource::<LiveParticles>();
         world.init_resource::<Paths>();
+        world.init_resource::<FieldOnAdapter>();
         let mut told = |backend| {
             world.resource_mut::<Preset>().drawing.backend = backend;
             world.run_system_once(choose_backend).unwrap();

@@ -40,8 +40,13 @@ pub struct Look {
 }
 
 impl Look {
-    /// What the picture's colours mean, where an axis tells it.
+    /// What the picture's colours mean, where an axis tells it. The ranges of a field are those of its values, which tell nothing of outlines.
     pub fn told(&self, scene: &Scene) -> Option<Legend> {
+        let mode = self.depiction.mode;
+        let is_own = || mode.technique.own_colors(&self.depiction.settings, &self.transfer).is_some();
+        if scene.field_for(mode).is_some() && is_own() {
+            return None;
+        }
         let units = scene.units(&self.depiction);
         Legend::told(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
     }

@@ -224,6 +224,7 @@ impl Plugin for WindowApp {
         .insert_resource(state::choices::Choices::of_program())
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<field_backend::FieldPicture>()
+        .init_resource::<field_backend::on_adapter::FieldOnAdapter>()
         .init_resource::<paths::Paths>()
         .init_resource::<comparison::Comparison>()
         .init_resource::<run_ranges::RunRanges>()
@@ -321,6 +322,7 @@ impl Plugin for WindowApp {
                     live::copies::copy_live,
                     gpu_backend::draw_on_gpu,
                     light_backend::draw_light_on_gpu,
+                    field_backend::on_adapter::draw_field_on_adapter,
                     paths::draw_paths,
                     run_ranges::hold_convergence,
                 )

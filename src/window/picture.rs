@@ -150,7 +150,7 @@ pub(super) fn fit_picture(
     let fits = |image: &Image| {
         image.size() == size && image.texture_descriptor.usage.contains(TextureUsages::RENDER_ATTACHMENT)
     };
-    if *backend == ActiveBackend::Gpu && !images.get(&picture.image).is_some_and(fits) {
+    if backend.is_on_adapter() && !images.get(&picture.image).is_some_and(fits) {
         letterbox.0 = None;
         // The image is replaced in place, so that the camera and egui keep their handles.
         if images.insert(&picture.image, picture_image(size)).is_err() {

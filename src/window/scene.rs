@@ -129,7 +129,7 @@ impl Scene {
 
     /// The image or volume, where it is open and a mode draws it.
     pub fn field_for(&self, mode: &Mode) -> Option<&SceneField> {
-        self.field.as_ref().filter(|field| mode.takes_fields_of(field.dimensions()))
+        self.field.as_ref().filter(|field| field.opened.is_drawn_by(mode))
     }
 
     /// Whether a mode draws what is open.

@@ -81,8 +81,17 @@ pub enum ActiveBackend {
     Gpu,
     /// Background tasks that draw an image or a volume.
     Field,
+    /// Passes of the data camera that draw a volume.
+    FieldOnGpu,
     /// Background tasks that put pictures of all directions, and for two eyes, together.
     Surround,
+}
+
+impl ActiveBackend {
+    /// Whether the data camera draws into the picture's image.
+    pub fn is_on_adapter(self) -> bool {
+        matches!(self, ActiveBackend::Gpu | ActiveBackend::FieldOnGpu)
+    }
 }
 
 /// Whether the picture shows all that the view needs at its error bound: every page is resident, uploaded and drawn.

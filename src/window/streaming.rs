@@ -82,7 +82,7 @@ impl Present<'_, '_> {
         let periodic = streaming.streamer.residency.tree().metadata().periodic_box();
         let size = match *self.backend {
             ActiveBackend::Surround => (self.picture.size() / SURROUND_SHRINK).max(UVec2::ONE),
-            ActiveBackend::Cpu | ActiveBackend::Gpu | ActiveBackend::Field => self.picture.size(),
+            _ => self.picture.size(),
         };
         let view = view_of(viewpoint, &self.settings, periodic, size, self.aim.as_deref()).ok()?;
         Some(View { time: streaming.time, ..view })

@@ -8,6 +8,7 @@ mod support;
 mod cartesian;
 mod compare;
 mod ellipsoids;
+mod fields;
 mod flight;
 mod integrals;
 mod light;

@@ -47,14 +47,18 @@ fn volumes_are_drawn_from_their_samples_as_they_are_rendered() {
     let folder = folder.path();
     balls(&folder.join("balls.nrrd"));
     let scenes = [
-        ("volume", ""),
-        ("isosurface", ""),
-        ("xray", ""),
-        ("slice", ""),
-        ("volume", ", attribute: named(\"gradient\")"),
-        ("xray", ", projection: dome(aperture: 180.0, tilt: 0.0)"),
+        ("volume", "", ["cpu"; 2]),
+        ("isosurface", "", ["cpu"; 2]),
+        ("xray", "", ["cpu"; 2]),
+        ("slice", "", ["cpu"; 2]),
+        ("volume", ", attribute: named(\"gradient\")", ["cpu"; 2]),
+        ("xray", ", projection: dome(aperture: 180.0, tilt: 0.0)", ["cpu"; 2]),
+        ("volume", ", attribute: named(\"gradient\")", ["compute"; 2]),
+        ("isosurface", "", ["compute"; 2]),
+        // Planes are the processor's.
+        ("slice", "", ["compute", "cpu"]),
     ];
-    for (number, (mode, more)) in scenes.into_iter().enumerate() {
+    for (number, (mode, more, [asked, draws])) in scenes.into_iter().enumerate() {
         let scene = folder.join("balls.scene.ron");
         let text = format!(
             "(version: 2, datasets: [(path: \"balls.nrrd\")], mode: {mode:?}, size: ({}, {}), \
@@ -65,11 +69,11 @@ fn volumes_are_drawn_from_their_samples_as_they_are_rendered() {
         std::fs::write(&scene, text).unwrap();
         let expected = render(folder, &scene);
         let desktop = Desktop::with_screen(SIZE);
-        let mut program = Program::open(&desktop, folder, &scene, SIZE, &[]);
+        let mut program = Program::open(&desktop, folder, &scene, SIZE, &["--backend", asked]);
         let status = program.wait("a converged picture", |status| status["converged"] == true);
         assert_eq!(
             (&status["mode"], &status["levels"], &status["backend"]),
-            (&mode.into(), &"samples".into(), &"cpu".into())
+            (&mode.into(), &"samples".into(), &draws.into())
         );
         assert_eq!(status["points"]["points"], 40 * 36 * 32, "{status:#}");
         keep(&desktop, &format!("field-{number}-{mode}.png"));

@@ -48,6 +48,7 @@ pub fn variants() -> Vec<Variant> {
         plain("layered/blend.wgsl", vec![], vec!["blend"]),
         plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
         plain("measure/reduce.wgsl", vec![], vec!["reduce"]),
+        plain("integrals/integrate.wgsl", vec![], vec!["integrate"]),
         plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
     ];
     for subgroup in [false, true] {
@@ -75,13 +76,14 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        for index in 0..32 {
+        for index in 0..64 {
             let variant = volume::Variant {
                 kernel: Kernel::ALL[index & 1],
                 attribute: index & 2 > 0,
                 surfaces: index & 4 > 0,
                 centered: index & 8 > 0,
                 vectors: index & 16 > 0,
+                field: index & 32 > 0,
             };
             let defs = kind.defs(variant);
             if !built.contains(&defs) {

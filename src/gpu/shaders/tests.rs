@@ -4,6 +4,7 @@
 use super::SHADERS;
 use super::check::{Variant, compose, variants};
 use crate::gpu::composite::CompositeUniform;
+use crate::gpu::integrals::layout::{IntegralUniform, RaysUniform};
 use crate::gpu::layered::{LayerGroup, LayerUniform};
 use crate::gpu::light::LightUniform;
 use crate::gpu::matter::LookupUniform;
@@ -17,6 +18,7 @@ use crate::gpu::splat::layout::{
 };
 use crate::gpu::target::FrameUniform;
 use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
+use crate::gpu::volume::field::layout::{FieldLine, FieldUniform};
 use crate::gpu::volume::layout::{Portion, REACH_BYTES, TierPortion, TierUniform, Turn, VolumeUniform};
 use crate::gpu::volume::march::MarchUniform;
 use std::collections::BTreeSet;
@@ -100,6 +102,9 @@ impl Scalars for u32 {
     const KIND: Option<ScalarKind> = Some(ScalarKind::Uint);
 }
 impl Scalars for Level {
+    const KIND: Option<ScalarKind> = None;
+}
+impl Scalars for RaysUniform {
     const KIND: Option<ScalarKind> = None;
 }
 impl Scalars for TierUniform {
@@ -372,6 +377,42 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             cell,
             unused,
         }),
+        "samples" => layout!(FieldUniform {
+            right,
+            up,
+            world_right,
+            world_up,
+            clip,
+            ends,
+            shape,
+            scale,
+            blocks,
+            is_log,
+            low,
+            per,
+            unused,
+        }),
+        "lines" => layout!(FieldLine { start, world }),
+        "integrals" => layout!(IntegralUniform {
+            samples,
+            world,
+            clip,
+            ends,
+            shape,
+            scale,
+            middle,
+            planes,
+            size,
+            level,
+            least_level,
+            last_level,
+            perspective,
+            depth,
+            pixel,
+            slope,
+            stride,
+            unused,
+        }),
         "reduction" => layout!(Reduction { size, reduced, stride, side, one, unused }),
         "turn" => layout!(Turn { number, unused }),
         "spots" | "depths" | "rays" if volume => plain(16, ScalarKind::Float),
@@ -443,6 +484,13 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                 assert_eq!(shader_layout(&module, base), expected, "{place}: levels");
                 assert_eq!(stride as usize, expected.0, "{place}: levels");
             }
+            if name == "integrals" {
+                let TypeInner::Struct { members, .. } = &module.types[variable.ty].inner else { panic!("{place}") };
+                let expected = layout!(RaysUniform { start, start_right, start_down, step, step_right, step_down });
+                for rays in members.iter().take(2) {
+                    assert_eq!(shader_layout(&module, rays.ty), expected, "{place}");
+                }
+            }
             let tiers = match name {
                 "volume" => Some(layout!(TierUniform {
                     window,
@@ -466,7 +514,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 76, "{compared:?}");
+    assert_eq!(compared.len(), 80, "{compared:?}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ use super::raster::{self, RasterBindings};
 use super::resources::at_least;
 use crate::gpu::arena::Arena;
 use crate::gpu::capabilities::Technique;
+use crate::gpu::integrals::IntegralView;
 use crate::gpu::light::LightView;
 use crate::gpu::mode_view::ModeView;
 use crate::gpu::view::{DrawItem, Footprint, SplatView};
@@ -108,7 +109,7 @@ pub fn prepare_splats(
         Entity,
         &SplatView,
         Option<&ModeView>,
-        (Has<LightView>, Has<CountOverdraw>),
+        (Has<LightView>, Has<CountOverdraw>, Has<IntegralView>),
         Option<&VolumeView>,
         Option<&mut SplatBuffers>,
     )>,
@@ -120,7 +121,7 @@ pub fn prepare_splats(
     queue: Res<RenderQueue>,
 ) {
     let Some(mut pipelines) = pipelines else { return };
-    for (entity, view, mode, (draws_light, counts), volume, mut before) in &mut cameras {
+    for (entity, view, mode, (draws_light, counts, integrates), volume, mut before) in &mut cameras {
         if volume.is_some_and(|volume| !volume.ranges_only) {
             continue;
         }
@@ -132,7 +133,7 @@ pub fn prepare_splats(
             culling: view.culling,
             faintest: view.faintest,
             technique,
-            has_passes: draws_light || counts || mode.is_some_and(ModeView::has_passes),
+            has_passes: draws_light || counts || integrates || mode.is_some_and(ModeView::has_passes),
             items: view.items.clone(),
             generation: arena.generation,
         };

@@ -2,6 +2,7 @@
 
 use super::constants::{BIN_GROUP, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK};
 use super::cut::Cut;
+use super::field::layout::{FieldUniform, lines};
 use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, REACH_BYTES, Turn, VolumeUniform};
 use super::march::{self, MarchUniform};
 use super::programs::{Kind, Variant, matter_layout};
@@ -16,6 +17,7 @@ use crate::gpu::matter::{self, LookupUniform};
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferId,
 };
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Uniforms of a list begin at multiples of this.
 const STRIDE: usize = 256;
@@ -60,6 +62,8 @@ pub struct Groups {
     pub rays: Option<[BindGroup; 2]>,
     /// [`Kind::March`] and what matter is read from, for pictures of Cartesian grids.
     pub march: Option<[BindGroup; 2]>,
+    /// [`Kind::Field`] for each level that a field is read from.
+    pub field: BTreeMap<usize, BindGroup>,
 }
 
 /// Buffers that the encoder clears, copies or is told by.
@@ -140,6 +144,8 @@ pub struct Wanted<'a> {
     pub turns: u32,
     /// Digits that pairs are sorted by.
     pub digits: u32,
+    /// Levels of a field that its bricks are filled from.
+    pub levels: &'a BTreeSet<usize>,
 }
 
 /// The offset of an entry of a list of uniforms.
@@ -161,11 +167,11 @@ impl Bindings {
     /// Takes what is wanted from a store.
     pub fn new(wanted: Wanted<'_>, store: &mut Store, means: &Means<'_>) -> Bindings {
         let Wanted { job, variant, cut, grids, uniform, portions, places, readers, .. } = wanted;
-        let Wanted { pixels, particles, candidates, turns, digits, .. } = wanted;
+        let Wanted { pixels, particles, candidates, turns, digits, levels, .. } = wanted;
         let Means { device, queue, cache, .. } = *means;
         // What outlives a slab has a buffer for each kind of job, since both are on their way at the same time.
         let own = match job.shows {
-            Shows::Light(_) | Shows::Cartesian(_) => 0,
+            Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => 0,
             Shows::Ranges => 1,
         };
         let mut put = |name, index, bytes: &[u8]| store.holding(device, queue, name, index, bytes);
@@ -186,6 +192,16 @@ impl Bindings {
                 put("deepfield volume march", 0, bytemuck::bytes_of(&MarchUniform::new(picture))),
                 put("deepfield volume lookup", 0, bytemuck::bytes_of(&lookup)),
             ]
+        });
+        let sampled = job.field().map(|picture| {
+            let lines = lines(&job.view, &job.grid, &picture.field);
+            let lines = put("deepfield volume lines", 0, bytemuck::cast_slice(&lines));
+            let mut of_level = |&level: &usize| {
+                let uniform = FieldUniform::new(&job.view, &picture.field, level, &picture.axis);
+                (level, put("deepfield volume level", level, bytemuck::bytes_of(&uniform)))
+            };
+            let uniforms: Vec<(usize, Held)> = levels.iter().map(&mut of_level).collect();
+            (lines, uniforms)
         });
         let rooms: u32 = job.cartesian().map_or(0, |picture| march::rooms(picture).iter().product());
 
@@ -215,7 +231,7 @@ impl Bindings {
         let hidden = make("deepfield volume hidden", own, 4 * u64::from(uniform.bin_count));
         let visible = make("deepfield volume visible", own, 4);
         let rooms = make("deepfield volume rooms", own, 4 * u64::from(rooms));
-        let pixels = if matches!(job.shows, Shows::Light(_)) { pixels } else { 0 };
+        let pixels = if job.is_cast() { pixels } else { 0 };
         let rays = make("deepfield volume rays", own, 16 * pixels);
         let progress = make("deepfield volume progress", own, 4 * pixels);
         let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
@@ -340,6 +356,28 @@ impl Bindings {
             ];
             [group(Kind::March, &bound), group_of(&matter_layout(), &[lookup.binding(), table.binding()])]
         };
+        let mut of_levels = BTreeMap::new();
+        for (lines, (level, uniform)) in
+            sampled.iter().flat_map(|(lines, uniforms)| uniforms.iter().map(move |uniform| (lines, uniform)))
+        {
+            let (Some(picture), Some(held)) = (job.field(), store.samples.as_mut()) else { continue };
+            let Some([shown, hues]) = held.of_level(*level) else { continue };
+            let Some(most) = held.places(*level, &picture.axis, device) else { continue };
+            let list = [
+                all.binding(),
+                portion(),
+                uniform.binding(),
+                lines.binding(),
+                hidden.binding(),
+                most.as_entire_binding(),
+                items_held.binding(),
+                field.binding(),
+                densest.binding(),
+                BindingResource::TextureView(&shown),
+                BindingResource::TextureView(&hues),
+            ];
+            of_levels.insert(*level, group(Kind::Field, &list));
+        }
         let project = [all.binding(), spots.binding(), amounts.binding(), visible.binding()];
         let groups = Groups {
             project: group(Kind::Project, &project),
@@ -353,6 +391,7 @@ impl Bindings {
             measure: (own == 1).then(measure),
             rays: table.as_ref().filter(|_| march.is_none()).map(rays_groups),
             march: march.as_ref().zip(table.as_ref()).zip(target.as_ref()).map(march_groups),
+            field: of_levels,
         };
         let buffers = Buffers {
             bins,
@@ -369,8 +408,8 @@ impl Bindings {
             masses,
         };
         let answer_bytes = match job.shows {
-            Shows::Light(_) | Shows::Cartesian(_) => {
-                EFFORT + if job.options.occlusion { 4 * u64::from(size[0]) * u64::from(size[1]) } else { 0 }
+            Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => {
+                EFFORT + if job.reads_ends() { 4 * u64::from(size[0]) * u64::from(size[1]) } else { 0 }
             }
             Shows::Ranges => 8 * range::CLASSES as u64,
         };

@@ -2,8 +2,9 @@
 //! compiler sees.
 
 use crate::cpu::cartesian::march;
+use crate::cpu::field;
 use crate::cpu::volume::bricks::{self, BORDER};
-use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES};
+use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES, VALUES};
 use crate::cpu::volume::coarse;
 use crate::cpu::volume::range;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
@@ -65,6 +66,9 @@ pub fn wgsl() -> String {
         ("HIDDEN_BITS", HIDDEN_BITS),
         ("HUES", HUES as u32),
         ("BRIGHTNESSES", BRIGHTNESSES as u32),
+        ("VALUE_ENTRIES", VALUES as u32),
+        ("SAMPLE_BLOCK", field::BLOCK as u32),
+        ("AROUND", field::bricks::AROUND as u32),
         ("ROOM", ROOM),
         ("RANGE_CLASSES", range::CLASSES as u32),
         ("RANGE_HIDDEN_BITS", range::HIDDEN_BITS),

@@ -26,10 +26,13 @@
 //! 8. `find_rooms`: how dense the field is at most in rooms of it and around them.
 //! 9. `march`: rays of the picture's camera go through it ([`march`]).
 //!
+//! Of a sampled field ([`Shows::Field`]) two passes of its own ([`field`]) fill the bricks of each slab in place of 1 to 5.
+//!
 //! A job of [`Shows::Ranges`] does `measure` instead: the masses of all densities and attributes, which are read back without waiting.
 
 pub mod constants;
 pub mod cut;
+pub mod field;
 pub mod layout;
 pub mod programs;
 
@@ -38,13 +41,14 @@ pub mod march;
 mod bindings;
 mod pass;
 mod prepare;
+mod room;
 mod store;
 mod view;
 mod work;
 
 pub use pass::draw_volumes;
-pub use view::{CartesianPicture, Shows, VolumeFindings, VolumeJob, VolumeNews, VolumeView};
-pub use work::Room;
+pub use room::Room;
+pub use view::{CartesianPicture, FieldPicture, Shows, VolumeFindings, VolumeJob, VolumeNews, VolumeView};
 
 use super::arena::update_arena;
 use super::light::show_light;

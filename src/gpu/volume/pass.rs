@@ -6,7 +6,7 @@ use super::march;
 use super::prepare::VolumeWork;
 use super::programs::{Step, VolumePipelines};
 use super::view::Shows;
-use super::work::{Batch, SlabWork, Work};
+use super::work::{Batch, FieldRun, SlabWork, Work};
 use crate::gpu::answer::Answer;
 use crate::gpu::timing::PassTimer;
 use bevy::platform::collections::HashMap;
@@ -70,7 +70,14 @@ pub fn draw_volumes(
                 begin_pane(work, encoder);
             }
             // Of a grid that is held there is none.
-            let span = (!slab.batches.is_empty()).then(|| timer.begin("resample", encoder));
+            let fills = !slab.batches.is_empty() || !slab.runs.is_empty();
+            let span = fills.then(|| timer.begin("resample", encoder));
+            for (index, run) in slab.runs.iter().enumerate() {
+                encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
+                let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+                let mut steps = Steps { pass, pipelines: &pipelines };
+                fill(work, &mut steps, run, offset(slab.first_portion + 1 + index));
+            }
             for (index, batch) in slab.batches.iter().enumerate() {
                 encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
                 encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
@@ -112,6 +119,15 @@ fn begin_pane(work: &Work, encoder: &mut CommandEncoder) {
     }
     // Somebody sees something before anything has been drawn.
     encoder.copy_buffer_to_buffer(&work.one.buffer, 0, &buffers.visible.buffer, 0, 4);
+}
+
+/// Fills layers of a slab from a level of a field.
+fn fill(work: &Work, steps: &mut Steps<'_>, run: &FieldRun, at: u32) {
+    let bound = &work.groups;
+    let Some(level) = bound.field.get(&run.level) else { return };
+    steps.take(Step::PlanField, level, &[at], groups(run.bricks.div_ceil(BRICK_GROUP)));
+    steps.take(Step::DispatchBricks, &bound.plan, &[at], [1, 1, 1]);
+    steps.take_as_told(Step::Fill, level, &[at], &work.buffers.dispatch.buffer, 0);
 }
 
 /// Adds a batch of particles to a slab's cells.
@@ -189,7 +205,7 @@ fn finish_slab(
 ) {
     let at = offset(slab.first_portion);
     let columns = work.cut.finest().columns();
-    let occlusion = work.job.options.occlusion && matches!(work.job.shows, Shows::Light(_));
+    let occlusion = work.job.options.occlusion && work.job.is_cast();
     if occlusion {
         encoder.clear_buffer(&work.buffers.visible.buffer, 0, Some(4));
     }
@@ -238,13 +254,13 @@ fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
             }
         }
     };
-    if let (Some(target), Shows::Light(_)) = (&work.target, &work.job.shows) {
+    if let Some(target) = work.target.as_ref().filter(|_| work.job.is_cast()) {
         put(&buffers.rays.buffer, target, 0, 16);
     }
     let Some(answer) = work.answer.as_ref().map(Answer::buffer) else { return };
     match work.job.shows {
-        Shows::Light(_) | Shows::Cartesian(_) => {
-            if work.job.options.occlusion {
+        Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => {
+            if work.job.reads_ends() {
                 put(&buffers.progress.buffer, answer, EFFORT, 4);
             }
             let numbers =

@@ -2,9 +2,10 @@
 
 use super::bindings::EFFORT;
 use super::programs::VolumePipelines;
+use super::room::Room;
 use super::store::Store;
 use super::view::{Shows, VolumeJob, VolumeNews, VolumeView};
-use super::work::{Means, Room, Work};
+use super::work::{Means, Work};
 use crate::cpu::volume::range::{CLASSES, Histogram};
 use crate::cpu::volume::{FieldRange, OpaqueDepths, raycast};
 use crate::gpu::answer::Answer;
@@ -147,7 +148,7 @@ impl VolumeWork {
             let mut news = news.lock();
             match job.shows {
                 Shows::Ranges => news.ranges = Some((number, bytes.and_then(|bytes| range_of(&bytes)))),
-                Shows::Light(_) | Shows::Cartesian(_) => {
+                Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => {
                     let (effort, ends) =
                         bytes.as_deref().unwrap_or_default().split_at_checked(EFFORT as usize).unwrap_or_default();
                     let (numbers, _) = effort.as_chunks::<4>();
@@ -203,6 +204,7 @@ impl VolumeWork {
                 Shows::Ranges => Room::of(free, job.options.memory.min(free / 6), limit),
                 Shows::Light(_) => Room::of(free, job.options.memory, limit),
                 Shows::Cartesian(_) => Room::of_whole(free, limit),
+                Shows::Field(_) => Room::beside_samples(free, job.options.memory, limit),
             };
             let scope = means.device.wgpu_device().push_error_scope(ErrorFilter::OutOfMemory);
             let begun = Work::begin(job, shown, (job.camera(&list.view), &list.items), &room, &mut self.store, means);
@@ -213,7 +215,9 @@ impl VolumeWork {
                     if held == Some(work.buffers.of_grid()) {
                         work.keep_grid();
                     }
-                    news.lock().thinner = self.lowered.is_some();
+                    let mut news = news.lock();
+                    news.thinner = self.lowered.is_some();
+                    news.coarser = work.coarser.map(|by| (job.number, by));
                     *known = Some(work);
                     return true;
                 }

@@ -1,5 +1,6 @@
 //! The compute pipelines of volumes: which shader each step runs, and what it binds.
 
+use super::field::layout::FieldUniform;
 use super::layout::{Portion, Turn, VolumeUniform};
 use super::march::MarchUniform;
 use crate::gpu::matter::LookupUniform;
@@ -10,11 +11,11 @@ use bevy::asset::{AssetServer, Handle};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::Resource;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_3d, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
     BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, CachedComputePipelineId, ComputePipeline,
-    ComputePipelineDescriptor, PipelineCache, ShaderStages,
+    ComputePipelineDescriptor, PipelineCache, ShaderStages, TextureSampleType,
 };
 use bevy::shader::{Shader, ShaderDefVal};
 use std::num::NonZeroU64;
@@ -74,6 +75,10 @@ pub enum Step {
     FindRooms,
     /// Rays through a Cartesian grid, one invocation a pixel.
     March,
+    /// Lists bricks in which a field may show, one invocation a brick.
+    PlanField,
+    /// Fills them, one workgroup a brick.
+    Fill,
 }
 
 /// What a step binds; steps of the same kind share it, and their shader.
@@ -103,6 +108,8 @@ pub enum Kind {
     Raycast,
     /// `march.wgsl`.
     March,
+    /// `field.wgsl`.
+    Field,
 }
 
 /// What is compiled into the shaders.
@@ -118,6 +125,8 @@ pub struct Variant {
     pub centered: bool,
     /// Whether subgroups have exactly eight lanes: a processor's vectors.
     pub vectors: bool,
+    /// Whether a sampled field fills the grid.
+    pub field: bool,
 }
 
 impl Variant {
@@ -136,7 +145,7 @@ impl Variant {
 
 impl Step {
     /// Every step.
-    pub const ALL: [Step; 26] = [
+    pub const ALL: [Step; 28] = [
         Step::Project,
         Step::Count,
         Step::Pair,
@@ -163,6 +172,8 @@ impl Step {
         Step::Pyramid,
         Step::FindRooms,
         Step::March,
+        Step::PlanField,
+        Step::Fill,
     ];
 
     /// The name of its entry point.
@@ -194,6 +205,17 @@ impl Step {
             Step::Pyramid => "pyramid",
             Step::FindRooms => "find_rooms",
             Step::March => "march",
+            Step::PlanField => "plan_field",
+            Step::Fill => "fill",
+        }
+    }
+
+    /// Whether pictures of a variant take it.
+    pub const fn is_of(self, variant: Variant) -> bool {
+        match self {
+            Step::PlanField | Step::Fill => variant.field,
+            Step::DispatchBricks | Step::FindReach | Step::CastRays | Step::Occlude | Step::Pyramid => true,
+            _ => !variant.field,
         }
     }
 
@@ -212,13 +234,14 @@ impl Step {
             Step::FindReach | Step::Occlude | Step::Pyramid => Kind::Occlusion,
             Step::CastRays => Kind::Raycast,
             Step::FindRooms | Step::March => Kind::March,
+            Step::PlanField | Step::Fill => Kind::Field,
         }
     }
 }
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 12] = [
+    pub const ALL: [Kind; 13] = [
         Kind::Project,
         Kind::Bin,
         Kind::Scan,
@@ -231,6 +254,7 @@ impl Kind {
         Kind::Occlusion,
         Kind::Raycast,
         Kind::March,
+        Kind::Field,
     ];
 
     /// The path of its shader.
@@ -248,6 +272,7 @@ impl Kind {
             Kind::Occlusion => "volume/occlusion.wgsl",
             Kind::Raycast => "volume/raycast.wgsl",
             Kind::March => "volume/march.wgsl",
+            Kind::Field => "volume/field.wgsl",
         }
     }
 
@@ -260,7 +285,8 @@ impl Kind {
     pub fn defs(self, variant: Variant) -> Vec<ShaderDefVal> {
         let mut defs = Vec::new();
         let is_one_of = |kinds: &[Kind]| kinds.contains(&self);
-        let with_cells = is_one_of(&[Kind::Gather, Kind::Interpolate, Kind::Measure, Kind::Raycast, Kind::March]);
+        let with_cells =
+            is_one_of(&[Kind::Gather, Kind::Interpolate, Kind::Measure, Kind::Raycast, Kind::March, Kind::Field]);
         if with_cells || is_one_of(&[Kind::Plan, Kind::Choose, Kind::Occlusion]) {
             defs.push(ShaderDefVal::UInt("PARTS".into(), variant.parts()));
         }
@@ -284,6 +310,9 @@ impl Kind {
         }
         if self == Kind::Raycast && variant.centered {
             defs.push("CENTERED".into());
+        }
+        if self == Kind::Raycast && variant.field {
+            defs.push("EVEN".into());
         }
         defs
     }
@@ -325,6 +354,12 @@ impl Kind {
                 list.extend([write(), write(), read()]);
                 list
             }
+            Kind::Field => {
+                let mut list = vec![view(), portion(), uniform(size_of::<FieldUniform>(), false)];
+                list.extend([read(), read(), read(), write(), write(), write()]);
+                list.extend((0..2).map(|_| texture_3d(TextureSampleType::Uint)));
+                list
+            }
         };
         let entry =
             |(index, builder): (usize, BindGroupLayoutEntryBuilder)| builder.build(index as u32, ShaderStages::COMPUTE);
@@ -360,7 +395,7 @@ impl VolumePipelines {
     /// Has the pipelines of a variant compiled.
     pub fn ask_for(&mut self, variant: Variant, cache: &PipelineCache) {
         let VolumePipelines { shaders, known, .. } = self;
-        for step in Step::ALL {
+        for step in Step::ALL.into_iter().filter(|step| step.is_of(variant)) {
             let kind = step.kind();
             let defs = kind.defs(variant);
             known.entry((step, defs.clone())).or_insert_with(|| {
@@ -389,6 +424,6 @@ impl VolumePipelines {
             let id = *self.known.get(&(step, step.kind().defs(variant)))?;
             Some((step, cache.get_compute_pipeline(id)?))
         };
-        Step::ALL.into_iter().map(ready).collect()
+        Step::ALL.into_iter().filter(|step| step.is_of(variant)).map(ready).collect()
     }
 }

@@ -1,5 +1,6 @@
 //! Buffers that are kept from picture to picture while they are large enough.
 
+use crate::gpu::field_samples::HeldSamples;
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::{BindingResource, Buffer, BufferBinding, BufferDescriptor, BufferUsages};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
@@ -26,10 +27,12 @@ impl Held {
     }
 }
 
-/// Buffers by what they are for.
+/// Buffers by what they are for, and the samples of a field.
 #[derive(Debug, Default)]
 pub struct Store {
     buffers: HashMap<(&'static str, usize), Buffer>,
+    /// The field that was drawn last.
+    pub samples: Option<HeldSamples>,
 }
 
 impl Store {
@@ -72,11 +75,13 @@ impl Store {
 
     /// What all of them take.
     pub fn bytes(&self) -> u64 {
-        self.buffers.values().map(|buffer| buffer.size()).sum()
+        let samples = self.samples.as_ref().map_or(0, HeldSamples::bytes);
+        self.buffers.values().map(|buffer| buffer.size()).sum::<u64>() + samples
     }
 
     /// Frees everything.
     pub fn clear(&mut self) {
         self.buffers.clear();
+        self.samples = None;
     }
 }

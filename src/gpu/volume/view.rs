@@ -4,16 +4,18 @@ use super::cut::Cut;
 use super::layout::MOST_TIERS;
 use super::prepare::VolumeWork;
 use crate::cpu::cartesian::Lattice;
+use crate::cpu::field::{Field, ValueAxis};
 use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::{FieldRange, OpaqueDepths, Scenery, VolumeError, VolumeOptions};
 use crate::gpu::light::LightCells;
-use crate::mode::LightPasses;
+use crate::mode::{FieldMarch, LightPasses};
 use crate::view::{Extent, PerspectiveGrid, View};
 use bevy::prelude::{Component, Resource};
 use bevy::render::extract_component::ExtractComponent;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// The particles in a camera's [`SplatView`](crate::gpu::SplatView) are drawn as a volume, in place of splats, or looked at as one.
+/// The particles in a camera's [`SplatView`](crate::gpu::SplatView) are drawn as a volume, in place of splats, or looked at as one; or a
+/// sampled field is drawn in their place.
 #[derive(Component, Clone, Debug, ExtractComponent)]
 #[extract_component_sync_target((Self, VolumeWork, LightCells))]
 pub struct VolumeView {
@@ -25,12 +27,20 @@ pub struct VolumeView {
     pub ranges: Option<VolumeJob>,
     /// Other passes draw the camera's light: only ranges are looked for.
     pub ranges_only: bool,
-    /// Whether particles have an attribute.
+    /// Whether particles have an attribute, or another channel colours a field.
     pub attribute: bool,
     /// Bytes of the adapter's memory that may be used.
     pub memory: u64,
     /// Slabs that one frame draws.
     pub slabs: u32,
+}
+
+impl VolumeView {
+    /// Draws the samples of a job in place of particles, so many slabs a frame.
+    pub fn of_field(job: VolumeJob, memory: u64, slabs: u32) -> VolumeView {
+        let attribute = job.field().is_some_and(|picture| picture.hue.is_some());
+        VolumeView { extents: [].into(), light: Some(job), ranges: None, ranges_only: false, attribute, memory, slabs }
+    }
 }
 
 /// A field, and what is wanted of it.
@@ -57,8 +67,23 @@ pub enum Shows {
     Light(Arc<Scenery>),
     /// A picture of a Cartesian grid, all of which is held.
     Cartesian(Arc<CartesianPicture>),
+    /// The picture of samples from where its grid is laid, slab by slab; particles have no part in it.
+    Field(Arc<FieldPicture>),
     /// Between which values its mass lies.
     Ranges,
+}
+
+/// Samples, and what is shown of them.
+#[derive(Clone, Debug)]
+pub struct FieldPicture {
+    /// The samples; the first channel is shown.
+    pub field: Arc<Field>,
+    /// The channel that colours it.
+    pub hue: Option<usize>,
+    /// The values as numbers.
+    pub axis: ValueAxis,
+    /// What is drawn of these.
+    pub scenery: Scenery,
 }
 
 /// What is shown of a Cartesian grid, from where.
@@ -120,18 +145,26 @@ impl VolumeJob {
         Ok(Some(VolumeJob { number, view, grid, options, stride: 1, shows }))
     }
 
+    /// The picture of a field as the processor would march through it, coloured by a channel of its own where one is named.
+    pub fn of_field(number: u64, view: &View, field: &Arc<Field>, hue: Option<usize>, march: &FieldMarch) -> VolumeJob {
+        let FieldMarch { grid, axis, scenery, options, .. } = march;
+        let picture = FieldPicture { field: Arc::clone(field), hue, axis: *axis, scenery: scenery.clone() };
+        let shows = Shows::Field(Arc::new(picture));
+        VolumeJob { number, view: *view, grid: *grid, options: *options, stride: 1, shows }
+    }
+
     /// The camera and the pixels of the picture.
     pub fn seen_from(&self) -> &View {
         match &self.shows {
             Shows::Cartesian(picture) => &picture.view,
-            Shows::Light(_) | Shows::Ranges => &self.view,
+            Shows::Light(_) | Shows::Field(_) | Shows::Ranges => &self.view,
         }
     }
 
     /// The camera that particles are brought to, of a list that is made for `list`.
     pub fn camera<'a>(&'a self, list: &'a View) -> &'a View {
         match &self.shows {
-            Shows::Cartesian(_) => &self.view,
+            Shows::Cartesian(_) | Shows::Field(_) => &self.view,
             Shows::Light(_) | Shows::Ranges => list,
         }
     }
@@ -141,6 +174,7 @@ impl VolumeJob {
         match &self.shows {
             Shows::Light(scenery) => Some(scenery),
             Shows::Cartesian(picture) => Some(&picture.scenery),
+            Shows::Field(picture) => Some(&picture.scenery),
             Shows::Ranges => None,
         }
     }
@@ -149,8 +183,26 @@ impl VolumeJob {
     pub fn cartesian(&self) -> Option<&CartesianPicture> {
         match &self.shows {
             Shows::Cartesian(picture) => Some(picture),
-            Shows::Light(_) | Shows::Ranges => None,
+            Shows::Light(_) | Shows::Field(_) | Shows::Ranges => None,
         }
+    }
+
+    /// The samples, if they are drawn.
+    pub fn field(&self) -> Option<&FieldPicture> {
+        match &self.shows {
+            Shows::Field(picture) => Some(picture),
+            Shows::Light(_) | Shows::Cartesian(_) | Shows::Ranges => None,
+        }
+    }
+
+    /// Whether rays go through it slab by slab.
+    pub fn is_cast(&self) -> bool {
+        matches!(self.shows, Shows::Light(_) | Shows::Field(_))
+    }
+
+    /// Whether it is read back where rays end: what hides particles. Of a field nothing is left out for it.
+    pub fn reads_ends(&self) -> bool {
+        self.options.occlusion && matches!(self.shows, Shows::Light(_))
     }
 
     /// Whether the same is wanted.
@@ -158,6 +210,7 @@ impl VolumeJob {
         let shows = match (&self.shows, &other.shows) {
             (Shows::Light(a), Shows::Light(b)) => Arc::ptr_eq(a, b),
             (Shows::Cartesian(a), Shows::Cartesian(b)) => Arc::ptr_eq(a, b),
+            (Shows::Field(a), Shows::Field(b)) => Arc::ptr_eq(a, b),
             (Shows::Ranges, Shows::Ranges) => true,
             _ => false,
         };
@@ -195,6 +248,8 @@ pub struct VolumeFindings {
     pub most_cells: Option<u32>,
     /// Slabs are thinner than asked for, since the adapter has no more memory.
     pub thinner: bool,
+    /// By how many levels the samples of a field in a job are coarser than its grid asks for, since the adapter has no more memory.
+    pub coarser: Option<(u64, usize)>,
 }
 
 /// What the render world tells the main world of volumes. Clones share it.

@@ -1,10 +1,12 @@
 //! A picture on its way: how it is cut, which particles each slab reads, and how far it has come.
 
-use super::bindings::{BATCH_BYTES, Bindings, Buffers, Groups, Wanted};
-use super::constants::{BRICK, PARTICLE_BITS};
+use super::bindings::{Bindings, Buffers, Groups, Wanted};
+use super::constants::BRICK;
 use super::cut::{Cut, Window};
-use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, TierPortion, VolumeUniform};
+use super::field::runs;
+use super::layout::{self, MOST_TIERS, Portion, TierPortion, VolumeUniform};
 use super::programs::Variant;
+use super::room::Room;
 use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob, VolumeView};
 use crate::cpu::volume::bricks::{BORDER, BrickGrid};
@@ -12,6 +14,7 @@ use crate::cpu::volume::particles::growth;
 use crate::cpu::volume::{coarse, extents, raycast};
 use crate::gpu::answer::Answer;
 use crate::gpu::arena::Arena;
+use crate::gpu::field_samples::{Finest, HeldSamples};
 use crate::gpu::splat::draw_list::{DrawBatch, DrawList, PartToDraw};
 use crate::gpu::splat::layout::{Grids, Node};
 use crate::gpu::splat::{particle_layout, resources::slice, workgroups};
@@ -20,46 +23,10 @@ use crate::view::perspective_grid::seen;
 use crate::view::{Extent, View};
 use bevy::render::render_resource::{BindGroup, BindGroupEntries, Buffer, PipelineCache};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
-
-/// How much may be used at once.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Room {
-    /// Bytes of cells.
-    pub cells: u64,
-    /// Bytes of one buffer.
-    pub limit: u64,
-    /// Particles of a batch.
-    pub batch: u32,
-}
-
-impl Room {
-    /// Least room that is tried, bytes.
-    pub const LEAST: u64 = 1 << 23;
-    /// Most particles that are binned at once. Each may have a block of its own, which has a place more.
-    const MOST_BATCH: u64 = 1 << (PARTICLE_BITS - 1);
-    const LEAST_BATCH: u64 = 1 << 14;
-
-    /// Bytes that pixels take whatever the room: light twice, and slab by slab the ends of rays twice.
-    pub fn of_pixels(job: &VolumeJob) -> u64 {
-        let view = job.seen_from();
-        let bytes = if job.cartesian().is_some() { 32 } else { 40 };
-        bytes * u64::from(view.width) * u64::from(view.height)
-    }
-
-    /// Shares memory out where cells may take no more than `cells` bytes and one buffer `limit`.
-    pub fn of(memory: u64, cells: u64, limit: u64) -> Room {
-        let batch = (memory / 3 / BATCH_BYTES).min(limit / (4 * MOST_BINS)).clamp(Room::LEAST_BATCH, Room::MOST_BATCH);
-        Room { cells: cells.min(memory / 2).min(limit), limit, batch: batch as u32 }
-    }
-
-    /// Shares memory out where all cells of a grid are held, which take the most of it.
-    pub fn of_whole(memory: u64, limit: u64) -> Room {
-        Room { cells: (memory - memory / 4).min(limit), ..Room::of(memory / 2, 0, limit) }
-    }
-}
 
 /// A window, and the pixels that it draws.
 #[derive(Clone, Copy, Debug)]
@@ -101,10 +68,20 @@ pub struct Batch {
     pub turns: u32,
 }
 
+/// Layers of a slab that are filled from a level of a field.
+pub struct FieldRun {
+    /// The level.
+    pub level: usize,
+    /// Bricks that may be filled.
+    pub bricks: u32,
+}
+
 /// A slab of one pane.
 pub struct SlabWork {
-    /// Its batches, one at least.
+    /// Its batches, one at least; none of a field.
     pub batches: Vec<Batch>,
+    /// What is filled from a field; each has a portion behind the first.
+    pub runs: Vec<FieldRun>,
     /// Number of its first portion.
     pub first_portion: usize,
     /// Layers of bricks.
@@ -150,6 +127,8 @@ pub struct Work {
     pub answer: Option<Answer>,
     /// The number 1.
     pub one: Held,
+    /// By how many levels a field's samples are coarser than the grid asks for, if they are.
+    pub coarser: Option<usize>,
     /// Slabs that have been encoded.
     pub done: AtomicUsize,
 }
@@ -215,8 +194,10 @@ impl Work {
             surfaces: job.scenery().is_some_and(|scenery| !scenery.surfaces.is_empty()),
             centered: places.iter().all(|[_, share]| f32::from_bits(*share) == 0.0),
             vectors,
+            field: job.field().is_some(),
         };
         let uniform = VolumeUniform::new(job, &grids, &cut);
+        let (of_layers, coarser) = levels(job, room, store, means)?;
         let digits = (u32::BITS - uniform.bin_count.leading_zeros()).div_ceil(super::constants::DIGIT_BITS);
 
         // Per slab only what reaches into what it fills (F12 5.7.1).
@@ -228,7 +209,10 @@ impl Work {
             let ends: Vec<Option<[f32; 2]>> =
                 grids.iter().zip(layers).map(|(grid, layers)| ends(grid, layers)).collect();
             let overlaps = |part: &&PartToDraw| reaches.get(part.item).is_none_or(|reach| reach.is_within(&ends));
-            batches_of.push(list.cut(parts.iter().filter(overlaps), room.batch));
+            batches_of.push(match job.field() {
+                Some(_) => Vec::new(),
+                None => list.cut(parts.iter().filter(overlaps), room.batch),
+            });
         }
         let most = |number: fn(&DrawBatch) -> u32| batches_of.iter().flatten().map(number).max().unwrap_or(0).max(1);
         let most_places = u64::from(most(|batch| batch.places));
@@ -247,7 +231,7 @@ impl Work {
                     *out = TierPortion::new(*origin, layers, ends(grid, layers).unwrap_or_default());
                 }
                 let first_portion = portions.len();
-                portions.extend(batches.iter().enumerate().map(|(number, batch)| Portion {
+                let whole = Portion {
                     origin: pane.window.origin,
                     first_pixel: pane.pixels[0],
                     behind_pixel: pane.pixels[1],
@@ -257,12 +241,28 @@ impl Work {
                     layers: own.len() as u32,
                     first_step: slab.steps.start,
                     behind_step: slab.steps.end,
-                    candidates: batch.places,
-                    opening: u32::from(number == 0),
+                    candidates: 0,
+                    opening: 1,
                     bricks: bricks.iter().sum(),
                     unused: 0,
                     tiers,
-                }));
+                };
+                for (number, batch) in batches.iter().enumerate() {
+                    let opening = u32::from(number == 0);
+                    portions.push(Portion { candidates: batch.places, opening, ..whole });
+                }
+                let mut runs = Vec::new();
+                if job.field().is_some() {
+                    portions.push(whole);
+                    for run in runs::runs(&of_layers, own.clone()) {
+                        let count = cut.finest().columns() * run.layers.len() as u32;
+                        let mut tiers = whole.tiers;
+                        tiers[0] =
+                            TierPortion::new(origins[0], &run.layers, ends(&grids[0], &run.layers).unwrap_or_default());
+                        portions.push(Portion { bricks: count, tiers, ..whole });
+                        runs.push(FieldRun { level: run.level, bricks: count });
+                    }
+                }
                 let bound = |batch: &DrawBatch| Batch {
                     loaded: batch.ranges.iter().map(|range| particles.bind(range, arena, device, cache)).collect(),
                     candidates: batch.places,
@@ -270,6 +270,7 @@ impl Work {
                 };
                 slabs.push(SlabWork {
                     batches: batches.iter().map(bound).collect(),
+                    runs,
                     first_portion,
                     layers: own.len() as u32,
                     bricks,
@@ -295,6 +296,7 @@ impl Work {
             candidates: most_places,
             turns: most_turns,
             digits,
+            levels: &of_layers.iter().copied().collect(),
         };
         let Bindings { groups, buffers, one, target, answer } = Bindings::new(wanted, store, means);
         Some(Work {
@@ -313,6 +315,7 @@ impl Work {
             target,
             answer: Some(answer),
             one,
+            coarser,
             done: AtomicUsize::new(0),
         })
     }
@@ -356,6 +359,19 @@ impl Work {
         }
         true
     }
+}
+
+/// The level that each layer of bricks of a field is filled from, once these are on the adapter, and by how many levels they are coarser
+/// than they would be but for want of memory; no levels without a field. `None` where there is no room.
+fn levels(job: &VolumeJob, room: &Room, store: &mut Store, means: &Means<'_>) -> Option<(Vec<usize>, Option<usize>)> {
+    let Some(picture) = job.field() else { return Some((Vec::new(), None)) };
+    let wanted = runs::levels(&picture.field, &job.grid);
+    let all: BTreeSet<usize> = wanted.iter().copied().collect();
+    let source = (&picture.field, picture.hue);
+    let finest: Finest =
+        HeldSamples::load(&mut store.samples, source, &all, room.samples, (means.device, means.queue))?;
+    let coarser = Some(finest.missing(&all)).filter(|missing| *missing > 0);
+    Some((wanted.into_iter().map(|level| finest.in_place_of(level)).collect(), coarser))
 }
 
 /// An upper bound of the smoothing lengths of a job's particles in cells of its grid.

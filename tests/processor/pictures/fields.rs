@@ -74,6 +74,18 @@ fn a_volume_is_built_told_drawn_and_given_back() {
     let voxels = ["render", "blobs.nrrd", "-o", "x.png", "--mode", "sorted-splats", "--size", "80x60", "--json", "-"];
     let told = done(folder, &voxels);
     assert!(number(&told, &["particles_drawn"]) > 1000.0, "{told}");
+    // Of what was built the points are drawn.
+    for mode in ["sorted-splats", "primitives"] {
+        let words =
+            [&["render", "blobs.df", "-o", "x.png", "--mode", mode, "--splats", "2000", "--json", "-"], &size[..]];
+        let told = done(folder, &words.concat());
+        assert_eq!((number(&told, &["particles_drawn"]), number(&told, &["budget"])), (0.0, 2000.0), "{told}");
+        let [points, seen] = [&["points"][..], &["grid", "particles"]].map(|path| number(&told, path));
+        assert!(points <= 2000.0 && seen > 200.0 && seen < points, "{told}");
+        let picture = crate::support::golden::picture_at(&folder.join("x.png"));
+        let lit = picture.rgba.iter().filter(|pixel| pixel[..3].iter().any(|byte| *byte > 24)).count();
+        assert!(lit > 300, "{mode}: {lit} pixels");
+    }
     let refused = run(folder, &["render", "blobs.df", "-o", "x.png", "--mode", "image"]);
     let why = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert_eq!((refused.status.code(), why.lines().count()), (Some(1), 1), "{why}");

@@ -12,6 +12,7 @@ use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::SettingValue;
 use deepfield::model::{FamilyName, Progress};
 use deepfield::modes;
+use deepfield::picture::adapter::AdapterField;
 use deepfield::picture::level_report::{LevelReport, ROUNDING};
 use deepfield::picture::ranges::Format;
 use deepfield::picture::{Adapter, AdapterFrame, AdapterJob, PictureError, Reporter, Session, SessionOptions};
@@ -133,6 +134,10 @@ impl Adapter for Broken {
 
     fn draw(&mut self, _: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
         Broken::fails("picture")
+    }
+
+    fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
+        Broken::fails("volume")
     }
 
     fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {

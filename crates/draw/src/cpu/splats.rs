@@ -62,11 +62,11 @@ pub enum Extent<'a> {
 /// What splats stand for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SplatKind {
-    /// Source particles.
+    /// Source particles, or samples of an image or a volume.
     Leaf,
-    /// Particles that were merged within an error.
+    /// Particles that were merged within an error, or all samples of a node as one large point.
     Merged,
-    /// Clusters with a shape.
+    /// Clusters with a shape, or the parts of a node in a directed set.
     Cluster,
 }
 
@@ -77,7 +77,8 @@ pub struct NodeTraits {
     pub level: u8,
     /// What its splats stand for.
     pub kind: SplatKind,
-    /// Mean of its splats' relative L1 distances in space from the particles they stand for, at most 2; `None` where it is not known.
+    /// Mean of its splats' relative L1 distances in space from the particles they stand for, at most 2; `None` where it is not known, or
+    /// each splat has one of its own ([`Splats::misfits`]).
     pub misfit: Option<f64>,
 }
 
@@ -105,8 +106,11 @@ pub struct Splats<'a> {
     weight: &'a [f32],
     attribute: Option<&'a [f32]>,
     density: Option<&'a [f32]>,
+    /// Whether densities fall where particles are enlarged.
+    dilutes: bool,
     reach: Option<view::Extent>,
     traits: Option<NodeTraits>,
+    misfits: Option<&'a [f32]>,
 }
 
 impl<'a> Splats<'a> {
@@ -135,7 +139,8 @@ impl<'a> Splats<'a> {
         if let Some(attribute) = attribute {
             check("attribute", attribute.len())?;
         }
-        Ok(Splats { positions, extent, weight, attribute, density: None, reach: None, traits: None })
+        let (density, reach, traits, misfits) = (None, None, None, None);
+        Ok(Splats { positions, extent, weight, attribute, density, dilutes: true, reach, traits, misfits })
     }
 
     /// The same with each particle's own density, for what is classified particle by particle.
@@ -144,8 +149,31 @@ impl<'a> Splats<'a> {
     /// [`SplatError::Length`] when the column's length differs from the number of positions.
     pub fn with_density(self, density: Option<&'a [f32]>) -> Result<Splats<'a>, SplatError> {
         match density.map_or(self.len(), <[f32]>::len) {
-            found if found == self.len() => Ok(Splats { density, ..self }),
+            found if found == self.len() => Ok(Splats { density, dilutes: true, ..self }),
             found => Err(SplatError::Length { column: "density", found, expected: self.len() }),
+        }
+    }
+
+    /// The same with a value of each particle in place of its density: what is enlarged keeps it, where the same mass in more space would be less
+    /// dense.
+    ///
+    /// # Errors
+    /// [`SplatError::Length`] when the column's length differs from the number of positions.
+    pub fn with_values(self, values: &'a [f32]) -> Result<Splats<'a>, SplatError> {
+        match values.len() {
+            found if found == self.len() => Ok(Splats { density: Some(values), dilutes: false, ..self }),
+            found => Err(SplatError::Length { column: "value", found, expected: self.len() }),
+        }
+    }
+
+    /// The same with how far each splat is from what it stands for.
+    ///
+    /// # Errors
+    /// [`SplatError::Length`] when the column's length differs from the number of positions.
+    pub fn with_misfits(self, misfits: &'a [f32]) -> Result<Splats<'a>, SplatError> {
+        match misfits.len() {
+            found if found == self.len() => Ok(Splats { misfits: Some(misfits), ..self }),
+            found => Err(SplatError::Length { column: "misfit", found, expected: self.len() }),
         }
     }
 
@@ -220,9 +248,20 @@ impl<'a> Splats<'a> {
         self.weight
     }
 
-    /// Densities of the particles themselves, where something is classified particle by particle.
+    /// Densities of the particles themselves, or values in their place, where something is classified particle by particle.
     pub fn density(&self) -> Option<&'a [f32]> {
         self.density
+    }
+
+    /// Whether [`Splats::density`] falls where a particle is enlarged.
+    pub fn dilutes(&self) -> bool {
+        self.dilutes
+    }
+
+    /// How far each splat is from what it stands for, where each has a misfit of its own: of points of images and volumes the root of the mean
+    /// squared difference of values in their node.
+    pub fn misfits(&self) -> Option<&'a [f32]> {
+        self.misfits
     }
 
     /// Attributes `a`, when the `S` channel is wanted.

@@ -2,9 +2,10 @@
 
 use super::Settings;
 use crate::color::transfer::{Scale, TransferFunction};
-use crate::cpu::field::Field;
+use crate::cpu::field::{Field, FieldPoints, ValueAxis};
 use crate::cpu::paths::PathFragments;
-use crate::view::View;
+use crate::cpu::volume::{Scenery, VolumeLevels, VolumeOptions};
+use crate::view::{PerspectiveGrid, View};
 
 /// A field that is to be drawn, and how.
 pub struct FieldJob<'a> {
@@ -12,6 +13,8 @@ pub struct FieldJob<'a> {
     pub view: &'a View,
     /// The samples, or what stands for them.
     pub field: &'a Field,
+    /// The points that show it, for techniques that draw those.
+    pub points: Option<&'a FieldPoints>,
     /// The channel that colours what the first one shows.
     pub hue: Option<usize>,
     /// What the samples' values are.
@@ -24,6 +27,32 @@ pub struct FieldJob<'a> {
     pub diameter: f64,
     /// Paths that are drawn among it, by techniques that take them.
     pub paths: Option<&'a PathFragments>,
+}
+
+/// What an adapter's passes draw of a field.
+#[derive(Clone, Debug)]
+pub enum FieldPasses {
+    /// Rays through a perspective grid that the field fills.
+    March(Box<FieldMarch>),
+    /// Integrals of the first channel's values along each pixel's ray.
+    Integrals,
+}
+
+/// What rays through a perspective grid meet that a field fills.
+#[derive(Clone, Debug)]
+pub struct FieldMarch {
+    /// Where cells lie.
+    pub grid: PerspectiveGrid,
+    /// The numbers in them.
+    pub axis: ValueAxis,
+    /// What these show.
+    pub scenery: Scenery,
+    /// How the grid is held, and what is left out.
+    pub options: VolumeOptions,
+    /// The ranges of the colours.
+    pub levels: VolumeLevels,
+    /// The isosurfaces' values.
+    pub isovalues: Vec<f64>,
 }
 
 /// What is known of the values of a field before any of it is chosen.

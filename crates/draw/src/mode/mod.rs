@@ -14,7 +14,7 @@ pub mod setting;
 pub mod technique;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
-pub use field::{FieldJob, FieldValues, ValueStatistics};
+pub use field::{FieldJob, FieldMarch, FieldPasses, FieldValues, ValueStatistics};
 pub use levels::{LevelChoice, Levels};
 pub use lod_budget::{LodBudget, Plan};
 pub use paths::{Focus, PathColor, PathSettings, PathShape, PathsOf, Span};
@@ -147,14 +147,35 @@ impl Mode {
         self.technique.field_dimensions().contains(&dimensions)
     }
 
+    /// Whether it draws a field of so many dimensions, of which there are points or samples alone.
+    pub fn takes_field(&self, dimensions: usize, has_points: bool) -> bool {
+        self.takes_fields_of(dimensions) || has_points && self.technique.takes_points()
+    }
+
     /// Draws an image or a volume on the processor.
     ///
     /// # Errors
     /// [`VolumeError::Setting`] with modes that fit, where this one does not draw the data; else as [`Technique::draw_field`].
     pub fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
+        self.takes(job)?;
+        self.technique.draw_field(job)
+    }
+
+    /// What an adapter's passes draw of an image or a volume; `None` where the processor draws it.
+    ///
+    /// # Errors
+    /// As [`Mode::draw_field`].
+    pub fn field_passes(&self, job: &FieldJob<'_>) -> Result<Option<FieldPasses>, VolumeError> {
+        self.takes(job)?;
+        self.technique.field_passes(job)
+    }
+
+    /// Refuses fields that it does not draw.
+    fn takes(&self, job: &FieldJob<'_>) -> Result<(), VolumeError> {
         let is_volume = job.values.is_volume;
-        let (found, expected) = match (self.takes_fields_of(if is_volume { 3 } else { 2 }), is_volume) {
-            (true, _) => return self.technique.draw_field(job),
+        let takes = self.takes_field(if is_volume { 3 } else { 2 }, job.points.is_some());
+        let (found, expected) = match (takes, is_volume) {
+            (true, _) => return Ok(()),
             (false, true) => ("one of images", "volume, slice or another one of volumes: the data is one"),
             (false, false) => ("one of volumes", "image: the data is one"),
         };

@@ -1,7 +1,7 @@
 //! How a mode is drawn: what a technique needs, which backends it has, what it is handed and what it hands back. What draws
 //! asks the technique and never for the mode.
 
-use super::{FieldJob, Footprint, Settings};
+use super::{FieldJob, FieldPasses, Footprint, Settings};
 use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
@@ -161,7 +161,25 @@ pub trait Technique: Sync {
         &[]
     }
 
-    /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for fields of such dimensions.
+    /// Whether an adapter draws images or volumes by what [`Technique::field_passes`] says.
+    fn has_field_passes(&self) -> bool {
+        false
+    }
+
+    /// What an adapter's passes draw of an image or a volume; [`super::Mode::field_passes`] calls it for fields of the dimensions that it draws.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw_field`].
+    fn field_passes(&self, _job: &FieldJob<'_>) -> Result<Option<FieldPasses>, VolumeError> {
+        Ok(None)
+    }
+
+    /// Whether [`Technique::draw_field`] draws the points of images and volumes that have some, in place of their samples.
+    fn takes_points(&self) -> bool {
+        false
+    }
+
+    /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for fields of such dimensions, or with their points.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.

@@ -9,8 +9,8 @@ use crate::cpu::volume::{
 };
 use crate::hierarchy::Purpose;
 use crate::mode::{
-    Adapter, Columns, Conserved, FieldJob, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output,
-    Raw, Setting, SettingKind, Settings, Technique, Terms,
+    Adapter, Columns, Conserved, FieldJob, FieldPasses, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode,
+    Needs, Output, Raw, Setting, SettingKind, Settings, Technique, Terms,
 };
 use crate::model::{Bounds, Kernel, Unit};
 use crate::view::perspective_grid::GridOptions;
@@ -376,6 +376,14 @@ impl Technique for Marched {
 
     fn field_dimensions(&self) -> &'static [usize] {
         &[3]
+    }
+
+    fn has_field_passes(&self) -> bool {
+        true
+    }
+
+    fn field_passes(&self, job: &FieldJob<'_>) -> Result<Option<FieldPasses>, VolumeError> {
+        Ok(Some(FieldPasses::March(Box::new(samples::plan(job, &self.0)?))))
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {

@@ -1,15 +1,18 @@
-//! `primitives`: the outlines of what a hierarchy draws, to see how it sees the data (HE03 shows its clusters so).
+//! `primitives`: the outlines of what a hierarchy draws, to see how it sees the data (HE03 shows its clusters so, WM03 its points).
 
-use super::grid;
+use super::grid::{self, Layers};
+use super::samples::{self, FieldLook};
 use crate::color::colors::to_linear;
 use crate::color::transfer::TransferFunction;
+use crate::cpu::field::{PointLook, ValueAxis};
 use crate::cpu::outlines::{self, OutlineOptions};
 use crate::cpu::volume::{VolumeError, VolumeLevels};
 use crate::cpu::{Extent, NodeTraits, SplatKind, Splats};
 use crate::mode::{
-    Job, LightPicture, Mode, Output, OwnColors, Raw, Setting, SettingKind, SettingValue, Settings, Technique,
+    FieldJob, Job, LightPicture, Mode, Output, OwnColors, Raw, Setting, SettingKind, SettingValue, Settings, Technique,
 };
-use crate::model::Kernel;
+use crate::model::{Covariance, Kernel};
+use crate::view::View;
 use rayon::prelude::*;
 
 /// What colours tell.
@@ -18,7 +21,7 @@ pub static COLOR: Setting = Setting {
     unit: "",
     kind: SettingKind::Choice { options: &["level", "size", "misfit", "type"] },
     help: "what outlines are coloured by: steps from the root, the splat's mean radius, its node's misfit, or whether it is a particle, \
-           a merged one or a cluster",
+           a merged one or a cluster (of images and volumes a sample, a large point or one of a directed set)",
 };
 
 /// Width of the lines.
@@ -55,7 +58,7 @@ pub static RANGE: Setting = Setting {
 
 /// Light of what outlines enclose, of that of their lines: these are to be seen over it.
 const DIMMED: f32 = 0.2;
-/// Colours of types in sRGB: leaf particles, merged particles, clusters.
+/// Colours of types in sRGB: leaf particles and samples, merged particles and large points, clusters and points of directed sets.
 const TYPES: [[f32; 3]; 3] = [[0.95, 0.95, 0.9], [0.25, 0.75, 0.95], [1.0, 0.55, 0.15]];
 /// Colour of what is not known, in sRGB.
 const UNKNOWN: [f32; 3] = [0.5, 0.5, 0.5];
@@ -71,6 +74,8 @@ struct Colors {
     by: By,
     range: [f64; 2],
     kernel: Kernel,
+    /// Whether ellipsoids are ellipses: without a third radius.
+    is_flat: bool,
     gradient: Vec<[f32; 3]>,
 }
 
@@ -116,11 +121,15 @@ impl Technique for Primitives {
         Some(OwnColors::Axis { title, is_length, log: is_length, colors })
     }
 
+    fn takes_points(&self) -> bool {
+        true
+    }
+
     fn for_panorama(&self, settings: &mut Settings, all: &[Splats<'_>], kernel: Kernel) {
         if all.is_empty() || !settings.numbers(&RANGE).is_empty() {
             return;
         }
-        let range = Colors::new(settings, all, &TransferFunction::default(), kernel).told();
+        let range = Colors::new(settings, all, &TransferFunction::default(), (kernel, false)).told();
         settings.set(&RANGE, SettingValue::Numbers(range.to_vec()));
     }
 
@@ -129,39 +138,63 @@ impl Technique for Primitives {
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
-        let colors = Colors::of_job(job);
-        let options = OutlineOptions {
-            kernel: job.options.kernel,
-            deviations: job.settings.number(&DEVIATIONS),
-            width: job.settings.number(&WIDTH),
-            fill: job.settings.number(&FILL) as f32,
-            dimmed: DIMMED,
-        };
-        let (drawn, report) = outlines::draw(job.view, job.batches, &options, |batch, index| colors.of(batch, index));
-        let levels = colors.levels();
-        Ok(Raw::Light(LightPicture { colors: drawn, report, levels, isovalues: Vec::new() }))
+        Ok(draw(job.view, job.batches, job.settings, &Colors::of_job(job)))
     }
+
+    fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
+        let points = job.points.ok_or(VolumeError::OnlyParticles)?;
+        let FieldJob { view, values, settings, .. } = *job;
+        let usual = FieldLook::usual_of(&MODE, settings, &values);
+        let transfer = job.transfer.unwrap_or(&usual);
+        let look = FieldLook::new(&values, settings, Some(transfer), job.diameter, &Layers::VOLUME)?;
+        // All of an image is seen; of a volume what is not transparent.
+        let least = if values.is_volume { look.classifier.least() } else { ValueAxis::NOTHING };
+        let kernel = Kernel::default();
+        let seen =
+            PointLook { view, axis: look.axis, least, hue: None, spread: 1.0, thickness: 1.0, kernel }.seen(points);
+        let batches = seen.iter().map(|seen| seen.splats()).collect::<Result<Vec<_>, _>>()?;
+        let colors = Colors::new(settings, &batches, transfer, (kernel, !values.is_volume));
+        Ok(draw(view, &batches, settings, &colors))
+    }
+}
+
+/// Draws the outlines of batches.
+fn draw(view: &View, batches: &[Splats<'_>], settings: &Settings, colors: &Colors) -> Raw {
+    let options = OutlineOptions {
+        kernel: colors.kernel,
+        deviations: settings.number(&DEVIATIONS),
+        width: settings.number(&WIDTH),
+        fill: settings.number(&FILL) as f32,
+        dimmed: DIMMED,
+    };
+    let (drawn, report) = outlines::draw(view, batches, &options, |batch, index| colors.of(batch, index));
+    Raw::Light(LightPicture { colors: drawn, report, levels: colors.levels(), isovalues: Vec::new() })
 }
 
 impl Colors {
     fn of_job(job: &Job<'_>) -> Colors {
         let usual = TransferFunction::default();
-        Colors::new(job.settings, job.batches, job.transfer.unwrap_or(&usual), job.options.kernel)
+        Colors::new(job.settings, job.batches, job.transfer.unwrap_or(&usual), (job.options.kernel, false))
     }
 
-    fn new(settings: &Settings, batches: &[Splats<'_>], transfer: &TransferFunction, kernel: Kernel) -> Colors {
+    fn new(
+        settings: &Settings,
+        batches: &[Splats<'_>],
+        transfer: &TransferFunction,
+        (kernel, is_flat): (Kernel, bool),
+    ) -> Colors {
         let by = By::of(settings);
         let gradient = transfer.color_map.sample(ENTRIES);
-        let colors = Colors { by, range: [0.0, 1.0], kernel, gradient };
+        let colors = Colors { by, range: [0.0, 1.0], kernel, is_flat, gradient };
         if let [low, high] = settings.numbers(&RANGE)[..] {
             let ends =
                 if by == By::Size { [low, high].map(|size| size.max(f64::MIN_POSITIVE).ln()) } else { [low, high] };
             return Colors { range: ends, ..colors };
         }
-        let of_batch = |batch: &Splats<'_>| match by {
-            By::Size => (0..batch.len()).filter_map(|index| colors.value(batch, index)).fold(NOTHING, wider),
-            _ if batch.is_empty() => NOTHING,
-            _ => colors.value(batch, 0).into_iter().fold(NOTHING, wider),
+        let of_batch = |batch: &Splats<'_>| {
+            let differ = by == By::Size || by == By::Misfit && batch.misfits().is_some();
+            let told = if differ { batch.len() } else { batch.len().min(1) };
+            (0..told).filter_map(|index| colors.value(batch, index)).fold(NOTHING, wider)
         };
         let both = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
         let range = batches.par_iter().map(of_batch).reduce(|| NOTHING, both);
@@ -173,11 +206,15 @@ impl Colors {
         let traits = batch.traits();
         match self.by {
             By::Level => traits.map(|traits| f64::from(traits.level)),
-            By::Misfit => traits.and_then(|traits| traits.misfit),
+            By::Misfit => match batch.misfits() {
+                Some(misfits) => Some(f64::from(misfits[index])),
+                None => traits.and_then(|traits| traits.misfit),
+            },
             By::Type => traits.map(|traits| f64::from(number(traits))),
             By::Size => {
                 let radius = match batch.extent() {
                     Extent::World(lengths) => self.kernel.variance().sqrt() * f64::from(lengths[index]),
+                    Extent::Ellipsoids(covariances) if self.is_flat => flat_radius(covariances[index]),
                     Extent::Ellipsoids(covariances) => covariances[index].mean_radius(),
                     Extent::Pixels(_) => return None,
                 };
@@ -221,6 +258,15 @@ fn encoded(rgb: [f32; 3]) -> [u8; 4] {
     [r, g, b, 255]
 }
 
+/// Geometric mean of the standard deviations along the two axes of an ellipse.
+fn flat_radius(covariance: Covariance) -> f64 {
+    // The sum of the products of two eigenvalues, of which only one is not 0.
+    let matrix = covariance.matrix();
+    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+    let minors = x.x * y.y - x.y * x.y + x.x * z.z - x.z * x.z + y.y * z.z - y.z * y.z;
+    minors.max(0.0).sqrt().sqrt()
+}
+
 /// Which of [`TYPES`] a node's splats have.
 fn number(traits: NodeTraits) -> u8 {
     match traits.kind {
@@ -241,8 +287,8 @@ fn wider([low, high]: [f64; 2], value: f64) -> [f64; 2] {
 pub static MODE: Mode = Mode {
     name: "primitives",
     help: "outlines of what the hierarchy draws: ellipses of clusters, circles of particles and of merged ones, coloured by level, size, \
-           misfit or type",
-    settings: &[&[&COLOR, &WIDTH, &DEVIATIONS, &FILL, &RANGE]],
+           misfit or type; of images and volumes that were built those of their points",
+    settings: &[&[&COLOR, &WIDTH, &DEVIATIONS, &FILL, &RANGE], samples::SAMPLES],
     technique: &Primitives,
     ..grid::MODE
 };

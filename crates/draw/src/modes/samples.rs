@@ -7,7 +7,10 @@ use crate::cpu::field::plane::{self, Plane};
 use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast};
-use crate::mode::{FieldJob, FieldValues, Job, LightPicture, Output, Raw, Setting, SettingKind, Settings, Technique};
+use crate::mode::{
+    FieldJob, FieldMarch, FieldPasses, FieldValues, Job, LightPicture, Mode, Output, Raw, Setting, SettingKind,
+    Settings, Technique,
+};
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
 use crate::view::{Extent, PerspectiveGrid, Projection};
@@ -27,8 +30,17 @@ pub static TRANSFER_SENSITIVITY: Setting = Setting {
     help: "of images and volumes: one point shows all values whose opacities and colours differ by no more than this, of 255; 0: none",
 };
 
+/// What a number of points keeps small.
+pub static WEIGHTING: Setting = Setting {
+    name: "weighting",
+    unit: "",
+    kind: SettingKind::Choice { options: &["rms", "max", "perceptual"] },
+    help: "of images and volumes drawn from a number of points: whether these keep the mean squared error small, the largest one, or errors \
+           as well as the eye sees them, by their cycles a degree",
+};
+
 /// Settings of every mode of images and volumes.
-pub static SAMPLES: &[&Setting] = &[&ERROR_VALUE, &TRANSFER_SENSITIVITY];
+pub static SAMPLES: &[&Setting] = &[&ERROR_VALUE, &TRANSFER_SENSITIVITY, &WEIGHTING];
 
 /// Width of a cell of the perspective grid in samples of the field: narrower ones would show nothing more.
 const CELL: f64 = 0.67;
@@ -118,6 +130,18 @@ impl FieldLook {
         TransferFunction { scale: values.shown.scale(), ..usual }
     }
 
+    /// The same for pictures of a mode: where colours tell something else than values, they are the mode's usual ones.
+    pub fn usual_of(mode: &Mode, settings: &Settings, values: &FieldValues<'_>) -> TransferFunction {
+        let usual = FieldLook::usual(values);
+        match mode.technique.own_colors(settings, &usual) {
+            None => usual,
+            Some(_) => {
+                let own = TransferFunction::preset(mode.transfer[0]).unwrap_or_default();
+                TransferFunction { color_map: own.color_map, ..usual }
+            }
+        }
+    }
+
     /// What is drawn.
     fn scenery(&self, settings: &Settings, layers: &Layers) -> Result<Scenery, VolumeError> {
         let gradient = self.transfer.color_map.sample(256);
@@ -140,11 +164,11 @@ impl FieldLook {
     }
 }
 
-/// Draws layers of a field by marching along rays through the perspective grid.
+/// What marching along rays through the perspective grid shows of layers of a field.
 ///
 /// # Errors
 /// [`VolumeError`] for settings that do not fit the field, and when nothing is in view.
-pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, VolumeError> {
+pub fn plan(job: &FieldJob<'_>, layers: &Layers) -> Result<FieldMarch, VolumeError> {
     let FieldJob { view, field, settings, .. } = *job;
     let look = FieldLook::new(&job.values, settings, job.transfer, job.diameter, layers)?;
     let scenery = look.scenery(settings, layers)?;
@@ -158,14 +182,25 @@ pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, Volume
     let fine = depth / view.focal_pixels() / (CELL * field.spacing());
     let resolution = options.grid.resolution.min(fine.max(RESOLUTION_LEAST));
     let grid = PerspectiveGrid::new(view, ends, &GridOptions { resolution, ..options.grid })?;
+    let FieldLook { axis, levels, isovalues, .. } = look;
+    Ok(FieldMarch { grid, axis, scenery, options, levels, isovalues })
+}
+
+/// Draws layers of a field by marching along rays through the perspective grid.
+///
+/// # Errors
+/// As [`plan`].
+pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, VolumeError> {
+    let FieldMarch { grid, axis, scenery, options, levels, isovalues } = plan(job, layers)?;
     let brick_grid = BrickGrid::new(&grid);
-    let mut bricks = FieldBricks::new(field, look.axis, view, &grid, &brick_grid);
+    let mut bricks = FieldBricks::new(job.field, axis, job.view, &grid, &brick_grid);
     (bricks.hue, bricks.least) = (job.hue, scenery.least());
-    let mut report = VolumeReport { grid: grid.size, planes: ends, slabs: 0, ..VolumeReport::default() };
-    let colors = cast(view, (&grid, &brick_grid), &mut bricks, &scenery, &options, job.paths, &mut report);
+    let planes = [grid.near, grid.far];
+    let mut report = VolumeReport { grid: grid.size, planes, slabs: 0, ..VolumeReport::default() };
+    let colors = cast(job.view, (&grid, &brick_grid), &mut bricks, &scenery, &options, job.paths, &mut report);
     // What hides particles is told by their sizes; nothing of a field is left out for it.
     report.opaque = None;
-    Ok(LightPicture { colors, report, levels: look.levels, isovalues: look.isovalues })
+    Ok(LightPicture { colors, report, levels, isovalues })
 }
 
 /// A picture's colours of the values of a field's channels, light and opacity: its own, or those of a transfer function.
@@ -220,6 +255,8 @@ pub struct OfFields {
     pub output: Output,
     /// What it draws: images, of 2 dimensions, or volumes, of 3.
     pub dimensions: &'static [usize],
+    /// Whether it draws the line integrals that adapters draw too.
+    pub is_integral: bool,
     /// Draws one of the kind.
     pub draw: fn(&FieldJob<'_>) -> Result<Raw, VolumeError>,
 }
@@ -239,6 +276,14 @@ impl Technique for OfFields {
 
     fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {
         Err(VolumeError::OnlyFields)
+    }
+
+    fn has_field_passes(&self) -> bool {
+        self.is_integral
+    }
+
+    fn field_passes(&self, _: &FieldJob<'_>) -> Result<Option<FieldPasses>, VolumeError> {
+        Ok(self.is_integral.then_some(FieldPasses::Integrals))
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {

@@ -61,7 +61,7 @@ pub static MODE: Mode = Mode {
     name: "slice",
     help: "of volumes: what lies on a plane through them",
     settings: &[&[&AXIS, &AT, &NORMAL], samples::SAMPLES],
-    technique: &samples::OfFields { output: Output::Light, dimensions: &[3], draw },
+    technique: &samples::OfFields { output: Output::Light, dimensions: &[3], is_integral: false, draw },
     quantity: "value",
     ..grid::MODE
 };

@@ -3,15 +3,17 @@
 
 use super::subject::Subject;
 use crate::color::{Accumulation, Colors};
+use crate::cpu::field::Field;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::look::Backend;
 use crate::mode;
-use crate::mode::{Depiction, LightPicture, LightPlan, Mode, Plan, Raw};
+use crate::mode::{Depiction, FieldPasses, LightPicture, LightPlan, Mode, Plan, Raw};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A graphics adapter.
 pub trait Adapter: Send + Sync {
@@ -23,6 +25,12 @@ pub trait Adapter: Send + Sync {
     /// # Errors
     /// [`VolumeError::Device`]: what is missing; others as [`crate::mode::Mode::draw`].
     fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError>;
+
+    /// Draws a volume of samples.
+    ///
+    /// # Errors
+    /// As [`Adapter::draw`].
+    fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError>;
 
     /// Between which values the mass of the nodes' field lies.
     ///
@@ -58,6 +66,21 @@ pub struct AdapterJob<'a> {
     pub repeat: u32,
 }
 
+/// What an adapter draws of a volume of samples.
+#[derive(Clone, Copy)]
+pub struct AdapterField<'a> {
+    /// The camera and the picture's size.
+    pub view: &'a View,
+    /// The samples. Those of the picture before are on the adapter already.
+    pub field: &'a Arc<Field>,
+    /// The channel that colours what the first one shows.
+    pub hue: Option<usize>,
+    /// By which passes, and with what.
+    pub passes: &'a FieldPasses,
+    /// How often, for times.
+    pub repeat: u32,
+}
+
 /// Passes of an adapter that draw splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passes {
@@ -82,6 +105,8 @@ pub struct AdapterFrame {
     pub adapter: String,
     /// Median of each pass, milliseconds.
     pub milliseconds: BTreeMap<String, f64>,
+    /// What is not as it was asked for, in a sentence.
+    pub note: Option<String>,
 }
 
 /// The values of a picture.
@@ -117,6 +142,30 @@ pub fn draw_on(
     Ok((values, frame))
 }
 
+/// Why nothing but the processor draws.
+const WITHOUT_ADAPTER: &str = "this deepfield was built without the feature `viewer`, so only --backend cpu draws";
+
+/// Whether an adapter draws images and volumes of a mode for somebody who asks for `backend`; the processor draws all of them.
+///
+/// # Errors
+/// What draws the mode, where the backend that is asked for does not.
+pub fn draws_fields(
+    mode: &Mode,
+    backend: Option<Backend>,
+    adapter: Option<&mut (dyn Adapter + 'static)>,
+) -> Result<bool, String> {
+    let has_passes = mode.technique.has_field_passes();
+    match (backend, adapter) {
+        (Some(Backend::Compute | Backend::Raster), None) => Err(WITHOUT_ADAPTER.into()),
+        (Some(Backend::Raster), Some(_)) if has_passes => {
+            Err(format!("--backend: only compute and cpu draw the mode {}", mode.name))
+        }
+        (Some(Backend::Compute), Some(_)) => Ok(has_passes),
+        (None, Some(adapter)) => Ok(has_passes && adapter.is_card()),
+        _ => Ok(false),
+    }
+}
+
 /// The passes of an adapter that draw a mode for somebody who asks for `backend`; `None` where the processor does.
 ///
 /// # Errors
@@ -131,9 +180,7 @@ pub fn passes(
     let only = |names: &str| Err(format!("--backend: only {names} the mode {}", mode.name));
     let Some(adapter) = adapter else {
         return match backend {
-            Some(Backend::Compute | Backend::Raster) => {
-                Err("this deepfield was built without the feature `viewer`, so only --backend cpu draws".into())
-            }
+            Some(Backend::Compute | Backend::Raster) => Err(WITHOUT_ADAPTER.into()),
             _ => Ok(None),
         };
     };

@@ -13,7 +13,14 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 /// Cells around a brick that rays through it read.
-const AROUND: f64 = 2.0;
+pub const AROUND: usize = 2;
+
+/// The level of a field that the bricks in a layer of a grid are filled from: means over no more than a cell.
+pub fn level_of_layer(field: &Field, grid: &PerspectiveGrid, layer: usize) -> usize {
+    let slices = layer * BRICK..((layer + 1) * BRICK).min(grid.size[2] as usize);
+    let middle = (slices.start + slices.end) as f64 / 2.0;
+    field.level_for(grid.spacing(grid.depth(middle)))
+}
 
 /// Fills bricks from a field.
 pub struct FieldBricks<'a> {
@@ -59,14 +66,13 @@ impl<'a> FieldBricks<'a> {
         let first = [place % self.brick_grid.bricks[0], place / self.brick_grid.bricks[0]];
         let corner = first.map(|brick| (brick * BRICK) as f64 - BORDER as f64);
         let slices = layer * BRICK..((layer + 1) * BRICK).min(self.brick_grid.slices);
-        let ends = |from: f64, to: f64| [from - AROUND, to + AROUND];
+        let ends = |from: f64, to: f64| [from - AROUND as f64, to + AROUND as f64];
         let (x, y) = (ends(corner[0], corner[0] + BRICK as f64), ends(corner[1], corner[1] + BRICK as f64));
         let z = ends(slices.start as f64, slices.end as f64);
         let corners = (0..8).map(|i| self.indices([x[i & 1], y[i >> 1 & 1], z[i >> 2]]));
         let (low, high) =
             corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
-        let middle = (slices.start + slices.end) as f64 / 2.0;
-        let number = self.field.level_for(self.grid.spacing(self.grid.depth(middle)));
+        let number = level_of_layer(self.field, self.grid, layer);
         let level = &self.field.channels[self.channel].levels[number];
         let own = |at: DVec3| FieldLevel::indices(number, at.as_vec3().to_array());
         let [_, most] = level.range_within(own(low), own(high))?;

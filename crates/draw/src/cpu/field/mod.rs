@@ -6,10 +6,14 @@
 pub mod bricks;
 pub mod gradient;
 pub mod plane;
+pub mod points;
+pub mod seen_points;
 pub mod values;
 pub mod xray;
 
 pub use bricks::FieldBricks;
+pub use points::FieldPoints;
+pub use seen_points::{PointLook, SeenPoints};
 pub use values::ValueAxis;
 
 use crate::model::{Bounds, Grid, Unit};
@@ -17,7 +21,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 /// Samples along a side of the blocks whose ranges are known.
-const BLOCK: usize = 8;
+pub const BLOCK: usize = 8;
 
 /// An image or a volume.
 #[derive(Clone, Debug)]
@@ -186,6 +190,16 @@ impl FieldLevel {
         let rows = values.par_chunks_mut(shape[0]).enumerate();
         rows.for_each(|(index, out)| out.iter_mut().zip(row(index)).for_each(|(out, value)| *out = value));
         Some(FieldLevel::new(shape, values))
+    }
+
+    /// Number of blocks of [`BLOCK`] samples along each axis.
+    pub fn blocks(&self) -> [usize; 3] {
+        self.blocks
+    }
+
+    /// The largest value of each block, x fastest; `None` of holes alone.
+    pub fn most_of_blocks(&self) -> impl Iterator<Item = Option<f32>> + '_ {
+        self.ranges.iter().map(|[least, most]| (least <= most).then_some(*most))
     }
 
     /// Between which values those within a box lie, both ends of which are indices of samples; `None` outside and of holes alone.

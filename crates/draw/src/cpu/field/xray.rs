@@ -7,7 +7,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// Samples of the field's own distance that a step is.
-const STEP: f64 = 0.5;
+pub const STEP: f64 = 0.5;
 
 /// A pixel's line of sight in indices of samples: `start + depth * step`.
 #[derive(Clone, Copy, Debug)]

@@ -239,7 +239,8 @@ fn part(view: &View, batch: &Splats<'_>, start: usize, taken: &Taken) -> Part {
         let [x, y, z] = place.as_vec3().to_array();
         part.particles.push(Particle { place: [x, y, z, h as f32], mass, weighted });
         if let Some(densities) = batch.density() {
-            part.densities.push(densities[i] * (own / h).powi(3) as f32);
+            let diluted = if batch.dilutes() { (own / h).powi(3) as f32 } else { 1.0 };
+            part.densities.push(densities[i] * diluted);
         }
     }
     part

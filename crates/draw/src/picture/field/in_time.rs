@@ -1,6 +1,10 @@
 //! Pictures of a field within a time: with as many pixels as that leaves time for.
 
 use crate::color::Colors;
+use crate::cpu::volume::VolumeError;
+use crate::mode::{LightPicture, Raw};
+use crate::view::View;
+use std::time::Instant;
 
 /// Fewest pixels of a picture's longer side.
 const LEAST: u32 = 24;
@@ -44,6 +48,35 @@ impl InTime {
         let now = milliseconds / work(size);
         // A slow picture counts at once, fast ones only by and by.
         self.cost = Some(self.cost.map_or(now, |before| now.max(MEMORY * before + (1.0 - MEMORY) * now)));
+    }
+}
+
+/// Has `draw` draw a view of light with as many pixels as there is time for, enlarged to its size; what pictures take is learned from those
+/// before, or else from a few that are not shown. Sums are drawn as they are.
+///
+/// # Errors
+/// Those of `draw`.
+pub fn within(
+    view: &View,
+    budget: f64,
+    in_time: &mut InTime,
+    mut draw: impl FnMut(&View) -> Result<Raw, VolumeError>,
+) -> Result<Raw, VolumeError> {
+    let full = (view.width, view.height);
+    let tries = if in_time.is_new() { 3 } else { 0 };
+    let mut attempt = |budget: f64| {
+        let size = in_time.size(full, budget);
+        let start = Instant::now();
+        let drawn = draw(&view.resized(size.0, size.1))?;
+        in_time.drew(size, 1e3 * start.elapsed().as_secs_f64());
+        Ok::<Raw, VolumeError>(drawn)
+    };
+    for number in 0..tries {
+        attempt(budget * f64::from(number) / f64::from(tries))?;
+    }
+    match attempt(budget)? {
+        Raw::Light(light) => Ok(Raw::Light(LightPicture { colors: enlarged(&light.colors, full), ..light })),
+        Raw::Sums(..) => draw(view),
     }
 }
 

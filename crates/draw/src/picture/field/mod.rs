@@ -3,6 +3,8 @@
 pub mod in_time;
 mod names;
 mod opened;
+mod painting;
+mod perception;
 mod report;
 mod session;
 mod sketch;

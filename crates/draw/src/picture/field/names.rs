@@ -73,7 +73,8 @@ impl OpenField {
         let hue = attribute.and_then(|coloring| Some(self.statistics_of(self.attribute(&coloring.name).ok()?)));
         // What marches through a volume takes particles, too; a plane through one is coloured as an image is.
         let is_volume = self.grid().dimensions == 3 && depiction.mode.takes_particles();
-        FieldLook::usual(&FieldValues { shown: self.statistics(), hue: hue.as_ref(), is_volume })
+        let values = FieldValues { shown: self.statistics(), hue: hue.as_ref(), is_volume };
+        FieldLook::usual_of(depiction.mode, &depiction.settings, &values)
     }
 
     /// What a legend calls the values of a depiction.
@@ -98,6 +99,11 @@ impl OpenField {
 
     /// The modes that draw it.
     pub fn modes(&self) -> Vec<&'static Mode> {
-        modes::all().into_iter().filter(|mode| mode.takes_fields_of(self.grid().dimensions)).collect()
+        modes::all().into_iter().filter(|mode| self.is_drawn_by(mode)).collect()
+    }
+
+    /// Whether a mode draws it: its samples, or its points where it has some.
+    pub fn is_drawn_by(&self, mode: &Mode) -> bool {
+        mode.takes_field(self.grid().dimensions, self.has_points())
     }
 }

@@ -1,9 +1,9 @@
 //! An image or a volume, open: its samples, and the points that stand for them.
 
 use super::report::{ErrorValue, PointsReport};
-use crate::cpu::field::{Field, gradient};
+use crate::cpu::field::{Field, FieldPoints, gradient};
 use crate::cpu::volume::Variability;
-use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, errors};
+use crate::hierarchy::wavelet::{Cut, Drawn, Hierarchy, Ranges, Samples, Weighting, errors};
 use crate::import::{GridOptions, GridSource, open_grid};
 use crate::look::DataKind;
 use crate::mode::ValueStatistics;
@@ -55,8 +55,8 @@ struct Points {
 /// Which points are wanted of a field.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Wanted {
-    /// The best so many points.
-    Points(usize),
+    /// The best so many points, and what they keep small.
+    Points(usize, Weighting),
     /// As few points as leave values, or else what a transfer function shows of them, nearly as they are.
     Near {
         /// How far a value may be off; as said of [`crate::modes::samples::ERROR_VALUE`] where nothing is.
@@ -70,6 +70,8 @@ pub enum Wanted {
 pub struct Shown {
     /// The values.
     pub field: Arc<Field>,
+    /// The points that show them, where these are wanted.
+    pub points: Option<Arc<FieldPoints>>,
     /// How they came about.
     pub report: PointsReport,
     /// How long reading the points, choosing some of them, and drawing these to a grid took.
@@ -158,10 +160,39 @@ impl OpenField {
     /// # Errors
     /// When the points cannot be read, or there are none.
     pub fn shown(&self, wanted: Option<&Wanted>, channels: &[usize], is_sum: bool) -> Result<Shown, PictureError> {
-        let Some(wanted) = wanted else {
-            let report = PointsReport::exact(self.grid().shape.iter().product());
-            return Ok(Shown { field: self.field(&self.stored, channels), report, times: Default::default() });
+        let Some(wanted) = wanted else { return Ok(self.of_samples(channels)) };
+        let (points, loaded) = self.points()?;
+        let (mut shown, _) = self.of_points(points, wanted, channels, is_sum);
+        shown.times[0] = loaded;
+        Ok(shown)
+    }
+
+    /// The same with the points themselves, which are the samples where nothing else is wanted.
+    ///
+    /// # Errors
+    /// As [`OpenField::shown`].
+    pub fn shown_as_points(&self, wanted: Option<&Wanted>, channels: &[usize]) -> Result<Shown, PictureError> {
+        let (points, loaded) = self.points()?;
+        let (mut shown, cut) = match wanted {
+            Some(wanted) => self.of_points(points, wanted, channels, false),
+            None => (self.of_samples(channels), points.hierarchy.cut(|_, _| Drawn::Refined)),
         };
+        let start = Instant::now();
+        let samples = self.values(&self.stored, channels[0]);
+        shown.points = Some(Arc::new(FieldPoints::new(&points.hierarchy, &cut, &shown.field, &samples)));
+        shown.times[0] = loaded;
+        shown.times[2] += start.elapsed();
+        Ok(shown)
+    }
+
+    /// The samples themselves.
+    fn of_samples(&self, channels: &[usize]) -> Shown {
+        let report = PointsReport::exact(self.grid().shape.iter().product());
+        Shown { field: self.field(&self.stored, channels), points: None, report, times: Default::default() }
+    }
+
+    /// The points, and how long it took to read them.
+    fn points(&self) -> Result<(&Points, Duration), PictureError> {
         let start = Instant::now();
         let points = match self.points.get() {
             Some(points) => points,
@@ -170,10 +201,7 @@ impl OpenField {
                 self.points.get_or_init(|| read)
             }
         };
-        let loaded = start.elapsed();
-        let mut shown = self.of_points(points, wanted, channels, is_sum);
-        shown.times[0] = loaded;
-        Ok(shown)
+        Ok((points, start.elapsed()))
     }
 
     fn read_points(&self) -> Result<Points, PictureError> {
@@ -189,8 +217,8 @@ impl OpenField {
         Ok(Points { curve: hierarchy.curve(), hierarchy })
     }
 
-    /// What some of the points show.
-    fn of_points(&self, points: &Points, wanted: &Wanted, channels: &[usize], is_sum: bool) -> Shown {
+    /// What some of the points show, and which these are.
+    fn of_points(&self, points: &Points, wanted: &Wanted, channels: &[usize], is_sum: bool) -> (Shown, Cut) {
         let (Points { hierarchy, curve }, grid) = (points, self.grid());
         let start = Instant::now();
         let samples = Samples {
@@ -200,7 +228,7 @@ impl OpenField {
         };
         // Values that must be found among others of the same look, and by how much that may be.
         let (cut, alike) = match wanted {
-            Wanted::Points(most) => (hierarchy.cut_on(curve, *most), None),
+            Wanted::Points(most, weighting) => (hierarchy.cut_weighted(curve, *most, weighting), None),
             Wanted::Near { error, seen: Some(seen) } => {
                 let (cut, alike) = self.cut_alike(hierarchy, *error, seen);
                 (cut, Some(alike))
@@ -212,14 +240,20 @@ impl OpenField {
         let mut planes = hierarchy.reconstruct(&samples, &cut);
         let error_color = alike.map(|alike| alike.hold(self, hierarchy, &cut, &mut planes[0]));
         // What is to be near everywhere stays so.
-        if is_sum && matches!(wanted, Wanted::Points(_)) {
+        if is_sum && matches!(wanted, Wanted::Points(..)) {
             keep_sum(&mut planes[0], &self.stored[0]);
         }
         let off = errors(&samples, &planes);
         let error_value = ErrorValue { max: off.max, rms: off.rms, bound: off.max };
-        let report = PointsReport { error_value, error_color, ..PointsReport::of(&cut) };
+        let weighting = match wanted {
+            Wanted::Points(_, Weighting::Rms) => Some("rms"),
+            Wanted::Points(_, Weighting::Max) => Some("max"),
+            Wanted::Points(_, Weighting::Levels(_)) => Some("perceptual"),
+            Wanted::Near { .. } => None,
+        };
+        let report = PointsReport { error_value, error_color, weighting, ..PointsReport::of(&cut) };
         let field = self.field(&planes, channels);
-        Shown { field, report, times: [Duration::ZERO, chosen, start.elapsed()] }
+        (Shown { field, points: None, report, times: [Duration::ZERO, chosen, start.elapsed()] }, cut)
     }
 
     /// How far a stored value may be off.

@@ -18,6 +18,9 @@ pub struct PointsReport {
     /// was asked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error_color: Option<f32>,
+    /// What a number of points keeps small, as [`crate::modes::samples::WEIGHTING`] names it; `None` where none was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weighting: Option<&'static str>,
 }
 
 /// Differences from the samples, over all of them and all channels.

@@ -2,19 +2,23 @@
 
 use super::in_time::{self, InTime};
 use super::opened::{OpenField, Shown, Wanted, colors_of};
+use super::painting::{Painter, Painting};
+use super::perception;
 use super::report::PointsReport;
 use crate::color::Image;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
-use crate::cpu::field::Field;
+use crate::cpu::field::{Field, FieldPoints};
 use crate::cpu::volume::{Variability, VolumeError, VolumeLevels};
+use crate::hierarchy::wavelet::Weighting;
 use crate::import::grid_format;
-use crate::look::{Backend, Camera, DataKind, LookPatch, Shot};
-use crate::mode::{FieldJob, FieldValues, LightPicture, Mode, Output, Raw, Settings, ValueStatistics};
+use crate::look::{Camera, DataKind, LookPatch, Shot};
+use crate::mode::{FieldJob, FieldPasses, FieldValues, Mode, Output, Raw, Settings, ValueStatistics};
 use crate::model::Bounds;
 use crate::modes;
 use crate::modes::grid::Layers;
-use crate::modes::samples::{ERROR_VALUE, FieldLook, TRANSFER_SENSITIVITY};
+use crate::modes::samples::{ERROR_VALUE, FieldLook, TRANSFER_SENSITIVITY, WEIGHTING};
+use crate::picture::adapter::Adapter;
 use crate::picture::annotation::Annotation;
 use crate::picture::left_out::LeftOut;
 use crate::picture::level_report::LevelReport;
@@ -28,18 +32,19 @@ use crate::view::{Projection, View};
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Memory that the samples of an image or a volume take at most unless it is set, bytes.
 pub const MEMORY: u64 = 4 << 30;
 
-/// Draws pictures of an image or a volume, on the processor.
+/// Draws pictures of an image or a volume.
 pub struct FieldSession {
     opened: Arc<OpenField>,
     options: SessionOptions,
     reporter: Arc<dyn Reporter>,
     /// What was drawn last.
     prepared: Option<PreparedField>,
+    painter: Painter,
 }
 
 impl FieldSession {
@@ -75,7 +80,20 @@ impl FieldSession {
 
     /// For what is open.
     pub fn of(opened: Arc<OpenField>, reporter: Arc<dyn Reporter>) -> FieldSession {
-        FieldSession { opened, options: SessionOptions::default(), reporter, prepared: None }
+        FieldSession {
+            opened,
+            options: SessionOptions::default(),
+            reporter,
+            prepared: None,
+            painter: Painter::default(),
+        }
+    }
+
+    /// The same with an adapter, which draws what it is asked for or is faster at.
+    #[must_use]
+    pub fn with_adapter(mut self, adapter: Option<Box<dyn Adapter>>) -> FieldSession {
+        self.painter.adapter = adapter;
+        self
     }
 
     /// What is open.
@@ -110,15 +128,23 @@ impl FieldSession {
         let values =
             FieldValues { shown: self.opened.statistics(), hue: hue_values.as_deref(), is_volume: dimensions == 3 };
         let LookPatch { settings, transfer: own, .. } = &shot.look;
-        let look = FieldLook::new(&values, settings, own.as_ref(), diameter, &Layers::VOLUME)?;
-        let wanted = self.wanted(shot, mode, &look);
-        let choice = Choice { wanted, channels, is_sum: output != Output::Light };
-        let (field, report, times) = match before.filter(|before| before.choice == choice) {
-            Some(before) => (before.field, before.report, Default::default()),
+        let usual = || FieldLook::usual_of(mode, settings, &values);
+        let transfer = own.clone().unwrap_or_else(usual);
+        let look = FieldLook::new(&values, settings, Some(&transfer), diameter, &Layers::VOLUME)?;
+        let wanted = self.wanted(shot, mode, &look)?;
+        // What draws no samples draws points.
+        let as_points = !mode.takes_fields_of(dimensions);
+        let choice = Choice { wanted, channels, is_sum: output != Output::Light, as_points };
+        let Shown { field, points, report, times } = match before.filter(|before| before.choice == choice) {
+            Some(PreparedField { field, points, report, .. }) => {
+                Shown { field, points, report, times: Default::default() }
+            }
             None => {
-                let Choice { wanted, channels, is_sum } = &choice;
-                let Shown { field, report, times } = self.opened.shown(wanted.as_ref(), channels, *is_sum)?;
-                (field, report, times)
+                let Choice { wanted, channels, is_sum, .. } = &choice;
+                match as_points {
+                    true => self.opened.shown_as_points(wanted.as_ref(), channels)?,
+                    false => self.opened.shown(wanted.as_ref(), channels, *is_sum)?,
+                }
             }
         };
         let levels = look.levels;
@@ -134,6 +160,7 @@ impl FieldSession {
             transfer,
             levels,
             field,
+            points,
             report,
             choice,
             opened: Arc::clone(&self.opened),
@@ -166,24 +193,36 @@ impl FieldSession {
             times.note(pass, time);
         }
         let choice = shot.look.budget.level_choice();
+        let repeat = self.options.repeat.max(1);
+        let reporter = Arc::clone(&self.reporter);
+        let mut painting = Painting::new(&mut self.painter, &prepared, self.options.backend, &*reporter)
+            .map_err(PictureError::Asked)?;
         let mut drawn = None;
-        for _ in 0..self.options.repeat.max(1) {
+        if projector.is_none() && choice.frame_ms.is_none() {
+            drawn = painting.draw_on_adapter(&view, repeat)?;
+            times.extend(std::mem::take(&mut painting.milliseconds));
+        }
+        let rounds = if drawn.is_none() { repeat } else { 0 };
+        for _ in 0..rounds {
             let draw = || match (&projector, choice.frame_ms) {
                 (Some(projector), _) => projector.draw_each(prepared.mode.is_light(), |view| {
-                    if self.reporter.is_stopped() {
+                    if reporter.is_stopped() {
                         return Err(PictureError::Stopped);
                     }
-                    match prepared.draw(view) {
+                    match painting.draw(view) {
                         Err(VolumeError::Grid(GridError::NothingInView)) => Ok(None),
                         drawn => Ok(Some(drawn?)),
                     }
                 }),
-                (None, Some(budget)) => Ok(prepared.draw_within(&view, budget, &mut InTime::default())?),
-                (None, None) => Ok(prepared.draw(&view)?),
+                (None, Some(budget)) => {
+                    Ok(in_time::within(&view, budget, &mut InTime::default(), |view| painting.draw(view))?)
+                }
+                (None, None) => Ok(painting.draw(&view)?),
             };
             drawn = Some(times.frame(|times| times.measure("draw", draw))?);
         }
         let Some(values) = drawn else { return Err(PictureError::Stopped) };
+        let drawn_by = painting.drawn_by;
         let PreparedField { mode, transfer, report, .. } = &prepared;
         let attribute = shot.look.attribute_name();
         let depiction = self.opened.depiction(mode, shot.look.settings.clone(), attribute, choice);
@@ -204,7 +243,7 @@ impl FieldSession {
             drawn_from: levels,
             left_out: LeftOut::default(),
             level_report,
-            drawn_by: ["cpu", "cpu"].map(str::to_owned),
+            drawn_by,
             milliseconds: times.medians(),
             moment: None,
             paths: None,
@@ -238,7 +277,10 @@ impl FieldSession {
             prepared = self.prepare(&shot)?;
         }
         let transfer = &prepared.transfer;
-        Ok(match prepared.draw(view) {
+        let reporter = Arc::clone(&self.reporter);
+        let mut painting = Painting::new(&mut self.painter, &prepared, self.options.backend, &*reporter)
+            .map_err(PictureError::Asked)?;
+        Ok(match painting.draw(view) {
             Ok(Raw::Light(light)) => light.colors.image(),
             Ok(Raw::Sums(sums, _)) => composite_at(&sums, transfer, &levels.unwrap_or_else(|| transfer.levels(&sums))),
             Err(VolumeError::Grid(GridError::NothingInView)) => Image::black(view.width, view.height),
@@ -276,7 +318,7 @@ impl FieldSession {
     /// Refuses what images and volumes are not drawn with.
     fn check(&self, shot: &Shot, mode: &'static Mode) -> Result<(), PictureError> {
         let refuse = |why: String| Err(PictureError::of(self.opened.path(), why));
-        if !mode.takes_fields_of(self.opened.grid().dimensions) {
+        if !self.opened.is_drawn_by(mode) {
             let names: Vec<&str> = self.opened.modes().iter().map(|mode| mode.name).collect();
             let kind = if self.opened.grid().dimensions == 2 { "an image" } else { "a volume" };
             return refuse(format!("mode {} does not draw {kind}, expected one of {}", mode.name, names.join(", ")));
@@ -285,9 +327,6 @@ impl FieldSession {
             let named = &self.options.named;
             PictureError::of(if named.as_os_str().is_empty() { self.opened.path() } else { named }, error)
         })?;
-        if self.options.backend.is_some_and(|backend| backend != Backend::Cpu) {
-            return refuse("--backend: images and volumes are drawn by the processor, expected cpu".into());
-        }
         if self.options.overdraw.is_some() {
             return refuse("--overdraw: images and volumes have no splats".into());
         }
@@ -297,14 +336,34 @@ impl FieldSession {
         Ok(())
     }
 
+    /// What a number of points is to keep small.
+    fn weighting(&self, shot: &Shot) -> Result<Weighting, PictureError> {
+        Ok(match &*shot.look.settings.name(&WEIGHTING) {
+            "max" => Weighting::Max,
+            "perceptual" => {
+                let grid = self.opened.grid();
+                let view = view_of(shot, grid.bounds(), grid.dimensions)?;
+                let columns = (0..grid.dimensions).map(|axis| grid.to_world.matrix3.col(axis).length());
+                let spacing = columns.fold(f64::INFINITY, f64::min);
+                let levels = grid.shape.iter().max().map_or(0, |side| u64::BITS - side.leading_zeros()) as usize;
+                let samples = perception::samples_a_degree(&view, grid.bounds(), spacing);
+                Weighting::Levels(perception::weights(levels, samples))
+            }
+            _ => Weighting::Rms,
+        })
+    }
+
     /// The points that a shot asks for; `None` for the samples.
-    fn wanted(&self, shot: &Shot, mode: &Mode, look: &FieldLook) -> Option<Wanted> {
+    fn wanted(&self, shot: &Shot, mode: &Mode, look: &FieldLook) -> Result<Option<Wanted>, PictureError> {
         let settings = &shot.look.settings;
         let points = shot.look.budget.level_choice().splats;
         let error = Some(settings.number(&ERROR_VALUE)).filter(|error| *error > 0.0);
-        match points {
+        Ok(match points {
             _ if self.options.exact.is_some() => None,
-            Some(points) => Some(Wanted::Points(usize::try_from(points).unwrap_or(usize::MAX))),
+            Some(points) => {
+                let weighting = self.weighting(shot)?;
+                Some(Wanted::Points(usize::try_from(points).unwrap_or(usize::MAX), weighting))
+            }
             // Of a source that was not built there is nothing but the samples.
             None if !self.opened.has_points() => None,
             None => {
@@ -314,7 +373,7 @@ impl FieldSession {
                     .then(|| (Variability::new(&look.classifier, look.axis), sensitivity));
                 Some(Wanted::Near { error, seen })
             }
-        }
+        })
     }
 }
 
@@ -327,6 +386,8 @@ struct Choice {
     channels: Vec<usize>,
     /// Whether their sums are drawn.
     is_sum: bool,
+    /// Whether points are drawn, not what they show.
+    as_points: bool,
 }
 
 /// A field and what is drawn of it, ready for any view.
@@ -342,6 +403,8 @@ pub struct PreparedField {
     pub levels: VolumeLevels,
     /// What is drawn.
     pub field: Arc<Field>,
+    /// The points themselves, where these are drawn.
+    pub points: Option<Arc<FieldPoints>>,
     /// The points that it is made of.
     pub report: PointsReport,
     choice: Choice,
@@ -365,49 +428,53 @@ impl PreparedField {
         self.hue.is_some()
     }
 
-    /// Draws a view.
+    /// The mode.
+    pub(super) fn mode(&self) -> &'static Mode {
+        self.mode
+    }
+
+    /// The channel of what is drawn that colours it.
+    pub fn hue_channel(&self) -> Option<usize> {
+        self.hue.map(|_| 1)
+    }
+
+    /// Draws a view on the processor.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the field, and where nothing is in view.
     pub fn draw(&self, view: &View) -> Result<Raw, VolumeError> {
+        self.mode.draw_field(&self.job(view))
+    }
+
+    /// What an adapter's passes draw of a view; `None` where the processor draws it.
+    ///
+    /// # Errors
+    /// As [`PreparedField::draw`].
+    pub fn passes(&self, view: &View) -> Result<Option<FieldPasses>, VolumeError> {
+        self.mode.field_passes(&self.job(view))
+    }
+
+    fn job<'a>(&'a self, view: &'a View) -> FieldJob<'a> {
         let hue = self.hue_values.as_deref();
-        let values = FieldValues { shown: self.opened.statistics(), hue, is_volume: self.field.dimensions == 3 };
-        self.mode.draw_field(&FieldJob {
+        FieldJob {
             view,
             field: &self.field,
-            hue: self.hue.map(|_| 1),
-            values,
+            points: self.points.as_deref(),
+            hue: self.hue_channel(),
+            values: FieldValues { shown: self.opened.statistics(), hue, is_volume: self.field.dimensions == 3 },
             settings: &self.settings,
             transfer: self.own.as_ref(),
             diameter: self.diameter,
             paths: None,
-        })
+        }
     }
 
-    /// Draws a view of light with as many pixels as there is time for, enlarged to its size; what pictures take is learned from those before,
-    /// or else from a few that are not shown. Sums are drawn as they are.
+    /// Draws a view on the processor with as many pixels as there is time for: [`in_time::within`].
     ///
     /// # Errors
     /// As [`PreparedField::draw`].
     pub fn draw_within(&self, view: &View, budget: f64, in_time: &mut InTime) -> Result<Raw, VolumeError> {
-        let full = (view.width, view.height);
-        let tries = if in_time.is_new() { 3 } else { 0 };
-        let mut attempt = |budget: f64| {
-            let size = in_time.size(full, budget);
-            let start = Instant::now();
-            let drawn = self.draw(&view.resized(size.0, size.1))?;
-            in_time.drew(size, 1e3 * start.elapsed().as_secs_f64());
-            Ok::<Raw, VolumeError>(drawn)
-        };
-        for number in 0..tries {
-            attempt(budget * f64::from(number) / f64::from(tries))?;
-        }
-        match attempt(budget)? {
-            Raw::Light(light) => {
-                Ok(Raw::Light(LightPicture { colors: in_time::enlarged(&light.colors, full), ..light }))
-            }
-            Raw::Sums(..) => self.draw(view),
-        }
+        in_time::within(view, budget, in_time, |view| self.draw(view))
     }
 }
 

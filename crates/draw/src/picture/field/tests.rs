@@ -4,6 +4,8 @@ use super::{FieldSession, GRADIENT, OpenField, Wanted};
 use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::color::transfer::{Range, TransferFunction};
 use crate::explore::export::grid::{GridFormat, write_grid};
+use crate::hierarchy::wavelet::Weighting;
+use crate::hierarchy::wavelet::Weighting;
 use crate::import::{GridOptions, open_grid};
 use crate::look::{Attribute, CameraConfig, LookPatch, Shot};
 use crate::mode::{Raw, SettingValue};
@@ -15,6 +17,8 @@ use crate::view::{CutSettings, Eyes, Stereo, StereoKind, Surround};
 use glam::{DMat3, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+mod points;
 
 /// A file of a volume of bytes.
 fn volume(folder: &Path, shape: [u64; 3], value: impl Fn([u64; 3]) -> f64) -> PathBuf {
@@ -280,7 +284,7 @@ fn what_is_too_large_is_thinned_and_says_so() {
         let thinned = OpenField::open(path, ReadMethod::default(), Some(samples / 2)).unwrap();
         assert_eq!((thinned.grid().shape, thinned.samples()), ([14, 24, 22], samples));
         assert!(thinned.note().unwrap().contains("one of 3 samples") && !thinned.has_points());
-        assert!(thinned.shown(Some(&Wanted::Points(9)), &[0], false).is_err());
+        assert!(thinned.shown(Some(&Wanted::Points(9, Weighting::Rms)), &[0], false).is_err());
         let shown = thinned.shown(None, &[0], false).unwrap();
         let place = thinned.grid().to_world.transform_point3(DVec3::new(13.0, 23.0, 21.0));
         assert_eq!(place, whole.grid().to_world.transform_point3(DVec3::new(39.0, 69.0, 63.0)));
@@ -289,6 +293,33 @@ fn what_is_too_large_is_thinned_and_says_so() {
             assert_eq!(f64::from(*found), value(at), "{at:?}");
         }
     }
+}
+
+#[test]
+fn points_count_as_the_eye_sees_them() {
+    let folder = tempfile::tempdir().unwrap();
+    // Waves of two samples beside one of sixty.
+    let value =
+        |[x, y, _]: [u64; 3]| 120.0 + 50.0 * (y as f64 / 10.0).sin() + if x < 32 && x % 2 == 0 { 30.0 } else { 0.0 };
+    let source = volume(folder.path(), [64, 64, 16], value);
+    let built = folder.path().join("volume.df");
+    let open = open_grid(&source, &GridOptions::default()).unwrap();
+    build_grid(&open, &GridBuildOptions::default(), &built, &()).unwrap();
+    let mut session = FieldSession::open(&built, SessionOptions::default(), Arc::new(())).unwrap();
+    let mut report = |weighting: &str, pixels: f64| {
+        // So many pixels a sample, without perspective.
+        let camera = above(DVec3::new(31.5, 31.5, 7.5), 64.0 / pixels);
+        let mut shot = with(shot("xray", "", camera, (64, 64)), "weighting", SettingValue::Name(weighting.into()));
+        shot.look.budget.0.insert("splats".into(), SettingValue::Number(8000.0));
+        session.prepare(&shot).unwrap().report
+    };
+    let rms = report("rms", 1.0);
+    assert_eq!((rms.weighting, report("max", 1.0).weighting), (Some("rms"), Some("max")));
+    assert!(report("max", 1.0).error_value.max <= rms.error_value.max);
+    // From near both waves are seen; from afar the fine one is not, and no point is spent on it.
+    let [near, far] = [8.0, 0.1].map(|pixels| report("perceptual", pixels));
+    assert_eq!(near.weighting, Some("perceptual"));
+    assert!(near.error_value.rms < 5.0 && far.error_value.rms > 9.0, "{near:?} {far:?}");
 }
 
 #[test]

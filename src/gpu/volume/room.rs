@@ -1,0 +1,50 @@
+//! How a picture shares the adapter's memory out.
+
+use super::bindings::BATCH_BYTES;
+use super::constants::PARTICLE_BITS;
+use super::layout::MOST_BINS;
+use super::view::VolumeJob;
+
+/// How much may be used at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// Bytes of cells.
+    pub cells: u64,
+    /// Bytes of one buffer.
+    pub limit: u64,
+    /// Particles of a batch.
+    pub batch: u32,
+    /// Bytes of the samples of a field.
+    pub samples: u64,
+}
+
+impl Room {
+    /// Least room that is tried, bytes.
+    pub const LEAST: u64 = 1 << 23;
+    /// Most particles that are binned at once. Each may have a block of its own, which has a place more.
+    const MOST_BATCH: u64 = 1 << (PARTICLE_BITS - 1);
+    const LEAST_BATCH: u64 = 1 << 14;
+
+    /// Bytes that pixels take whatever the room: light twice, and slab by slab the ends of rays twice.
+    pub fn of_pixels(job: &VolumeJob) -> u64 {
+        let view = job.seen_from();
+        let bytes = if job.cartesian().is_some() { 32 } else { 40 };
+        bytes * u64::from(view.width) * u64::from(view.height)
+    }
+
+    /// Shares memory out where cells may take no more than `cells` bytes and one buffer `limit`.
+    pub fn of(memory: u64, cells: u64, limit: u64) -> Room {
+        let batch = (memory / 3 / BATCH_BYTES).min(limit / (4 * MOST_BINS)).clamp(Room::LEAST_BATCH, Room::MOST_BATCH);
+        Room { cells: cells.min(memory / 2).min(limit), limit, batch: batch as u32, samples: 0 }
+    }
+
+    /// The same beside the samples of a field, which may take most of it.
+    pub fn beside_samples(memory: u64, cells: u64, limit: u64) -> Room {
+        Room { samples: memory - memory / 4, ..Room::of(memory / 4, cells, limit) }
+    }
+
+    /// Shares memory out where all cells of a grid are held, which take the most of it.
+    pub fn of_whole(memory: u64, limit: u64) -> Room {
+        Room { cells: (memory - memory / 4).min(limit), ..Room::of(memory / 2, 0, limit) }
+    }
+}
