@@ -216,13 +216,15 @@ impl Tile {
         let table = HalfLine::of(canvas.kernel);
         // No farther apart than a tile is wide.
         let step = about_eye::step(canvas.view).min(TILE as f64);
-        let count = |pixels: &Range<usize>| (pixels.len() as f64 / step).ceil() as usize + 1;
+        // From the middle of the first pixel to that of the last, or beyond.
+        let count = |pixels: &Range<usize>| ((pixels.len() as f64 - 1.0) / step).ceil().max(1.0) as usize + 1;
         let (across, down) = (count(columns), count(rows));
         let mut depths = [0.0f32; MOST * MOST];
         let mut any = false;
         for (j, line) in depths.chunks_mut(across).enumerate().take(down) {
             for (i, depth) in line.iter_mut().enumerate() {
-                let point = [columns.start as f64 + i as f64 * step, rows.start as f64 + j as f64 * step];
+                let at = |pixels: &Range<usize>, k: usize| pixels.start as f64 + 0.5 + k as f64 * step;
+                let point = [at(columns, i), at(rows, j)];
                 *depth = seen.depth * about.met(table, about_eye::ray(canvas.view, point)) as f32;
                 any |= *depth > 0.0;
             }
@@ -231,7 +233,7 @@ impl Tile {
             return 0;
         }
         let locate = |pixel: usize, count: usize| {
-            let place = (pixel as f64 + 0.5) / step;
+            let place = pixel as f64 / step;
             let index = (place as usize).min(count - 2);
             (index, (place - index as f64) as f32)
         };

@@ -51,7 +51,7 @@ impl Balls {
 /// From afar, in the middle of the picture, a pixel of the panorama is one of the picture.
 #[test]
 fn a_face_is_the_flat_picture_of_its_direction() {
-    let eye = DVec3::new(20.0, 30.0, 50.0);
+    let eye = DVec3::new(65.0, 97.0, 162.0);
     let view = look(eye, Projection::Perspective { fov_y: 2.2 / eye.length() }, 96, 80);
     let pixel = view.focal_pixels().recip();
     let (colors, balls) = (colors([0.1, 100.0]), Balls::random(400, [0.02, 0.3], 3));
