@@ -36,7 +36,15 @@ struct TileView {
     layer_rate: f32,
     /// 1: a particle counts in each layer that it reaches.
     spread: u32,
-    unused: u32,
+    /// 1: particles lie over each other, are sorted by their distance from the eye and have their own columns in place of densities.
+    over: u32,
+    /// Radius of the kernel that blurs them, pixels.
+    blur: f32,
+    /// The own column of the density 1 (0: densities tell nothing), and the power of the density by which it changes.
+    column_factor: f32,
+    column_power: f32,
+    /// What the column through a particle's middle is divided by, and by its squared smoothing length.
+    column_area: f32,
     /// For each level its first bin, and its bins along x and y. A bin of level `l` is `2^l` tiles wide.
     levels: array<vec4<u32>, MOST_LEVELS>,
 }

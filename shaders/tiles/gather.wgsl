@@ -39,7 +39,8 @@ fn keys_of(spot: Spot, slab: vec4<u32>) -> vec2<u32> {
     if !is_seen(spot) {
         return vec2(0u);
     }
-    let depth = spot.place.z;
+    let by_distance = tiles.over != 0u && tiles.perspective != 0u;
+    let depth = select(spot.place.z, length(spot.place.xyz), by_distance);
     if tiles.layers == 0u {
         let key = key_of(tiles, depth - tiles.lead * spot.place.w * tiles.extent);
         let interval = min(key >> tiles.interval_shift, INTERVALS - 1u);
@@ -50,6 +51,34 @@ fn keys_of(spot: Spot, slab: vec4<u32>) -> vec2<u32> {
     let first = max(layer_of(tiles, depth - around), slab.x);
     let behind = min(layer_of(tiles, depth + around) + 1u, slab.y);
     return vec2(first, behind - min(first, behind));
+}
+
+/// The smoothing length of a splat blurred by a kernel of some pixels (src/cpu/over/blurred.rs). What has no end in the picture is large
+/// enough.
+fn blurred(place: vec4<f32>) -> f32 {
+    let h = place.w;
+    if tiles.perspective == 0u {
+        return length(vec2(h, tiles.blur / tiles.focal));
+    }
+    if !(place.z > h) {
+        return h;
+    }
+    // What it covers is shortest across the direction of the picture's middle, as seen where it is nearest to that.
+    let away = length(place.xyz);
+    let slim = h / away;
+    let aside = length(place.xy) / away;
+    var nearest = 1.0;
+    if aside > slim {
+        nearest = place.z / away * sqrt(1.0 - slim * slim) + aside * slim;
+    }
+    return length(vec2(h, tiles.blur * away * nearest / tiles.focal));
+}
+
+/// The own column of a splat: by its density, or where that tells nothing through its middle.
+fn own_column(spot: Spot) -> f32 {
+    let by_density = tiles.column_factor * pow(max(spot.density, 1.0e-37), tiles.column_power);
+    let through = spot.mass / (tiles.column_area * spot.place.w * spot.place.w);
+    return select(through, by_density, spot.density > 0.0 && by_density > 0.0 && by_density < 3.0e38);
 }
 
 fn spot_at(axes: mat3x3<f32>, block: Block, number: u32) -> Spot {
@@ -65,6 +94,10 @@ fn spot_at(axes: mat3x3<f32>, block: Block, number: u32) -> Spot {
         particle.quantity,
         0u,
     );
+    if tiles.over != 0u && spot.place.w > 0.0 {
+        spot.density = own_column(spot);
+        spot.place.w = blurred(spot.place);
+    }
     let least = tiles.smallest * select(1.0, max(spot.place.z, 0.0), tiles.perspective != 0u);
     if spot.place.w < least && spot.place.w > 0.0 {
         let share = spot.place.w / least;

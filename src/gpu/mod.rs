@@ -33,6 +33,7 @@ pub mod measure;
 pub mod mode_view;
 pub mod moving;
 pub mod offscreen;
+pub mod over_splats;
 pub mod page_copies;
 pub mod parts;
 pub mod plugins;
@@ -58,6 +59,7 @@ pub use layered::Layered;
 pub use light::{LightCells, LightView};
 pub use mode_view::{ModePlugin, ModeView};
 pub use offscreen::Offscreen;
+pub use over_splats::OverSplats;
 pub use renderer::HeadlessRenderer;
 pub use scene::{
     NodeId, NodeState, NodeUpload, ParticleScene, Payload, RawParticle, SceneStats, Table, TableEntry, TableId,
@@ -84,6 +86,7 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(measure::MeasurePlugin)
             .add(integrals::IntegralPlugin)
             .add(tiles::TilePlugin::<SortedSplats>::default())
+            .add(tiles::TilePlugin::<OverSplats>::default())
             .add(tiles::TilePlugin::<Spheres>::default())
             .add(tiles::TilePlugin::<Layered>::default())
             .add(timing::TimingPlugin)

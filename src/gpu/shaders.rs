@@ -94,6 +94,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("tiles/plan.wgsl", include_str!("../../shaders/tiles/plan.wgsl")),
     ("tiles/pairs.wgsl", include_str!("../../shaders/tiles/pairs.wgsl")),
     ("sorted/arrange.wgsl", include_str!("../../shaders/sorted/arrange.wgsl")),
+    ("over/arrange.wgsl", include_str!("../../shaders/over/arrange.wgsl")),
     ("sorted/blend.wgsl", include_str!("../../shaders/sorted/blend.wgsl")),
     ("lib/sphere_view.wgsl", include_str!("../../shaders/lib/sphere_view.wgsl")),
     ("spheres/arrange.wgsl", include_str!("../../shaders/spheres/arrange.wgsl")),

@@ -108,6 +108,7 @@ impl TileMode for SortedSplats {
             lead: 0.0,
             smallest: self.smallest,
             layers: None,
+            over: None,
             at_a_time: listed_within(memory, TileList::SPOT_BYTES),
         }
     }

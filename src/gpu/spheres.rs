@@ -140,6 +140,7 @@ impl TileMode for Spheres {
             lead: 1.0,
             smallest: 0.0,
             layers: None,
+            over: None,
             at_a_time: listed_within(memory, TileList::SPOT_BYTES),
         }
     }

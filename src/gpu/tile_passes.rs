@@ -1,12 +1,14 @@
 //! Which of the modes by tiles draws what a technique says, and between which planes.
 
 use super::layered::Layered;
+use super::over_splats::OverSplats;
 use super::sorted_splats::SortedSplats;
 use super::spheres::Spheres;
 use super::tiles::TilePicture;
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::extents::planes_of;
 use crate::mode::LightPasses;
+use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, PerspectiveGrid, View};
 use bevy::prelude::EntityCommands;
 use std::sync::Arc;
@@ -24,6 +26,8 @@ pub struct TilePasses {
 enum TileModes {
     /// Splats in the order of their depth.
     Sorted(SortedSplats),
+    /// Splats over each other.
+    Over(OverSplats),
     /// Splats in layers of depth.
     Layered(Layered),
     /// Spheres under one surface.
@@ -31,7 +35,7 @@ enum TileModes {
 }
 
 /// The pictures of all modes by tiles.
-type TilePictures = (TilePicture<SortedSplats>, TilePicture<Layered>, TilePicture<Spheres>);
+type TilePictures = (TilePicture<SortedSplats>, TilePicture<OverSplats>, TilePicture<Layered>, TilePicture<Spheres>);
 
 impl TilePasses {
     /// What draws a view of particles that reach so far, as the processor would; `None` for passes that are not by tiles.
@@ -54,6 +58,11 @@ impl TilePasses {
                     density_scale: *density_scale,
                 });
                 (mode, options.occlusion)
+            }
+            LightPasses::Over { colors, column, attribute } => {
+                let planes = OverSplats::planes(view, extents).ok_or(GridError::NothingInView)?;
+                let (colors, column, attribute) = (Arc::clone(colors), *column, *attribute);
+                (TileModes::Over(OverSplats { colors, column, attribute, planes }), false)
             }
             LightPasses::Layered { classifier, options, layers, assignment, termination } => {
                 let mode = TileModes::Layered(Layered {
@@ -87,6 +96,7 @@ impl TilePasses {
     pub fn planes(&self) -> [f64; 2] {
         match &self.mode {
             TileModes::Sorted(mode) => mode.planes,
+            TileModes::Over(mode) => mode.planes,
             TileModes::Layered(mode) => mode.planes,
             TileModes::Spheres(mode) => mode.planes,
         }
@@ -96,15 +106,26 @@ impl TilePasses {
     pub fn show(self, number: u64, memory: u64, camera: &mut EntityCommands) {
         let occlusion = self.occlusion;
         match self.mode {
-            TileModes::Sorted(mode) => camera
-                .insert(TilePicture { number, mode, occlusion, memory })
-                .remove::<(TilePicture<Layered>, TilePicture<Spheres>)>(),
-            TileModes::Layered(mode) => camera
-                .insert(TilePicture { number, mode, occlusion, memory })
-                .remove::<(TilePicture<SortedSplats>, TilePicture<Spheres>)>(),
-            TileModes::Spheres(mode) => camera
-                .insert(TilePicture { number, mode, occlusion, memory })
-                .remove::<(TilePicture<SortedSplats>, TilePicture<Layered>)>(),
+            TileModes::Sorted(mode) => camera.insert(TilePicture { number, mode, occlusion, memory }).remove::<(
+                TilePicture<OverSplats>,
+                TilePicture<Layered>,
+                TilePicture<Spheres>,
+            )>(),
+            TileModes::Over(mode) => camera.insert(TilePicture { number, mode, occlusion, memory }).remove::<(
+                TilePicture<SortedSplats>,
+                TilePicture<Layered>,
+                TilePicture<Spheres>,
+            )>(),
+            TileModes::Layered(mode) => camera.insert(TilePicture { number, mode, occlusion, memory }).remove::<(
+                TilePicture<SortedSplats>,
+                TilePicture<OverSplats>,
+                TilePicture<Spheres>,
+            )>(),
+            TileModes::Spheres(mode) => camera.insert(TilePicture { number, mode, occlusion, memory }).remove::<(
+                TilePicture<SortedSplats>,
+                TilePicture<OverSplats>,
+                TilePicture<Layered>,
+            )>(),
         };
     }
 

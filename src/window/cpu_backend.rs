@@ -253,7 +253,7 @@ pub(super) fn draw_on_cpu(
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
     let (levels, lod_budget) = (look.levels, look.lod_budget);
-    let complete = selection.complete;
+    let (complete, families) = (selection.complete, settings.families.clone());
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
     let kept_plan = match stands_in {
@@ -268,6 +268,8 @@ pub(super) fn draw_on_cpu(
                 let (own, nodes) = source.nodes(&view)?;
                 let metadata = own.as_ref().map_or(shown.metadata(), |tree| tree.metadata());
                 let subject = Subject::new(metadata, &depiction, &transfer, diameter);
+                // Of live particles there are the shown ones alone.
+                let subject = subject.of_shown(if own.is_some() { &[] } else { &families });
                 let limits = match (&own, painted) {
                     (Some(_), _) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: u64::MAX },
                     (None, true) => Limits { lod_budget: LodBudget::NONE, plan: None, particles: key.particles },
@@ -306,7 +308,8 @@ pub(super) fn draw_on_cpu(
         };
         let (exposure, colors) = match &drawn.painted {
             Some(painted) => {
-                let exposure = Exposure::of_codebooks(shown.metadata(), &depiction, &transfer, painted.levels);
+                let subject = Subject::new(shown.metadata(), &depiction, &transfer, diameter).of_shown(&families);
+                let exposure = Exposure::of_codebooks(&subject, painted.levels);
                 (exposure, (painted.image.clone(), levels, transfer.clone()))
             }
             None => {

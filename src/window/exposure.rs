@@ -5,9 +5,8 @@ use super::state::histogram::AxisHistogram;
 use crate::codec::CodebookScope;
 use crate::color::Accumulation;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
-use crate::mode::Depiction;
+use crate::picture::Subject;
 use crate::picture::field::PreparedField;
-use crate::store::Metadata;
 use bevy::prelude::*;
 
 /// What was measured in the present picture.
@@ -59,14 +58,10 @@ impl Joint {
 }
 
 impl Exposure {
-    /// Measures what a volume is made of, which is in no picture: densities and attributes of the file's own particles, as its
-    /// codebooks have them, weighted by their family's share of the mass.
-    pub fn of_codebooks(
-        metadata: &Metadata,
-        depiction: &Depiction,
-        transfer: &TransferFunction,
-        levels: Levels,
-    ) -> Exposure {
+    /// Measures what light comes from, which is in no picture: densities (or own columns) and attributes of the file's own particles, as
+    /// its codebooks have them, weighted by their family's share of the mass.
+    pub fn of_codebooks(subject: &Subject<'_>, levels: Levels) -> Exposure {
+        let Subject { metadata, depiction, transfer, .. } = *subject;
         let mut triples: Vec<[f32; 3]> = Vec::new();
         let mass: f64 = metadata.families.iter().map(|family| family.mass).sum();
         for family in &metadata.families {
@@ -74,7 +69,8 @@ impl Exposure {
                 let table = depiction.table(family, codebook);
                 let attribute = |index: usize| table.attribute.as_ref().map_or(0.0, |attribute| attribute[index]);
                 let share = (family.mass / mass.max(f64::MIN_POSITIVE)) as f32;
-                let entry = |index: usize| [codebook.density[index], attribute(index), share];
+                let values = subject.told_values(&table, codebook);
+                let entry = |index: usize| [values[index], attribute(index), share];
                 triples.extend((0..codebook.len()).map(entry));
             }
         }

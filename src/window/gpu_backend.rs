@@ -85,8 +85,9 @@ pub struct GpuTables {
 const MEASURE_EVERY: Duration = Duration::from_millis(100);
 
 /// Whether something else draws the mode on an adapter than before.
-pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<Adapter>>) -> bool {
-    let now = Some(settings.mode.technique.adapter());
+pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<(Adapter, bool)>>) -> bool {
+    let technique = settings.drawn_mode().technique;
+    let now = Some((technique.adapter(), technique.tells_columns()));
     std::mem::replace(&mut *before, now) != now
 }
 
@@ -113,8 +114,12 @@ pub(super) fn choose_backend(
         settings.as_ref().is_some_and(|settings| surround_backend::is_wanted(settings, &live, aim.as_deref()));
     let is_field =
         settings.as_ref().is_some_and(|settings| field_backend::is_wanted(scene.as_deref(), settings, &live));
-    let mode = settings.map_or(modes::first(), |settings| settings.mode);
-    let adapter_of_mode = mode.technique.adapter();
+    let mode = settings.map_or(modes::first(), |settings| settings.drawn_mode());
+    let adapter_of_mode = match mode.technique.tells_columns() {
+        // Ranges of the sums, which splats over each other are coloured by, no passes find beside them.
+        true => Adapter::None,
+        false => mode.technique.adapter(),
+    };
     let has_room = scene.as_ref().is_some_and(|scene| !field.is_refused(scene));
     let is_processors = is_field && !(mode.technique.has_field_passes() && has_room);
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.

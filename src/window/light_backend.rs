@@ -354,7 +354,7 @@ pub(super) fn draw_light_on_gpu(
         None => (None, found.bytes),
     };
     if let Some(levels) = pictures.levels.filter(|levels| exposure.levels != Some(*levels) || look.is_changed()) {
-        exposure.set_if_neq(Exposure::of_codebooks(metadata, &look.depiction, &transfer, levels));
+        exposure.set_if_neq(Exposure::of_codebooks(&subject, levels));
     }
 
     statistics.passes = last_passes.of_picture().map(|times| times.passes).unwrap_or_default();

@@ -8,7 +8,7 @@ use super::transfer_presets::TransferPresets;
 use crate::annotate::Legend;
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::look::Attribute;
-use crate::mode::{Depiction, LevelChoice, LodBudget};
+use crate::mode::{Depiction, LevelChoice, LodBudget, over};
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ pub struct Held(pub Option<Levels>);
 /// The look of the picture, derived from [`Settings`] and the data.
 #[derive(Resource, Clone)]
 pub struct Look {
-    /// The mode, applied to the open file.
+    /// The mode, applied to the open file; where splats lie over each other, as what draws them so.
     pub depiction: Depiction,
     /// Counts up whenever particles get other weights, attributes or footprints.
     pub depiction_revision: u64,
@@ -111,12 +111,12 @@ pub(crate) fn follow_settings(
         || look.depiction.settings != settings.look.settings
         || look.lod_budget != settings.budget.lod_budget()
         || look.depiction.choice != choice_of(&scene, &settings)
-        || !std::ptr::eq(look.depiction.mode, settings.mode);
+        || look.depiction.mode != settings.mode;
     let mut depicted = false;
     if stale {
         match depict(&scene, &settings) {
             Ok(depiction) => {
-                let other_kind = !std::ptr::eq(look.depiction.mode, depiction.mode)
+                let other_kind = look.depiction.mode != depiction.mode
                     || look.depiction.attribute.is_some() != depiction.attribute.is_some();
                 let other_attribute = look.depiction.attribute != depiction.attribute;
                 // What was kept came with the mode and the attribute.
@@ -140,7 +140,7 @@ pub(crate) fn follow_settings(
             Err(error) => {
                 notices.error(error);
                 settings.attribute = look.attribute.clone();
-                settings.look.mode = look.depiction.mode;
+                settings.look.mode = over::own(look.depiction.mode);
             }
         }
     }
@@ -178,7 +178,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
     if settings.attribute == Attribute::None {
         depiction.attribute = None;
     }
-    Ok(depiction)
+    Ok(depiction.blended())
 }
 
 /// Which levels of the data the settings choose.

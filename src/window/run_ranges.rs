@@ -55,7 +55,7 @@ impl RunRanges {
         let (_, measured) = self.found.as_ref()?;
         let scales = |transfer: &TransferFunction| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale));
         let attribute = look.depiction.attribute.as_ref().map(|coloring| &coloring.name);
-        let same = std::ptr::eq(measured.mode, look.depiction.mode)
+        let same = measured.mode == look.depiction.mode
             && measured.attribute.as_ref() == attribute
             && scales(&measured.transfer) == scales(&look.transfer);
         // What the user has set stays.

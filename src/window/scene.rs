@@ -10,7 +10,7 @@ use crate::explore::data::source_path;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Attribute, Look, LookPatch, Member, OpenData};
 use crate::mode::lod_budget::{PRESENCE, THINNING};
-use crate::mode::{Depiction, Mode, SettingValue};
+use crate::mode::{Depiction, Mode, Output, SettingValue, over};
 use crate::model::{Bounds, Moment, PeriodicBox, StepTimes, When};
 use crate::modes;
 use crate::picture::field::{FieldSession, OpenField};
@@ -272,7 +272,16 @@ impl Settings {
         if self.mode != mode {
             self.look.mode = mode;
             self.look.settings = crate::mode::Settings::default();
+            // What says how splats come together is refused where none are added up.
+            if mode.technique.output() != Output::Sums {
+                self.look.budget = self.look.budget.without_blending();
+            }
         }
+    }
+
+    /// What draws the picture: the mode, or the same with splats that lie over each other.
+    pub fn drawn_mode(&self) -> &'static Mode {
+        over::drawn(self.mode, &self.budget)
     }
 
     /// Makes them what a patch says of data with these attributes, with the settings of the mode that it says and no others. The name

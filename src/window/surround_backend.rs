@@ -29,7 +29,6 @@ use crate::color::transfer::Levels;
 use crate::gpu::Offscreen;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
-use crate::mode::Settings as ModeSettings;
 use crate::picture::field::FieldSession;
 use crate::picture::{AnySession, PictureError, Session};
 use bevy::ecs::system::SystemParam;
@@ -275,7 +274,7 @@ impl Shown<'_, '_> {
             look: LookPatch {
                 transfer: Some(transfer),
                 // What is left out for speed is left out of flat pictures, and behind the window's there is nothing.
-                budget: ModeSettings::default(),
+                budget: settings.budget.blending(),
                 background: None,
                 time: scene.when(),
                 interpolation: self.playhead.as_ref().map(|playhead| match playhead.holds() {

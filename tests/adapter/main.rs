@@ -15,6 +15,7 @@ mod light;
 mod light_modes;
 mod live;
 mod moving;
+mod over;
 mod overdraw;
 mod pages;
 mod panoramas;

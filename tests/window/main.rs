@@ -17,6 +17,7 @@ mod looking;
 mod network;
 mod occlusion;
 mod outputs;
+mod over;
 mod panels;
 mod panorama;
 mod picture;

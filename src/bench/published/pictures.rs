@@ -86,7 +86,7 @@ impl Chosen {
     pub fn over(&self, view: &View, kernel: Kernel, look: &Look<'_>) -> Result<Colors, Failure> {
         let Look { order, colors, particle } = *look;
         let column = own_column(Conserved::Mass, kernel, (particle, 1.0));
-        Ok(draw_over(view, &self.splats()?, &Over { order, kernel, colors, column }).0)
+        Ok(draw_over(view, &self.splats()?, &Over { order, kernel, colors, column, around: None }).0)
     }
 }
 

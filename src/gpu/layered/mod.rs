@@ -176,6 +176,7 @@ impl TileMode for Layered {
             lead: 0.0,
             smallest: self.smallest,
             layers: Some(Layering { count: self.layers, spread: self.spread(view), at_once }),
+            over: None,
             at_a_time: sums::listed_within(memory, grids),
         }
     }

@@ -64,7 +64,7 @@ pub fn variants() -> Vec<Variant> {
         let entries = steps.iter().filter(|(of, _)| *of == kind).map(|(_, entry)| *entry).collect();
         all.push(plain(kind.shader(), vec![], entries));
     }
-    for path in ["sorted/arrange.wgsl", "spheres/arrange.wgsl"] {
+    for path in ["sorted/arrange.wgsl", "over/arrange.wgsl", "spheres/arrange.wgsl"] {
         all.push(plain(path, vec![], vec!["arrange"]));
     }
     all.push(plain("spheres/surface.wgsl", vec![], vec!["smooth_hits", "shade"]));

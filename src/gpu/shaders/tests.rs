@@ -9,6 +9,7 @@ use crate::gpu::layered::{LayerGroup, LayerUniform};
 use crate::gpu::light::LightUniform;
 use crate::gpu::matter::LookupUniform;
 use crate::gpu::measure::Reduction;
+use crate::gpu::over_splats::SplatLookUniform;
 use crate::gpu::scene::{MOVING_WORDS, RAW_WORDS, RawParticle, TableEntry};
 use crate::gpu::sorted_splats::SortedUniform;
 use crate::gpu::spheres::SphereUniform;
@@ -301,7 +302,11 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             layers,
             layer_rate,
             spread,
-            unused,
+            over,
+            blur,
+            column_factor,
+            column_power,
+            column_area,
             levels,
         }),
         "layered" => layout!(LayerUniform { termination, least, unused }),
@@ -315,6 +320,16 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             layout!(LookupUniform { attribute_map, attribute_log, first_entry, last_entry, hues, plane, unused })
         }
         "sorted" => layout!(SortedUniform { termination, unused }),
+        "look" if path.starts_with("over/") => layout!(SplatLookUniform {
+            column_map,
+            attribute_map,
+            size,
+            column_log,
+            attribute_log,
+            has_hue,
+            depth,
+            unused,
+        }),
         "spheres" => layout!(SphereUniform {
             near,
             smoothing,

@@ -2,8 +2,8 @@
 //!
 //! `gpu::shaders`' tests compose the shaders and compare every structure here with the one there.
 
-use super::TileRequest;
 use super::constants::{INTERVAL_BITS, MOST_LEVELS};
+use super::{OverRequest, TileRequest};
 use crate::gpu::splat::layout::TILE;
 use crate::view::{Projection, View};
 use bytemuck::{Pod, Zeroable};
@@ -44,8 +44,16 @@ pub struct TileUniform {
     pub layer_rate: f32,
     /// 1: a particle counts in each layer that it reaches.
     pub spread: u32,
-    /// Padding.
-    pub unused: u32,
+    /// 1: particles lie over each other, are sorted by their distance from the eye and have their own columns in place of densities.
+    pub over: u32,
+    /// Radius of the kernel that blurs them, pixels.
+    pub blur: f32,
+    /// See [`super::OverRequest::column_factor`].
+    pub column_factor: f32,
+    /// See [`super::OverRequest::column_power`].
+    pub column_power: f32,
+    /// See [`super::OverRequest::column_area`].
+    pub column_area: f32,
     /// First bin, and bins along x and y, of each level.
     pub levels: [[u32; 4]; MOST_LEVELS],
 }
@@ -128,6 +136,8 @@ impl Tiling {
         let is_perspective = matches!(view.projection, Projection::Perspective { .. });
         let [near, far] = request.planes;
         let span = if is_perspective { (far / near).ln() } else { far - near };
+        let nothing = OverRequest { blur: 0.0, column_factor: 0.0, column_power: 0.0, column_area: 1.0 };
+        let over = request.over.unwrap_or(nothing);
         let uniform = TileUniform {
             size,
             middle: view.middle().map(|pixels| pixels as f32),
@@ -145,7 +155,11 @@ impl Tiling {
             layers,
             layer_rate: (f64::from(layers) / span) as f32,
             spread: spread.is_some().into(),
-            unused: 0,
+            over: request.over.is_some().into(),
+            blur: over.blur,
+            column_factor: over.column_factor,
+            column_power: over.column_power,
+            column_area: over.column_area,
             levels,
         };
         let layers_at_once = request.layers.map(|layers| layers.at_once);

@@ -40,6 +40,20 @@ pub struct Layering {
     pub at_once: u32,
 }
 
+/// How particles are listed that lie over each other: by their distance from the eye, blurred, with their own columns
+/// ([`crate::color::splat_colors::OwnColumn`]) in place of densities.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OverRequest {
+    /// Radius of the kernel that blurs, pixels.
+    pub blur: f32,
+    /// The own column of the density 1; 0: densities tell nothing.
+    pub column_factor: f32,
+    /// The power of the density by which it changes.
+    pub column_power: f32,
+    /// What the column through a particle's middle, where densities tell nothing, is divided by, and by the squared smoothing length.
+    pub column_area: f32,
+}
+
 /// Which particles are listed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileRequest {
@@ -57,6 +71,8 @@ pub struct TileRequest {
     pub smallest: f64,
     /// Layers that particles are sorted by, in place of their depth.
     pub layers: Option<Layering>,
+    /// That they lie over each other, where they do.
+    pub over: Option<OverRequest>,
     /// Most particles that are listed at a time.
     pub at_a_time: u64,
 }

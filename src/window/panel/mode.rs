@@ -2,6 +2,7 @@
 
 use super::{Dock, PanelState, Section, theme};
 use crate::look::Attribute;
+use crate::mode::blend::ORDER;
 use crate::mode::levels::{LEVELS, REPRESENTATIVE, is_of_levels, is_of_pictures};
 use crate::mode::{Mode, Setting, SettingKind, SettingValue};
 use crate::modes::{self, grid, samples};
@@ -37,12 +38,14 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let takes_clusters = state.look.as_ref().is_some_and(|look| look.depiction.takes_clusters());
     let has_levels = takes_clusters && state.scene.as_ref().is_some_and(|scene| scene.metadata().has_clusters());
     let is_field = state.scene.as_ref().is_some_and(|scene| scene.field_for(settings.mode).is_some());
+    let lies_over = settings.budget.blend_order().is_some();
     let applies = |name: &str| match is_field {
         true => !is_of_pictures(name) && OF_PARTICLES.iter().all(|setting| setting.name != name),
         false => {
             !is_of_pictures(name)
                 && (has_levels || !is_of_levels(name))
                 && OF_FIELDS.iter().all(|setting| setting.name != name)
+                && (lies_over || name != ORDER.name)
         }
     };
     for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {

@@ -5,7 +5,7 @@ use crate::color::Image;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::mode::Raw;
 use crate::model::Progress;
-use crate::picture::{AnySession, Picture, PictureError, Reporter};
+use crate::picture::{AnySession, Picture, PictureError, Reporter, Subject};
 use crate::window::exposure::Exposure;
 use crate::window::statistics::Statistics;
 use bevy::math::UVec2;
@@ -154,12 +154,8 @@ pub fn draw(session: &mut AnySession, wanted: &Wanted, known: Option<Drawn>) -> 
     let measure = || match (&picture.values, tree, session) {
         (Raw::Light(painted), Some(tree), _) => {
             let found = Levels { p: painted.levels.density, s: painted.levels.attribute };
-            Ok::<_, PictureError>(Exposure::of_codebooks(
-                tree.metadata(),
-                &picture.annotation.depiction,
-                &transfer,
-                found,
-            ))
+            let subject = Subject::new(tree.metadata(), &picture.annotation.depiction, &transfer, 0.0);
+            Ok::<_, PictureError>(Exposure::of_codebooks(&subject, found))
         }
         (Raw::Light(_), None, AnySession::Field(session)) => Ok(Exposure::of_field(&session.prepare(shot)?)),
         (Raw::Sums(sums, _), ..) => Ok(Exposure::of(sums, &transfer)),

@@ -216,9 +216,9 @@ pub fn draw_before(
         is_moving
     };
     let exposed = ranges.exposed(timeline, then.keyframe.saturating_sub(1), then.time, &blend.look);
-    let Ok(depiction) = scene.depict(&blend.look) else { return };
+    let Ok(depiction) = scene.depict(&blend.look).map(|depiction| depiction.blended()) else { return };
     let numbers = exposed.as_ref().and_then(|look| look.transfer.as_ref()?.numbers());
-    let levels = numbers.or(before.last.filter(|(mode, _)| std::ptr::eq(*mode, depiction.mode)).map(|last| last.1));
+    let levels = numbers.or(before.last.filter(|(mode, _)| *mode == depiction.mode).map(|last| last.1));
     let painted = depiction.mode.is_light();
     let full = picture.size();
     let motion = &preset.motion;

@@ -96,7 +96,7 @@ impl Rehearsed {
             let measured = self.exposure.measured(state.keyframe, state.time)?;
             let scales = |transfer: &TransferFunction| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale));
             let attribute = look.depiction.attribute.as_ref().map(|coloring| &coloring.name);
-            let same = std::ptr::eq(measured.mode, look.depiction.mode)
+            let same = measured.mode == look.depiction.mode
                 && measured.attribute.as_ref() == attribute
                 && scales(&measured.transfer) == scales(&look.transfer);
             if !same {

@@ -1,8 +1,10 @@
 //! Clusters in pictures of all directions and for two eyes: one number of splats for all faces, one selection for both eyes.
 
 use super::clusters::data;
+use deepfield::color::Colors;
+use deepfield::color::transfer::Levels;
 use deepfield::look::{Camera, LookPatch, SceneFile, Shot};
-use deepfield::mode::{Raw, SettingValue};
+use deepfield::mode::{LightPicture, Raw, SettingValue};
 use deepfield::modes::{column_density, find};
 use deepfield::picture::{Picture, Session};
 use deepfield::view::{CubeLayout, Eyes, Panorama, Stereo, StereoKind, Surround};
@@ -153,10 +155,71 @@ fn splats_lie_over_each_other_for_two_eyes() {
     assert_eq!(picture.level_report.order, Some("exact"));
     let differ = both.iter().zip(one.iter().chain(&one)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(both.len() == 2 * one.len() && differ < 5e-3, "{differ}");
-    let dome = Around { surround: Surround::Dome { aperture: 180.0, tilt: 0.0 }, stereo: None, eye: OUTSIDE };
-    let shot = dome.shot(&mut session, &look);
-    let refused = session.draw(&shot).err().map(|error| error.to_string()).unwrap_or_default();
-    assert_eq!(refused, "blend over: only flat pictures are drawn so");
+}
+
+/// A colour between the middles of four pixels.
+fn between(colors: &Colors, [x, y]: [f64; 2]) -> [f32; 4] {
+    let (i, j) = ((x - 0.5).floor(), (y - 0.5).floor());
+    let (u, v) = ((x - 0.5 - i) as f32, (y - 0.5 - j) as f32);
+    let at = |i: f64, j: f64| colors.rgba[j as usize * colors.width as usize + i as usize];
+    let corners = [at(i, j), at(i + 1.0, j), at(i, j + 1.0), at(i + 1.0, j + 1.0)];
+    let shares = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
+    std::array::from_fn(|k| corners.iter().zip(shares).map(|(corner, share)| share * corner[k]).sum())
+}
+
+fn colors(picture: Picture) -> Colors {
+    match picture.values {
+        Raw::Light(painted) => painted.colors,
+        Raw::Sums(..) => unreachable!("splats that lie over each other are light"),
+    }
+}
+
+/// Around the middle of a dome that leans to the front, splats over each other look as in a flat picture with as wide pixels there, but for
+/// what reading both between pixels blurs.
+#[test]
+fn splats_that_lie_over_each_other_look_the_same_all_around() {
+    let data = data();
+    let mut session = Session::of(Arc::clone(&data.file), u64::MAX);
+    for splats in [Some(2000.0), None] {
+        let mut look = look("column-density", splats);
+        look.budget.0.insert("blend".into(), SettingValue::Name("over".into()));
+        let leaning = Surround::Dome { aperture: 60.0, tilt: 90.0 };
+        let dome = Around { surround: leaning, stereo: None, eye: OUTSIDE };
+        let flat = Around { surround: Surround::Flat, ..dome };
+        // In colours of the same ranges.
+        let first = flat.draw(&mut session, &look);
+        let Raw::Light(LightPicture { levels, .. }) = &first.values else { unreachable!("they are light") };
+        look.transfer = Some(first.transfer.clone().with_levels(&Levels { p: levels.density, s: levels.attribute }));
+        let shot = Shot { size: Some((320, 320)), ..dome.shot(&mut session, &look) };
+        let view = shot.view(session.framed(&look).unwrap(), None).unwrap();
+        let panorama = Panorama::around(&view, leaning).unwrap().unwrap();
+        let picture = session.draw(&shot).unwrap();
+        assert_eq!(picture.level_report.order, Some("exact"));
+        let around = colors(picture);
+        // With the shot's 60 degrees.
+        let height = (2.0 * 30f64.to_radians().tan() / panorama.pixel_angle()).round() as u32;
+        let shot = Shot { size: Some((height, height)), ..flat.shot(&mut session, &look) };
+        let view = shot.view(session.framed(&look).unwrap(), None).unwrap();
+        let flat = colors(session.draw(&shot).unwrap());
+        let (mut apart, mut all, mut lit) = (0.0, 0.0, 0);
+        for (index, found) in around.rgba.iter().enumerate() {
+            let place = [(index % 320) as f64 + 0.5, (index / 320) as f64 + 0.5];
+            let Some(ray) = panorama.direction(place) else { continue };
+            if ray.dot(view.forward) < 10f64.to_radians().cos() {
+                continue;
+            }
+            let [x, y] = view.to_pixels(view.to_camera(view.eye + ray)).unwrap();
+            let expected = between(&flat, [x, y]);
+            lit += usize::from(expected[3] > 0.1);
+            for k in 0..4 {
+                apart += f64::from(found[k] - expected[k]).powi(2);
+                all += f64::from(expected[k]).powi(2);
+            }
+        }
+        let found = (apart / all).sqrt();
+        println!("{splats:?}: {found:.4}, {lit} pixels");
+        assert!(lit > 2000 && found < 0.05, "{splats:?}: {found}, {lit} pixels");
+    }
 }
 
 /// Other footprints show the same matter, in flat pictures, and nowhere where they are not drawn.
@@ -200,9 +263,12 @@ fn an_error_of_a_panorama_is_kept_and_told() {
     let picture = around.draw(&mut session, &look);
     let told = picture.level_report.error_estimate.unwrap();
     assert!(told <= 0.1 && picture.drawn_from == "clusters", "{told}");
+    // Never exceeded over the solid angle, of which the middle of this dome's pixels have nearly the same.
+    let bound = picture.level_report.error_bound.unwrap();
+    assert!(bound > told && bound <= 2.0, "{bound}, {told}");
     let found = values(&picture);
     let differ: f32 = found.iter().zip(&leaves).map(|(a, b)| (a - b).abs()).sum::<f32>() / leaves.iter().sum::<f32>();
-    assert!(differ < 0.2 && differ > 0.005, "{differ}, told as {told}");
+    assert!(differ < 0.2 && differ > 0.005 && differ < bound, "{differ}, told as {told}, at most {bound}");
     look.budget.0.insert("error-picture".into(), SettingValue::Number(0.0));
     look.budget.0.insert("frame-ms".into(), SettingValue::Number(200.0));
     let picture = around.draw(&mut session, &look);

@@ -52,6 +52,21 @@ impl SplatColors {
         self.depth
     }
 
+    /// Colours in linear light, by rows of equal hue; and how many there are in a row, and rows. Between them [`SplatColors::light`] is linear.
+    pub fn table(&self) -> (&[[f32; 3]], [usize; 2]) {
+        (&self.table, self.size)
+    }
+
+    /// How columns are placed along the table's rows.
+    pub fn column_scale(&self) -> (Scale, [f64; 2]) {
+        (self.scale, self.levels.p)
+    }
+
+    /// How attributes are placed from row to row, where hues follow one.
+    pub fn hue_scale(&self) -> Option<(Scale, [f64; 2])> {
+        self.hue.as_ref().map(|hue| (hue.scale, self.levels.s))
+    }
+
     /// The colour, linear light, of a splat with its own column ([`OwnColumn`]) and its attribute. What has no attribute, where others
     /// have one, is in the middle of the hues.
     pub fn light(&self, column: f64, attribute: Option<f32>) -> [f32; 3] {
@@ -96,6 +111,13 @@ pub struct OwnColumn {
 const USUAL: f64 = 10.0;
 
 impl OwnColumn {
+    /// The column of the density 1, and the power of the density by which it changes, where densities tell it.
+    pub fn by_density(&self) -> Option<[f64; 2]> {
+        let OwnColumn { power, particle, variance, density_scale } = *self;
+        let depth = (TAU * variance).sqrt() * (USUAL * particle / density_scale).cbrt();
+        power.map(|power| [density_scale * depth, f64::from(power) - 1.0 / 3.0])
+    }
+
     /// That of a splat of a weight, a density and a geometric mean of standard deviations; without density, the column through its middle.
     pub fn of(&self, weight: f64, density: Option<f32>, sigma: f64) -> f64 {
         let by_density = self.power.zip(density).map(|(power, density)| {
@@ -146,6 +168,8 @@ mod tests {
         // Of densities in another unit.
         let scaled = OwnColumn { density_scale: 10.0, ..own };
         assert!((scaled.of(2.0, Some(0.5), 0.3) / expected - 1.0).abs() < 1e-6);
+        let [factor, power] = scaled.by_density().unwrap();
+        assert!((factor * 0.5f64.powf(power) / expected - 1.0).abs() < 1e-12);
         let square = OwnColumn { power: Some(2), ..own };
         assert!((square.of(2.0, Some(5.0), 0.3) / (5.0 * expected) - 1.0).abs() < 1e-12);
         for none in [None, Some(0.0), Some(f32::NAN), Some(f32::INFINITY)] {

@@ -3,28 +3,20 @@
 //! What a renderer of a flat picture does by its own pixels or its own plane is done here by the panorama's:
 //!
 //! - Kernels that fill more than 30 degrees to each side of the eye, or hold it, are summed for rays that begin at the eye
-//!   ([`super::half_line`]), whichever side of the face's plane their centre is on. They are smooth: a grid of rays half a degree
-//!   apart, read with bilinear interpolation, has them to 1e-3 of each one's peak.
+//!   ([`super::about_eye`]).
 //! - Discs of a fixed size in pixels subtend as many of the panorama's pixels, in every direction: each becomes a sphere around
 //!   the eye that subtends its angle, and whose flux over a pixel's solid angle is the disc's.
 //!
-//! Ellipsoids about the eye are summed in the space in which they are balls; such rays cannot resolve very flat ones, which are made
-//! thicker ([`FLATTEST`]). All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face.
+//! All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face.
 
+use super::about_eye::{AboutEye, Stretched, is_about, ray, step};
 use super::half_line::HalfLine;
 use super::{Counts, Extent, Positions, SplatError, SplatOptions, Splats, draw_counted};
 use crate::color::Accumulation;
 use crate::model::{Covariance, Kernel};
 use crate::view::View;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use rayon::prelude::*;
-
-/// Particles nearer than so many smoothing lengths, or longest semi-axes, are summed ray by ray.
-pub const NEAR: f64 = 2.0;
-/// The shortest semi-axis of an ellipsoid that is, over the longest.
-pub const FLATTEST: f64 = 0.1;
-/// Distance of those rays, radians.
-const STEP: f64 = 0.008;
 
 /// Columns of particles, owned.
 struct Columns {
@@ -66,42 +58,8 @@ impl Columns {
     }
 }
 
-/// The space in which a particle's support is the unit ball.
-#[derive(Clone, Copy)]
-struct Stretched {
-    /// From world units.
-    to_ball: DMat3,
-    /// Volume of the support over that of the unit ball.
-    volume: f64,
-}
-
-impl Stretched {
-    /// That of a particle of a batch; of an ellipsoid with semi-axes of at least `flattest` of the longest. None without an extent in space.
-    fn of(batch: &Splats<'_>, index: usize, kernel: Kernel, flattest: f64) -> Option<Stretched> {
-        let (radii, axes) = match batch.extent() {
-            Extent::Pixels(_) => return None,
-            Extent::World(lengths) => (DVec3::splat(f64::from(lengths[index])), DMat3::IDENTITY),
-            Extent::Ellipsoids(covariances) => {
-                let (values, axes) = covariances[index].principal();
-                let radii = (values / kernel.variance()).max(DVec3::ZERO).map(f64::sqrt);
-                (radii.max(DVec3::splat(flattest * radii.x)), axes)
-            }
-        };
-        let to_ball = DMat3::from_diagonal(radii.recip()) * axes.transpose();
-        let is_solid = radii.min_element() > 0.0 && to_ball.is_finite();
-        is_solid.then_some(Stretched { to_ball, volume: radii.element_product() })
-    }
-}
-
-/// A particle about the eye.
-#[derive(Clone, Copy)]
-struct Near {
-    /// Its middle relative to the eye, where it is a ball.
-    place: DVec3,
-    to_ball: DMat3,
-    /// Its weight over its volume, and the same times the attribute.
-    amplitudes: [f64; 2],
-}
+/// A particle about the eye, with its weight over its volume, and the same times the attribute.
+type Near = (AboutEye, [f64; 2]);
 
 /// What becomes of a batch.
 enum Part {
@@ -177,11 +135,7 @@ fn part((eye, kernel): (DVec3, Kernel), batch: &Splats<'_>, pixel: f64) -> Part 
             Part::Sky(sky)
         }
         Extent::World(_) | Extent::Ellipsoids(_) => {
-            let is_near = |i: usize| {
-                // By the default kernel, which reaches farthest of all.
-                let h = batch.farthest(i).map_or(0.0, f64::from);
-                h > 0.0 && h.is_finite() && (positions.world(i) - eye).length_squared() < (NEAR * h).powi(2)
-            };
+            let is_near = |i: usize| is_about(batch, i, eye, 0.0);
             if !(0..batch.len()).any(is_near) {
                 return Part::Whole;
             }
@@ -194,25 +148,14 @@ fn part((eye, kernel): (DVec3, Kernel), batch: &Splats<'_>, pixel: f64) -> Part 
             let mut others = Columns::with(batch.attribute().is_some(), reach);
             far.iter().for_each(|&i| others.push(positions.world(i), batch.weight()[i], attribute(i)));
             let near = about.into_iter().filter_map(|i| {
-                let Stretched { to_ball, volume } = Stretched::of(batch, i, kernel, FLATTEST)?;
-                let place = to_ball * (positions.world(i) - eye);
-                let amplitude = f64::from(batch.weight()[i]) / volume;
+                let about = AboutEye::of(batch, i, eye, kernel, 0.0)?;
+                let amplitude = f64::from(batch.weight()[i]) * about.amplitude;
                 let amplitudes = [amplitude, amplitude * attribute(i).map_or(0.0, f64::from)];
-                let finite = amplitudes.iter().all(|amplitude| amplitude.is_finite());
-                (finite && place.is_finite()).then_some(Near { place, to_ball, amplitudes })
+                amplitudes.iter().all(|amplitude| amplitude.is_finite()).then_some((about, amplitudes))
             });
             Part::Split(near.collect(), others)
         }
     }
-}
-
-/// What a ray from the eye meets of a particle there.
-fn met(table: &HalfLine, near: &Near, ray: DVec3) -> f64 {
-    let ray = near.to_ball * ray;
-    let longer = ray.length();
-    let along = near.place.dot(ray) / longer;
-    let square = (near.place.length_squared() - along * along).max(0.0);
-    table.at(square, along) / longer
 }
 
 /// Adds particles about the eye.
@@ -224,17 +167,17 @@ fn add_near(view: &View, kernel: Kernel, near: &[Near], attribute: bool, picture
         picture.ps = vec![0.0; picture.p.len()];
     }
     let table = HalfLine::of(kernel);
-    let step = (STEP * view.focal_pixels()).floor().max(1.0);
+    let step = step(view);
     let nodes = |pixels: u32| (f64::from(pixels) / step).ceil() as usize + 1;
     let [columns, rows] = [nodes(view.width), nodes(view.height)];
     let grid: Vec<[f64; 2]> = (0..columns * rows)
         .into_par_iter()
         .map(|index| {
             let point = [(index % columns) as f64 * step, (index / columns) as f64 * step];
-            let ray = (view.at_depth(point, 1.0) - view.eye).normalize();
-            near.iter().fold([0.0; 2], |sum, near| {
-                let met = met(table, near, ray);
-                [sum[0] + met * near.amplitudes[0], sum[1] + met * near.amplitudes[1]]
+            let ray = ray(view, point);
+            near.iter().fold([0.0; 2], |sum, (about, amplitudes)| {
+                let met = about.met(table, ray);
+                [sum[0] + met * amplitudes[0], sum[1] + met * amplitudes[1]]
             })
         })
         .collect();
@@ -267,7 +210,7 @@ pub fn along_ray(batches: &[Splats<'_>], kernel: Kernel, origin: DVec3, directio
     let mut sums = [0.0; 2];
     for batch in batches {
         for i in 0..batch.len() {
-            let Some(Stretched { to_ball, volume }) = Stretched::of(batch, i, kernel, 0.0) else { continue };
+            let Some(Stretched { to_ball, volume }) = Stretched::of(batch, i, kernel, [0.0; 2]) else { continue };
             let (place, ray) = (to_ball * (batch.positions().world(i) - origin), to_ball * ray);
             let along = place.dot(ray) / ray.length();
             let square = place.length_squared() - along * along;

@@ -5,7 +5,9 @@
 //! tile's middle is deepest in each of them, round particles by their centres. As many splats are sorted so as are held at once
 //! ([`PAIRS`]); beyond that the order in which they come holds.
 
+use super::about_eye::{self, AboutEye};
 use super::footprint::{Footprint, Lens};
+use super::half_line::HalfLine;
 use super::profile::{Profile, Profiles};
 use super::screen_tiles::{Reach, TILE, Tiles};
 use super::volume::VolumeReport;
@@ -15,6 +17,7 @@ use crate::model::Kernel;
 use crate::view::View;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Pairs of a tile and a splat that are held at once.
@@ -28,16 +31,34 @@ struct Tile {
     open: usize,
 }
 
+/// Which pixels a splat covers.
+pub(super) enum Cover {
+    /// Those of a footprint.
+    Footprint(Footprint),
+    /// All, it is about the eye.
+    All(AboutEye),
+}
+
 /// What a splat looks like.
 pub(super) struct Seen {
     /// Which pixels it covers.
-    pub(super) footprint: Footprint,
-    /// Optical depth where `F` is 1.
+    pub(super) cover: Cover,
+    /// Optical depth where `F`, or what a ray meets of it, is 1.
     pub(super) depth: f32,
     /// Colour, linear light.
     pub(super) color: [f32; 3],
     /// How far away it is.
     pub(super) place: f32,
+}
+
+/// What rays are followed with.
+struct Canvas<'a> {
+    view: &'a View,
+    lens: Lens,
+    kernel: Kernel,
+    profile: &'a Profile,
+    /// Rays end at this opacity.
+    termination: f32,
 }
 
 /// At which depth a splat is deepest along a ray, which begins somewhere and goes somewhere.
@@ -56,11 +77,15 @@ pub(super) fn blend<S: Send + Sync>(
 ) -> (Colors, Vec<f32>) {
     let start = Instant::now();
     let (lens, tiles) = (Lens::new(view), Tiles::new(view));
-    let reach = |splat: &S| tiles.reach(&lens, &look(&lens, splat)?.footprint);
+    let reach = |splat: &S| match look(&lens, splat)?.cover {
+        Cover::Footprint(footprint) => tiles.reach(&lens, &footprint),
+        Cover::All(_) => Some(tiles.all()),
+    };
     let (splats, reaches): (Vec<S>, Vec<Reach>) =
         splats.into_par_iter().filter_map(|splat| reach(&splat).map(|reach| (splat, reach))).unzip();
     report.resampling += start.elapsed();
     let profile = &Profiles::of(kernel).sampled;
+    let canvas = Canvas { view, lens, kernel, profile, termination };
     let mut drawn: Vec<Tile> = (0..tiles.count())
         .map(|tile| {
             let [columns, rows] = tiles.pixels(tile);
@@ -84,7 +109,7 @@ pub(super) fn blend<S: Send + Sync>(
             let pixels = tiles.pixels(index);
             let mut one = |splat: u32, depth: f32| {
                 let splat = &splats[splat as usize];
-                tile.blend(&lens, &pixels, || look(&lens, splat), depth, (profile, termination))
+                tile.blend(&canvas, &pixels, || look(&lens, splat), depth)
             };
             match deepest {
                 None => bins.of(index).iter().map(|&splat| one(splat, f32::NEG_INFINITY)).sum(),
@@ -123,20 +148,33 @@ impl Tile {
     /// Blends a splat, which is deepest at `behind` in the tile where that is known, under what is there; the number of rays that it met.
     fn blend(
         &mut self,
-        lens: &Lens,
-        [columns, rows]: &[std::ops::Range<usize>; 2],
+        canvas: &Canvas<'_>,
+        pixels: &[Range<usize>; 2],
         look: impl FnOnce() -> Option<Seen>,
         behind: f32,
-        (profile, termination): (&Profile, f32),
     ) -> u64 {
         if self.open == 0 {
             return 0;
         }
-        let Some(Seen { footprint, depth, color, place }) = look() else { return 0 };
+        let Some(seen) = look() else { return 0 };
         // What lies behind this is sorted behind the splat, here and among the centres.
-        let end_of_ray = behind.max(place);
+        let end_of_ray = behind.max(seen.place);
+        match &seen.cover {
+            Cover::Footprint(footprint) => self.blend_footprint(canvas, pixels, footprint, (&seen, end_of_ray)),
+            Cover::All(about) => self.blend_all(canvas, pixels, about, (&seen, end_of_ray)),
+        }
+    }
+
+    fn blend_footprint(
+        &mut self,
+        canvas: &Canvas<'_>,
+        [columns, rows]: &[Range<usize>; 2],
+        footprint: &Footprint,
+        (seen, end_of_ray): (&Seen, f32),
+    ) -> u64 {
+        let lens = &canvas.lens;
         // Pixels whose centres it may cover; casts saturate.
-        let clip = |from: f64, to: f64, range: &std::ops::Range<usize>| {
+        let clip = |from: f64, to: f64, range: &Range<usize>| {
             let first = ((from - 0.5).ceil().max(0.0) as usize).max(range.start);
             first..((to + 0.5).floor().max(0.0) as usize).min(range.end)
         };
@@ -147,7 +185,7 @@ impl Tile {
         let mut met = 0;
         let (mut square, mut factors) = ([0.0f32; TILE], [1.0f32; TILE]);
         for row in clip(footprint.min[1], footprint.max[1], rows) {
-            let line = lens.row(&footprint, row as f64 + 0.5);
+            let line = lens.row(footprint, row as f64 + 0.5);
             for (out, x) in square.iter_mut().zip(covered.clone()) {
                 *out = lens.square(&line, x as f64 + 0.5) as f32;
             }
@@ -157,18 +195,86 @@ impl Tile {
                 }
             }
             let start = (row - rows.start) * columns.len() + covered.start - columns.start;
-            let rays = self.rays[start..].iter_mut().zip(&mut self.ends[start..]);
-            let places = square.iter().zip(&factors);
-            for ((ray, end), (&square, factor)) in rays.zip(places).take(covered.len()) {
-                if square >= 1.0 || ray.alpha >= termination {
-                    continue;
-                }
-                ray.under(color, opacity(depth * factor * evaluate(profile, square)));
-                met += 1;
-                if ray.alpha >= termination {
-                    *end = end_of_ray;
-                    self.open -= 1;
-                }
+            let depth = |k: usize| {
+                let covered = square[k] < 1.0;
+                covered.then(|| seen.depth * factors[k] * evaluate(canvas.profile, square[k]))
+            };
+            met += self.under(start..start + covered.len(), depth, (seen.color, end_of_ray), canvas.termination);
+        }
+        met
+    }
+
+    /// Blends what is about the eye: rays a few pixels apart, with bilinear interpolation between them.
+    fn blend_all(
+        &mut self,
+        canvas: &Canvas<'_>,
+        [columns, rows]: &[Range<usize>; 2],
+        about: &AboutEye,
+        (seen, end_of_ray): (&Seen, f32),
+    ) -> u64 {
+        const MOST: usize = TILE + 1;
+        let table = HalfLine::of(canvas.kernel);
+        // No farther apart than a tile is wide.
+        let step = about_eye::step(canvas.view).min(TILE as f64);
+        // From the middle of the first pixel to that of the last, or beyond.
+        let count = |pixels: &Range<usize>| ((pixels.len() as f64 - 1.0) / step).ceil().max(1.0) as usize + 1;
+        let (across, down) = (count(columns), count(rows));
+        let mut depths = [0.0f32; MOST * MOST];
+        let mut any = false;
+        for (j, line) in depths.chunks_mut(across).enumerate().take(down) {
+            for (i, depth) in line.iter_mut().enumerate() {
+                let at = |pixels: &Range<usize>, k: usize| pixels.start as f64 + 0.5 + k as f64 * step;
+                let point = [at(columns, i), at(rows, j)];
+                *depth = seen.depth * about.met(table, about_eye::ray(canvas.view, point)) as f32;
+                any |= *depth > 0.0;
+            }
+        }
+        if !any {
+            return 0;
+        }
+        let locate = |pixel: usize, count: usize| {
+            let place = pixel as f64 / step;
+            let index = (place as usize).min(count - 2);
+            (index, (place - index as f64) as f32)
+        };
+        let mut met = 0;
+        for row in 0..rows.len() {
+            let (j, v) = locate(row, down);
+            let start = row * columns.len();
+            let depth = |column: usize| {
+                let (i, u) = locate(column, across);
+                let [upper, lower] = [j, j + 1].map(|j| {
+                    let at = j * across + i;
+                    depths[at] * (1.0 - u) + depths[at + 1] * u
+                });
+                let depth = upper * (1.0 - v) + lower * v;
+                (depth > 0.0).then_some(depth)
+            };
+            met += self.under(start..start + columns.len(), depth, (seen.color, end_of_ray), canvas.termination);
+        }
+        met
+    }
+
+    /// Blends a colour under the rays of a row, with the optical depth that each of these has; the number of rays that met any.
+    #[inline]
+    fn under(
+        &mut self,
+        row: Range<usize>,
+        depth: impl Fn(usize) -> Option<f32>,
+        (color, end_of_ray): ([f32; 3], f32),
+        termination: f32,
+    ) -> u64 {
+        let mut met = 0;
+        for (k, (ray, end)) in self.rays[row.clone()].iter_mut().zip(&mut self.ends[row]).enumerate() {
+            if ray.alpha >= termination {
+                continue;
+            }
+            let Some(depth) = depth(k) else { continue };
+            ray.under(color, opacity(depth));
+            met += 1;
+            if ray.alpha >= termination {
+                *end = end_of_ray;
+                self.open -= 1;
             }
         }
         met

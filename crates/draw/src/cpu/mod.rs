@@ -14,6 +14,7 @@
 //! Particles at or behind the eye plane (depth <= 0) are dropped. For an eye inside a kernel the whole line counts, the
 //! part behind the eye too.
 
+pub mod about_eye;
 pub mod around;
 pub mod cartesian;
 pub mod ellipse;

@@ -6,10 +6,12 @@
 //! whole, so where they overlap the order along a ray is not exact, as in the paper.
 //!
 //! A pixel sees the middle of its area, and nothing between pixels' middles must be lost: every splat is blurred by a kernel of
-//! [`LOW_PASS`] pixels.
+//! [`LOW_PASS`] pixels ([`blurred`]).
 
-use super::ellipse::Ellipse;
-use super::footprint::{Footprint, Lens, Shape};
+mod blurred;
+
+use super::about_eye;
+use super::footprint::Lens;
 use super::front_to_back::{Seen, blend};
 use super::volume::VolumeReport;
 use super::{Extent, Splats};
@@ -17,7 +19,7 @@ use crate::color::Colors;
 use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::model::Kernel;
 use crate::view::{Projection, View};
-use glam::DVec3;
+use blurred::Appearance;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
@@ -26,13 +28,10 @@ use std::cmp::Ordering;
 pub const LOW_PASS: f64 = 2.0;
 
 /// Opacity at which a ray ends: what is behind cannot change a colour of 8 bits by more than a quarter of a step in linear light.
-const TERMINATION: f32 = 0.999;
+pub const TERMINATION: f32 = 0.999;
 
 /// Splats that are looked at by one task.
 const CHUNK: usize = 1 << 14;
-
-/// Ellipsoids whose depth and angle make their picture differ by less from an ellipse are drawn as one.
-const FAR: f64 = 0.02;
 
 /// In which order splats lie over each other, the nearest first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -74,6 +73,9 @@ pub struct Over<'a> {
     pub colors: &'a SplatColors,
     /// By what their own columns are found.
     pub column: OwnColumn,
+    /// Angle of a pixel of the panorama that the picture is a face of, radians; `None` for a flat picture. So that no face shows where it
+    /// ends, a face blurs splats by that panorama's pixels, and draws what surrounds the eye for rays that begin there.
+    pub around: Option<f64>,
 }
 
 /// One splat of the batches.
@@ -108,13 +110,12 @@ pub fn draw(view: &View, batches: &[Splats<'_>], over: &Over<'_>) -> (Colors, Vo
     ) {
         report.planes = [near, far].map(f64::from);
     }
-    let depth = over.colors.depth();
+    let appearance = Appearance { view, kernel: over.kernel, around: over.around };
     let look = |lens: &Lens, splat: &Splat| {
         let batch = &batches[splat.batch as usize];
-        let footprint = lens.footprint(batch, splat.index as usize, over.kernel)?;
-        let footprint = blurred(lens.seen_from_far(footprint, over.kernel, FAR), lens.focal())?;
-        let depth = (depth * footprint.amplitude) as f32;
-        Some(Seen { footprint, depth, color: splat.color, place: splat.distance })
+        let (cover, amplitude) = appearance.of(lens, batch, splat.index as usize)?;
+        let depth = (over.colors.depth() * amplitude) as f32;
+        Some(Seen { cover, depth, color: splat.color, place: splat.distance })
     };
     let (colors, _) = blend(view, splats, look, None, (over.kernel, TERMINATION), &mut report);
     (colors, report)
@@ -123,15 +124,26 @@ pub fn draw(view: &View, batches: &[Splats<'_>], over: &Over<'_>) -> (Colors, Vo
 /// A splat of a batch; `None` when it cannot be seen.
 fn splat(view: &View, batches: &[Splats<'_>], over: &Over<'_>, (number, index): (u32, usize)) -> Option<Splat> {
     let batch = &batches[number as usize];
-    let camera = view.to_camera(batch.positions().world(index));
+    let world = batch.positions().world(index);
+    let camera = view.to_camera(world);
     let weight = f64::from(batch.weight()[index]);
-    if !(camera.is_finite() && camera.z > 0.0 && weight > 0.0 && weight.is_finite()) {
+    if !(camera.is_finite() && weight > 0.0 && weight.is_finite()) {
         return None;
     }
-    let distance = match view.projection {
-        Projection::Perspective { .. } => camera.length(),
-        Projection::Orthographic { .. } => camera.z,
+    let distance = match (over.around, view.projection) {
+        // The same on every face, to the last bit.
+        (Some(_), _) => (world - view.eye).length(),
+        (None, Projection::Perspective { .. }) => camera.length(),
+        (None, Projection::Orthographic { .. }) => camera.z,
     };
+    let is_about = || {
+        let blur = |pixel: f64| LOW_PASS * pixel * distance;
+        over.around.is_some_and(|pixel| about_eye::is_about(batch, index, view.eye, blur(pixel)))
+    };
+    // NaN was dropped above.
+    if camera.z <= 0.0 && !is_about() {
+        return None;
+    }
     let density = batch.density().map(|densities| densities[index]);
     let own = |sigma: f64| over.column.of(weight, density, sigma);
     let column = match batch.extent() {
@@ -199,42 +211,6 @@ fn in_buckets(splats: &[Splat], count: usize) -> Vec<Splat> {
         *place += 1;
     }
     sorted
-}
-
-/// A footprint blurred by a kernel of [`LOW_PASS`] pixels: variances add up, and the flux stays what it is.
-fn blurred(footprint: Footprint, focal: f64) -> Option<Footprint> {
-    let weights = |area: f64| [footprint.amplitude, footprint.amplitude_s].map(|amplitude| amplitude * area);
-    match footprint.shape {
-        Shape::Circle { center } => {
-            let radius = footprint.radius.hypot(LOW_PASS);
-            let share = (footprint.radius / radius).powi(2);
-            let [amplitude, amplitude_s] = weights(share);
-            let (min, max) = (center.map(|x| x - radius), center.map(|x| x + radius));
-            Some(Footprint { min, max, radius, amplitude, amplitude_s, ..footprint })
-        }
-        Shape::Ellipse(ellipse) => {
-            let [width, height] = ellipse.extent();
-            let (low, lean) = (LOW_PASS * LOW_PASS, ellipse.shear * height * height);
-            let down = (height * height + low).sqrt();
-            let across = (width * width + low - (lean / down).powi(2)).max(0.0).sqrt();
-            let wide = Ellipse::of(ellipse.center, DVec3::new(lean / down, across, 0.0), DVec3::new(down, 0.0, 0.0))?;
-            Footprint::ellipse(wide, weights(ellipse.area()))
-        }
-        // What has no end in the picture is large enough.
-        Shape::Sphere { .. } if !footprint.min.into_iter().chain(footprint.max).all(f64::is_finite) => Some(footprint),
-        Shape::Sphere { .. } => {
-            let mut grown = footprint;
-            grown.grow_to(footprint.radius.hypot(LOW_PASS), focal);
-            Some(grown)
-        }
-        Shape::Ellipsoid(ellipsoid) => Some(Footprint {
-            min: footprint.min.map(|x| x - LOW_PASS),
-            max: footprint.max.map(|x| x + LOW_PASS),
-            radius: footprint.radius.hypot(LOW_PASS),
-            shape: Shape::Ellipsoid(ellipsoid.grown(LOW_PASS * ellipsoid.camera.z / focal)),
-            ..footprint
-        }),
-    }
 }
 
 #[cfg(test)]

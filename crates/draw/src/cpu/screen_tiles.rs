@@ -54,6 +54,12 @@ impl Tiles {
         Some([tile(first[0], 0), tile(last[0], 0), tile(first[1], 1), tile(last[1], 1)])
     }
 
+    /// All of them.
+    pub fn all(&self) -> Reach {
+        let [last_column, last_row] = self.tiles.map(|tiles| (tiles - 1) as u16);
+        [0, last_column, 0, last_row]
+    }
+
     /// Sorts `particles`, as many as make at most `most` pairs (but one at least), by the tiles that they reach and that are
     /// `open`; where the next ones begin.
     pub fn bin(

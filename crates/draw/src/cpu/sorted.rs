@@ -10,7 +10,7 @@
 
 use super::Splats;
 use super::footprint::Lens;
-use super::front_to_back::{Deepest, Seen, blend};
+use super::front_to_back::{Cover, Deepest, Seen, blend};
 use super::volume::particles::{Taken, project};
 use super::volume::stretched::Stretched;
 use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
@@ -135,7 +135,7 @@ pub fn draw(
                 (footprint, (f64::from(splat.depth) * footprint.amplitude) as f32)
             }
         };
-        Some(Seen { footprint, depth, color: splat.color, place: splat.place[2] })
+        Some(Seen { cover: Cover::Footprint(footprint), depth, color: splat.color, place: splat.place[2] })
     };
     let deepest = |splat: &Splat, start: DVec3, direction: DVec3| match shape(splat) {
         None => splat.place[2],

@@ -1,6 +1,6 @@
 //! What splats look like in a picture and how they come together: settings of any picture of sums and of no mode.
 
-use super::{Setting, SettingKind, SettingValue, Settings};
+use super::{Setting, SettingKind, Settings};
 use crate::cpu::Sprite;
 use crate::cpu::over::Order;
 
@@ -17,7 +17,7 @@ pub static BLEND: Setting = Setting {
     name: "blend",
     unit: "",
     kind: SettingKind::Choice { options: &["add", "over"] },
-    help: "splats are added up, or lie over each other, each with its own colour and opacity (over: pictures of the processor in files)",
+    help: "splats are added up, or lie over each other, each with its own colour and opacity",
 };
 
 /// In which order they lie over each other.
@@ -28,6 +28,11 @@ pub static ORDER: Setting = Setting {
     help: "order of splats that lie over each other: by distance, in fine or coarse buckets of distance as in HE03, or as they are stored",
 };
 
+/// Whether a setting says how splats come together.
+fn is_of_blending(name: &str) -> bool {
+    [&BLEND, &ORDER].iter().any(|setting| setting.name == name)
+}
+
 impl Settings {
     /// What a splat looks like.
     pub fn sprite(&self) -> Sprite {
@@ -37,19 +42,18 @@ impl Settings {
 
     /// The order in which splats lie over each other; `None` where they are added.
     pub fn blend_order(&self) -> Option<Order> {
-        (self.name(&BLEND) == "over").then(|| self.order())
-    }
-
-    /// The order that they say, whether it counts or not.
-    pub fn order(&self) -> Order {
         let name = self.name(&ORDER);
-        Order::ALL.into_iter().find(|order| order.name() == name).unwrap_or_default()
+        let order = Order::ALL.into_iter().find(|order| order.name() == name).unwrap_or_default();
+        (self.name(&BLEND) == "over").then_some(order)
     }
 
-    /// With an order.
-    #[must_use]
-    pub fn with_order(mut self, order: Order) -> Settings {
-        self.set(&ORDER, SettingValue::Name(order.name().into()));
-        self
+    /// Those alone that say how splats come together.
+    pub fn blending(&self) -> Settings {
+        self.filtered(is_of_blending)
+    }
+
+    /// All others.
+    pub fn without_blending(&self) -> Settings {
+        self.filtered(|name| !is_of_blending(name))
     }
 }

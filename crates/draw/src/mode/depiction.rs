@@ -124,12 +124,21 @@ impl Depiction {
         self.needs().footprint
     }
 
-    /// The view by which nodes are selected: what lies just outside the picture reaches into it by a disc's radius.
+    /// How far splats reach beyond what they are in space, pixels: a disc's radius, and by how much all are blurred.
+    pub fn reach_px(&self) -> f64 {
+        let Needs { footprint, blur_px, .. } = self.needs();
+        match footprint {
+            Footprint::Kernel => blur_px,
+            Footprint::Pixels(radius) => f64::from(radius).hypot(blur_px),
+        }
+    }
+
+    /// The view by which nodes are selected: what lies just outside the picture reaches into it.
     /// (How far smoothing lengths reach, nodes know themselves.)
     pub fn selection_view(&self, view: &View) -> View {
-        match self.footprint() {
-            Footprint::Kernel => *view,
-            Footprint::Pixels(radius) => view.padded(radius.ceil() as u32),
+        match self.reach_px() {
+            reach if reach > 0.0 => view.padded(reach.ceil() as u32),
+            _ => *view,
         }
     }
 

@@ -1,7 +1,7 @@
 //! Which levels of a hierarchy a picture is drawn from, and within how many splats: settings of any picture of sums and of no mode. All but
 //! those of an error that is known of sums alone are settings of other pictures that clusters are drawn in, too.
 
-use super::blend::{BLEND, FOOTPRINT, ORDER};
+use super::blend::FOOTPRINT;
 use super::{Setting, SettingKind, Settings};
 use crate::cpu::Sprite;
 use crate::cpu::over::Order;
@@ -58,9 +58,9 @@ pub fn is_of_levels(name: &str) -> bool {
     [&LEVELS, &SPLATS, &REPRESENTATIVE].iter().any(|setting| setting.name == name)
 }
 
-/// Whether a setting is of pictures that are written to files alone: the window keeps to its own time, and adds kernels up.
+/// Whether a setting is of pictures that are written to files alone: the window keeps to its own time, and draws kernels.
 pub fn is_of_pictures(name: &str) -> bool {
-    [&ERROR_PICTURE, &FRAME_MS, &FOOTPRINT, &BLEND, &ORDER].iter().any(|setting| setting.name == name)
+    [&ERROR_PICTURE, &FRAME_MS, &FOOTPRINT].iter().any(|setting| setting.name == name)
 }
 
 /// Whether a setting is a limit, which there is none of where it is 0.
@@ -100,9 +100,9 @@ pub struct LevelChoice {
 }
 
 impl LevelChoice {
-    /// The same for a window, which keeps to its own time and adds kernels up, whatever files are drawn with.
+    /// The same for a window, which keeps to its own time and draws kernels, whatever files are drawn with.
     pub fn of_window(self) -> LevelChoice {
-        LevelChoice { error_picture: None, frame_ms: None, order: None, sprite: Sprite::Kernel, ..self }
+        LevelChoice { error_picture: None, frame_ms: None, sprite: Sprite::Kernel, ..self }
     }
 
     /// Whether it is within a budget of splats or of time, or up to an error of the picture.

@@ -1,12 +1,15 @@
 //! Modes of sums whose splats lie over each other instead: the same mode with another technique, whose pictures are light.
 
-use super::{Conserved, Depiction, Footprint, Job, LightPicture, Mode, Needs, Output, Raw, Settings, Technique};
+use super::{
+    Adapter, Conserved, Depiction, FindRanges, Footprint, Job, LightPasses, LightPicture, LightPlan, Mode, Needs,
+    Output, Raw, Settings, Technique, Terms,
+};
 use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::over::{self, Over};
 use crate::cpu::volume::{VolumeError, VolumeLevels};
 use crate::model::Kernel;
-use std::sync::{PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock};
 
 /// A technique of sums, whose splats lie over each other.
 struct OverSplats {
@@ -22,11 +25,37 @@ impl Technique for OverSplats {
     fn needs(&self, settings: &Settings) -> Needs {
         let needs = self.sums.needs(settings);
         // Discs of a fixed number of pixels have no depth.
-        Needs { densities: needs.footprint == Footprint::Kernel, ..needs }
+        Needs { densities: needs.footprint == Footprint::Kernel, blur_px: over::LOW_PASS, ..needs }
     }
 
     fn takes_clusters(&self) -> bool {
         self.sums.takes_clusters()
+    }
+
+    fn tells_columns(&self) -> bool {
+        true
+    }
+
+    fn adapter(&self) -> Adapter {
+        // Discs of a fixed number of pixels the processor draws.
+        match (self.sums.adapter(), self.needs(&Settings::default()).footprint) {
+            (Adapter::Splats, Footprint::Kernel) => Adapter::Light,
+            _ => Adapter::None,
+        }
+    }
+
+    fn light(&self, terms: &Terms<'_>, _: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let usual = TransferFunction::default();
+        let transfer = terms.transfer.unwrap_or(&usual);
+        // Automatic ranges are those of sums, which whoever asks has drawn before.
+        let levels = transfer.numbers().ok_or_else(|| VolumeError::Device("no ranges of the sums are known".into()))?;
+        let passes = LightPasses::Over {
+            colors: Arc::new(SplatColors::new(transfer, levels)),
+            column: own_column(self.conserves, terms.kernel, (terms.mean_mass, terms.density_scale)),
+            attribute: terms.attribute,
+        };
+        let levels = VolumeLevels { density: levels.p, attribute: levels.s, unit_length: 0.0 };
+        Ok(Some(LightPlan { passes, levels, isovalues: Vec::new() }))
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
@@ -41,9 +70,10 @@ impl Technique for OverSplats {
             },
         };
         let colors = &SplatColors::new(transfer, levels);
-        let (order, kernel) = (job.settings.order(), job.options.kernel);
+        let (order, kernel) = (job.order, job.options.kernel);
         let column = own_column(self.conserves, kernel, (job.mean_mass, job.density_scale));
-        let (colors, report) = over::draw(job.view, job.batches, &Over { order, kernel, colors, column });
+        let around = job.around;
+        let (colors, report) = over::draw(job.view, job.batches, &Over { order, kernel, colors, column, around });
         let levels = VolumeLevels { density: levels.p, attribute: levels.s, unit_length: 0.0 };
         Ok(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() }))
     }
@@ -76,14 +106,26 @@ fn mode(sums: &'static Mode) -> &'static Mode {
     over
 }
 
+/// What draws a mode with settings of pictures: itself, or where these let its splats lie over each other, the mode that draws them so.
+pub fn drawn(own: &'static Mode, settings: &Settings) -> &'static Mode {
+    match settings.blend_order() {
+        Some(_) if own.technique.output() == Output::Sums => mode(own),
+        _ => own,
+    }
+}
+
+/// The mode of sums that a mode draws with splats over each other; else itself.
+pub fn own(drawn: &'static Mode) -> &'static Mode {
+    let modes = MODES.read().unwrap_or_else(PoisonError::into_inner);
+    modes.iter().find(|[_, over]| std::ptr::eq(*over, drawn)).map_or(drawn, |[own, _]| own)
+}
+
 impl Depiction {
     /// What draws it: itself, or where its splats lie over each other, the mode that draws them so.
     #[must_use]
     pub fn blended(&self) -> Depiction {
         match self.choice.order {
-            Some(order) if self.mode.technique.output() == Output::Sums => {
-                Depiction { settings: self.settings.clone().with_order(order), ..self.as_over() }
-            }
+            Some(_) if self.mode.technique.output() == Output::Sums => self.as_over(),
             _ => self.clone(),
         }
     }

@@ -2,10 +2,12 @@
 //! asks the technique and never for the mode.
 
 use super::{FieldJob, FieldPasses, Footprint, Settings};
+use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::cartesian::CartesianOptions;
 use crate::cpu::layered::Assignment;
+use crate::cpu::over::Order;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
 use crate::cpu::volume::{
@@ -15,6 +17,7 @@ use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
 use crate::hierarchy::Purpose;
 use crate::model::{Bounds, Kernel};
 use crate::view::{Detail, View};
+use std::sync::Arc;
 
 /// What a technique's pictures are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +57,8 @@ pub struct Needs {
     pub particles: bool,
     /// How far beyond the picture it looks, pixels.
     pub margin_px: u32,
+    /// How far its splats reach beyond their footprint, pixels.
+    pub blur_px: f64,
     /// Whether depth is divided between the near and the far plane, so that where samples lie depends on both.
     pub slices: bool,
     /// Whether it resamples all of the data where that is, whatever the view.
@@ -72,6 +77,7 @@ impl Default for Needs {
             densities: false,
             particles: true,
             margin_px: 1,
+            blur_px: 0.0,
             slices: false,
             of_data: false,
             hides: false,
@@ -113,6 +119,12 @@ pub trait Technique: Sync {
     /// Whether [`Technique::draw`] draws the paths of its job among what it draws, each at its own depth. Over other pictures they lie
     /// on top.
     fn takes_paths(&self) -> bool {
+        false
+    }
+
+    /// Whether a particle's colour is that of its own column ([`crate::color::splat_colors::OwnColumn`]) in place of its density, of
+    /// techniques that draw light.
+    fn tells_columns(&self) -> bool {
         false
     }
 
@@ -204,14 +216,19 @@ pub struct Job<'a> {
     pub mean_mass: f64,
     /// Paths that are drawn among it, by techniques that take them.
     pub paths: Option<&'a PathFragments>,
+    /// Angle of a pixel of the panorama that the picture is a face of, radians; `None` for a flat picture.
+    pub around: Option<f64>,
+    /// The order in which splats lie over each other, by techniques that draw them so.
+    pub order: Order,
 }
 
 impl<'a> Job<'a> {
     /// What the picture depends on beside the particles.
     pub fn terms(&self) -> Terms<'a> {
-        let Job { view, settings, transfer, diameter, densest, density_scale, .. } = *self;
+        let Job { view, settings, transfer, diameter, densest, density_scale, mean_mass, .. } = *self;
         let attribute = self.batches.iter().any(|batch| batch.attribute().is_some());
-        Terms { view, settings, transfer, attribute, kernel: self.options.kernel, diameter, densest, density_scale }
+        let kernel = self.options.kernel;
+        Terms { view, settings, transfer, attribute, kernel, diameter, densest, density_scale, mean_mass }
     }
 }
 
@@ -234,6 +251,8 @@ pub struct Terms<'a> {
     pub densest: f64,
     /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
     pub density_scale: f32,
+    /// Mean mass of a source particle of the families that are drawn.
+    pub mean_mass: f64,
 }
 
 /// Finds between which values the mass of a field lies that is sampled like this.
@@ -285,6 +304,15 @@ pub enum LightPasses {
         termination: f32,
         /// Factor on the particles' own densities.
         density_scale: f32,
+    },
+    /// Splats over each other, in the order of their distance from the eye.
+    Over {
+        /// What splats look like.
+        colors: Arc<SplatColors>,
+        /// By what their own columns are found.
+        column: OwnColumn,
+        /// Whether they have an attribute.
+        attribute: bool,
     },
     /// Splats in layers of depth.
     Layered {
@@ -436,6 +464,8 @@ mod tests {
             density_scale: 1.0,
             mean_mass: 1.0,
             paths: None,
+            around: None,
+            order: Order::default(),
         };
         let refused = MODE.draw(&job).unwrap_err().to_string();
         assert!(refused.contains("adapter-only is drawn by a graphics adapter only"), "{refused}");

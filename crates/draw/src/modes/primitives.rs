@@ -296,6 +296,7 @@ pub static MODE: Mode = Mode {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::over::Order;
     use crate::cpu::{Positions, SplatOptions};
     use crate::view::{Projection, View};
     use glam::DVec3;
@@ -329,6 +330,8 @@ mod tests {
             density_scale: 1.0,
             mean_mass: 1.0,
             paths: None,
+            around: None,
+            order: Order::default(),
         };
         let light = MODE.draw(&job).and_then(|raw| raw.light(&MODE)).expect("outlines");
         let gradient = transfer.color_map.sample(ENTRIES);

@@ -12,7 +12,7 @@ use super::decode::reach;
 use super::error::PictureError;
 use super::subject::Subject;
 use crate::color::Accumulation;
-use crate::cpu::{Counts, around};
+use crate::cpu::{Counts, about_eye, around};
 use crate::mode::{LightPicture, Plan};
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -92,5 +92,5 @@ fn job<'a>(
 fn surrounds(eye: DVec3, node: &SceneNode) -> bool {
     let extent = reach(node, 1.0);
     let nearest = eye.clamp(extent.bounds.min, extent.bounds.max);
-    eye.distance_squared(nearest) < (around::NEAR * extent.margin).powi(2)
+    eye.distance_squared(nearest) < (about_eye::NEAR * extent.margin).powi(2)
 }

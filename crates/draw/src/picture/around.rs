@@ -14,7 +14,7 @@ use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::range::FieldRange;
 use crate::cpu::volume::{VolumeError, VolumeOptions, range};
 use crate::cpu::{Extent, SplatError, Splats};
-use crate::mode::{Depiction, LightPicture, Plan, SettingValue};
+use crate::mode::{Depiction, LightPicture, SettingValue};
 use crate::model::{Bounds, Covariance, Kernel};
 use crate::modes::grid;
 use crate::view::perspective_grid::GridError;
@@ -122,7 +122,8 @@ impl SharedLook {
         Ok(SharedLook { depiction, transfer, least })
     }
 
-    /// Paints a face, paths among what it shows; `None` where it shows nothing but these.
+    /// Paints a face of a panorama whose pixels are `around` radians wide, or a flat picture, paths among what it shows; `None` where it
+    /// shows nothing but these.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit.
@@ -131,7 +132,7 @@ impl SharedLook {
         subject: &Subject<'_>,
         view: &View,
         batches: &[Splats<'_>],
-        paths: Option<&PathFragments>,
+        (paths, around): (Option<&PathFragments>, Option<f64>),
     ) -> Result<Option<LightPicture>, VolumeError> {
         let raised: Vec<Option<Raised>> = batches.par_iter().map(|batch| self.raised(view.eye, batch)).collect();
         let batches = batches.iter().zip(&raised).map(|(batch, raised)| match raised {
@@ -147,7 +148,7 @@ impl SharedLook {
         });
         let batches = batches.collect::<Result<Vec<_>, SplatError>>()?;
         let subject = self.subject(subject);
-        let drawn = subject.draw_batches(view, &batches, &Plan::default(), paths);
+        let drawn = subject.draw_face(view, &batches, paths, around);
         unless_empty(drawn.and_then(|raw| raw.light(self.depiction.mode)))
     }
 

@@ -1,9 +1,12 @@
 //! What levels a picture was drawn from, and how far it may be from what is left out: for its statistics.
 
 use super::node_traits::misfit;
+use crate::cpu::over::Order;
 use crate::mode::{Conserved, Depiction};
+use crate::model::Bounds;
 use crate::stream::SceneNode;
-use crate::view::{Projection, View};
+use crate::view::{Extent, Projection, View};
+use glam::DVec3;
 use serde::Serialize;
 
 /// The levels of a picture of sums.
@@ -23,26 +26,48 @@ pub struct LevelReport {
     pub order: Option<&'static str>,
 }
 
+impl LevelReport {
+    /// The same of a picture that an adapter has drawn, which knows no order but the exact one.
+    #[must_use]
+    pub fn by_adapter(self) -> LevelReport {
+        LevelReport { order: self.order.map(|_| Order::Exact.name()), ..self }
+    }
+}
+
 /// A bound on the relative L1 distance of the sums of some nodes, `total` of them over all pixels, from those of all leaves: what the clusters
 /// differ in space from the particles they stand for ([`crate::hierarchy::pca::members::misfit`]), which projection does not enlarge. What
 /// codes round comes on top, and is far below it. `None` for weights other than mass, whose sums the hierarchy has no bounds for.
 pub fn bound(view: &View, depiction: &Depiction, nodes: &[SceneNode], total: f64) -> Option<f64> {
+    bound_of(depiction, nodes, total, |bounds, size| {
+        let nearest = || view.nearest_depth(&Extent { bounds, margin: 0.0 }).max(0.5 * size);
+        match view.projection {
+            Projection::Orthographic { .. } => view.focal_pixels(),
+            Projection::Perspective { .. } => view.focal_pixels() / nearest(),
+        }
+    })
+}
+
+/// The same of a panorama about an eye, over the solid angle; `total`: the integral of its sums over that.
+pub fn bound_around(eye: DVec3, depiction: &Depiction, nodes: &[SceneNode], total: f64) -> Option<f64> {
+    bound_of(depiction, nodes, total, |bounds, size| {
+        eye.distance(eye.clamp(bounds.min, bounds.max)).max(0.5 * size).recip()
+    })
+}
+
+/// The same where a world unit within a node of some bounds and size is so wide at most.
+fn bound_of(
+    depiction: &Depiction,
+    nodes: &[SceneNode],
+    total: f64,
+    widest: impl Fn(Bounds, f64) -> f64,
+) -> Option<f64> {
     if depiction.mode.conserves != Conserved::Mass {
         return None;
     }
     let of = |drawn: &SceneNode| {
-        let index = drawn.node.node as usize;
-        let Some(node) = drawn.page.nodes.get(index) else { return 0.0 };
+        let Some(node) = drawn.page.nodes.get(drawn.node.node as usize) else { return 0.0 };
         let Some(misfit) = misfit(drawn) else { return 0.0 };
-        let nearest = || {
-            let extent = crate::view::Extent { bounds: node.bounds.moved(drawn.offset), margin: 0.0 };
-            view.nearest_depth(&extent).max(0.5 * node.frame.size)
-        };
-        let scale = match view.projection {
-            Projection::Orthographic { .. } => view.focal_pixels(),
-            Projection::Perspective { .. } => view.focal_pixels() / nearest(),
-        };
-        misfit * scale * scale
+        misfit * widest(node.bounds.moved(drawn.offset), node.frame.size).powi(2)
     };
     let misfit: f64 = nodes.iter().map(of).sum();
     let share = if misfit == 0.0 { 0.0 } else { misfit / total };

@@ -9,7 +9,7 @@ use super::adapter_faces;
 use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
-use super::level_report::has_clusters;
+use super::level_report::{bound_around, has_clusters};
 use super::panorama::{Texels, assemble};
 use super::paths::{ChosenPaths, PathLayer, Sight};
 use super::session::Reporter;
@@ -91,14 +91,24 @@ pub(super) struct Tally {
     /// Whether any of them is drawn as clusters.
     pub has_clusters: bool,
     pub counts: Counts,
+    /// Of a panorama of sums whose faces draw the same clusters: see [`bound_around`].
+    pub error_bound: Option<f64>,
     /// Backend and adapter that drew; `None` where the processor did.
     pub drawn_by: Option<[String; 2]>,
 }
 
 impl Tally {
     fn new() -> Tally {
-        let counts = Counts::default();
-        Tally { converged: true, error_px: 0.0, particles: 0, nodes: 0, has_clusters: false, counts, drawn_by: None }
+        Tally {
+            converged: true,
+            error_px: 0.0,
+            particles: 0,
+            nodes: 0,
+            has_clusters: false,
+            counts: Counts::default(),
+            error_bound: None,
+            drawn_by: None,
+        }
     }
 
     /// Adds a selection by a view with so many pixels for one of the picture.
@@ -238,6 +248,9 @@ impl Projector {
         if self.base.cut.around {
             return Some("panoramas that fade with the distance".into());
         }
+        if depiction.mode.technique.tells_columns() {
+            return Some("panoramas of splats over each other".into());
+        }
         let is_able = match depiction.mode.technique.adapter() {
             // Discs have as many pixels everywhere in a flat picture.
             mode::Adapter::Splats => matches!(depiction.footprint(), Footprint::Kernel),
@@ -287,9 +300,9 @@ impl Projector {
             _ => Vec::new(),
         };
         let decoded = batches(depiction, &decoded)?;
-        self.shoot(SPLATS, |face| {
+        let texels = self.shoot(SPLATS, |face| {
             means.go_on()?;
-            let seen = seen(depiction.footprint(), face);
+            let seen = seen(depiction.reach_px(), face);
             let pixel = face.around.map(|[pixel, _]| pixel);
             if is_decoded {
                 let (sums, counts) = subject.sum_batches(face.view, &seen_of(&decoded, &seen), pixel)?;
@@ -313,7 +326,17 @@ impl Projector {
             };
             tally.counts += counts;
             Ok(sums.into())
-        })
+        })?;
+        let clusters = whole.filter(|_| means.scene.purpose == Purpose::Clusters);
+        if let (Some(clusters), Some(panorama), None) = (clusters, self.panorama, self.stereo) {
+            let lit = |(index, [p, _]): (usize, &[f32; 2])| {
+                let [x, y] = [index % texels.width as usize, index / texels.width as usize];
+                f64::from(*p) * panorama.solid_angle([x as f64 + 0.5, y as f64 + 0.5])
+            };
+            let total = texels.values.iter().enumerate().map(lit).sum();
+            tally.error_bound = bound_around(self.base.eye, depiction, &clusters.nodes, total);
+        }
+        Ok(texels)
     }
 
     /// Colours, face by face.
@@ -326,6 +349,7 @@ impl Projector {
     ) -> Result<LightPicture, PictureError> {
         let &Subject { metadata, depiction, .. } = subject;
         let Needs { margin_px, of_data, .. } = depiction.needs();
+        let reach = depiction.reach_px();
         let whole = if of_data { None } else { self.select_within(means, subject, tally)? };
         let is_of_all = of_data || whole.is_some();
         // Where faces do not share what they draw, all the data is read for ranges that are looked for.
@@ -348,7 +372,7 @@ impl Projector {
                 true => None,
                 false => {
                     let detail = shared.depiction.detail(face.view, tau * face.scale(), metadata);
-                    let own = means.converge(face.view, detail)?;
+                    let own = means.converge(&seen(reach, face), detail)?;
                     tally.add(&own, face.scale());
                     Some(own)
                 }
@@ -357,16 +381,17 @@ impl Projector {
             let takes_paths = depiction.mode.technique.takes_paths();
             let among = takes_paths.then(|| means.paths_in(face).map(PathLayer::fragments)).flatten();
             let among = among.as_ref();
+            let around = face.around.map(|[pixel, _]| pixel);
             let painted = match (&mut means.adapter, &own) {
                 (Some((passes, adapter)), _) => {
                     let painter = (*passes, &mut **adapter);
                     let shared = shared.subject(subject);
                     adapter_faces::light(painter, &shared, face.view, &selection.nodes, &mut tally.drawn_by)?
                 }
-                (None, None) => shared.paint(subject, face.view, &all, among)?,
+                (None, None) => shared.paint(subject, face.view, &all, (among, around))?,
                 (None, Some(selection)) => {
                     let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-                    shared.paint(subject, face.view, &batches(depiction, &nodes)?, among)?
+                    shared.paint(subject, face.view, &batches(depiction, &nodes)?, (among, around))?
                 }
             };
             let Some(mut painted) = painted else {
@@ -391,16 +416,13 @@ impl Projector {
     ) -> Result<Option<SceneSelection>, PictureError> {
         let Subject { metadata, depiction, .. } = *subject;
         let Detail::Budget { splats, .. } = depiction.detail(&self.base, 1.0, metadata) else { return Ok(None) };
-        let disc = match depiction.footprint() {
-            Footprint::Kernel => 0.0,
-            Footprint::Pixels(radius) => f64::from(radius),
-        };
+        let reach = depiction.reach_px();
         let (view, scope) = match (&self.panorama, self.stereo) {
             (Some(panorama), stereo) => {
                 let [right, up, forward] = panorama.frame();
                 let pixel = panorama.pixel_angle();
                 // A face's pixels are narrower towards its edges, as in `seen`.
-                let half_angle = panorama.half_angle() + 3.0 * pixel * disc;
+                let half_angle = panorama.half_angle() + 3.0 * pixel * reach;
                 let away = stereo.map_or(0.0, |stereo| 0.5 * stereo.separation);
                 (View { right, up, forward, ..self.base }, Scope::Around { half_angle, pixel, away })
             }
@@ -452,11 +474,11 @@ fn seen_of<'a>(batches: &[Splats<'a>], view: &View) -> Vec<Splats<'a>> {
     batches.iter().filter(is_seen).copied().collect()
 }
 
-/// The view by which nodes are selected: discs reach into a face from outside.
-fn seen(footprint: Footprint, face: &Face<'_>) -> View {
-    match footprint {
-        Footprint::Kernel => *face.view,
-        // A face's pixels are narrower towards its edges, by half and more.
-        Footprint::Pixels(radius) => face.view.padded((3.0 * face.scale() * f64::from(radius)).ceil() as u32),
+/// The view by which nodes are selected: what lies outside of a face reaches so many of the picture's pixels into it.
+fn seen(reach: f64, face: &Face<'_>) -> View {
+    // A face's pixels are narrower towards its edges, by half and more.
+    match (3.0 * face.scale() * reach).ceil() as u32 {
+        0 => *face.view,
+        pixels => face.view.padded(pixels),
     }
 }

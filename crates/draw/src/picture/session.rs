@@ -350,11 +350,15 @@ impl Session {
         limit: u64,
     ) -> Result<(Image, u64), PictureError> {
         let (tree, depiction, mut transfer) = self.show(look)?;
+        let depiction = depiction.blended();
         if let Some(levels) = levels.filter(|_| depiction.mode.is_light()) {
             transfer = transfer.with_levels(&levels);
         }
         let selection = self.select(&depiction, view, look.error_px())?;
-        let subject = Subject::new(tree.metadata(), &depiction, &transfer, diameter);
+        let subject = Subject {
+            mean_mass: self.mean_mass(&*tree),
+            ..Subject::new(tree.metadata(), &depiction, &transfer, diameter)
+        };
         let plan = subject.plan(view, &selection.nodes, &look.budget.file_budget(), None)?;
         let (plan, taken) = subject.within(limit, plan, view, &selection.nodes);
         let image = match subject.draw_nodes(view, &selection.nodes, &plan) {

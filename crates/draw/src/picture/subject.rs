@@ -11,11 +11,15 @@ use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::particles::{density_scale, density_scale_of};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
-use crate::mode::{Conserved, Depiction, FindRanges, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms};
+use crate::mode::over::own_column;
+use crate::mode::{
+    CodeTable, Conserved, Depiction, FindRanges, Footprint, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms,
+};
 use crate::modes::grid::Look;
 use crate::store::{FamilyMetadata, Metadata};
 use crate::stream::SceneNode;
 use crate::view::View;
+use std::f64::consts::TAU;
 
 /// What is drawn, and how.
 #[derive(Clone, Copy)]
@@ -50,6 +54,14 @@ impl<'a> Subject<'a> {
     ) -> Subject<'a> {
         let mean_mass = mean_mass(metadata.families.iter());
         Subject { metadata, depiction, transfer, diameter, method: Method::default(), mean_mass }
+    }
+
+    /// The same of those families alone that are `shown`, in their order; of all that it says nothing of.
+    #[must_use]
+    pub fn of_shown(self, shown: &[bool]) -> Subject<'a> {
+        let is_shown = shown.iter().copied().chain(std::iter::repeat(true));
+        let families = self.metadata.families.iter().zip(is_shown).filter(|(_, shown)| *shown);
+        Subject { mean_mass: mean_mass(families.map(|(family, _)| family)), ..self }
     }
 
     /// What `lod_budget` comes to for the picture of `nodes`, whose colours have the ranges `levels`, or those that are found for
@@ -125,6 +137,20 @@ impl<'a> Subject<'a> {
         self.depiction.mode.draw(&Job { paths, ..self.job(view, batches, plan) })
     }
 
+    /// The same as a face of a panorama whose pixels are `around` radians wide, or as a flat picture.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub(super) fn draw_face(
+        &self,
+        view: &View,
+        batches: &[Splats<'_>],
+        paths: Option<&PathFragments>,
+        around: Option<f64>,
+    ) -> Result<Raw, VolumeError> {
+        self.depiction.mode.draw(&Job { paths, around, ..self.job(view, batches, &Plan::default()) })
+    }
+
     /// Sums of nodes on a face of a panorama whose pixels are `pixel` radians wide, or in a flat picture.
     ///
     /// # Errors
@@ -171,8 +197,33 @@ impl<'a> Subject<'a> {
             diameter: self.diameter,
             densest: self.densest(),
             density_scale: self.density_scale(&[]),
+            mean_mass: self.mean_mass,
         };
         self.depiction.mode.technique.light(&terms, ranges)
+    }
+
+    /// What the colours of a codebook's entries tell, of modes that draw light: densities, or own columns.
+    pub fn told_values(&self, table: &CodeTable, codebook: &Codebook) -> Vec<f32> {
+        let Subject { metadata, depiction, mean_mass, .. } = *self;
+        if !depiction.mode.technique.tells_columns() {
+            return codebook.density.clone();
+        }
+        let kernel = metadata.kernel;
+        let column = own_column(depiction.mode.conserves, kernel, (mean_mass, self.density_scale(&[])));
+        let deviation = match depiction.footprint() {
+            Footprint::Kernel => kernel.variance().sqrt(),
+            // The column in a disc's middle.
+            Footprint::Pixels(radius) => f64::from(radius) * (TAU * kernel.projected(0.0)).sqrt().recip(),
+        };
+        let value = |i: usize| {
+            let density = table.density.as_ref().map(|densities| densities[i]);
+            let size = match depiction.footprint() {
+                Footprint::Kernel => f64::from(table.smoothing_length[i]),
+                Footprint::Pixels(_) => 1.0,
+            };
+            column.of(f64::from(table.weight[i]), density, size * deviation) as f32
+        };
+        (0..table.weight.len()).map(value).collect()
     }
 
     /// How many of the splats lie over each pixel.
@@ -226,6 +277,8 @@ impl<'a> Subject<'a> {
             density_scale,
             mean_mass: self.mean_mass,
             paths: None,
+            around: None,
+            order: depiction.choice.order.unwrap_or_default(),
         }
     }
 

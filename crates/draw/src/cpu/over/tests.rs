@@ -1,11 +1,14 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
+mod faces;
+
 use super::*;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::volume::tests::{look, merger, perspective};
 use crate::cpu::{Method, Positions, SplatOptions, draw_counted};
 use crate::model::Covariance;
 use crate::synth::random::Random;
+use glam::DVec3;
 
 /// Of the mass and the density of all splats here.
 const COLUMN: OwnColumn = OwnColumn { power: Some(1), particle: 1.0, variance: 0.075, density_scale: 1.0 };
@@ -75,7 +78,7 @@ fn colors(range: [f64; 2]) -> SplatColors {
 }
 
 fn picture(view: &View, batch: Splats<'_>, colors: &SplatColors, order: Order) -> Colors {
-    let over = Over { order, kernel: Kernel::CubicSpline, colors, column: COLUMN };
+    let over = Over { order, kernel: Kernel::CubicSpline, colors, column: COLUMN, around: None };
     draw(view, &[batch], &over).0
 }
 

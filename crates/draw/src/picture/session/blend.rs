@@ -3,7 +3,7 @@
 use super::Session;
 use crate::cpu::Sprite;
 use crate::look::{Backend, Shot};
-use crate::mode::{Depiction, Output};
+use crate::mode::{Adapter, Depiction, Output};
 use crate::picture::PictureError;
 
 impl Session {
@@ -23,8 +23,12 @@ impl Session {
             _ if lies_over && sprite != Sprite::Kernel => {
                 format!("lays kernels over each other, found footprint {}", sprite.name())
             }
-            Some(Backend::Compute | Backend::Raster) => "only --backend cpu draws it".to_owned(),
-            _ if !shot.surround.is_flat() => "only flat pictures are drawn so".to_owned(),
+            Some(Backend::Compute | Backend::Raster) if !lies_over => "only --backend cpu draws it".to_owned(),
+            Some(Backend::Raster) => "only --backend compute and cpu draw it".to_owned(),
+            Some(Backend::Compute) if depiction.blended().mode.technique.adapter() == Adapter::None => {
+                "only --backend cpu draws it".to_owned()
+            }
+            _ if !lies_over && !shot.surround.is_flat() => "only flat pictures are drawn so".to_owned(),
             _ => return Ok(()),
         };
         Err(PictureError::Asked(format!("{asked}: {why}")))

@@ -2,6 +2,7 @@
 
 use super::{Data, Session, Shown};
 use crate::color::output;
+use crate::color::transfer::Levels;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
@@ -28,11 +29,34 @@ impl Session {
             return self.draw_paths_alone(shown);
         }
         let attempt = &mut |session: &mut Session, depiction: &Depiction| session.attempt_flat(tree, shown, depiction);
-        if let Some(depiction) = self.chosen(tree, depiction, attempt)? {
-            let shown = Shown { depiction: &depiction.blended(), ..*shown };
-            return self.draw_flat_as(tree, &shown);
+        let chosen = self.chosen(tree, depiction, attempt)?;
+        let own = chosen.as_ref().unwrap_or(depiction);
+        let drawn_as = &own.blended();
+        let shown = &Shown { depiction: drawn_as, ..*shown };
+        match self.levels_of_sums(tree, shown, own)? {
+            Some(levels) => {
+                let transfer = &shown.transfer.clone().with_levels(&levels);
+                self.draw_flat_as(tree, &Shown { transfer, ..*shown })
+            }
+            None => self.draw_flat_as(tree, shown),
         }
-        self.draw_flat_as(tree, &Shown { depiction: &depiction.blended(), ..*shown })
+    }
+
+    /// The ranges of the colours of splats that lie over each other, where an adapter draws them: it is told, and the processor finds them
+    /// itself.
+    fn levels_of_sums(
+        &mut self,
+        tree: &dyn Tree,
+        shown: &Shown<'_>,
+        own: &Depiction,
+    ) -> Result<Option<Levels>, PictureError> {
+        let lies_over = shown.depiction.mode.technique.tells_columns();
+        if !lies_over || shown.transfer.numbers().is_some() || self.passes_without_paths(shown)?.is_none() {
+            return Ok(None);
+        }
+        let attempt = self.attempt_flat(tree, &Shown { depiction: own, ..*shown }, own)?;
+        let (sums, _) = attempt.values.sums(own.mode)?;
+        Ok(Some(shown.transfer.levels(&sums)))
     }
 
     /// The same as the depiction says.
@@ -146,7 +170,7 @@ impl Session {
                     times.extend(frame.milliseconds);
                     let left_out = LeftOut { splats: frame.splats, ..left_out };
                     let drawn_by = [frame.backend.to_owned(), frame.adapter];
-                    let level_report = self.flat_report(tree, shown, &selection, &values)?;
+                    let level_report = self.flat_report(tree, shown, &selection, &values)?.by_adapter();
                     let picture = Picture { values, left_out, drawn_by, level_report, ..picture };
                     let picture = if has_paths { self.with_paths(picture, shown, times)? } else { picture };
                     return Ok((picture, selection.hidden));

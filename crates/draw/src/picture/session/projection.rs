@@ -9,6 +9,7 @@ use crate::explore::selection::Show;
 use crate::mode::{Depiction, LodBudget, Plan};
 use crate::modes;
 use crate::picture::left_out::LeftOut;
+use crate::picture::level_report::LevelReport;
 use crate::picture::paths::ChosenPaths;
 use crate::picture::projected::{Means, Projector};
 use crate::picture::times::Times;
@@ -42,8 +43,9 @@ impl Session {
         if mode.is_of_paths() {
             return self.draw_projected_paths(shown, &projector, paths);
         }
-        let passes = self.passes_without_paths(shown)?;
-        let passes = match (passes, projector.only_on_processor(depiction), self.options.backend) {
+        let drawn_as = depiction.blended();
+        let passes = self.passes_without_paths(&Shown { depiction: &drawn_as, ..*shown })?;
+        let passes = match (passes, projector.only_on_processor(&drawn_as), self.options.backend) {
             (Some(_), Some(why), Some(_)) => return asked(&format!("--backend: only cpu draws {why}")),
             (Some(_), Some(_), None) => None,
             (passes, _, _) => passes,
@@ -87,6 +89,8 @@ impl Session {
         };
         let drawn = Drawn { splats: tally.particles, has_clusters: tally.has_clusters, values: &values };
         let level_report = self.level_report(depiction, drawn, attempt)?;
+        let level_report = if on_processor { level_report } else { level_report.by_adapter() };
+        let level_report = LevelReport { error_bound: tally.error_bound, ..level_report };
         let blank = self.blank(shown, projector.base)?;
         let counts = paths.as_ref().map(ChosenPaths::counts);
         let moment = self.shown_moment(tally.particles);
