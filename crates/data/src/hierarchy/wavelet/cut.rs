@@ -256,7 +256,11 @@ impl Hierarchy {
     pub fn cut_on(&self, curve: &[(f32, usize)], most: usize) -> Cut {
         // The number of points may fall a little on the way down where sets give way: take the last that fits.
         let fits = curve.partition_point(|&(_, points)| points <= most);
-        let Some(&(next, _)) = curve.get(fits) else { return self.cut_at_price(0.0) };
+        let Some(&(next, _)) = curve.get(fits) else {
+            // More points than any price takes: what rounded values leave goes, too, where these are enough for it.
+            let exact = self.exact();
+            return if exact.points <= most { exact } else { self.cut_at_price(0.0) };
+        };
         // At a price itself nodes are not refined yet.
         let mut cut = self.cut_at_price(next);
         self.spend(&mut cut, next, most);
