@@ -514,7 +514,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 80, "{compared:?}");
+    assert_eq!(compared.len(), 81, "{compared:?}");
 }
 
 #[test]

@@ -268,7 +268,7 @@ fn an_error_of_a_panorama_is_kept_and_told() {
     assert!(bound > told && bound <= 2.0, "{bound}, {told}");
     let found = values(&picture);
     let differ: f32 = found.iter().zip(&leaves).map(|(a, b)| (a - b).abs()).sum::<f32>() / leaves.iter().sum::<f32>();
-    assert!(differ < 0.2 && differ > 0.005 && differ < bound, "{differ}, told as {told}, at most {bound}");
+    assert!(differ < 0.2 && differ > 0.005 && f64::from(differ) < bound, "{differ}, told as {told}, at most {bound}");
     look.budget.0.insert("error-picture".into(), SettingValue::Number(0.0));
     look.budget.0.insert("frame-ms".into(), SettingValue::Number(200.0));
     let picture = around.draw(&mut session, &look);
