@@ -120,7 +120,7 @@ fn points_are_chosen_for_what_is_asked() {
     let value = |i: usize| {
         let (x, y) = ((i % side) as f32, (i / side) as f32);
         let ring = if ((x - 60.0).hypot(y - 50.0) % 40.0) < 17.0 { 90.0 } else { 20.0 };
-        ring + 8.0 * (0.9 * x + 1.3 * y).sin() + if i % 1999 == 0 { 120.0 } else { 0.0 }
+        ring + 8.0 * (0.9 * x + 1.3 * y).sin() + if i.is_multiple_of(1999) { 120.0 } else { 0.0 }
     };
     let values: Vec<f32> = (0..side * side).map(value).collect();
     let (samples, hierarchy) = hierarchy_of(2, side, &values, Types::Measured);

@@ -298,8 +298,9 @@ fn what_is_too_large_is_thinned_and_says_so() {
 fn points_count_as_the_eye_sees_them() {
     let folder = tempfile::tempdir().unwrap();
     // Waves of two samples beside one of sixty.
-    let value =
-        |[x, y, _]: [u64; 3]| 120.0 + 50.0 * (y as f64 / 10.0).sin() + if x < 32 && x % 2 == 0 { 30.0 } else { 0.0 };
+    let value = |[x, y, _]: [u64; 3]| {
+        120.0 + 50.0 * (y as f64 / 10.0).sin() + if x < 32 && x.is_multiple_of(2) { 30.0 } else { 0.0 }
+    };
     let source = volume(folder.path(), [64, 64, 16], value);
     let built = folder.path().join("volume.df");
     let open = open_grid(&source, &GridOptions::default()).unwrap();
