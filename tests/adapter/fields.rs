@@ -255,7 +255,7 @@ fn little_memory_makes_samples_coarser() {
 
     // Windows of the picture, where cells of all of it do not fit into a buffer.
     let limits =
-        wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, max_buffer_size: 1 << 20, ..Default::default() };
+        wgpu::Limits { max_storage_buffer_binding_size: 4 << 20, max_buffer_size: 4 << 20, ..Default::default() };
     let device = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
     let large = Wanted { view: view.resized(500, 300), ..wanted };
     let FieldPasses::March(march) = large.passes(&volume) else { panic!("no march") };
