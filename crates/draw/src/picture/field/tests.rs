@@ -5,7 +5,6 @@ use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::color::transfer::{Range, TransferFunction};
 use crate::explore::export::grid::{GridFormat, write_grid};
 use crate::hierarchy::wavelet::Weighting;
-use crate::hierarchy::wavelet::Weighting;
 use crate::import::{GridOptions, open_grid};
 use crate::look::{Attribute, CameraConfig, LookPatch, Shot};
 use crate::mode::{Raw, SettingValue};
