@@ -58,15 +58,18 @@ fn a_face_is_the_flat_picture_of_its_direction() {
     let flat = picture(&view, balls.batch(), &colors, Order::Exact);
     assert!(flat.rgba.iter().any(|pixel| pixel[3] > 0.5));
     let found = apart(&face(&view, balls.batch(), &colors, pixel), &flat);
+    println!("balls: {found:.1e}");
     assert!(found < 5e-5, "balls: {found}");
     let bright = super::colors([0.001, 0.3]);
     let flat = picture(&view, balls.discs(4.0), &bright, Order::Exact);
     let found = apart(&face(&view, balls.discs(4.0), &bright, pixel), &flat);
+    println!("discs: {found:.1e}");
     assert!(found < 2e-3, "discs: {found}");
     // A flat picture draws what is so far away as ellipses, to second order.
     let scene = Scene::random(400, 5, false);
     let flat = picture(&view, scene.batch(), &colors, Order::Exact);
     let found = apart(&face(&view, scene.batch(), &colors, pixel), &flat);
+    println!("ellipsoids: {found:.1e}");
     assert!(found < 1e-3, "ellipsoids: {found}");
 }
 
@@ -77,14 +80,14 @@ fn no_direction_depends_on_the_face() {
     let wide = Projection::Perspective { fov_y: std::f64::consts::FRAC_PI_2 };
     let view = View::look_at(eye, eye + DVec3::new(0.3, 0.2, -1.0), DVec3::Y, wide, 65, 65).unwrap();
     let pixel = view.focal_pixels().recip();
-    let colors = colors([0.1, 100.0]);
+    let (colors, bright) = (colors([0.1, 100.0]), colors([0.001, 0.3]));
     let mut scene = Scene::random(300, 9, false);
     scene.covariances.iter_mut().for_each(|covariance| {
         *covariance = Covariance::of(0.6 * covariance.matrix() + glam::DMat3::from_diagonal(DVec3::splat(1e-3)));
     });
     let balls = Balls::random(300, [0.1, 0.8], 4);
-    for batch in [scene.batch(), balls.batch(), balls.discs(5.0)] {
-        let whole = face(&view, batch, &colors, pixel);
+    for (batch, colors) in [(scene.batch(), &colors), (balls.batch(), &colors), (balls.discs(5.0), &bright)] {
+        let whole = face(&view, batch, colors, pixel);
         let mut opaque = 0.0f32;
         for [x, y] in [[0, 0], [64, 5], [32, 0], [40, 40], [3, 60], [64, 64], [20, 31]] {
             let place = [f64::from(x) + 0.5, f64::from(y) + 0.5];
@@ -92,7 +95,7 @@ fn no_direction_depends_on_the_face() {
             let small = Projection::Perspective { fov_y: 3.0 * pixel };
             let small = View::look_at(eye, eye + ahead, DVec3::Y, small, 3, 3).unwrap();
             let (expected, found) =
-                (face(&small, batch, &colors, pixel).rgba[4], whole.rgba[y as usize * 65 + x as usize]);
+                (face(&small, batch, colors, pixel).rgba[4], whole.rgba[y as usize * 65 + x as usize]);
             assert!((0..4).all(|k| (found[k] - expected[k]).abs() < 3e-3), "{x} {y}: {found:?} {expected:?}");
             opaque = opaque.max(found[3]);
         }
