@@ -45,7 +45,7 @@ fn shows_what_is_rendered(own: &str) {
     let begin = Instant::now();
     loop {
         let [mean, difference] = compare(&desktop.screenshot(), &picture);
-        if mean > 5.0 && difference < 0.015 * mean {
+        if mean > 1.0 && difference < 0.015 * mean {
             println!("{own}: the mean value is {mean:.2}, the mean difference {difference:.3}");
             break;
         }
