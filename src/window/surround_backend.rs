@@ -354,6 +354,7 @@ pub(super) fn draw_surround(
 ) {
     if *backend != ActiveBackend::Surround {
         if surround.coming.is_some() || surround.session.is_some() {
+            statistics.points = None;
             *surround = SurroundPicture::default();
         }
         return;

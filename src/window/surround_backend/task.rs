@@ -5,6 +5,7 @@ use crate::color::Image;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::mode::Raw;
 use crate::model::Progress;
+use crate::picture::field::PointsReport;
 use crate::picture::{AnySession, Picture, PictureError, Reporter, Subject};
 use crate::window::exposure::Exposure;
 use crate::window::statistics::Statistics;
@@ -64,6 +65,7 @@ pub struct Facts {
     error_px: f64,
     levels: &'static str,
     backend: String,
+    points: Option<PointsReport>,
 }
 
 impl Facts {
@@ -74,7 +76,7 @@ impl Facts {
         }
         let &Facts { particles, nodes, error_px, levels, .. } = self;
         (statistics.particles, statistics.nodes, statistics.error_px) = (particles, nodes, error_px);
-        (statistics.levels, statistics.draw_ms) = (levels, draw_ms);
+        (statistics.levels, statistics.draw_ms, statistics.points) = (levels, draw_ms, self.points);
         (statistics.sampled, statistics.live, statistics.slabs) = (None, None, None);
         (statistics.missing, statistics.hidden) = (0, 0);
         statistics.passes.clear();
@@ -104,6 +106,7 @@ impl Drawn {
                 error_px: picture.error_px,
                 levels: picture.drawn_from,
                 backend: picture.drawn_by[0].clone(),
+                points: picture.points,
             },
         }
     }
