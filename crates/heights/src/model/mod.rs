@@ -1,0 +1,13 @@
+//! What a height field is, before anything is done with it: where its samples are, in which units, which of them were measured, and
+//! the surface T that they stand for.
+
+pub mod cell;
+pub mod facts;
+pub mod grid;
+pub mod samples;
+pub mod units;
+
+pub use cell::{Cell, Triangle};
+pub use facts::{Facts, Invalid, facts_of};
+pub use grid::{HeightGrid, Plane};
+pub use samples::{HeightError, HeightField, Heights, Window};
