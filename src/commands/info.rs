@@ -1,5 +1,6 @@
 //! `deepfield info`: what a source holds, as a table for people or as JSON for programs.
 
+use super::heights::{self, HeightsOptions};
 use super::raw_options::RawOptions;
 use super::{CommandResult, grid_info, page_file_info, run_info};
 use crate::import::{
@@ -13,13 +14,15 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 /// Prints what a source, page file or run holds: counts, fields, units, ranges; for a page file its levels and bytes too, for a run its
-/// steps, for an image or a volume its shape, place and histogram.
+/// steps, for an image or a volume its shape, place and histogram, for heights how many were measured, where, and in which units.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield info snapshot_099.hdf5
   deepfield info head.nrrd
   deepfield info slices/
   deepfield info run.h5#fields/density
+  deepfield info surface.sur
+  deepfield info grey.png --kind heights --spacing 0.5,0.5 --height-unit um
   deepfield info scan.raw --shape 512,512,300 --type u16 --spacing 0.5,0.5,1
   deepfield info galaxy.df --json")]
 pub struct Arguments {
@@ -31,6 +34,9 @@ pub struct Arguments {
     /// What a file without a header holds.
     #[command(flatten)]
     pub raw: RawOptions,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub heights: HeightsOptions,
 }
 
 /// Prints what the file holds to standard output; of a source, every field is read in bounded chunks.
@@ -39,11 +45,19 @@ pub struct Arguments {
 /// [`crate::import::ImportError`] or [`crate::store::StoreError`] when the file cannot be read, or the standard output's
 /// error.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, json, raw } = arguments;
+    let Arguments { path, json, raw, heights: said } = arguments;
     // A folder of pictures is the volume that they are slices of.
     let is_stack = path.is_dir() && grid_format(path)?.is_some();
     let path = &if is_stack { path.clone() } else { data_file(path)? };
     let options = GridOptions { raw: raw.grid()?, ..GridOptions::default() };
+    if options.raw.is_none() && said.takes(path) {
+        let open = said.open(path, &raw.spacing, ReadMethod::default())?;
+        let text = match json {
+            true => serde_json::to_string_pretty(&heights::info::as_json(&open)?)? + "\n",
+            false => heights::info::table(&open)?,
+        };
+        return Ok(std::io::stdout().write_all(text.as_bytes())?);
+    }
     let pretty = |value: &serde_json::Value| serde_json::to_string_pretty(value).map(|text| text + "\n");
     // What cannot be read is left to the importer's message.
     let text = match DataKind::of(path).unwrap_or(DataKind::Source) {
@@ -55,12 +69,17 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             let run = RunFile::open(path, ReadMethod::default())?;
             if *json { pretty(&run_info::json(&run))? } else { run_info::table(&run) }
         }
+        // What asks for something else by --kind.
+        DataKind::Heights => return Err(format!("{}: --kind: a file of heights", path.display()).into()),
         DataKind::Grid => {
             let file = GridFile::open(path, ReadMethod::default())?;
             if *json { pretty(&grid_info::file_json(&file)?)? } else { grid_info::file_table(&file) }
         }
         DataKind::Source if options.raw.is_some() || grid_format(path)?.is_some() => {
-            let summary = summarize_grid(&open_grid(path, &options)?)?;
+            let mut summary = summarize_grid(&open_grid(path, &options)?)?;
+            if summary.kind == "image" && summary.channels.len() == 1 {
+                summary.notes.push("an image: --kind heights takes its values for heights".into());
+            }
             if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { grid_info::table(&summary) }
         }
         DataKind::Source => {

@@ -3,12 +3,15 @@
 pub mod annotate;
 pub mod build;
 pub mod catalogue;
+pub mod contours;
 pub mod demo;
+pub mod difference;
 pub mod export;
 pub mod extract;
 mod field_probe;
 pub mod frame_option;
 mod grid_info;
+mod heights;
 pub mod hierarchy_options;
 pub mod info;
 pub mod key;
@@ -52,6 +55,8 @@ pub enum Command {
     Probe(Box<probe::Arguments>),
     Select(Box<select::Arguments>),
     Paths(Box<paths::Arguments>),
+    Contours(Box<contours::Arguments>),
+    Difference(Box<difference::Arguments>),
     Export(Box<export::Arguments>),
     Catalogue(catalogue::Arguments),
     Tour(Box<tour::Arguments>),
@@ -78,6 +83,8 @@ impl Command {
             Command::Probe(arguments) => probe::run(arguments),
             Command::Select(arguments) => select::run(arguments),
             Command::Paths(arguments) => paths::run(arguments),
+            Command::Contours(arguments) => contours::run(arguments),
+            Command::Difference(arguments) => difference::run(arguments),
             Command::Export(arguments) => export::run(arguments),
             Command::Catalogue(arguments) => catalogue::run(arguments),
             Command::Tour(arguments) => tour::run(arguments),

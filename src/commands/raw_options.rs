@@ -13,8 +13,8 @@ pub struct RawOptions {
     /// How each sample is stored: i8, u8, i16, u16, i32, u32, i64, u64, f32 or f64.
     #[arg(long, value_name = "TYPE", requires = "shape")]
     pub r#type: Option<SampleType>,
-    /// Distance of samples along each axis [default: 1].
-    #[arg(long, value_name = "X,Y[,Z]", value_delimiter = ',', requires = "shape")]
+    /// Distance of samples along each axis, of heights too [default: 1].
+    #[arg(long, value_name = "X,Y[,Z]", value_delimiter = ',')]
     pub spacing: Vec<f64>,
     /// The most significant byte of a sample comes first.
     #[arg(long, requires = "shape")]

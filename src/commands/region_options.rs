@@ -173,6 +173,7 @@ impl Opened {
         let opened = match DataKind::of(path)? {
             DataKind::Pages => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
             DataKind::Source => Opened::Source(open_with(path, method)?),
+            DataKind::Heights => return Err(format!("{}: heights, expected particles", path.display()).into()),
             DataKind::Grid => {
                 return Err(format!("{}: an image or a volume, expected particles", path.display()).into());
             }

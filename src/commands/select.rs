@@ -1,6 +1,8 @@
-//! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids.
+//! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids; heights as they are stored.
 
 use super::frame_option::{FrameName, unknown};
+use super::heights::select::{Rectangle, rectangle};
+use super::heights::{self, HeightsOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress};
@@ -12,12 +14,15 @@ use std::path::PathBuf;
 ///
 /// Rows are read from the source at its own precision, also where a page file is named whose source is still there; else from the
 /// page file, which has no ids. Ids find their particles again in another snapshot of the same run.
+///
+/// Of heights: the samples of a rectangle, or all of them, bit for bit.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield select snapshot_099.hdf5 --sphere 21.9,39.0,33.1,1.5 -o halo.csv
   deepfield select box.df --at groups.hdf5#0 -o halo.ids             which particles they are
   deepfield select snapshot_010.hdf5 --ids halo.ids -o past.parquet  where they were
   deepfield select run.df --tracked-at 9.6 --sphere 21.9,39.0,33.1,1.5 --time last -o now.csv
+  deepfield select dem.df --rectangle 1000,2000,1500,2500 -o part.tif
   deepfield select galaxy.hdf5 --family gas --where temperature:..1e4 -o cold.parquet")]
 pub struct Arguments {
     /// The source, page file or run.
@@ -34,7 +39,13 @@ pub struct Arguments {
     /// The frame of lengths, densities and velocities of comoving data; regions are always in the data's own.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t)]
     pub frame: FrameName,
-    /// The table, .csv, .parquet or .ply, or the list of ids, .ids.
+    /// Of heights: the samples between two corners, and on the edge.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub rectangle: Option<Rectangle>,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub heights: HeightsOptions,
+    /// The table, .csv, .parquet or .ply, or the list of ids, .ids; of heights .npy, .tif, .asc, .x3p, .png or .csv.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
 }
@@ -44,7 +55,13 @@ pub struct Arguments {
 /// # Errors
 /// When the data cannot be read, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, when, region, who, frame, out } = arguments;
+    let Arguments { path, when, region, who, frame, rectangle, heights: said, out } = arguments;
+    if said.takes(path) {
+        return heights::select::run(path, said, *rectangle, out);
+    }
+    if rectangle.is_some() {
+        return Err(format!("{}: --rectangle: is for heights", path.display()).into());
+    }
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);
     if format.is_none() && extension != "ids" {

@@ -3,6 +3,7 @@
 use super::CommandResult;
 use super::progress_bar::TerminalProgress;
 use crate::build::compare_with_sources;
+use crate::heights::store::{VerifiedHeights, verify_heights};
 use crate::look::DataKind;
 use crate::model::ReadMethod;
 use crate::store::RunFile;
@@ -12,7 +13,7 @@ use crate::store::verify::{Verified, verify};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Checks every byte and every structural promise of a page file, a run or a file of a grid.
+/// Checks every byte and every structural promise of a page file, a run, or a file of a grid or of heights.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield verify galaxy.df
@@ -47,6 +48,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     if arguments.sources {
         return Err(format!("{path}: --sources: is for runs").into());
+    }
+    if let Ok(DataKind::Heights) = DataKind::of(&arguments.path) {
+        let VerifiedHeights { bytes, pages, chunks, samples } = verify_heights(&arguments.path, &TerminalProgress::new())?;
+        println!("{path}: sound, {pages} pages, {chunks} chunks, {samples} samples, {bytes} bytes");
+        return Ok(());
     }
     if let Ok(DataKind::Grid) = DataKind::of(&arguments.path) {
         let VerifiedGrid { bytes, pages, nodes, samples } = verify_grid(&arguments.path, &TerminalProgress::new())?;

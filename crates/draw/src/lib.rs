@@ -5,6 +5,7 @@
 //! `modes`, `annotate`, `explore`, `look`, `picture`, `tour`.
 
 pub use deepfield_data::{build, codec, hierarchy, import, model, store, synth};
+pub use deepfield_heights as heights;
 
 pub mod annotate;
 pub mod color;

@@ -2,6 +2,7 @@
 
 use super::Member;
 use crate::explore::Following;
+use crate::heights::store::HeightFile;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{ImportError, file_in, file_of_step};
 use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When};
@@ -21,6 +22,8 @@ pub enum DataKind {
     Run,
     /// A file of an image or a volume.
     Grid,
+    /// A file of heights.
+    Heights,
     /// Anything else: a source, if an importer knows it.
     Source,
 }
@@ -38,6 +41,7 @@ impl DataKind {
             () if PageFile::recognises(&head) => DataKind::Pages,
             () if RunFile::recognises(&head) => DataKind::Run,
             () if GridFile::recognises(&head) => DataKind::Grid,
+            () if HeightFile::recognises(&head) => DataKind::Heights,
             () => DataKind::Source,
         })
     }
@@ -50,7 +54,7 @@ impl DataKind {
 pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
     file_in(
         path,
-        &[("page file", PageFile::recognises), ("run", RunFile::recognises), ("file of a grid", GridFile::recognises)],
+        &[("page file", PageFile::recognises), ("run", RunFile::recognises), ("file of a grid", GridFile::recognises), ("file of heights", HeightFile::recognises)],
     )
 }
 

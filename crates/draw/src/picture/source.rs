@@ -94,6 +94,7 @@ fn source_of(path: &Path, time: Option<When>) -> Result<PathBuf, PictureError> {
     let file = match DataKind::of(path).map_err(|error| PictureError::Asked(error.to_string()))? {
         DataKind::Source => return Ok(path.to_owned()),
         DataKind::Pages => PageFile::open(path)?,
+        DataKind::Heights => return Err(PictureError::of(path, "heights, expected particles")),
         DataKind::Grid => return Err(PictureError::of(path, "an image or a volume, expected particles")),
         DataKind::Run => {
             let run = RunFile::open(path, ReadMethod::default())?;

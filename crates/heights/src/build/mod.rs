@@ -1,1 +1,187 @@
-//! TODO
+//! Building the page file of a height field, in one pass over its rows and without temporary files.
+
+mod bands;
+mod coarse_chunk;
+mod pass;
+#[cfg(test)]
+mod tests;
+
+use crate::codec::heights;
+use crate::hierarchy::chunks::Lattice;
+use crate::import::HeightSource;
+use crate::model::{HeightError, HeightGrid, Heights, Invalid, Window, units};
+use crate::store::HeightAbout;
+use deepfield_data::model::progress::Progress;
+use deepfield_data::store::StoreError;
+use std::path::{Path, PathBuf};
+
+/// How a file of heights is built.
+#[derive(Clone, Debug, Default)]
+pub struct HeightBuildOptions {
+    /// Memory that the build may take, bytes; the file is the same whatever it is. Nothing: as much as it needs.
+    pub memory: Option<u64>,
+    /// How many threads work; nothing: one a core. The file is the same with any number.
+    pub threads: Option<usize>,
+}
+
+/// Where heights come from, as the file tells it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HeightOrigin {
+    /// The file that was named.
+    pub path: PathBuf,
+    /// Its format's name.
+    pub format: String,
+    /// Its size, bytes.
+    pub bytes: u64,
+    /// Whether it says how far samples are apart.
+    pub has_spacing: bool,
+    /// What the import assumed, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Heights that tell why samples were not measured. Several threads may read at once.
+pub trait Measured: Heights {
+    /// Reads as [`Heights::stored`] does, and counts what was not measured.
+    ///
+    /// # Errors
+    /// As [`Heights::stored`].
+    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Invalid, HeightError> {
+        self.stored(window, out)?;
+        Ok(Invalid { nan: out.iter().filter(|value| value.is_nan()).count() as u64, ..Invalid::default() })
+    }
+}
+
+impl Measured for crate::model::HeightField {}
+impl Measured for crate::store::HeightFile {}
+
+impl Measured for HeightSource {
+    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Invalid, HeightError> {
+        self.read(window, out)?;
+        let mut invalid = Invalid::default();
+        let no_data = self.no_data();
+        for value in out.iter_mut() {
+            if no_data.is(*value) || crate::import::is_masked(*value) {
+                invalid.no_data += 1;
+            } else if value.is_nan() {
+                invalid.nan += 1;
+            } else if value.is_infinite() {
+                invalid.infinite += 1;
+            } else {
+                continue;
+            }
+            *value = f64::NAN;
+        }
+        Ok(invalid)
+    }
+}
+
+impl HeightOrigin {
+    /// Of an opened source.
+    pub fn of(source: &HeightSource) -> HeightOrigin {
+        let about = source.description();
+        HeightOrigin {
+            path: about.path.clone(),
+            format: about.format.into(),
+            bytes: about.bytes,
+            has_spacing: about.has_spacing,
+            notes: about.notes.clone(),
+        }
+    }
+}
+
+/// Why a file of heights cannot be built.
+#[derive(Debug, thiserror::Error)]
+pub enum HeightBuildError {
+    /// The source cannot be read.
+    #[error(transparent)]
+    Heights(#[from] HeightError),
+    /// The file cannot be written.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The samples are of a type that heights have not.
+    #[error("{path}: samples: found {found}, expected whole numbers of at most 32 bits, or floats")]
+    Type {
+        /// The source.
+        path: PathBuf,
+        /// Their type.
+        found: String,
+    },
+    /// Nothing was measured.
+    #[error("{path}: samples: found {invalid} of {samples} that were not measured, expected some that were")]
+    Nothing {
+        /// The source.
+        path: PathBuf,
+        /// Samples that were not measured.
+        invalid: u64,
+        /// All samples.
+        samples: u64,
+    },
+    /// The build needs more memory than it may take.
+    #[error("{path}: memory: rows of {columns} samples take about {needed} MiB, found {allowed} MiB that the build may take")]
+    Memory {
+        /// The output.
+        path: PathBuf,
+        /// Samples of a row.
+        columns: u64,
+        /// Mebibytes needed.
+        needed: u64,
+        /// Mebibytes allowed.
+        allowed: u64,
+    },
+    /// Threads cannot be started.
+    #[error("starting {threads} threads: {reason}")]
+    Threads {
+        /// How many.
+        threads: usize,
+        /// Why not.
+        reason: String,
+    },
+}
+
+/// Builds the page file of a field at `output`: reads each row once, in order, and writes chunks of all levels, children before their parents.
+///
+/// The file is the same, byte for byte, for any number of threads and any memory.
+///
+/// # Errors
+/// Where the source cannot be read or has nothing in it, the file cannot be written, or the memory is too little. Nothing is left behind then.
+pub fn build_heights(
+    source: &dyn Measured,
+    origin: &HeightOrigin,
+    options: &HeightBuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<HeightAbout, HeightBuildError> {
+    let grid = source.grid();
+    if !heights::is_coded(grid.sample_type) {
+        return Err(HeightBuildError::Type { path: origin.path.clone(), found: grid.sample_type.to_string() });
+    }
+    let lattice = Lattice::new(grid.rows, grid.columns);
+    let work = || pass::build(source, origin, options.memory, lattice, output, progress);
+    match options.threads {
+        None => work(),
+        Some(threads) => {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let failed = |error: rayon::ThreadPoolBuildError| HeightBuildError::Threads { threads, reason: error.to_string() };
+            pool.map_err(failed)?.install(work)
+        }
+    }
+}
+
+/// Metres of a degree of a sphere's great circle as large as the Earth.
+const METRES_OF_DEGREE: f64 = 6_371_008.8 * std::f64::consts::PI / 180.0;
+
+/// What turns differences of stored samples along columns and rows into slopes in space. Degrees are those of the Earth, of longitude at the
+/// middle of the field; where units are not known, places and heights are taken as in one unit.
+pub fn slopes(grid: &HeightGrid) -> [f64; 2] {
+    let heights = units::metres(&grid.height_unit);
+    let degrees = units::is_degrees(&grid.xy_unit);
+    let places = if degrees { Some(METRES_OF_DEGREE) } else { units::metres(&grid.xy_unit) };
+    let lift = match (heights, places) {
+        (Some(heights), Some(places)) => heights / places,
+        (None, Some(places)) if degrees => 1.0 / places,
+        _ => 1.0,
+    };
+    let [_, middle] = grid.place((grid.rows - 1) as f64 / 2.0, 0.0);
+    let narrow = if degrees { libm::cos(middle.to_radians()).abs().max(0.01) } else { 1.0 };
+    [grid.scale.slope * lift / (grid.step[0] * narrow), grid.scale.slope * lift / grid.step[1]]
+}

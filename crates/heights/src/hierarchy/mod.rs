@@ -1,1 +1,3 @@
-//! TODO
+//! The hierarchy of a height field: nested levels of chunks.
+
+pub mod chunks;

@@ -1,6 +1,9 @@
 //! What the user says about a source that it does not say, or says wrongly.
 
+use crate::model::units;
+use deepfield_data::import::ImportError;
 use deepfield_data::model::{ReadMethod, Unit};
+use std::path::Path;
 
 /// How a source is opened.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -9,7 +12,7 @@ pub struct HeightOptions {
     pub is_asked: bool,
     /// The stored value that stands for no data, in place of what the source says.
     pub no_data: Option<f64>,
-    /// From a column and a row to the next, in place of what the source says.
+    /// From a column and a row to the next, in place of what the source says; both above 0, their signs are the source's.
     pub spacing: Option<[f64; 2]>,
     /// Unit of places, in place of the source's.
     pub xy_unit: Option<Unit>,
@@ -17,4 +20,29 @@ pub struct HeightOptions {
     pub height_unit: Option<Unit>,
     /// How files are read.
     pub read: ReadMethod,
+}
+
+impl HeightOptions {
+    /// Whether these can be.
+    ///
+    /// # Errors
+    /// What cannot, under the option's name.
+    pub(super) fn check(&self, path: &Path) -> Result<(), ImportError> {
+        let wrong =
+            |option: &str, found: String, expected: &str| Err(ImportError::malformed(path, option, found, expected));
+        if let Some([x, y]) = self.spacing.filter(|spacing| !spacing.iter().all(|step| step.is_finite() && *step > 0.0))
+        {
+            return wrong("--spacing", format!("{x},{y}"), "two numbers above 0");
+        }
+        let shown = |unit: &Unit| unit.0.chars().filter(|c| !c.is_control()).take(40).collect::<String>();
+        if let Some(unit) =
+            self.xy_unit.as_ref().filter(|unit| units::metres(unit).is_none() && !units::is_degrees(unit))
+        {
+            return wrong("--xy-unit", shown(unit), "km, m, mm, um, nm or deg");
+        }
+        if let Some(unit) = self.height_unit.as_ref().filter(|unit| units::metres(unit).is_none()) {
+            return wrong("--height-unit", shown(unit), "km, m, mm, um or nm");
+        }
+        Ok(())
+    }
 }

@@ -1,5 +1,6 @@
 //! An opened height field: what it says about itself, and its samples in windows.
 
+use super::content::Content;
 use crate::model::{HeightError, HeightGrid, Heights, Window};
 use deepfield_data::import::ImportError;
 use std::path::PathBuf;
@@ -19,6 +20,23 @@ pub struct HeightDescription {
     pub has_spacing: bool,
     /// What the import assumed or left out, one sentence each.
     pub notes: Vec<String>,
+}
+
+impl HeightDescription {
+    /// A file that holds `grid`, in messages and in `info`; distances are not stated.
+    pub(super) fn new(content: &Content, format: &'static str, grid: HeightGrid) -> HeightDescription {
+        let (path, bytes) = (content.path.clone(), content.length);
+        HeightDescription { path, format, bytes, grid, has_spacing: false, notes: Vec::new() }
+    }
+}
+
+/// What is read in place of samples that a mask beside them declares as not measured: a NaN of its own, so that it is told from those that a file
+/// stores.
+pub(super) const MASKED: f64 = f64::from_bits(0x7ff8_6d61_736b_6564);
+
+/// Whether this is [`MASKED`].
+pub(super) fn is_masked(stored: f64) -> bool {
+    stored.to_bits() == MASKED.to_bits()
 }
 
 /// What stands for samples that were not measured, beside what is no finite number.
@@ -70,7 +88,10 @@ pub struct HeightSource {
 
 impl std::fmt::Debug for HeightSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("HeightSource").field("about", &self.about).field("no_data", &self.no_data).finish_non_exhaustive()
+        f.debug_struct("HeightSource")
+            .field("about", &self.about)
+            .field("no_data", &self.no_data)
+            .finish_non_exhaustive()
     }
 }
 
@@ -114,7 +135,8 @@ impl HeightSource {
         if window.is_in(grid) && window.samples() == len as u64 {
             return Ok(());
         }
-        let found = format!("{} x {} from row {}, column {} in {len}", window.columns, window.rows, window.row, window.column);
+        let found =
+            format!("{} x {} from row {}, column {} in {len}", window.columns, window.rows, window.row, window.column);
         Err(ImportError::malformed(&self.about.path, "window", found, format!("a part of {}", grid.described())))
     }
 }

@@ -1,1 +1,39 @@
-//! TODO
+//! Measuring: rays, places, profiles, numbers of roughness, form and its removal, filters, lines and differences. Everything reads heights in
+//! windows, so that fields of any size are measured, and everything is measured on T.
+
+mod autocorrelation;
+mod bands;
+mod fourier;
+mod material;
+mod solve;
+mod tiles;
+
+pub mod difference;
+pub mod filter;
+pub mod fit;
+pub mod form;
+pub mod iso;
+pub mod part;
+pub mod pick;
+pub mod probe;
+pub mod profile;
+pub mod pyramid;
+pub mod ray;
+
+#[cfg(test)]
+mod tests;
+
+pub use autocorrelation::{Correlation, Texture, correlation};
+pub use difference::{Difference, DifferenceError, Volumes, volumes};
+pub use filter::{Filter, Filtered};
+pub use fit::{FormError, fit};
+pub use form::{Form, FormKind, FormNumbers, Residual};
+pub use iso::{Iso, Roughness, roughness};
+pub use material::Material;
+pub use part::{Disc, Part, window_of};
+pub use pick::{Pick, pick};
+pub use probe::{Probe, Sample, gradient, nearest, probe, probe_sample};
+pub use profile::{Profile, ProfilePoint, profile};
+pub use pyramid::Pyramid;
+pub use ray::{Hit, MinMax, Ray, Rise, cast, cast_all, height_ratio};
+pub use tiles::{OnSurface, Tiles};

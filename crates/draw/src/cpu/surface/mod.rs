@@ -1,0 +1,23 @@
+//! Measured height fields on the processor: points far away, triangles near by, rays as the reference, and what was not measured stays open.
+//!
+//! [`source`] is what is read, [`select`] chooses chunks for a view, [`stitch`] makes one surface of them, [`raster`] and [`rays`] find what each
+//! pixel shows, [`resolve`] where that is, and [`shade`] what it looks like; [`picture`] does it all.
+
+pub mod lattice;
+pub mod look;
+pub mod memory;
+pub mod picture;
+pub mod placed;
+pub mod raster;
+pub mod rays;
+pub mod resolve;
+pub mod select;
+pub mod shade;
+pub mod sight;
+pub mod source;
+pub mod stitch;
+
+#[cfg(test)]
+mod tests;
+
+pub use picture::{SurfaceOptions, SurfacePicture, SurfaceReport, draw};

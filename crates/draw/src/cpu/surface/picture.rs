@@ -1,0 +1,170 @@
+//! A picture of a surface, from the choice of its chunks to its colours.
+
+use super::placed::Placed;
+use super::raster::{self, Visibility};
+use super::rays::Caster;
+use super::resolve::{CHANNELS, NOTHING, Resolver};
+use super::select::{Choice, MOST_NODES, SurfaceCut, Technique, choose};
+use super::shade::{Look, Shader};
+use super::sight::Sight;
+use super::source::SurfaceNodes;
+use super::stitch::Scene;
+use crate::color::Colors;
+use rayon::prelude::*;
+
+/// How a surface is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceOptions {
+    /// Points, triangles, rays, or what fits.
+    pub technique: Technique,
+    /// Largest error, pixels; 0: none.
+    pub tau: f64,
+    /// Samples of a pixel; the next square number is taken.
+    pub samples: u32,
+    /// Most chunks.
+    pub most_nodes: usize,
+    /// Whether raw channels are wanted.
+    pub raw: bool,
+    /// What it looks like; `None` where colours are not wanted.
+    pub look: Option<Look>,
+}
+
+impl Default for SurfaceOptions {
+    fn default() -> SurfaceOptions {
+        let technique = Technique::default();
+        SurfaceOptions { technique, tau: 0.8, samples: 4, most_nodes: MOST_NODES, raw: false, look: None }
+    }
+}
+
+/// What was drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceReport {
+    /// The largest distance of what is drawn from where it is, pixels; infinite where a stand-in reaches the eye.
+    pub error_px: f64,
+    /// Whether nothing is missing.
+    pub is_converged: bool,
+    /// Samples of the chunks that were drawn.
+    pub samples_drawn: u64,
+    /// Samples drawn as points.
+    pub points: u64,
+    /// Triangles drawn.
+    pub triangles: u64,
+    /// Chunks drawn.
+    pub nodes_drawn: u64,
+    /// The finest and the coarsest level drawn.
+    pub levels: [u8; 2],
+    /// The sum of alpha, pixels.
+    pub covered: f64,
+}
+
+/// A picture of a surface.
+#[derive(Clone, Debug, Default)]
+pub struct SurfacePicture {
+    /// Colours, where they are wanted.
+    pub colors: Colors,
+    /// Depth, x, y, height, row, column and coverage at pixels' centres, row by row; NaN where nothing is. Empty where not wanted.
+    pub raw: Vec<[f64; CHANNELS]>,
+    /// Depth at pixels' centres, row by row; infinite where nothing is. Of the first sample where only colours are wanted.
+    pub depth: Vec<f32>,
+    /// What was drawn.
+    pub report: SurfaceReport,
+}
+
+/// The chunks that a picture needs, for a view in its own pixels: as [`draw`] chooses them.
+pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> SurfaceCut {
+    let parts = if options.look.is_some() { parts(options.samples) } else { 1 };
+    let choice = Choice {
+        tau: options.tau * f64::from(parts),
+        technique: options.technique,
+        looks: options.look.is_some(),
+        most: options.most_nodes,
+    };
+    choose(source, placed, &sight.refined(parts), &choice)
+}
+
+/// Samples along a pixel's side.
+fn parts(samples: u32) -> u32 {
+    (1..8).find(|parts| parts * parts >= samples).unwrap_or(8)
+}
+
+/// Draws a surface. The picture does not depend on the number of threads.
+pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> SurfacePicture {
+    let mut picture = SurfacePicture::default();
+    if let Some(look) = &options.look {
+        let parts = parts(options.samples);
+        let fine = sight.refined(parts);
+        let scene = Scene::new(source, placed, chosen(source, placed, sight, options));
+        let (seen, counts) = visible(&scene, &fine, options.technique);
+        picture.report = report(&scene, counts, f64::from(parts));
+        let [width, height] = sight.size();
+        let shader = Shader::new(&scene, &fine, look, parts);
+        let (colors, depth) = shader.shade(&seen, [width as usize, height as usize]);
+        picture.report.covered = colors.iter().map(|color| f64::from(color[3])).sum();
+        picture.colors = Colors { width, height, rgba: colors };
+        picture.depth = depth;
+    }
+    if options.raw {
+        // Raw channels are of the pixels' centres, and so drawn with one sample a pixel.
+        let choice = SurfaceOptions { look: None, ..options.clone() };
+        let scene = Scene::new(source, placed, chosen(source, placed, sight, &choice));
+        let (seen, counts) = visible(&scene, sight, options.technique);
+        let resolver = Resolver::new(&scene, sight);
+        let width = seen.width;
+        picture.raw = (0..width * seen.height)
+            .into_par_iter()
+            .map(|index| {
+                let pixel = [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5];
+                let hit = seen.at(index).and_then(|shown| resolver.hit(shown, pixel));
+                hit.map_or(NOTHING, |hit| hit.raw(&scene))
+            })
+            .collect();
+        let raw = report(&scene, counts, 1.0);
+        let covered = picture.raw.iter().map(|channels| if channels[6].is_nan() { 0.0 } else { channels[6] }).sum();
+        picture.report = match options.look {
+            // Both pictures are within what is reported.
+            Some(_) => SurfaceReport {
+                error_px: raw.error_px.max(picture.report.error_px),
+                is_converged: raw.is_converged && picture.report.is_converged,
+                ..picture.report
+            },
+            None => SurfaceReport { covered, ..raw },
+        };
+        picture.depth = picture
+            .raw
+            .iter()
+            .map(|channels| if channels[0].is_nan() { f32::INFINITY } else { channels[0] as f32 })
+            .collect();
+    }
+    picture
+}
+
+/// What is seen in each pixel, and how many samples, points and triangles were drawn.
+fn visible(scene: &Scene, sight: &Sight, technique: Technique) -> (Visibility, [u64; 3]) {
+    let seen = Visibility::new(sight.size());
+    let counts = match sight {
+        Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => raster::draw(scene, view, &seen),
+        _ => {
+            Caster::new(scene).draw(sight, &seen);
+            let points = raster::draw_lone(scene, sight, &seen);
+            let samples = scene.meshes.iter().map(|mesh| mesh.samples.heights.len() as u64).sum();
+            [samples, points, 0]
+        }
+    };
+    (seen, counts)
+}
+
+fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
+    let nodes = &scene.cut.nodes;
+    let error = nodes.iter().map(|node| node.error_px).fold(0.0, f64::max);
+    let level = |pick: fn(u8, u8) -> u8, first: u8| nodes.iter().map(|node| node.key.level).fold(first, pick);
+    SurfaceReport {
+        error_px: error / parts,
+        is_converged: scene.cut.is_converged,
+        samples_drawn,
+        points,
+        triangles,
+        nodes_drawn: nodes.len() as u64,
+        levels: if nodes.is_empty() { [0; 2] } else { [level(u8::min, u8::MAX), level(u8::max, 0)] },
+        covered: 0.0,
+    }
+}

@@ -1,0 +1,196 @@
+//! A height field in the world: where its samples stand, and rays in its own coordinates.
+
+use deepfield_heights::model::{HeightGrid, units};
+use glam::DVec3;
+
+/// How rows and columns become places.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Map {
+    /// `x` and `y` as the file has them.
+    #[default]
+    Plate,
+    /// Lengths about the middle of a field in degrees, on a sphere of this radius in the unit of heights.
+    Local {
+        /// Radius of the body, in the unit of heights.
+        radius: f64,
+    },
+    /// On a sphere about the world's origin: `(radius + height)` times the direction of a longitude and latitude; `x` is longitude 0,
+    /// `y` 90 degrees east, `z` north.
+    Globe {
+        /// Radius of the body, in the unit of heights.
+        radius: f64,
+    },
+}
+
+/// A field in the world: `z = base + exaggeration (height - base)`, in the unit of `x` and `y` where both are lengths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// Samples along rows (columns) and along columns (rows).
+    pub samples: [u64; 2],
+    /// Where sample (0, 0) is in the file's coordinates.
+    pub file_origin: [f64; 2],
+    /// From a column and from a row to the next in the file's coordinates.
+    pub file_step: [f64; 2],
+    /// Where sample (0, 0) is in the world (a globe: longitude and latitude).
+    pub origin: [f64; 2],
+    /// From a column and from a row to the next in the world (a globe: degrees).
+    pub step: [f64; 2],
+    /// World `z` (a globe: above its radius) of height 0.
+    pub zero: f64,
+    /// World `z` of a unit of height.
+    pub lift: f64,
+    /// The same without exaggeration.
+    pub true_lift: f64,
+    /// How rows and columns become places.
+    pub map: Map,
+}
+
+/// A ray in a flat field's coordinates: column, row, height. Its parameter is that of the ray in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GridRay {
+    /// Where the parameter is 0.
+    pub origin: [f64; 3],
+    /// What a unit of the parameter adds.
+    pub direction: [f64; 3],
+}
+
+impl GridRay {
+    /// Column, row and height at a parameter.
+    pub fn at(&self, t: f64) -> [f64; 3] {
+        std::array::from_fn(|axis| t.mul_add(self.direction[axis], self.origin[axis]))
+    }
+}
+
+impl Placed {
+    /// A grid in the world. Heights are converted where both units are lengths; a field in degrees takes its heights as lengths of the body
+    /// that the map names.
+    pub fn new(grid: &HeightGrid, map: Map, exaggeration: f64, base: f64) -> Placed {
+        let mut ratio = match (units::metres(&grid.height_unit), units::metres(&grid.xy_unit)) {
+            (Some(height), Some(place)) => height / place,
+            _ => 1.0,
+        };
+        let (mut origin, mut step) = (grid.origin, grid.step);
+        if units::is_degrees(&grid.xy_unit) {
+            match map {
+                Map::Local { radius } => {
+                    let last = [grid.columns - 1, grid.rows - 1].map(|last| last as f64);
+                    let middle: [f64; 2] = std::array::from_fn(|k| (0.5 * last[k]).mul_add(step[k], origin[k]));
+                    let length = [radius.to_radians() * middle[1].to_radians().cos(), radius.to_radians()];
+                    origin = std::array::from_fn(|k| (origin[k] - middle[k]) * length[k]);
+                    step = std::array::from_fn(|k| step[k] * length[k]);
+                }
+                Map::Globe { .. } | Map::Plate => ratio = 1.0,
+            }
+        }
+        Placed {
+            samples: [grid.columns, grid.rows],
+            file_origin: grid.origin,
+            file_step: grid.step,
+            origin,
+            step,
+            zero: ratio * base * (1.0 - exaggeration),
+            lift: ratio * exaggeration,
+            true_lift: ratio,
+            map,
+        }
+    }
+
+    /// Whether rows, columns and heights are straight axes of the world.
+    pub fn is_flat(&self) -> bool {
+        !matches!(self.map, Map::Globe { .. })
+    }
+
+    /// World `z` of a height, or what stands above a globe's radius.
+    pub fn lifted(&self, height: f64) -> f64 {
+        self.lift.mul_add(height, self.zero)
+    }
+
+    /// A place of the surface in the world, with fractions of rows and columns.
+    pub fn world(&self, row: f64, column: f64, height: f64) -> DVec3 {
+        let x = column.mul_add(self.step[0], self.origin[0]);
+        let y = row.mul_add(self.step[1], self.origin[1]);
+        match self.map {
+            Map::Globe { radius } => (radius + self.lifted(height)) * Placed::direction(x, y),
+            _ => DVec3::new(x, y, self.lifted(height)),
+        }
+    }
+
+    /// The direction of a longitude and a latitude, degrees.
+    pub fn direction(longitude: f64, latitude: f64) -> DVec3 {
+        let (sin, cos) = longitude.to_radians().sin_cos();
+        let (up, level) = latitude.to_radians().sin_cos();
+        DVec3::new(level * cos, level * sin, up)
+    }
+
+    /// `x` and `y` of a place in the file's coordinates.
+    pub fn file_place(&self, row: f64, column: f64) -> [f64; 2] {
+        [column.mul_add(self.file_step[0], self.file_origin[0]), row.mul_add(self.file_step[1], self.file_origin[1])]
+    }
+
+    /// The same ray in the field's coordinates; `None` for a globe.
+    pub fn ray(&self, origin: DVec3, direction: DVec3) -> Option<GridRay> {
+        self.is_flat().then(|| GridRay {
+            origin: [
+                (origin.x - self.origin[0]) / self.step[0],
+                (origin.y - self.origin[1]) / self.step[1],
+                (origin.z - self.zero) / self.lift,
+            ],
+            direction: [direction.x / self.step[0], direction.y / self.step[1], direction.z / self.lift],
+        })
+    }
+
+    /// The longest distance between neighbours along rows and along columns, world units.
+    pub fn spacing(&self) -> [f64; 2] {
+        match self.map {
+            Map::Globe { radius } => self.step.map(|degrees| degrees.abs().to_radians() * radius),
+            _ => self.step.map(f64::abs),
+        }
+    }
+
+    /// How far a chord between places that are so many columns and rows apart sinks below a globe, at most: `s^2 / 8 R`; 0 for a flat field.
+    pub fn sag(&self, columns: f64, rows: f64) -> f64 {
+        match self.map {
+            Map::Globe { radius } => {
+                let [x, y] = self.spacing();
+                let length = (x * columns).hypot(y * rows);
+                (length * length / (8.0 * radius)).min(2.0 * radius)
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// Samples as an eye has them: relative to it, by the same operations whoever asks, so that a sample that several nodes share is the same to
+/// the last bit. Columns and rows count from an anchor near the eye, which keeps their products exact where it matters.
+#[derive(Clone, Copy, Debug)]
+pub struct Vantage {
+    placed: Placed,
+    eye: DVec3,
+    /// Column and row of the anchor.
+    anchor: [f64; 2],
+    /// Where the anchor is from the eye.
+    away: [f64; 2],
+}
+
+impl Vantage {
+    /// The field as seen from an eye.
+    pub fn new(placed: &Placed, eye: DVec3) -> Vantage {
+        let at = [eye.x, eye.y];
+        let anchor = std::array::from_fn(|k| {
+            let nearest = ((at[k] - placed.origin[k]) / placed.step[k]).round();
+            nearest.clamp(0.0, (placed.samples[k] - 1) as f64)
+        });
+        let away = std::array::from_fn(|k| anchor[k].mul_add(placed.step[k], placed.origin[k]) - at[k]);
+        Vantage { placed: *placed, eye, anchor, away }
+    }
+
+    /// Where a sample is from the eye.
+    pub fn relative(&self, row: u64, column: u64, height: f64) -> DVec3 {
+        if !self.placed.is_flat() {
+            return self.placed.world(row as f64, column as f64, height) - self.eye;
+        }
+        let [x, y] = [(column, 0), (row, 1)]
+            .map(|(index, k)| (index as f64 - self.anchor[k]).mul_add(self.placed.step[k], self.away[k]));
+        DVec3::new(x, y, self.placed.lifted(height) - self.eye.z)
+    }
+}

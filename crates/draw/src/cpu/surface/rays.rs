@@ -1,0 +1,305 @@
+//! The exact ray caster: the first place where a pixel's ray meets the surface of a cut. The reference for every other technique, and what draws
+//! pictures of all directions.
+//!
+//! From the whole field down to cells, a box of rows, columns and heights is entered only where the ray passes through it, the nearer ones first.
+//! Boxes and cells are closed and a hair wider than they are, so that no ray slips between two of them.
+
+use super::placed::GridRay;
+use super::raster::{Shown, Visibility};
+use super::sight::Sight;
+use super::stitch::{Mesh, Scene};
+use crate::model::Bounds;
+use deepfield_heights::model::Triangle;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// How much wider than they are cells and boxes are, in cells.
+const HAIR: f64 = 1e-9;
+
+/// A closed range of heights; empty where nothing is.
+type Range = [f64; 2];
+
+const EMPTY: Range = [f64::INFINITY, f64::NEG_INFINITY];
+
+fn joined(a: Range, b: Range) -> Range {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
+/// What a hit is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayHit {
+    /// The ray's parameter: the depth.
+    pub t: f64,
+    /// What was hit.
+    pub shown: Shown,
+}
+
+/// Ranges of heights over squares of a chunk's cells, from single cells up.
+struct Pyramid {
+    levels: Vec<Squares>,
+}
+
+struct Squares {
+    rows: usize,
+    columns: usize,
+    ranges: Vec<Range>,
+}
+
+impl Pyramid {
+    fn new(mesh: &Mesh) -> Pyramid {
+        let (rows, columns) = (mesh.samples.rows - 1, mesh.samples.columns - 1);
+        let cell = |index: usize| {
+            let cell = mesh.cell(index / columns, index % columns);
+            // Two corners hold nothing.
+            let heights = cell.0.into_iter().filter(|height| !height.is_nan() && cell.measured() > 2);
+            heights.fold(EMPTY, |range, height| joined(range, [height; 2]))
+        };
+        let mut levels = vec![Squares { rows, columns, ranges: (0..rows * columns).map(cell).collect() }];
+        while let Some(last) = levels.last()
+            && (last.rows > 1 || last.columns > 1)
+        {
+            let (rows, columns) = (last.rows.div_ceil(2), last.columns.div_ceil(2));
+            let square = |index: usize| {
+                let (row, column) = (2 * (index / columns), 2 * (index % columns));
+                let parts = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(down, right)| [row + down, column + right]);
+                let parts = parts.into_iter().filter(|[r, c]| *r < last.rows && *c < last.columns);
+                parts.fold(EMPTY, |range, [r, c]| joined(range, last.ranges[r * last.columns + c]))
+            };
+            let next = Squares { rows, columns, ranges: (0..rows * columns).map(square).collect() };
+            levels.push(next);
+        }
+        Pyramid { levels }
+    }
+
+    fn range(&self) -> Range {
+        self.levels.last().and_then(|level| level.ranges.first()).copied().unwrap_or(EMPTY)
+    }
+}
+
+/// A part of the quadtree with something drawn below it.
+struct Branch {
+    rectangle: [[u64; 2]; 2],
+    range: Range,
+    below: Below,
+}
+
+enum Below {
+    Mesh(usize),
+    /// By row and column.
+    Parts([Option<usize>; 4]),
+}
+
+/// A scene that rays are cast through.
+pub struct Caster<'a> {
+    scene: &'a Scene,
+    pyramids: Vec<Pyramid>,
+    branches: Vec<Branch>,
+    root: Option<usize>,
+}
+
+impl<'a> Caster<'a> {
+    /// Prepares a scene.
+    pub fn new(scene: &'a Scene) -> Caster<'a> {
+        let pyramids = scene.meshes.par_iter().map(Pyramid::new).collect();
+        let mut caster = Caster { scene, pyramids, branches: Vec::new(), root: None };
+        let root = scene.lattice.root();
+        caster.root = caster.branch(root, &scene.meshes.iter().enumerate().map(|(number, _)| number).collect::<Vec<_>>());
+        caster
+    }
+
+    /// The part of the tree at a chunk; `meshes` are those in it.
+    fn branch(&mut self, key: super::lattice::NodeKey, meshes: &[usize]) -> Option<usize> {
+        if meshes.is_empty() {
+            return None;
+        }
+        let rectangle = self.scene.lattice.rectangle(key);
+        let own = meshes.iter().find(|number| self.scene.meshes[**number].node.key == key);
+        let (range, below) = match own {
+            Some(number) => (self.pyramids[*number].range(), Below::Mesh(*number)),
+            None if key.level == 0 => return None,
+            None => {
+                let parts = key.children().map(|child| {
+                    let is_in = |number: &&usize| {
+                        let own = self.scene.meshes[**number].node.key;
+                        own.level <= child.level && own.ancestor(child.level) == child
+                    };
+                    let inside: Vec<usize> = meshes.iter().filter(is_in).copied().collect();
+                    self.branch(child, &inside)
+                });
+                let range = parts.iter().flatten().fold(EMPTY, |range, part| joined(range, self.branches[*part].range));
+                (range, Below::Parts(parts))
+            }
+        };
+        self.branches.push(Branch { rectangle, range, below });
+        Some(self.branches.len() - 1)
+    }
+
+    /// The first hit of a ray between two parameters.
+    pub fn cast(&self, ray: &GridRay, [from, to]: [f64; 2]) -> Option<RayHit> {
+        self.root.and_then(|root| self.cast_branch(root, ray, [from, to]))
+    }
+
+    fn cast_branch(&self, number: usize, ray: &GridRay, span: [f64; 2]) -> Option<RayHit> {
+        let branch = &self.branches[number];
+        let [rows, columns] = branch.rectangle.map(|ends| ends.map(|end| end as f64));
+        let span = within(ray, rows, columns, branch.range, span)?;
+        match &branch.below {
+            Below::Mesh(mesh) => {
+                let top = self.pyramids[*mesh].levels.len() - 1;
+                self.cast_square(*mesh, top, [0, 0], ray, span)
+            }
+            Below::Parts(parts) => {
+                let [row, column] = backwards(ray);
+                let order = [(row, column), (row, 1 - column), (1 - row, column), (1 - row, 1 - column)];
+                self.nearest(ray, order.into_iter().filter_map(|(r, c)| parts[2 * r + c]), span)
+            }
+        }
+    }
+
+    fn nearest(&self, ray: &GridRay, parts: impl Iterator<Item = usize>, span: [f64; 2]) -> Option<RayHit> {
+        for part in parts {
+            if let Some(hit) = self.cast_branch(part, ray, span) {
+                return Some(hit);
+            }
+        }
+        None
+    }
+
+    fn cast_square(&self, number: usize, level: usize, [row, column]: [usize; 2], ray: &GridRay, span: [f64; 2]) -> Option<RayHit> {
+        let mesh = &self.scene.meshes[number];
+        let squares = self.pyramids[number].levels.get(level).filter(|squares| row < squares.rows && column < squares.columns)?;
+        let ends = |places: &[u64], index: usize| {
+            let last = places.len() - 1;
+            [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
+        };
+        let (rows, columns) = (ends(&mesh.rows, row), ends(&mesh.columns, column));
+        let span = within(ray, rows, columns, squares.ranges[row * squares.columns + column], span)?;
+        if level == 0 {
+            return self.cast_cell(number, [row, column], ray, span[0]);
+        }
+        let [down, right] = backwards(ray);
+        let order = [(down, right), (down, 1 - right), (1 - down, right), (1 - down, 1 - right)];
+        order.into_iter().find_map(|(r, c)| self.cast_square(number, level - 1, [2 * row + r, 2 * column + c], ray, span))
+    }
+
+    fn cast_cell(&self, number: usize, [row, column]: [usize; 2], ray: &GridRay, from: f64) -> Option<RayHit> {
+        let mesh = &self.scene.meshes[number];
+        let frame = CellFrame::of(mesh, [row, column]);
+        let local = frame.ray(ray);
+        let mut best: Option<RayHit> = None;
+        for (slot, triangle) in mesh.cell(row, column).triangles().enumerate() {
+            let Some(t) = local.meets(&triangle) else { continue };
+            let [u, v, _] = local.0.at(t);
+            let [k, m, n] = triangle.edge;
+            let is_in = u.min(v) >= -HAIR && u.max(v) <= 1.0 + HAIR && k + m * u + n * v >= -HAIR;
+            if is_in && t >= from - HAIR * from.abs() && best.is_none_or(|best| t < best.t) {
+                best = Some(RayHit { t, shown: Shown { node: number, at: [row, column], slot: Some(slot) } });
+            }
+        }
+        best
+    }
+
+    /// Casts a ray for each pixel of a picture.
+    pub fn draw(&self, sight: &Sight, picture: &Visibility) {
+        (0..picture.height).into_par_iter().for_each(|y| {
+            for x in 0..picture.width {
+                let Some((origin, direction)) = sight.ray([x as f64 + 0.5, y as f64 + 0.5]) else { continue };
+                let Some(ray) = self.scene.placed.ray(origin, direction) else { continue };
+                let Some(span) = kept(&sight.cut().bounds, origin, direction) else { continue };
+                if let Some(hit) = self.cast(&ray, span) {
+                    picture.put(y * picture.width + x, hit.t, hit.shown.pack());
+                }
+            }
+        });
+    }
+}
+
+/// A cell's place in its field.
+#[derive(Clone, Copy, Debug)]
+pub struct CellFrame {
+    /// Row and column of its first sample.
+    pub first: [f64; 2],
+    /// How many rows and columns of full resolution it is.
+    pub size: [f64; 2],
+}
+
+impl CellFrame {
+    /// That of a chunk's cell.
+    pub fn of(mesh: &Mesh, [row, column]: [usize; 2]) -> CellFrame {
+        let size = |places: &[u64], at: usize| (places[at + 1] - places[at]) as f64;
+        CellFrame {
+            first: [mesh.rows[row] as f64, mesh.columns[column] as f64],
+            size: [size(&mesh.rows, row), size(&mesh.columns, column)],
+        }
+    }
+
+    /// The same ray with `u` and `v` from 0 to 1 across the cell.
+    pub fn ray(&self, ray: &GridRay) -> LocalRay {
+        let GridRay { origin, direction } = ray;
+        LocalRay(GridRay {
+            origin: [(origin[0] - self.first[1]) / self.size[1], (origin[1] - self.first[0]) / self.size[0], origin[2]],
+            direction: [direction[0] / self.size[1], direction[1] / self.size[0], direction[2]],
+        })
+    }
+}
+
+/// A ray in a cell's coordinates.
+#[derive(Clone, Copy, Debug)]
+pub struct LocalRay(pub GridRay);
+
+impl LocalRay {
+    /// Where it meets the plane of a triangle; `None` where it does not.
+    pub fn meets(&self, triangle: &Triangle) -> Option<f64> {
+        let ([p, q, s], GridRay { origin, direction }) = (triangle.at, self.0);
+        let t = (p + q * origin[0] + s * origin[1] - origin[2]) / (direction[2] - q * direction[0] - s * direction[1]);
+        t.is_finite().then_some(t)
+    }
+}
+
+/// Row and column of the part of four that a ray is in first: 1 where it goes to smaller numbers.
+fn backwards(ray: &GridRay) -> [usize; 2] {
+    [usize::from(ray.direction[1] < 0.0), usize::from(ray.direction[0] < 0.0)]
+}
+
+/// The part of a ray in a box; `None` where it passes by.
+fn within(ray: &GridRay, rows: [f64; 2], columns: [f64; 2], range: Range, [mut from, mut to]: [f64; 2]) -> Option<[f64; 2]> {
+    if range[0] > range[1] {
+        return None;
+    }
+    let hair = HAIR * (range[1] - range[0]) + 1e-12 * range[0].abs().max(range[1].abs());
+    let sides = [columns, rows, range];
+    let hairs = [columns[1], rows[1]].map(|end| HAIR + 1e-14 * end);
+    for axis in 0..3 {
+        let hair = if axis == 2 { hair } else { hairs[axis] };
+        let (low, high) = (sides[axis][0] - hair, sides[axis][1] + hair);
+        let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
+        if direction == 0.0 {
+            if origin < low || origin > high {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = ((low - origin) / direction, (high - origin) / direction);
+        from = from.max(a.min(b));
+        to = to.min(a.max(b));
+    }
+    (from <= to).then_some([from, to])
+}
+
+/// The part of a ray before the eye, in a box of the world.
+fn kept(bounds: &Bounds, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
+    let (mut from, mut to) = (0.0_f64, f64::INFINITY);
+    for axis in 0..3 {
+        let (low, high) = (bounds.min[axis], bounds.max[axis]);
+        if direction[axis] == 0.0 {
+            if origin[axis] < low || origin[axis] > high {
+                return None;
+            }
+            continue;
+        }
+        let (a, b) = ((low - origin[axis]) / direction[axis], (high - origin[axis]) / direction[axis]);
+        from = from.max(a.min(b));
+        to = to.min(a.max(b));
+    }
+    (from <= to).then_some([from, to])
+}

@@ -1,0 +1,368 @@
+//! Which chunks are drawn for a view, and as what.
+//!
+//! From the whole field downwards a chunk is refined while
+//! - its largest distance from T may show as more than `tau` pixels,
+//! - or there are holes in it and neighbouring samples may be more than `tau` pixels apart: so no pixel further than that inside a hole is
+//!   covered, and none further inside T is missing,
+//! - or what it looks like differs from what finer levels look like, and its samples are more than a pixel apart.
+//!
+//! The worst is refined first, so that what a budget leaves out is what shows least. A chunk whose finer ones are not there stands in for them.
+
+use super::lattice::{Lattice, NodeKey};
+use super::placed::Placed;
+use super::sight::Sight;
+use super::source::{NodeFacts, SurfaceNodes};
+use crate::model::Bounds;
+use crate::view::Extent;
+use glam::DVec3;
+use std::cmp::Ordering;
+use std::collections::{BinaryHeap, HashMap};
+
+/// Points are drawn where neighbours are at most so many pixels apart: a pixel, less what snapping to the rasteriser's lattice may add.
+pub const POINT_LIMIT: f64 = 0.999;
+/// The least error in pixels at which points are drawn: they show a place of their pixel, but not its middle.
+pub const EXACT: f64 = 0.05;
+/// Differences of normals, and of colours from 0 to 1, that do not show.
+pub const UNSEEN: f32 = 0.01;
+/// Most chunks of a cut: as many as a pixel's number has room for.
+pub const MOST_NODES: usize = 1 << 14;
+
+/// What the surface is drawn as.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Technique {
+    /// Points where they leave no gap, triangles elsewhere.
+    #[default]
+    Hybrid,
+    /// Points of one pixel, whatever gaps they leave.
+    Points,
+    /// Triangles alone.
+    Triangles,
+    /// A ray for each pixel: the reference.
+    Rays,
+}
+
+/// What a chunk is drawn as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Primitive {
+    /// A pixel for each sample.
+    Points,
+    /// The triangles of its cells.
+    Triangles,
+}
+
+/// How chunks are chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// Largest error in pixels of the picture that is drawn; 0: none.
+    pub tau: f64,
+    /// What the surface is drawn as.
+    pub technique: Technique,
+    /// Whether what it looks like counts: not where only places are asked for.
+    pub looks: bool,
+    /// Most chunks.
+    pub most: usize,
+}
+
+/// A chunk that is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CutNode {
+    /// Which one.
+    pub key: NodeKey,
+    /// What it says of itself.
+    pub facts: NodeFacts,
+    /// The box that holds it in the world.
+    pub extent: Extent,
+    /// What it is drawn as.
+    pub primitive: Primitive,
+    /// The largest error of its pixels, pixels.
+    pub error_px: f64,
+    /// What borders with coarser chunks add to `facts.delta` there, in units of height.
+    pub added: f64,
+}
+
+/// The chunks that are drawn: none lies in another.
+#[derive(Clone, Debug, Default)]
+pub struct SurfaceCut {
+    /// In the order of their keys.
+    pub nodes: Vec<CutNode>,
+    /// The number of each chunk.
+    index: HashMap<NodeKey, usize>,
+    levels: Vec<u8>,
+    /// Chunks that would be drawn if they were there, the worst first: those that they would refine, and the error in pixels.
+    pub missing: Vec<(NodeKey, f64)>,
+    /// Whether nothing is missing and the budget sufficed.
+    pub is_converged: bool,
+}
+
+impl SurfaceCut {
+    /// The chunk that holds a cell of full resolution.
+    pub fn at(&self, row: u64, column: u64) -> Option<usize> {
+        self.levels.iter().find_map(|&level| {
+            let shift = u32::from(level) + 8;
+            let key = NodeKey { level, row: (row >> shift) as u32, column: (column >> shift) as u32 };
+            self.index.get(&key).copied()
+        })
+    }
+
+    /// The number of a chunk that is drawn.
+    pub fn number(&self, key: NodeKey) -> Option<usize> {
+        self.index.get(&key).copied()
+    }
+
+    /// The same without some chunks.
+    pub fn without(self, is_left_out: impl Fn(&NodeKey) -> bool) -> SurfaceCut {
+        let SurfaceCut { nodes, missing, is_converged, .. } = self;
+        let nodes = nodes.into_iter().filter(|node| !is_left_out(&node.key)).collect();
+        SurfaceCut { missing, is_converged, ..SurfaceCut::new(nodes) }
+    }
+
+    /// A cut of these chunks, of which none lies in another, in any order.
+    pub fn new(mut nodes: Vec<CutNode>) -> SurfaceCut {
+        nodes.sort_by_key(|node| node.key);
+        let index = nodes.iter().enumerate().map(|(number, node)| (node.key, number)).collect();
+        let mut levels: Vec<u8> = nodes.iter().map(|node| node.key.level).collect();
+        levels.dedup();
+        SurfaceCut { nodes, index, levels, ..SurfaceCut::default() }
+    }
+}
+
+/// A chunk on the way to the cut, and how many times too coarse it is.
+struct Waiting {
+    want: f64,
+    node: CutNode,
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Waiting) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Waiting {}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Waiting) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Waiting) -> Ordering {
+        self.want.total_cmp(&other.want).then_with(|| other.node.key.cmp(&self.node.key))
+    }
+}
+
+/// Chooses the chunks for a view, whose pixels are the samples of the picture.
+pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice: &Choice) -> SurfaceCut {
+    let lattice = source.lattice();
+    // A border that is laid upon a coarser one may reach beyond its chunk's box by what shows as `tau` pixels.
+    let padded = match sight {
+        Sight::Flat(view) => Sight::Flat(view.padded((choice.tau.min(64.0)).ceil() as u32 + 2)),
+        around => *around,
+    };
+    let chooser = Chooser { source, placed, sight, padded, choice, lattice };
+    let mut waiting = BinaryHeap::new();
+    waiting.extend(chooser.visit(lattice.root()));
+    let (mut done, mut missing): (Vec<CutNode>, Vec<(NodeKey, f64)>) = (Vec::new(), Vec::new());
+    let most = choice.most.clamp(1, MOST_NODES);
+    let mut is_within = true;
+    while let Some(Waiting { want, node }) = waiting.pop() {
+        if want <= 1.0 {
+            done.push(node);
+            continue;
+        }
+        let finer = chooser.finer(node.key);
+        match finer {
+            Some(_) if done.len() + waiting.len() + 4 > most => {
+                is_within = false;
+                done.push(node);
+            }
+            Some(finer) => waiting.extend(finer),
+            None => {
+                missing.push((node.key, node.error_px));
+                done.push(node);
+            }
+        }
+    }
+    let mut cut = chooser.balanced(done, most, &mut missing, &mut is_within);
+    missing.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+    cut.is_converged = is_within && missing.is_empty();
+    cut.missing = missing;
+    cut
+}
+
+struct Chooser<'a> {
+    source: &'a dyn SurfaceNodes,
+    placed: &'a Placed,
+    sight: &'a Sight,
+    padded: Sight,
+    choice: &'a Choice,
+    lattice: Lattice,
+}
+
+impl Chooser<'_> {
+    /// A chunk that something may be seen of, and how many times too coarse it is.
+    fn visit(&self, key: NodeKey) -> Option<Waiting> {
+        let facts = self.source.facts(key)?;
+        if facts.is_empty() {
+            return None;
+        }
+        let extent = self.extent(self.lattice.rectangle(key), &facts, key.level);
+        if !self.padded.sees(&extent) || !self.sight.cut().reaches(&extent.bounds) {
+            return None;
+        }
+        let (sight, tau) = (self.sight, self.choice.tau);
+        let error_px = sight.error_pixels(&extent, self.world_delta(&facts, key.level, 0.0));
+        let whole = (1_u64 << key.level) as f64;
+        let spacing = self.placed.spacing().map(|step| step * whole);
+        let apart = spacing[0].hypot(spacing[1]).hypot(facts.step * self.placed.lift);
+        let apart_px = sight.error_pixels(&extent, apart);
+        let is_flat = matches!(sight, Sight::Flat(_));
+        let primitive = match self.choice.technique {
+            Technique::Points if is_flat => Primitive::Points,
+            Technique::Hybrid if is_flat && apart_px <= POINT_LIMIT && tau >= EXACT => Primitive::Points,
+            _ => Primitive::Triangles,
+        };
+        let ratio = |pixels: f64, most: f64| if pixels <= most { 0.0 } else { pixels / most };
+        let mut want = ratio(error_px, tau);
+        if facts.is_mixed() {
+            want = want.max(ratio(apart_px, tau));
+        }
+        if self.choice.technique == Technique::Points {
+            want = want.max(ratio(apart_px, POINT_LIMIT));
+        }
+        if self.choice.looks && facts.deviation > UNSEEN {
+            want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), 1.0));
+        }
+        if key.level == 0 {
+            want = 0.0;
+        }
+        Some(Waiting { want, node: CutNode { key, facts, extent, primitive, error_px, added: 0.0 } })
+    }
+
+    /// The finer chunks in the place of one that something may be seen of; `None` where one of them is not there.
+    fn finer(&self, key: NodeKey) -> Option<Vec<Waiting>> {
+        let children = key.children().into_iter().filter(|child| self.lattice.has(*child));
+        if key.level == 0 || children.clone().any(|child| !self.source.is_there(child)) {
+            return None;
+        }
+        Some(children.filter_map(|child| self.visit(child)).collect())
+    }
+
+    fn world_delta(&self, facts: &NodeFacts, level: u8, added: f64) -> f64 {
+        let whole = (1_u64 << level) as f64;
+        (facts.delta + added) * self.placed.lift.abs() + self.placed.sag(whole, whole)
+    }
+
+    /// The box around a rectangle of samples in the world.
+    fn extent(&self, [rows, columns]: [[u64; 2]; 2], facts: &NodeFacts, level: u8) -> Extent {
+        let heights = [facts.min, facts.max];
+        if self.placed.is_flat() {
+            let corners = rows.iter().zip(columns).zip(heights);
+            let points = corners.map(|((row, column), height)| self.placed.world(*row as f64, column as f64, height));
+            return Extent { bounds: Bounds::of(points.map(|point| point.to_array())), margin: 0.0 };
+        }
+        // Places between those looked at stand out of their box by no more than the arc between them does.
+        const PARTS: u32 = 4;
+        let between = |ends: [u64; 2], part: u32| {
+            ends[0] as f64 + (ends[1] - ends[0]) as f64 * f64::from(part) / f64::from(PARTS)
+        };
+        let points = (0..=PARTS).flat_map(|i| (0..=PARTS).map(move |j| (i, j))).flat_map(|(i, j)| {
+            heights.map(|height| self.placed.world(between(rows, i), between(columns, j), height).to_array())
+        });
+        let bounds = Bounds::of(points);
+        let part = |ends: [u64; 2]| (ends[1] - ends[0]) as f64 / f64::from(PARTS);
+        let whole = (1_u64 << level) as f64;
+        let sag = self.placed.sag(part(columns).max(whole), part(rows).max(whole));
+        Extent { bounds: Bounds { min: bounds.min - DVec3::splat(sag), max: bounds.max + DVec3::splat(sag) }, margin: 0.0 }
+    }
+
+    /// Refines chunks until what borders between levels add keeps within the error, too: a finer border lies on the coarser one's edges, which
+    /// are within the coarser chunk's distance of T.
+    fn balanced(
+        &self,
+        mut nodes: Vec<CutNode>,
+        most: usize,
+        missing: &mut Vec<(NodeKey, f64)>,
+        is_within: &mut bool,
+    ) -> SurfaceCut {
+        loop {
+            let mut cut = SurfaceCut::new(nodes);
+            let mut coarse = Vec::new();
+            // Coarser ones first: what their own borders add counts for those that lie on them.
+            for number in (0..cut.nodes.len()).rev() {
+                let node = cut.nodes[number];
+                let mut worst = node.error_px;
+                for (other, strip) in self.coarser_beside(&cut, &node) {
+                    let beside = cut.nodes[other];
+                    let added = beside.facts.delta + beside.added;
+                    let extent = self.extent(strip, &node.facts, node.key.level);
+                    let error = self.sight.error_pixels(&extent, self.world_delta(&node.facts, node.key.level, added));
+                    if error > self.choice.tau && added > 0.0 && self.padded.sees(&extent) {
+                        coarse.push(beside.key);
+                    }
+                    if self.sight.sees(&extent) {
+                        worst = worst.max(error);
+                    }
+                    cut.nodes[number].added = cut.nodes[number].added.max(added);
+                }
+                cut.nodes[number].error_px = worst;
+            }
+            coarse.sort();
+            coarse.dedup();
+            let mut refined = Vec::new();
+            for key in coarse {
+                if missing.iter().any(|(parent, _)| *parent == key) {
+                    continue;
+                }
+                if cut.nodes.len() + 3 * (refined.len() + 1) > most {
+                    *is_within = false;
+                    break;
+                }
+                match self.finer(key) {
+                    Some(finer) => refined.push((key, finer)),
+                    None => missing.push((key, cut.index.get(&key).map_or(0.0, |number| cut.nodes[*number].error_px))),
+                }
+            }
+            if refined.is_empty() {
+                return cut;
+            }
+            let is_refined = |key: &NodeKey| refined.iter().any(|(refined, _)| refined == key);
+            nodes = cut.nodes.into_iter().filter(|node| !is_refined(&node.key)).map(reset).collect();
+            nodes.extend(refined.into_iter().flat_map(|(_, finer)| finer).map(|waiting| waiting.node));
+            // The error of what stays is worked out anew.
+            for node in &mut nodes {
+                node.error_px = self.sight.error_pixels(&node.extent, self.world_delta(&node.facts, node.key.level, 0.0));
+            }
+        }
+    }
+
+    /// The coarser chunks that share a side with one, each with the rectangle of the cells that lie on it.
+    fn coarser_beside(&self, cut: &SurfaceCut, node: &CutNode) -> Vec<(usize, [[u64; 2]; 2])> {
+        let rectangle @ [rows, columns] = self.lattice.rectangle(node.key);
+        let whole = 1_u64 << node.key.level;
+        let mut found = Vec::new();
+        for (axis, is_last) in [(0, false), (0, true), (1, false), (1, true)] {
+            // A coarser neighbour is beside the whole side, and at the rim there is none.
+            let [first, last] = rectangle[axis];
+            let place = match is_last {
+                false if first == 0 => continue,
+                false => first - 1,
+                true if last + 1 >= self.lattice.samples[axis] => continue,
+                true => last,
+            };
+            let cell = if axis == 0 { [place, columns[0]] } else { [rows[0], place] };
+            let Some(other) = cut.at(cell[0], cell[1]) else { continue };
+            if cut.nodes[other].key.level > node.key.level {
+                let mut strip = rectangle;
+                strip[axis] = if is_last { [last.saturating_sub(whole).max(first), last] } else { [first, (first + whole).min(last)] };
+                found.push((other, strip));
+            }
+        }
+        found
+    }
+}
+
+fn reset(node: CutNode) -> CutNode {
+    CutNode { added: 0.0, ..node }
+}

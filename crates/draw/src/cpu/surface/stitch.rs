@@ -1,0 +1,304 @@
+//! The surface that a cut is: chunks of several levels as one surface without cracks.
+//!
+//! Where chunks of different levels meet, the height at a place of the border is a function of the place and the cut alone
+//! ([`Scene::border`]): of the chunks that hold it the coarsest decides, whose border is straight between its own samples; where one of these
+//! lies on the border of a still coarser chunk, that one decides first. So all chunks that meet at a place have the same height there, across
+//! any number of levels, and the finer border lies on the coarser one's edges.
+//!
+//! A sample of a finer border within an edge of a coarser one is a corner on the finer side only, and rounding may move its picture off the
+//! picture of the edge: so the coarser triangle has it as a corner, too, and is drawn as a fan ([`Mesh::extras`]). Then every edge of a
+//! drawn triangle is an edge of exactly two, or lies at a rim, and its ends come from the same operations on both sides.
+
+use super::lattice::{Lattice, NodeKey};
+use super::placed::Placed;
+use super::select::{CutNode, SurfaceCut};
+use super::source::{NodeSamples, SurfaceNodes};
+use deepfield_heights::model::Cell;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The sides of a chunk: first row, last row, first column, last column.
+pub const SIDES: [(usize, bool); 4] = [(0, false), (0, true), (1, false), (1, true)];
+
+/// A corner that a finer neighbour adds to an edge: row, column, height.
+pub type Extra = (u64, u64, f64);
+
+/// A chunk as it is drawn.
+pub struct Mesh {
+    /// What was chosen.
+    pub node: CutNode,
+    /// Its samples.
+    pub samples: Arc<NodeSamples>,
+    /// Where its rows are.
+    pub rows: Vec<u64>,
+    /// Where its columns are.
+    pub columns: Vec<u64>,
+    /// Its heights where borders changed some.
+    heights: Option<Vec<f64>>,
+    /// Corners that finer neighbours add to the cells along each of its [`SIDES`], ascending; no cells where there are none.
+    pub extras: [Vec<Vec<Extra>>; 4],
+    /// Which of its [`SIDES`] lie on a coarser chunk's.
+    pub is_laid: [bool; 4],
+}
+
+impl Mesh {
+    /// Heights, row by row.
+    pub fn heights(&self) -> &[f64] {
+        self.heights.as_deref().unwrap_or(&self.samples.heights)
+    }
+
+    /// The heights at a cell's corners.
+    pub fn cell(&self, row: usize, column: usize) -> Cell {
+        let first = row * self.samples.columns + column;
+        let next = first + self.samples.columns;
+        let heights = self.heights();
+        Cell([heights[first], heights[first + 1], heights[next], heights[next + 1]])
+    }
+
+    /// Whether a cell lies along a side.
+    pub fn is_along(&self, side: usize, row: usize, column: usize) -> bool {
+        match side {
+            0 => row == 0,
+            1 => row + 2 == self.samples.rows,
+            2 => column == 0,
+            _ => column + 2 == self.samples.columns,
+        }
+    }
+
+    /// Whether a cell of a chunk of points is drawn as triangles: along sides that lie on a coarser chunk's, where its edges may have become
+    /// longer than a pixel.
+    pub fn is_strip(&self, row: usize, column: usize) -> bool {
+        (0..4).any(|side| self.is_laid[side] && self.is_along(side, row, column))
+    }
+
+    /// Whether a sample is a corner of a coarser chunk's edge or lies on it.
+    pub fn is_on_laid(&self, row: usize, column: usize) -> bool {
+        let last = [self.samples.rows - 1, self.samples.columns - 1];
+        let on = [row == 0, row == last[0], column == 0, column == last[1]];
+        (0..4).any(|side| self.is_laid[side] && on[side])
+    }
+
+    /// Whether a measured sample is in none of its triangles. At full resolution: in none of T's.
+    pub fn is_lone(&self, row: usize, column: usize) -> bool {
+        let index = row * self.samples.columns + column;
+        if self.samples.coverage.is_empty() || self.heights()[index].is_nan() {
+            return false;
+        }
+        if self.node.key.level == 0 {
+            return self.samples.coverage[index] == 1;
+        }
+        let last = [self.samples.rows - 1, self.samples.columns - 1];
+        ![(1, 1), (1, 0), (0, 1), (0, 0)].into_iter().any(|(up, left)| {
+            row >= up
+                && column >= left
+                && row - up < last[0]
+                && column - left < last[1]
+                && self.cell(row - up, column - left).triangles().any(|found| found.corners.contains(&(2 * up + left)))
+        })
+    }
+
+    /// The share of a sample that is covered, as it is drawn as a point.
+    pub fn opacity(&self, row: usize, column: usize) -> f32 {
+        match self.samples.coverage_at(row * self.samples.columns + column) {
+            // A measured sample without a triangle is a whole point near by.
+            1 if self.node.key.level == 0 => 1.0,
+            share => f32::from(share) / 255.0,
+        }
+    }
+}
+
+/// All that is drawn.
+pub struct Scene {
+    /// The field in the world.
+    pub placed: Placed,
+    /// Where its samples are.
+    pub lattice: Lattice,
+    /// What was chosen.
+    pub cut: SurfaceCut,
+    /// The chosen chunks, in the cut's order.
+    pub meshes: Vec<Mesh>,
+    /// The chunks that these lie in, which say what they look like from afar.
+    pub ancestors: BTreeMap<NodeKey, Arc<NodeSamples>>,
+}
+
+impl Scene {
+    /// Reads the chosen chunks and joins them. Chunks whose samples are not there are left out, and the cut is not converged.
+    pub fn new(source: &dyn SurfaceNodes, placed: &Placed, mut cut: SurfaceCut) -> Scene {
+        let lattice = source.lattice();
+        let read: Vec<Option<Arc<NodeSamples>>> = cut.nodes.par_iter().map(|node| source.samples(node.key)).collect();
+        if read.iter().any(Option::is_none) {
+            let missing = cut.nodes.iter().zip(&read).filter(|(_, samples)| samples.is_none());
+            let missing: Vec<(NodeKey, f64)> = missing.map(|(node, _)| (node.key, f64::INFINITY)).collect();
+            cut = cut.without(|key| missing.iter().any(|(missing, _)| missing == key));
+            cut.missing.extend(missing);
+            cut.is_converged = false;
+        }
+        let read: Vec<Arc<NodeSamples>> = read.into_iter().flatten().collect();
+        let mut above: Vec<NodeKey> = cut
+            .nodes
+            .iter()
+            .flat_map(|node| (node.key.level + 1..=lattice.top()).map(|level| node.key.ancestor(level)))
+            .collect();
+        above.sort();
+        above.dedup();
+        let ancestors = above.into_par_iter().filter_map(|key| source.samples(key).map(|samples| (key, samples)));
+        let ancestors = ancestors.collect::<Vec<_>>().into_iter().collect();
+        let meshes = cut.nodes.iter().zip(read).map(|(node, samples)| Mesh {
+            node: *node,
+            samples,
+            rows: lattice.positions(node.key, 0),
+            columns: lattice.positions(node.key, 1),
+            heights: None,
+            extras: Default::default(),
+            is_laid: [false; 4],
+        });
+        let meshes = meshes.collect();
+        let mut scene = Scene { placed: *placed, lattice, cut, meshes, ancestors };
+        scene.join();
+        scene
+    }
+
+    /// The samples of a chunk that is drawn or that a drawn one lies in.
+    pub fn samples(&self, key: NodeKey) -> Option<&NodeSamples> {
+        match self.ancestors.get(&key) {
+            Some(samples) => Some(samples),
+            None => self.cut.number(key).map(|number| &*self.meshes[number].samples),
+        }
+    }
+
+    /// Lays finer borders upon coarser ones.
+    fn join(&mut self) {
+        let is_uniform = self.cut.nodes.windows(2).all(|pair| pair[0].key.level == pair[1].key.level);
+        if is_uniform {
+            return;
+        }
+        type Joined = (Option<Vec<f64>>, [Vec<Vec<Extra>>; 4], [bool; 4]);
+        let joined: Vec<Joined> = self.meshes.par_iter().map(|mesh| self.joined(mesh)).collect();
+        for (mesh, (heights, extras, is_laid)) in self.meshes.iter_mut().zip(joined) {
+            (mesh.heights, mesh.extras, mesh.is_laid) = (heights, extras, is_laid);
+        }
+    }
+
+    fn joined(&self, mesh: &Mesh) -> (Option<Vec<f64>>, [Vec<Vec<Extra>>; 4], [bool; 4]) {
+        let mut heights: Option<Vec<f64>> = None;
+        let [last_row, last_column] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
+        let sides = (0..=last_column).flat_map(|c| [(0, c), (last_row, c)]);
+        let ends = (1..last_row).flat_map(|r| [(r, 0), (r, last_column)]);
+        for (r, c) in sides.chain(ends) {
+            let index = r * mesh.samples.columns + c;
+            let own = mesh.samples.heights[index];
+            if own.is_nan() {
+                continue;
+            }
+            let found = self.border(mesh.rows[r], mesh.columns[c]);
+            if !found.is_nan() && found.to_bits() != own.to_bits() {
+                heights.get_or_insert_with(|| mesh.samples.heights.clone())[index] = found;
+            }
+        }
+        let (mut extras, mut is_laid) = (<[Vec<Vec<Extra>>; 4]>::default(), [false; 4]);
+        for (side, (axis, is_last)) in SIDES.into_iter().enumerate() {
+            let lines = [&mesh.rows, &mesh.columns];
+            let line = if is_last { lines[axis][lines[axis].len() - 1] } else { lines[axis][0] };
+            let beyond = match is_last {
+                false if line == 0 => continue,
+                false => line - 1,
+                true if line + 1 >= self.lattice.samples[axis] => continue,
+                true => line,
+            };
+            let along = lines[1 - axis];
+            let neighbour = |place: u64| {
+                let cell = if axis == 0 { [beyond, place] } else { [place, beyond] };
+                self.cut.at(cell[0], cell[1]).map(|number| self.cut.nodes[number].key.level)
+            };
+            if let Some(level) = neighbour(along[0])
+                && level >= mesh.node.key.level
+            {
+                is_laid[side] = level > mesh.node.key.level;
+                continue;
+            }
+            let cells: Vec<Vec<Extra>> = along.windows(2).map(|ends| self.extras(axis, line, [ends[0], ends[1]], neighbour)).collect();
+            if cells.iter().any(|cell| !cell.is_empty()) {
+                extras[side] = cells;
+            }
+        }
+        (heights, extras, is_laid)
+    }
+
+    /// The corners of finer chunks within an edge on a line of constant row (axis 0) or column (axis 1).
+    fn extras(&self, axis: usize, line: u64, [from, to]: [u64; 2], neighbour: impl Fn(u64) -> Option<u8>) -> Vec<Extra> {
+        let mut found = Vec::new();
+        let mut place = from;
+        while place < to {
+            // Where nothing is drawn beside it, the smallest chunk is passed.
+            let level = neighbour(place);
+            let (step, size) = level.map_or((u64::MAX, 256), |level| (1_u64 << level, 256_u64 << level));
+            let end = ((place / size + 1) * size).min(to);
+            if level.is_some() {
+                let first = (place / step + 1) * step;
+                for at in (first..=end).step_by(step as usize).filter(|at| *at < to) {
+                    let (row, column) = if axis == 0 { (line, at) } else { (at, line) };
+                    found.push((row, column, self.border(row, column)));
+                }
+            }
+            // Where something is drawn again behind a gap there is a corner, as chunks begin with one.
+            if level.is_none() && end < to && neighbour(end).is_some() {
+                let (row, column) = if axis == 0 { (line, end) } else { (end, line) };
+                found.push((row, column, self.border(row, column)));
+            }
+            place = end;
+        }
+        found
+    }
+
+    /// The height of a border at a sample of full resolution: of the coarsest chunk there that has one; NaN where none has.
+    pub fn border(&self, row: u64, column: u64) -> f64 {
+        let mut around = [usize::MAX; 4];
+        let cells = [(1, 1), (1, 0), (0, 1), (0, 0)];
+        for (slot, (up, left)) in around.iter_mut().zip(cells) {
+            if row < up || column < left || row - up + 1 >= self.lattice.samples[0] || column - left + 1 >= self.lattice.samples[1] {
+                continue;
+            }
+            *slot = self.cut.at(row - up, column - left).unwrap_or(usize::MAX);
+        }
+        // Chunks are sorted by their level.
+        around.sort_unstable_by(|a, b| b.cmp(a));
+        for (position, &number) in around.iter().enumerate() {
+            if number == usize::MAX || position > 0 && around[position - 1] == number {
+                continue;
+            }
+            let height = self.border_of(&self.meshes[number], [row, column]);
+            if !height.is_nan() {
+                return height;
+            }
+        }
+        f64::NAN
+    }
+
+    /// The height of a chunk's border at a place.
+    fn border_of(&self, mesh: &Mesh, place: [u64; 2]) -> f64 {
+        let key = mesh.node.key;
+        let whole = 1_u64 << key.level;
+        let last = self.lattice.samples.map(|samples| samples - 1);
+        let is_on = |axis: usize| place[axis].is_multiple_of(whole) || place[axis] == last[axis];
+        match (is_on(0), is_on(1)) {
+            (true, true) => {
+                let index = |axis: usize| place[axis].div_ceil(whole) as usize;
+                let (first_row, _) = self.lattice.span(key, 0);
+                let (first_column, _) = self.lattice.span(key, 1);
+                let (row, column) = (index(0) - first_row as usize, index(1) - first_column as usize);
+                mesh.samples.heights[row * mesh.samples.columns + column]
+            }
+            (false, false) => f64::NAN,
+            (on_row, _) => {
+                let axis = usize::from(on_row);
+                let before = place[axis] / whole * whole;
+                let after = (before + whole).min(last[axis]);
+                let end = |at: u64| if on_row { self.border(place[0], at) } else { self.border(at, place[1]) };
+                let share = (place[axis] - before) as f64 / (after - before) as f64;
+                let (from, to) = (end(before), end(after));
+                share.mul_add(to - from, from)
+            }
+        }
+    }
+}

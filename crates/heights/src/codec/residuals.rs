@@ -1,0 +1,131 @@
+//! Whole numbers that are mostly small: Rice codes, with a parameter for every few of them.
+//!
+//! A group of 32 numbers starts with 6 bits: the parameter `k` from 0 to 62, or 63 for a group of zeros, of which nothing follows. A number `n`,
+//! its sign in the lowest bit, is `n >> k` zeros, a one, and the lowest `k` bits; where that would begin with more than 23 zeros, it is 24
+//! zeros, a one and all 64 bits.
+
+use super::bits::{BitReader, BitWriter};
+
+/// Numbers of a group.
+const GROUP: usize = 32;
+/// Bits of a group's head.
+const HEAD: u32 = 6;
+/// The head of a group of zeros.
+const ZEROS: u64 = 63;
+/// So many leading zeros say that the number is written in full.
+const ESCAPE: u32 = 24;
+/// The largest parameter that one look at the bits is enough for.
+const SHORT: u32 = 24;
+
+/// Numbers without sign: 0, -1, 1, -2, 2 ... are 0, 1, 2, 3, 4 ...
+#[inline]
+fn folded(value: i64) -> u64 {
+    ((value << 1) ^ (value >> 63)) as u64
+}
+
+#[inline]
+fn unfolded(value: u64) -> i64 {
+    (value >> 1) as i64 ^ -((value & 1) as i64)
+}
+
+/// Bits of a group with this parameter, without the head.
+fn cost(group: &[u64], k: u32) -> u64 {
+    let one = |value: &u64| match *value >> k {
+        zeros if zeros < u64::from(ESCAPE) => zeros + 1 + u64::from(k),
+        _ => u64::from(ESCAPE) + 65,
+    };
+    group.iter().map(one).sum()
+}
+
+/// Appends the codes of numbers.
+pub(super) fn encode(values: &[i64], out: &mut Vec<u8>) {
+    let mut bits = BitWriter::new(out);
+    for group in values.chunks(GROUP) {
+        let mut held = [0_u64; GROUP];
+        let mut sum = 0_u128;
+        for (held, value) in held.iter_mut().zip(group) {
+            *held = folded(*value);
+            sum += u128::from(*held);
+        }
+        let held = &held[..group.len()];
+        if sum == 0 {
+            bits.put(ZEROS, HEAD);
+            continue;
+        }
+        // The best parameter is near the logarithm of the mean times ln 2.
+        let mean = (sum * 11 / 16 / group.len() as u128) as u64;
+        let guess = (64 - mean.leading_zeros()).saturating_sub(1).min(62);
+        let mut best = (cost(held, guess), guess);
+        for k in [guess.saturating_sub(1), (guess + 1).min(62)] {
+            best = best.min((cost(held, k), k));
+        }
+        let k = best.1;
+        bits.put(u64::from(k), HEAD);
+        for &value in held {
+            let zeros = value >> k;
+            if zeros < u64::from(ESCAPE) {
+                let low = value & ((1 << k) - 1);
+                if k + (zeros as u32) < 32 {
+                    bits.put((1 << k) | low, zeros as u32 + 1 + k);
+                } else {
+                    bits.put(1, zeros as u32 + 1);
+                    bits.put_long(low, k);
+                }
+            } else {
+                bits.put(1, ESCAPE + 1);
+                bits.put_long(value, 64);
+            }
+        }
+    }
+    bits.finish();
+}
+
+/// Reads as many numbers as `out` has from the front of the bytes. Returns how many bytes they take; `None` where there are fewer.
+pub(super) fn decode(bytes: &[u8], out: &mut [i64]) -> Option<usize> {
+    let mut bits = BitReader::new(bytes);
+    for group in out.chunks_mut(GROUP) {
+        let head = bits.get(HEAD);
+        if head == ZEROS {
+            group.fill(0);
+            continue;
+        }
+        let k = head as u32;
+        if k <= SHORT {
+            for value in group {
+                bits.refill();
+                let window = bits.window();
+                let zeros = window.leading_zeros();
+                *value = if zeros < ESCAPE {
+                    // The one and the low bits are `k + 1` bits; taken from the window's top they are the low bits with bit `k` set.
+                    let low = (window << zeros) >> (63 - k);
+                    bits.skip(zeros + 1 + k);
+                    unfolded((u64::from(zeros) << k) + (low - (1 << k)))
+                } else {
+                    escaped(&mut bits)?
+                };
+            }
+        } else {
+            for value in group {
+                bits.refill();
+                let zeros = bits.window().leading_zeros();
+                *value = if zeros < ESCAPE {
+                    bits.skip(zeros + 1);
+                    unfolded((u64::from(zeros) << k) + bits.get_long(k))
+                } else {
+                    escaped(&mut bits)?
+                };
+            }
+        }
+    }
+    let taken = bits.taken();
+    (taken <= bytes.len()).then_some(taken)
+}
+
+/// A number that is written in full.
+#[cold]
+fn escaped(bits: &mut BitReader<'_>) -> Option<i64> {
+    match bits.get(ESCAPE + 1) {
+        1 => Some(unfolded(bits.get_long(64))),
+        _ => None,
+    }
+}

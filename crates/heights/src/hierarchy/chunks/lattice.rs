@@ -1,0 +1,174 @@
+//! Where the samples of a level are, and how they are cut into chunks.
+
+/// A chunk of the quadtree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ChunkKey {
+    /// 0 is full resolution.
+    pub level: u8,
+    /// Its row among the level's chunks.
+    pub row: u32,
+    /// Its column.
+    pub column: u32,
+}
+
+/// The samples of a chunk among those of its level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The first row, in samples of the level.
+    pub row: u64,
+    /// The first column.
+    pub column: u64,
+    /// How many rows; at least 2.
+    pub rows: usize,
+    /// How many columns; at least 2.
+    pub columns: usize,
+}
+
+impl Part {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// Never: a chunk has at least 2 x 2.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// The levels of a field. Pairs are rows, then columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lattice {
+    /// Samples at full resolution; at least 2 each.
+    pub samples: [u64; 2],
+    /// A chunk has `2^side_bits` cells a side.
+    pub side_bits: u32,
+}
+
+/// Cells of a chunk's side are 2 to this.
+pub const SIDE_BITS: u32 = 8;
+
+impl Lattice {
+    /// Of a field, with chunks of 256 x 256 cells.
+    pub fn new(rows: u64, columns: u64) -> Lattice {
+        Lattice { samples: [rows, columns], side_bits: SIDE_BITS }
+    }
+
+    /// Cells of a chunk's side.
+    pub fn side(&self) -> u64 {
+        1 << self.side_bits
+    }
+
+    /// Samples of a level: every `2^level`-th, and the last.
+    pub fn samples_of(&self, level: u32) -> [u64; 2] {
+        self.samples.map(|samples| (samples - 1).div_ceil(1 << level) + 1)
+    }
+
+    /// Chunks of a level.
+    pub fn chunks_of(&self, level: u32) -> [u32; 2] {
+        self.samples_of(level).map(|samples| (samples - 1).div_ceil(self.side()) as u32)
+    }
+
+    /// Number of levels: the last one has one chunk.
+    pub fn levels(&self) -> u32 {
+        (0..64 - self.side_bits).find(|level| self.chunks_of(*level) == [1, 1]).unwrap_or(63 - self.side_bits) + 1
+    }
+
+    /// The root.
+    pub fn root(&self) -> ChunkKey {
+        ChunkKey { level: (self.levels() - 1) as u8, row: 0, column: 0 }
+    }
+
+    /// The row (`axis` 0) or column (1) at full resolution of a level's sample.
+    pub fn place(&self, axis: usize, level: u32, index: u64) -> u64 {
+        (index << level).min(self.samples[axis] - 1)
+    }
+
+    /// The index of a level's sample in the level below it.
+    pub fn below(&self, axis: usize, level: u32, index: u64) -> u64 {
+        let last = (self.samples[axis] - 1).div_ceil(1 << (level - 1));
+        (2 * index).min(last)
+    }
+
+    /// What a sample stands for along an axis, for levels from 1 on: cells from the first up to the second. These parts of a level are the
+    /// whole field, without overlap; those of the last sample may be empty, and then what the sample before it stands for is said of it, too.
+    pub fn stands_for(&self, axis: usize, level: u32, index: u64) -> [u64; 2] {
+        let (half, cells) = (1 << (level - 1), self.samples[axis] - 1);
+        [((index << level).saturating_sub(half)).min(cells), ((index << level) + half).min(cells)]
+    }
+
+    /// Cells of T that a sample stands for.
+    pub fn cells(&self, level: u32, [row, column]: [u64; 2]) -> u64 {
+        let [rows, columns] =
+            [(0, row), (1, column)].map(|(axis, index)| self.stands_for(axis, level, index)).map(|[first, end]| end - first);
+        rows * columns
+    }
+
+    /// The samples of a chunk.
+    pub fn part(&self, key: ChunkKey) -> Part {
+        let [rows, columns] = self.samples_of(key.level.into());
+        let (row, column) = (u64::from(key.row) << self.side_bits, u64::from(key.column) << self.side_bits);
+        let end = |first: u64, count: u64| ((first + self.side() + 1).min(count) - first) as usize;
+        Part { row, column, rows: end(row, rows), columns: end(column, columns) }
+    }
+
+    /// The samples of a leaf, with those around it: a ring of one where the field has them.
+    pub fn ringed(&self, part: Part) -> Part {
+        let [rows, columns] = self.samples;
+        let (row, column) = (part.row.saturating_sub(1), part.column.saturating_sub(1));
+        let end = |first: u64, count: usize, all: u64| (first + count as u64 + 1).min(all);
+        Part {
+            row,
+            column,
+            rows: (end(part.row, part.rows, rows) - row) as usize,
+            columns: (end(part.column, part.columns, columns) - column) as usize,
+        }
+    }
+
+    /// Whether there is such a chunk.
+    pub fn has(&self, key: ChunkKey) -> bool {
+        let [rows, columns] = self.chunks_of(key.level.into());
+        u32::from(key.level) < self.levels() && key.row < rows && key.column < columns
+    }
+
+    /// A chunk's children, in order of rows and columns; none of leaves.
+    pub fn children(&self, key: ChunkKey) -> impl Iterator<Item = ChunkKey> + use<> {
+        let lattice = *self;
+        let child = move |number: u32| {
+            let level = key.level.checked_sub(1)?;
+            let child = ChunkKey { level, row: 2 * key.row + number / 2, column: 2 * key.column + number % 2 };
+            lattice.has(child).then_some(child)
+        };
+        (0..4).filter_map(child)
+    }
+
+    /// A chunk's parent; none of the root.
+    pub fn parent(&self, key: ChunkKey) -> Option<ChunkKey> {
+        let parent = ChunkKey { level: key.level + 1, row: key.row / 2, column: key.column / 2 };
+        self.has(parent).then_some(parent)
+    }
+
+    /// All chunks, level by level from the finest, row by row.
+    pub fn keys(&self) -> impl Iterator<Item = ChunkKey> + use<> {
+        let lattice = *self;
+        (0..lattice.levels()).flat_map(move |level| {
+            let [rows, columns] = lattice.chunks_of(level);
+            (0..rows).flat_map(move |row| (0..columns).map(move |column| ChunkKey { level: level as u8, row, column }))
+        })
+    }
+
+    /// Number of chunks of all levels.
+    pub fn chunks(&self) -> u64 {
+        (0..self.levels()).map(|level| self.chunks_of(level)).map(|[rows, columns]| u64::from(rows) * u64::from(columns)).sum()
+    }
+
+    /// A chunk's number in [`Lattice::keys`].
+    pub fn number(&self, key: ChunkKey) -> usize {
+        let before: usize = (0..u32::from(key.level)).map(|level| self.chunks_of(level)).map(|[rows, columns]| rows as usize * columns as usize).sum();
+        let [_, columns] = self.chunks_of(key.level.into());
+        before + key.row as usize * columns as usize + key.column as usize
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,121 @@
+//! Grids of other programs, written here byte by byte.
+
+use super::hostile::hostile;
+use super::{file_of, heights, open, refusal, same};
+use crate::import::{HeightOptions, open_heights};
+use crate::model::Heights;
+
+const NAN: f64 = f64::NAN;
+
+/// A grid of 3 x 2 of text.
+const DSAA: &str = "DSAA\n3 2\n10 12\r\n-1 1\n0 6\n1 2.5 1.70141e+38\n\n4\n5 6e0\n";
+
+/// The same in single precision.
+fn dsbb() -> Vec<u8> {
+    let mut file = b"DSBB".to_vec();
+    file.extend([3_i16, 2].iter().flat_map(|count| count.to_le_bytes()));
+    file.extend([10.0_f64, 12.0, -1.0, 1.0, 0.0, 6.0].iter().flat_map(|place| place.to_le_bytes()));
+    file.extend([1.0_f32, 2.5, 1.70141e38, 4.0, 5.0, 6.0].iter().flat_map(|height| height.to_le_bytes()));
+    file
+}
+
+/// The same in blocks.
+fn dsrb() -> Vec<u8> {
+    let mut file = b"DSRB\x04\0\0\0\x01\0\0\0GRID\x48\0\0\0\x02\0\0\0\x03\0\0\0".to_vec();
+    let numbers = [10.0, -1.0, 1.0, 2.0, 0.0, 6.0, 0.0, 1.70141e38];
+    file.extend(numbers.iter().flat_map(|number: &f64| number.to_le_bytes()));
+    file.extend(b"DATA\x30\0\0\0");
+    file.extend([1.0, 2.5, 1.70141e38, 4.0, 5.0, 6.0].iter().flat_map(|height: &f64| height.to_le_bytes()));
+    file
+}
+
+#[test]
+fn surfer_grids_of_all_kinds_are_the_same() {
+    for bytes in [DSAA.as_bytes().to_vec(), dsbb(), dsrb()] {
+        let (_folder, path) = file_of("a.grd", &bytes);
+        let source = open(&path);
+        let grid = source.grid();
+        assert_eq!((grid.columns, grid.rows, grid.origin, grid.step), (3, 2, [10.0, -1.0], [1.0, 2.0]));
+        assert!(same(&heights(&source), &[1.0, 2.5, NAN, 4.0, 5.0, 6.0], 0.0), "{:?}", heights(&source));
+    }
+    let said = |text: String| refusal("a.grd", text.as_bytes(), &HeightOptions::default());
+    assert_eq!(said(DSAA.replace("6e0", "")), "a.grd: heights: found 5, expected 6 (3 x 2 of float64)");
+    assert_eq!(said(DSAA.replace("6e0", "6 7")), "a.grd: heights: found more than 6, expected 6 (3 x 2 of float64)");
+    assert_eq!(said(DSAA.replace("2.5", "2,5")), "a.grd: height 1: found 2,5, expected a number");
+    assert!(said(DSAA.replace("3 2", "2147483648 2147483648")).contains("2147483648 x 2147483648"));
+    assert!(said(DSAA.replace("3 2", "30000 20000")).contains("at least 1200000000"));
+    assert!(said(DSAA.replace("10 12", "10 10")).contains("x from first to last: found 0"));
+    let text = refusal("a.grd", &dsrb()[..140], &HeightOptions::default());
+    assert_eq!(text, "a.grd: DATA: found 40 bytes, expected 48 (3 x 2 of float64)");
+}
+
+#[test]
+fn floats_are_described_by_the_file_beside_them() {
+    let floats: Vec<u8> =
+        [1.0_f32, 2.0, -9999.0, 4.0, 5.0, 6.0].iter().flat_map(|height| height.to_be_bytes()).collect();
+    let (folder, path) = file_of("a.flt", &floats);
+    let write = |text: &str| std::fs::write(folder.path().join("a.hdr"), text).unwrap();
+    let header = "ncols 3\r\nNROWS  2\r\nxllcorner 10\r\nyllcenter -1\r\ncellsize 2\r\nNODATA_value -9999\r\nbyteorder MSBFIRST\r\n";
+    write(header);
+    let source = open(&path);
+    assert_eq!((source.grid().origin, source.grid().step), ([11.0, 1.0], [2.0, -2.0]));
+    assert!(same(&heights(&source), &[1.0, 2.0, NAN, 4.0, 5.0, 6.0], 0.0));
+    let said = || open_heights(&path, &HeightOptions::default()).unwrap_err().to_string();
+    write(&header.replace("ncols 3", "ncols 4"));
+    assert!(said().ends_with("a.flt: samples: found 24 bytes, expected 32 (4 x 2 of float32)"), "{}", said());
+    write(&header.replace("cellsize 2", "cellsize nan"));
+    assert!(said().ends_with("a.hdr: cellsize: found NaN, expected a number above 0"), "{}", said());
+    std::fs::remove_file(folder.path().join("a.hdr")).unwrap();
+    assert!(said().contains("not a known format"));
+}
+
+/// A container of a field of 3 x 2.
+fn gwy() -> Vec<u8> {
+    let object = |name: &str, values: &[Vec<u8>]| {
+        let values = values.concat();
+        [name.as_bytes(), b"\0", &(values.len() as u32).to_le_bytes(), &values].concat()
+    };
+    let value = |name: &str, kind: u8, bytes: &[u8]| [name.as_bytes(), &[0, kind], bytes].concat();
+    let unit = |name: &str| value(name, b'o', &object("GwySIUnit", &[value("unitstr", b's', b"m\0")]));
+    let heights: Vec<u8> = (1..7).flat_map(|height| f64::from(height).to_le_bytes()).collect();
+    let field = object(
+        "GwyDataField",
+        &[
+            value("xres", b'i', &3_i32.to_le_bytes()),
+            value("yres", b'i', &2_i32.to_le_bytes()),
+            value("xreal", b'd', &6_f64.to_le_bytes()),
+            value("yreal", b'd', &3_f64.to_le_bytes()),
+            value("xoff", b'd', &10_f64.to_le_bytes()),
+            unit("si_unit_xy"),
+            unit("si_unit_z"),
+            value("data", b'D', &[&6_u32.to_le_bytes()[..], &heights].concat()),
+        ],
+    );
+    let all = [
+        value("/0/data/title", b's', b"Heights\0"),
+        value("/0/base/range-type", b'i', &1_i32.to_le_bytes()),
+        value("names", b'S', b"\x02\0\0\0a\0b\0"),
+        value("/0/data", b'o', &field),
+        value("/0/show", b'b', &[1]),
+    ];
+    [b"GWYP".to_vec(), object("GwyContainer", &all)].concat()
+}
+
+#[test]
+fn gwyddion_fields_are_read() {
+    let (_folder, path) = file_of("a.gwy", &gwy());
+    let source = open(&path);
+    let grid = source.grid();
+    assert_eq!((grid.columns, grid.rows, grid.origin, grid.step), (3, 2, [11.0, 0.75], [2.0, 1.5]));
+    assert_eq!((&*grid.xy_unit.0, &*grid.height_unit.0), ("m", "m"));
+    assert_eq!(heights(&source), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+}
+
+#[test]
+fn damaged_grids() {
+    hostile("hostile.grd", DSAA.as_bytes(), 40, true);
+    hostile("hostile.grd", &dsbb(), 56, true);
+    hostile("hostile.grd", &dsrb(), 100, true);
+    let gwy = gwy();
+    hostile("hostile.gwy", &gwy, gwy.len(), true);
+}

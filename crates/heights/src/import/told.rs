@@ -1,0 +1,29 @@
+//! What the user says in place of the source, and what nobody says.
+
+use super::{HeightOptions, HeightSource, NoData};
+
+/// Puts the options in place of what the source says, and notes what is not stated.
+pub(super) fn overrule(source: &mut HeightSource, options: &HeightOptions) {
+    if let Some(no_data) = options.no_data {
+        source.set_no_data(NoData::Value(no_data));
+    }
+    let about = source.description_mut();
+    let grid = &mut about.grid;
+    if let Some(spacing) = options.spacing {
+        for (step, told) in grid.step.iter_mut().zip(spacing) {
+            *step = told.copysign(*step);
+        }
+        about.has_spacing = true;
+    }
+    if let Some(unit) = &options.xy_unit {
+        grid.xy_unit = unit.clone();
+    }
+    if let Some(unit) = &options.height_unit {
+        grid.height_unit = unit.clone();
+    }
+    if !about.has_spacing {
+        about
+            .notes
+            .push("the distance of samples is not stated: it counts as 1, --spacing DX,DY says otherwise".into());
+    }
+}

@@ -1,0 +1,6 @@
+//! Tests of measuring.
+
+mod numbers;
+mod places;
+mod rays;
+mod truth;

@@ -1,0 +1,123 @@
+//! A chunk as bytes and back.
+//!
+//! Of a leaf: its samples, and a ring of one around them where the field has them ([`crate::codec::heights`]); its planes. Of a chunk of
+//! another level: a byte whose bit 0 says that coverage is kept, and bit 1 that normals are; its samples; coverage; x, y and z of normals; its planes.
+//! Where a leaf was not measured at all, its planes are kept still. Coverage that is not kept is 255; normals that are not kept point up.
+
+use crate::codec::heights;
+use crate::hierarchy::chunks::coarse::UP;
+use crate::hierarchy::chunks::{ChunkKey, Lattice, Part};
+use deepfield_data::model::SampleType;
+
+/// Bit of the first byte: coverage is kept.
+const COVERAGE: u8 = 1;
+/// Bit of the first byte: normals are kept.
+const NORMALS: u8 = 2;
+
+/// The samples of a chunk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chunk {
+    /// Which one it is.
+    pub key: ChunkKey,
+    /// Its own samples, among those of its level.
+    pub part: Part,
+    /// The samples that `stored` has: of a leaf a ring of those around its own, too, where the field has them, so that slopes at its border are
+    /// those of its neighbours; else its own.
+    pub held: Part,
+    /// Samples as they are stored, row by row; NaN where there is nothing. Those of other levels than 0 that were not measured, but stand for
+    /// something that was, have a height that fits.
+    pub stored: Vec<f64>,
+    /// Of levels from 1 on the share of T in what each own sample stands for: 0 nothing, 255 all; empty where all is, and in leaves.
+    pub coverage: Vec<u8>,
+    /// Of levels from 1 on mean normals ([`crate::hierarchy::chunks::coarse::normal_of`]); empty where all point up, and in leaves.
+    pub normals: Vec<[u8; 3]>,
+    /// Of each colour plane the values of its own samples.
+    pub planes: Vec<Vec<u8>>,
+}
+
+impl Chunk {
+    /// A sample, as it is stored, by its row and column among the chunk's own; NaN where there is nothing.
+    pub fn stored_at(&self, row: usize, column: usize) -> f64 {
+        let (row, column) = (row + (self.part.row - self.held.row) as usize, column + (self.part.column - self.held.column) as usize);
+        self.stored.get(row * self.held.columns + column).copied().unwrap_or(f64::NAN)
+    }
+
+    /// How much of what an own sample of a level from 1 on stands for is T, 0 to 255.
+    pub fn coverage_at(&self, row: usize, column: usize) -> u8 {
+        self.coverage.get(row * self.part.columns + column).copied().unwrap_or(255)
+    }
+
+    /// The mean normal's bytes of an own sample of a level from 1 on.
+    pub fn normal_at(&self, row: usize, column: usize) -> [u8; 3] {
+        self.normals.get(row * self.part.columns + column).copied().unwrap_or(UP)
+    }
+}
+
+/// The bytes of a leaf. `stored` is `held` samples, `columns` in a row; planes have `own` columns.
+pub fn encode_leaf(sample_type: SampleType, stored: &[f64], columns: usize, planes: &[Vec<u8>], own: usize) -> Vec<u8> {
+    let mut out = Vec::with_capacity(stored.len() * 2);
+    heights::encode(sample_type, stored, columns, &mut out);
+    planes.iter().for_each(|plane| heights::encode_bytes(plane, own, &mut out));
+    out
+}
+
+/// The bytes of a chunk of another level.
+pub fn encode_coarse(sample_type: SampleType, columns: usize, stored: &[f64], coverage: &[u8], normals: &[[u8; 3]], planes: &[Vec<u8>]) -> Vec<u8> {
+    let mut out = Vec::with_capacity(stored.len() * 3);
+    let has_coverage = coverage.iter().any(|coverage| *coverage != 255);
+    let has_normals = normals.iter().any(|normal| *normal != UP);
+    out.push(if has_coverage { COVERAGE } else { 0 } | if has_normals { NORMALS } else { 0 });
+    heights::encode(sample_type, stored, columns, &mut out);
+    if has_coverage {
+        heights::encode_bytes(coverage, columns, &mut out);
+    }
+    if has_normals {
+        let mut part = Vec::with_capacity(normals.len());
+        for axis in 0..3 {
+            part.clear();
+            part.extend(normals.iter().map(|normal| normal[axis]));
+            heights::encode_bytes(&part, columns, &mut out);
+        }
+    }
+    planes.iter().for_each(|plane| heights::encode_bytes(plane, columns, &mut out));
+    out
+}
+
+/// Reads a chunk from all of the bytes; `None` where they are none.
+pub fn decode(bytes: &[u8], key: ChunkKey, lattice: &Lattice, sample_type: SampleType, planes: usize) -> Option<Chunk> {
+    let part = lattice.part(key);
+    let held = if key.level == 0 { lattice.ringed(part) } else { part };
+    let mut rest = bytes;
+    let flags = match key.level {
+        0 => 0,
+        _ => {
+            let (&flags, after) = rest.split_first()?;
+            rest = after;
+            flags
+        }
+    };
+    if flags & !(COVERAGE | NORMALS) != 0 {
+        return None;
+    }
+    let mut stored = vec![0.0; held.len()];
+    rest = rest.get(heights::decode(sample_type, rest, held.columns, &mut stored)?..)?;
+    let mut plane = || -> Option<Vec<u8>> {
+        let mut values = vec![0; part.len()];
+        rest = rest.get(heights::decode_bytes(rest, part.columns, &mut values)?..)?;
+        Some(values)
+    };
+    let coverage = if flags & COVERAGE != 0 { plane()? } else { Vec::new() };
+    let normals = if flags & NORMALS != 0 {
+        let (x, y, z) = (plane()?, plane()?, plane()?);
+        x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
+    } else {
+        Vec::new()
+    };
+    let planes = (0..planes).map(|_| plane()).collect::<Option<Vec<_>>>()?;
+    rest.is_empty().then_some(Chunk { key, part, held, stored, coverage, normals, planes })
+}
+
+/// About how many bytes a chunk takes in memory where it is drawn: four a height, one of coverage, three of a normal, one of each plane.
+pub fn memory(part: &Part, level: u8, planes: usize) -> u64 {
+    part.len() as u64 * (4 + if level == 0 { 0 } else { 4 } + planes as u64)
+}

@@ -1,0 +1,72 @@
+//! What `deepfield info` prints of height fields.
+
+use crate::commands::info::short;
+use crate::heights::OpenHeights;
+use crate::heights::import::HeightSummary;
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+
+/// The answer as JSON.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn as_json(open: &OpenHeights) -> Result<Value, Box<dyn std::error::Error + Send + Sync>> {
+    let mut told = serde_json::to_value(open.summary()?)?;
+    if let OpenHeights::Pages(file) = open {
+        let about = file.about();
+        let samples = about.grid.samples() as f64;
+        told["levels"] = serde_json::to_value(&about.levels)?;
+        told["pages"] = json!(file.pages());
+        told["bytes_per_sample"] = json!(file.bytes() as f64 / samples);
+        told["source"] = json!(about.source);
+    }
+    Ok(told)
+}
+
+/// The human table.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn table(open: &OpenHeights) -> Result<String, Box<dyn std::error::Error + Send + Sync>> {
+    let mut text = String::new();
+    write_table(&mut text, &open.summary()?)?;
+    if let OpenHeights::Pages(file) = open {
+        let each = file.bytes() as f64 / file.about().grid.samples() as f64;
+        writeln!(text, "\n{} pages, {each:.2} bytes a sample", file.pages())?;
+        writeln!(text, "{:>5} {:>10} {:>14} {:>14}", "level", "chunks", "samples", "bytes")?;
+        for level in &file.about().levels {
+            writeln!(text, "{:>5} {:>10} {:>14} {:>14}", level.level, level.chunks, level.samples, level.bytes)?;
+        }
+    }
+    Ok(text)
+}
+
+fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
+    let HeightSummary { format, bytes, columns, rows, sample_type, .. } = summary;
+    writeln!(text, "{format}, {bytes} bytes: heights of {columns} x {rows} samples ({sample_type})")?;
+    let unit = |unit: &crate::model::Unit| if unit.is_unknown() { String::new() } else { format!(" {unit}") };
+    let (places, heights) = (unit(&summary.xy_unit), unit(&summary.height_unit));
+    let [x, y] = summary.spacing;
+    writeln!(text, "spacing: {x}, {y}{places}; first sample at {}, {}{places}", summary.origin[0], summary.origin[1])?;
+    if let Some(crs) = &summary.crs {
+        writeln!(text, "coordinate reference system: {crs}")?;
+    }
+    let share = 100.0 * summary.valid as f64 / summary.samples as f64;
+    writeln!(text, "measured: {} of {} samples ({share:.2} %)", summary.valid, summary.samples)?;
+    let invalid = &summary.invalid;
+    for (count, what) in [(invalid.no_data, "no data"), (invalid.nan, "NaN"), (invalid.infinite, "infinite")] {
+        if count > 0 {
+            writeln!(text, "  {count} {what}")?;
+        }
+    }
+    if summary.lone > 0 {
+        writeln!(text, "  {} measured ones are alone: in no triangle", summary.lone)?;
+    }
+    let (min, max, mean) = (short(summary.min), short(summary.max), short(summary.mean));
+    writeln!(text, "heights: min {min}, max {max}, mean {mean}{heights}")?;
+    if !summary.planes.is_empty() {
+        let names: Vec<&str> = summary.planes.iter().map(|plane| plane.name.as_str()).collect();
+        writeln!(text, "colour planes: {}", names.join(", "))?;
+    }
+    summary.notes.iter().try_for_each(|note| writeln!(text, "note: {note}"))
+}

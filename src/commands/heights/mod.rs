@@ -1,0 +1,11 @@
+//! What the commands do with measured height fields: each command hands them on to its file here.
+
+pub mod build;
+pub mod contours;
+pub mod difference;
+pub mod info;
+pub mod options;
+pub mod probe;
+pub mod select;
+
+pub use options::{HeightsOptions, Kind};

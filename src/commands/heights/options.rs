@@ -1,0 +1,71 @@
+//! What the user says of a height field in place of its file, and which files are height fields.
+
+use crate::heights::import::HeightOptions;
+use crate::heights::model::HeightError;
+use crate::heights::{OpenHeights, is_heights};
+use crate::model::{ReadMethod, Unit};
+use std::path::Path;
+
+/// What a file that could be several things is taken for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Kind {
+    /// Particles.
+    Particles,
+    /// An image or a volume.
+    Image,
+    /// Measured heights.
+    Heights,
+}
+
+/// Options of height fields.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Height fields")]
+pub struct HeightsOptions {
+    /// What the file holds, where its content leaves that open: an array or a grey picture is an image, or heights [default: arrays of
+    /// more than 8 bits are heights].
+    #[arg(long, value_name = "WHAT", value_enum)]
+    pub kind: Option<Kind>,
+    /// The stored value of samples that were not measured, in place of what the file says.
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
+    pub nodata: Option<f64>,
+    /// Unit of x and y: km, m, mm, um, nm or deg [default: the file's].
+    #[arg(long, value_name = "UNIT")]
+    pub xy_unit: Option<String>,
+    /// Unit of heights: km, m, mm, um or nm [default: the file's].
+    #[arg(long, value_name = "UNIT")]
+    pub height_unit: Option<String>,
+}
+
+impl HeightsOptions {
+    /// Whether the file at `path` is taken for heights, built or not.
+    pub fn takes(&self, path: &Path) -> bool {
+        match self.kind {
+            Some(Kind::Heights) => true,
+            Some(Kind::Image | Kind::Particles) => false,
+            None => is_heights(path),
+        }
+    }
+
+    /// Opens the file; `spacing` is what `--spacing` says.
+    ///
+    /// # Errors
+    /// When it cannot be read, or what is said of it cannot be.
+    pub fn open(&self, path: &Path, spacing: &[f64], read: ReadMethod) -> Result<OpenHeights, HeightError> {
+        let unit = |name: &Option<String>| name.clone().map(Unit::new);
+        // What is not two numbers is refused with the option's name.
+        let spacing = match *spacing {
+            [] => None,
+            [x, y] => Some([x, y]),
+            _ => Some([f64::NAN; 2]),
+        };
+        let options = HeightOptions {
+            is_asked: self.kind == Some(Kind::Heights),
+            no_data: self.nodata,
+            spacing,
+            xy_unit: unit(&self.xy_unit),
+            height_unit: unit(&self.height_unit),
+            read,
+        };
+        OpenHeights::open(path, &options)
+    }
+}
