@@ -14,7 +14,7 @@ mod folder;
 mod format;
 mod gadget;
 pub mod grid;
-mod guarded;
+pub mod guarded;
 mod hdf5;
 mod load;
 mod multifile;

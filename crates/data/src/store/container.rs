@@ -10,13 +10,13 @@ use std::sync::Arc;
 
 /// What a file of pages is.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct FileKind {
+pub struct FileKind {
     /// What messages call it.
-    pub(super) name: &'static str,
+    pub name: &'static str,
     /// Its first bytes.
-    pub(super) magic: [u8; 8],
+    pub magic: [u8; 8],
     /// The first and the last version that are read.
-    pub(super) versions: [u32; 2],
+    pub versions: [u32; 2],
 }
 
 impl FileKind {
@@ -27,14 +27,16 @@ impl FileKind {
 
 /// The bytes of a page as they came from the disk, unchecked.
 #[derive(Debug)]
-pub(super) struct RawPage {
-    pub(super) page: PageId,
-    pub(super) bytes: Vec<u8>,
+pub struct RawPage {
+    /// Its number.
+    pub page: PageId,
+    /// All of it.
+    pub bytes: Vec<u8>,
 }
 
 /// An open file of pages. It holds the table of pages (28 bytes for each), never pages.
 #[derive(Debug)]
-pub(super) struct Container {
+pub struct Container {
     path: PathBuf,
     disk: Arc<dyn Disk>,
     header: Header,
@@ -47,11 +49,7 @@ impl Container {
     ///
     /// # Errors
     /// [`StoreError`] where the file cannot be read, is of another kind or damaged.
-    pub(super) fn open_on(
-        path: &Path,
-        disk: Arc<dyn Disk>,
-        kind: FileKind,
-    ) -> Result<(Container, Vec<u8>), StoreError> {
+    pub fn open_on(path: &Path, disk: Arc<dyn Disk>, kind: FileKind) -> Result<(Container, Vec<u8>), StoreError> {
         let io = |action| move |source| StoreError::Io { path: path.to_path_buf(), action, source };
         let real_len = disk.size().map_err(io("look at"))?;
         let mut head = vec![0; (HEADER_LEN as u64).min(real_len) as usize];
@@ -84,22 +82,22 @@ impl Container {
     }
 
     /// The version in its header.
-    pub(super) fn version(&self) -> u32 {
+    pub fn version(&self) -> u32 {
         self.header.version
     }
 
     /// The file's path, as it was opened.
-    pub(super) fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         &self.path
     }
 
     /// Length of the file, bytes.
-    pub(super) fn bytes(&self) -> u64 {
+    pub fn bytes(&self) -> u64 {
         self.header.file_len
     }
 
     /// The page table.
-    pub(super) fn table(&self) -> &[PageEntry] {
+    pub fn table(&self) -> &[PageEntry] {
         &self.table
     }
 
@@ -107,7 +105,7 @@ impl Container {
     ///
     /// # Errors
     /// [`StoreError`] where there is no such page or it cannot be read; [`StoreError::Changed`] where that is why.
-    pub(super) fn fetch_page(&self, page: PageId) -> Result<RawPage, StoreError> {
+    pub fn fetch_page(&self, page: PageId) -> Result<RawPage, StoreError> {
         let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
         // The length was checked against the file when it was opened.
         let mut bytes = vec![0; entry.len as usize];
@@ -122,7 +120,7 @@ impl Container {
     ///
     /// # Errors
     /// As [`Container::fetch_page`], and where they have not.
-    pub(super) fn check_page(&self, raw: &RawPage) -> Result<(), StoreError> {
+    pub fn check_page(&self, raw: &RawPage) -> Result<(), StoreError> {
         let entry = self.table.get(raw.page.0 as usize).ok_or_else(|| self.damaged(raw.page, "to exist"))?;
         match crc32c::crc32c(&raw.bytes) == entry.crc {
             true => Ok(()),
@@ -131,7 +129,7 @@ impl Container {
     }
 
     /// What has become of the file since it was opened; asks the disk, so it may wait.
-    pub(super) fn change(&self) -> Option<Change> {
+    pub fn change(&self) -> Option<Change> {
         self.disk.change().or_else(|| {
             // The header holds the footer's checksum, and the footer those of all pages.
             let mut head = vec![0; self.head.len()];
@@ -144,7 +142,7 @@ impl Container {
     ///
     /// # Errors
     /// [`StoreError`] where they are not, or cannot be read.
-    pub(super) fn check_zeros(&self, after: Option<PageId>) -> Result<(), StoreError> {
+    pub fn check_zeros(&self, after: Option<PageId>) -> Result<(), StoreError> {
         let end_of = |entry: &PageEntry| entry.offset + u64::from(entry.len);
         let next = |number: usize| self.table.get(number).map_or(self.header.footer_offset, |next| next.offset);
         let (start, end) = match after {

@@ -134,16 +134,20 @@ impl StoreError {
 
 /// A broken promise, before the file it is in is known.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Damage {
+pub struct Damage {
+    /// Where: `footer`, `page 7`.
     pub place: String,
+    /// What should be there.
     pub expected: String,
 }
 
 impl Damage {
+    /// What is expected at a place, and is not there.
     pub fn new(place: impl Into<String>, expected: impl Into<String>) -> Damage {
         Damage { place: place.into(), expected: expected.into() }
     }
 
+    /// The error of the file at `path`.
     pub fn in_file(self, path: &Path) -> StoreError {
         StoreError::Damaged { path: path.to_path_buf(), place: self.place, expected: self.expected }
     }

@@ -4,6 +4,7 @@
 //! is loaded, by positioned reads or from a mapping ([`ReadMethod`](crate::model::ReadMethod)); the operating system's page cache
 //! serves repeated reads.
 
+pub mod container;
 pub mod disk;
 pub mod error;
 pub mod grid;
@@ -15,11 +16,11 @@ pub mod paging;
 pub mod run;
 pub mod temporary;
 pub mod verify;
+pub mod wire;
 pub mod writer;
 
 mod block;
 mod clusters;
-mod container;
 mod content;
 mod footer;
 mod in_memory;
@@ -29,7 +30,6 @@ mod reader;
 #[cfg(test)]
 mod specification;
 mod tree;
-mod wire;
 
 pub use block::Block;
 pub use content::{ClusterUnions, Content, Particles, Representative};

@@ -84,7 +84,7 @@ impl PageFileWriter {
     }
 
     /// An error that says why this file cannot be written.
-    pub(super) fn unwritable(&self, reason: &str) -> StoreError {
+    pub fn unwritable(&self, reason: &str) -> StoreError {
         StoreError::Unwritable { path: self.path.clone(), reason: reason.into() }
     }
 
@@ -99,12 +99,10 @@ impl PageFileWriter {
     }
 
     /// Writes the header of a file that begins like this, and its footer: the page table, then these bytes.
-    pub(super) fn complete_as(
-        self,
-        magic: [u8; 8],
-        version: u32,
-        about: &[u8],
-    ) -> Result<CompletePageFile, StoreError> {
+    ///
+    /// # Errors
+    /// [`StoreError`] where the file cannot be written.
+    pub fn complete_as(self, magic: [u8; 8], version: u32, about: &[u8]) -> Result<CompletePageFile, StoreError> {
         let mut footer: Vec<u8> = self.table.iter().flat_map(PageEntry::encode).collect();
         footer.extend_from_slice(about);
         let header = Header {

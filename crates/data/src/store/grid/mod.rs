@@ -28,7 +28,7 @@ use std::sync::Arc;
 const VERSION: u32 = 4;
 const KIND: FileKind = FileKind { name: "file of a grid", magic: GRID_MAGIC, versions: [VERSION, VERSION] };
 /// First bytes of every page.
-const PAGE_MAGIC: [u8; 4] = *b"DFgr";
+const PAGE_MAGIC: [u8; 4] = *b"DFgn";
 /// Bytes before what a page holds: magic, number, and zeros.
 const PAGE_HEAD: usize = 32;
 
