@@ -2,6 +2,7 @@
 
 use super::CommandResult;
 use super::arguments::bytes;
+use super::heights::{self, HeightsOptions};
 use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
 use super::raw_options::RawOptions;
@@ -22,7 +23,7 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// Builds a page file: the error-bounded hierarchy that deepfield draws; of several snapshots a run, which holds one for each; of an image or
-/// a volume a file of its samples and of oriented points over them; of a velocity field, with --trace, a run of particles that it carries along.
+/// a volume a file of its samples and of oriented points over them; of heights a file of chunks of all levels; of a velocity field, with --trace, a run of particles that it carries along.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield build snapshot_099.hdf5 -o galaxy.df
@@ -36,6 +37,8 @@ use std::path::{Path, PathBuf};
   deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
   deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump
   deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples
+  deepfield build dem.tif -o dem.df                          measured heights, as chunks of samples with exact errors
+  deepfield build scan.npy -o scan.df --spacing 0.5,0.5 --xy-unit um --height-unit nm
   deepfield build run.h5#fields/density -o density.df        a data set of several
   deepfield build gyre.npy --trace --times 0:0.5 --box 0,0,2,1 -o flow.df
                                                              a velocity field, as the paths of particles in it
@@ -85,9 +88,6 @@ pub struct Arguments {
     /// The page file to write.
     #[arg(short, long, value_name = "FILE.df")]
     pub output: PathBuf,
-    /// What the source holds.
-    #[arg(long, value_parser = ["particles"], default_value = "particles")]
-    pub kind: String,
     /// Keep only this family (gas, dark, type2, type3, stars, black-holes); may be repeated.
     #[arg(long, value_name = "NAME", value_parser = super::arguments::family_name)]
     pub family: Vec<FamilyName>,
@@ -128,6 +128,9 @@ pub struct Arguments {
     /// What a file without a header holds.
     #[command(flatten)]
     pub raw: RawOptions,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub heights: HeightsOptions,
     /// How particles are traced through a velocity field.
     #[command(flatten)]
     pub tracing: TraceOptions,
@@ -170,6 +173,14 @@ fn smoothing(text: &str) -> Result<Smoothing, String> {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let raw = arguments.raw.grid()?;
     let trace = arguments.tracing.trace(arguments.times.as_ref());
+    if let [only] = &arguments.sources[..]
+        && arguments.as_what == As::Itself
+        && trace.is_none()
+        && raw.is_none()
+        && arguments.heights.takes(only)
+    {
+        return heights::build::run(arguments, only);
+    }
     if let [only] = &arguments.sources[..]
         && arguments.as_what == As::Itself
         && trace.is_none()

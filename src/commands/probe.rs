@@ -1,6 +1,8 @@
 //! `deepfield probe`: sums over everything in a region, as tables for people or as JSON for programs.
 
 use super::frame_option::{FrameName, unknown};
+use super::heights::probe::HeightsProbe;
+use super::heights::{self, HeightsOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
@@ -22,6 +24,8 @@ use std::path::{Path, PathBuf};
 ///
 /// Of an image or a volume: what its samples hold, and a histogram of their values.
 ///
+/// Of heights: numbers of roughness (ISO 25178-2) of a region, a profile, the height at a place, or the samples under pixels of a picture.
+///
 /// Of a source every particle is looked at, and the answer is exact. Of a page file the answer comes from its leaves, and says how far
 /// off it may be; --exact asks the source that it was built from.
 #[derive(clap::Args, Debug)]
@@ -32,6 +36,9 @@ use std::path::{Path, PathBuf};
   deepfield probe galaxy.df --family gas --where temperature:1e4..1e6 --where density:10.. --json -
   deepfield probe run.df --tracked-at 9.6 --sphere 0.3,0,0,0.5 --over-time -o halo.csv
   deepfield probe galaxy.df --family gas --histogram temperature --bins 20
+  deepfield probe surface.sur --form plane --l-filter 0.08    heights: Sa, Sq and the others, without form and waviness
+  deepfield probe dem.df --line 0,0,900,600 -o profile.csv
+  deepfield probe dem.df --pixel 640,400 --eye 0,-900,700 --target 450,300,0
   deepfield probe head.nrrd --sphere 120,110,60,20          a volume: mean, dispersion and histogram, the value in the middle")]
 pub struct Arguments {
     /// The source, page file or run.
@@ -51,8 +58,8 @@ pub struct Arguments {
     /// The frame of places, distances and velocities over time of a comoving run; means of fields are as they are stored.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t, requires = "over_time")]
     pub frame: FrameName,
-    /// Write the table over time to a file.
-    #[arg(short, long, value_name = "FILE.csv", requires = "over_time")]
+    /// Write the table over time, or the profile along a line, to a file.
+    #[arg(short, long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Shells of a radial profile in the sphere.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
@@ -81,6 +88,12 @@ pub struct Arguments {
     /// How the source or page file is read.
     #[arg(long, value_name = "HOW", value_enum, default_value_t)]
     pub read: ReadMethod,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub said: HeightsOptions,
+    /// What is asked of heights.
+    #[command(flatten)]
+    pub heights: HeightsProbe,
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -113,6 +126,13 @@ struct Answer<'a> {
 /// # Errors
 /// When the data cannot be read, or has no such field, family or object.
 pub fn run(arguments: &Arguments) -> CommandResult {
+    if arguments.said.takes(&arguments.path) {
+        let Arguments { path, said, heights: asked, out, json, .. } = arguments;
+        return heights::probe::run(path, said, asked, out.as_deref(), json.as_deref());
+    }
+    if arguments.out.is_some() && !arguments.over_time {
+        return Err("-o: expected --over-time beside it, or heights with --line".into());
+    }
     if FieldSession::is_field(&arguments.path) {
         return super::field_probe::run(arguments);
     }

@@ -42,7 +42,11 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         request.shot.look.annotations = None;
     }
     let Request { mut members, mut shot, options } = request;
-    let is_field = matches!(&members[..], [only] if FieldSession::is_field(&only.path));
+    let said = match &members[..] {
+        [only] if arguments.heights.takes(&only.path) => Some(arguments.heights.import(&[], options.read)),
+        _ => None,
+    };
+    let is_field = said.is_some() || matches!(&members[..], [only] if FieldSession::is_field(&only.path));
     if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
         && matches!(DataKind::of(&first.path), Ok(DataKind::Source))
         && let Some(step) = step_at(&first.path, when, options.read)?
@@ -58,7 +62,7 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
             None => eprintln!("deepfield: {why}; the scene's time is left out"),
         }
     }
-    let mut session = open_any(&members, options, [&shot])?;
+    let mut session = open_any(&members, said.as_ref(), options, [&shot])?;
     let picture = session.draw(&shot)?;
     if shot.surround != (Surround::Cube { layout: CubeLayout::Files }) {
         return write(arguments, &picture, is_exr, || Ok(session.finished(&shot, &picture)?));

@@ -2,6 +2,7 @@
 
 use super::annotate::AnnotateOptions;
 use super::arguments::{PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
+use super::heights::HeightsOptions;
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
 use crate::color::composite::Background;
@@ -36,6 +37,8 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield render box.df -o pair.png --stereo off-axis --eye-separation 0.2 --zero-parallax 6
   deepfield render run.df --time step:12 -o then.png         a step of a run; also 9.6, z:1.5, a:0.4, last
   deepfield render run.df --time step:12 --mode volume --paths all -o both.png
+  deepfield render dem.tif -o hill.png --set contours=20.0   measured heights, with a line every 20
+  deepfield render dem.df -o slope.png --attribute slope --set exaggeration=3.0
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
     /// The source, page file or run, or a scene file.
@@ -58,7 +61,8 @@ pub struct Arguments {
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top; for volumes premultiplied linear RGBA.
+    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top; for volumes premultiplied linear RGBA; for heights depth, x, y,
+    /// height, row, column and coverage at the middle of each pixel as float64.
     #[arg(long, value_name = "FILE.npy")]
     pub raw: Option<PathBuf>,
     /// Picture size in pixels [default: 1200x800].
@@ -169,6 +173,12 @@ pub struct Arguments {
     /// assets/transfer [default: the mode's].
     #[arg(long, value_name = "NAME|FILE.ron", value_parser = transfer_named)]
     pub transfer: Option<TransferFunction>,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub heights: HeightsOptions,
+    /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
+    #[arg(long, value_name = "MAP")]
+    pub map: Option<String>,
     /// What is behind the picture: black, transparent (an alpha channel) or a colour #rrggbb [default: black].
     #[arg(long, value_name = "COLOUR")]
     pub background: Option<Background>,
@@ -192,6 +202,9 @@ impl Arguments {
         }
         let mut shot = self.over(config.clone(), base)?;
         self.set_values(&mut shot.look)?;
+        if let Some(map) = &self.map {
+            shot.look.settings.0.insert("map".into(), SettingValue::Name(map.clone()));
+        }
         (shot.surround, shot.stereo) = self.projection.over(shot.surround, shot.stereo)?;
         for member in &mut members {
             member.families = member.families.take().or_else(|| shot.look.families.clone());
@@ -211,6 +224,8 @@ impl Arguments {
             overdraw: self.overdraw.clone(),
             repeat: self.repeat,
             memory: self.memory,
+            chunk_memory: config.residency.budget_mib.map(|mebibytes| mebibytes << 20),
+            raw: self.raw.is_some(),
         };
         Ok(Request { members, shot, options })
     }
@@ -219,7 +234,8 @@ impl Arguments {
     fn over(&self, config: PictureConfig, base: Shot) -> Result<Shot, Failure> {
         let PictureConfig { mut look, volume, .. } = config;
         let mode = self.mode.or(look.mode).or(base.look.mode);
-        if mode.is_some_and(|mode| mode.is_light()) {
+        // What light a volume emits and absorbs is its own; a surface has colours as sums have.
+        if mode.is_some_and(|mode| mode.is_light() && !mode.takes_surfaces()) {
             look.transfer = volume;
         }
         if let Some(mode) = self.mode {

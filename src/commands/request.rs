@@ -4,7 +4,9 @@ use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
 use crate::look::{DataKind, Member, Shot};
 use crate::mode::Mode;
+use crate::heights::import::HeightOptions;
 use crate::picture::field::FieldSession;
+use crate::picture::surface::SurfaceSession;
 use crate::picture::{AnySession, PictureError, Session, SessionOptions};
 use std::path::Path;
 use std::sync::Arc;
@@ -20,19 +22,27 @@ pub struct Request {
     pub options: SessionOptions,
 }
 
-/// Opens datasets for pictures of these shots: an image or a volume that is alone as what it is, unless a mode draws particles alone, which
+/// Opens datasets for pictures of these shots: heights, an image or a volume that is alone as what it is (`said` is what the user says where it
+/// is taken for heights), unless a mode draws particles alone, which
 /// are a source's pixels or voxels then; everything else as particles.
 ///
 /// # Errors
-/// As [`open`], and [`FieldSession::open`].
+/// As [`open`], [`FieldSession::open`] and [`SurfaceSession::open`].
 pub fn open_any<'a>(
     members: &[Member],
+    said: Option<&HeightOptions>,
     options: SessionOptions,
     shots: impl IntoIterator<Item = &'a Shot>,
 ) -> Result<AnySession, PictureError> {
     let shots: Vec<&Shot> = shots.into_iter().collect();
+    let takes_surfaces = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_surfaces);
     let takes_fields = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_fields);
     Ok(match members {
+        [only] if shots.iter().all(takes_surfaces) && (said.is_some() || SurfaceSession::is_surface(&only.path)) => {
+            let said = said.cloned().unwrap_or_default();
+            let session = SurfaceSession::open(&only.path, &said, options, Arc::new(Terminal))?;
+            AnySession::Surface(Box::new(session))
+        }
         [only]
             if (shots.iter().all(takes_fields) || matches!(DataKind::of(&only.path), Ok(DataKind::Grid)))
                 && FieldSession::is_field(&only.path) =>

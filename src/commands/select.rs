@@ -1,7 +1,7 @@
 //! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids; heights as they are stored.
 
 use super::frame_option::{FrameName, unknown};
-use super::heights::select::{Rectangle, rectangle};
+use super::heights::select::{Corners, rectangle};
 use super::heights::{self, HeightsOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
@@ -41,7 +41,7 @@ pub struct Arguments {
     pub frame: FrameName,
     /// Of heights: the samples between two corners, and on the edge.
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = rectangle, allow_hyphen_values = true)]
-    pub rectangle: Option<Rectangle>,
+    pub rectangle: Option<Corners>,
     /// What is said of heights.
     #[command(flatten)]
     pub heights: HeightsOptions,

@@ -4,6 +4,7 @@ use super::CommandResult;
 use crate::color::output;
 use crate::mode::{LightPicture, Raw};
 use crate::picture::field::PointsReport;
+use crate::picture::surface::SurfaceShown;
 use crate::picture::{LeftOut, LevelReport, Picture, ShownMoment};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -53,6 +54,17 @@ enum Values<'a> {
         sum: f64,
         #[serde(flatten)]
         levels: &'a LevelReport,
+    },
+    Surface {
+        /// The finest and the coarsest level.
+        levels: [u8; 2],
+        samples_drawn: u64,
+        points: u64,
+        triangles: u64,
+        /// The sum of alpha, pixels.
+        covered: f64,
+        /// What colours are spread over.
+        range: [f64; 2],
     },
     Light {
         levels: &'static str,
@@ -124,6 +136,16 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
 }
 
 fn values(picture: &Picture) -> Values<'_> {
+    if let (Some(SurfaceShown { report, .. }), Raw::Light(light)) = (&picture.surface, &picture.values) {
+        return Values::Surface {
+            levels: report.levels,
+            samples_drawn: report.samples_drawn,
+            points: report.points,
+            triangles: report.triangles,
+            covered: report.covered,
+            range: light.levels.density,
+        };
+    }
     let LightPicture { report, levels, isovalues, .. } = match &picture.values {
         Raw::Sums(sums, _) => {
             let (economy, levels) = (&picture.left_out, &picture.level_report);

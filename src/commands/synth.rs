@@ -2,6 +2,7 @@
 
 use super::CommandResult;
 use super::arguments::{count, positive};
+use super::heights::synth::{self, SurfaceArguments};
 use super::progress_bar::TerminalProgress;
 use crate::hierarchy::wavelet::sets::directions;
 use crate::synth::cosmology::{Cosmology, DEFAULT_EDGE};
@@ -42,6 +43,8 @@ pub enum Kind {
     Blobs,
     /// An image or volume: two noisy plateaus, in bytes
     Plateaus,
+    /// Measured heights of a --shape
+    Surface,
 }
 
 impl Kind {
@@ -75,11 +78,13 @@ impl Kind {
     }
 }
 
-/// Writes a seeded synthetic snapshot, of any size and the same on any machine, as Gadget binary files (format 2); or an image or volume.
+/// Writes a seeded synthetic snapshot, of any size and the same on any machine, as Gadget binary files (format 2); or an image or volume, or
+/// measured heights.
 ///
 /// Above 357 million particles the snapshot is in several files, FILE.0, FILE.1, ...; open any one of them. Particles
 /// are written as they are made, so that memory does not grow with their number (below 700 MB for cosmology). A run is FILE_000,
-/// FILE_001, ...: where its particles are at any time, docs/series.md says. Images and volumes are NRRD, or NumPy where FILE ends in .npy.
+/// FILE_001, ...: where its particles are at any time, docs/series.md says. Images and volumes are NRRD, or NumPy where FILE ends in .npy; heights
+/// are .npy, .tif, .asc or .x3p.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield synth cosmology -n 1e9 -o universe.gadget2         40 GB
@@ -89,6 +94,7 @@ impl Kind {
   deepfield synth merger -n 2e6 --steps 84 -o merger/run
   deepfield synth pancake -n 1e5 --steps 9 --irregular 3 -o pancake/run
   deepfield synth blobs --size 1024,1024,1024 -o blobs.nrrd    1 GiB of bytes
+  deepfield synth surface --shape fbm --size 4000x3000 --type i16 -o hills.npy
   deepfield synth wave --size 128,128 --level 3 --direction 1 -o wave.npy")]
 pub struct Arguments {
     /// What to make.
@@ -96,7 +102,7 @@ pub struct Arguments {
     /// Number of particles, such as 1000000 or 1e9.
     #[arg(short = 'n', long = "particles", value_name = "N", value_parser = count, required_unless_present = "size")]
     pub particles: Option<u64>,
-    /// Samples of an image or volume along x, y and z.
+    /// Samples of an image, a volume or heights along x, y and z.
     #[arg(long, value_name = "W,H[,D]", value_parser = size, conflicts_with = "particles")]
     pub size: Option<Size>,
     /// Level of the nodes that a wave needs: it has 0.75 / 2^M cycles a sample [default: 2].
@@ -123,6 +129,9 @@ pub struct Arguments {
     /// How many times as long as the shortest interval of a run the longest one may be [default: 1].
     #[arg(long, value_name = "R", value_parser = irregular)]
     pub irregular: Option<f64>,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub surface: SurfaceArguments,
     /// Most particles in one file.
     #[arg(long, value_name = "N", value_parser = count, default_value_t = gadget::MOST)]
     pub per_file: u64,
@@ -156,7 +165,7 @@ pub struct Size {
 /// Two or three numbers of samples.
 fn size(text: &str) -> Result<Size, String> {
     let wrong = || "expected two or three numbers of samples from 1 on, such as 512,512 or 256,256,256".to_owned();
-    let sides: Vec<u64> = text.split(',').map(count).collect::<Result<_, _>>().map_err(|_| wrong())?;
+    let sides: Vec<u64> = text.split([',', 'x']).map(count).collect::<Result<_, _>>().map_err(|_| wrong())?;
     match sides[..] {
         [width, height] => Ok(Size { dimensions: 2, shape: [width, height, 1] }),
         [width, height, depth] => Ok(Size { dimensions: 3, shape: [width, height, depth] }),
@@ -195,6 +204,15 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     if arguments.angle.is_some() && !matches!(arguments.kind, Kind::Wave | Kind::Edge) {
         conflict("--angle: only a wave and an edge have one");
+    }
+    if arguments.kind == Kind::Surface {
+        let Some(Size { dimensions: 2, shape: [columns, rows, _] }) = arguments.size else {
+            conflict("--size: expected two numbers of samples, columns and rows")
+        };
+        return synth::run(&arguments.surface, [columns, rows], seed, &arguments.output);
+    }
+    if arguments.surface.is_given() {
+        conflict("--shape, --type, --invalid, --noise, --hurst, --spacing, --unit: only a surface has them");
     }
     let particles = match (arguments.kind.grid(arguments), arguments.size, arguments.particles) {
         (Some(kind), Some(size), _) => return grid(arguments, kind, size),

@@ -8,12 +8,17 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// The rooms of each package, each before those that may use it.
-const ROOMS: [&[&str]; 3] = [
+/// The rooms of each package, each before those that may use it; the package of height fields is one of them.
+const ROOMS: [&[&str]; 4] = [
     &["model", "codec", "import", "hierarchy", "store", "build", "synth"],
+    &["heights"],
     &["view", "stream", "color", "cpu", "mode", "modes", "annotate", "explore", "look", "picture", "tour"],
     &["gpu", "window", "show", "command_line", "bench", "commands", "program"],
 ];
+
+/// The rooms of height fields in the same way. Their names are those of the rooms of other data.
+const HEIGHTS: [&[&str]; 1] =
+    [&["model", "import", "codec", "hierarchy", "store", "build", "measure", "export", "synth", "opened"]];
 
 /// The rooms of the window in the same way. What is directly in `window` is the list of its plugins: it uses all of them, and
 /// none of them uses it.
@@ -154,10 +159,10 @@ fn paths<'a>(code: &'a str, path: &[String], found: &mut Vec<Vec<String>>) -> &'
     }
 }
 
-/// What a file uses of its own package and of those below.
-fn imports(code: &str, module: &[String]) -> Vec<Import> {
+/// What a file uses of its own package, in which all modules are below `within`, and of those below.
+fn imports(code: &str, module: &[String], within: &[String]) -> Vec<Import> {
     let mut imports = Vec::new();
-    for root in ["crate::", "super::", "deepfield_data::", "deepfield_draw::"] {
+    for root in ["crate::", "super::", "deepfield_data::", "deepfield_heights::", "deepfield_draw::"] {
         for (at, _) in code.match_indices(root) {
             let before = &code[..at];
             // `pub(in crate::a)` says who may use something.
@@ -169,8 +174,13 @@ fn imports(code: &str, module: &[String]) -> Vec<Import> {
             paths(&code[if root == "super::" { at } else { at + root.len() }..], &[], &mut found);
             for path in found {
                 let ups = path.iter().take_while(|name| *name == "super").count();
-                let parent = if ups > 0 { &module[..module.len().saturating_sub(ups)] } else { &[] };
-                imports.push(Import { line, path: [parent, &path[ups..]].concat() });
+                let parent = match root {
+                    _ if ups > 0 => module[..module.len().saturating_sub(ups)].to_vec(),
+                    "crate::" => within.to_vec(),
+                    "deepfield_heights::" => vec!["heights".to_owned()],
+                    _ => Vec::new(),
+                };
+                imports.push(Import { line, path: [&parent[..], &path[ups..]].concat() });
             }
         }
     }
@@ -189,10 +199,22 @@ fn refusal(module: &[String], path: &[String]) -> Option<String> {
     if from > at {
         return Some(format!("{user} comes before {used}"));
     }
-    if user != "window" || used != "window" || module.len() < 2 {
+    if user != used || !matches!(user.as_str(), "window" | "heights") || module.len() < 2 {
         return None;
     }
+    let is_heights = user == "heights";
     let (user, used) = (module[1].as_str(), path.get(1).map_or("*", String::as_str));
+    if is_heights {
+        return match (place(&HEIGHTS, user), place(&HEIGHTS, used)) {
+            (Some(at), Some(from)) => (from > at).then(|| format!("heights::{user} comes before heights::{used}")),
+            // Items at the root of the package are no rooms.
+            (Some(_), None) if used.starts_with(char::is_uppercase) => None,
+            (at, _) => {
+                let unknown = if at.is_none() { user } else { used };
+                Some(format!("heights::{unknown} is not in the order of the rooms of heights"))
+            }
+        };
+    }
     match (place(&WINDOW, user), place(&WINDOW, used)) {
         (None, _) => Some(format!("window::{user} is not in the order of the window's rooms")),
         (_, None) => Some(format!("window::{used} belongs to the list of plugins, which no room of the window uses")),
@@ -218,14 +240,18 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
 fn a_room_uses_only_rooms_before_it() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     let mut wrong = String::new();
-    for package in ["crates/data/src", "crates/draw/src", "src"] {
+    for (package, within) in
+        [("crates/data/src", None), ("crates/heights/src", Some("heights")), ("crates/draw/src", None), ("src", None)]
+    {
+        let within: Vec<String> = within.into_iter().map(String::from).collect();
         let mut files = Vec::new();
         sources(&root.join(package), &mut files);
         assert!(files.len() > 50, "{package}: only {} files", files.len());
         for source in files {
             let file = source.strip_prefix(&root).unwrap().to_string_lossy().into_owned();
-            let module = module_of(source.strip_prefix(root.join(package)).unwrap());
-            for Import { line, path } in imports(&code_of(&std::fs::read_to_string(&source).unwrap()), &module) {
+            let module = [&within[..], &module_of(source.strip_prefix(root.join(package)).unwrap())].concat();
+            let code = code_of(&std::fs::read_to_string(&source).unwrap());
+            for Import { line, path } in imports(&code, &module, &within) {
                 let Some(why) = refusal(&module, &path) else { continue };
                 writeln!(wrong, "{file}:{line}: {}: {why}", path.join("::")).unwrap();
             }
@@ -241,7 +267,7 @@ fn imports_are_found_wherever_they_stand() {
         use super::*;\n#[cfg(test)]\nmod tests {\n    use crate::commands::x;\n}\n";
     let module: Vec<String> = ["window", "panel", "mode"].map(String::from).to_vec();
     let found: Vec<(usize, String)> =
-        imports(&code_of(text), &module).into_iter().map(|import| (import.line, import.path.join("::"))).collect();
+        imports(&code_of(text), &module, &[]).into_iter().map(|import| (import.line, import.path.join("::"))).collect();
     let expected = [
         (2, "view::View"),
         (2, "view::camera::self"),
@@ -266,5 +292,7 @@ fn the_order_is_kept_between_rooms_and_within_the_window() {
     );
     assert!(refused("window::panel", "window::run_window") && !refused("window", "window::panel::PanelPlugin"));
     assert!(refused("window::options", "show::rig::OutputError") && !refused("show::window::output", "window::ui"));
+    assert!(refused("heights::store", "heights::measure::pick") && !refused("heights::measure", "model::Unit"));
+    assert!(refused("model", "heights::model") && !refused("cpu::surface", "heights::store"));
     assert!(refused("attic::box", "model::Bounds") && refused("window::attic", "window::state"));
 }

@@ -10,5 +10,8 @@ pub mod hierarchy;
 pub mod import;
 pub mod measure;
 pub mod model;
+pub mod opened;
 pub mod store;
 pub mod synth;
+
+pub use opened::{OpenHeights, is_heights};

@@ -7,5 +7,6 @@ pub mod info;
 pub mod options;
 pub mod probe;
 pub mod select;
+pub mod synth;
 
 pub use options::{HeightsOptions, Kind};

@@ -46,11 +46,8 @@ impl HeightsOptions {
         }
     }
 
-    /// Opens the file; `spacing` is what `--spacing` says.
-    ///
-    /// # Errors
-    /// When it cannot be read, or what is said of it cannot be.
-    pub fn open(&self, path: &Path, spacing: &[f64], read: ReadMethod) -> Result<OpenHeights, HeightError> {
+    /// What importers are told; `spacing` is what `--spacing` says.
+    pub fn import(&self, spacing: &[f64], read: ReadMethod) -> HeightOptions {
         let unit = |name: &Option<String>| name.clone().map(Unit::new);
         // What is not two numbers is refused with the option's name.
         let spacing = match *spacing {
@@ -58,14 +55,21 @@ impl HeightsOptions {
             [x, y] => Some([x, y]),
             _ => Some([f64::NAN; 2]),
         };
-        let options = HeightOptions {
+        HeightOptions {
             is_asked: self.kind == Some(Kind::Heights),
             no_data: self.nodata,
             spacing,
             xy_unit: unit(&self.xy_unit),
             height_unit: unit(&self.height_unit),
             read,
-        };
-        OpenHeights::open(path, &options)
+        }
+    }
+
+    /// Opens the file.
+    ///
+    /// # Errors
+    /// When it cannot be read, or what is said of it cannot be.
+    pub fn open(&self, path: &Path, spacing: &[f64], read: ReadMethod) -> Result<OpenHeights, HeightError> {
+        OpenHeights::open(path, &self.import(spacing, read))
     }
 }

@@ -51,7 +51,7 @@ impl Show {
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
         let backend = Some(arguments.backend.unwrap_or(Backend::Cpu));
         let options = SessionOptions { backend, ..SessionOptions::default() };
-        let mut session = request::open_any(&[Member::new(data.clone())], options, [])?;
+        let mut session = request::open_any(&[Member::new(data.clone())], None, options, [])?;
         let framed = session.framed(&LookPatch::default())?;
         let particles = session.particles().map(|session| &*session);
         let parent = file.as_deref().and_then(Path::parent).filter(|parent| !parent.as_os_str().is_empty());

@@ -108,10 +108,18 @@ pub fn write_npy(path: &Path, picture: &Accumulation) -> Result<(), OutputError>
     write_array(path, &[u64::from(picture.height), u64::from(picture.width)], &picture.p)
 }
 
-fn write_array(path: &Path, shape: &[u64], values: &[f32]) -> Result<(), OutputError> {
+/// Writes doubles as a float64 NumPy array of this shape, the last axis fastest.
+///
+/// # Errors
+/// [`OutputError`] with the file named.
+pub fn write_npy_doubles(path: &Path, shape: &[u64], values: &[f64]) -> Result<(), OutputError> {
+    write_array(path, shape, values)
+}
+
+fn write_array<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[u64], values: &[T]) -> Result<(), OutputError> {
     use npyz::WriterBuilder;
     write_with(path, |out| {
-        let mut writer = npyz::WriteOptions::<f32>::new()
+        let mut writer = npyz::WriteOptions::<T>::new()
             .default_dtype()
             .shape(shape)
             .writer(out)

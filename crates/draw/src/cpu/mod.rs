@@ -34,6 +34,7 @@ pub mod screen_tiles;
 pub mod sorted;
 pub mod splats;
 pub mod sprites;
+pub mod surface;
 pub mod table;
 pub mod volume;
 

@@ -32,6 +32,16 @@ pub struct PictureConfig {
     pub stereo: Option<Stereo>,
     /// A catalogue whose objects are named in the picture.
     pub catalogue: Option<PathBuf>,
+    /// Memory for what is read.
+    pub residency: Residency,
+}
+
+/// Memory for what is read, as presets of the window have it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Residency {
+    /// For decoded chunks of heights, mebibytes.
+    pub budget_mib: Option<u64>,
 }
 
 with_look_fields!(
@@ -52,6 +62,8 @@ with_look_fields!(
         stereo: Option<Stereo>,
         #[serde(default)]
         catalogue: Option<PathBuf>,
+        #[serde(default)]
+        residency: Residency,
     }}
 );
 

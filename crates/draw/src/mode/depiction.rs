@@ -71,7 +71,8 @@ impl Depiction {
         metadata: &Metadata,
     ) -> Result<Depiction, String> {
         if !mode.takes_particles() {
-            return Err(format!("mode {} draws images and volumes, found particles", mode.name));
+            let draws = if mode.takes_surfaces() { "heights" } else { "images and volumes" };
+            return Err(format!("mode {} draws {draws}, found particles", mode.name));
         }
         let columns = metadata.families.iter().flat_map(|family| {
             let columns = family.quantities.iter().chain(&family.attributes);

@@ -137,6 +137,11 @@ impl Mode {
         self.technique.takes_particles()
     }
 
+    /// Whether it draws measured heights.
+    pub fn takes_surfaces(&self) -> bool {
+        self.technique.takes_surfaces()
+    }
+
     /// Whether it draws images or volumes.
     pub fn takes_fields(&self) -> bool {
         !self.technique.field_dimensions().is_empty()

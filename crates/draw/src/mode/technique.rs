@@ -156,6 +156,11 @@ pub trait Technique: Sync {
         true
     }
 
+    /// Whether it draws measured heights.
+    fn takes_surfaces(&self) -> bool {
+        false
+    }
+
     /// Of which dimensions the fields are that [`Technique::draw_field`] draws: 2 for images, 3 for volumes.
     fn field_dimensions(&self) -> &'static [usize] {
         &[]

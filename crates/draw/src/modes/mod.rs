@@ -16,6 +16,7 @@ pub mod samples;
 pub mod slice;
 pub mod sorted_splats;
 pub mod spheres;
+pub mod surface;
 pub mod volume;
 pub mod volume_isosurface;
 pub mod xray;
@@ -25,7 +26,7 @@ use crate::mode::{Mode, lod_budget};
 use std::sync::{PoisonError, RwLock};
 
 /// The modes that come with deepfield; the first is the default.
-static BUILT_IN: [&Mode; 15] = [
+static BUILT_IN: [&Mode; 16] = [
     &column_density::MODE,
     &density_squared::MODE,
     &points::MODE,
@@ -41,6 +42,7 @@ static BUILT_IN: [&Mode; 15] = [
     &image::MODE,
     &slice::MODE,
     &xray::MODE,
+    &surface::MODE,
 ];
 
 /// The modes of other crates.

@@ -1,7 +1,8 @@
-//! What draws shots of data, whatever it is: particles, or an image or a volume.
+//! What draws shots of data, whatever it is: particles, an image or a volume, or measured heights.
 
 use super::field::FieldSession;
 use super::ranges::{Format, Measured};
+use super::surface::SurfaceSession;
 use super::{Picture, PictureError, Session};
 use crate::color::Image;
 use crate::color::transfer::Levels;
@@ -15,6 +16,8 @@ pub enum AnySession {
     Particles(Box<Session>),
     /// Of an image or a volume.
     Field(Box<FieldSession>),
+    /// Of measured heights.
+    Surface(Box<SurfaceSession>),
 }
 
 impl AnySession {
@@ -22,7 +25,7 @@ impl AnySession {
     pub fn particles(&mut self) -> Option<&mut Session> {
         match self {
             AnySession::Particles(session) => Some(session),
-            AnySession::Field(_) => None,
+            AnySession::Field(_) | AnySession::Surface(_) => None,
         }
     }
 
@@ -34,6 +37,7 @@ impl AnySession {
         match self {
             AnySession::Particles(session) => session.framed(look),
             AnySession::Field(session) => Ok(session.opened().grid().bounds()),
+            AnySession::Surface(session) => session.framed(look),
         }
     }
 
@@ -45,6 +49,7 @@ impl AnySession {
         match self {
             AnySession::Particles(session) => session.draw(shot),
             AnySession::Field(session) => session.draw(shot),
+            AnySession::Surface(session) => session.draw(shot),
         }
     }
 
@@ -56,6 +61,7 @@ impl AnySession {
         match self {
             AnySession::Particles(session) => session.finished(shot, picture),
             AnySession::Field(session) => session.finished(shot, picture),
+            AnySession::Surface(session) => session.finished(shot, picture),
         }
     }
 
@@ -75,6 +81,7 @@ impl AnySession {
         match self {
             AnySession::Particles(session) => session.image(look, view, levels, diameter, limit),
             AnySession::Field(session) => Ok((session.image(look, view, levels)?, 0)),
+            AnySession::Surface(session) => Ok((session.image(look, view, levels)?, 0)),
         }
     }
 
@@ -86,6 +93,7 @@ impl AnySession {
         match self {
             AnySession::Particles(session) => session.ranges(look, camera, format),
             AnySession::Field(session) => session.ranges(look, camera, format),
+            AnySession::Surface(session) => session.ranges(look, camera, format),
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::annotation::Annotation;
 use super::error::PictureError;
 use super::field::PointsReport;
+use super::surface::SurfaceShown;
 use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
 use super::level_report::LevelReport;
@@ -53,6 +54,8 @@ pub struct Picture {
     pub paths: Option<Arc<Colors>>,
     /// Of images and volumes: the points that it was drawn from.
     pub points: Option<PointsReport>,
+    /// Of heights: what was drawn, and the raw channels.
+    pub surface: Option<SurfaceShown>,
 }
 
 /// The moment of a run that a picture shows.
@@ -187,6 +190,10 @@ impl Picture {
     /// # Errors
     /// When the file cannot be written.
     pub fn write_npy(&self, path: &Path) -> Result<(), output::OutputError> {
+        if let Some(channels) = self.surface.as_ref().and_then(|surface| surface.channels.as_ref()) {
+            let shape = [channels.height, channels.width, 7].map(u64::from);
+            return output::write_npy_doubles(path, &shape, channels.values.as_flattened());
+        }
         match &self.values {
             Raw::Sums(sums, _) => output::write_npy(path, sums),
             Raw::Light(painted) => output::write_npy_colors(path, &painted.colors),

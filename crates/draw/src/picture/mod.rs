@@ -25,6 +25,7 @@ pub mod source;
 pub mod splat_budget;
 pub mod stand_in;
 pub mod subject;
+pub mod surface;
 mod times;
 
 mod drawn;

@@ -80,6 +80,10 @@ pub struct SessionOptions {
     pub overdraw: Option<PathBuf>,
     /// Bytes that the samples of an image or a volume may take; more are thinned.
     pub memory: Option<u64>,
+    /// Bytes that decoded chunks of heights may take.
+    pub chunk_memory: Option<u64>,
+    /// Whether the raw channels of heights are wanted, too.
+    pub raw: bool,
     /// How many times a picture is drawn, for times; 0 counts as 1.
     pub repeat: u32,
     /// What messages about settings name: the file that has them; the data where it is empty.
@@ -479,6 +483,7 @@ impl Session {
             moment: self.shown_moment(0),
             paths: None,
             points: None,
+            surface: None,
         })
     }
 

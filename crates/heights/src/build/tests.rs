@@ -217,6 +217,7 @@ fn check_node(field: &HeightField, file: &HeightFile, key: ChunkKey, node: &Chun
             let [tall, wide] = [place(0, row + 1) - top, place(1, column + 1) - left];
             for (down, across) in (0..=tall).flat_map(|down| (0..=wide).map(move |across| (down, across))) {
                 let sample = truth.at(top + down, left + across);
+                is_exact &= !sample.is_nan();
                 if !sample.is_nan() {
                     (low, high) = (low.min(sample), high.max(sample));
                     let surface = cell.height(across as f64 / wide as f64, down as f64 / tall as f64);
@@ -226,7 +227,7 @@ fn check_node(field: &HeightField, file: &HeightFile, key: ChunkKey, node: &Chun
                     area += truth.cell(top + down, left + across).triangles().count() as u64;
                 }
             }
-            if cell.measured() == 4 {
+            if cell.measured() >= 3 {
                 let steps = 24;
                 for (down, across) in (0..=steps).flat_map(|down| (0..=steps).map(move |across| (down, across))) {
                     let (v, u) = (f64::from(down) / f64::from(steps), f64::from(across) / f64::from(steps));
@@ -287,7 +288,7 @@ fn check_coverage(field: &HeightField, file: &HeightFile, level: u32, samples: &
         total += told;
         // Lone samples are covered by more than they are; else a row is off by one rounding.
         let whole = (1_u64 << (2 * level)) as f64;
-        slack += if area == 0 { told } else if column == 0 { whole / 255.0 } else { 0.0 };
+        slack += if area == 0 { told } else { 0.0 } + if column == 0 { whole / 255.0 } else { 0.0 };
         if area > 0 && exact * 255.0 < 1.5 * cells as f64 {
             slack += cells as f64 / 255.0;
         }

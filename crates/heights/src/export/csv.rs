@@ -8,7 +8,8 @@ use std::fmt::Write as _;
 pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
     let grid = export.grid();
     let mut file = NewFile::create(export.output, 0)?;
-    let named = |name: &str, unit: &Unit| if unit.is_unknown() { name.to_owned() } else { format!("{name} [{}]", unit.0) };
+    let named =
+        |name: &str, unit: &Unit| if unit.is_unknown() { name.to_owned() } else { format!("{name} [{}]", unit.0) };
     let head = [named("x", &grid.xy_unit), named("y", &grid.xy_unit), named("height", &grid.height_unit)];
     file.write(format!("{}\n", head.join(",")).as_bytes())?;
     let mut lines = String::new();

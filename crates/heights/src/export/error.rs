@@ -39,6 +39,11 @@ impl ExportError {
 
     /// An [`ExportError::Refused`].
     pub(crate) fn refused(path: &Path, field: &str, found: impl ToString, expected: &str) -> ExportError {
-        ExportError::Refused { path: path.into(), field: field.into(), found: found.to_string(), expected: expected.into() }
+        ExportError::Refused {
+            path: path.into(),
+            field: field.into(),
+            found: found.to_string(),
+            expected: expected.into(),
+        }
     }
 }

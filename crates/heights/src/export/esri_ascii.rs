@@ -14,7 +14,11 @@ pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
     let window = export.window;
     let [dx, dy] = grid.step;
     if dx < 0.0 {
-        return Err(export.refused("spacing", format!("{dx}, {dy}"), "columns from west to east, as the format has them"));
+        return Err(export.refused(
+            "spacing",
+            format!("{dx}, {dy}"),
+            "columns from west to east, as the format has them",
+        ));
     }
     // The format knows rows from north to south only.
     let is_turned = dy > 0.0;
@@ -36,7 +40,8 @@ pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
     let end = window.column + window.columns;
     let put = |band: Window, values: &[f64]| {
         let ends_row = band.column + band.columns == end;
-        let lines: Vec<String> = values.par_chunks(band.columns as usize).map(|line| text(line, no_data, ends_row)).collect();
+        let lines: Vec<String> =
+            values.par_chunks(band.columns as usize).map(|line| text(line, no_data, ends_row)).collect();
         lines.iter().try_for_each(|line| file.write(line.as_bytes()))
     };
     let valid = if is_turned { export.each_band_turned(false, put)? } else { export.each_band(false, put)? };

@@ -1,5 +1,5 @@
-//! Height fields as files of other programs, band by band: [`export_heights`] writes what the name's ending says. Files are written under another name
-//! first: whole, or not at all.
+//! Height fields as files of other programs, band by band: [`export_heights`] writes what the name's ending says. Files
+//! are written under another name first: whole, or not at all.
 
 mod csv;
 mod error;
@@ -23,8 +23,8 @@ use std::path::Path;
 /// What is known of a field that is exported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExportOptions {
-    /// Whether all samples of the field, not of the window alone, were measured; `None` is found out by reading it. It decides whether whole numbers stay
-    /// such.
+    /// Whether all samples of the field, not of the window alone, were measured; `None` is found out by reading it. It
+    /// decides whether whole numbers stay such.
     pub all_valid: Option<bool>,
 }
 
@@ -66,11 +66,12 @@ static FORMATS: &[ExportFormat] = &[
     ExportFormat { extensions: &["csv"], write: csv::write },
 ];
 
-/// Writes a window of a field in the format that the ending of `output` says: `.npy`, `.tif`, `.asc`, `.x3p`, `.png` or `.csv`. The same heights give the
-/// same bytes, wherever they are read from.
+/// Writes a window of a field in the format that the ending of `output` says: `.npy`, `.tif`, `.asc`, `.x3p`, `.png` or
+/// `.csv`. The same heights give the same bytes, wherever they are read from.
 ///
 /// # Errors
-/// [`ExportError`] where the ending is not known, the format cannot hold the heights, or they cannot be read or written. Nothing is left behind.
+/// [`ExportError`] where the ending is not known, the format cannot hold the heights, or they cannot be read or
+/// written. Nothing is left behind.
 pub fn export_heights(
     heights: &dyn Heights,
     window: Window,
@@ -78,9 +79,11 @@ pub fn export_heights(
     options: &ExportOptions,
     progress: &dyn Progress,
 ) -> Result<Exported, ExportError> {
-    let known = FORMATS.iter().find(|format| format.extensions.iter().any(|extension| has_extension(output, extension)));
+    let known =
+        FORMATS.iter().find(|format| format.extensions.iter().any(|extension| has_extension(output, extension)));
     let Some(format) = known else {
-        let found = output.extension().map_or("none".to_owned(), |extension| format!(".{}", extension.to_string_lossy()));
+        let found =
+            output.extension().map_or("none".to_owned(), |extension| format!(".{}", extension.to_string_lossy()));
         let known: Vec<String> = export_extensions().iter().map(|extension| format!(".{extension}")).collect();
         return Err(ExportError::refused(output, "ending", found, &format!("one of {}", known.join(", "))));
     };

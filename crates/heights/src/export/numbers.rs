@@ -4,9 +4,12 @@ use crate::model::HeightGrid;
 use deepfield_data::model::{SampleType, Scale};
 use rayon::prelude::*;
 
-/// How a field's heights are written: whole numbers as they are stored where all of the field were measured and need no scale, else floats, of 32 bits where
-/// the source's are such and need no scale.
-pub(super) fn written_type(grid: &HeightGrid, all_valid: impl FnOnce() -> Result<bool, crate::model::HeightError>) -> Result<SampleType, crate::model::HeightError> {
+/// How a field's heights are written: whole numbers as they are stored where all of the field were measured and need no
+/// scale, else floats, of 32 bits where the source's are such and need no scale.
+pub(super) fn written_type(
+    grid: &HeightGrid,
+    all_valid: impl FnOnce() -> Result<bool, crate::model::HeightError>,
+) -> Result<SampleType, crate::model::HeightError> {
     if grid.scale != Scale::NONE {
         return Ok(SampleType::F64);
     }
@@ -16,7 +19,8 @@ pub(super) fn written_type(grid: &HeightGrid, all_valid: impl FnOnce() -> Result
     Ok(SampleType::F64)
 }
 
-/// The bytes of numbers, the least significant first, in place of what is in `bytes`. Numbers that a type of whole numbers cannot hold become its nearest.
+/// The bytes of numbers, the least significant first, in place of what is in `bytes`. Numbers that a type of whole
+/// numbers cannot hold become its nearest.
 pub(super) fn encode(sample_type: SampleType, values: &[f64], bytes: &mut Vec<u8>) {
     /// Numbers that a task encodes.
     const PART: usize = 1 << 14;

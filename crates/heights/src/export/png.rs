@@ -17,7 +17,8 @@ pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
         }
     };
     let window = export.window;
-    let sides = u32::try_from(window.columns).ok().zip(u32::try_from(window.rows).ok()).filter(|(x, y)| *x.max(y) < 1 << 31);
+    let sides =
+        u32::try_from(window.columns).ok().zip(u32::try_from(window.rows).ok()).filter(|(x, y)| *x.max(y) < 1 << 31);
     let Some((width, height)) = sides else {
         return Err(export.refused("size", format!("{} x {}", window.columns, window.rows), "sides below 2^31"));
     };

@@ -1,5 +1,5 @@
-//! GeoTIFF: classic TIFF in strips, compressed with Deflate, whole numbers as differences along rows. Samples are points, so that places come back
-//! without rounding.
+//! GeoTIFF: classic TIFF in strips, compressed with Deflate, whole numbers as differences along rows. Samples are
+//! points, so that places come back without rounding.
 
 use super::new_file::NewFile;
 use super::numbers::{encode, written_type};
@@ -87,7 +87,12 @@ pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
     place(export, &mut tags);
     if !grid.height_unit.is_unknown() {
         let unit = &grid.height_unit.0;
-        tags.text(42112, &format!("<GDALMetadata><Item name=\"UNITTYPE\" sample=\"0\" role=\"unittype\">{unit}</Item></GDALMetadata>"));
+        tags.text(
+            42112,
+            &format!(
+                "<GDALMetadata><Item name=\"UNITTYPE\" sample=\"0\" role=\"unittype\">{unit}</Item></GDALMetadata>"
+            ),
+        );
     }
     if valid < window.samples() {
         tags.text(42113, "nan");
@@ -98,7 +103,11 @@ pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
     }
     let directory = tags.directory(start);
     if start + directory.len() as u64 > u64::from(u32::MAX) {
-        return Err(export.refused("size", format!("{} MiB", start >> 20), "less than 4 GiB in a TIFF; .npy has no limit"));
+        return Err(export.refused(
+            "size",
+            format!("{} MiB", start >> 20),
+            "less than 4 GiB in a TIFF; .npy has no limit",
+        ));
     }
     file.write(&directory)?;
     let back = file.inner().seek(SeekFrom::Start(4));

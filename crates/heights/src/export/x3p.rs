@@ -1,5 +1,5 @@
-//! X3P (ISO 25178-72): a ZIP archive of a description and the heights, in metres. Whole numbers keep their type, with an increment and an offset, and have
-//! a mask where some were not measured; floats have NaN there.
+//! X3P (ISO 25178-72): a ZIP archive of a description and the heights, in metres. Whole numbers keep their type, with
+//! an increment and an offset, and have a mask where some were not measured; floats have NaN there.
 
 use super::new_file::NewFile;
 use super::numbers::encode;
@@ -37,7 +37,9 @@ impl Numbers {
             SampleType::I8 | SampleType::U8 | SampleType::I16 => {
                 Numbers { letter: 'I', sample_type: SampleType::I16, increment, offset }
             }
-            SampleType::U16 | SampleType::I32 => Numbers { letter: 'L', sample_type: SampleType::I32, increment, offset },
+            SampleType::U16 | SampleType::I32 => {
+                Numbers { letter: 'L', sample_type: SampleType::I32, increment, offset }
+            }
             // Only what is in metres already stays as it is.
             SampleType::F32 if increment == 1.0 && offset == 0.0 => floats('F', SampleType::F32),
             _ => floats('D', SampleType::F64),
@@ -60,7 +62,11 @@ pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
     let numbers = Numbers::of(grid, length("unit of heights", &grid.height_unit, "--height-unit")?);
     let [dx, dy] = grid.step;
     if dx < 0.0 {
-        return Err(export.refused("spacing", format!("{dx}, {dy}"), "columns from left to right: increments are above 0"));
+        return Err(export.refused(
+            "spacing",
+            format!("{dx}, {dy}"),
+            "columns from left to right: increments are above 0",
+        ));
     }
     let is_turned = dy < 0.0;
     let mut file = NewFile::create(export.output, 0)?;
@@ -112,7 +118,8 @@ pub(super) fn write(export: &Export) -> Result<Exported, ExportError> {
 
     let first = if is_turned { export.window.row + export.window.rows - 1 } else { export.window.row };
     let origin = grid.place(first as f64, export.window.column as f64).map(|axis| axis * across);
-    let main = main(export.window, &numbers, [dx * across, dy.abs() * across], origin, &data_digest, mask_digest.as_deref());
+    let main =
+        main(export.window, &numbers, [dx * across, dy.abs() * across], origin, &data_digest, mask_digest.as_deref());
     archive.start_file(MAIN, entry(0)).map_err(fail)?;
     archive.write_all(main.as_bytes()).map_err(io)?;
     let mut digest = Md5::new();
@@ -172,7 +179,10 @@ fn main(window: Window, numbers: &Numbers, step: [f64; 2], origin: [f64; 2], dat
         )
     };
     let scale = match numbers.is_whole() {
-        true => format!("        <Increment>{:e}</Increment>\n        <Offset>{:e}</Offset>\n", numbers.increment, numbers.offset),
+        true => format!(
+            "        <Increment>{:e}</Increment>\n        <Offset>{:e}</Offset>\n",
+            numbers.increment, numbers.offset
+        ),
         false => String::new(),
     };
     let links = mask.map_or(String::new(), |digest| {

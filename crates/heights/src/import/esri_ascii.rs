@@ -1,5 +1,5 @@
-//! Esri ASCII grids: a header of names and numbers in any case, then values from north to south in rows of any length. They are read once, piece by
-//! piece, into binary.
+//! Esri ASCII grids: a header of names and numbers in any case, then values from north to south in rows of any length.
+//! They are read once, piece by piece, into binary.
 
 mod head;
 #[cfg(test)]
@@ -16,8 +16,13 @@ use deepfield_data::model::SampleType;
 use head::Head;
 
 /// Text that begins with one of the header's names.
-pub(super) const ESRI_ASCII: HeightFormat =
-    HeightFormat { name: "esri-ascii", extensions: &["asc"], is_sure: always, detect: |content| head::is_head(&content.head), open };
+pub(super) const ESRI_ASCII: HeightFormat = HeightFormat {
+    name: "esri-ascii",
+    extensions: &["asc"],
+    is_sure: always,
+    detect: |content| head::is_head(&content.head),
+    open,
+};
 
 /// What stands for no data where the header does not say.
 const NO_DATA: f64 = -9999.0;

@@ -33,7 +33,13 @@ fn corner(content: &Content) -> Option<[f64; 2]> {
     let name = content.path.file_name()?.to_str()?.to_ascii_uppercase();
     let number = |text: &str, plus: &str, minus: &str, most: f64| {
         let (letter, digits) = text.split_at_checked(1)?;
-        let sign = if letter == plus { 1.0 } else if letter == minus { -1.0 } else { return None };
+        let sign = if letter == plus {
+            1.0
+        } else if letter == minus {
+            -1.0
+        } else {
+            return None;
+        };
         let number: f64 = digits.bytes().all(|byte| byte.is_ascii_digit()).then(|| digits.parse().ok()).flatten()?;
         (number <= most).then_some(sign * number)
     };
@@ -55,11 +61,14 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
     let [west, south] = place.unwrap_or_default();
     (grid.origin, grid.step) = ([west, south + 1.0], [step, -step]);
     (grid.xy_unit, grid.height_unit, grid.crs) = (Unit::new("deg"), Unit::new("m"), Some("EPSG:4326".into()));
-    let samples = RawSamples::new(content, "samples", Layout::packed([side, side], 0, SampleType::I16, ByteOrder::Big))?;
+    let samples =
+        RawSamples::new(content, "samples", Layout::packed([side, side], 0, SampleType::I16, ByteOrder::Big))?;
     let mut about = HeightDescription::new(content, HGT.name, grid);
     about.has_spacing = true;
     if place.is_none() {
-        about.notes.push("the file's name does not tell its place, such as N39W106.hgt: its corner counts as 0, 0".into());
+        about
+            .notes
+            .push("the file's name does not tell its place, such as N39W106.hgt: its corner counts as 0, 0".into());
     }
     Ok(HeightSource::new(about, Box::new(samples), NoData::Value(VOID)))
 }

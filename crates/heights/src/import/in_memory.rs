@@ -22,23 +22,16 @@ macro_rules! stored {
 }
 stored!(i8 u8 i16 u16 i32 u32 i64 u64 f32 f64);
 
-/// Samples and colour planes, row by row.
+/// Samples, row by row.
 pub(super) struct InMemory<T> {
     columns: u64,
     samples: Vec<T>,
-    planes: Vec<Vec<u8>>,
 }
 
 impl<T: Stored> InMemory<T> {
     /// Samples in rows of `columns`; as many as the grid has, which the caller checks.
     pub(super) fn new(columns: u64, samples: Vec<T>) -> InMemory<T> {
-        InMemory { columns, samples, planes: Vec::new() }
-    }
-
-    /// The same with one more colour plane.
-    pub(super) fn with_plane(mut self, plane: Vec<u8>) -> InMemory<T> {
-        self.planes.push(plane);
-        self
+        InMemory { columns, samples }
     }
 }
 
@@ -56,13 +49,6 @@ fn gather<T: Copy, U>(all: &[T], columns: u64, window: Window, out: &mut [U], of
 impl<T: Stored> Samples for InMemory<T> {
     fn read(&self, window: Window, out: &mut [f64]) -> Result<(), ImportError> {
         gather(&self.samples, self.columns, window, out, T::number);
-        Ok(())
-    }
-
-    fn read_plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), ImportError> {
-        if let Some(plane) = self.planes.get(plane) {
-            gather(plane, self.columns, window, out, |value| value);
-        }
         Ok(())
     }
 }

@@ -10,17 +10,16 @@ mod esri_ascii;
 mod flt;
 mod frt;
 mod geotiff;
-mod guarded;
 mod gwy;
 mod hgt;
 mod in_memory;
-mod md5;
+pub(crate) mod md5;
 mod numpy;
 mod options;
 mod png16;
 mod raw;
 mod source;
-mod summary;
+pub mod summary;
 mod sur;
 mod surfer;
 mod suspects;
@@ -32,13 +31,13 @@ mod unpack;
 mod x3p;
 
 pub use options::HeightOptions;
-pub use source::{HeightDescription, HeightSource, NoData, Samples};
+pub use source::{HeightDescription, HeightSource, NoData, Samples, is_masked};
 pub use summary::{HeightSummary, summarize_heights};
 
 use content::Content;
 use deepfield_data::import::ImportError;
 use deepfield_data::model::SampleType;
-use guarded::guarded;
+use deepfield_data::import::guarded::guarded;
 use std::path::Path;
 
 /// A format of height fields.

@@ -1,4 +1,5 @@
-//! NumPy's arrays of two axes: `.npy` (<https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>), and the largest of an `.npz`.
+//! NumPy's arrays of two axes: `.npy` (<https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>), and
+//! the largest of an `.npz`.
 
 mod axes;
 mod header;

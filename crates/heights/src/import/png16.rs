@@ -31,7 +31,11 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
     let info = decoder.read_header_info().map_err(wrong)?;
     let (color, depth) = (info.color_type, info.bit_depth);
     if color != ColorType::Grayscale {
-        return Err(content.malformed("IHDR", format!("{color:?} of {} bits", depth as u8), "grey values, without colours and alpha"));
+        return Err(content.malformed(
+            "IHDR",
+            format!("{color:?} of {} bits", depth as u8),
+            "grey values, without colours and alpha",
+        ));
     }
     let is_small = !matches!(depth, BitDepth::Eight | BitDepth::Sixteen);
     decoder.set_transformations(if is_small { Transformations::EXPAND } else { Transformations::IDENTITY });

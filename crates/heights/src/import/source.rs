@@ -35,7 +35,7 @@ impl HeightDescription {
 pub(super) const MASKED: f64 = f64::from_bits(0x7ff8_6d61_736b_6564);
 
 /// Whether this is [`MASKED`].
-pub(super) fn is_masked(stored: f64) -> bool {
+pub fn is_masked(stored: f64) -> bool {
     stored.to_bits() == MASKED.to_bits()
 }
 

@@ -54,6 +54,8 @@ pub struct Difference<'a> {
     shift: Option<[i64; 2]>,
 }
 
+impl crate::build::Measured for Difference<'_> {}
+
 /// What one unit is in another; `None` where this is not known.
 fn factor(from: &Unit, to: &Unit) -> Option<f64> {
     if from == to {

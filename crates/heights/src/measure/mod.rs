@@ -3,16 +3,20 @@
 
 mod autocorrelation;
 mod bands;
+mod chains;
 mod fourier;
 mod material;
 mod solve;
 mod tiles;
 
+pub mod contours;
 pub mod difference;
 pub mod filter;
 pub mod fit;
 pub mod form;
+pub mod geojson;
 pub mod iso;
+pub mod paged;
 pub mod part;
 pub mod pick;
 pub mod probe;
@@ -24,12 +28,15 @@ pub mod ray;
 mod tests;
 
 pub use autocorrelation::{Correlation, Texture, correlation};
+pub use contours::{Contour, ContourError, contours, levels};
 pub use difference::{Difference, DifferenceError, Volumes, volumes};
 pub use filter::{Filter, Filtered};
 pub use fit::{FormError, fit};
 pub use form::{Form, FormKind, FormNumbers, Residual};
+pub use geojson::GeoJson;
 pub use iso::{Iso, Roughness, roughness};
 pub use material::Material;
+pub use paged::{PagedPyramid, pick_all};
 pub use part::{Disc, Part, window_of};
 pub use pick::{Pick, pick};
 pub use probe::{Probe, Sample, gradient, nearest, probe, probe_sample};

@@ -11,7 +11,7 @@ use std::convert::Infallible;
 const FINEST: u32 = 2;
 
 /// A range of nothing.
-const NOTHING: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
+pub(super) const NOTHING: [f64; 2] = [f64::INFINITY, f64::NEG_INFINITY];
 
 /// Samples as they are stored, at least as exact as the source has them.
 enum Stored {
@@ -20,9 +20,9 @@ enum Stored {
 }
 
 /// Ranges of the blocks of one level, row by row.
-struct Level {
-    columns: usize,
-    ranges: Vec<[f64; 2]>,
+pub(super) struct Level {
+    pub(super) columns: usize,
+    pub(super) ranges: Vec<[f64; 2]>,
 }
 
 /// A field in memory: 4 or 8 bytes a sample, and 1.4 for the ranges.
@@ -40,10 +40,7 @@ impl Pyramid {
     /// Where it cannot be read.
     pub fn read(heights: &dyn Heights) -> Result<Pyramid, HeightError> {
         let grid = heights.grid().clone();
-        let is_single = matches!(
-            grid.sample_type,
-            SampleType::I8 | SampleType::U8 | SampleType::I16 | SampleType::U16 | SampleType::F32
-        );
+        let is_single = is_single(grid.sample_type);
         // Bands give heights, which are kept as they are where they are not scaled; else what is stored is kept, to be scaled again.
         let raw = AsStored { heights, grid: HeightGrid { scale: deepfield_data::model::Scale::NONE, ..grid.clone() } };
         let single = |band: &Band<'_>| band.rows().flat_map(|(_, row)| row.iter().map(|height| *height as f32)).collect::<Vec<f32>>();
@@ -64,6 +61,12 @@ impl Pyramid {
             pyramid.levels.push(next);
         }
         Ok(pyramid)
+    }
+
+    /// Bytes that reading all of a field takes: parts of it are put together, so that twice its samples are held for a while.
+    pub fn memory(grid: &HeightGrid) -> u64 {
+        let size = if is_single(grid.sample_type) { 4 } else { 8 };
+        grid.columns.saturating_mul(grid.rows).saturating_mul(2 * size)
     }
 
     /// The least and the largest height of T's samples; `None` without any triangle.
@@ -107,13 +110,18 @@ impl Pyramid {
     }
 }
 
+/// Whether singles hold samples of a type as they are stored.
+fn is_single(sample_type: SampleType) -> bool {
+    matches!(sample_type, SampleType::I8 | SampleType::U8 | SampleType::I16 | SampleType::U16 | SampleType::F32)
+}
+
 /// The least level of which one block holds all cells.
-fn top_of([columns, rows]: [u64; 2]) -> u32 {
+pub(super) fn top_of([columns, rows]: [u64; 2]) -> u32 {
     columns.max(rows).next_power_of_two().trailing_zeros()
 }
 
 /// The level above.
-fn coarser(level: &Level) -> Level {
+pub(super) fn coarser(level: &Level) -> Level {
     let rows = level.ranges.len() / level.columns;
     let columns = level.columns.div_ceil(2);
     let mut ranges = vec![NOTHING; columns * rows.div_ceil(2)];

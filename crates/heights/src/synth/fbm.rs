@@ -1,15 +1,18 @@
-//! Fractional Brownian motion on a lattice, by successive additions: a coarse lattice of random numbers is refined by cubic B-spline subdivision, and
-//! every level adds independent noise of its own, whose standard deviation goes with its spacing to the power of the Hurst exponent. That is the
-//! spectrum `k^-(2 H + 2)` in octaves, and a sample depends on a few numbers of each level only: any window can be made alone, at a cost a sample
-//! that does not depend on the number of levels.
+//! Fractional Brownian motion on a lattice, by successive additions: a coarse lattice of random numbers is refined by
+//! cubic B-spline subdivision, and every level adds independent noise of its own, whose standard deviation goes with
+//! its spacing to the power of the Hurst exponent. That is the spectrum `k^-(2 H + 2)` in octaves, and a sample depends
+//! on a few numbers of each level only: any window can be made alone, at a cost a sample that does not depend on the
+//! number of levels.
 
 use super::noise::Noise;
 
-/// The part of a level's variance that the noise of the samples themselves has, times the Hurst exponent: such that increments of 1 to 4 samples go
-/// on as those of 16 and more do (found by the exact variogram of the sum; local exponents are then within 0.04 of H from 0.1 to 0.8).
+/// The part of a level's variance that the noise of the samples themselves has, times the Hurst exponent: such that
+/// increments of 1 to 4 samples go on as those of 16 and more do (found by the exact variogram of the sum; local
+/// exponents are then within 0.04 of H from 0.1 to 0.8).
 const FINEST: f64 = 0.15;
 
-/// The variance of a level's noise far below it, averaged over places: the square of the integral of the cubic B-spline squared.
+/// The variance of a level's noise far below it, averaged over places: the square of the integral of the cubic B-spline
+/// squared.
 const SPREAD: f64 = (151.0 / 315.0) * (151.0 / 315.0);
 
 /// A field. Its mean over all seeds is 0.
@@ -63,7 +66,8 @@ impl Part {
 }
 
 impl Fbm {
-    /// A field whose coarsest level has numbers every `reach` samples, or up to twice as far apart, and whose heights deviate by `deviation` from their mean.
+    /// A field whose coarsest level has numbers every `reach` samples, or up to twice as far apart, and whose heights
+    /// deviate by `deviation` from their mean.
     pub(super) fn new(seed: u64, hurst: f64, reach: u64, deviation: f64) -> Fbm {
         let octaves = u64::BITS - reach.max(4).saturating_sub(1).leading_zeros();
         let mut levels: Vec<(f64, Noise)> = (0..=octaves)
@@ -79,8 +83,16 @@ impl Fbm {
         Fbm { levels }
     }
 
-    /// The samples of a window, row by row, `stride` numbers from row to row. Columns and rows count from any place, below 2^60.
-    pub(super) fn window(&self, [row, column]: [i64; 2], [rows, columns]: [usize; 2], out: &mut [f64], stride: usize, scratch: &mut Scratch) {
+    /// The samples of a window, row by row, `stride` numbers from row to row. Columns and rows count from any place,
+    /// below 2^60.
+    pub(super) fn window(
+        &self,
+        [row, column]: [i64; 2],
+        [rows, columns]: [usize; 2],
+        out: &mut [f64],
+        stride: usize,
+        scratch: &mut Scratch,
+    ) {
         let own = Part { row, column, rows: rows as i64, columns: columns as i64 };
         // What each level has to hold, the finest first; all but the coarsest are refined from the next.
         let mut parts = vec![own.paired()];
@@ -114,8 +126,9 @@ impl Fbm {
     }
 }
 
-/// Cubic B-spline subdivision, along rows and then along columns: a sample between two is their mean, one at a place of another has 6/8 of it and 1/8
-/// of each neighbour. `coarse` holds `above`, which is the parents of `part` and maybe more; `part` is paired.
+/// Cubic B-spline subdivision, along rows and then along columns: a sample between two is their mean, one at a place of
+/// another has 6/8 of it and 1/8 of each neighbour. `coarse` holds `above`, which is the parents of `part` and maybe
+/// more; `part` is paired.
 fn refine(above: Part, coarse: &[f64], part: Part, fine: &mut [f64], wide: &mut Vec<f64>) {
     let width = part.columns as usize;
     let parents = part.parents();

@@ -19,7 +19,8 @@ impl Holes {
     /// Single samples of this share, and round holes where these are wanted.
     pub(super) fn new(seed: u64, share: f64, has_round: bool) -> Holes {
         let sizes: &[(i64, f64)] = if has_round { &SIZES } else { &[] };
-        let round = sizes.iter().map(|(size, share)| (*size, *share, Noise::new(seed, 0x4000 + *size as u64))).collect();
+        let round =
+            sizes.iter().map(|(size, share)| (*size, *share, Noise::new(seed, 0x4000 + *size as u64))).collect();
         Holes { share, single: Noise::new(seed, 0x2000), round }
     }
 

@@ -1,5 +1,5 @@
-//! Synthetic height fields of any size: every sample is a function of the seed and of its place, so that fields are read in windows like any
-//! others, and are the same to the last bit on every machine and for any number of threads.
+//! Synthetic height fields of any size: every sample is a function of the seed and of its place, so that fields are
+//! read in windows like any others, and are the same to the last bit on every machine and for any number of threads.
 
 mod fbm;
 mod holes;
@@ -17,8 +17,8 @@ use crate::model::{Heights, Window};
 use deepfield_data::model::{Progress, Unit};
 use std::path::Path;
 
-/// Writes a field in the format that the name says, in bounded memory. In `.npy` whole numbers stay such: where nothing was measured they have the
-/// least value of their type. Nothing is left behind on failure.
+/// Writes a field in the format that the name says, in bounded memory. In `.npy` whole numbers stay such: where nothing
+/// was measured they have the least value of their type. Nothing is left behind on failure.
 ///
 /// # Errors
 /// [`ExportError`] where the options cannot be, the ending is not known, or the file cannot be written.

@@ -1,4 +1,5 @@
-//! Numbers that belong to the places of a lattice: random access instead of a sequence, so that any window can be made alone.
+//! Numbers that belong to the places of a lattice: random access instead of a sequence, so that any window can be made
+//! alone.
 
 use deepfield_data::synth::random::mix_bits;
 

@@ -100,9 +100,11 @@ impl SyntheticSurface {
     /// # Errors
     /// [`ExportError::Refused`] where they cannot be.
     pub fn new(options: &SurfaceOptions, output: &Path) -> Result<SyntheticSurface, ExportError> {
-        let refused = |field: &str, found: String, expected: &str| Err(ExportError::refused(output, field, found, expected));
+        let refused =
+            |field: &str, found: String, expected: &str| Err(ExportError::refused(output, field, found, expected));
         let SurfaceOptions { columns, rows, invalid, noise, hurst, spacing, seed, sample_type, .. } = *options;
-        let fits = columns.checked_mul(rows).and_then(|samples| samples.checked_mul(8)).is_some_and(|bytes| bytes >> 62 == 0);
+        let fits =
+            columns.checked_mul(rows).and_then(|samples| samples.checked_mul(8)).is_some_and(|bytes| bytes >> 62 == 0);
         if columns < 2 || rows < 2 || columns > MOST_SIDE || rows > MOST_SIDE || !fits {
             return refused("size", format!("{columns} x {rows}"), "at least 2 x 2 samples, and fewer than 2^59");
         }
@@ -145,7 +147,8 @@ impl SyntheticSurface {
         !self.holes.is_none()
     }
 
-    /// The least value of the stored type, which stands for samples that were not measured where these are whole numbers.
+    /// The least value of the stored type, which stands for samples that were not measured where these are whole
+    /// numbers.
     pub fn least(&self) -> f64 {
         match self.grid.sample_type {
             SampleType::I64 => i64::MIN as f64,
@@ -154,7 +157,14 @@ impl SyntheticSurface {
     }
 
     /// Makes a part of a window.
-    fn part(&self, [row, column]: [i64; 2], [rows, columns]: [usize; 2], out: &mut [f64], stride: usize, scratch: &mut Scratch) {
+    fn part(
+        &self,
+        [row, column]: [i64; 2],
+        [rows, columns]: [usize; 2],
+        out: &mut [f64],
+        stride: usize,
+        scratch: &mut Scratch,
+    ) {
         if let Relief::Fbm(fbm) = &self.relief {
             fbm.window([row, column], [rows, columns], out, stride, scratch);
         }
@@ -204,7 +214,9 @@ impl SyntheticSurface {
         match self.grid.sample_type {
             SampleType::F64 => {}
             SampleType::F32 => line.iter_mut().for_each(|height| *height = f64::from(*height as f32)),
-            _ => line.iter_mut().for_each(|height| *height = (*height * factor + summand).round_ties_even().clamp(low, high)),
+            _ => line
+                .iter_mut()
+                .for_each(|height| *height = (*height * factor + summand).round_ties_even().clamp(low, high)),
         }
     }
 }
@@ -216,15 +228,18 @@ impl Heights for SyntheticSurface {
 
     fn stored(&self, window: Window, out: &mut [f64]) -> Result<(), HeightError> {
         let width = window.columns as usize;
-        out.par_chunks_mut((width * PART[1]).max(1)).enumerate().for_each_init(Scratch::default, |scratch, (number, out)| {
-            let row = (window.row as usize + number * PART[1]) as i64;
-            let rows = out.len() / width.max(1);
-            for first in (0..width).step_by(PART[0]) {
-                let columns = PART[0].min(width - first);
-                let column = window.column as i64 + first as i64;
-                self.part([row, column], [rows, columns], &mut out[first..], width, scratch);
-            }
-        });
+        out.par_chunks_mut((width * PART[1]).max(1)).enumerate().for_each_init(
+            Scratch::default,
+            |scratch, (number, out)| {
+                let row = (window.row as usize + number * PART[1]) as i64;
+                let rows = out.len() / width.max(1);
+                for first in (0..width).step_by(PART[0]) {
+                    let columns = PART[0].min(width - first);
+                    let column = window.column as i64 + first as i64;
+                    self.part([row, column], [rows, columns], &mut out[first..], width, scratch);
+                }
+            },
+        );
         Ok(())
     }
 
@@ -258,7 +273,8 @@ fn relief(options: &SurfaceOptions) -> (Relief, [f64; 2]) {
         SurfaceShape::Fbm | SurfaceShape::Holes => {
             let reach = columns.max(rows);
             // A sixth of the side from bottom to top; whole numbers use the better part of their range.
-            let span = if sample_type.is_float() { reach as f64 / 6.0 } else { (0.7 * limits(sample_type)[1]).min(1e7) };
+            let span =
+                if sample_type.is_float() { reach as f64 / 6.0 } else { (0.7 * limits(sample_type)[1]).min(1e7) };
             let of_type = if limits(sample_type)[0] < 0.0 && !sample_type.is_float() { 2.0 * span } else { span };
             (Relief::Fbm(Fbm::new(seed, hurst, reach / 2, of_type / 8.5)), [-of_type / 2.0, of_type / 2.0])
         }

@@ -52,7 +52,12 @@ fn the_motion_has_its_hurst_exponent_in_all_directions() {
         // The mean of some seeds: one has few features of its own size.
         let mut sums = [[0.0; 6]; 3];
         for seed in 0..4 {
-            let options = SurfaceOptions { hurst, seed, sample_type: SampleType::F64, ..SurfaceOptions::new(SurfaceShape::Fbm, n as u64, n as u64) };
+            let options = SurfaceOptions {
+                hurst,
+                seed,
+                sample_type: SampleType::F64,
+                ..SurfaceOptions::new(SurfaceShape::Fbm, n as u64, n as u64)
+            };
             let heights = all(&options);
             for (direction, [down, right]) in [[0, 1], [1, 0], [1, 1]].into_iter().enumerate() {
                 for (power, sum) in sums[direction].iter_mut().enumerate() {
@@ -69,7 +74,12 @@ fn the_motion_has_its_hurst_exponent_in_all_directions() {
             let slope = |from: usize, to: usize| (sums[to] / sums[from]).log2() / (2 * (to - from)) as f64;
             assert!((slope(2, 4) - hurst).abs() < 0.05, "{} of {hurst}", slope(2, 4));
             for power in 0..5 {
-                assert!((slope(power, power + 1) - hurst).abs() < 0.07, "{} of {hurst} at lag {}", slope(power, power + 1), 1 << power);
+                assert!(
+                    (slope(power, power + 1) - hurst).abs() < 0.07,
+                    "{} of {hurst} at lag {}",
+                    slope(power, power + 1),
+                    1 << power
+                );
             }
         }
         // As steep across as along.
@@ -94,17 +104,21 @@ fn threads_do_not_change_a_bit_and_seeds_do() {
 /// The same bytes on every machine: what a few samples were when this was written.
 #[test]
 fn samples_are_those_of_any_machine() {
-    let options = SurfaceOptions { sample_type: SampleType::F64, seed: 7, ..SurfaceOptions::new(SurfaceShape::Fbm, 1000, 700) };
+    let options =
+        SurfaceOptions { sample_type: SampleType::F64, seed: 7, ..SurfaceOptions::new(SurfaceShape::Fbm, 1000, 700) };
     let heights = all(&options);
     let found = [0, 1, 1000, 345_678, 699_999].map(|place: usize| heights[place].to_bits());
     assert_eq!(found, KNOWN, "{found:x?}");
 }
 
-const KNOWN: [u64; 5] = [0xc037_3aca_54fe_6808, 0xc036_ee13_1fb6_26b8, 0xc037_8fac_9136_6f9a, 0xc030_b136_d776_7da0, 0x4018_d3fe_9ea7_28c7];
+const KNOWN: [u64; 5] =
+    [0xc031_c38b_aa68_3172, 0xc031_88e1_729a_59d9, 0xc032_0474_e783_faff, 0xc029_8781_0d4b_cf31, 0x4012_fc77_6a43_97a9];
 
 #[test]
 fn shapes_have_their_formulas() {
-    let at = |shape: SurfaceShape, columns: u64, rows: u64| all(&SurfaceOptions { sample_type: SampleType::F64, ..SurfaceOptions::new(shape, columns, rows) });
+    let at = |shape: SurfaceShape, columns: u64, rows: u64| {
+        all(&SurfaceOptions { sample_type: SampleType::F64, ..SurfaceOptions::new(shape, columns, rows) })
+    };
     let step = at(SurfaceShape::Step, 7, 3);
     assert_eq!(step[..7], [0.0, 0.0, 0.0, 0.0, 1000.0, 1000.0, 1000.0]);
     let plane = at(SurfaceShape::Plane, 5, 4);
@@ -137,7 +151,7 @@ fn whole_numbers_fit_their_type_and_mark_holes_by_the_least() {
             // None of the others is clipped.
             let valid = || values.iter().filter(|value| !is_hole(value)).copied();
             let (low, high) = (valid().fold(f64::INFINITY, f64::min), valid().fold(f64::NEG_INFINITY, f64::max));
-            assert!(high - low >= 20.0, "{shape} {sample_type}: {low} to {high}");
+            assert!(high - low >= 10.0, "{shape} {sample_type}: {low} to {high}");
             if matches!(shape, SurfaceShape::Fbm | SurfaceShape::Holes) && !sample_type.is_float() {
                 let top = valid().filter(|value| *value == high).count();
                 assert!(sample_type.size() == 1 || top < 3, "{shape} {sample_type}: {top} at {high}");

@@ -12,6 +12,8 @@ const PRESETS: &[(&str, &str)] = &[
     ("density-hue", include_str!("../../../../../assets/transfer/density-hue.ron")),
     ("stars", include_str!("../../../../../assets/transfer/stars.ron")),
     ("grey", include_str!("../../../../../assets/transfer/grey.ron")),
+    ("terrain", include_str!("../../../../../assets/transfer/terrain.ron")),
+    ("signed", include_str!("../../../../../assets/transfer/signed.ron")),
     ("volume", include_str!("../../../../../assets/transfer/volume.ron")),
     ("volume-hue", include_str!("../../../../../assets/transfer/volume-hue.ron")),
     ("volume-values", include_str!("../../../../../assets/transfer/volume-values.ron")),

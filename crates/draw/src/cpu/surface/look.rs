@@ -133,9 +133,9 @@ impl Ramp {
 }
 
 impl Contours {
-    /// How much of a pixel is line: from its height and how much the height changes within a pixel; and whether the nearest line is a
-    /// stronger one. Lines that are closer than two of their widths fade to their mean.
-    pub fn share(&self, height: f64, change: f64) -> f32 {
+    /// How much of a sample is line: from its height, how much the height changes within a pixel, and the sample's size in pixels. Lines that
+    /// are closer than two of their widths fade to their mean.
+    pub fn share(&self, height: f64, change: f64, size: f64) -> f32 {
         let place = (height - self.base) / self.interval;
         let nearest = place.round();
         let is_major = self.major > 0 && (nearest as i64).rem_euclid(i64::from(self.major)) == 0;
@@ -146,7 +146,7 @@ impl Contours {
         // In pixels, as the surface is flat within one.
         let apart = self.interval / change;
         let away = (place - nearest).abs() * apart;
-        let line = ((0.5 * width - away) / (2.0 * EDGE) + 0.5).clamp(0.0, 1.0);
+        let line = ((0.5 * width - away) / (2.0 * EDGE * size) + 0.5).clamp(0.0, 1.0);
         // All lines at once: what they cover, the stronger ones included.
         let more = if self.major > 0 { (MAJOR - 1.0) / f64::from(self.major) } else { 0.0 };
         let mean = (self.width * (1.0 + more) / apart).min(0.5);
@@ -157,5 +157,5 @@ impl Contours {
 
 /// How many times as wide a stronger line is.
 const MAJOR: f64 = 1.8;
-/// Half of a line's soft edge, pixels.
+/// Half of a line's soft edge, samples.
 const EDGE: f64 = 0.3;

@@ -6,6 +6,7 @@ use super::placed::{GridRay, Vantage};
 use super::raster::Shown;
 use super::rays::CellFrame;
 use super::sight::Sight;
+use super::source::NodeSamples;
 use super::stitch::{Mesh, Scene};
 use deepfield_heights::model::Triangle;
 use glam::DVec3;
@@ -25,8 +26,10 @@ pub struct Hit {
     pub height: f64,
     /// The share that is covered, from 0 to 1.
     pub coverage: f64,
-    /// What a column and a row add to the height on the triangle; `None` for a point.
-    pub slope: Option<[f64; 2]>,
+    /// What a column and a row add to the height there: on the triangle, or as a point's mean normal says.
+    pub slope: [f64; 2],
+    /// Row, column and height of what lies under the pixel's centre: of a point on the plane of its mean normal; else the same place.
+    pub under: [f64; 3],
 }
 
 /// Channels of a raw picture.
@@ -54,27 +57,129 @@ pub struct Resolver<'a> {
     pub sight: &'a Sight,
     /// Samples as the eye has them.
     pub vantage: Vantage,
+    /// For each chunk its samples and those of the chunks that it lies in, from its level up.
+    chains: Vec<Vec<Option<&'a NodeSamples>>>,
+}
+
+/// Four samples around a place in a level, and what each counts.
+#[derive(Clone, Copy, Debug)]
+pub struct Between<'a> {
+    /// The chunk's samples.
+    pub samples: &'a NodeSamples,
+    /// Row by row.
+    pub indices: [usize; 4],
+    /// What each counts; their sum is 1.
+    pub weights: [f64; 4],
+    /// How many rows and columns of full resolution they are apart.
+    pub apart: [f64; 2],
 }
 
 impl<'a> Resolver<'a> {
     /// For a scene and an eye.
     pub fn new(scene: &'a Scene, sight: &'a Sight) -> Resolver<'a> {
-        Resolver { scene, sight, vantage: Vantage::new(&scene.placed, sight.eye()) }
+        let chain = |mesh: &'a Mesh| {
+            let key = mesh.node.key;
+            (key.level..=scene.lattice.top()).map(|level| scene.samples(key.ancestor(level))).collect()
+        };
+        let chains = scene.meshes.iter().map(chain).collect();
+        Resolver { scene, sight, vantage: Vantage::new(&scene.placed, sight.eye()), chains }
+    }
+
+    /// The level, with a fraction, whose samples are as far apart as pixels at a depth, may it be finer than what there is.
+    pub fn level_at(&self, depth: f64) -> f64 {
+        let [across, along] = self.scene.placed.spacing();
+        -(self.sight.pixels_at(depth.max(f64::MIN_POSITIVE)) * across.max(along)).log2()
+    }
+
+    /// The nearest level to this one that there is where a chunk is drawn, and the share of the next coarser one.
+    pub fn levels(&self, node: usize, level: f64) -> (u8, f64) {
+        let own = self.scene.meshes[node].node.key.level;
+        let level = level.clamp(f64::from(own), f64::from(own) + (self.chains[node].len() - 1) as f64);
+        (level as u8, level.fract())
+    }
+
+    /// The samples of a level around a place that a chunk, which is not coarser, holds; places beyond the rim count as on it.
+    pub fn between(&self, node: usize, level: u8, [row, column]: [f64; 2]) -> Option<Between<'a>> {
+        let (own, lattice) = (self.scene.meshes[node].node.key, self.scene.lattice);
+        let samples = self.chains[node].get(usize::from(level.checked_sub(own.level)?)).copied().flatten()?;
+        let key = own.ancestor(level);
+        let place = |axis: usize, at: f64, count: usize| {
+            let (first, _) = lattice.span(key, axis);
+            let index = ((at / (1_u64 << level) as f64) as usize).saturating_sub(first as usize).min(count.saturating_sub(2));
+            let [from, to] = [0, 1].map(|next| lattice.position(axis, level, first + index as u64 + next));
+            (index, ((at - from as f64) / (to - from) as f64).clamp(0.0, 1.0), (to - from) as f64)
+        };
+        let (row, down, height) = place(0, row, samples.rows);
+        let (column, right, width) = place(1, column, samples.columns);
+        let first = row * samples.columns + column;
+        Some(Between {
+            samples,
+            indices: [first, first + 1, first + samples.columns, first + samples.columns + 1],
+            weights: [(1.0 - down) * (1.0 - right), (1.0 - down) * right, down * (1.0 - right), down * right],
+            apart: [height, width],
+        })
+    }
+
+    /// A point's hit.
+    fn point(&self, shown: Shown, mesh: &Mesh, pixel: [f64; 2]) -> Option<Hit> {
+        let [row, column] = shown.at;
+        let index = row * mesh.samples.columns + column;
+        let height = mesh.heights()[index];
+        let (_, depth) = self.sight.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
+        let at = [mesh.rows[row] as f64, mesh.columns[column] as f64];
+        let placed = &self.scene.placed;
+        let [nx, ny, nz] = mesh.samples.normals[index].map(f64::from);
+        let nz = nz.max(1e-6) * placed.true_lift;
+        let slope = [-nx / nz * placed.step[0], -ny / nz * placed.step[1]];
+        let ray = self.sight.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
+        let found = ray.and_then(|GridRay { origin, direction }| {
+            let plane = height + slope[0] * (origin[0] - at[1]) + slope[1] * (origin[1] - at[0]);
+            let t = (plane - origin[2]) / (direction[2] - slope[0] * direction[0] - slope[1] * direction[1]);
+            let place = [t.mul_add(direction[1], origin[1]), t.mul_add(direction[0], origin[0])];
+            // A plane that is seen from its edge says nothing.
+            let most = 2.0 * self.level_at(depth).max(0.0).exp2();
+            let is_near = (0..2).all(|k| (place[k] - at[k]).abs() <= most);
+            is_near.then(|| [place[0], place[1], t.mul_add(direction[2], origin[2])])
+        });
+        let under = found.unwrap_or([at[0], at[1], height]);
+        let coverage = self.point_coverage(mesh, shown, depth, [under[0], under[1]]);
+        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, slope, under })
+    }
+
+    /// The share of a pixel that is covered where a point is drawn: as much as is valid around the pixel's centre at the size of a pixel, and
+    /// not as the point's own sample says, for of many samples in a pixel one is seen that was measured.
+    fn point_coverage(&self, mesh: &Mesh, shown: Shown, depth: f64, place: [f64; 2]) -> f64 {
+        let [row, column] = shown.at;
+        let own = f64::from(mesh.opacity(row, column));
+        let level = self.level_at(depth);
+        if level <= 0.0 || mesh.is_lone(row, column) && mesh.node.key.level == 0 {
+            return if mesh.node.key.level == 0 { 1.0 } else { own };
+        }
+        let (first, share) = self.levels(shown.node, level);
+        let covered = |level: u8| {
+            let between = self.between(shown.node, level, place)?;
+            let share = |k: usize| f64::from(between.samples.coverage_at(between.indices[k])) / 255.0;
+            Some((0..4).map(|k| between.weights[k] * share(k)).sum::<f64>())
+        };
+        let fine = covered(first).unwrap_or(own);
+        let coarse = if share > 0.0 { covered(first + 1).unwrap_or(fine) } else { fine };
+        // What of a pixel's size is in the field.
+        let placed = &self.scene.placed;
+        let [across, along] = placed.spacing();
+        let size = level.exp2() * across.max(along);
+        let inside = [(0, size / along), (1, size / across)].map(|(axis, side)| {
+            let last = (placed.samples[1 - axis] - 1) as f64;
+            let (from, to) = (place[axis] - 0.5 * side, place[axis] + 0.5 * side);
+            ((to.min(last) - from.max(0.0)) / side).clamp(0.0, 1.0)
+        });
+        (inside[0] * inside[1] * (fine + share * (coarse - fine))).max(1.0 / 255.0)
     }
 
     /// The place of what is shown at a place of the picture.
     pub fn hit(&self, shown: Shown, pixel: [f64; 2]) -> Option<Hit> {
         let mesh = self.scene.meshes.get(shown.node)?;
         let [row, column] = shown.at;
-        let Some(slot) = shown.slot else {
-            let index = row * mesh.samples.columns + column;
-            let height = mesh.heights()[index];
-            let relative = self.vantage.relative(mesh.rows[row], mesh.columns[column], height);
-            let (_, depth) = self.sight.project(relative)?;
-            let coverage = f64::from(mesh.opacity(row, column));
-            let [row, column] = [mesh.rows[row], mesh.columns[column]].map(|place| place as f64);
-            return Some(Hit { shown, depth, row, column, height, coverage, slope: None });
-        };
+        let Some(slot) = shown.slot else { return self.point(shown, mesh, pixel) };
         let triangle = mesh.cell(row, column).triangles().nth(slot)?;
         let (origin, direction) = self.sight.ray(pixel)?;
         let frame = CellFrame::of(mesh, shown.at);
@@ -91,8 +196,8 @@ impl<'a> Resolver<'a> {
             Sight::Around { .. } => relative.length(),
         };
         let coverage = self.coverage(mesh, shown.at, &triangle, [u, v]);
-        let slope = Some([q / frame.size[1], s / frame.size[0]]);
-        Some(Hit { shown, depth, row, column, height, coverage, slope })
+        let slope = [q / frame.size[1], s / frame.size[0]];
+        Some(Hit { shown, depth, row, column, height, coverage, slope, under: [row, column, height] })
     }
 
     fn flat(

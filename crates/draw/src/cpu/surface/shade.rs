@@ -10,7 +10,6 @@ use super::raster::Visibility;
 use super::resolve::{Hit, Resolver};
 use super::select::Primitive;
 use super::sight::Sight;
-use super::source::NodeSamples;
 use super::stitch::Scene;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -38,8 +37,6 @@ pub struct Shader<'a> {
     ramp: Ramp,
     /// Samples along a pixel's side.
     parts: u32,
-    /// For each chunk its samples and those of the chunks that it lies in, from its level up.
-    chains: Vec<Vec<Option<&'a NodeSamples>>>,
     /// Towards the sun, in the frame of the surface.
     sun: Option<DVec3>,
     /// Which planes are read.
@@ -49,10 +46,6 @@ pub struct Shader<'a> {
 impl<'a> Shader<'a> {
     /// For a picture whose pixels are its samples, of which there are `parts` along a pixel's side.
     pub fn new(scene: &'a Scene, sight: &'a Sight, look: &'a Look, parts: u32) -> Shader<'a> {
-        let chain = |mesh: &'a super::stitch::Mesh| {
-            let key = mesh.node.key;
-            (key.level..=scene.lattice.top()).map(|level| scene.samples(key.ancestor(level))).collect()
-        };
         let sun = match look.light {
             Light::Eye => None,
             Light::Sun { azimuth, altitude } => {
@@ -66,9 +59,8 @@ impl<'a> Shader<'a> {
             Attribute::Texture(planes) => planes.to_vec(),
             _ => Vec::new(),
         };
-        let chains = scene.meshes.iter().map(chain).collect();
         let resolver = Resolver::new(scene, sight);
-        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, chains, sun, planes }
+        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes }
     }
 
     /// Colours in linear light, premultiplied with alpha, and depths: infinite where some sample of a pixel shows nothing.
@@ -116,10 +108,11 @@ impl<'a> Shader<'a> {
             Attribute::Plane(_) => self.ramp.at(self.place(f64::from(texel.planes[0]))),
             Attribute::Texture(_) => [texel.planes[0], texel.planes[1], texel.planes[2]],
         };
-        let world = placed.world(hit.row, hit.column, hit.height);
+        let [row, column, height] = hit.under;
+        let world = placed.world(row, column, height);
         let mut toward = sight.toward_eye(world - sight.eye());
         if let Map::Globe { .. } = placed.map {
-            let [longitude, latitude] = [hit.column.mul_add(placed.step[0], placed.origin[0]), hit.row.mul_add(placed.step[1], placed.origin[1])];
+            let [longitude, latitude] = [column.mul_add(placed.step[0], placed.origin[0]), row.mul_add(placed.step[1], placed.origin[1])];
             let up = super::placed::Placed::direction(longitude, latitude);
             let east = super::placed::Placed::direction(longitude + 90.0, 0.0);
             let north = up.cross(east);
@@ -135,7 +128,7 @@ impl<'a> Shader<'a> {
         let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
         let mut color = plain.map(|color| color * light);
         if let Some(contours) = &self.look.contours {
-            let share = self.line(contours, hit, &texel, place);
+            let share = self.line(contours, hit, place);
             (0..3).for_each(|k| color[k] += share * (contours.color[k] - color[k]));
         }
         let alpha = (hit.coverage * sight.cut().fade(hit.depth)) as f32;
@@ -151,46 +144,35 @@ impl<'a> Shader<'a> {
     }
 
     /// How much of a place is a line of equal height.
-    fn line(&self, contours: &Contours, hit: &Hit, texel: &Texel, [x, y]: [f64; 2]) -> f32 {
+    fn line(&self, contours: &Contours, hit: &Hit, [x, y]: [f64; 2]) -> f32 {
         let placed = &self.resolver.scene.placed;
-        // On a point the surface is as steep as its mean normal says.
-        let slope = hit.slope.unwrap_or_else(|| {
-            let [nx, ny, nz] = texel.normal.map(f64::from);
-            let nz = nz.max(1e-6) * placed.true_lift;
-            [-nx / nz * placed.step[0], -ny / nz * placed.step[1]]
-        });
+        let ([row, column, here], slope) = (hit.under, hit.slope);
         let height = |x: f64, y: f64| {
             let (origin, direction) = self.resolver.sight.ray([x, y])?;
             let ray = placed.ray(origin, direction)?;
-            let ([column, row, height], [right, down, up]) = (ray.origin, ray.direction);
-            let plane = hit.height + slope[0] * (column - hit.column) + slope[1] * (row - hit.row);
-            let t = (plane - height) / (up - slope[0] * right - slope[1] * down);
-            (t > 0.0 && t.is_finite()).then(|| t.mul_add(up, height))
+            let plane = here + slope[0] * (ray.origin[0] - column) + slope[1] * (ray.origin[1] - row);
+            let [right, down, up] = ray.direction;
+            let t = (plane - ray.origin[2]) / (up - slope[0] * right - slope[1] * down);
+            (t > 0.0 && t.is_finite()).then(|| t.mul_add(up, ray.origin[2]))
         };
         const STEP: f64 = 0.25;
-        let (Some(here), Some(right), Some(below)) = (height(x, y), height(x + STEP, y), height(x, y + STEP)) else {
-            return contours.share(hit.height, f64::MAX);
+        let parts = f64::from(self.parts);
+        // Widths are in pixels, this is in samples. A surface that is seen from its edge has all of its lines there.
+        let change = match (height(x + STEP, y), height(x, y + STEP)) {
+            (Some(right), Some(below)) => (right - here).hypot(below - here) / STEP * parts,
+            _ => f64::MAX,
         };
-        let here = if hit.slope.is_some() { hit.height } else { here };
-        let change = (right - here).hypot(below - here) / STEP;
-        // Widths are in pixels, this is in samples.
-        contours.share(here, change * f64::from(self.parts)).min(1.0)
+        contours.share(here, change, 1.0 / parts)
     }
 
     /// What a hit looks like at the distance of its pixels.
     fn texel(&self, hit: &Hit) -> Texel {
-        let scene = self.resolver.scene;
-        let chain = &self.chains[hit.shown.node];
-        let own = scene.meshes[hit.shown.node].node.key.level;
-        let [across, along] = scene.placed.spacing();
-        let pixel = 1.0 / (self.resolver.sight.pixels_at(hit.depth.max(f64::MIN_POSITIVE)) * across.max(along));
-        let wanted = pixel.log2();
-        let level = wanted.clamp(f64::from(own), f64::from(own) + (chain.len() - 1) as f64);
-        let first = level as u8;
-        let share = level - f64::from(first);
-        let mut texel = self.texel_at(hit, first, chain).unwrap_or(Texel { normal: [0.0, 0.0, 1.0], range: [hit.height; 2], ..Texel::default() });
+        let wanted = self.resolver.level_at(hit.depth);
+        let (first, share) = self.resolver.levels(hit.shown.node, wanted);
+        let nothing = Texel { normal: [0.0, 0.0, 1.0], range: [hit.under[2]; 2], ..Texel::default() };
+        let mut texel = self.texel_at(hit, first).unwrap_or(nothing);
         if share > 0.0
-            && let Some(coarse) = self.texel_at(hit, first + 1, chain)
+            && let Some(coarse) = self.texel_at(hit, first + 1)
         {
             let mix = |a: f32, b: f32| a + share as f32 * (b - a);
             texel.normal = std::array::from_fn(|k| mix(texel.normal[k], coarse.normal[k]));
@@ -198,36 +180,25 @@ impl<'a> Shader<'a> {
             texel.planes = std::array::from_fn(|k| mix(texel.planes[k], coarse.planes[k]));
             texel.range = std::array::from_fn(|k| texel.range[k] + share * (coarse.range[k] - texel.range[k]));
         }
+        let level = f64::from(first) + share;
         if wanted < level {
             // A sample stands for more than the pixel does.
             let shrunk = (wanted - level).exp2();
-            texel.range = texel.range.map(|end| hit.height + shrunk * (end - hit.height));
+            texel.range = texel.range.map(|end| hit.under[2] + shrunk * (end - hit.under[2]));
         }
         texel
     }
 
     /// What a hit looks like in a level: between four samples, of which only those count that stand for something.
-    fn texel_at(&self, hit: &Hit, level: u8, chain: &[Option<&NodeSamples>]) -> Option<Texel> {
-        let scene = self.resolver.scene;
-        let own = scene.meshes[hit.shown.node].node.key;
-        let samples = chain.get(usize::from(level - own.level)).copied().flatten()?;
-        let key = own.ancestor(level);
-        let place = |axis: usize, at: f64, count: usize| {
-            let (first, _) = scene.lattice.span(key, axis);
-            let index = ((at / (1_u64 << level) as f64) as usize).saturating_sub(first as usize).min(count.saturating_sub(2));
-            let [from, to] = [0, 1].map(|next| scene.lattice.position(axis, level, first + index as u64 + next));
-            (index, ((at - from as f64) / (to - from) as f64).clamp(0.0, 1.0), (to - from) as f64)
-        };
-        let (row, down, height) = place(0, hit.row, samples.rows);
-        let (column, right, width) = place(1, hit.column, samples.columns);
+    fn texel_at(&self, hit: &Hit, level: u8) -> Option<Texel> {
+        let between = self.resolver.between(hit.shown.node, level, [hit.under[0], hit.under[1]])?;
+        let samples = between.samples;
         let mut texel = Texel::default();
         let mut sum = 0.0_f64;
         let mut normal = [0.0_f64; 3];
         let mut planes = [0.0_f64; PLANES];
         let mut leans = [[0.0_f64; 2]; 4];
-        for (corner, lean) in leans.iter_mut().enumerate() {
-            let index = (row + corner / 2) * samples.columns + column + corner % 2;
-            let weight = (if corner / 2 == 0 { 1.0 - down } else { down }) * (if corner % 2 == 0 { 1.0 - right } else { right });
+        for ((index, weight), lean) in between.indices.into_iter().zip(between.weights).zip(&mut leans) {
             let weight = weight * f64::from(samples.coverage_at(index)) / 255.0;
             let found = samples.normals[index].map(f64::from);
             *lean = [found[0] / found[2].max(1e-6), found[1] / found[2].max(1e-6)];
@@ -248,12 +219,12 @@ impl<'a> Shader<'a> {
         texel.normal = normal.map(|value| (value / sum) as f32);
         texel.planes = planes.map(|value| (value / sum) as f32);
         texel.range = match level {
-            0 => [hit.height; 2],
+            0 => [hit.under[2]; 2],
             _ => texel.range.map(|end| end / sum),
         };
-        let [x, y] = [scene.placed.step[0] * width, scene.placed.step[1] * height];
-        let across = 0.5 * (leans[1][0] + leans[3][0] - leans[0][0] - leans[2][0]) / x;
-        let along = 0.5 * (leans[2][1] + leans[3][1] - leans[0][1] - leans[1][1]) / y;
+        let step = self.resolver.scene.placed.step;
+        let across = 0.5 * (leans[1][0] + leans[3][0] - leans[0][0] - leans[2][0]) / (step[0] * between.apart[1]);
+        let along = 0.5 * (leans[2][1] + leans[3][1] - leans[0][1] - leans[1][1]) / (step[1] * between.apart[0]);
         texel.curvature = (0.5 * (across + along)) as f32;
         Some(texel)
     }

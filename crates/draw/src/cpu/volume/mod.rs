@@ -92,6 +92,9 @@ pub enum VolumeError {
     /// A mode that draws images or volumes alone.
     #[error("mode: found one that draws images or volumes, expected one that draws particles")]
     OnlyFields,
+    /// A mode that draws heights alone.
+    #[error("mode: found one that draws heights, expected one that draws particles")]
+    OnlyHeights,
     /// An adapter that cannot draw it.
     #[error("{0}")]
     Device(String),

@@ -248,6 +248,7 @@ impl FieldSession {
             moment: None,
             paths: None,
             points: Some(*report),
+            surface: None,
         })
     }
 

@@ -76,11 +76,14 @@ pub fn row(below: &Below<'_>, planes: usize, sum: impl Fn(usize) -> WideSum, lig
         if height.is_nan() && coverage > 0 {
             height = nearest(sample_type, fitted(heights, at));
         }
-        coverage = match (height.is_nan(), coverage) {
-            (true, _) => 0,
-            (false, 0) => 1,
-            (false, coverage) => coverage,
-        };
+        if height.is_nan() {
+            coverage = 0;
+        } else if coverage == 0 && is_counted {
+            // The level below had a height here for what stands in for it there.
+            height = f64::NAN;
+        } else {
+            coverage = coverage.max(1);
+        }
         stored.push(height);
         out.coverage.push(coverage);
         let (normal, spread) = mean_normal(&sum_here);
@@ -107,10 +110,11 @@ fn coverage(sum: &WideSum, cells: u64, is_counted: bool, carried: &mut f64) -> u
         return 255;
     }
     let cells = cells as f64;
-    let wanted = 127.5 * sum.area as f64 + if is_counted { *carried } else { 0.0 };
+    let used = if is_counted { carried.clamp(-cells, cells) } else { 0.0 };
+    let wanted = 127.5 * sum.area as f64 + used;
     let coverage = (wanted / cells).round().clamp(1.0, 254.0);
     if is_counted {
-        *carried = (wanted - coverage * cells).clamp(-cells, cells);
+        *carried = *carried - used + (wanted - coverage * cells).clamp(-cells, cells);
     }
     coverage as u8
 }

@@ -1,9 +1,9 @@
 //! How far the coarse surfaces are from T over a leaf: exact, from T's samples.
 //!
 //! Both surfaces are flat between the corners of T's cells, but for the diagonals of cells that are no squares ([`super`]) and where a corner is
-//! missing; so the largest vertical distance is at T's samples, and where T's edges cross those diagonals.
+//! missing; so the largest vertical distance is at T's samples, and where T's edges cross such diagonals.
 
-use crate::model::Cell;
+use crate::model::{Cell, Triangle};
 
 /// The least and the largest of T minus a surface; the least is above the largest where there is nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +27,8 @@ impl Range {
 
     /// Takes in another range.
     pub fn join(&mut self, other: Range) {
-        self.add(other.low);
-        self.add(other.high);
+        self.low = if other.low < self.low { other.low } else { self.low };
+        self.high = if other.high > self.high { other.high } else { self.high };
     }
 
     /// The largest distance from 0.
@@ -59,6 +59,7 @@ impl Fine<'_> {
 
 /// T minus the surface of a level over a leaf. `coarse` are the level's samples in the leaf, row by row.
 pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
+    let is_whole = fine.stored.iter().fold(true, |is_whole, height| is_whole & !height.is_nan());
     let cells = fine.size.map(|count| (count - 1).div_ceil(1 << level));
     let [height, width] = fine.size.map(|count| count - 1);
     let stride = cells[1] + 1;
@@ -79,8 +80,8 @@ pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
             if cell.measured() < 4 {
                 is_broken = true;
                 broken(fine, [top, column << level], size, cell, &mut range);
-            } else if tall != size[1] {
-                diagonal(fine, [top, column << level], size, cell, &mut range);
+            } else if tall != size[1] || !is_whole {
+                along(fine, [top, column << level], size, ([0, 0], cell.0[0]), (size, cell.0[3]), &mut range);
             }
         }
         let is_last = cell_row + 1 == cells[0];
@@ -106,7 +107,7 @@ pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
                     high[lane] = if distance > high[lane] { distance } else { high[lane] };
                 }
             }
-            low.iter().chain(&high).for_each(|value| range.add(*value));
+            low.into_iter().zip(high).for_each(|(low, high)| range.join(Range { low, high }));
             sample_rest.iter().zip(surface_rest).for_each(|(sample, surface)| range.add(sample - surface));
         }
     }
@@ -145,26 +146,40 @@ fn broken(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], cel
             range.add(sample - surface);
         }
     }
+    let [a, b, d, e] = cell.0;
+    along(fine, [top, left], [tall, wide], ([0, 0], a), ([tall, wide], e), range);
+    along(fine, [top, left], [tall, wide], ([0, wide], b), ([tall, 0], d), range);
 }
 
-/// Where T's edges cross the diagonal of a cell that is no square.
-fn diagonal(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], Cell([a, _, _, e]): Cell, range: &mut Range) {
-    let (tall_steps, wide_steps) = (tall as f64, wide as f64);
-    let mut look = |share: f64, down: f64, across: f64| {
-        let surface = a + (e - a) * share;
+/// Looks along an edge of a surface, between two corners of a cell, wherever edges of T may cross it; `from` and `to` are a corner's row and
+/// column and its height.
+fn along(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], from: ([usize; 2], f64), to: ([usize; 2], f64), range: &mut Range) {
+    let ([from_row, from_column], first) = from;
+    let ([to_row, to_column], last) = to;
+    let (rows, columns) = (to_row as f64 - from_row as f64, to_column as f64 - from_column as f64);
+    let mut look = |share: f64| {
+        let (down, across) = (from_row as f64 + rows * share, from_column as f64 + columns * share);
+        let surface = first + (last - first) * share;
         // Cells on both sides of an edge have the same height on it, but one of them may have no surface.
-        let (row, column) = (down.floor() as usize, across.floor() as usize);
-        for row in [row.checked_sub(1).filter(|_| down == down.floor()), Some(row).filter(|row| *row < tall)].into_iter().flatten() {
-            for column in [column.checked_sub(1).filter(|_| across == across.floor()), Some(column).filter(|column| *column < wide)].into_iter().flatten() {
-                let height = fine.cell(top + row, left + column).height(across - column as f64, down - row as f64);
-                range.add(height - surface);
+        let sides = |place: f64, end: usize| {
+            let at = place.floor() as usize;
+            [at.checked_sub(1).filter(|_| place == place.floor()), Some(at).filter(|at| *at < end)].into_iter().flatten()
+        };
+        for row in sides(down, tall) {
+            for column in sides(across, wide) {
+                let (u, v) = (across - column as f64, down - row as f64);
+                for Triangle { at: [p, q, s], edge: [k, m, n], .. } in fine.cell(top + row, left + column).triangles() {
+                    // The place is on an edge, up to rounding.
+                    if k + m * u + n * v >= -1e-9 {
+                        range.add(p + q * u + s * v - surface);
+                    }
+                }
             }
         }
     };
-    (1..tall).for_each(|down| look(down as f64 / tall_steps, down as f64, down as f64 * wide_steps / tall_steps));
-    (1..wide).for_each(|across| look(across as f64 / wide_steps, across as f64 * tall_steps / wide_steps, across as f64));
-    for diagonal in 1..wide.abs_diff(tall) {
-        let share = diagonal as f64 / wide.abs_diff(tall) as f64;
-        look(share, share * tall_steps, share * wide_steps);
+    // Rows, columns, and diagonals of both kinds.
+    for lines in [rows, columns, rows - columns, rows + columns] {
+        let lines = lines.abs() as usize;
+        (1..lines).for_each(|line| look(line as f64 / lines as f64));
     }
 }

@@ -112,8 +112,7 @@ impl Far {
                 apart = Range { low: low.low - high.high, high: low.high - high.low };
             }
             let own = &mut ranges[row / 2 * columns + column / 2];
-            own.add(range.low + apart.low);
-            own.add(range.high + apart.high);
+            own.join(Range { low: range.low + apart.low, high: range.high + apart.high });
         }
         ranges
     }

@@ -3,7 +3,7 @@
 /// Length of a unit normal in [`Sum::normal`].
 pub const UNIT: i32 = 8191;
 /// Weight of half a cell of T among colours; a sample that is in no triangle has weight 1.
-pub const HALF_CELL: u64 = 64;
+pub const HALF_CELL: u64 = 4096;
 
 /// Sums over cells, in part of a field of at most 2^16 cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -112,6 +112,10 @@ impl Head {
     pub(super) fn notes(&self) -> Vec<String> {
         let unknown = self.entries.iter().filter(|(name, _)| !NAMES.contains(&&**name));
         let unknown: Vec<String> = unknown.take(8).map(|(name, value)| format!("{name} {value}")).collect();
-        if unknown.is_empty() { Vec::new() } else { vec![format!("entries of the header are left out: {}", unknown.join(", "))] }
+        if unknown.is_empty() {
+            Vec::new()
+        } else {
+            vec![format!("entries of the header are left out: {}", unknown.join(", "))]
+        }
     }
 }

@@ -35,7 +35,18 @@ pub(super) fn read(content: &Content, start: u64, [columns, rows]: [u64; 2]) -> 
         let most = if found == most { "at most " } else { "" };
         return Err(wrong_count(content, format!("{most}{found}"), [columns, rows]));
     }
-    let mut words = Words { content, at: start, text: Vec::new(), columns, read: 0, samples, bytes: Vec::new(), given: 0, kind: Kind::default(), failed: None };
+    let mut words = Words {
+        content,
+        at: start,
+        text: Vec::new(),
+        columns,
+        read: 0,
+        samples,
+        bytes: Vec::new(),
+        given: 0,
+        kind: Kind::default(),
+        failed: None,
+    };
     let asked = format!("{columns} x {rows} values");
     let result = unpacked(content, "values", &mut words, samples * 8, &asked, |_| ());
     if let Some(error) = words.failed.take() {
@@ -78,7 +89,11 @@ impl Kind {
     }
 
     fn and(self, other: Kind) -> Kind {
-        Kind { is_whole: self.is_whole && other.is_whole, low: self.low.min(other.low), high: self.high.max(other.high) }
+        Kind {
+            is_whole: self.is_whole && other.is_whole,
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+        }
     }
 
     fn sample_type(self) -> SampleType {
@@ -130,7 +145,8 @@ impl Words<'_> {
             let found = format!("a word of {} bytes and more as value {}", self.text.len() - end, self.read);
             return Err(self.content.malformed("values", found, "numbers with blanks between them"));
         }
-        let parts: Vec<Result<(Vec<f64>, Kind), (usize, String)>> = parts(&self.text[..end]).par_iter().map(|part| numbers(part)).collect();
+        let parts: Vec<Result<(Vec<f64>, Kind), (usize, String)>> =
+            parts(&self.text[..end]).par_iter().map(|part| numbers(part)).collect();
         self.bytes.clear();
         self.given = 0;
         for part in parts {

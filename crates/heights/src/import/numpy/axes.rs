@@ -92,7 +92,8 @@ impl Axes {
         Ok(stated == 2)
     }
 
-    /// First place and step by corners; the rows or columns may be cells between them, or samples from one to the other.
+    /// First place and step by corners; the rows or columns may be cells between them, or samples from one to the
+    /// other.
     fn between(
         &self,
         content: &Content,
@@ -126,14 +127,17 @@ impl Axes {
                 // Rows count from what is called the least on, whichever it is: it is where the first row is.
                 let signed = if last < first { -step } else { step };
                 if last < first {
-                    notes.push(format!("{from} {first} is above {to} {last}: the first of {count} is at {first}, and they go down"));
+                    let lines = ["columns", "rows"][axis];
+                    notes.push(format!("{from} {first} is above {to} {last}: {lines} count from {from} on, downwards"));
                 }
                 let half = if is_near(cells) {
                     notes.push(format!("{from} and {to} are the outer sides of cells of {step}"));
                     0.5
                 } else {
                     if !is_near(samples) {
-                        notes.push(format!("{from} to {to} is {side}, which is not {count} times {name} {step}: {name} counts"));
+                        notes.push(format!(
+                            "{from} to {to} is {side}, which is not {count} times {name} {step}: {name} counts"
+                        ));
                     }
                     0.0
                 };
@@ -157,13 +161,19 @@ fn along(content: &Content, name: &str, places: &[f64], notes: &mut Vec<String>)
         return Err(content.malformed(name, format!("{first} to {last}"), "places that go from one number to another"));
     }
     let off = |(number, place): (usize, &f64)| ((place - first) / step - number as f64).abs();
-    let worst = places.iter().enumerate().map(off).fold(0.0, |worst: f64, off| if off > worst || off.is_nan() { off } else { worst });
+    let worst = places
+        .iter()
+        .enumerate()
+        .map(off)
+        .fold(0.0, |worst: f64, off| if off > worst || off.is_nan() { off } else { worst });
     if worst.is_nan() {
         return Err(content.malformed(name, "places that are no numbers", "finite numbers"));
     }
     // What is stored in single precision is off by its rounding.
     if worst > 0.05 {
-        notes.push(format!("{name} is not evenly spaced: its mean step {step} puts samples up to {worst:.2} steps off their places"));
+        notes.push(format!(
+            "{name} is not evenly spaced: its mean step {step} puts samples up to {worst:.2} steps off their places"
+        ));
     }
     Ok([first, step])
 }

@@ -1,7 +1,7 @@
 //! What an array says of itself.
 
 use crate::import::content::{Content, word};
-use crate::import::raw::{ByteOrder, Layout, NATIVE};
+use crate::import::raw::{ByteOrder, Layout, NATIVE, decode};
 use deepfield_data::import::ImportError;
 use deepfield_data::model::SampleType;
 
@@ -74,9 +74,10 @@ impl Header {
 
     /// The numbers of an array with one axis or none, whose bytes are these.
     pub(super) fn numbers(&self, bytes: &[u8]) -> Vec<f64> {
-        let mut numbers = Vec::new();
-        let (stride, first) = (self.sample_type.size(), bytes.get(self.start as usize..).unwrap_or_default());
-        crate::import::raw::decode(self.sample_type, self.order, first, stride, |_, number| numbers.push(number));
+        let size = self.sample_type.size();
+        let bytes = bytes.get(self.start as usize..).unwrap_or_default();
+        let mut numbers = vec![0.0; bytes.len() / size];
+        decode(self.sample_type, self.order, bytes, size, &mut numbers, |number| number);
         numbers
     }
 }

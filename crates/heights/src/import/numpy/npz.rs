@@ -61,7 +61,8 @@ fn is_sure(arrays: &[Array]) -> bool {
 fn open(content: &Content) -> Result<HeightSource, ImportError> {
     let (mut archive, arrays) = arrays(content)?;
     let Some((name, header)) = largest(&arrays) else {
-        let shown: Vec<String> = arrays.iter().take(8).map(|(name, header)| format!("{name} {}", header.shape())).collect();
+        let shown: Vec<String> =
+            arrays.iter().take(8).map(|(name, header)| format!("{name} {}", header.shape())).collect();
         let found = if shown.is_empty() { "none".to_owned() } else { shown.join(", ") };
         return Err(content.malformed("arrays", found, "one of 2 axes: rows and columns of heights"));
     };

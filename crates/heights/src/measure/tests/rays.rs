@@ -122,7 +122,7 @@ fn check(field: &HeightField, rays: &[Ray], rise: Rise, size: f64) -> (usize, us
 }
 
 /// Rays from all around: from far, from near, from below, upright, along lines and diagonals of the grid, and aimed at samples.
-fn rays(field: &HeightField, rise: Rise, count: usize, seed: u64) -> Vec<Ray> {
+pub fn rays(field: &HeightField, rise: Rise, count: usize, seed: u64) -> Vec<Ray> {
     let mut next = random(seed);
     let grid = &field.grid;
     let (columns, rows) = ((grid.columns - 1) as f64, (grid.rows - 1) as f64);

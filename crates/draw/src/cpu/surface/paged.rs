@@ -1,0 +1,248 @@
+//! The quadtree of a field in a page file: chunks are read and decoded as they are asked for, and the least recently used ones go first.
+
+mod decode;
+mod slopes;
+#[cfg(test)]
+mod tests;
+
+use super::lattice::{CHUNK, Lattice, NodeKey};
+use super::picture::{SurfaceOptions, chosen};
+use super::placed::Placed;
+use super::sight::Sight;
+use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
+use decode::Decoder;
+use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage};
+use deepfield_heights::store::HeightFile;
+use deepfield_data::store::error::Damage;
+use lru::LruCache;
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+/// The largest distance between two unit normals.
+const FARTHEST: f32 = 2.0;
+
+/// A chunk's samples once somebody has decoded them; `None` where they cannot be read. Whoever asks meanwhile waits.
+type Slot = Arc<OnceLock<Option<Arc<NodeSamples>>>>;
+
+/// A page file's chunks as they are drawn. Several threads read and decode at once, a chunk one of them at a time.
+pub struct PagedSurface {
+    file: Arc<HeightFile>,
+    lattice: Lattice,
+    decoder: Decoder,
+    budget_bytes: u64,
+    cache: Mutex<Cache>,
+    damaged: Mutex<Damaged>,
+}
+
+/// Chunks that are decoded or being decoded, by their last use.
+struct Cache {
+    entries: LruCache<NodeKey, Entry>,
+    bytes: u64,
+}
+
+struct Entry {
+    slot: Slot,
+    /// 0 until it is decoded.
+    bytes: u64,
+}
+
+/// Chunks that cannot be read, and why the first one could not.
+#[derive(Default)]
+struct Damaged {
+    keys: BTreeSet<NodeKey>,
+    first: Option<String>,
+}
+
+impl PagedSurface {
+    /// The chunks of a file. Of what is decoded `budget_bytes` are kept at most, beside what others hold. A file whose chunks are of another
+    /// size than is drawn has none, and [`PagedSurface::error`] says so.
+    pub fn new(file: Arc<HeightFile>, budget_bytes: u64) -> PagedSurface {
+        let about = file.about();
+        let lattice = Lattice { samples: [about.grid.rows, about.grid.columns] };
+        let decoder = Decoder::new(about, slopes::of_file(&about.grid));
+        let cache = Mutex::new(Cache { entries: LruCache::unbounded(), bytes: 0 });
+        let mut damaged = Damaged::default();
+        if file.lattice().side() != CHUNK {
+            let expected = format!("{CHUNK} x {CHUNK} cells, found {0} x {0}", file.lattice().side());
+            damaged.first = Some(Damage::new("chunks", expected).in_file(file.path()).to_string());
+        }
+        PagedSurface { file, lattice, decoder, budget_bytes, cache, damaged: Mutex::new(damaged) }
+    }
+
+    /// Turns normals to a world in which the field is placed so; exaggeration and base do not matter. Without this degrees are those of the
+    /// Earth, as in the file. What is decoded is decoded again where slopes change.
+    pub fn place(&mut self, placed: &Placed) {
+        let about = self.file.about();
+        let slopes = slopes::of_world(&about.grid, placed);
+        if !slopes::is_same(slopes, self.decoder.slopes()) {
+            self.decoder = Decoder::new(about, slopes);
+            *locked(&self.cache) = Cache { entries: LruCache::unbounded(), bytes: 0 };
+        }
+    }
+
+    /// The file.
+    pub fn file(&self) -> &HeightFile {
+        &self.file
+    }
+
+    /// Why a chunk could not be read: of the first one that could not. Coarser chunks stand in for such.
+    pub fn error(&self) -> Option<String> {
+        locked(&self.damaged).first.clone()
+    }
+
+    /// Bytes of the decoded chunks that are kept.
+    pub fn held_bytes(&self) -> u64 {
+        locked(&self.cache).bytes
+    }
+
+    /// Reads and decodes chunks by as many threads as there are: of these the first that fit into the budget.
+    pub fn prefetch(&self, keys: &[NodeKey]) {
+        let mut left = self.budget_bytes;
+        let fits = |key: &NodeKey| {
+            let after = left.checked_sub(self.bytes_of(*key));
+            left = after.unwrap_or(0);
+            after.is_some()
+        };
+        let fitting: Vec<NodeKey> = keys.iter().copied().filter(|key| self.has(*key)).take_while(fits).collect();
+        fitting.into_par_iter().for_each(|key| drop(self.samples(key)));
+    }
+
+    /// Reads what a picture needs, all at once. Where chunks turn out to be damaged, also what stands in for them: a picture that is drawn
+    /// next has no gaps there.
+    pub fn prepare(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) {
+        let damaged = || locked(&self.damaged).keys.len();
+        let colors = options.look.is_some().then(|| options.clone());
+        let raw = options.raw.then(|| SurfaceOptions { look: None, ..options.clone() });
+        // A chunk whose stand-in is damaged, too, has another one: at most one of each level.
+        for _ in 0..=self.lattice.top() {
+            let before = damaged();
+            let mut keys = BTreeSet::new();
+            for options in [&colors, &raw].into_iter().flatten() {
+                for node in chosen(self, placed, sight, options).nodes {
+                    keys.extend((node.key.level..=self.lattice.top()).map(|level| node.key.ancestor(level)));
+                }
+            }
+            // Coarse ones first: they are few, and all that is finer needs them.
+            self.prefetch(&keys.into_iter().rev().collect::<Vec<_>>());
+            if damaged() == before {
+                return;
+            }
+        }
+    }
+
+    /// About how many bytes a chunk takes when it is decoded.
+    fn bytes_of(&self, key: NodeKey) -> u64 {
+        let [rows, columns] = [0, 1].map(|axis| self.lattice.span(key, axis).1 as u64);
+        rows * columns * (8 + 12 + 1 + 4 * self.file.about().grid.planes.len() as u64)
+    }
+
+    fn has(&self, key: NodeKey) -> bool {
+        self.file.lattice().side() == CHUNK && self.file.lattice().has(chunk_key(key))
+    }
+
+    fn read(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
+        match self.file.chunk(chunk_key(key)) {
+            Ok(Some(chunk)) => Some(Arc::new(self.decoder.samples(chunk))),
+            Ok(None) => Some(Arc::new(self.decoder.nothing([0, 1].map(|axis| self.lattice.span(key, axis).1)))),
+            Err(error) => {
+                let mut damaged = locked(&self.damaged);
+                damaged.first.get_or_insert_with(|| error.to_string());
+                if !error.may_pass() {
+                    damaged.keys.insert(key);
+                }
+                None
+            }
+        }
+    }
+}
+
+impl SurfaceNodes for PagedSurface {
+    fn lattice(&self) -> Lattice {
+        self.lattice
+    }
+
+    fn facts(&self, key: NodeKey) -> Option<NodeFacts> {
+        let node = self.file.node(chunk_key(key)).filter(|_| self.has(key))?;
+        Some(facts(key, node))
+    }
+
+    fn samples(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
+        if !self.has(key) || !self.is_there(key) {
+            return None;
+        }
+        let slot = locked(&self.cache).slot(key);
+        if let Some(found) = slot.get() {
+            return found.clone();
+        }
+        let found = slot.get_or_init(|| self.read(key)).clone();
+        locked(&self.cache).keep(key, &slot, found.as_deref().map(bytes_of), self.budget_bytes);
+        found
+    }
+
+    fn is_there(&self, key: NodeKey) -> bool {
+        !locked(&self.damaged).keys.contains(&key)
+    }
+}
+
+impl Cache {
+    /// Where a chunk is, or will be.
+    fn slot(&mut self, key: NodeKey) -> Slot {
+        self.entries.get_or_insert(key, || Entry { slot: Slot::default(), bytes: 0 }).slot.clone()
+    }
+
+    /// Counts a chunk that was decoded, and drops others until the budget holds; forgets one that could not be, so that it is read again.
+    fn keep(&mut self, key: NodeKey, slot: &Slot, bytes: Option<u64>, budget: u64) {
+        // It may have been dropped while it was decoded, and others may have waited for it.
+        let entry = self.entries.peek_mut(&key).filter(|entry| Arc::ptr_eq(&entry.slot, slot) && entry.bytes == 0);
+        match (entry, bytes) {
+            (Some(entry), Some(bytes)) => {
+                entry.bytes = bytes;
+                self.bytes += bytes;
+            }
+            (Some(_), None) => drop(self.entries.pop(&key)),
+            (None, _) => {}
+        }
+        while self.bytes > budget {
+            let Some((_, entry)) = self.entries.pop_lru() else { break };
+            self.bytes -= entry.bytes;
+        }
+    }
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn chunk_key(NodeKey { level, row, column }: NodeKey) -> ChunkKey {
+    ChunkKey { level, row, column }
+}
+
+fn bytes_of(samples: &NodeSamples) -> u64 {
+    let NodeSamples { heights, coverage, normals, ranges, planes, .. } = samples;
+    let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
+    let others = [size_of_val(heights.as_slice()), coverage.len(), size_of_val(normals.as_slice()), size_of_val(ranges.as_slice())];
+    (others.into_iter().sum::<usize>() + planes + size_of::<NodeSamples>()) as u64
+}
+
+/// What the file keeps of a chunk, as choosing wants it.
+///
+/// The file has the root of the mean square of what differs from a sample's mean; choosing asks for the largest difference. What of a sample
+/// of level `k` a sample of full resolution stands for is the share `4^-k` of it, and if that is `d` away from the mean, the mean square is
+/// at least `4^-k d^2`: so no `d` is above `2^k` times the root. This is what it may be where all differs in one place, as a dot on a map;
+/// mostly it is far less, but a bound that is too large costs no more than samples a pixel apart.
+fn facts(key: NodeKey, node: &ChunkNode) -> NodeFacts {
+    let spread = node.normal_deviation.max(node.colour_deviation);
+    NodeFacts {
+        delta: node.delta,
+        step: node.step,
+        min: node.min,
+        max: node.max,
+        coverage: match node.coverage {
+            Coverage::None => [0, 0],
+            Coverage::Partial => [1, u8::MAX - 1],
+            Coverage::Whole => [u8::MAX; 2],
+        },
+        deviation: (spread * f32::from(key.level).exp2()).min(FARTHEST),
+    }
+}

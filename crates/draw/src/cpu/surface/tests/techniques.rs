@@ -1,0 +1,165 @@
+//! What each technique shows, against rays through T.
+
+use super::super::look::{Attribute, Contours, Light, Look};
+use super::super::picture::{SurfaceOptions, SurfacePicture, draw};
+use super::super::select::Technique;
+use super::*;
+use crate::color::TransferFunction;
+
+fn view(eye: [f64; 3], target: [f64; 3], projection: Projection, size: [u32; 2]) -> Sight {
+    let up = if eye[0] == target[0] && eye[1] == target[1] { DVec3::Y } else { DVec3::Z };
+    Sight::Flat(View::look_at(DVec3::from(eye), DVec3::from(target), up, projection, size[0], size[1]).unwrap())
+}
+
+fn raw(field: &HeightField, placed: &Placed, sight: &Sight, technique: Technique, tau: f64) -> SurfacePicture {
+    let source = MemorySurface::new(field, 1.0).unwrap();
+    draw(&source, placed, sight, &SurfaceOptions { technique, tau, raw: true, ..SurfaceOptions::default() })
+}
+
+const TECHNIQUES: [Technique; 3] = [Technique::Hybrid, Technique::Triangles, Technique::Rays];
+
+/// T at the place that a pixel tells appears within the error of the pixel's centre, for points within their pixel; and depth, place and height
+/// agree.
+#[test]
+fn places_are_within_the_error() {
+    let perspective = Projection::Perspective { fov_y: 0.8 };
+    for (holes, seed) in [(0.0, 1), (0.3, 2)] {
+        let field = hills(700, 900, holes, seed);
+        for (exaggeration, base) in [(1.0, 0.0), (3.0, 12.0)] {
+            let placed = Placed::new(&field.grid, Map::Plate, exaggeration, base);
+            let ground = placed.lifted(t_height(&field, 300.0, 450.0).max(-60.0));
+            for (sight, tau) in [
+                (view([450.0, 350.0, 900.0], [450.0, 350.0, 0.0], Projection::Orthographic { height: 800.0 }, [90, 70]), 0.8),
+                (view([850.0, -200.0, 500.0], [450.0, 350.0, 0.0], perspective, [100, 70]), 2.0),
+                (view([450.0, 300.0, ground + 3.0], [700.0, 500.0, -40.0], perspective, [100, 70]), 0.5),
+                (view([450.0, 300.0, -400.0], [500.0, 360.0, 0.0], perspective, [60, 60]), 8.0),
+            ] {
+                for technique in TECHNIQUES {
+                    let picture = raw(&field, &placed, &sight, technique, tau);
+                    let (mut hits, mut worst) = (0, 0.0_f64);
+                    for (index, channels) in picture.raw.iter().enumerate() {
+                        let [depth, x, y, height, row, column, coverage] = *channels;
+                        if depth.is_nan() {
+                            continue;
+                        }
+                        hits += 1;
+                        assert!(coverage > 0.0 && coverage <= 1.0 && x == column && y == row);
+                        let width = sight.size()[0] as usize;
+                        let centre = [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5];
+                        let shown = placed.world(row, column, height) - sight.eye();
+                        let (_, told) = sight.project(shown).unwrap();
+                        assert!((told - depth).abs() < 1e-6 * depth.abs(), "{told} {depth}");
+                        let true_height = t_height(&field, row, column);
+                        if true_height.is_nan() {
+                            continue;
+                        }
+                        let place = placed.world(row, column, true_height) - sight.eye();
+                        let (at, _) = sight.project(place).unwrap();
+                        let is_point = row.fract() == 0.0 && column.fract() == 0.0;
+                        let slack = if is_point { 0.5_f64.sqrt() } else { 0.0 };
+                        let away = (at[0] - centre[0]).hypot(at[1] - centre[1]) - slack;
+                        worst = worst.max(away);
+                        assert!(away <= tau + 0.01, "{technique:?}, tau {tau}: {away} px at {centre:?}");
+                    }
+                    assert!(hits > 500 && worst <= picture.report.error_px + 0.01, "{hits} hits, {worst} px");
+                }
+            }
+        }
+    }
+}
+
+/// From above, coverage adds up to the valid area at any distance.
+#[test]
+fn area_is_conserved() {
+    let side = 700;
+    let mut field = hills(side, side, 0.3, 6);
+    let flat = field.stored.clone();
+    // Lone samples have no area and fill a pixel.
+    let valid = |r: i64, c: i64| {
+        (0..side as i64).contains(&r) && (0..side as i64).contains(&c) && !flat[r as usize * side + c as usize].is_nan()
+    };
+    let mut area = 0.0;
+    for (r, c) in (0..side as i64).flat_map(|r| (0..side as i64).map(move |c| (r, c))) {
+        let measured = |r: i64, c: i64| [(0, 0), (0, 1), (1, 0), (1, 1)].iter().filter(|(i, j)| valid(r + i, c + j)).count();
+        let is_used = (-1..=0).any(|i| (-1..=0).any(|j| measured(r + i, c + j) >= 3));
+        if !is_used {
+            field.stored[r as usize * side + c as usize] = f64::NAN;
+        }
+        area += [0.0, 0.0, 0.0, 0.5, 1.0][if (r as usize) < side - 1 && (c as usize) < side - 1 { measured(r, c) } else { 0 }];
+    }
+    let placed = placed(&field);
+    for samples in [0.3_f64, 1.0, 10.0, 40.0] {
+        let high = 1.3 * side as f64;
+        let pixels = (high / samples.sqrt()) as u32;
+        let middle = side as f64 / 2.0;
+        let (target, up) = (DVec3::new(middle + 0.123, middle + 0.377, 0.0), DVec3::new(0.35_f64.sin(), 0.35_f64.cos(), 0.0));
+        let projection = Projection::Orthographic { height: high };
+        let view = View::look_at(target + DVec3::Z * 900.0, target, up, projection, pixels, pixels).unwrap();
+        let picture = raw(&field, &placed, &Sight::Flat(view), Technique::Hybrid, 0.8);
+        let found = picture.report.covered * (high / f64::from(pixels)).powi(2);
+        // The finer the pixels, the more of them share in the error.
+        let bar = 1.2 / (side as f64) * samples.max(1.0).sqrt().min(3.0);
+        assert!((found / area - 1.0).abs() < bar, "{samples} samples a pixel: {found} of {area}");
+    }
+}
+
+fn look(attribute: Attribute, light: Light) -> Look {
+    let transfer = TransferFunction::parse(
+        "(color_map: [(0.0, \"#402010\"), (0.5, \"#a0c040\"), (1.0, \"#f0f0ff\")], scale: linear)",
+        "t.ron",
+    )
+    .unwrap();
+    Look { attribute, transfer, range: [-120.0, 120.0], light, ambient: 0.2, contours: None }
+}
+
+/// All techniques look alike, and the picture is the same for any number of threads.
+#[test]
+fn techniques_agree() {
+    let field = hills(600, 700, 0.0, 8);
+    let (source, placed) = (MemorySurface::new(&field, 1.0).unwrap(), placed(&field));
+    let sun = Light::Sun { azimuth: 315.0, altitude: 45.0 };
+    let sight = view([800.0, -300.0, 700.0], [350.0, 300.0, 0.0], Projection::Perspective { fov_y: 0.8 }, [150, 100]);
+    for light in [Light::Eye, sun] {
+        let draw_with = |technique: Technique| {
+            let look = Some(look(Attribute::Height, light));
+            draw(&source, &placed, &sight, &SurfaceOptions { technique, tau: 0.5, look, ..SurfaceOptions::default() })
+        };
+        let reference = draw_with(Technique::Rays).colors.image();
+        for technique in [Technique::Hybrid, Technique::Triangles, Technique::Points] {
+            let one = draw_with(technique);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            assert_eq!(pool.install(|| draw_with(technique)).colors, one.colors);
+            let image = one.colors.image();
+            let differ = |(a, b): (&[u8; 4], &[u8; 4])| (0..3).map(|k| a[k].abs_diff(b[k])).max().unwrap();
+            let apart: Vec<u8> = image.rgba.iter().zip(&reference.rgba).map(differ).collect();
+            let many = apart.iter().filter(|difference| **difference > 4).count();
+            assert!(many * 100 <= apart.len(), "{technique:?}: {many} of {} pixels", apart.len());
+        }
+    }
+}
+
+/// A line of a ramp is where it belongs and as wide as it is asked to be; so many that they cannot be told apart become their mean.
+#[test]
+fn contours_keep_their_width() {
+    let heights = (0..200 * 200).map(|index| 0.1 * f64::from(index % 200)).collect();
+    let field = HeightField::of(200, 200, heights);
+    let (source, placed) = (MemorySurface::new(&field, 1.0).unwrap(), placed(&field));
+    let sight = view([100.0, 100.0, 500.0], [100.0, 100.0, 0.0], Projection::Orthographic { height: 180.0 }, [360, 360]);
+    let lines = |interval: f64| {
+        let contours = Some(Contours { interval, base: 0.0, major: 0, width: 2.0, color: [0.0; 3] });
+        let look = Some(Look { ambient: 1.0, contours, ..look(Attribute::Height, Light::Eye) });
+        let options = SurfaceOptions { look, ..SurfaceOptions::default() };
+        let plain = SurfaceOptions { look: Some(self::look(Attribute::Height, Light::Eye)), ..SurfaceOptions::default() };
+        let plain = SurfaceOptions { look: plain.look.map(|look| Look { ambient: 1.0, ..look }), ..plain };
+        let [with, without] = [options, plain].map(|options| draw(&source, &placed, &sight, &options).colors);
+        let share = |(a, b): (&[f32; 4], &[f32; 4])| f64::from(1.0 - a[1] / b[1]);
+        with.rgba.iter().zip(&without.rgba).map(share).collect::<Vec<f64>>()
+    };
+    let few = lines(5.0);
+    // Lines at x = 50, 100, 150: columns of two pixels each, 2 px wide.
+    let row = &few[180 * 360..181 * 360];
+    assert!((row.iter().sum::<f64>() - 3.0 * 2.0).abs() < 0.05, "{}", row.iter().sum::<f64>());
+    assert!(row[179] > 0.95 && row[180] > 0.95 && row[182] < 0.01);
+    let many = lines(0.05);
+    assert!(many.iter().all(|share| (share - 0.5).abs() < 0.02));
+}

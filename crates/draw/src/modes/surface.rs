@@ -1,0 +1,357 @@
+//! `surface`: measured heights, as points, triangles or rays of the surface that they stand for.
+
+use crate::color::transfer::{Range, TransferFunction};
+use crate::cpu::surface::look::{Attribute, Contours, Light, Look};
+use crate::cpu::surface::placed::Map;
+use crate::cpu::surface::select::Technique as How;
+use crate::cpu::volume::VolumeError;
+use crate::heights::model::{Facts, HeightGrid, units};
+use crate::mode::{Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
+
+/// How it is drawn.
+pub static TECHNIQUE: Setting = Setting {
+    name: "technique",
+    unit: "",
+    kind: SettingKind::Choice { options: &["hybrid", "points", "triangles", "rays"] },
+    help: "points where samples are as dense as pixels and triangles elsewhere (hybrid), one of them alone, or a ray through each pixel",
+};
+/// How many times as high as they are heights stand.
+pub static EXAGGERATION: Setting = Setting {
+    name: "exaggeration",
+    unit: "",
+    kind: SettingKind::Number { min: 1e-6, max: 1e9, default: 1.0 },
+    help: "how many times as high as it is the surface stands; probes and legends say true heights",
+};
+/// The height that stays where it is.
+pub static BASE: Setting = Setting {
+    name: "base",
+    unit: "",
+    kind: SettingKind::Number { min: -1e30, max: 1e30, default: 0.0 },
+    help: "the height that exaggeration leaves where it is",
+};
+/// Where light comes from.
+pub static LIGHT: Setting = Setting {
+    name: "light",
+    unit: "",
+    kind: SettingKind::Choice { options: &["sun", "eye"] },
+    help: "where light comes from: far away, or the eye",
+};
+/// Direction of the sun.
+pub static AZIMUTH: Setting = Setting {
+    name: "azimuth",
+    unit: "degrees",
+    kind: SettingKind::Number { min: -360.0, max: 360.0, default: 315.0 },
+    help: "from where the sun shines, clockwise from y",
+};
+/// Height of the sun.
+pub static ALTITUDE: Setting = Setting {
+    name: "altitude",
+    unit: "degrees",
+    kind: SettingKind::Number { min: -90.0, max: 90.0, default: 45.0 },
+    help: "how high the sun stands",
+};
+/// Light from everywhere.
+pub static AMBIENT: Setting = Setting {
+    name: "ambient",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.25 },
+    help: "the share of light that comes from everywhere; 1: colours alone",
+};
+/// Samples of a pixel.
+pub static SAMPLES: Setting = Setting {
+    name: "samples",
+    unit: "per pixel",
+    kind: SettingKind::Number { min: 1.0, max: 64.0, default: 4.0 },
+    help: "samples of a pixel, of which the next square number is taken; more are smoother",
+};
+/// Lines of equal height.
+pub static CONTOURS: Setting = Setting {
+    name: "contours",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "from a line of equal height to the next, in the unit of heights; 0: no lines",
+};
+/// A height that has a line.
+pub static CONTOUR_BASE: Setting = Setting {
+    name: "contour-base",
+    unit: "",
+    kind: SettingKind::Number { min: -1e30, max: 1e30, default: 0.0 },
+    help: "a height that has a line",
+};
+/// Stronger lines.
+pub static CONTOUR_MAJOR: Setting = Setting {
+    name: "contour-major",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e6, default: 5.0 },
+    help: "every so many lines one is stronger; 0: none",
+};
+/// How wide lines are.
+pub static CONTOUR_WIDTH: Setting = Setting {
+    name: "contour-width",
+    unit: "px",
+    kind: SettingKind::Number { min: 0.1, max: 100.0, default: 1.2 },
+    help: "width of the lines",
+};
+/// How places in degrees become places in the world.
+pub static MAP: Setting = Setting {
+    name: "map",
+    unit: "",
+    kind: SettingKind::Choice { options: &MAPS },
+    help: "how degrees become places: on a globe, in lengths about the middle (local) or as they are (plate); automatic is a globe of the \
+           Earth from 20 degrees on, else local",
+};
+
+const MAPS: [&str; 13] = [
+    "automatic",
+    "plate",
+    "local",
+    "globe",
+    "globe:earth",
+    "globe:moon",
+    "globe:mars",
+    "globe:mercury",
+    "globe:venus",
+    "globe:titan",
+    "globe:ganymede",
+    "globe:ceres",
+    "globe:pluto",
+];
+
+/// Mean radii of bodies, metres (IAU working group on cartographic coordinates, 2015).
+const BODIES: [(&str, f64); 9] = [
+    ("earth", 6_371_008.8),
+    ("moon", 1_737_400.0),
+    ("mars", 3_389_500.0),
+    ("mercury", 2_439_400.0),
+    ("venus", 6_051_800.0),
+    ("titan", 2_575_150.0),
+    ("ganymede", 2_631_200.0),
+    ("ceres", 469_700.0),
+    ("pluto", 1_188_300.0),
+];
+
+/// Fields in degrees that are at least so wide are a globe unless they are told otherwise.
+const GLOBE_FROM: f64 = 20.0;
+
+/// What settings come to for a field.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceSettings {
+    /// How it is drawn.
+    pub technique: How,
+    /// How many times as high as they are heights stand.
+    pub exaggeration: f64,
+    /// The height that stays where it is.
+    pub base: f64,
+    /// How degrees become places.
+    pub map: Map,
+    /// Where light comes from.
+    pub light: Light,
+    /// The share of light that comes from everywhere.
+    pub ambient: f32,
+    /// Samples of a pixel.
+    pub samples: u32,
+    /// Lines of equal height.
+    pub contours: Option<Contours>,
+}
+
+impl SurfaceSettings {
+    /// Of a mode's settings, for a grid.
+    ///
+    /// # Errors
+    /// A map that does not fit its units.
+    pub fn new(settings: &Settings, grid: &HeightGrid) -> Result<SurfaceSettings, String> {
+        let technique = match settings.name(&TECHNIQUE).as_str() {
+            "points" => How::Points,
+            "triangles" => How::Triangles,
+            "rays" => How::Rays,
+            _ => How::Hybrid,
+        };
+        let light = match settings.name(&LIGHT).as_str() {
+            "eye" => Light::Eye,
+            _ => Light::Sun { azimuth: settings.number(&AZIMUTH), altitude: settings.number(&ALTITUDE) },
+        };
+        let contours = Some(settings.number(&CONTOURS)).filter(|interval| *interval > 0.0).map(|interval| Contours {
+            interval,
+            base: settings.number(&CONTOUR_BASE),
+            major: settings.number(&CONTOUR_MAJOR) as u32,
+            width: settings.number(&CONTOUR_WIDTH),
+            color: [0.02, 0.02, 0.03],
+        });
+        Ok(SurfaceSettings {
+            technique,
+            exaggeration: settings.number(&EXAGGERATION),
+            base: settings.number(&BASE),
+            map: map_of(&settings.name(&MAP), grid)?,
+            light,
+            ambient: settings.number(&AMBIENT) as f32,
+            samples: settings.number(&SAMPLES) as u32,
+            contours,
+        })
+    }
+}
+
+/// How a grid's places become places in the world, where a setting says `name`.
+fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
+    let is_degrees = units::is_degrees(&grid.xy_unit);
+    let radius = |body: &str| {
+        let metres = BODIES.iter().find(|(name, _)| *name == body).map_or(BODIES[0].1, |(_, metres)| *metres);
+        metres / units::metres(&grid.height_unit).unwrap_or(1.0)
+    };
+    let extent = grid.step[0].abs() * (grid.columns - 1) as f64;
+    let down = grid.step[1].abs() * (grid.rows - 1) as f64;
+    match name.split_once(':').unwrap_or((name, "earth")) {
+        ("plate", _) => Ok(Map::Plate),
+        ("automatic", _) if !is_degrees => Ok(Map::Plate),
+        ("automatic", _) if extent.max(down) < GLOBE_FROM => Ok(Map::Local { radius: radius("earth") }),
+        ("automatic", body) => Ok(Map::Globe { radius: radius(body) }),
+        (kind, _) if !is_degrees => {
+            let unit = if grid.xy_unit.is_unknown() { "no unit" } else { &grid.xy_unit.0 };
+            Err(format!("map {kind}: found x and y in {unit}, expected degrees (--xy-unit deg), or map plate"))
+        }
+        ("local", body) => Ok(Map::Local { radius: radius(body) }),
+        (_, body) => Ok(Map::Globe { radius: radius(body) }),
+    }
+}
+
+/// What colours a surface, by the name of an attribute: those that every surface has, the field's colour planes, or all three of these as they
+/// are (`texture`).
+///
+/// # Errors
+/// The names that there are.
+pub fn attribute_of(name: Option<&str>, grid: &HeightGrid) -> Result<Attribute, String> {
+    let plane = |wanted: &str| grid.planes.iter().position(|plane| plane.name == wanted);
+    let colors = || Some([plane("red")?, plane("green")?, plane("blue")?]);
+    match name {
+        None => Ok(colors().map_or(Attribute::Height, Attribute::Texture)),
+        Some("height") => Ok(Attribute::Height),
+        Some("slope") => Ok(Attribute::Slope),
+        Some("aspect") => Ok(Attribute::Aspect),
+        Some("curvature") => Ok(Attribute::Curvature),
+        Some("level") => Ok(Attribute::Level),
+        Some("primitive") => Ok(Attribute::Primitive),
+        Some("texture") => colors().map(Attribute::Texture).ok_or_else(|| {
+            "attribute texture: the field has no colour planes red, green and blue".to_owned()
+        }),
+        Some(other) => plane(other).map(Attribute::Plane).ok_or_else(|| {
+            let planes: Vec<&str> = grid.planes.iter().map(|plane| plane.name.as_str()).collect();
+            let all: Vec<&str> = ATTRIBUTES.into_iter().chain(planes).collect();
+            format!("attribute {other} is not in the data, expected one of {}", all.join(", "))
+        }),
+    }
+}
+
+/// The attributes that every surface has.
+pub const ATTRIBUTES: [&str; 6] = ["height", "slope", "aspect", "curvature", "level", "primitive"];
+
+/// What values of an attribute are called, and their unit where it is not that of heights; `None` for those without values.
+pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'static str>)> {
+    match attribute {
+        Attribute::Height => Some(("height", None)),
+        Attribute::Slope => Some(("slope", Some("degrees"))),
+        Attribute::Aspect => Some(("aspect", Some("degrees"))),
+        Attribute::Curvature => Some(("curvature", Some(""))),
+        Attribute::Level => Some(("level", Some(""))),
+        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) => None,
+    }
+}
+
+/// The transfer function of an attribute that nobody has chosen one for.
+pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
+    let name = match attribute {
+        Attribute::Curvature => "signed",
+        Attribute::Plane(_) => "grey",
+        _ => MODE.transfer[0],
+    };
+    TransferFunction::preset(name).unwrap_or_default()
+}
+
+/// The range that colours are spread over: the transfer function's own, or what suits the attribute. `curvature` is the largest that matters.
+pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts, levels: u32, curvature: f64) -> [f64; 2] {
+    if let Range::Fixed(low, high) = transfer.range {
+        return [low, high];
+    }
+    let [low, high] = match attribute {
+        Attribute::Height => [facts.min, facts.max],
+        Attribute::Slope => [0.0, 60.0],
+        Attribute::Aspect => [0.0, 360.0],
+        Attribute::Curvature => [-curvature, curvature],
+        Attribute::Level => [0.0, f64::from(levels.max(2) - 1)],
+        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) => [0.0, 1.0],
+    };
+    if low < high { [low, high] } else { [low - 0.5, low + 0.5] }
+}
+
+impl SurfaceSettings {
+    /// What the surface looks like in these colours.
+    pub fn look(&self, attribute: Attribute, transfer: TransferFunction, range: [f64; 2]) -> Look {
+        let SurfaceSettings { light, ambient, contours, .. } = *self;
+        Look { attribute, transfer, range, light, ambient, contours }
+    }
+}
+
+/// The technique of surfaces, which are drawn from their own data ([`crate::picture::surface`]).
+pub struct OfSurfaces;
+
+impl Technique for OfSurfaces {
+    fn output(&self) -> Output {
+        Output::Light
+    }
+
+    fn takes_particles(&self) -> bool {
+        false
+    }
+
+    fn takes_surfaces(&self) -> bool {
+        true
+    }
+
+    fn draw(&self, _job: &Job<'_>) -> Result<Raw, VolumeError> {
+        Err(VolumeError::OnlyHeights)
+    }
+}
+
+/// Measured heights.
+pub static MODE: Mode = Mode {
+    name: "surface",
+    help: "of measured heights: the surface, in the light of a sun, coloured by height, slope or its own colours; what was not measured stays open",
+    settings: &[&[
+        &TECHNIQUE,
+        &EXAGGERATION,
+        &BASE,
+        &MAP,
+        &LIGHT,
+        &AZIMUTH,
+        &ALTITUDE,
+        &AMBIENT,
+        &SAMPLES,
+        &CONTOURS,
+        &CONTOUR_BASE,
+        &CONTOUR_MAJOR,
+        &CONTOUR_WIDTH,
+    ]],
+    technique: &OfSurfaces,
+    quantity: "height",
+    transfer: ["terrain", "terrain"],
+    ..super::grid::MODE
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{SampleType, Unit};
+
+    #[test]
+    fn degrees_are_a_globe_from_twenty_on() {
+        let grid = |columns: u64, unit: &str| HeightGrid {
+            xy_unit: Unit::new(unit),
+            height_unit: Unit::new("km"),
+            ..HeightGrid::new(columns, 5, SampleType::F32)
+        };
+        assert_eq!(map_of("automatic", &grid(30, "m")), Ok(Map::Plate));
+        assert_eq!(map_of("automatic", &grid(10, "deg")), Ok(Map::Local { radius: 6371.0088 }));
+        assert_eq!(map_of("automatic", &grid(21, "deg")), Ok(Map::Globe { radius: 6371.0088 }));
+        assert_eq!(map_of("globe:moon", &grid(4, "deg")), Ok(Map::Globe { radius: 1737.4 }));
+        assert!(map_of("globe", &grid(4, "")).unwrap_err().contains("no unit, expected degrees"));
+        assert!(MAPS.iter().all(|name| map_of(name, &grid(4, "deg")).is_ok()));
+    }
+}

@@ -1,0 +1,23 @@
+//! What a surface's picture shows beside its colours.
+
+use crate::cpu::surface::SurfaceReport;
+
+/// Depth, x, y, height, row, column and coverage at the middle of each pixel, row by row; NaN where nothing is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceChannels {
+    /// Pixels of a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The channels.
+    pub values: Vec<[f64; 7]>,
+}
+
+/// What was drawn of a surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SurfaceShown {
+    /// Numbers.
+    pub report: SurfaceReport,
+    /// The channels, where they were asked for.
+    pub channels: Option<SurfaceChannels>,
+}

@@ -1,0 +1,153 @@
+//! Heights that a user names, opened: a source in any format, or a page file.
+
+use crate::build::{HeightBuildError, HeightBuildOptions, HeightOrigin, build_heights};
+use crate::import::summary::{HeightSummary, PlaneSummary, short_name};
+use crate::import::{HeightOptions, HeightSource, height_format, open_heights, summarize_heights};
+use crate::model::{HeightError, HeightGrid, Heights, Window};
+use crate::store::{HeightAbout, HeightFile};
+use deepfield_data::import::ImportError;
+use deepfield_data::model::progress::Progress;
+use std::io::Read;
+use std::path::Path;
+
+/// Heights that are open. Several threads may read at once.
+#[derive(Debug)]
+pub enum OpenHeights {
+    /// A source.
+    Source(Box<HeightSource>),
+    /// A page file.
+    Pages(Box<HeightFile>),
+}
+
+/// Whether the file at `path` begins as a page file of heights does.
+fn is_page_file(path: &Path) -> bool {
+    let mut head = [0; 8];
+    // Reading a pipe would take from it.
+    path.is_file()
+        && std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok()
+        && HeightFile::recognises(&head)
+}
+
+/// Whether a file is of heights, built or not, and of nothing else. What cannot be read is left to whoever opens it.
+pub fn is_heights(path: &Path) -> bool {
+    is_page_file(path) || matches!(height_format(path), Ok(Some(told)) if told.is_sure)
+}
+
+impl OpenHeights {
+    /// Opens a source or a page file; what options say of a source is in a page file already.
+    ///
+    /// # Errors
+    /// When it cannot be read, is damaged, or is of no known format.
+    pub fn open(path: &Path, options: &HeightOptions) -> Result<OpenHeights, HeightError> {
+        if !is_page_file(path) {
+            return Ok(OpenHeights::Source(Box::new(open_heights(path, options)?)));
+        }
+        let said = [
+            ("--nodata", options.no_data.is_some()),
+            ("--spacing", options.spacing.is_some()),
+            ("--xy-unit", options.xy_unit.is_some()),
+            ("--height-unit", options.height_unit.is_some()),
+        ];
+        if let Some((option, _)) = said.iter().find(|(_, is_said)| *is_said) {
+            let expected = "a source: what is said of it is kept when it is built";
+            return Err(ImportError::malformed(path, *option, "a page file", expected).into());
+        }
+        Ok(OpenHeights::Pages(Box::new(HeightFile::open(path, options.read)?)))
+    }
+
+    /// Whether all samples were measured, where that is known without reading them.
+    pub fn all_valid(&self) -> Option<bool> {
+        match self {
+            OpenHeights::Source(_) => None,
+            OpenHeights::Pages(file) => Some(file.about().facts.valid == file.about().grid.samples()),
+        }
+    }
+
+    /// What it holds. Of a source all samples are read.
+    ///
+    /// # Errors
+    /// When it cannot be read, or nothing was measured.
+    pub fn summary(&self) -> Result<HeightSummary, HeightError> {
+        match self {
+            OpenHeights::Source(source) => Ok(summarize_heights(source)?),
+            OpenHeights::Pages(file) => Ok(summary_of(file)),
+        }
+    }
+
+    /// Builds the page file of a source; of a page file another one.
+    ///
+    /// # Errors
+    /// [`HeightBuildError`]; nothing is left behind then.
+    pub fn build(
+        &self,
+        options: &HeightBuildOptions,
+        output: &Path,
+        progress: &dyn Progress,
+    ) -> Result<HeightAbout, HeightBuildError> {
+        match self {
+            OpenHeights::Source(source) => {
+                build_heights(&**source, &HeightOrigin::of(source), options, output, progress)
+            }
+            OpenHeights::Pages(file) => {
+                let about = file.about();
+                let origin = HeightOrigin {
+                    path: about.source.clone(),
+                    format: about.format.clone(),
+                    bytes: about.source_bytes,
+                    has_spacing: about.has_spacing,
+                    notes: about.notes.clone(),
+                };
+                build_heights(&**file, &origin, options, output, progress)
+            }
+        }
+    }
+
+    fn heights_in(&self) -> &dyn Heights {
+        match self {
+            OpenHeights::Source(source) => &**source,
+            OpenHeights::Pages(file) => &**file,
+        }
+    }
+}
+
+impl Heights for OpenHeights {
+    fn grid(&self) -> &HeightGrid {
+        self.heights_in().grid()
+    }
+
+    fn stored(&self, window: Window, out: &mut [f64]) -> Result<(), HeightError> {
+        self.heights_in().stored(window, out)
+    }
+
+    fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
+        self.heights_in().plane(plane, window, out)
+    }
+}
+
+/// What a page file's footer says of its field.
+fn summary_of(file: &HeightFile) -> HeightSummary {
+    let HeightAbout { grid, facts, invalid, notes, format, .. } = file.about();
+    HeightSummary {
+        kind: "heights",
+        path: file.path().display().to_string(),
+        format: format.clone(),
+        bytes: file.bytes(),
+        columns: grid.columns,
+        rows: grid.rows,
+        samples: grid.samples(),
+        valid: facts.valid,
+        invalid: *invalid,
+        lone: facts.lone,
+        origin: grid.origin,
+        spacing: grid.step,
+        xy_unit: grid.xy_unit.clone(),
+        height_unit: grid.height_unit.clone(),
+        sample_type: short_name(grid.sample_type),
+        min: facts.min,
+        max: facts.max,
+        mean: facts.mean,
+        planes: grid.planes.iter().map(|plane| PlaneSummary { name: plane.name.clone() }).collect(),
+        crs: grid.crs.clone(),
+        notes: notes.clone(),
+    }
+}

@@ -1,0 +1,89 @@
+//! Lines of equal height, written as vectors.
+
+use crate::commands::CommandResult;
+use crate::commands::contours::Arguments;
+use crate::heights::OpenHeights;
+use crate::heights::measure::{Contour, GeoJson, contours, levels};
+use crate::heights::model::{HeightGrid, Heights};
+use crate::model::{ReadMethod, new_file};
+use std::io::{BufWriter, Write};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
+/// Finds and writes the lines.
+///
+/// # Errors
+/// When the heights cannot be read, or the file not be written.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let Arguments { path, interval, base, heights, output } = arguments;
+    let open = heights.open(path, &[], ReadMethod::default())?;
+    let summary = open.summary()?;
+    let wanted = levels([summary.min, summary.max], *interval, *base)?;
+    let ending = output.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let write: fn(&OpenHeights, &[f64], &mut dyn Write) -> Result<usize, Failure> = match ending.as_str() {
+        "geojson" | "json" => write_geojson,
+        "csv" => write_csv,
+        "svg" => write_svg,
+        _ => return Err(format!("{}: expected a name that ends in .geojson, .csv or .svg", output.display()).into()),
+    };
+    let named = |error: std::io::Error| format!("{}: {error}", output.display());
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
+    let mut file = new_file::builder().tempfile_in(folder).map_err(named)?;
+    let count = {
+        let mut out = BufWriter::new(file.as_file_mut());
+        let count = write(&open, &wanted, &mut out)?;
+        out.flush().map_err(named)?;
+        count
+    };
+    file.persist(output).map_err(|error| named(error.error))?;
+    println!("{count} lines at {} heights in {}", wanted.len(), output.display());
+    Ok(())
+}
+
+fn write_geojson(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+    let mut count = 0;
+    let mut writer = GeoJson::new(out, open.grid())?;
+    contours(open, wanted, |line| {
+        count += 1;
+        writer.line(&line)
+    })?;
+    writer.finish()?;
+    Ok(count)
+}
+
+fn write_csv(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+    let mut count = 0;
+    writeln!(out, "line,level,x,y")?;
+    contours(open, wanted, |Contour { level, points }| {
+        count += 1;
+        points.iter().try_for_each(|[x, y]| writeln!(out, "{count},{level},{x},{y}"))
+    })?;
+    Ok(count)
+}
+
+/// Pictures are so wide, in their own units.
+const WIDTH: f64 = 1000.0;
+
+fn write_svg(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+    let HeightGrid { rows, columns, .. } = open.grid();
+    let (from, to) = (open.grid().place(0.0, 0.0), open.grid().place(*rows as f64 - 1.0, *columns as f64 - 1.0));
+    let low = [from[0].min(to[0]), from[1].min(to[1])];
+    let size = [(to[0] - from[0]).abs(), (to[1] - from[1]).abs()];
+    let scale = WIDTH / size[0].max(size[1]);
+    let [width, height] = size.map(|side| side * scale);
+    writeln!(out, "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.2} {height:.2}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.8\">")?;
+    let mut count = 0;
+    contours(open, wanted, |line| {
+        count += 1;
+        write!(out, "<path d=\"")?;
+        for (number, [x, y]) in line.points.iter().enumerate() {
+            let letter = if number == 0 { "M" } else { "L" };
+            // Up in the picture is up in y.
+            write!(out, "{letter}{:.2} {:.2}", (x - low[0]) * scale, height - (y - low[1]) * scale)?;
+        }
+        let end = if line.is_closed() { "Z" } else { "" };
+        writeln!(out, "{end}\"><title>{}</title></path>", line.level)
+    })?;
+    writeln!(out, "</svg>")?;
+    Ok(count)
+}

@@ -1,0 +1,58 @@
+//! The difference of two height fields.
+
+use crate::commands::CommandResult;
+use crate::commands::difference::Arguments;
+use crate::commands::probe::short;
+use crate::commands::progress_bar::TerminalProgress;
+use crate::commands::statistics::write_json;
+use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
+use crate::heights::export::{ExportOptions, export_heights};
+use crate::heights::measure::{Difference, Volumes, volumes};
+use crate::heights::model::{Heights, Window};
+use crate::model::ReadMethod;
+
+/// Subtracts, writes and tells.
+///
+/// # Errors
+/// When the heights cannot be read or do not fit together, or the file cannot be written.
+pub fn run(arguments: &Arguments) -> CommandResult {
+    let Arguments { before, after, heights, output, json } = arguments;
+    let open = |path| heights.open(path, &[], ReadMethod::default());
+    let names = [before, after].map(|path| path.display().to_string());
+    let (earlier, later) = (open(before)?, open(after)?);
+    let difference = Difference::new([&names[0], &names[1]], &earlier, &later)?;
+    let progress = TerminalProgress::new();
+    if let Some(output) = output {
+        match output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("df")) {
+            true => {
+                let note = format!("{} minus {}", names[1], names[0]);
+                let origin = HeightOrigin {
+                    path: after.clone(),
+                    format: "difference".into(),
+                    bytes: 0,
+                    has_spacing: true,
+                    notes: vec![note],
+                };
+                build_heights(&difference, &origin, &HeightBuildOptions::default(), output, &progress)?;
+            }
+            false => {
+                let all = Window::all(difference.grid());
+                export_heights(&difference, all, output, &ExportOptions::default(), &progress)?;
+            }
+        }
+    }
+    let found = volumes(&difference)?;
+    drop(progress);
+    if let Some(json) = json {
+        return write_json(json, &found);
+    }
+    let Volumes { valid, area, volume_above, volume_below } = found;
+    let grid = difference.grid();
+    let unit = |power: u32| match grid.xy_unit.is_unknown() {
+        true => String::new(),
+        false => format!(" {}^{power}", grid.xy_unit),
+    };
+    println!("{valid} of {} samples are known of both, over {}{}", grid.samples(), short(area), unit(2));
+    println!("above: {}{}, below: {}{}", short(volume_above), unit(3), short(volume_below), unit(3));
+    Ok(())
+}

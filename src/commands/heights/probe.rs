@@ -1,0 +1,444 @@
+//! `deepfield probe` of a height field: places, profiles, what is under pixels, and numbers of regions.
+
+use super::HeightsOptions;
+use super::select::{Corners, numbers, rectangle, window_in};
+use crate::color::output::write_atomically;
+use crate::commands::CommandResult;
+use crate::commands::arguments::{PictureSize, positive, vector};
+use crate::commands::probe::short;
+use crate::commands::projection_options::ProjectionOptions;
+use crate::commands::statistics::write_json;
+use crate::cpu::surface::sight::Sight;
+use crate::heights::OpenHeights;
+use crate::heights::measure::{
+    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Rise, Roughness, fit, pick_all,
+    probe, profile, roughness,
+};
+use crate::heights::model::{HeightError, HeightGrid, Heights, Window};
+use crate::look::{CameraConfig, PictureConfig, Shot};
+use crate::model::{ReadMethod, Unit};
+use crate::picture::surface::SurfaceSession;
+use glam::DVec3;
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// What is asked of heights.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Height fields")]
+pub struct HeightsProbe {
+    /// The height and the slope at a place.
+    #[arg(long, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
+    pub point: Option<[f64; 2]>,
+    /// A profile along a line: the height at every crossing with an edge of the surface; -o writes it.
+    #[arg(long, value_name = "X0,Y0,X1,Y1,...", value_parser = polyline, allow_hyphen_values = true)]
+    pub line: Option<Polyline>,
+    /// The samples between two corners, and on the edge.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = rectangle, allow_hyphen_values = true)]
+    pub rectangle: Option<Corners>,
+    /// The samples within a distance of a place.
+    #[arg(long, value_name = "X,Y,R", value_parser = disc, allow_hyphen_values = true)]
+    pub disc: Option<Disc>,
+    /// Take this form off first, fitted to the region: plane, quadric, sphere, cylinder or polynomial-N.
+    #[arg(long, value_name = "FORM", value_parser = form)]
+    pub form: Option<FormKind>,
+    /// Leave out waves shorter than this, in the unit of x and y (Gaussian, ISO 16610-61).
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    pub s_filter: Option<f64>,
+    /// Leave out waves longer than this.
+    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    pub l_filter: Option<f64>,
+    /// The samples under a pixel of the picture that `render` draws with the same camera; several times for several.
+    #[arg(long, value_name = "X,Y", value_parser = pixel)]
+    pub pixel: Vec<[u32; 2]>,
+    /// The samples under many pixels: a CSV file with the columns x and y.
+    #[arg(long, value_name = "LIST.csv")]
+    pub pixels: Option<PathBuf>,
+    /// Camera position of --pixel.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    pub eye: Option<DVec3>,
+    /// The point looked at.
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    pub target: Option<DVec3>,
+    /// The direction that points up in the picture [default: 0,0,1].
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
+    pub up: Option<DVec3>,
+    /// Vertical field of view, degrees [default: 45].
+    #[arg(long, value_name = "DEG", value_parser = positive)]
+    pub fov: Option<f64>,
+    /// Height of an orthographic picture, world units.
+    #[arg(long, value_name = "HEIGHT", value_parser = positive, conflicts_with = "fov")]
+    pub ortho: Option<f64>,
+    /// Picture size in pixels [default: 1200x800].
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<PictureSize>,
+    /// Settings in RON, as `render` takes them: exaggeration and base count.
+    #[arg(long, value_name = "FILE.ron")]
+    pub config: Option<PathBuf>,
+    /// How directions become a picture.
+    #[command(flatten)]
+    pub projection: ProjectionOptions,
+}
+
+/// Corners of a line.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Polyline(pub Vec<[f64; 2]>);
+
+fn place(text: &str) -> Result<[f64; 2], String> {
+    numbers(text).and_then(|parts| parts.try_into().ok()).ok_or_else(|| "expected a place x,y such as 10,5".into())
+}
+
+fn pixel(text: &str) -> Result<[u32; 2], String> {
+    let parts: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    parts.and_then(|parts| parts.try_into().ok()).ok_or_else(|| "expected a pixel x,y such as 640,400".into())
+}
+
+fn polyline(text: &str) -> Result<Polyline, String> {
+    let parts = numbers(text).filter(|parts| parts.len() >= 4 && parts.len() % 2 == 0);
+    let parts = parts.ok_or("expected two or more places x0,y0,x1,y1,... such as 0,0,10,5")?;
+    Ok(Polyline(parts.as_chunks::<2>().0.to_vec()))
+}
+
+fn disc(text: &str) -> Result<Disc, String> {
+    match numbers(text).as_deref() {
+        Some(&[x, y, radius]) if radius > 0.0 => Ok(Disc { center: [x, y], radius }),
+        _ => Err("expected a middle and a radius x,y,r such as 10,5,2.5".into()),
+    }
+}
+
+fn form(text: &str) -> Result<FormKind, String> {
+    FormKind::named(text).ok_or_else(|| "expected plane, quadric, sphere, cylinder or polynomial-N".into())
+}
+
+/// Asks and prints.
+///
+/// # Errors
+/// When the file cannot be read, or what is asked does not fit it.
+pub fn run(
+    path: &Path,
+    options: &HeightsOptions,
+    asked: &HeightsProbe,
+    out: Option<&Path>,
+    json: Option<&Path>,
+) -> CommandResult {
+    let open = options.open(path, &[], ReadMethod::default())?;
+    if let Some(place) = asked.point {
+        return answer(json, &probe(&open, place)?, |text, found| write_point(text, path, open.grid(), found));
+    }
+    if let Some(Polyline(corners)) = &asked.line {
+        return along(path, &open, corners, out, json);
+    }
+    if !asked.pixel.is_empty() || asked.pixels.is_some() {
+        return under_pixels(path, &open, asked, json);
+    }
+    let region = numbers_of(path, &open, asked)?;
+    answer(json, &region, |text, found| write_region(text, path, open.grid(), found))
+}
+
+/// Prints an answer, or writes it as JSON.
+fn answer<T: Serialize>(
+    json: Option<&Path>,
+    found: &T,
+    write: impl FnOnce(&mut String, &T) -> std::fmt::Result,
+) -> CommandResult {
+    if let Some(json) = json {
+        return write_json(json, found);
+    }
+    let mut text = String::new();
+    write(&mut text, found)?;
+    Ok(std::io::stdout().write_all(text.as_bytes())?)
+}
+
+/// A unit after a number.
+fn after(unit: &Unit) -> String {
+    if unit.is_unknown() { String::new() } else { format!(" {unit}") }
+}
+
+fn write_point(text: &mut String, path: &Path, grid: &HeightGrid, found: &Probe) -> std::fmt::Result {
+    let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
+    let (row, column) = (short(found.row), short(found.column));
+    writeln!(text, "{}: {}, {}{places} (row {row}, column {column})", path.display(), found.x, found.y)?;
+    match found.height {
+        Some(height) => writeln!(text, "height: {height}{heights}")?,
+        None => writeln!(text, "not measured")?,
+    }
+    if let Some(slope) = found.slope {
+        writeln!(text, "slope: {}, {} degrees", short(slope), short(slope.atan().to_degrees()))?;
+    }
+    if let Some(near) = &found.nearest {
+        let (x, y, away) = (near.x, near.y, short(near.distance));
+        writeln!(text, "nearest sample that was measured: {}{heights} at {x}, {y}, {away}{places} away", near.height)?;
+    }
+    Ok(())
+}
+
+/// What `--line --json` writes.
+#[derive(Serialize)]
+struct LineAnswer {
+    length: f64,
+    valid_length: f64,
+    points: usize,
+    min: Option<f64>,
+    max: Option<f64>,
+}
+
+fn along(path: &Path, open: &OpenHeights, corners: &[[f64; 2]], out: Option<&Path>, json: Option<&Path>) -> CommandResult {
+    let found = profile(open, corners)?;
+    let grid = open.grid();
+    if let Some(out) = out {
+        let named = |name: &str, unit: &Unit| {
+            if unit.is_unknown() { name.to_owned() } else { format!("{name} [{unit}]") }
+        };
+        let heads = ["distance", "x", "y"].map(|name| named(name, &grid.xy_unit));
+        let mut text = format!("{},{}\n", heads.join(","), named("height", &grid.height_unit));
+        for point in &found.points {
+            let height = if point.height.is_nan() { String::new() } else { point.height.to_string() };
+            writeln!(text, "{},{},{},{height}", point.distance, point.x, point.y)?;
+        }
+        if !out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+            return Err(format!("{}: expected a name that ends in .csv", out.display()).into());
+        }
+        write_atomically(out, text.as_bytes())?;
+    }
+    let known = || found.points.iter().map(|point| point.height).filter(|height| !height.is_nan());
+    let told = LineAnswer {
+        length: found.length,
+        valid_length: found.valid_length,
+        points: found.points.len(),
+        min: known().reduce(f64::min),
+        max: known().reduce(f64::max),
+    };
+    answer(json, &told, |text, told| {
+        let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
+        let (length, valid) = (short(told.length), short(told.valid_length));
+        writeln!(text, "{}: a line of {length}{places}, {valid}{places} of it over the surface", path.display())?;
+        if let (Some(min), Some(max)) = (told.min, told.max) {
+            writeln!(text, "heights: {} to {}{heights} at {} points", short(min), short(max), told.points)?;
+        }
+        Ok(())
+    })
+}
+
+/// A sample under a pixel.
+#[derive(Serialize)]
+struct SampleUnder {
+    row: u64,
+    column: u64,
+    height: f64,
+}
+
+/// What is under a pixel.
+#[derive(Serialize)]
+struct Under {
+    valid: bool,
+    row: f64,
+    column: f64,
+    x: f64,
+    y: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height: Option<f64>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    samples: Vec<SampleUnder>,
+}
+
+impl Under {
+    fn of(pick: Pick) -> Option<Under> {
+        match pick {
+            Pick::Beside => None,
+            Pick::NotMeasured { row, column, x, y } => {
+                Some(Under { valid: false, row, column, x, y, height: None, samples: Vec::new() })
+            }
+            Pick::Hit(hit) => Some(Under {
+                valid: true,
+                row: hit.row,
+                column: hit.column,
+                x: hit.x,
+                y: hit.y,
+                height: Some(hit.height),
+                samples: hit.samples.map(|(row, column, height)| SampleUnder { row, column, height }).into(),
+            }),
+        }
+    }
+}
+
+/// What `--pixels --json` writes.
+#[derive(Serialize)]
+struct PixelsAnswer {
+    picks: Vec<Option<Under>>,
+}
+
+fn under_pixels(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&Path>) -> CommandResult {
+    let mut pixels = asked.pixel.clone();
+    if let Some(list) = &asked.pixels {
+        pixels.extend(read_pixels(list)?);
+    }
+    let (sight, rise) = seen(path, open, asked)?;
+    let [width, height] = sight.size();
+    if let Some([x, y]) = pixels.iter().find(|[x, y]| *x >= width || *y >= height) {
+        return Err(format!("--pixel: found {x},{y}, expected one of {width} x {height}").into());
+    }
+    let through = |[x, y]: [u32; 2]| sight.ray([x, y].map(|at| f64::from(at) + 0.5));
+    let rays: Vec<Option<Ray>> = pixels
+        .iter()
+        .map(|pixel| through(*pixel).map(|(origin, direction)| Ray::new(origin.to_array(), direction.to_array())))
+        .collect();
+    let there: Vec<Ray> = rays.iter().flatten().copied().collect();
+    let mut found = pick_all(open, rise, &there)?.into_iter();
+    // Beside a dome's circle nothing is seen.
+    let picks = rays.iter().map(|ray| ray.and_then(|_| found.next()).and_then(Under::of)).collect();
+    answer(json, &PixelsAnswer { picks }, |text, told| {
+        let (places, heights) = (after(&open.grid().xy_unit), after(&open.grid().height_unit));
+        for ([x, y], under) in pixels.iter().zip(&told.picks) {
+            match under {
+                None => writeln!(text, "pixel {x},{y}: beside the field")?,
+                Some(under) => {
+                    let at = format!("{}, {}{places}", short(under.x), short(under.y));
+                    match under.height {
+                        Some(height) => writeln!(text, "pixel {x},{y}: {height}{heights} at {at}")?,
+                        None => writeln!(text, "pixel {x},{y}: not measured, at {at}")?,
+                    }
+                    for sample in &under.samples {
+                        let SampleUnder { row, column, height } = sample;
+                        writeln!(text, "  row {row}, column {column}: {height}{heights}")?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// From where the pixels are seen, and how high heights stand there.
+fn seen(
+    path: &Path,
+    open: &OpenHeights,
+    asked: &HeightsProbe,
+) -> Result<(Sight, Rise), Box<dyn std::error::Error + Send + Sync>> {
+    let config = asked.config.as_deref().map(PictureConfig::read).transpose()?.unwrap_or_default();
+    let [eye, target, up] = [asked.eye, asked.target, asked.up].map(|at| at.map(|at| at.to_array()));
+    let mut shot = Shot {
+        camera: config.camera.then(CameraConfig { eye, target, up, fov: asked.fov, ortho: asked.ortho }),
+        size: asked.size.map(|size| (size.width, size.height)).or(config.size),
+        surround: config.projection,
+        ..Shot::default()
+    };
+    (shot.surround, shot.stereo) = asked.projection.over(shot.surround, None)?;
+    shot.look = config.look;
+    let summary = open.summary()?;
+    let (sight, placed) = SurfaceSession::sight(open.grid(), [summary.min, summary.max], &shot)?;
+    if !placed.is_flat() {
+        return Err(format!("{}: --pixel: globes are not asked by pixels yet", path.display()).into());
+    }
+    Ok((sight, Rise { zero: placed.zero, lift: placed.lift }))
+}
+
+/// Pixels of a CSV file with the columns x and y.
+fn read_pixels(list: &Path) -> Result<Vec<[u32; 2]>, String> {
+    let wrong = |why: String| format!("{}: {why}", list.display());
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(list).map_err(|error| wrong(error.to_string()))?;
+    let heads = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
+    let column = |name: &str| {
+        let found = heads.iter().position(|head| head == name);
+        found.ok_or_else(|| wrong(format!("column {name}: missing, expected x and y")))
+    };
+    let [x, y] = [column("x")?, column("y")?];
+    let mut pixels = Vec::new();
+    for (number, row) in reader.records().enumerate() {
+        let row = row.map_err(|error| wrong(error.to_string()))?;
+        let part = |at: usize| {
+            let text = row.get(at).unwrap_or_default();
+            let found = text.parse().map_err(|_| wrong(format!("row {}: found {text:?}, expected a whole number", number + 1)));
+            found as Result<u32, String>
+        };
+        pixels.push([part(x)?, part(y)?]);
+    }
+    Ok(pixels)
+}
+
+/// What `--json` writes of a region.
+#[derive(Serialize)]
+struct RegionAnswer {
+    #[serde(flatten)]
+    roughness: Roughness,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    form: Option<FormNumbers>,
+}
+
+/// The numbers of a region, of which a form and waves are taken off where that is asked for. Filters see the whole field.
+fn numbers_of(
+    path: &Path,
+    open: &OpenHeights,
+    asked: &HeightsProbe,
+) -> Result<RegionAnswer, Box<dyn std::error::Error + Send + Sync>> {
+    let grid = open.grid();
+    let window = match (asked.rectangle, asked.disc) {
+        (Some(corners), _) => window_in(path, grid, corners)?,
+        (None, Some(Disc { center: [x, y], radius: r })) => window_in(path, grid, [[x - r, y - r], [x + r, y + r]])?,
+        (None, None) => Window::all(grid),
+    };
+    if window.rows < 2 || window.columns < 2 {
+        let found = format!("{} x {} samples", window.columns, window.rows);
+        return Err(format!("{}: region: found {found}, expected at least 2 x 2", path.display()).into());
+    }
+    let short_waves = asked.s_filter.map(|length| Filtered::new(open, Filter::Short(length), Window::all(grid))).transpose()?;
+    let first: &dyn Heights = short_waves.as_ref().map_or(open as &dyn Heights, |filtered| filtered);
+    let long_waves = asked.l_filter.map(|length| Filtered::new(first, Filter::Long(length), Window::all(grid))).transpose()?;
+    let second: &dyn Heights = long_waves.as_ref().map_or(first, |filtered| filtered);
+    let part = match asked.disc.filter(|_| asked.rectangle.is_none()) {
+        Some(disc) => Part::of_disc(second, disc),
+        None => Part::of_window(second, window),
+    };
+    let part = part.ok_or_else(|| format!("{}: region: expected at least 2 x 2 samples", path.display()))?;
+    let form = asked.form.map(|kind| fit(&part, kind)).transpose().map_err(|error| format!("{}: {error}", path.display()))?;
+    let told = form.as_ref().map(|form| form.numbers());
+    let found: Result<Roughness, HeightError> = match form {
+        Some(form) => roughness(&Residual::new(&part, form)),
+        None => roughness(&part),
+    };
+    Ok(RegionAnswer { roughness: found?, form: told })
+}
+
+fn write_region(text: &mut String, path: &Path, grid: &HeightGrid, found: &RegionAnswer) -> std::fmt::Result {
+    let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
+    let Roughness { samples, valid, valid_share, mean, area, iso } = &found.roughness;
+    let share = short(100.0 * valid_share);
+    writeln!(text, "{}: {valid} of {samples} samples were measured ({share} %)", path.display())?;
+    let square = if grid.xy_unit.is_unknown() { String::new() } else { format!(" {}^2", grid.xy_unit) };
+    writeln!(text, "surface in plan: {}{square}", short(*area))?;
+    if let Some(form) = &found.form {
+        write!(text, "without a form: {}", form.kind)?;
+        match (&form.coefficients, form.radius) {
+            (Some(factors), _) => writeln!(text, ", {}", factors.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))?,
+            (None, Some(radius)) => writeln!(text, " of radius {}{places}", short(radius))?,
+            (None, None) => writeln!(text)?,
+        }
+    }
+    if let Some(mean) = mean {
+        writeln!(text, "mean height: {}{heights}", short(*mean))?;
+    }
+    let Iso { sa, sq, ssk, sku, sp, sv, sz, sdq, sdr, sk, spk, svk, smr1, smr2, sal, str } = iso;
+    let rows = [
+        ("Sa", sa, heights.as_str(), "mean distance from the mean height"),
+        ("Sq", sq, &heights, "root of the mean square"),
+        ("Ssk", ssk, "", "skewness"),
+        ("Sku", sku, "", "kurtosis"),
+        ("Sp", sp, &heights, "highest peak"),
+        ("Sv", sv, &heights, "deepest pit"),
+        ("Sz", sz, &heights, "both"),
+        ("Sdq", sdq, "", "root of the mean square slope"),
+        ("Sdr", sdr, " %", "what the surface has more than its plan"),
+        ("Sk", sk, &heights, "height of the core"),
+        ("Spk", spk, &heights, "peaks above it"),
+        ("Svk", svk, &heights, "valleys below it"),
+        ("Smr1", smr1, " %", "share of the peaks"),
+        ("Smr2", smr2, " %", "share above the valleys"),
+        ("Sal", sal, &places, "shortest length at which the autocorrelation falls to 0.2"),
+        ("Str", str, "", "that over the longest one"),
+    ];
+    for (name, value, unit, what) in rows {
+        let value = value.map_or_else(|| "-".to_owned(), |value| format!("{}{unit}", short(value)));
+        writeln!(text, "  {name:<5} {value:<24} {what}")?;
+    }
+    Ok(())
+}
