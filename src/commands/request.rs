@@ -2,9 +2,9 @@
 
 use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
+use crate::heights::import::HeightOptions;
 use crate::look::{DataKind, Member, Shot};
 use crate::mode::Mode;
-use crate::heights::import::HeightOptions;
 use crate::picture::field::FieldSession;
 use crate::picture::surface::SurfaceSession;
 use crate::picture::{AnySession, PictureError, Session, SessionOptions};

@@ -50,8 +50,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return Err(format!("{path}: --sources: is for runs").into());
     }
     if let Ok(DataKind::Heights) = DataKind::of(&arguments.path) {
-        let VerifiedHeights { bytes, pages, chunks, samples } = verify_heights(&arguments.path, &TerminalProgress::new())?;
-        println!("{path}: sound, {pages} pages, {chunks} chunks, {samples} samples, {bytes} bytes");
+        let VerifiedHeights { bytes, pages, chunks, valid } =
+            verify_heights(&arguments.path, &TerminalProgress::new())?;
+        println!("{path}: sound, {pages} pages, {chunks} chunks, {valid} measured samples, {bytes} bytes");
         return Ok(());
     }
     if let Ok(DataKind::Grid) = DataKind::of(&arguments.path) {

@@ -19,8 +19,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> CommandResult {
         }
     }
     let open = arguments.heights.open(path, &arguments.raw.spacing, arguments.read)?;
-    let options =
-        HeightBuildOptions { memory: arguments.memory, threads: arguments.threads.map(usize::from) };
+    let options = HeightBuildOptions { memory: arguments.memory, threads: arguments.threads.map(usize::from) };
     let built = open.build(&options, &arguments.output, &TerminalProgress::new())?;
     built.notes.iter().for_each(|note| eprintln!("note: {note}"));
     Ok(())

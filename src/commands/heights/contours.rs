@@ -71,7 +71,10 @@ fn write_svg(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<
     let size = [(to[0] - from[0]).abs(), (to[1] - from[1]).abs()];
     let scale = WIDTH / size[0].max(size[1]);
     let [width, height] = size.map(|side| side * scale);
-    writeln!(out, "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.2} {height:.2}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.8\">")?;
+    writeln!(
+        out,
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.2} {height:.2}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.8\">"
+    )?;
     let mut count = 0;
     contours(open, wanted, |line| {
         count += 1;

@@ -9,4 +9,4 @@ pub mod probe;
 pub mod select;
 pub mod synth;
 
-pub use options::{HeightsOptions, Kind};
+pub use options::HeightsOptions;

@@ -11,8 +11,8 @@ use crate::commands::statistics::write_json;
 use crate::cpu::surface::sight::Sight;
 use crate::heights::OpenHeights;
 use crate::heights::measure::{
-    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Rise, Roughness, fit, pick_all,
-    probe, profile, roughness,
+    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Rise, Roughness, fit,
+    pick_all, probe, profile, roughness,
 };
 use crate::heights::model::{HeightError, HeightGrid, Heights, Window};
 use crate::look::{CameraConfig, PictureConfig, Shot};
@@ -183,7 +183,13 @@ struct LineAnswer {
     max: Option<f64>,
 }
 
-fn along(path: &Path, open: &OpenHeights, corners: &[[f64; 2]], out: Option<&Path>, json: Option<&Path>) -> CommandResult {
+fn along(
+    path: &Path,
+    open: &OpenHeights,
+    corners: &[[f64; 2]],
+    out: Option<&Path>,
+    json: Option<&Path>,
+) -> CommandResult {
     let found = profile(open, corners)?;
     let grid = open.grid();
     if let Some(out) = out {
@@ -284,7 +290,11 @@ fn under_pixels(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Opt
         .map(|pixel| through(*pixel).map(|(origin, direction)| Ray::new(origin.to_array(), direction.to_array())))
         .collect();
     let there: Vec<Ray> = rays.iter().flatten().copied().collect();
-    let mut found = pick_all(open, rise, &there)?.into_iter();
+    let file = match open {
+        OpenHeights::Pages(file) => Some(&**file),
+        OpenHeights::Source(_) => None,
+    };
+    let mut found = pick_all(path, open, file, rise, &there)?.into_iter();
     // Beside a dome's circle nothing is seen.
     let picks = rays.iter().map(|ray| ray.and_then(|_| found.next()).and_then(Under::of)).collect();
     answer(json, &PixelsAnswer { picks }, |text, told| {
@@ -336,7 +346,8 @@ fn seen(
 /// Pixels of a CSV file with the columns x and y.
 fn read_pixels(list: &Path) -> Result<Vec<[u32; 2]>, String> {
     let wrong = |why: String| format!("{}: {why}", list.display());
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(list).map_err(|error| wrong(error.to_string()))?;
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(list).map_err(|error| wrong(error.to_string()))?;
     let heads = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
     let column = |name: &str| {
         let found = heads.iter().position(|head| head == name);
@@ -348,7 +359,8 @@ fn read_pixels(list: &Path) -> Result<Vec<[u32; 2]>, String> {
         let row = row.map_err(|error| wrong(error.to_string()))?;
         let part = |at: usize| {
             let text = row.get(at).unwrap_or_default();
-            let found = text.parse().map_err(|_| wrong(format!("row {}: found {text:?}, expected a whole number", number + 1)));
+            let found =
+                text.parse().map_err(|_| wrong(format!("row {}: found {text:?}, expected a whole number", number + 1)));
             found as Result<u32, String>
         };
         pixels.push([part(x)?, part(y)?]);
@@ -381,16 +393,19 @@ fn numbers_of(
         let found = format!("{} x {} samples", window.columns, window.rows);
         return Err(format!("{}: region: found {found}, expected at least 2 x 2", path.display()).into());
     }
-    let short_waves = asked.s_filter.map(|length| Filtered::new(open, Filter::Short(length), Window::all(grid))).transpose()?;
+    let short_waves =
+        asked.s_filter.map(|length| Filtered::new(open, Filter::Short(length), Window::all(grid))).transpose()?;
     let first: &dyn Heights = short_waves.as_ref().map_or(open as &dyn Heights, |filtered| filtered);
-    let long_waves = asked.l_filter.map(|length| Filtered::new(first, Filter::Long(length), Window::all(grid))).transpose()?;
+    let long_waves =
+        asked.l_filter.map(|length| Filtered::new(first, Filter::Long(length), Window::all(grid))).transpose()?;
     let second: &dyn Heights = long_waves.as_ref().map_or(first, |filtered| filtered);
     let part = match asked.disc.filter(|_| asked.rectangle.is_none()) {
         Some(disc) => Part::of_disc(second, disc),
         None => Part::of_window(second, window),
     };
     let part = part.ok_or_else(|| format!("{}: region: expected at least 2 x 2 samples", path.display()))?;
-    let form = asked.form.map(|kind| fit(&part, kind)).transpose().map_err(|error| format!("{}: {error}", path.display()))?;
+    let form =
+        asked.form.map(|kind| fit(&part, kind)).transpose().map_err(|error| format!("{}: {error}", path.display()))?;
     let told = form.as_ref().map(|form| form.numbers());
     let found: Result<Roughness, HeightError> = match form {
         Some(form) => roughness(&Residual::new(&part, form)),
@@ -409,7 +424,9 @@ fn write_region(text: &mut String, path: &Path, grid: &HeightGrid, found: &Regio
     if let Some(form) = &found.form {
         write!(text, "without a form: {}", form.kind)?;
         match (&form.coefficients, form.radius) {
-            (Some(factors), _) => writeln!(text, ", {}", factors.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))?,
+            (Some(factors), _) => {
+                writeln!(text, ", {}", factors.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))?
+            }
             (None, Some(radius)) => writeln!(text, " of radius {}{places}", short(radius))?,
             (None, None) => writeln!(text)?,
         }

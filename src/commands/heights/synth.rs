@@ -44,7 +44,11 @@ impl SurfaceArguments {
     pub fn is_given(&self) -> bool {
         let SurfaceArguments { shape, r#type, spacing, unit, invalid, noise, hurst } = self;
         let numbers = [*invalid, *noise, *hurst];
-        shape.is_some() || r#type.is_some() || !spacing.is_empty() || unit.is_some() || numbers.iter().any(Option::is_some)
+        shape.is_some()
+            || r#type.is_some()
+            || !spacing.is_empty()
+            || unit.is_some()
+            || numbers.iter().any(Option::is_some)
     }
 }
 

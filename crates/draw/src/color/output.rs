@@ -119,12 +119,8 @@ pub fn write_npy_doubles(path: &Path, shape: &[u64], values: &[f64]) -> Result<(
 fn write_array<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[u64], values: &[T]) -> Result<(), OutputError> {
     use npyz::WriterBuilder;
     write_with(path, |out| {
-        let mut writer = npyz::WriteOptions::<T>::new()
-            .default_dtype()
-            .shape(shape)
-            .writer(out)
-            .begin_nd()
-            .map_err(encode(path))?;
+        let mut writer =
+            npyz::WriteOptions::<T>::new().default_dtype().shape(shape).writer(out).begin_nd().map_err(encode(path))?;
         writer.extend(values.iter().copied()).map_err(encode(path))?;
         writer.finish().map_err(encode(path))
     })

@@ -54,7 +54,12 @@ impl DataKind {
 pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
     file_in(
         path,
-        &[("page file", PageFile::recognises), ("run", RunFile::recognises), ("file of a grid", GridFile::recognises), ("file of heights", HeightFile::recognises)],
+        &[
+            ("page file", PageFile::recognises),
+            ("run", RunFile::recognises),
+            ("file of a grid", GridFile::recognises),
+            ("file of heights", HeightFile::recognises),
+        ],
     )
 }
 

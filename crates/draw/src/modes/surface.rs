@@ -229,9 +229,9 @@ pub fn attribute_of(name: Option<&str>, grid: &HeightGrid) -> Result<Attribute, 
         Some("curvature") => Ok(Attribute::Curvature),
         Some("level") => Ok(Attribute::Level),
         Some("primitive") => Ok(Attribute::Primitive),
-        Some("texture") => colors().map(Attribute::Texture).ok_or_else(|| {
-            "attribute texture: the field has no colour planes red, green and blue".to_owned()
-        }),
+        Some("texture") => colors()
+            .map(Attribute::Texture)
+            .ok_or_else(|| "attribute texture: the field has no colour planes red, green and blue".to_owned()),
         Some(other) => plane(other).map(Attribute::Plane).ok_or_else(|| {
             let planes: Vec<&str> = grid.planes.iter().map(|plane| plane.name.as_str()).collect();
             let all: Vec<&str> = ATTRIBUTES.into_iter().chain(planes).collect();
@@ -266,7 +266,13 @@ pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
 }
 
 /// The range that colours are spread over: the transfer function's own, or what suits the attribute. `curvature` is the largest that matters.
-pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts, levels: u32, curvature: f64) -> [f64; 2] {
+pub fn range_of(
+    transfer: &TransferFunction,
+    attribute: Attribute,
+    facts: &Facts,
+    levels: u32,
+    curvature: f64,
+) -> [f64; 2] {
     if let Range::Fixed(low, high) = transfer.range {
         return [low, high];
     }

@@ -3,11 +3,11 @@
 use super::annotation::Annotation;
 use super::error::PictureError;
 use super::field::PointsReport;
-use super::surface::SurfaceShown;
 use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
 use super::level_report::LevelReport;
 use super::paths::PathCounts;
+use super::surface::SurfaceShown;
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Colors, Image, composite, output};

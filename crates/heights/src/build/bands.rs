@@ -94,7 +94,12 @@ impl FieldRows {
 }
 
 /// Reads rows from `first` up to `end`, some at a time. What is no finite number was not measured.
-pub(super) fn read(source: &dyn Measured, first: u64, end: u64, at_once: u64) -> Result<(Vec<FieldRow>, Invalid), HeightBuildError> {
+pub(super) fn read(
+    source: &dyn Measured,
+    first: u64,
+    end: u64,
+    at_once: u64,
+) -> Result<(Vec<FieldRow>, Invalid), HeightBuildError> {
     let grid = source.grid();
     let width = grid.columns as usize;
     let mut out = Vec::with_capacity((end - first) as usize);
@@ -118,7 +123,10 @@ pub(super) fn read(source: &dyn Measured, first: u64, end: u64, at_once: u64) ->
         for number in 0..grid.planes.len() {
             plane.resize(rows as usize * width, 0);
             source.plane(number, window, &mut plane)?;
-            out[at..].iter_mut().zip(plane.chunks_exact(width)).for_each(|(row, values)| row.planes.push(values.to_vec()));
+            out[at..]
+                .iter_mut()
+                .zip(plane.chunks_exact(width))
+                .for_each(|(row, values)| row.planes.push(values.to_vec()));
         }
         row += rows;
     }

@@ -2,9 +2,8 @@
 
 use crate::hierarchy::chunks::coarse::Row;
 use crate::hierarchy::chunks::leaf::largest_step;
-use crate::hierarchy::chunks::{Coverage, Part};
-use crate::store::chunk;
-use deepfield_data::model::SampleType;
+use crate::hierarchy::chunks::{ChunkKey, Coverage};
+use crate::store::chunk::{self, Code};
 
 /// A chunk's bytes, and what its samples say, as they are stored.
 #[derive(Debug)]
@@ -19,7 +18,13 @@ pub(super) struct CoarseChunk {
 }
 
 /// Makes a chunk. `row` gives the level's rows.
-pub(super) fn make<'a>(sample_type: SampleType, planes: usize, part: &Part, row: impl Fn(u64) -> Option<&'a Row>) -> CoarseChunk {
+pub(super) fn make<'a>(
+    code: &Code<'_>,
+    planes: usize,
+    key: ChunkKey,
+    row: impl Fn(u64) -> Option<&'a Row>,
+) -> CoarseChunk {
+    let part = code.lattice.part(key);
     let columns = part.column as usize..part.column as usize + part.columns;
     let mut stored = vec![f64::NAN; part.len()];
     let (mut coverage, mut normals) = (Vec::with_capacity(part.len()), Vec::with_capacity(part.len()));
@@ -50,6 +55,6 @@ pub(super) fn make<'a>(sample_type: SampleType, planes: usize, part: &Part, row:
             (false, false) => Coverage::Partial,
         },
         deviation,
-        bytes: (!is_none).then(|| chunk::encode_coarse(sample_type, part.columns, &stored, &coverage, &normals, &values)),
+        bytes: (!is_none).then(|| chunk::encode_coarse(code, key, &stored, &coverage, &normals, &values)),
     }
 }

@@ -117,7 +117,9 @@ pub enum HeightBuildError {
         samples: u64,
     },
     /// The build needs more memory than it may take.
-    #[error("{path}: memory: rows of {columns} samples take about {needed} MiB, found {allowed} MiB that the build may take")]
+    #[error(
+        "{path}: memory: rows of {columns} samples take about {needed} MiB, found {allowed} MiB that the build may take"
+    )]
     Memory {
         /// The output.
         path: PathBuf,
@@ -161,7 +163,8 @@ pub fn build_heights(
         None => work(),
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            let failed = |error: rayon::ThreadPoolBuildError| HeightBuildError::Threads { threads, reason: error.to_string() };
+            let failed =
+                |error: rayon::ThreadPoolBuildError| HeightBuildError::Threads { threads, reason: error.to_string() };
             pool.map_err(failed)?.install(work)
         }
     }

@@ -16,7 +16,8 @@ use crate::hierarchy::chunks::rows::LevelRows;
 use crate::hierarchy::chunks::sums::{WideLight, WideSum};
 use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
 use crate::model::{Facts, HeightGrid, Invalid};
-use crate::store::{HeightAbout, HeightFileWriter, chunk};
+use crate::store::chunk::{self, Code};
+use crate::store::{HeightAbout, HeightFileWriter};
 use deepfield_data::model::Scale;
 use deepfield_data::model::progress::Progress;
 use rayon::prelude::*;
@@ -96,6 +97,10 @@ pub(super) fn build(
 }
 
 impl Pass<'_> {
+    fn code(&self) -> Code<'_> {
+        Code { lattice: &self.lattice, sample_type: self.grid.sample_type, slopes: self.slopes }
+    }
+
     fn is_last(&self, band: u32) -> bool {
         band + 1 == self.lattice.chunks_of(0)[0]
     }
@@ -256,8 +261,8 @@ impl Pass<'_> {
                 let keys: Vec<ChunkKey> = (0..chunk_columns).map(key).collect();
                 self.next_chunks[number] += 1;
                 for some in keys.chunks(4 * rayon::current_num_threads().max(1)) {
-                    let (rows, grid, lattice) = (&self.levels[number], self.grid, &self.lattice);
-                    let make = |key: &ChunkKey| coarse_chunk::make(grid.sample_type, grid.planes.len(), &lattice.part(*key), |row| rows.get(row));
+                    let (rows, planes, code) = (&self.levels[number], self.grid.planes.len(), self.code());
+                    let make = |key: &ChunkKey| coarse_chunk::make(&code, planes, *key, |row| rows.get(row));
                     let made: Vec<CoarseChunk> = some.par_iter().map(make).collect();
                     for (key, chunk) in some.iter().zip(made) {
                         self.take_chunk(*key, &chunk)?;
@@ -282,7 +287,16 @@ impl Pass<'_> {
         let step = chunk.step * self.grid.scale.slope.abs();
         let [normal_deviation, colour_deviation] = chunk.deviation.map(|deviation| f32::from(deviation) / 255.0);
         if let Some(node) = self.writer.node(key) {
-            *node = ChunkNode { min, max, step, area, coverage: chunk.coverage, normal_deviation, colour_deviation, ..*node };
+            *node = ChunkNode {
+                min,
+                max,
+                step,
+                area,
+                coverage: chunk.coverage,
+                normal_deviation,
+                colour_deviation,
+                ..*node
+            };
         }
         Ok(())
     }
@@ -315,7 +329,7 @@ impl Pass<'_> {
             for (row, column) in (0..chunk_rows).flat_map(|row| (0..chunk_columns).map(move |column| (row, column))) {
                 let key = ChunkKey { level: level as u8, row, column };
                 let part = self.lattice.part(key);
-                let made = coarse_chunk::make(self.grid.sample_type, planes, &part, |row| rows.get(row as usize));
+                let made = coarse_chunk::make(&self.code(), planes, key, |row| rows.get(row as usize));
                 self.take_chunk(key, &made)?;
                 let mut range = Range::NONE;
                 for row in part.row as usize..part.row as usize + part.rows - 1 {

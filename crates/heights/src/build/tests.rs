@@ -28,7 +28,8 @@ impl Noise {
 /// A rough field; `holes` is how it is broken.
 fn field(rows: u64, columns: u64, sample_type: SampleType, holes: u32, planes: usize, seed: u64) -> HeightField {
     let mut noise = Noise(seed | 1);
-    let lake = [noise.share() * rows as f64, noise.share() * columns as f64, noise.share() * rows.min(columns) as f64 * 0.7];
+    let lake =
+        [noise.share() * rows as f64, noise.share() * columns as f64, noise.share() * rows.min(columns) as f64 * 0.7];
     let tilt = [noise.share() - 0.5, noise.share() - 0.5];
     let mut stored = Vec::new();
     for row in 0..rows {
@@ -75,7 +76,8 @@ impl Truth<'_> {
     }
 
     fn height(&self, row: f64, column: f64) -> f64 {
-        let (r, c) = ((row.floor() as u64).min(self.0.grid.rows - 2), (column.floor() as u64).min(self.0.grid.columns - 2));
+        let (r, c) =
+            ((row.floor() as u64).min(self.0.grid.rows - 2), (column.floor() as u64).min(self.0.grid.columns - 2));
         self.cell(r, c).height(column - c as f64, row - r as f64)
     }
 
@@ -90,8 +92,11 @@ impl Truth<'_> {
 
 fn field_strategy() -> impl Strategy<Value = (HeightField, u32)> {
     let types = [SampleType::U8, SampleType::I16, SampleType::U16, SampleType::I32, SampleType::F32, SampleType::F64];
-    (2_u64..40, 2_u64..40, 0..types.len(), 0_u32..6, 0_usize..3, 1_u32..4, any::<u64>())
-        .prop_map(move |(rows, columns, kind, holes, planes, side_bits, seed)| (field(rows, columns, types[kind], holes, planes, seed), side_bits))
+    (2_u64..40, 2_u64..40, 0..types.len(), 0_u32..6, 0_usize..3, 1_u32..4, any::<u64>()).prop_map(
+        move |(rows, columns, kind, holes, planes, side_bits, seed)| {
+            (field(rows, columns, types[kind], holes, planes, seed), side_bits)
+        },
+    )
 }
 
 proptest! {
@@ -116,11 +121,18 @@ proptest! {
 
 fn check_samples(field: &HeightField, file: &HeightFile) -> Result<(), TestCaseError> {
     let grid = &field.grid;
-    let bits = |values: &[f64]| values.iter().map(|value| if value.is_nan() { 1 } else { value.to_bits() }).collect::<Vec<_>>();
+    let bits = |values: &[f64]| {
+        values.iter().map(|value| if value.is_nan() { 1 } else { value.to_bits() }).collect::<Vec<_>>()
+    };
     let mut back = vec![0.0; field.stored.len()];
     file.stored(Window::all(grid), &mut back).unwrap();
     prop_assert_eq!(bits(&back), bits(&field.stored));
-    let window = Window { row: grid.rows / 3, column: grid.columns / 4, rows: grid.rows - grid.rows / 3, columns: grid.columns / 2 };
+    let window = Window {
+        row: grid.rows / 3,
+        column: grid.columns / 4,
+        rows: grid.rows - grid.rows / 3,
+        columns: grid.columns / 2,
+    };
     let (mut part, mut expected) = (vec![0.0; window.samples() as usize], vec![0.0; window.samples() as usize]);
     file.stored(window, &mut part).unwrap();
     field.stored(window, &mut expected).unwrap();
@@ -131,7 +143,10 @@ fn check_samples(field: &HeightField, file: &HeightFile) -> Result<(), TestCaseE
         prop_assert_eq!(&back, &field.planes[plane]);
     }
     let (own, expected) = (file.about().facts, facts_of(field).unwrap());
-    prop_assert_eq!((own.valid, own.lone, own.min, own.max), (expected.valid, expected.lone, expected.min, expected.max));
+    prop_assert_eq!(
+        (own.valid, own.lone, own.min, own.max),
+        (expected.valid, expected.lone, expected.min, expected.max)
+    );
     prop_assert!((own.mean - expected.mean).abs() < 1e-9);
     prop_assert_eq!(file.about().invalid.total(), grid.samples() - own.valid);
     prop_assert!(file.plane(grid.planes.len(), Window::all(grid), &mut vec![0; field.stored.len()]).is_err());
@@ -154,7 +169,13 @@ fn check_chunks(field: &HeightField, file: &HeightFile, level: u32) -> Result<Sa
     let lattice = file.lattice();
     let [rows, columns] = lattice.samples_of(level).map(|count| count as usize);
     let len = rows * columns;
-    let mut all = Samples { columns, stored: vec![f64::NAN; len], coverage: vec![0; len], normals: vec![[0; 3]; len], planes: vec![vec![0; len]; field.grid.planes.len()] };
+    let mut all = Samples {
+        columns,
+        stored: vec![f64::NAN; len],
+        coverage: vec![0; len],
+        normals: vec![[0; 3]; len],
+        planes: vec![vec![0; len]; field.grid.planes.len()],
+    };
     let mut seen = vec![false; len];
     let truth = Truth(field);
     for key in lattice.keys().filter(|key| u32::from(key.level) == level) {
@@ -168,13 +189,16 @@ fn check_chunks(field: &HeightField, file: &HeightFile, level: u32) -> Result<Sa
             for column in 0..part.columns {
                 let at = (part.row as usize + row) * columns + part.column as usize + column;
                 let height = chunk.stored_at(row, column);
-                let place = [(0, part.row + row as u64), (1, part.column + column as u64)].map(|(axis, index)| lattice.place(axis, level, index));
+                let place = [(0, part.row + row as u64), (1, part.column + column as u64)]
+                    .map(|(axis, index)| lattice.place(axis, level, index));
                 let own = truth.at(place[0], place[1]);
                 prop_assert!(own.is_nan() || own.to_bits() == height.to_bits(), "a measured sample keeps its height");
                 let colours: Vec<u8> = chunk.planes.iter().map(|plane| plane[row * part.columns + column]).collect();
                 if seen[at] {
                     // Another chunk's border.
-                    prop_assert!(all.stored[at].to_bits() == height.to_bits() || (height.is_nan() && all.stored[at].is_nan()));
+                    prop_assert!(
+                        all.stored[at].to_bits() == height.to_bits() || (height.is_nan() && all.stored[at].is_nan())
+                    );
                     if level > 0 {
                         prop_assert_eq!(all.coverage[at], chunk.coverage_at(row, column));
                         prop_assert_eq!(all.normals[at], chunk.normal_at(row, column));
@@ -197,9 +221,17 @@ fn check_chunks(field: &HeightField, file: &HeightFile, level: u32) -> Result<Sa
 }
 
 /// Checks a chunk's record by brute force.
-fn check_node(field: &HeightField, file: &HeightFile, key: ChunkKey, node: &ChunkNode, chunk: &Chunk) -> Result<(), TestCaseError> {
+fn check_node(
+    field: &HeightField,
+    file: &HeightFile,
+    key: ChunkKey,
+    node: &ChunkNode,
+    chunk: &Chunk,
+) -> Result<(), TestCaseError> {
     let (lattice, scale, truth, level) = (file.lattice(), field.grid.scale, Truth(field), u32::from(key.level));
-    let place = |axis: usize, index: usize| lattice.place(axis, level, [chunk.part.row, chunk.part.column][axis] + index as u64);
+    let place = |axis: usize, index: usize| {
+        lattice.place(axis, level, [chunk.part.row, chunk.part.column][axis] + index as u64)
+    };
     let is_aligned = |cell: usize, axis: usize| place(axis, cell + 1) - place(axis, cell) == 1 << level;
     // Distances at T's samples, and anywhere else; whether the largest is known exactly.
     let (mut at_samples, mut anywhere, mut is_exact) = (0.0_f64, 0.0_f64, level <= lattice.side_bits);
@@ -207,7 +239,9 @@ fn check_node(field: &HeightField, file: &HeightFile, key: ChunkKey, node: &Chun
     let (mut area, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
     for row in 0..chunk.part.rows - 1 {
         for column in 0..chunk.part.columns - 1 {
-            let cell = Cell([[0, 0], [0, 1], [1, 0], [1, 1]].map(|[down, across]| chunk.stored_at(row + down, column + across)));
+            let cell = Cell(
+                [[0, 0], [0, 1], [1, 0], [1, 1]].map(|[down, across]| chunk.stored_at(row + down, column + across)),
+            );
             for triangle in cell.triangles() {
                 let [a, b, c] = triangle.corners.map(|corner| cell.0[corner]);
                 step = step.max((a - b).abs()).max((b - c).abs()).max((c - a).abs());
@@ -231,7 +265,8 @@ fn check_node(field: &HeightField, file: &HeightFile, key: ChunkKey, node: &Chun
                 let steps = 24;
                 for (down, across) in (0..=steps).flat_map(|down| (0..=steps).map(move |across| (down, across))) {
                     let (v, u) = (f64::from(down) / f64::from(steps), f64::from(across) / f64::from(steps));
-                    let distance = truth.height(top as f64 + v * tall as f64, left as f64 + u * wide as f64) - cell.height(u, v);
+                    let distance =
+                        truth.height(top as f64 + v * tall as f64, left as f64 + u * wide as f64) - cell.height(u, v);
                     anywhere = if distance.is_nan() { anywhere } else { anywhere.max(distance.abs()) };
                 }
             }
@@ -241,16 +276,24 @@ fn check_node(field: &HeightField, file: &HeightFile, key: ChunkKey, node: &Chun
     let most = slope * at_samples.max(anywhere);
     prop_assert!(most <= node.delta * (1.0 + 1e-9) + 1e-9, "level {level}: {most} above {}", node.delta);
     if is_exact {
-        prop_assert!((slope * at_samples - node.delta).abs() <= 1e-9, "level {level}: {} is not {}", slope * at_samples, node.delta);
+        prop_assert!(
+            (slope * at_samples - node.delta).abs() <= 1e-9,
+            "level {level}: {} is not {}",
+            slope * at_samples,
+            node.delta
+        );
     }
-    prop_assert!(step * slope <= node.step + 1e-9 && (level > 0 || (step * slope - node.step).abs() < 1e-9 || !is_exact));
+    prop_assert!(
+        step * slope <= node.step + 1e-9 && (level > 0 || (step * slope - node.step).abs() < 1e-9 || !is_exact)
+    );
     prop_assert_eq!(node.area, area);
     prop_assert!(low > high || (node.min <= scale.value(low) && node.max >= scale.value(high)));
     if level == 0 {
         prop_assert!((node.min, node.max) == (scale.value(low), scale.value(high)) || low > high);
         prop_assert_eq!(node.delta, 0.0);
     } else {
-        let is_whole = (0..chunk.part.len()).all(|at| chunk.coverage_at(at / chunk.part.columns, at % chunk.part.columns) == 255);
+        let is_whole =
+            (0..chunk.part.len()).all(|at| chunk.coverage_at(at / chunk.part.columns, at % chunk.part.columns) == 255);
         prop_assert_eq!(node.coverage == Coverage::Whole, is_whole);
     }
     Ok(())
@@ -294,7 +337,11 @@ fn check_coverage(field: &HeightField, file: &HeightFile, level: u32, samples: &
         }
     }
     prop_assert_eq!(halves, file.about().area);
-    prop_assert!((total - halves as f64 / 2.0).abs() <= slack + 1e-6, "{total} for {}: off by more than {slack}", halves as f64 / 2.0);
+    prop_assert!(
+        (total - halves as f64 / 2.0).abs() <= slack + 1e-6,
+        "{total} for {}: off by more than {slack}",
+        halves as f64 / 2.0
+    );
     Ok(())
 }
 
@@ -336,7 +383,10 @@ fn check_light(field: &HeightField, file: &HeightFile, level: u32, samples: &Sam
             for (plane, sum) in samples.planes.iter().zip(light_sum) {
                 // Lone samples count, too, by next to nothing.
                 let (low, high) = (sum / weights * 0.985 - 40.0, sum / weights * 1.015 + 400.0);
-                prop_assert!((light::value(low.max(0.0)).saturating_sub(1)..=light::value(high).saturating_add(1)).contains(&plane[at]));
+                prop_assert!(
+                    (light::value(low.max(0.0)).saturating_sub(1)..=light::value(high).saturating_add(1))
+                        .contains(&plane[at])
+                );
             }
         }
     }
@@ -356,7 +406,8 @@ fn the_same_bytes_with_any_threads_and_memory() {
     }
     assert!(files.iter().all(|file| *file == files[0]));
     let options = HeightBuildOptions { threads: None, memory: Some(1 << 20) };
-    let error = build_heights(&field, &HeightOrigin::default(), &options, &folder.path().join("other.df"), &()).unwrap_err();
+    let error =
+        build_heights(&field, &HeightOrigin::default(), &options, &folder.path().join("other.df"), &()).unwrap_err();
     assert!(error.to_string().contains("memory"), "{error}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
@@ -422,7 +473,8 @@ fn nothing_measured_is_no_field() {
     let folder = tempfile::tempdir().unwrap();
     let field = HeightField::of(3, 4, vec![f64::NAN; 12]);
     let path = folder.path().join("nothing.df");
-    let error = build_heights(&field, &HeightOrigin::default(), &HeightBuildOptions::default(), &path, &()).unwrap_err();
+    let error =
+        build_heights(&field, &HeightOrigin::default(), &HeightBuildOptions::default(), &path, &()).unwrap_err();
     assert!(error.to_string().contains("12 of 12"), "{error}");
     assert!(!path.exists());
 }

@@ -1,7 +1,7 @@
 //! A block of samples of any type, without loss.
 //!
-//! Bytes: which samples were measured ([`super::validity`]); of each row the number of its predictor ([`super::predict`]), four rows a byte,
-//! the first in the lowest bits; what is left of the measured samples, row by row ([`super::residuals`]). Where no sample was measured,
+//! Bytes: which samples were measured ([`super::validity`]); of every eight rows the number of their predictor ([`super::predict`]), two numbers a
+//! byte, the first in the lower bits; what is left of the measured samples, row by row ([`super::residuals`]). Where no sample was measured,
 //! nothing follows the first. Samples that were not measured are passed over; for their neighbours the sample to the left stands in.
 
 use super::predict::{self, Predictor};
@@ -34,7 +34,9 @@ pub fn decode(sample_type: SampleType, bytes: &[u8], columns: usize, out: &mut [
     let is_right = words.decode(&coded, out);
     match valid {
         // Stand-ins before the first measured sample may be no samples of the type, and are of no account.
-        Some(valid) => out.iter_mut().zip(&valid).filter(|(_, valid)| !**valid).for_each(|(value, _)| *value = f64::NAN),
+        Some(valid) => {
+            out.iter_mut().zip(&valid).filter(|(_, valid)| !**valid).for_each(|(value, _)| *value = f64::NAN)
+        }
         None if !is_right => return None,
         None => {}
     }
@@ -44,9 +46,12 @@ pub fn decode(sample_type: SampleType, bytes: &[u8], columns: usize, out: &mut [
     }
 }
 
-/// The same for values of 8 bits, all of which are there.
+/// Rows that share a predictor.
+const ROWS: usize = 8;
+
+/// The same for values of 8 bits, all of which are there, with 128 for nothing: values are coded less 128.
 pub fn encode_bytes(values: &[u8], columns: usize, out: &mut Vec<u8>) {
-    let mut words: Vec<i64> = values.iter().map(|value| i64::from(*value)).collect();
+    let mut words: Vec<i64> = values.iter().map(|value| i64::from(*value) - 128).collect();
     let valid = vec![true; words.len()];
     encode_words(&mut words, &valid, columns, out);
 }
@@ -55,8 +60,8 @@ pub fn encode_bytes(values: &[u8], columns: usize, out: &mut Vec<u8>) {
 pub fn decode_bytes(bytes: &[u8], columns: usize, out: &mut [u8]) -> Option<usize> {
     let mut words = vec![0; out.len()];
     let (taken, valid) = decode_words(bytes, columns, &mut words)?;
-    let is_right = valid.is_none() && words.iter().all(|word| (0..=255).contains(word));
-    out.iter_mut().zip(&words).for_each(|(value, word)| *value = *word as u8);
+    let is_right = valid.is_none() && words.iter().all(|word| (-128..128).contains(word));
+    out.iter_mut().zip(&words).for_each(|(value, word)| *value = (*word + 128) as u8);
     is_right.then_some(taken)
 }
 
@@ -70,35 +75,47 @@ fn encode_words(words: &mut [i64], valid: &[bool], columns: usize, out: &mut Vec
         predict::stand_in(words, columns, valid);
     }
     let mut left = Vec::with_capacity(words.len());
-    let mut best_of_row = vec![0; columns];
-    let mut tried = vec![0; columns];
-    let mut numbers = Vec::with_capacity(words.len() / columns + 1);
-    let mut above: Option<&[i64]> = None;
-    for (number, row) in words.chunks_exact(columns).enumerate() {
-        let mut best = (u64::MAX, 0);
-        for (predictor_number, predictor) in Predictor::ALL.into_iter().enumerate() {
-            predict::differences(predictor, row, above, &mut tried);
-            let size = tried.iter().fold(0_u64, |sum, value| sum.saturating_add(value.unsigned_abs()));
-            if predictor_number == 0 || size < best.0 {
-                best = (size, predictor_number as u8);
-                std::mem::swap(&mut best_of_row, &mut tried);
-            }
-            if above.is_none() {
-                break;
-            }
+    let mut rest = vec![0; columns];
+    let mut numbers = Vec::with_capacity(words.len() / columns / ROWS + 1);
+    let (mut number, mut above): (u8, Option<&[i64]>) = (0, None);
+    for (row_number, row) in words.chunks_exact(columns).enumerate() {
+        if row_number % ROWS == 0 {
+            number = best(words, columns, row_number, &mut rest);
+            numbers.push(number);
         }
-        numbers.push(best.1);
+        let predictor = Predictor::numbered(number).unwrap_or(Predictor::Plane);
         match is_whole {
-            true => left.extend_from_slice(&best_of_row),
+            true => {
+                let first = left.len();
+                left.resize(first + columns, 0);
+                predict::differences(predictor, row, above, &mut left[first..]);
+            }
             false => {
-                let valid = &valid[number * columns..][..columns];
-                left.extend(best_of_row.iter().zip(valid).filter(|(_, valid)| **valid).map(|(value, _)| *value));
+                predict::differences(predictor, row, above, &mut rest);
+                let valid = &valid[row_number * columns..][..columns];
+                left.extend(rest.iter().zip(valid).filter(|(_, valid)| **valid).map(|(value, _)| *value));
             }
         }
         above = Some(row);
     }
-    out.extend(numbers.chunks(4).map(|some| some.iter().rev().fold(0, |byte, number| (byte << 2) | number)));
+    out.extend(numbers.chunks(2).map(|some| some.iter().rev().fold(0, |byte, number| (byte << 4) | number)));
     residuals::encode(&left, out);
+}
+
+/// The number of the predictor that leaves least of a row in the middle of those from `first` on.
+fn best(words: &[i64], columns: usize, first: usize, rest: &mut [i64]) -> u8 {
+    let rows = words.len() / columns;
+    let row = (first + ROWS / 2).min(rows - 1);
+    let above = row.checked_sub(1).map(|above| &words[above * columns..][..columns]);
+    let mut best = (f64::INFINITY, 0);
+    for (number, predictor) in Predictor::ALL.into_iter().enumerate() {
+        predict::differences(predictor, &words[row * columns..][..columns], above, rest);
+        let size: f64 = rest.iter().map(|value| (*value as f64).abs()).sum();
+        if size < best.0 {
+            best = (size, number as u8);
+        }
+    }
+    best.1
 }
 
 fn decode_words(bytes: &[u8], columns: usize, words: &mut [i64]) -> Option<(usize, Option<Vec<bool>>)> {
@@ -111,14 +128,15 @@ fn decode_words(bytes: &[u8], columns: usize, words: &mut [i64]) -> Option<(usiz
         return Some((taken, valid));
     }
     let rows = words.len() / columns;
-    let numbers = bytes.get(taken..)?.get(..rows.div_ceil(4))?;
+    let numbers = bytes.get(taken..)?.get(..rows.div_ceil(ROWS).div_ceil(2))?;
     taken += numbers.len();
     taken += residuals::decode(bytes.get(taken..)?, &mut words[..count])?;
     if let Some(valid) = &valid {
         spread(words, count, valid);
     }
     for row in 0..rows {
-        let predictor = Predictor::numbered(numbers[row / 4] >> (2 * (row % 4)) & 3)?;
+        let group = row / ROWS;
+        let predictor = Predictor::numbered(numbers[group / 2] >> (4 * (group % 2)) & 15)?;
         let (before, rest) = words.split_at_mut(row * columns);
         let above = (row > 0).then(|| &before[(row - 1) * columns..]);
         let valid = valid.as_ref().map(|valid| &valid[row * columns..][..columns]);

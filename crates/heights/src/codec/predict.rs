@@ -13,10 +13,13 @@ pub(super) enum Predictor {
     Mean,
     /// `left`.
     Left,
+    /// 0: for what is a rest already.
+    Zero,
 }
 
 impl Predictor {
-    pub(super) const ALL: [Predictor; 4] = [Predictor::Plane, Predictor::Half, Predictor::Mean, Predictor::Left];
+    pub(super) const ALL: [Predictor; 5] =
+        [Predictor::Plane, Predictor::Half, Predictor::Mean, Predictor::Left, Predictor::Zero];
 
     /// By its number in the bytes.
     pub(super) fn numbered(number: u8) -> Option<Predictor> {
@@ -33,6 +36,7 @@ impl Predictor {
             }
             Predictor::Mean => left.wrapping_add(up).wrapping_add(1) >> 1,
             Predictor::Left => left,
+            Predictor::Zero => 0,
         }
     }
 }
@@ -61,6 +65,7 @@ pub(super) fn differences(predictor: Predictor, row: &[i64], above: Option<&[i64
         Predictor::Half => go(Predictor::Half, row, above, out),
         Predictor::Mean => go(Predictor::Mean, row, above, out),
         Predictor::Left => go(Predictor::Left, row, above, out),
+        Predictor::Zero => go(Predictor::Zero, row, above, out),
     }
 }
 
@@ -104,6 +109,7 @@ pub(super) fn restore(predictor: Predictor, row: &mut [i64], above: Option<&[i64
         Predictor::Half => go(Predictor::Half, row, above, valid),
         Predictor::Mean => go(Predictor::Mean, row, above, valid),
         Predictor::Left => go(Predictor::Left, row, above, valid),
+        Predictor::Zero => go(Predictor::Zero, row, above, valid),
     }
 }
 

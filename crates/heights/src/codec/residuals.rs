@@ -28,13 +28,10 @@ fn unfolded(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
-/// Bits of a group with this parameter, without the head.
+/// Bits of a group with this parameter, without the head, and as if none were written in full.
 fn cost(group: &[u64], k: u32) -> u64 {
-    let one = |value: &u64| match *value >> k {
-        zeros if zeros < u64::from(ESCAPE) => zeros + 1 + u64::from(k),
-        _ => u64::from(ESCAPE) + 65,
-    };
-    group.iter().map(one).sum()
+    let zeros = group.iter().fold(0_u64, |sum, value| sum.wrapping_add(value >> k));
+    zeros.saturating_add(group.len() as u64 * (1 + u64::from(k)))
 }
 
 /// Appends the codes of numbers.
@@ -42,24 +39,21 @@ pub(super) fn encode(values: &[i64], out: &mut Vec<u8>) {
     let mut bits = BitWriter::new(out);
     for group in values.chunks(GROUP) {
         let mut held = [0_u64; GROUP];
-        let mut sum = 0_u128;
         for (held, value) in held.iter_mut().zip(group) {
             *held = folded(*value);
-            sum += u128::from(*held);
         }
         let held = &held[..group.len()];
-        if sum == 0 {
+        let all = held.iter().fold(0, |all, value| all | value);
+        if all == 0 {
             bits.put(ZEROS, HEAD);
             continue;
         }
-        // The best parameter is near the logarithm of the mean times ln 2.
-        let mean = (sum * 11 / 16 / group.len() as u128) as u64;
+        // The best parameter is near the logarithm of the mean.
+        let few = (64 - all.leading_zeros()).saturating_sub(56);
+        let mean = (held.iter().map(|value| value >> few).sum::<u64>() / group.len() as u64) << few;
         let guess = (64 - mean.leading_zeros()).saturating_sub(1).min(62);
-        let mut best = (cost(held, guess), guess);
-        for k in [guess.saturating_sub(1), (guess + 1).min(62)] {
-            best = best.min((cost(held, k), k));
-        }
-        let k = best.1;
+        let below = guess.saturating_sub(1);
+        let k = if few == 0 && cost(held, below) < cost(held, guess) { below } else { guess };
         bits.put(u64::from(k), HEAD);
         for &value in held {
             let zeros = value >> k;

@@ -36,8 +36,8 @@ pub use summary::{HeightSummary, summarize_heights};
 
 use content::Content;
 use deepfield_data::import::ImportError;
-use deepfield_data::model::SampleType;
 use deepfield_data::import::guarded::guarded;
+use deepfield_data::model::SampleType;
 use std::path::Path;
 
 /// A format of height fields.

@@ -3,6 +3,7 @@
 //! The correlation at a lag is the mean of the products of heights (about their mean) over the pairs of measured samples that are so far
 //! apart, divided by that of lag 0. One transform of `heights + i measured` gives the products and the number of pairs at once.
 
+use super::bands::band_rows;
 use super::fourier::{Complex, Transform};
 use crate::model::{HeightError, Heights, Window};
 use rayon::prelude::*;
@@ -50,16 +51,21 @@ pub fn correlation(heights: &dyn Heights, mean: f64, unit: f64) -> Result<Option
     let height = (rows + far_rows + 1).next_power_of_two();
     let (along, down) = (Transform::new(width), Transform::new(height));
     let mut spectrum = vec![[0.0_f32; 2]; width * rows];
-    spectrum.par_chunks_mut(width).enumerate().try_for_each_init(
-        || (vec![0.0; columns], vec![[0.0; 2]; width]),
-        |(values, line), (row, out)| {
-            heights.heights(Window { row: row as u64, column: 0, rows: 1, columns: columns as u64 }, values)?;
-            line.fill([0.0; 2]);
-            for (to, height) in line.iter_mut().zip(&*values).filter(|(_, height)| !height.is_nan()) {
-                *to = [(height - mean) / unit, 1.0];
+    let together = band_rows(grid.columns) as usize;
+    spectrum.par_chunks_mut(width * together).enumerate().try_for_each_init(
+        || (Vec::new(), vec![[0.0; 2]; width]),
+        |(values, line), (band, out)| {
+            let (first, count) = ((band * together) as u64, out.len() / width);
+            values.resize(count * columns, 0.0);
+            heights.heights(Window::rows(grid, first, count as u64), values)?;
+            for (values, out) in values.chunks_exact(columns).zip(out.chunks_exact_mut(width)) {
+                line.fill([0.0; 2]);
+                for (to, height) in line.iter_mut().zip(values).filter(|(_, height)| !height.is_nan()) {
+                    *to = [(height - mean) / unit, 1.0];
+                }
+                along.apply(line, false);
+                out.iter_mut().zip(&*line).for_each(|(to, from)| *to = from.map(|part| part as f32));
             }
-            along.apply(line, false);
-            out.iter_mut().zip(&*line).for_each(|(to, from)| *to = from.map(|part| part as f32));
             Ok::<(), HeightError>(())
         },
     )?;

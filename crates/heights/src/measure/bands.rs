@@ -24,7 +24,11 @@ pub(crate) struct Band<'a> {
 impl<'a> Band<'a> {
     /// The band's own rows, with their numbers in the field.
     pub fn rows(&self) -> impl Iterator<Item = (u64, &'a [f64])> {
-        self.heights.chunks_exact(self.columns).take(self.own).enumerate().map(|(number, row)| (self.first + number as u64, row))
+        self.heights
+            .chunks_exact(self.columns)
+            .take(self.own)
+            .enumerate()
+            .map(|(number, row)| (self.first + number as u64, row))
     }
 
     /// Pairs of a row and the next where it was read: the rows of cells of which the first row is the band's own.

@@ -38,7 +38,8 @@ impl Chain {
         } else {
             other.points.pop_back();
         }
-        let mut add = |point: [f64; 2]| if end == 0 { self.points.push_front(point) } else { self.points.push_back(point) };
+        let mut add =
+            |point: [f64; 2]| if end == 0 { self.points.push_front(point) } else { self.points.push_back(point) };
         if start == 0 {
             other.points.into_iter().for_each(&mut add);
         } else {
@@ -88,7 +89,8 @@ impl Stitch {
         for edge in chain.ends.into_iter().flatten() {
             let Some(other) = self.take(edge, chain.level) else { continue };
             let [one, two] = chain.ends;
-            let is_ring = chain.ends.iter().all(Option::is_some) && (other.ends == [one, two] || other.ends == [two, one]);
+            let is_ring =
+                chain.ends.iter().all(Option::is_some) && (other.ends == [one, two] || other.ends == [two, one]);
             chain = chain.join(edge, other);
             if is_ring {
                 chain.ends = [None, None];
@@ -172,14 +174,20 @@ pub(super) fn chains_of(band: &Band<'_>, levels: &[f64]) -> Vec<Chain> {
     let width = columns as usize;
     let mut stitch = Stitch::default();
     let mut done = Vec::new();
-    for (number, (upper, lower)) in band.heights.chunks_exact(width).zip(band.heights.chunks_exact(width).skip(1)).enumerate() {
+    for (number, (upper, lower)) in
+        band.heights.chunks_exact(width).zip(band.heights.chunks_exact(width).skip(1)).enumerate()
+    {
         let row = band.first + number as u64;
         for column in 0..width - 1 {
             let cell = Cell([upper[column], upper[column + 1], lower[column], lower[column + 1]]);
             let first = row * columns + column as u64;
             for triangle in cell.triangles() {
-                let corners = triangle.corners.map(|corner| (first + corner as u64 / 2 * columns + corner as u64 % 2, cell.0[corner]));
-                let (low, high) = corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| (low.min(corner.1), high.max(corner.1)));
+                let corners = triangle
+                    .corners
+                    .map(|corner| (first + corner as u64 / 2 * columns + corner as u64 % 2, cell.0[corner]));
+                let (low, high) = corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| {
+                    (low.min(corner.1), high.max(corner.1))
+                });
                 let from = levels.partition_point(|level| *level <= low);
                 for (level, &height) in levels.iter().enumerate().skip(from).take_while(|(_, level)| **level <= high) {
                     let chain = segment(band.grid, corners, level as u32, height);

@@ -38,7 +38,9 @@ pub enum ContourError {
     #[error(transparent)]
     Io(#[from] std::io::Error),
     /// An interval that gives no levels, or too many.
-    #[error("--interval: found {interval} for heights from {low} to {high}, expected a number above 0 that gives at most {LARGEST} lines")]
+    #[error(
+        "--interval: found {interval} for heights from {low} to {high}, expected a number above 0 that gives at most {LARGEST} lines"
+    )]
     Interval {
         /// The interval.
         interval: f64,
@@ -110,7 +112,8 @@ pub fn contours(
     };
     let mut at = 0;
     while at < cell_rows {
-        let firsts: Vec<u64> = (0..together).map(|number| at + number * height).filter(|first| *first < cell_rows).collect();
+        let firsts: Vec<u64> =
+            (0..together).map(|number| at + number * height).filter(|first| *first < cell_rows).collect();
         let bands: Vec<(u64, Vec<Chain>)> = firsts.into_par_iter().map(read).collect::<Result<_, _>>()?;
         for (bottom, chains) in bands {
             for chain in chains {

@@ -88,10 +88,18 @@ impl<'a> Difference<'a> {
         };
         let units = |one: &Unit, other: &Unit| format!("{} and {}", named(one), named(other));
         let Some(place) = factor(&a.xy_unit, &b.xy_unit) else {
-            return Err(unlike("unit of x and y", units(&a.xy_unit, &b.xy_unit), "lengths in both, or degrees in both (--xy-unit)"));
+            return Err(unlike(
+                "unit of x and y",
+                units(&a.xy_unit, &b.xy_unit),
+                "lengths in both, or degrees in both (--xy-unit)",
+            ));
         };
         let Some(factor) = factor(&b.height_unit, &a.height_unit) else {
-            return Err(unlike("unit of heights", units(&a.height_unit, &b.height_unit), "lengths in both (--height-unit)"));
+            return Err(unlike(
+                "unit of heights",
+                units(&a.height_unit, &b.height_unit),
+                "lengths in both (--height-unit)",
+            ));
         };
         if let (Some(one), Some(other)) = (&a.crs, &b.crs)
             && one != other
@@ -117,7 +125,11 @@ impl<'a> Difference<'a> {
                 format!("x {}, y {}", span(0), span(1))
             };
             let found = format!("{} and {}", extent(a, 1.0), extent(b, 1.0 / place));
-            return Err(unlike("places", found, "fields that overlap (--spacing and --xy-unit say how far samples are apart)"));
+            return Err(unlike(
+                "places",
+                found,
+                "fields that overlap (--spacing and --xy-unit say how far samples are apart)",
+            ));
         }
         let is_whole = |axis: usize, count: u64| {
             (first[axis] - first[axis].round()).abs() <= SAME && (step[axis] - 1.0).abs() * count as f64 <= SAME
@@ -146,8 +158,12 @@ impl<'a> Difference<'a> {
             out.fill(f64::NAN);
             return Ok(());
         }
-        let inner =
-            Window { row: top as u64, column: left as u64, rows: (bottom - top) as u64, columns: (right_end - left) as u64 };
+        let inner = Window {
+            row: top as u64,
+            column: left as u64,
+            rows: (bottom - top) as u64,
+            columns: (right_end - left) as u64,
+        };
         let mut values = vec![0.0; inner.samples() as usize];
         self.after.heights(inner, &mut values)?;
         let width = window.columns as usize;
@@ -155,7 +171,8 @@ impl<'a> Difference<'a> {
         let first_row = (top - (window.row as i64 + down)) as usize;
         let is_row = |number: usize| (first_row..first_row + inner.rows as usize).contains(&number);
         for (number, row) in out.chunks_exact_mut(width).enumerate() {
-            let here = is_row(number).then(|| &values[(number - first_row) * inner.columns as usize..][..inner.columns as usize]);
+            let here = is_row(number)
+                .then(|| &values[(number - first_row) * inner.columns as usize..][..inner.columns as usize]);
             for (column, height) in row.iter_mut().enumerate() {
                 let other = here.and_then(|here| here.get(column.wrapping_sub(skip))).copied().unwrap_or(f64::NAN);
                 *height = self.factor * other - *height;
@@ -177,7 +194,8 @@ impl<'a> Difference<'a> {
             (!is_beside).then(|| (low.clamp(0.0, last) as u64, high.clamp(0.0, last) as u64))
         };
         let first_row = window.row + rows.start as u64;
-        let needed = span(0, first_row, rows.len() as u64, b.rows).zip(span(1, window.column, window.columns, b.columns));
+        let needed =
+            span(0, first_row, rows.len() as u64, b.rows).zip(span(1, window.column, window.columns, b.columns));
         let Some(((top, bottom), (left, right))) = needed else {
             out.fill(f64::NAN);
             return Ok(());
@@ -186,7 +204,9 @@ impl<'a> Difference<'a> {
         let mut values = vec![0.0; inner.samples() as usize];
         self.after.heights(inner, &mut values)?;
         let value = |row: u64, column: u64| match (row.checked_sub(top), column.checked_sub(left)) {
-            (Some(row), Some(column)) if row < inner.rows && column < inner.columns => values[(row * inner.columns + column) as usize],
+            (Some(row), Some(column)) if row < inner.rows && column < inner.columns => {
+                values[(row * inner.columns + column) as usize]
+            }
             _ => f64::NAN,
         };
         let cell = |row: u64, column: u64| -> Result<Cell, HeightError> {
@@ -199,7 +219,10 @@ impl<'a> Difference<'a> {
                 let other = match triangle_at([b.rows, b.columns], row, column, cell)? {
                     Some(on) => on.height(),
                     // A sample in no triangle has its height at its very place.
-                    None if (row - row.round()).hypot(column - column.round()) < ON_SAMPLE && row > -0.5 && column > -0.5 => {
+                    None if (row - row.round()).hypot(column - column.round()) < ON_SAMPLE
+                        && row > -0.5
+                        && column > -0.5 =>
+                    {
                         value(row.round() as u64, column.round() as u64)
                     }
                     None => f64::NAN,
@@ -258,7 +281,8 @@ pub struct Volumes {
 pub fn volumes(heights: &dyn Heights) -> Result<Volumes, HeightError> {
     let grid = heights.grid();
     let bands = map_bands(heights, 1, |band| {
-        let valid = band.rows().map(|(_, row)| row.iter().filter(|height| !height.is_nan()).count() as u64).sum::<u64>();
+        let valid =
+            band.rows().map(|(_, row)| row.iter().filter(|height| !height.is_nan()).count() as u64).sum::<u64>();
         let (mut triangles, mut above, mut below) = (0_u64, 0.0, 0.0);
         for (_, upper, lower) in band.pairs() {
             let mut line = [0.0; 2];
@@ -275,7 +299,9 @@ pub fn volumes(heights: &dyn Heights) -> Result<Volumes, HeightError> {
         }
         (valid, triangles, above, below)
     })?;
-    let add = |all: (u64, u64, f64, f64), band: (u64, u64, f64, f64)| (all.0 + band.0, all.1 + band.1, all.2 + band.2, all.3 + band.3);
+    let add = |all: (u64, u64, f64, f64), band: (u64, u64, f64, f64)| {
+        (all.0 + band.0, all.1 + band.1, all.2 + band.2, all.3 + band.3)
+    };
     let (valid, triangles, above, below) = bands.into_iter().fold((0, 0, 0.0, 0.0), add);
     let half = 0.5 * (grid.step[0] * grid.step[1]).abs();
     let unit = half * height_ratio(grid);

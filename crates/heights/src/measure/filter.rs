@@ -92,10 +92,10 @@ impl<'a> Filtered<'a> {
             values.resize((count * columns) as usize, 0.0);
             self.heights.heights(Window { row: at, column: left, rows: count, columns }, &mut values)?;
             across.resize(count as usize * width, [0.0; 2]);
-            across.par_chunks_mut(width).zip(values.par_chunks(wide)).for_each_init(
-                || lines.scratch(),
-                |scratch, (across, values)| lines.apply(values, across, scratch),
-            );
+            across
+                .par_chunks_mut(width)
+                .zip(values.par_chunks(wide))
+                .for_each_init(|| lines.scratch(), |scratch, (across, values)| lines.apply(values, across, scratch));
             sums.par_chunks_mut(width).enumerate().for_each(|(number, sums)| {
                 let here = row + number as u64;
                 for (other, across) in across.chunks_exact(width).enumerate() {
@@ -122,7 +122,9 @@ impl<'a> Filtered<'a> {
 fn weights(cutoff: f64, count: u64) -> Vec<f64> {
     let reach = if cutoff > 0.0 { cutoff.min(count as f64) as usize } else { 0 };
     let alpha = (LN_2 / PI).sqrt();
-    (0..=reach).map(|apart| if apart == 0 { 1.0 } else { libm::exp(-PI * (apart as f64 / (alpha * cutoff)).powi(2)) }).collect()
+    (0..=reach)
+        .map(|apart| if apart == 0 { 1.0 } else { libm::exp(-PI * (apart as f64 / (alpha * cutoff)).powi(2)) })
+        .collect()
 }
 
 /// Weighted sums along rows.

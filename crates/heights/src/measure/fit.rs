@@ -114,7 +114,8 @@ fn round(heights: &dyn Heights, kind: FormKind) -> Result<Round, FormError> {
     let (mean, apart) = (xx + yy, ((xx - yy).powi(2) + xy * xy).sqrt());
     let (one, other) = (mean + apart, mean - apart);
     let bent = if is_cylinder { if one.abs() > other.abs() { one } else { other } } else { mean };
-    let across = 0.5 * libm::atan2(xy, xx - yy) + if one.abs() > other.abs() { 0.0 } else { std::f64::consts::FRAC_PI_2 };
+    let across =
+        0.5 * libm::atan2(xy, xx - yy) + if one.abs() > other.abs() { 0.0 } else { std::f64::consts::FRAC_PI_2 };
     let mut at: Parameters = [c, normal[0], normal[1], -bent / steep.powi(3), across + std::f64::consts::FRAC_PI_2];
     let count = if is_cylinder { 5 } else { 4 };
     let sums = |at: &Parameters| distances(heights, local, size, ratio, at, count);

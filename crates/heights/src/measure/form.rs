@@ -202,7 +202,8 @@ pub(super) struct Round {
 impl Round {
     /// The height over a place in the unit of heights; NaN beside the sphere or the cylinder.
     fn at(&self, [x, y]: [f64; 2]) -> f64 {
-        let ([x, y], [nx, ny, nz], [ax, ay, az], k) = ([x - self.middle[0], y - self.middle[1]], self.normal, self.axis, self.bend);
+        let ([x, y], [nx, ny, nz], [ax, ay, az], k) =
+            ([x - self.middle[0], y - self.middle[1]], self.normal, self.axis, self.bend);
         let along = ax * x + ay * y;
         let (a, b) = (k * (1.0 - az * az), nz - k * az * along);
         let c = 2.0 * (nx * x + ny * y) + k * (x * x + y * y - along * along);

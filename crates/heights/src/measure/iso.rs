@@ -84,7 +84,8 @@ pub fn roughness(heights: &dyn Heights) -> Result<Roughness, HeightError> {
     let ratio = height_ratio(grid);
     let slopes = [ratio / grid.step[0], ratio / grid.step[1]];
     let first = map_bands(heights, 1, |band| first_sums(band, slopes))?;
-    let none = First { valid: 0, sum: 0.0, range: [f64::INFINITY, f64::NEG_INFINITY], triangles: 0, slopes: 0.0, areas: 0.0 };
+    let none =
+        First { valid: 0, sum: 0.0, range: [f64::INFINITY, f64::NEG_INFINITY], triangles: 0, slopes: 0.0, areas: 0.0 };
     let all = first.into_iter().fold(none, |all, band| First {
         valid: all.valid + band.valid,
         sum: all.sum + band.sum,

@@ -48,14 +48,20 @@ impl Curve {
     pub(crate) fn read(heights: &dyn Heights, range: [f64; 2], valid: u64) -> Result<Curve, HeightError> {
         if valid <= SORTED {
             let own = map_bands(heights, 0, |band| {
-                band.rows().flat_map(|(_, row)| row.iter().copied().filter(|height| !height.is_nan())).collect::<Vec<f64>>()
+                band.rows()
+                    .flat_map(|(_, row)| row.iter().copied().filter(|height| !height.is_nan()))
+                    .collect::<Vec<f64>>()
             })?;
             let mut all = own.concat();
             all.par_sort_unstable_by(|a, b| b.total_cmp(a));
             let share = |index: usize| (index as f64 + 0.5) / all.len() as f64;
-            return Ok(Curve { points: all.iter().enumerate().map(|(index, height)| (*height, share(index))).collect() });
+            return Ok(Curve {
+                points: all.iter().enumerate().map(|(index, height)| (*height, share(index))).collect(),
+            });
         }
-        let coarse = Classes { bounds: (0..=COARSE).map(|n| range[0] + (range[1] - range[0]) * n as f64 / COARSE as f64).collect() };
+        let coarse = Classes {
+            bounds: (0..=COARSE).map(|n| range[0] + (range[1] - range[0]) * n as f64 / COARSE as f64).collect(),
+        };
         let counts = coarse.count(heights)?;
         // Classes of many samples are parted into many.
         let mut bounds = vec![range[0]];
@@ -154,7 +160,9 @@ impl Classes {
         let (low, width) = (self.bounds[0], self.bounds[classes] - self.bounds[0]);
         // Where in the bounds to begin to look: a table of equal steps.
         let table: Vec<usize> = (0..=COARSE)
-            .map(|n| self.bounds.partition_point(|bound| *bound <= low + width * n as f64 / COARSE as f64).saturating_sub(1))
+            .map(|n| {
+                self.bounds.partition_point(|bound| *bound <= low + width * n as f64 / COARSE as f64).saturating_sub(1)
+            })
             .collect();
         let bands = map_bands(heights, 0, |band| {
             let mut own = Vec::new();

@@ -50,17 +50,9 @@ impl Leaf {
     fn new(chunk: Chunk, scale: Scale, finest: u32) -> Leaf {
         let Chunk { part, held, stored: mut heights, .. } = chunk;
         heights.iter_mut().for_each(|height| *height = scale.value(*height));
-        let (size, [rows, columns]) = (1_usize << finest, [part.rows - 1, part.columns - 1]);
         let first = (part.row - held.row) as usize * held.columns + (part.column - held.column) as usize;
-        let across = columns.div_ceil(size);
-        let mut ranges = Vec::with_capacity(across * rows.div_ceil(size));
-        for row in (0..rows).step_by(size) {
-            for column in (0..columns).step_by(size) {
-                let cells = [size.min(rows - row), size.min(columns - column)];
-                ranges.push(range_of(&heights[first + row * held.columns + column..], held.columns, cells));
-            }
-        }
-        let mut levels = vec![Level { columns: across, ranges }];
+        let cells = [part.rows - 1, part.columns - 1];
+        let mut levels = vec![finest_level(&heights[first..], held.columns, cells, 1 << finest)];
         while let Some(level) = levels.last().filter(|level| level.ranges.len() > 1) {
             levels.push(coarser(level));
         }
@@ -92,26 +84,46 @@ impl Leaf {
     }
 }
 
-/// The range of heights of triangles in rows and columns of cells; `heights` begin with their first sample.
-fn range_of(heights: &[f64], width: usize, [rows, columns]: [usize; 2]) -> [f64; 2] {
-    let ([mut low, mut high], mut is_whole) = (NOTHING, true);
-    for row in heights.chunks(width).take(rows + 1) {
-        for height in &row[..=columns] {
-            low = if *height < low { *height } else { low };
-            high = if *height > high { *height } else { high };
-            is_whole &= !height.is_nan();
+/// Ranges of blocks of so many cells a side; `heights` begin with the first cell's first sample.
+fn finest_level(heights: &[f64], width: usize, [rows, columns]: [usize; 2], size: usize) -> Level {
+    let across = columns.div_ceil(size);
+    let mut ranges = Vec::with_capacity(across * rows.div_ceil(size));
+    let (mut lows, mut highs) = (vec![0.0; columns + 1], vec![0.0; columns + 1]);
+    for row in (0..rows).step_by(size) {
+        let own = size.min(rows - row);
+        lows.fill(f64::INFINITY);
+        highs.fill(f64::NEG_INFINITY);
+        let mut is_whole = true;
+        for samples in heights[row * width..].chunks(width).take(own + 1) {
+            for ((low, high), height) in lows.iter_mut().zip(&mut highs).zip(samples) {
+                *low = if *height < *low { *height } else { *low };
+                *high = if *height > *high { *height } else { *high };
+            }
+            is_whole = samples[..=columns].iter().fold(is_whole, |is_whole, height| is_whole & !height.is_nan());
+        }
+        for column in (0..columns).step_by(size) {
+            let (end, first) = ((column + size).min(columns), row * width + column);
+            ranges.push(match is_whole {
+                true => lows[column..=end].iter().zip(&highs[column..=end]).fold(NOTHING, joined),
+                false => range_of_cells(&heights[first..], width, [own, end - column]),
+            });
         }
     }
-    if is_whole || low > high {
-        return [low, high];
-    }
-    // Some of them may be in no triangle.
+    Level { columns: across, ranges }
+}
+
+fn joined([low, high]: [f64; 2], (least, largest): (&f64, &f64)) -> [f64; 2] {
+    [low.min(*least), high.max(*largest)]
+}
+
+/// The range of heights of triangles in rows and columns of cells, where some samples may be in none.
+fn range_of_cells(heights: &[f64], width: usize, [rows, columns]: [usize; 2]) -> [f64; 2] {
     let mut range = NOTHING;
     for row in 0..rows {
         for first in row * width..row * width + columns {
             let cell = Cell([first, first + 1, first + width, first + width + 1].map(|at| heights[at]));
             if cell.measured() >= 3 {
-                range = cell.0.iter().fold(range, |[low, high], height| [low.min(*height), high.max(*height)]);
+                range = cell.0.iter().fold(range, |range, height| joined(range, (height, height)));
             }
         }
     }

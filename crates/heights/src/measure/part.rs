@@ -69,11 +69,13 @@ impl Heights for Part<'_> {
     }
 
     fn stored(&self, window: Window, out: &mut [f64]) -> Result<(), HeightError> {
-        self.heights.stored(Window { row: window.row + self.first[0], column: window.column + self.first[1], ..window }, out)?;
+        self.heights
+            .stored(Window { row: window.row + self.first[0], column: window.column + self.first[1], ..window }, out)?;
         let Some(Disc { center: [x, y], radius }) = self.disc else { return Ok(()) };
         for (number, row) in out.chunks_exact_mut(window.columns as usize).enumerate() {
             for (column, value) in row.iter_mut().enumerate() {
-                let place = self.grid.place((window.row + number as u64) as f64, (window.column + column as u64) as f64);
+                let place =
+                    self.grid.place((window.row + number as u64) as f64, (window.column + column as u64) as f64);
                 if (place[0] - x).hypot(place[1] - y) > radius {
                     *value = f64::NAN;
                 }
@@ -83,6 +85,10 @@ impl Heights for Part<'_> {
     }
 
     fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
-        self.heights.plane(plane, Window { row: window.row + self.first[0], column: window.column + self.first[1], ..window }, out)
+        self.heights.plane(
+            plane,
+            Window { row: window.row + self.first[0], column: window.column + self.first[1], ..window },
+            out,
+        )
     }
 }

@@ -56,7 +56,8 @@ pub fn probe_sample(heights: &dyn Heights, row: f64, column: f64) -> Result<Prob
             let [across, along] = gradient(grid, &on);
             found.height = Some(on.height());
             found.slope = Some(across.hypot(along));
-            found.aspect = (across != 0.0 || along != 0.0).then(|| (-across).atan2(-along).to_degrees().rem_euclid(360.0));
+            found.aspect =
+                (across != 0.0 || along != 0.0).then(|| (-across).atan2(-along).to_degrees().rem_euclid(360.0));
         }
         None => {
             found.nearest = nearest(heights, row, column)?;
@@ -103,7 +104,8 @@ pub fn nearest(heights: &dyn Heights, row: f64, column: f64) -> Result<Option<Sa
     let mut reach = (beside[0] * step[0]).hypot(beside[1] * step[1]) + 4.0 * step[0].max(step[1]);
     loop {
         let span = |place: f64, step: f64, last: f64| {
-            let (low, high) = ((place - reach / step).ceil().clamp(0.0, last), (place + reach / step).floor().clamp(0.0, last));
+            let (low, high) =
+                ((place - reach / step).ceil().clamp(0.0, last), (place + reach / step).floor().clamp(0.0, last));
             (low as u64, high as u64)
         };
         let ((left, right), (first, bottom)) = (span(column, step[0], last[0]), span(row, step[1], last[1]));
@@ -135,7 +137,8 @@ fn nearest_in(
         heights.heights(window, &mut values)?;
         for (number, &height) in values.iter().enumerate().filter(|(_, height)| !height.is_nan()) {
             let (sample_row, sample_column) = (at + number as u64 / columns, left + number as u64 % columns);
-            let (down, across) = ((sample_row as f64 - row) * grid.step[1], (sample_column as f64 - column) * grid.step[0]);
+            let (down, across) =
+                ((sample_row as f64 - row) * grid.step[1], (sample_column as f64 - column) * grid.step[0]);
             let distance = down.hypot(across);
             if best.is_none_or(|sample| distance < sample.distance) {
                 let [x, y] = grid.place(sample_row as f64, sample_column as f64);

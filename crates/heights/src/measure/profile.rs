@@ -124,7 +124,8 @@ impl Drawn {
             };
             self.close(leg.point(pair[0], height(pair[0])));
             // A diagonal that no triangle has is no edge.
-            if last.replace((on.row, on.column, on.triangle.corners)) == Some((on.row, on.column, on.triangle.corners)) {
+            if last.replace((on.row, on.column, on.triangle.corners)) == Some((on.row, on.column, on.triangle.corners))
+            {
                 self.points.pop();
             }
             self.points.push(leg.point(pair[1], height(pair[1])));

@@ -43,7 +43,9 @@ impl Pyramid {
         let is_single = is_single(grid.sample_type);
         // Bands give heights, which are kept as they are where they are not scaled; else what is stored is kept, to be scaled again.
         let raw = AsStored { heights, grid: HeightGrid { scale: deepfield_data::model::Scale::NONE, ..grid.clone() } };
-        let single = |band: &Band<'_>| band.rows().flat_map(|(_, row)| row.iter().map(|height| *height as f32)).collect::<Vec<f32>>();
+        let single = |band: &Band<'_>| {
+            band.rows().flat_map(|(_, row)| row.iter().map(|height| *height as f32)).collect::<Vec<f32>>()
+        };
         let double = |band: &Band<'_>| band.rows().flat_map(|(_, row)| row.iter().copied()).collect::<Vec<f64>>();
         let stored = if is_single {
             Stored::Single(map_bands(&raw, 0, single)?.concat())

@@ -3,7 +3,7 @@
 use crate::model::{Cell, HeightError, HeightGrid, Heights, Triangle, Window};
 
 /// Cells along an edge of a tile.
-const EDGE: u64 = 128;
+const EDGE: u64 = 256;
 
 /// So many tiles are kept.
 const KEPT: usize = 16;
@@ -106,7 +106,8 @@ pub(crate) fn triangle_at<E>(
         }
         let (cell_row, cell_column) = (cell_row as u64, cell_column as u64);
         let cell = cell_at(cell_row, cell_column)?;
-        let on = |triangle: &Triangle, slack: f64| triangle.edge[0] + triangle.edge[1] * u + triangle.edge[2] * v >= -slack;
+        let on =
+            |triangle: &Triangle, slack: f64| triangle.edge[0] + triangle.edge[1] * u + triangle.edge[2] * v >= -slack;
         let found = cell.triangles().find(|triangle| on(triangle, 0.0));
         if let Some(triangle) = found.or_else(|| cell.triangles().find(|triangle| on(triangle, CLOSE))) {
             let (u, v) = (u.clamp(0.0, 1.0), v.clamp(0.0, 1.0));

@@ -35,7 +35,8 @@ impl Window {
 
     /// Whether it lies in a grid and is not empty.
     pub fn is_in(&self, grid: &HeightGrid) -> bool {
-        let fits = |first: u64, count: u64, all: u64| count > 0 && first.checked_add(count).is_some_and(|end| end <= all);
+        let fits =
+            |first: u64, count: u64, all: u64| count > 0 && first.checked_add(count).is_some_and(|end| end <= all);
         fits(self.row, self.rows, grid.rows) && fits(self.column, self.columns, grid.columns)
     }
 }

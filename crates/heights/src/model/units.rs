@@ -23,9 +23,12 @@ pub fn known(name: &str) -> Option<Unit> {
         "km" | "kilometer" | "kilometers" | "kilometre" | "kilometres" => "km",
         "m" | "meter" | "meters" | "metre" | "metres" => "m",
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => "mm",
-        "um" | "\u{b5}m" | "\u{3bc}m" | "micron" | "microns" | "micrometer" | "micrometers" | "micrometre" | "micrometres" => "um",
+        "um" | "\u{b5}m" | "\u{3bc}m" | "micron" | "microns" | "micrometer" | "micrometers" | "micrometre"
+        | "micrometres" => "um",
         "nm" | "nanometer" | "nanometers" | "nanometre" | "nanometres" => "nm",
-        "deg" | "degree" | "degrees" | "\u{b0}" | "degrees_east" | "degrees_north" | "degree_east" | "degree_north" => "deg",
+        "deg" | "degree" | "degrees" | "\u{b0}" | "degrees_east" | "degrees_north" | "degree_east" | "degree_north" => {
+            "deg"
+        }
         _ => return None,
     };
     Some(Unit::new(found))

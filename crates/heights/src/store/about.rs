@@ -114,7 +114,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(HeightAbout, Lattice, Vec<NodeReco
     if ![columns, rows].iter().all(|count| (2..=MOST_SIDE).contains(count)) {
         return Err(wrong(format!("from 2 to {MOST_SIDE} columns and rows, found {columns} x {rows}")));
     }
-    let mut pair = || -> Result<[f64; 2], Damage> { Ok([input.f64("places of samples")?, input.f64("places of samples")?]) };
+    let mut pair =
+        || -> Result<[f64; 2], Damage> { Ok([input.f64("places of samples")?, input.f64("places of samples")?]) };
     let (origin, step) = (pair()?, pair()?);
     let is_placed = origin.iter().chain(&step).all(|value| value.is_finite()) && step.iter().all(|step| *step != 0.0);
     let (xy_unit, height_unit) = (Unit(input.text("a unit")?), Unit(input.text("a unit")?));
@@ -124,7 +125,9 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(HeightAbout, Lattice, Vec<NodeReco
     if !is_placed || !is_scaled || !heights::is_coded(sample_type) {
         return Err(wrong("finite places, steps and scales, and samples of at most 32 bits or of floats".into()));
     }
-    let planes = (0..input.count(4, "colour planes")?).map(|_| Ok(Plane { name: input.text("a plane's name")? })).collect::<Result<Vec<_>, _>>()?;
+    let planes = (0..input.count(4, "colour planes")?)
+        .map(|_| Ok(Plane { name: input.text("a plane's name")? }))
+        .collect::<Result<Vec<_>, _>>()?;
     let has_crs = flag(input, "whether there is a reference system")?;
     let crs = Some(input.text("the reference system")?).filter(|_| has_crs);
     let grid = HeightGrid { columns, rows, origin, step, xy_unit, height_unit, sample_type, scale, planes, crs };
@@ -178,6 +181,18 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(HeightAbout, Lattice, Vec<NodeReco
         }
     }
     let slopes = [along_columns, along_rows];
-    let about = HeightAbout { source, format, source_bytes, has_spacing, notes, grid, facts, invalid: Invalid { no_data, nan, infinite }, area, slopes, levels };
+    let about = HeightAbout {
+        source,
+        format,
+        source_bytes,
+        has_spacing,
+        notes,
+        grid,
+        facts,
+        invalid: Invalid { no_data, nan, infinite },
+        area,
+        slopes,
+        levels,
+    };
     Ok((about, lattice, nodes))
 }

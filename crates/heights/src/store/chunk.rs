@@ -1,9 +1,11 @@
 //! A chunk as bytes and back.
 //!
 //! Of a leaf: its samples, and a ring of one around them where the field has them ([`crate::codec::heights`]); its planes. Of a chunk of
-//! another level: a byte whose bit 0 says that coverage is kept, and bit 1 that normals are; its samples; coverage; x, y and z of normals; its planes.
-//! Where a leaf was not measured at all, its planes are kept still. Coverage that is not kept is 255; normals that are not kept point up.
+//! another level: a byte whose bit 0 says that coverage is kept, and bit 1 that normals are; its samples; coverage; what is left of x, y and z of
+//! normals ([`super::normals`]); its planes. Where a leaf was not measured at all, its planes are kept still. Coverage that is not kept is 255;
+//! normals that are not kept point up.
 
+use super::normals;
 use crate::codec::heights;
 use crate::hierarchy::chunks::coarse::UP;
 use crate::hierarchy::chunks::{ChunkKey, Lattice, Part};
@@ -38,7 +40,8 @@ pub struct Chunk {
 impl Chunk {
     /// A sample, as it is stored, by its row and column among the chunk's own; NaN where there is nothing.
     pub fn stored_at(&self, row: usize, column: usize) -> f64 {
-        let (row, column) = (row + (self.part.row - self.held.row) as usize, column + (self.part.column - self.held.column) as usize);
+        let (row, column) =
+            (row + (self.part.row - self.held.row) as usize, column + (self.part.column - self.held.column) as usize);
         self.stored.get(row * self.held.columns + column).copied().unwrap_or(f64::NAN)
     }
 
@@ -53,6 +56,17 @@ impl Chunk {
     }
 }
 
+/// What chunks of a file are coded with.
+#[derive(Clone, Copy, Debug)]
+pub struct Code<'a> {
+    /// The levels and chunks.
+    pub lattice: &'a Lattice,
+    /// How samples are stored.
+    pub sample_type: SampleType,
+    /// From differences of stored samples along columns and rows to slopes in space.
+    pub slopes: [f64; 2],
+}
+
 /// The bytes of a leaf. `stored` is `held` samples, `columns` in a row; planes have `own` columns.
 pub fn encode_leaf(sample_type: SampleType, stored: &[f64], columns: usize, planes: &[Vec<u8>], own: usize) -> Vec<u8> {
     let mut out = Vec::with_capacity(stored.len() * 2);
@@ -62,21 +76,26 @@ pub fn encode_leaf(sample_type: SampleType, stored: &[f64], columns: usize, plan
 }
 
 /// The bytes of a chunk of another level.
-pub fn encode_coarse(sample_type: SampleType, columns: usize, stored: &[f64], coverage: &[u8], normals: &[[u8; 3]], planes: &[Vec<u8>]) -> Vec<u8> {
+pub fn encode_coarse(
+    code: &Code<'_>,
+    key: ChunkKey,
+    stored: &[f64],
+    coverage: &[u8],
+    normals: &[[u8; 3]],
+    planes: &[Vec<u8>],
+) -> Vec<u8> {
+    let columns = code.lattice.part(key).columns;
     let mut out = Vec::with_capacity(stored.len() * 3);
     let has_coverage = coverage.iter().any(|coverage| *coverage != 255);
     let has_normals = normals.iter().any(|normal| *normal != UP);
     out.push(if has_coverage { COVERAGE } else { 0 } | if has_normals { NORMALS } else { 0 });
-    heights::encode(sample_type, stored, columns, &mut out);
+    heights::encode(code.sample_type, stored, columns, &mut out);
     if has_coverage {
         heights::encode_bytes(coverage, columns, &mut out);
     }
     if has_normals {
-        let mut part = Vec::with_capacity(normals.len());
-        for axis in 0..3 {
-            part.clear();
-            part.extend(normals.iter().map(|normal| normal[axis]));
-            heights::encode_bytes(&part, columns, &mut out);
+        for rest in normals::rests(code, key, stored, normals) {
+            heights::encode_bytes(&rest, columns, &mut out);
         }
     }
     planes.iter().for_each(|plane| heights::encode_bytes(plane, columns, &mut out));
@@ -84,7 +103,8 @@ pub fn encode_coarse(sample_type: SampleType, columns: usize, stored: &[f64], co
 }
 
 /// Reads a chunk from all of the bytes; `None` where they are none.
-pub fn decode(bytes: &[u8], key: ChunkKey, lattice: &Lattice, sample_type: SampleType, planes: usize) -> Option<Chunk> {
+pub fn decode(bytes: &[u8], key: ChunkKey, code: &Code<'_>, planes: usize) -> Option<Chunk> {
+    let Code { lattice, sample_type, .. } = *code;
     let part = lattice.part(key);
     let held = if key.level == 0 { lattice.ringed(part) } else { part };
     let mut rest = bytes;
@@ -108,8 +128,8 @@ pub fn decode(bytes: &[u8], key: ChunkKey, lattice: &Lattice, sample_type: Sampl
     };
     let coverage = if flags & COVERAGE != 0 { plane()? } else { Vec::new() };
     let normals = if flags & NORMALS != 0 {
-        let (x, y, z) = (plane()?, plane()?, plane()?);
-        x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
+        let rests = [plane()?, plane()?, plane()?];
+        normals::restored(code, key, &stored, &rests)
     } else {
         Vec::new()
     };

@@ -3,6 +3,7 @@
 pub mod about;
 pub mod chunk;
 pub mod node;
+pub mod normals;
 pub mod verify;
 pub mod writer;
 
@@ -118,7 +119,8 @@ impl HeightFile {
         match self.page_of(key) {
             Some(page) => self.decode(key, &self.fetch(page)?).map(Some),
             None if self.lattice.has(key) => Ok(None),
-            None => Err(Damage::new("chunk", format!("one of {} levels, found {key:?}", self.lattice.levels())).in_file(self.path())),
+            None => Err(Damage::new("chunk", format!("one of {} levels, found {key:?}", self.lattice.levels()))
+                .in_file(self.path())),
         }
     }
 
@@ -149,7 +151,8 @@ impl HeightFile {
         let bytes = page.bytes.get(record.offset as usize..).and_then(|bytes| bytes.get(..record.len as usize));
         let bytes = bytes.ok_or_else(|| damaged("bytes in its page"))?;
         let grid = &self.about.grid;
-        chunk::decode(bytes, key, &self.lattice, grid.sample_type, grid.planes.len()).ok_or_else(|| damaged("samples of a chunk"))
+        let code = chunk::Code { lattice: &self.lattice, sample_type: grid.sample_type, slopes: self.about.slopes };
+        chunk::decode(bytes, key, &code, grid.planes.len()).ok_or_else(|| damaged("samples of a chunk"))
     }
 
     /// Checks a page's checksum and head.
@@ -172,7 +175,9 @@ impl HeightFile {
     fn check_places(&self) -> Result<(), Damage> {
         let mut used = vec![0_u64; self.container.table().len()];
         for (key, record) in self.lattice.keys().zip(&self.nodes) {
-            let wrong = |expected: &str| Damage::new(format!("footer, chunk {} of level {}", self.lattice.number(key), key.level), expected);
+            let wrong = |expected: &str| {
+                Damage::new(format!("footer, chunk {} of level {}", self.lattice.number(key), key.level), expected)
+            };
             if !record.is_written() {
                 continue;
             }
@@ -231,7 +236,9 @@ impl HeightFile {
         take: impl Fn(Chunk) -> (Part, Vec<T>) + Sync,
     ) -> Result<(), HeightError> {
         if !window.is_in(&self.about.grid) || window.samples() != out.len() as u64 {
-            return Err(Damage::new("window", format!("a part of {}", self.about.grid.described())).in_file(self.path()).into());
+            return Err(Damage::new("window", format!("a part of {}", self.about.grid.described()))
+                .in_file(self.path())
+                .into());
         }
         out.fill(nothing);
         // So many leaves at a time that what is decoded stays small.

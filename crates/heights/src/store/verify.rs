@@ -93,7 +93,8 @@ fn check_chunk(file: &HeightFile, chunk: &Chunk) -> Result<u64, String> {
             }
         }
     }
-    let fits = if chunk.key.level == 0 { low == node.min && high == node.max } else { low >= node.min && high <= node.max };
+    let fits =
+        if chunk.key.level == 0 { low == node.min && high == node.max } else { low >= node.min && high <= node.max };
     if !fits {
         return Err(format!("heights from {} to {}, found {low} to {high}", node.min, node.max));
     }

@@ -31,7 +31,15 @@ impl HeightFileWriter {
     /// When the folder cannot be written.
     pub fn create(path: &Path, lattice: Lattice, planes: usize) -> Result<HeightFileWriter, StoreError> {
         let nodes = vec![NodeRecord::default(); lattice.chunks() as usize];
-        Ok(HeightFileWriter { pages: PageFileWriter::create(path)?, lattice, planes, nodes, page: Vec::new(), chunks: 0, memory: 0 })
+        Ok(HeightFileWriter {
+            pages: PageFileWriter::create(path)?,
+            lattice,
+            planes,
+            nodes,
+            page: Vec::new(),
+            chunks: 0,
+            memory: 0,
+        })
     }
 
     /// What is known of a chunk so far: may be told before and after its samples are written. `None` where there is no such chunk.

@@ -73,9 +73,8 @@ impl MemorySurface {
         let mut surface = MemorySurface { lattice, levels, facts: BTreeMap::new() };
         for level in 0..=lattice.top() {
             let [rows, columns] = lattice.cells(level).map(|cells| cells.div_ceil(CHUNK) as u32);
-            let keys: Vec<NodeKey> = (0..rows)
-                .flat_map(|row| (0..columns).map(move |column| NodeKey { level, row, column }))
-                .collect();
+            let keys: Vec<NodeKey> =
+                (0..rows).flat_map(|row| (0..columns).map(move |column| NodeKey { level, row, column })).collect();
             let found: Vec<NodeFacts> = keys.par_iter().map(|key| surface.work_out(*key)).collect();
             surface.facts.extend(keys.into_iter().zip(found));
         }

@@ -3,9 +3,11 @@
 //! [`source`] is what is read, [`select`] chooses chunks for a view, [`stitch`] makes one surface of them, [`raster`] and [`rays`] find what each
 //! pixel shows, [`resolve`] where that is, and [`shade`] what it looks like; [`picture`] does it all.
 
+pub mod lambert;
 pub mod lattice;
 pub mod look;
 pub mod memory;
+pub mod paged;
 pub mod picture;
 pub mod placed;
 pub mod raster;

@@ -11,9 +11,9 @@ use super::placed::Placed;
 use super::sight::Sight;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use decode::Decoder;
+use deepfield_data::store::error::Damage;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage};
 use deepfield_heights::store::HeightFile;
-use deepfield_data::store::error::Damage;
 use lru::LruCache;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -221,7 +221,12 @@ fn chunk_key(NodeKey { level, row, column }: NodeKey) -> ChunkKey {
 fn bytes_of(samples: &NodeSamples) -> u64 {
     let NodeSamples { heights, coverage, normals, ranges, planes, .. } = samples;
     let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
-    let others = [size_of_val(heights.as_slice()), coverage.len(), size_of_val(normals.as_slice()), size_of_val(ranges.as_slice())];
+    let others = [
+        size_of_val(heights.as_slice()),
+        coverage.len(),
+        size_of_val(normals.as_slice()),
+        size_of_val(ranges.as_slice()),
+    ];
     (others.into_iter().sum::<usize>() + planes + size_of::<NodeSamples>()) as u64
 }
 

@@ -142,7 +142,9 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
 fn visible(scene: &Scene, sight: &Sight, technique: Technique) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
-        Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => raster::draw(scene, view, &seen),
+        Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => {
+            raster::draw(scene, view, &seen)
+        }
         _ => {
             Caster::new(scene).draw(sight, &seen);
             let points = raster::draw_lone(scene, sight, &seen);

@@ -190,7 +190,8 @@ impl<'a> Raster<'a> {
         let last = (first + BAND).min(rows - 1);
         let heights = mesh.heights();
         let line = |row: usize| -> Vec<Corner> {
-            let each = |column: usize| self.corner(mesh.rows[row], mesh.columns[column], heights[row * columns + column]);
+            let each =
+                |column: usize| self.corner(mesh.rows[row], mesh.columns[column], heights[row * columns + column]);
             (0..columns).map(each).collect()
         };
         let is_points = mesh.node.primitive == Primitive::Points;
@@ -271,7 +272,8 @@ impl<'a> Raster<'a> {
                 _ => continue,
             };
             let along = if side < 2 { column } else { row };
-            let Some(extras) = mesh.extras[side].get(along).filter(|extras| mesh.is_along(side, row, column) && !extras.is_empty())
+            let Some(extras) =
+                mesh.extras[side].get(along).filter(|extras| mesh.is_along(side, row, column) && !extras.is_empty())
             else {
                 continue;
             };
@@ -385,7 +387,8 @@ macro_rules! filled {
                         (if axis == 0 { -y } else { x }) * <$whole>::from(ONE)
                     })
                 });
-                let start = [left, top].map(|pixel| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2));
+                let start =
+                    [left, top].map(|pixel| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2));
                 let mut row = edges.map(|(from, to)| cross(&from, &to, start));
                 let share = 1.0 / area as f64;
                 let linear = [a.linear, b.linear, c.linear].map(|linear| linear * share);

@@ -103,7 +103,8 @@ impl<'a> Caster<'a> {
         let pyramids = scene.meshes.par_iter().map(Pyramid::new).collect();
         let mut caster = Caster { scene, pyramids, branches: Vec::new(), root: None };
         let root = scene.lattice.root();
-        caster.root = caster.branch(root, &scene.meshes.iter().enumerate().map(|(number, _)| number).collect::<Vec<_>>());
+        caster.root =
+            caster.branch(root, &scene.meshes.iter().enumerate().map(|(number, _)| number).collect::<Vec<_>>());
         caster
     }
 
@@ -165,9 +166,17 @@ impl<'a> Caster<'a> {
         None
     }
 
-    fn cast_square(&self, number: usize, level: usize, [row, column]: [usize; 2], ray: &GridRay, span: [f64; 2]) -> Option<RayHit> {
+    fn cast_square(
+        &self,
+        number: usize,
+        level: usize,
+        [row, column]: [usize; 2],
+        ray: &GridRay,
+        span: [f64; 2],
+    ) -> Option<RayHit> {
         let mesh = &self.scene.meshes[number];
-        let squares = self.pyramids[number].levels.get(level).filter(|squares| row < squares.rows && column < squares.columns)?;
+        let squares =
+            self.pyramids[number].levels.get(level).filter(|squares| row < squares.rows && column < squares.columns)?;
         let ends = |places: &[u64], index: usize| {
             let last = places.len() - 1;
             [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
@@ -179,7 +188,9 @@ impl<'a> Caster<'a> {
         }
         let [down, right] = backwards(ray);
         let order = [(down, right), (down, 1 - right), (1 - down, right), (1 - down, 1 - right)];
-        order.into_iter().find_map(|(r, c)| self.cast_square(number, level - 1, [2 * row + r, 2 * column + c], ray, span))
+        order
+            .into_iter()
+            .find_map(|(r, c)| self.cast_square(number, level - 1, [2 * row + r, 2 * column + c], ray, span))
     }
 
     fn cast_cell(&self, number: usize, [row, column]: [usize; 2], ray: &GridRay, from: f64) -> Option<RayHit> {
@@ -199,14 +210,18 @@ impl<'a> Caster<'a> {
         best
     }
 
+    /// The first hit of a picture's ray at a place.
+    pub fn cast_pixel(&self, sight: &Sight, pixel: [f64; 2]) -> Option<RayHit> {
+        let (origin, direction) = sight.ray(pixel)?;
+        let ray = self.scene.placed.ray(origin, direction)?;
+        self.cast(&ray, kept(&sight.cut().bounds, origin, direction)?)
+    }
+
     /// Casts a ray for each pixel of a picture.
     pub fn draw(&self, sight: &Sight, picture: &Visibility) {
         (0..picture.height).into_par_iter().for_each(|y| {
             for x in 0..picture.width {
-                let Some((origin, direction)) = sight.ray([x as f64 + 0.5, y as f64 + 0.5]) else { continue };
-                let Some(ray) = self.scene.placed.ray(origin, direction) else { continue };
-                let Some(span) = kept(&sight.cut().bounds, origin, direction) else { continue };
-                if let Some(hit) = self.cast(&ray, span) {
+                if let Some(hit) = self.cast_pixel(sight, [x as f64 + 0.5, y as f64 + 0.5]) {
                     picture.put(y * picture.width + x, hit.t, hit.shown.pack());
                 }
             }
@@ -262,7 +277,13 @@ fn backwards(ray: &GridRay) -> [usize; 2] {
 }
 
 /// The part of a ray in a box; `None` where it passes by.
-fn within(ray: &GridRay, rows: [f64; 2], columns: [f64; 2], range: Range, [mut from, mut to]: [f64; 2]) -> Option<[f64; 2]> {
+fn within(
+    ray: &GridRay,
+    rows: [f64; 2],
+    columns: [f64; 2],
+    range: Range,
+    [mut from, mut to]: [f64; 2],
+) -> Option<[f64; 2]> {
     if range[0] > range[1] {
         return None;
     }

@@ -4,12 +4,13 @@
 use super::lattice::CHUNK;
 use super::placed::{GridRay, Vantage};
 use super::raster::Shown;
-use super::rays::CellFrame;
+use super::rays::{Caster, CellFrame};
 use super::sight::Sight;
 use super::source::NodeSamples;
 use super::stitch::{Mesh, Scene};
 use deepfield_heights::model::Triangle;
 use glam::DVec3;
+use std::sync::OnceLock;
 
 /// What a pixel shows, and where.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +60,8 @@ pub struct Resolver<'a> {
     pub vantage: Vantage,
     /// For each chunk its samples and those of the chunks that it lies in, from its level up.
     chains: Vec<Vec<Option<&'a NodeSamples>>>,
+    /// For the few pixels of points whose centre is beside what their samples belong to.
+    caster: OnceLock<Caster<'a>>,
 }
 
 /// Four samples around a place in a level, and what each counts.
@@ -82,7 +85,7 @@ impl<'a> Resolver<'a> {
             (key.level..=scene.lattice.top()).map(|level| scene.samples(key.ancestor(level))).collect()
         };
         let chains = scene.meshes.iter().map(chain).collect();
-        Resolver { scene, sight, vantage: Vantage::new(&scene.placed, sight.eye()), chains }
+        Resolver { scene, sight, vantage: Vantage::new(&scene.placed, sight.eye()), chains, caster: OnceLock::new() }
     }
 
     /// The level, with a fraction, whose samples are as far apart as pixels at a depth, may it be finer than what there is.
@@ -105,7 +108,8 @@ impl<'a> Resolver<'a> {
         let key = own.ancestor(level);
         let place = |axis: usize, at: f64, count: usize| {
             let (first, _) = lattice.span(key, axis);
-            let index = ((at / (1_u64 << level) as f64) as usize).saturating_sub(first as usize).min(count.saturating_sub(2));
+            let index =
+                ((at / (1_u64 << level) as f64) as usize).saturating_sub(first as usize).min(count.saturating_sub(2));
             let [from, to] = [0, 1].map(|next| lattice.position(axis, level, first + index as u64 + next));
             (index, ((at - from as f64) / (to - from) as f64).clamp(0.0, 1.0), (to - from) as f64)
         };
@@ -173,6 +177,49 @@ impl<'a> Resolver<'a> {
             ((to.min(last) - from.max(0.0)) / side).clamp(0.0, 1.0)
         });
         (inside[0] * inside[1] * (fine + share * (coarse - fine))).max(1.0 / 255.0)
+    }
+
+    /// The place of the surface at a pixel's centre, for looks: as [`Resolver::hit`], but where a point is shown it is where the centre's ray
+    /// meets a triangle of its sample, as points are there to find those quickly; where it meets none, what a ray finds; and nothing where that
+    /// passes by. Where there are holes a point stands for its pixel with the share that is covered.
+    pub fn look(&self, shown: Shown, pixel: [f64; 2]) -> Option<Hit> {
+        let mesh = self.scene.meshes.get(shown.node)?;
+        if shown.slot.is_some() || !mesh.samples.coverage.is_empty() {
+            return self.hit(shown, pixel);
+        }
+        let Some(ray) = self.sight.ray(pixel).and_then(|(origin, direction)| self.scene.placed.ray(origin, direction))
+        else {
+            return self.hit(shown, pixel);
+        };
+        let [row, column] = shown.at;
+        let mut best: Option<(f64, Shown)> = None;
+        for (up, left) in [(1, 1), (1, 0), (0, 1), (0, 0)] {
+            if row < up
+                || column < left
+                || row - up + 1 >= mesh.samples.rows
+                || column - left + 1 >= mesh.samples.columns
+            {
+                continue;
+            }
+            let at = [row - up, column - left];
+            let local = CellFrame::of(mesh, at).ray(&ray);
+            for (slot, triangle) in mesh.cell(at[0], at[1]).triangles().enumerate() {
+                let Some(t) =
+                    local.meets(&triangle).filter(|t| *t >= 0.0 && best.is_none_or(|(nearest, _)| *t < nearest))
+                else {
+                    continue;
+                };
+                let [u, v, _] = local.0.at(t);
+                if weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -OUTSIDE) {
+                    best = Some((t, Shown { node: shown.node, at, slot: Some(slot) }));
+                }
+            }
+        }
+        let found = best.map(|(_, shown)| shown).or_else(|| {
+            let caster = self.caster.get_or_init(|| Caster::new(self.scene));
+            caster.cast_pixel(self.sight, pixel).map(|hit| hit.shown)
+        });
+        found.and_then(|shown| self.hit(shown, pixel))
     }
 
     /// The place of what is shown at a place of the picture.

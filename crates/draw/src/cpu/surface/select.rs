@@ -274,7 +274,10 @@ impl Chooser<'_> {
         let part = |ends: [u64; 2]| (ends[1] - ends[0]) as f64 / f64::from(PARTS);
         let whole = (1_u64 << level) as f64;
         let sag = self.placed.sag(part(columns).max(whole), part(rows).max(whole));
-        Extent { bounds: Bounds { min: bounds.min - DVec3::splat(sag), max: bounds.max + DVec3::splat(sag) }, margin: 0.0 }
+        Extent {
+            bounds: Bounds { min: bounds.min - DVec3::splat(sag), max: bounds.max + DVec3::splat(sag) },
+            margin: 0.0,
+        }
     }
 
     /// Refines chunks until what borders between levels add keeps within the error, too: a finer border lies on the coarser one's edges, which
@@ -332,7 +335,8 @@ impl Chooser<'_> {
             nodes.extend(refined.into_iter().flat_map(|(_, finer)| finer).map(|waiting| waiting.node));
             // The error of what stays is worked out anew.
             for node in &mut nodes {
-                node.error_px = self.sight.error_pixels(&node.extent, self.world_delta(&node.facts, node.key.level, 0.0));
+                node.error_px =
+                    self.sight.error_pixels(&node.extent, self.world_delta(&node.facts, node.key.level, 0.0));
             }
         }
     }
@@ -355,7 +359,11 @@ impl Chooser<'_> {
             let Some(other) = cut.at(cell[0], cell[1]) else { continue };
             if cut.nodes[other].key.level > node.key.level {
                 let mut strip = rectangle;
-                strip[axis] = if is_last { [last.saturating_sub(whole).max(first), last] } else { [first, (first + whole).min(last)] };
+                strip[axis] = if is_last {
+                    [last.saturating_sub(whole).max(first), last]
+                } else {
+                    [first, (first + whole).min(last)]
+                };
                 found.push((other, strip));
             }
         }

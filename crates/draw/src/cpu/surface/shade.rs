@@ -4,6 +4,7 @@
 //! colours, and the range of heights that a sample stands for, over which elevation colours are averaged. So a far picture is the mean of a near
 //! one, and techniques differ only by where they see the surface. Normals are turned to the eye.
 
+use super::lambert::Facets;
 use super::look::{Attribute, Light, Ramp};
 use super::placed::Map;
 use super::raster::Visibility;
@@ -71,7 +72,7 @@ impl<'a> Shader<'a> {
             let (mut color, mut depth) = ([0.0_f32; 4], 0.0_f32);
             for (x, y) in (y..y + parts).flat_map(|y| (x..x + parts).map(move |x| (x, y))) {
                 let place = [x as f64 + 0.5, y as f64 + 0.5];
-                let hit = seen.at(y * seen.width + x).and_then(|shown| self.resolver.hit(shown, place));
+                let hit = seen.at(y * seen.width + x).and_then(|shown| self.resolver.look(shown, place));
                 let Some(hit) = hit else {
                     depth = f32::INFINITY;
                     continue;
@@ -112,19 +113,15 @@ impl<'a> Shader<'a> {
         let world = placed.world(row, column, height);
         let mut toward = sight.toward_eye(world - sight.eye());
         if let Map::Globe { .. } = placed.map {
-            let [longitude, latitude] = [column.mul_add(placed.step[0], placed.origin[0]), row.mul_add(placed.step[1], placed.origin[1])];
+            let [longitude, latitude] =
+                [column.mul_add(placed.step[0], placed.origin[0]), row.mul_add(placed.step[1], placed.origin[1])];
             let up = super::placed::Placed::direction(longitude, latitude);
             let east = super::placed::Placed::direction(longitude + 90.0, 0.0);
             let north = up.cross(east);
             toward = DVec3::new(toward.dot(east), toward.dot(north), toward.dot(up));
         }
-        // Slopes grow with the exaggeration; what the mean of normals lost in length stays lost.
-        let steeper = placed.lift / placed.true_lift;
-        let raised = DVec3::new(x * steeper, y * steeper, z);
-        let length = (x * x + y * y + z * z).sqrt();
-        let normal = raised.normalize_or_zero() * length;
-        let facing = if normal.dot(toward) < 0.0 { -normal } else { normal };
-        let lit = facing.dot(self.sun.unwrap_or(toward)).max(0.0) as f32;
+        let facets = Facets::new(DVec3::new(x, y, z), placed.lift / placed.true_lift);
+        let lit = facets.lit(self.sun.unwrap_or(toward), toward) as f32;
         let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
         let mut color = plain.map(|color| color * light);
         if let Some(contours) = &self.look.contours {

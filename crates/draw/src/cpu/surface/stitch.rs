@@ -217,7 +217,8 @@ impl Scene {
                 is_laid[side] = level > mesh.node.key.level;
                 continue;
             }
-            let cells: Vec<Vec<Extra>> = along.windows(2).map(|ends| self.extras(axis, line, [ends[0], ends[1]], neighbour)).collect();
+            let cells: Vec<Vec<Extra>> =
+                along.windows(2).map(|ends| self.extras(axis, line, [ends[0], ends[1]], neighbour)).collect();
             if cells.iter().any(|cell| !cell.is_empty()) {
                 extras[side] = cells;
             }
@@ -226,7 +227,13 @@ impl Scene {
     }
 
     /// The corners of finer chunks within an edge on a line of constant row (axis 0) or column (axis 1).
-    fn extras(&self, axis: usize, line: u64, [from, to]: [u64; 2], neighbour: impl Fn(u64) -> Option<u8>) -> Vec<Extra> {
+    fn extras(
+        &self,
+        axis: usize,
+        line: u64,
+        [from, to]: [u64; 2],
+        neighbour: impl Fn(u64) -> Option<u8>,
+    ) -> Vec<Extra> {
         let mut found = Vec::new();
         let mut place = from;
         while place < to {
@@ -256,7 +263,11 @@ impl Scene {
         let mut around = [usize::MAX; 4];
         let cells = [(1, 1), (1, 0), (0, 1), (0, 0)];
         for (slot, (up, left)) in around.iter_mut().zip(cells) {
-            if row < up || column < left || row - up + 1 >= self.lattice.samples[0] || column - left + 1 >= self.lattice.samples[1] {
+            if row < up
+                || column < left
+                || row - up + 1 >= self.lattice.samples[0]
+                || column - left + 1 >= self.lattice.samples[1]
+            {
                 continue;
             }
             *slot = self.cut.at(row - up, column - left).unwrap_or(usize::MAX);

@@ -15,19 +15,20 @@ use crate::view::{Extent, Projection, View};
 use deepfield_heights::model::{Cell, HeightField};
 use glam::DVec3;
 use proptest::prelude::*;
-use rand_pcg::Pcg64Mcg;
-use rand_pcg::rand_core::{Rng, SeedableRng};
 
-/// Random numbers from 0 to 1.
-struct Random(Pcg64Mcg);
+/// Random numbers from 0 to 1: a counter, well mixed.
+struct Random(u64);
 
 impl Random {
     fn new(seed: u64) -> Random {
-        Random(Pcg64Mcg::seed_from_u64(seed))
+        Random(seed)
     }
 
     fn next(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     fn between(&mut self, low: f64, high: f64) -> f64 {

@@ -156,6 +156,7 @@ impl SurfaceSession {
         let prepared = self.prepare(&shot.look)?;
         let bounds = bounds_of(&prepared.placed, self.extremes());
         let view = view_of(shot, bounds, &prepared.placed)?;
+        self.nodes.place(&prepared.placed);
         let options = SurfaceOptions {
             technique: prepared.settings.technique,
             tau: match self.options.exact {
@@ -221,14 +222,14 @@ impl SurfaceSession {
                 None => Sight::Flat(*view),
                 Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
             };
-            return Ok(draw(&self.nodes, placed, &sight, options));
+            return Ok(self.drawn(placed, &sight, options));
         }
         let projector = Projector::new(*view, shot.surround, shot.stereo)?;
         let options = SurfaceOptions { raw: false, ..options.clone() };
         let mut whole = SurfacePicture::default();
         whole.report.is_converged = true;
         let values = projector.draw_each(true, |view| {
-            let one = draw(&self.nodes, placed, &Sight::Flat(*view), &options);
+            let one = self.drawn(placed, &Sight::Flat(*view), &options);
             whole.report.error_px = whole.report.error_px.max(one.report.error_px);
             whole.report.is_converged &= one.report.is_converged;
             whole.report.nodes_drawn += one.report.nodes_drawn;
@@ -245,11 +246,16 @@ impl SurfaceSession {
         Ok(whole)
     }
 
+    /// Reads what a picture needs, all at once, and draws it.
+    fn drawn(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> SurfacePicture {
+        self.nodes.prepare(placed, sight, options);
+        draw(&self.nodes, placed, sight, options)
+    }
+
     fn units(&self, attribute: Attribute) -> Units {
         let grid = &self.file().about().grid;
-        let value = surface::quantity_of(attribute).map(|(name, unit)| {
-            (name.to_owned(), unit.map_or_else(|| grid.height_unit.clone(), Unit::new))
-        });
+        let value = surface::quantity_of(attribute)
+            .map(|(name, unit)| (name.to_owned(), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
         Units { mass: Unit::default(), length: grid.xy_unit.clone(), attribute: Unit::default(), value }
     }
 
@@ -283,7 +289,8 @@ impl SurfaceSession {
             look: Some(prepared.look),
             ..SurfaceOptions::default()
         };
-        Ok(draw(&self.nodes, &prepared.placed, &Sight::Flat(*view), &options).colors.image())
+        self.nodes.place(&prepared.placed);
+        Ok(self.drawn(&prepared.placed, &Sight::Flat(*view), &options).colors.image())
     }
 
     /// What is known of a look's picture: its range.

@@ -32,26 +32,28 @@ fn value(sample_type: SampleType, bits: u64, shift: u32) -> f64 {
 }
 
 fn samples() -> impl Strategy<Value = (SampleType, usize, Vec<f64>)> {
-    (0..TYPES.len(), 1_usize..40, 1_usize..40, any::<u64>(), 0_u32..64, 0_u32..4).prop_map(|(kind, rows, columns, seed, shift, holes)| {
-        let mut state = seed | 1;
-        let mut next = || {
-            state ^= state << 13;
-            state ^= state >> 7;
-            state ^= state << 17;
-            state
-        };
-        let of = |_| {
-            let (bits, hole) = (next(), next() % 16);
-            let is_hole = match holes {
-                0 => false,
-                1 => hole == 0,
-                2 => hole < 8,
-                _ => true,
+    (0..TYPES.len(), 1_usize..40, 1_usize..40, any::<u64>(), 0_u32..64, 0_u32..4).prop_map(
+        |(kind, rows, columns, seed, shift, holes)| {
+            let mut state = seed | 1;
+            let mut next = || {
+                state ^= state << 13;
+                state ^= state >> 7;
+                state ^= state << 17;
+                state
             };
-            if is_hole { f64::NAN } else { value(TYPES[kind], bits, shift) }
-        };
-        (TYPES[kind], columns, (0..rows * columns).map(of).collect())
-    })
+            let of = |_| {
+                let (bits, hole) = (next(), next() % 16);
+                let is_hole = match holes {
+                    0 => false,
+                    1 => hole == 0,
+                    2 => hole < 8,
+                    _ => true,
+                };
+                if is_hole { f64::NAN } else { value(TYPES[kind], bits, shift) }
+            };
+            (TYPES[kind], columns, (0..rows * columns).map(of).collect())
+        },
+    )
 }
 
 proptest! {
@@ -122,7 +124,8 @@ fn speed() {
         state ^= state << 17;
         (0..4).map(|part| (state >> (16 * part) & 0xffff) as f64).sum::<f64>() / 65536.0 - 2.0
     };
-    let stored: Vec<f64> = (0..side * side).map(|at| (5000.0 * (f64::from(at % side) * 0.01).sin() + 60.0 * noise()).round()).collect();
+    let stored: Vec<f64> =
+        (0..side * side).map(|at| (5000.0 * (f64::from(at % side) * 0.01).sin() + 60.0 * noise()).round()).collect();
     let mut bytes = Vec::new();
     let start = std::time::Instant::now();
     for _ in 0..50 {
@@ -138,5 +141,10 @@ fn speed() {
     let decoding = start.elapsed().as_secs_f64() / 50.0;
     assert_eq!(back, stored);
     let million = stored.len() as f64 / 1e6;
-    println!("{:.2} bits, encode {:.0} M/s, decode {:.0} M/s", bytes.len() as f64 * 8.0 / stored.len() as f64, million / encoding, million / decoding);
+    println!(
+        "{:.2} bits, encode {:.0} M/s, decode {:.0} M/s",
+        bytes.len() as f64 * 8.0 / stored.len() as f64,
+        million / encoding,
+        million / decoding
+    );
 }

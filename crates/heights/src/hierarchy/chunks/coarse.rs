@@ -52,7 +52,12 @@ pub fn stand_in(lattice: &Lattice, axis: usize, level: u32, index: u64) -> u64 {
 }
 
 /// Makes a row. `sum` and `light` give, by the column, sums over what a sample of row [`stand_in`] stands for.
-pub fn row(below: &Below<'_>, planes: usize, sum: impl Fn(usize) -> WideSum, light: impl Fn(usize, usize) -> [f64; 2]) -> Row {
+pub fn row(
+    below: &Below<'_>,
+    planes: usize,
+    sum: impl Fn(usize) -> WideSum,
+    light: impl Fn(usize, usize) -> [f64; 2],
+) -> Row {
     let Below { lattice, level, row, sample_type, heights } = *below;
     let columns = lattice.samples_of(level)[1] as usize;
     let mut stored = Vec::with_capacity(columns);
@@ -112,7 +117,7 @@ fn coverage(sum: &WideSum, cells: u64, is_counted: bool, carried: &mut f64) -> u
     let cells = cells as f64;
     let used = if is_counted { carried.clamp(-cells, cells) } else { 0.0 };
     let wanted = 127.5 * sum.area as f64 + used;
-    let coverage = (wanted / cells).round().clamp(1.0, 254.0);
+    let coverage = (wanted / cells + 0.5).floor().clamp(1.0, 254.0);
     if is_counted {
         *carried = *carried - used + (wanted - coverage * cells).clamp(-cells, cells);
     }
@@ -142,7 +147,7 @@ fn mean_normal(sum: &WideSum) -> ([u8; 3], u8) {
     }
     let mean = sum.normal.map(|normal| normal as f64 / (sum.area as f64 * f64::from(UNIT)));
     let length: f64 = mean.iter().map(|part| part * part).sum();
-    let bytes = [128.0 + 127.0 * mean[0], 128.0 + 127.0 * mean[1], 255.0 * mean[2]].map(|value| value.round().clamp(0.0, 255.0) as u8);
+    let bytes = [128.0 + 127.0 * mean[0], 128.0 + 127.0 * mean[1], 255.0 * mean[2]].map(|value| (value + 0.5) as u8);
     // Rounding of the sums' normals alone makes up to 2 / UNIT.
     (bytes, spread_of(1.0 - length - 2.0 / f64::from(UNIT)))
 }
@@ -150,5 +155,7 @@ fn mean_normal(sum: &WideSum) -> ([u8; 3], u8) {
 /// The root of a mean square in 255ths, rounded up.
 fn spread_of(square: f64) -> u8 {
     // A little rounding is no spread.
-    (255.0 * (square - 1e-9).max(0.0).sqrt()).ceil().min(255.0) as u8
+    let spread = 255.0 * (square - 1e-9).max(0.0).sqrt();
+    let whole = spread as u8;
+    whole.saturating_add(u8::from(f64::from(whole) < spread))
 }

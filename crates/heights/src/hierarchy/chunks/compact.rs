@@ -45,7 +45,9 @@ impl Compact {
     pub fn copy(&self, first: usize, out: &mut [f64]) {
         let end = first + out.len();
         match self {
-            Compact::Single(values) => out.iter_mut().zip(&values[first..end]).for_each(|(out, value)| *out = f64::from(*value)),
+            Compact::Single(values) => {
+                out.iter_mut().zip(&values[first..end]).for_each(|(out, value)| *out = f64::from(*value))
+            }
             Compact::Double(values) => out.copy_from_slice(&values[first..end]),
         }
     }

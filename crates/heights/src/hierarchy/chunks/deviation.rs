@@ -141,7 +141,9 @@ fn broken(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], cel
             if surface.is_nan() {
                 let far = |corner: usize| (u - (corner % 2) as f64).abs().max((v - (corner / 2) as f64).abs());
                 let there = (0..4).filter(|corner| !cell.0[*corner].is_nan());
-                surface = there.min_by(|one, other| far(*one).total_cmp(&far(*other))).map_or(f64::NAN, |corner| cell.0[corner]);
+                surface = there
+                    .min_by(|one, other| far(*one).total_cmp(&far(*other)))
+                    .map_or(f64::NAN, |corner| cell.0[corner]);
             }
             range.add(sample - surface);
         }
@@ -153,7 +155,14 @@ fn broken(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], cel
 
 /// Looks along an edge of a surface, between two corners of a cell, wherever edges of T may cross it; `from` and `to` are a corner's row and
 /// column and its height.
-fn along(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], from: ([usize; 2], f64), to: ([usize; 2], f64), range: &mut Range) {
+fn along(
+    fine: Fine<'_>,
+    [top, left]: [usize; 2],
+    [tall, wide]: [usize; 2],
+    from: ([usize; 2], f64),
+    to: ([usize; 2], f64),
+    range: &mut Range,
+) {
     let ([from_row, from_column], first) = from;
     let ([to_row, to_column], last) = to;
     let (rows, columns) = (to_row as f64 - from_row as f64, to_column as f64 - from_column as f64);
@@ -163,7 +172,9 @@ fn along(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], from
         // Cells on both sides of an edge have the same height on it, but one of them may have no surface.
         let sides = |place: f64, end: usize| {
             let at = place.floor() as usize;
-            [at.checked_sub(1).filter(|_| place == place.floor()), Some(at).filter(|at| *at < end)].into_iter().flatten()
+            [at.checked_sub(1).filter(|_| place == place.floor()), Some(at).filter(|at| *at < end)]
+                .into_iter()
+                .flatten()
         };
         for row in sides(down, tall) {
             for column in sides(across, wide) {

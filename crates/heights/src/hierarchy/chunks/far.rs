@@ -51,9 +51,12 @@ impl Far {
         let make = |row: usize| {
             let own = coarse::stand_in(&lattice, 0, level, row as u64) as usize;
             let at = lattice.below(0, level, row as u64) as usize;
-            let heights = [at.checked_sub(1).and_then(|at| self.heights.get(at)), self.heights.get(at), self.heights.get(at + 1)];
+            let heights =
+                [at.checked_sub(1).and_then(|at| self.heights.get(at)), self.heights.get(at), self.heights.get(at + 1)];
             let below = Below { lattice, level, row: row as u64, sample_type: self.sample_type, heights };
-            let light = |column: usize, plane: usize| about.1[(own * columns + column) * self.planes + plane].map(|light| light as f64);
+            let light = |column: usize, plane: usize| {
+                about.1[(own * columns + column) * self.planes + plane].map(|light| light as f64)
+            };
             coarse::row(&below, self.planes, |column| about.0[own * columns + column], light)
         };
         let made: Vec<Row> = (0..rows).map(make).collect();
@@ -95,7 +98,8 @@ impl Far {
             let here = corners(&self.heights, row, column);
             let above = corners(heights, row / 2, column / 2);
             let place = |axis: usize, level: u32, index: usize| lattice.place(axis, level, index as u64) as f64;
-            let size = [(0, row / 2), (1, column / 2)].map(|(axis, index)| place(axis, level, index + 1) - place(axis, level, index));
+            let size = [(0, row / 2), (1, column / 2)]
+                .map(|(axis, index)| place(axis, level, index + 1) - place(axis, level, index));
             let is_whole = here.iter().chain(&above).all(|height| !height.is_nan());
             let mut apart = Range::NONE;
             if is_whole && size[0] == size[1] && size[0] == (1_u64 << level) as f64 {

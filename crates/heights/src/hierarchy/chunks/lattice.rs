@@ -99,8 +99,9 @@ impl Lattice {
 
     /// Cells of T that a sample stands for.
     pub fn cells(&self, level: u32, [row, column]: [u64; 2]) -> u64 {
-        let [rows, columns] =
-            [(0, row), (1, column)].map(|(axis, index)| self.stands_for(axis, level, index)).map(|[first, end]| end - first);
+        let [rows, columns] = [(0, row), (1, column)]
+            .map(|(axis, index)| self.stands_for(axis, level, index))
+            .map(|[first, end]| end - first);
         rows * columns
     }
 
@@ -159,12 +160,18 @@ impl Lattice {
 
     /// Number of chunks of all levels.
     pub fn chunks(&self) -> u64 {
-        (0..self.levels()).map(|level| self.chunks_of(level)).map(|[rows, columns]| u64::from(rows) * u64::from(columns)).sum()
+        (0..self.levels())
+            .map(|level| self.chunks_of(level))
+            .map(|[rows, columns]| u64::from(rows) * u64::from(columns))
+            .sum()
     }
 
     /// A chunk's number in [`Lattice::keys`].
     pub fn number(&self, key: ChunkKey) -> usize {
-        let before: usize = (0..u32::from(key.level)).map(|level| self.chunks_of(level)).map(|[rows, columns]| rows as usize * columns as usize).sum();
+        let before: usize = (0..u32::from(key.level))
+            .map(|level| self.chunks_of(level))
+            .map(|[rows, columns]| rows as usize * columns as usize)
+            .sum();
         let [_, columns] = self.chunks_of(key.level.into());
         before + key.row as usize * columns as usize + key.column as usize
     }

@@ -6,10 +6,12 @@ use std::sync::LazyLock;
 pub const FULL: u32 = 65535;
 
 /// Light of each of the 256 values.
-static LINEAR: LazyLock<[u32; 256]> = LazyLock::new(|| std::array::from_fn(|value| (linear(value as f64 / 255.0) * f64::from(FULL)).round() as u32));
+static LINEAR: LazyLock<[u32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|value| (linear(value as f64 / 255.0) * f64::from(FULL)).round() as u32));
 
 /// Values of light: the number of those whose light is at most this, and the next one's is nearer, begins at each entry.
-static BOUNDS: LazyLock<[f64; 255]> = LazyLock::new(|| std::array::from_fn(|value| linear((value as f64 + 0.5) / 255.0) * f64::from(FULL)));
+static BOUNDS: LazyLock<[f64; 255]> =
+    LazyLock::new(|| std::array::from_fn(|value| linear((value as f64 + 0.5) / 255.0) * f64::from(FULL)));
 
 fn linear(value: f64) -> f64 {
     if value <= 0.04045 { value / 12.92 } else { libm::pow((value + 0.055) / 1.055, 2.4) }

@@ -41,7 +41,8 @@ fn triangles_are_cut_at_zero() {
         for column in 0..11 {
             let cell = super::truth::cell(&field, row, column);
             for i in 0..parts * parts {
-                let (u, v) = (((i / parts) as f64 + 0.5) / f64::from(parts), ((i % parts) as f64 + 0.25) / f64::from(parts));
+                let (u, v) =
+                    (((i / parts) as f64 + 0.5) / f64::from(parts), ((i % parts) as f64 + 0.25) / f64::from(parts));
                 let here = cell.height(u, v);
                 if !here.is_nan() {
                     above += here.max(0.0) / f64::from(parts * parts);
@@ -116,7 +117,8 @@ fn coinciding_grids_are_copied() {
 fn units_are_converted_or_refused() {
     let with = |xy: &str, height: &str, size: f64, lift: f64| {
         let mut field = of(20, 20, |row, column| lift * (row + column));
-        (field.grid.xy_unit, field.grid.height_unit, field.grid.step) = (Unit::new(xy), Unit::new(height), [size, size]);
+        (field.grid.xy_unit, field.grid.height_unit, field.grid.step) =
+            (Unit::new(xy), Unit::new(height), [size, size]);
         field
     };
     let before = with("mm", "um", 1.0, 1.0);

@@ -18,7 +18,8 @@ fn plain(field: &HeightField, cutoff: f64, row: u64, column: u64) -> f64 {
     for r in 0..field.grid.rows {
         for c in 0..field.grid.columns {
             let height = field.stored[(r * field.grid.columns + c) as usize];
-            let (x, y) = ((c as f64 - column as f64) * field.grid.step[0], (r as f64 - row as f64) * field.grid.step[1]);
+            let (x, y) =
+                ((c as f64 - column as f64) * field.grid.step[0], (r as f64 - row as f64) * field.grid.step[1]);
             if !height.is_nan() && x.abs() <= cutoff && y.abs() <= cutoff {
                 let weight = (-PI * (x * x + y * y) / (alpha * cutoff).powi(2)).exp();
                 (sum, weights) = (sum + weight * height, weights + weight);
@@ -32,7 +33,8 @@ fn plain(field: &HeightField, cutoff: f64, row: u64, column: u64) -> f64 {
 fn filters_are_weighted_means_of_measured_samples() {
     // Narrow and wide weights: plain sums and transforms.
     for (cutoff, steps) in [(7.3, [1.0, -0.5]), (60.0, [0.9, 1.7]), (500.0, [1.0, 1.0]), (0.2, [1.0, 1.0])] {
-        let mut field = with_holes(of(90, 70, |row, column| 1e4 + (row * 0.3).sin() + (column * column * 0.01).cos()), 0.2, 2);
+        let mut field =
+            with_holes(of(90, 70, |row, column| 1e4 + (row * 0.3).sin() + (column * column * 0.01).cos()), 0.2, 2);
         field.grid.step = steps;
         let all = Window::all(&field.grid);
         let filtered = Filtered::new(&field, Filter::Short(cutoff), all).unwrap();

@@ -18,7 +18,8 @@ fn plain(field: &HeightField, ratio: f64) -> [f64; 9] {
     let count = heights.len() as f64;
     let mean = heights.iter().sum::<f64>() / count;
     let moment = |power: i32| heights.iter().map(|height| (height - mean).powi(power)).sum::<f64>() / count;
-    let (low, high) = heights.iter().fold((f64::MAX, f64::MIN), |(low, high), height| (low.min(*height), high.max(*height)));
+    let (low, high) =
+        heights.iter().fold((f64::MAX, f64::MIN), |(low, high), height| (low.min(*height), high.max(*height)));
     let (mut triangles, mut slopes, mut areas) = (0.0, 0.0, 0.0);
     for row in 0..field.grid.rows - 1 {
         for column in 0..field.grid.columns - 1 {
@@ -32,8 +33,17 @@ fn plain(field: &HeightField, ratio: f64) -> [f64; 9] {
     }
     let sq = moment(2).sqrt();
     let sa = heights.iter().map(|height| (height - mean).abs()).sum::<f64>() / count;
-    [sa, sq, moment(3) / sq.powi(3), moment(4) / sq.powi(4), high - mean, mean - low, high - low, (slopes / triangles).sqrt(),
-        100.0 * areas / triangles]
+    [
+        sa,
+        sq,
+        moment(3) / sq.powi(3),
+        moment(4) / sq.powi(4),
+        high - mean,
+        mean - low,
+        high - low,
+        (slopes / triangles).sqrt(),
+        100.0 * areas / triangles,
+    ]
 }
 
 fn told(iso: &Iso) -> [f64; 9] {
@@ -63,7 +73,8 @@ fn numbers_of_rough_fields_with_holes_are_those_of_plain_sums() {
         let mut field = with_holes(sines(333, 1100, 41.0, 3.0), share, seed);
         let mut next = random(seed + 7);
         field.stored.iter_mut().for_each(|height| *height += 100.0 + next());
-        (field.grid.step, field.grid.xy_unit, field.grid.height_unit) = ([0.25, -0.5], Unit::new("mm"), Unit::new("um"));
+        (field.grid.step, field.grid.xy_unit, field.grid.height_unit) =
+            ([0.25, -0.5], Unit::new("mm"), Unit::new("um"));
         let found = roughness(&field).unwrap();
         let names = ["Sa", "Sq", "Ssk", "Sku", "Sp", "Sv", "Sz", "Sdq", "Sdr"];
         for ((found, wanted), name) in told(&found.iso).into_iter().zip(plain(&field, 1e-3)).zip(names) {
@@ -72,7 +83,8 @@ fn numbers_of_rough_fields_with_holes_are_those_of_plain_sums() {
         let valid = field.stored.iter().filter(|height| !height.is_nan()).count();
         assert_eq!(found.valid_share, valid as f64 / field.stored.len() as f64);
         // One and many threads add up the same.
-        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| roughness(&field).unwrap());
+        let one =
+            rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(|| roughness(&field).unwrap());
         assert_eq!(one, found);
     }
 }
@@ -96,7 +108,8 @@ fn correlation_is_that_of_pairs() {
             for column in 0..37_i64 {
                 let (r, c) = (row + rows, column + columns);
                 if (0..29).contains(&r) && (0..37).contains(&c) {
-                    let product = (field.stored[(row * 37 + column) as usize] - mean) * (field.stored[(r * 37 + c) as usize] - mean);
+                    let product = (field.stored[(row * 37 + column) as usize] - mean)
+                        * (field.stored[(r * 37 + c) as usize] - mean);
                     if !product.is_nan() {
                         (sum, count) = (sum + product, count + 1.0);
                     }
@@ -153,7 +166,10 @@ fn material(field: &HeightField) -> Material {
 #[test]
 fn fields_without_relief_or_samples_have_no_such_numbers() {
     let level = roughness(&of(9, 9, |_, _| 3.0)).unwrap();
-    assert_eq!((level.iso.sq, level.iso.sz, level.iso.ssk, level.iso.sk, level.iso.sal), (Some(0.0), Some(0.0), None, None, None));
+    assert_eq!(
+        (level.iso.sq, level.iso.sz, level.iso.ssk, level.iso.sk, level.iso.sal),
+        (Some(0.0), Some(0.0), None, None, None)
+    );
     let none = roughness(&of(9, 9, |_, _| f64::NAN)).unwrap();
     assert_eq!((none.valid, none.iso), (0, Iso::default()));
     assert!(matches!(fit(&of(9, 9, |_, _| f64::NAN), FormKind::Plane), Err(FormError::Undetermined { valid: 0, .. })));
@@ -170,7 +186,11 @@ fn planes_are_found_and_taken_off() {
     let waves = sines(512, 512, 64.0, 20.0);
     let own = roughness(&waves).unwrap();
     let mut tilted = waves.clone();
-    tilted.stored.iter_mut().enumerate().for_each(|(n, height)| *height += 3.0 + 0.01 * (n % 512) as f64 - 0.02 * (n / 512) as f64);
+    tilted
+        .stored
+        .iter_mut()
+        .enumerate()
+        .for_each(|(n, height)| *height += 3.0 + 0.01 * (n % 512) as f64 - 0.02 * (n / 512) as f64);
     let form = fit(&tilted, FormKind::Plane).unwrap();
     let found = form.numbers().coefficients.unwrap();
     for (found, wanted) in found.iter().zip([3.0, 0.01, -0.02]) {
@@ -209,8 +229,14 @@ fn polynomials_are_found_far_from_the_origin() {
     for [x, y] in [[41.0, -9.5], [47.3, -20.0], [40.0, -7.0]] {
         assert_near(form.height([x, y]), cubic(x, y), 1e-11, "height");
         let powers = (0..=7).flat_map(|total| (0..=total).map(move |j| (total - j, j)));
-        let sum: f64 = numbers.coefficients.as_ref().unwrap().iter().zip(powers)
-            .map(|(factor, (i, j))| factor * (x - x0).powi(i) * (y - y0).powi(j)).sum();
+        let sum: f64 = numbers
+            .coefficients
+            .as_ref()
+            .unwrap()
+            .iter()
+            .zip(powers)
+            .map(|(factor, (i, j))| factor * (x - x0).powi(i) * (y - y0).powi(j))
+            .sum();
         assert_near(sum, cubic(x, y), 1e-9, "told");
     }
     let mut left = vec![0.0; 80 * 60];
@@ -233,7 +259,8 @@ fn spheres_and_cylinders_are_found() {
     let mut bowl = with_holes(
         of(200, 160, |row, column| {
             let (x, y) = (0.5 * column + 30.0, 0.25 * row - 70.0);
-            1000.0 * (60.0 - (150.0_f64.powi(2) - (x - 20.0).powi(2) - (y + 60.0).powi(2)).sqrt()) + 0.1 * (next() - 0.5)
+            1000.0 * (60.0 - (150.0_f64.powi(2) - (x - 20.0).powi(2) - (y + 60.0).powi(2)).sqrt())
+                + 0.1 * (next() - 0.5)
         }),
         0.2,
         4,

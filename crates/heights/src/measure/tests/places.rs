@@ -28,15 +28,20 @@ fn check(field: &HeightField, line: &[[f64; 2]], found: &Profile, seed: u64) {
         let wanted = on(point.x, point.y).unwrap_or(f64::NAN);
         assert!((point.height - wanted).abs() <= 1e-12 * range, "{point:?}: {wanted}");
     }
-    let valid: f64 = found.points.windows(2).filter(|pair| !(pair[0].height + pair[1].height).is_nan())
-        .map(|pair| pair[1].distance - pair[0].distance).sum();
+    let valid: f64 = found
+        .points
+        .windows(2)
+        .filter(|pair| !(pair[0].height + pair[1].height).is_nan())
+        .map(|pair| pair[1].distance - pair[0].distance)
+        .sum();
     assert_near(found.valid_length, valid, 1e-12, "valid length");
     let mut next = random(seed);
     for _ in 0..300 {
         let at = next() * length;
         let leg = starts.partition_point(|start| *start <= at).clamp(1, line.len() - 1) - 1;
         let part = (at - starts[leg]) / (starts[leg + 1] - starts[leg]);
-        let place: [f64; 2] = std::array::from_fn(|axis| line[leg][axis] + part * (line[leg + 1][axis] - line[leg][axis]));
+        let place: [f64; 2] =
+            std::array::from_fn(|axis| line[leg][axis] + part * (line[leg + 1][axis] - line[leg][axis]));
         let after = found.points.partition_point(|point| point.distance <= at).clamp(1, found.points.len() - 1);
         let (a, b) = (found.points[after - 1], found.points[after]);
         let mine = a.height + (at - a.distance) / (b.distance - a.distance) * (b.height - a.height);
@@ -62,7 +67,7 @@ proptest! {
         let count = 2 + (next() * 4.0) as usize;
         let line: Vec<[f64; 2]> = (0..count).map(|number| {
             let mut place = [next() * 1.4 - 0.2, next() * 1.4 - 0.2].map(|part| part * 20.0);
-            if (seed + number as u64) % 3 == 0 {
+            if seed.wrapping_add(number as u64).is_multiple_of(3) {
                 place = place.map(f64::round);
             }
             field.grid.place(place[0], place[1])
@@ -127,7 +132,10 @@ fn places_tell_height_slope_and_what_is_nearest() {
 fn parts_are_windows_and_discs() {
     let mut field = of(10, 8, |row, column| 100.0 * row + column);
     (field.grid.step, field.grid.origin) = ([0.1, -0.1], [5.0, 2.0]);
-    assert_eq!(window_of(&field.grid, [[5.3, 1.8], [5.1, 1.4]]), Some(Window { row: 2, column: 1, rows: 5, columns: 3 }));
+    assert_eq!(
+        window_of(&field.grid, [[5.3, 1.8], [5.1, 1.4]]),
+        Some(Window { row: 2, column: 1, rows: 5, columns: 3 })
+    );
     assert_eq!(window_of(&field.grid, [[6.3, 1.8], [7.1, 1.4]]), None);
     let part = Part::of_rectangle(&field, [[5.3, 1.8], [5.1, 1.4]]).unwrap();
     let mut out = [0.0; 4];

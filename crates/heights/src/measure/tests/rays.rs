@@ -126,8 +126,11 @@ pub fn rays(field: &HeightField, rise: Rise, count: usize, seed: u64) -> Vec<Ray
     let mut next = random(seed);
     let grid = &field.grid;
     let (columns, rows) = ((grid.columns - 1) as f64, (grid.rows - 1) as f64);
-    let heights: Vec<f64> = field.stored.iter().copied().filter(|height| !height.is_nan()).map(|height| rise.world(height)).collect();
-    let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), height| (low.min(*height), high.max(*height)));
+    let heights: Vec<f64> =
+        field.stored.iter().copied().filter(|height| !height.is_nan()).map(|height| rise.world(height)).collect();
+    let (low, high) = heights
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), height| (low.min(*height), high.max(*height)));
     let span = high - low;
     (0..count)
         .map(|number| {
@@ -211,7 +214,9 @@ fn large_smooth_fields_steps_and_spikes() {
 #[test]
 fn tiny_heights_far_out() {
     let (columns, rows) = (60_u64, 50_u64);
-    let heights = (0..columns * rows).map(|n| 1e-9 * (0.3 * (n / columns) as f64).sin() * (0.2 * (n % columns) as f64).cos()).collect();
+    let heights = (0..columns * rows)
+        .map(|n| 1e-9 * (0.3 * (n / columns) as f64).sin() * (0.2 * (n % columns) as f64).cos())
+        .collect();
     let mut field = HeightField::of(columns, rows, heights);
     (field.grid.origin, field.grid.step) = ([5e6, 5e6], [1.0, -1.0]);
     let pyramid = Pyramid::read(&field).unwrap();
@@ -231,7 +236,8 @@ fn tiny_heights_far_out() {
 fn pyramid_cell(field: &HeightField, row: f64, column: f64) -> f64 {
     let first = (row.floor() as u64 * field.grid.columns + column.floor() as u64) as usize;
     let columns = field.grid.columns as usize;
-    Cell([first, first + 1, first + columns, first + columns + 1].map(|n| field.stored[n])).height(column.fract(), row.fract())
+    Cell([first, first + 1, first + columns, first + columns + 1].map(|n| field.stored[n]))
+        .height(column.fract(), row.fract())
 }
 
 #[test]
@@ -259,7 +265,21 @@ fn nothing_slips_through_samples_edges_and_diagonals() {
 fn odd_rays_meet_nothing_and_end() {
     let field = noisy(9, 9, 0.2, 2);
     let pyramid = Pyramid::read(&field).unwrap();
-    let odd = [0.0, -0.0, 1.0, -1.0, 4.0, 1e-320, -1e-210, 1e300, -1e300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MIN_POSITIVE];
+    let odd = [
+        0.0,
+        -0.0,
+        1.0,
+        -1.0,
+        4.0,
+        1e-320,
+        -1e-210,
+        1e300,
+        -1e300,
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::MIN_POSITIVE,
+    ];
     let mut next = random(3);
     let mut any = || odd[(next() * odd.len() as f64) as usize];
     for _ in 0..20_000 {

@@ -91,11 +91,20 @@ impl Decoder {
     pub(super) fn samples(&self, chunk: Chunk) -> NodeSamples {
         let Chunk { key, part, held, mut stored, coverage, normals, planes } = chunk;
         stored.iter_mut().for_each(|value| *value = self.scale.value(*value));
-        let planes = planes.iter().map(|plane| plane.iter().map(|value| self.light[usize::from(*value)]).collect()).collect();
+        let planes =
+            planes.iter().map(|plane| plane.iter().map(|value| self.light[usize::from(*value)]).collect()).collect();
         let (rows, columns) = (part.rows, part.columns);
         if key.level == 0 {
             let (coverage, normals) = self.leaf(&stored, &held, &part);
-            return NodeSamples { rows, columns, heights: own(stored, &held, &part), coverage, normals, ranges: Vec::new(), planes };
+            return NodeSamples {
+                rows,
+                columns,
+                heights: own(stored, &held, &part),
+                coverage,
+                normals,
+                ranges: Vec::new(),
+                planes,
+            };
         }
         let normals = match normals.is_empty() {
             true => vec![[0.0, 0.0, 1.0]; part.len()],
@@ -150,7 +159,8 @@ impl Decoder {
             std::mem::swap(&mut above, &mut below);
             cells(row + 1, &mut below);
             for column in margin[1]..margin[1] + part.columns {
-                let around = [(&above[column], 3), (&above[column + 1], 2), (&below[column], 1), (&below[column + 1], 0)];
+                let around =
+                    [(&above[column], 3), (&above[column + 1], 2), (&below[column], 1), (&below[column + 1], 0)];
                 let is_measured = !heights[row * held.columns + column].is_nan();
                 let (share, normal) = about_sample(around, is_measured);
                 coverage.push(share);

@@ -50,7 +50,12 @@ fn chosen_cuts_have_none_within_any_budget() {
     for round in 0..40 {
         let view = camera_over(&field, &mut random, [120, 90]);
         let technique = [Technique::Hybrid, Technique::Triangles][round % 2];
-        let choice = Choice { tau: [0.5, 0.8, 2.0, 8.0][round % 4], technique, looks: round % 3 == 0, most: [1 << 14, 9][round / 20] };
+        let choice = Choice {
+            tau: [0.5, 0.8, 2.0, 8.0][round % 4],
+            technique,
+            looks: round % 3 == 0,
+            most: [1 << 14, 9][round / 20],
+        };
         let cut = choose(&source, &placed, &Sight::Flat(view), &choice);
         assert_eq!(holes(&Scene::new(&source, &placed, cut), &view), 0, "round {round}: {view:?}");
     }
@@ -81,11 +86,11 @@ fn borders_of_a_place_are_equal_whoever_asks() {
             }
             for &(row, column, height) in mesh.extras.iter().flatten().flatten() {
                 let before = known.insert((row, column), height.to_bits());
-                let own = |before: u64| height.is_nan() || before == height.to_bits() || f64::from_bits(before).is_nan();
+                let own =
+                    |before: u64| height.is_nan() || before == height.to_bits() || f64::from_bits(before).is_nan();
                 assert!(before.is_none_or(own));
             }
         }
         assert!(shared > 0 || scene.meshes.len() == 1);
     }
 }
-

@@ -18,11 +18,13 @@ fn keys(lattice: Lattice) -> Vec<NodeKey> {
 }
 
 fn height_of(samples: &NodeSamples, rows: &[u64], columns: &[u64], row: f64, column: f64) -> f64 {
-    let index = |places: &[u64], at: f64| places.partition_point(|place| *place as f64 <= at).clamp(1, places.len() - 1) - 1;
+    let index =
+        |places: &[u64], at: f64| places.partition_point(|place| *place as f64 <= at).clamp(1, places.len() - 1) - 1;
     let (r, c) = (index(rows, row), index(columns, column));
     let share = |places: &[u64], k: usize, at: f64| (at - places[k] as f64) / (places[k + 1] - places[k]) as f64;
     let first = r * samples.columns + c;
-    let cell = Cell([first, first + 1, first + samples.columns, first + samples.columns + 1].map(|k| samples.heights[k]));
+    let cell =
+        Cell([first, first + 1, first + samples.columns, first + samples.columns + 1].map(|k| samples.heights[k]));
     cell.height(share(columns, c, column), share(rows, r, row))
 }
 

@@ -29,7 +29,15 @@ fn places_are_within_the_error() {
             let placed = Placed::new(&field.grid, Map::Plate, exaggeration, base);
             let ground = placed.lifted(t_height(&field, 300.0, 450.0).max(-60.0));
             for (sight, tau) in [
-                (view([450.0, 350.0, 900.0], [450.0, 350.0, 0.0], Projection::Orthographic { height: 800.0 }, [90, 70]), 0.8),
+                (
+                    view(
+                        [450.0, 350.0, 900.0],
+                        [450.0, 350.0, 0.0],
+                        Projection::Orthographic { height: 800.0 },
+                        [90, 70],
+                    ),
+                    0.8,
+                ),
                 (view([850.0, -200.0, 500.0], [450.0, 350.0, 0.0], perspective, [100, 70]), 2.0),
                 (view([450.0, 300.0, ground + 3.0], [700.0, 500.0, -40.0], perspective, [100, 70]), 0.5),
                 (view([450.0, 300.0, -400.0], [500.0, 360.0, 0.0], perspective, [60, 60]), 8.0),
@@ -80,19 +88,22 @@ fn area_is_conserved() {
     };
     let mut area = 0.0;
     for (r, c) in (0..side as i64).flat_map(|r| (0..side as i64).map(move |c| (r, c))) {
-        let measured = |r: i64, c: i64| [(0, 0), (0, 1), (1, 0), (1, 1)].iter().filter(|(i, j)| valid(r + i, c + j)).count();
+        let measured =
+            |r: i64, c: i64| [(0, 0), (0, 1), (1, 0), (1, 1)].iter().filter(|(i, j)| valid(r + i, c + j)).count();
         let is_used = (-1..=0).any(|i| (-1..=0).any(|j| measured(r + i, c + j) >= 3));
         if !is_used {
             field.stored[r as usize * side + c as usize] = f64::NAN;
         }
-        area += [0.0, 0.0, 0.0, 0.5, 1.0][if (r as usize) < side - 1 && (c as usize) < side - 1 { measured(r, c) } else { 0 }];
+        area += [0.0, 0.0, 0.0, 0.5, 1.0]
+            [if (r as usize) < side - 1 && (c as usize) < side - 1 { measured(r, c) } else { 0 }];
     }
     let placed = placed(&field);
     for samples in [0.3_f64, 1.0, 10.0, 40.0] {
         let high = 1.3 * side as f64;
         let pixels = (high / samples.sqrt()) as u32;
         let middle = side as f64 / 2.0;
-        let (target, up) = (DVec3::new(middle + 0.123, middle + 0.377, 0.0), DVec3::new(0.35_f64.sin(), 0.35_f64.cos(), 0.0));
+        let (target, up) =
+            (DVec3::new(middle + 0.123, middle + 0.377, 0.0), DVec3::new(0.35_f64.sin(), 0.35_f64.cos(), 0.0));
         let projection = Projection::Orthographic { height: high };
         let view = View::look_at(target + DVec3::Z * 900.0, target, up, projection, pixels, pixels).unwrap();
         let picture = raw(&field, &placed, &Sight::Flat(view), Technique::Hybrid, 0.8);
@@ -144,12 +155,14 @@ fn contours_keep_their_width() {
     let heights = (0..200 * 200).map(|index| 0.1 * f64::from(index % 200)).collect();
     let field = HeightField::of(200, 200, heights);
     let (source, placed) = (MemorySurface::new(&field, 1.0).unwrap(), placed(&field));
-    let sight = view([100.0, 100.0, 500.0], [100.0, 100.0, 0.0], Projection::Orthographic { height: 180.0 }, [360, 360]);
+    let sight =
+        view([100.0, 100.0, 500.0], [100.0, 100.0, 0.0], Projection::Orthographic { height: 180.0 }, [360, 360]);
     let lines = |interval: f64| {
         let contours = Some(Contours { interval, base: 0.0, major: 0, width: 2.0, color: [0.0; 3] });
         let look = Some(Look { ambient: 1.0, contours, ..look(Attribute::Height, Light::Eye) });
         let options = SurfaceOptions { look, ..SurfaceOptions::default() };
-        let plain = SurfaceOptions { look: Some(self::look(Attribute::Height, Light::Eye)), ..SurfaceOptions::default() };
+        let plain =
+            SurfaceOptions { look: Some(self::look(Attribute::Height, Light::Eye)), ..SurfaceOptions::default() };
         let plain = SurfaceOptions { look: plain.look.map(|look| Look { ambient: 1.0, ..look }), ..plain };
         let [with, without] = [options, plain].map(|options| draw(&source, &placed, &sight, &options).colors);
         let share = |(a, b): (&[f32; 4], &[f32; 4])| f64::from(1.0 - a[1] / b[1]);
