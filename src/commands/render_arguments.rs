@@ -288,6 +288,7 @@ impl Arguments {
         for (name, value) in budget.chain(self.set.iter().cloned()) {
             // Without a name the mode is the data's usual one, which is one of these.
             let usual = || match FieldSession::is_field(&self.path) {
+                _ if self.heights.takes(&self.path) => vec![&modes::surface::MODE],
                 true => vec![modes::of_fields(2), modes::of_fields(3)],
                 false => {
                     let of_fields = modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty());

@@ -4,7 +4,8 @@ use super::arguments::PictureSize;
 use super::cached_run::{CachedRun, Grown};
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
-use crate::import::{file_of_step, sources_of, steps_in};
+use crate::heights::is_heights;
+use crate::import::{file_of_step, grid_format, sources_of, steps_in};
 use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
 use crate::model::When;
 use crate::tour::TourFile;
@@ -175,6 +176,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
+    // Arrays are images as well.
+    if is_given && is_heights(&path) && grid_format(&path)?.is_none() {
+        let why = "heights are not drawn in the window yet, deepfield render draws them";
+        return Err(format!("{}: {why}", path.display()).into());
+    }
     if is_given && DataKind::of(&path)? != DataKind::Source && settings.simulate {
         return Err(format!("{}: --simulate takes a snapshot, this is a page file or a run", path.display()).into());
     }
