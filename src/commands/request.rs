@@ -37,6 +37,12 @@ pub fn open_any<'a>(
     let shots: Vec<&Shot> = shots.into_iter().collect();
     let takes_surfaces = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_surfaces);
     let takes_fields = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_fields);
+    if let [_, _, ..] = members
+        && let Some(surface) = members.iter().find(|member| SurfaceSession::is_surface(&member.path))
+        && !FieldSession::is_field(&surface.path)
+    {
+        return Err(PictureError::of(&surface.path, "--with: heights are drawn alone yet"));
+    }
     Ok(match members {
         [only] if shots.iter().all(takes_surfaces) && (said.is_some() || SurfaceSession::is_surface(&only.path)) => {
             let said = said.cloned().unwrap_or_default();

@@ -70,6 +70,7 @@ mod explore {
     mod selections;
 }
 
+mod heights;
 mod network;
 mod outputs;
 mod tours;

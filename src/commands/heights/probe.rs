@@ -244,7 +244,6 @@ struct Under {
     y: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     height: Option<f64>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     samples: Vec<SampleUnder>,
 }
 

@@ -331,7 +331,8 @@ fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, Picture
         let away = (free.view(bounds, None)?.eye - target).length();
         let from = if placed.is_flat() { DVec3::new(0.0, -1.0, 0.9) } else { DVec3::new(1.0, -0.4, 0.5) };
         let eye = match shot.surround.is_flat() {
-            true => target + away * from.normalize(),
+            // Nearer than a box of the same size would be looked at: a surface is flat.
+            true => target + 0.72 * away * from.normalize(),
             // Around the eye there is nothing to see from within the surface.
             false => DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()),
         };
