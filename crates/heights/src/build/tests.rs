@@ -423,7 +423,7 @@ fn every_flipped_bit_is_found() {
     // Every byte of what the file says, and some of the zeros between.
     for at in 0..bytes.len() {
         let is_zero = bytes[at.saturating_sub(8)..(at + 8).min(bytes.len())].iter().all(|byte| *byte == 0);
-        if is_zero && noise.next() % 64 != 0 {
+        if is_zero && !noise.next().is_multiple_of(64) {
             continue;
         }
         let mut damaged = bytes.clone();

@@ -99,7 +99,9 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
     }
     let begins = [f32_at(466), f32_at(470)];
     if begins.iter().all(|place| place.is_finite()) {
-        grid.origin = units::in_one_unit(begins, &places).0;
+        let begins = units::in_one_unit(begins, &places).0;
+        // What is far less than a step is what rounding has left of 0.
+        grid.origin = [0, 1].map(|axis| if begins[axis].abs() < 1e-3 * grid.step[axis].abs() { 0.0 } else { begins[axis] });
     }
     grid.scale = Scale { slope: f32_at(128), intercept: f32_at(474) };
 

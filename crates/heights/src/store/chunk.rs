@@ -1,9 +1,9 @@
 //! A chunk as bytes and back.
 //!
 //! Of a leaf: its samples, and a ring of one around them where the field has them ([`crate::codec::heights`]); its planes. Of a chunk of
-//! another level: a byte whose bit 0 says that coverage is kept, and bit 1 that normals are; its samples; coverage; what is left of x, y and z of
-//! normals ([`super::normals`]); its planes. Where a leaf was not measured at all, its planes are kept still. Coverage that is not kept is 255;
-//! normals that are not kept point up.
+//! another level: a byte whose bit 0 says that coverage is kept, bit 1 that normals are, bit 2 that of their x and y only what is left is, and
+//! bit 3 the same of z ([`super::normals`]); its samples; coverage; x, y and z of normals; its planes. Where a leaf was not measured at all, its
+//! planes are kept still. Coverage that is not kept is 255; normals that are not kept point up.
 
 use super::normals;
 use crate::codec::heights;
@@ -15,6 +15,10 @@ use deepfield_data::model::SampleType;
 const COVERAGE: u8 = 1;
 /// Bit of the first byte: normals are kept.
 const NORMALS: u8 = 2;
+/// Bit of the first byte: of x and y of normals what is left is kept.
+const XY_RESTS: u8 = 4;
+/// Bit of the first byte: of z of normals what is left is kept.
+const Z_RESTS: u8 = 8;
 
 /// The samples of a chunk.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,16 +92,15 @@ pub fn encode_coarse(
     let mut out = Vec::with_capacity(stored.len() * 3);
     let has_coverage = coverage.iter().any(|coverage| *coverage != 255);
     let has_normals = normals.iter().any(|normal| *normal != UP);
-    out.push(if has_coverage { COVERAGE } else { 0 } | if has_normals { NORMALS } else { 0 });
+    let (is_rest, parts) =
+        if has_normals { normals::taken_apart(code, key, stored, normals) } else { Default::default() };
+    let flags = [(has_coverage, COVERAGE), (has_normals, NORMALS), (is_rest[0], XY_RESTS), (is_rest[1], Z_RESTS)];
+    out.push(flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, bit)| bit).sum());
     heights::encode(code.sample_type, stored, columns, &mut out);
     if has_coverage {
         heights::encode_bytes(coverage, columns, &mut out);
     }
-    if has_normals {
-        for rest in normals::rests(code, key, stored, normals) {
-            heights::encode_bytes(&rest, columns, &mut out);
-        }
-    }
+    parts.iter().filter(|part| !part.is_empty()).for_each(|part| heights::encode_bytes(part, columns, &mut out));
     planes.iter().for_each(|plane| heights::encode_bytes(plane, columns, &mut out));
     out
 }
@@ -116,7 +119,7 @@ pub fn decode(bytes: &[u8], key: ChunkKey, code: &Code<'_>, planes: usize) -> Op
             flags
         }
     };
-    if flags & !(COVERAGE | NORMALS) != 0 {
+    if flags & !(COVERAGE | NORMALS | XY_RESTS | Z_RESTS) != 0 {
         return None;
     }
     let mut stored = vec![0.0; held.len()];
@@ -128,8 +131,8 @@ pub fn decode(bytes: &[u8], key: ChunkKey, code: &Code<'_>, planes: usize) -> Op
     };
     let coverage = if flags & COVERAGE != 0 { plane()? } else { Vec::new() };
     let normals = if flags & NORMALS != 0 {
-        let rests = [plane()?, plane()?, plane()?];
-        normals::restored(code, key, &stored, &rests)
+        let parts = [plane()?, plane()?, plane()?];
+        normals::put_together(code, key, &stored, &parts, [flags & XY_RESTS != 0, flags & Z_RESTS != 0])
     } else {
         Vec::new()
     };

@@ -2,7 +2,7 @@
 //!
 //! Of x and y that is the difference from the normal of the chunk's own surface, by its slopes between the samples before and after; of z that
 //! from what would make the normal, with x and y as they are, as long as a unit. All is done in singles, whose sums, products, quotients and
-//! roots are the same everywhere; rests are modulo 256, 128 for 0.
+//! roots are the same everywhere; rests are modulo 256, 128 for 0. Where heights say little, as of noise, normals are kept as they are.
 
 use super::chunk::Code;
 use crate::hierarchy::chunks::coarse::UP;
@@ -65,36 +65,77 @@ impl<'a> Expected<'a> {
     }
 }
 
-/// What is left of x, y and z of a chunk's normals.
-pub(super) fn rests(code: &Code<'_>, key: ChunkKey, stored: &[f64], normals: &[[u8; 3]]) -> [Vec<u8>; 3] {
+/// How far from their neighbours, or from nothing, the bytes of some rows are.
+fn size(bytes: &[u8], columns: usize) -> (u64, u64) {
+    let (mut apart, mut far) = (0, 0);
+    for rows in bytes.chunks_exact(2 * columns).step_by(8) {
+        let (above, row) = rows.split_at(columns);
+        for (left_and_own, up) in row.windows(2).zip(&above[1..]) {
+            let expected = u8::midpoint(left_and_own[0], *up);
+            apart += u64::from(left_and_own[1].abs_diff(expected));
+            far += u64::from(left_and_own[1].abs_diff(UP[0]));
+        }
+    }
+    (apart, far)
+}
+
+/// The x, y and z of a chunk's normals, or what is left of them: whether of x and y, and whether of z.
+pub(super) fn taken_apart(
+    code: &Code<'_>,
+    key: ChunkKey,
+    stored: &[f64],
+    normals: &[[u8; 3]],
+) -> ([bool; 2], [Vec<u8>; 3]) {
     let expected = Expected::new(code, key, stored);
     let columns = expected.part.columns;
     let mut row_of = vec![[0; 2]; columns];
-    let mut out = [0; 3].map(|_| Vec::with_capacity(normals.len()));
+    let mut rests = [0; 3].map(|_| Vec::with_capacity(normals.len()));
     for (row, normals) in normals.chunks_exact(columns).enumerate() {
         expected.row(row, &mut row_of);
         for (normal, expected) in normals.iter().zip(&row_of) {
             let z = height_of([normal[0], normal[1]]);
             for (axis, expected) in [expected[0], expected[1], z].into_iter().enumerate() {
-                out[axis].push(normal[axis].wrapping_sub(expected).wrapping_add(UP[0]));
+                rests[axis].push(normal[axis].wrapping_sub(expected).wrapping_add(UP[0]));
             }
         }
     }
-    out
+    let plain = [0, 1, 2].map(|axis| normals.iter().map(|normal| normal[axis]).collect::<Vec<u8>>());
+    // Rests are at their best as they are, or by their neighbours.
+    let is_better = |axes: &[usize]| {
+        let sums = |parts: &[Vec<u8>; 3]| {
+            axes.iter().map(|axis| size(&parts[*axis], columns)).fold((0, 0), |sum, own| (sum.0 + own.0, sum.1 + own.1))
+        };
+        let ((apart, far), (plainly_apart, _)) = (sums(&rests), sums(&plain));
+        apart.min(far) <= plainly_apart
+    };
+    let is_rest = [is_better(&[0, 1]), is_better(&[2])];
+    let [x, y, z] = rests;
+    let [plain_x, plain_y, plain_z] = plain;
+    let (x, y) = if is_rest[0] { (x, y) } else { (plain_x, plain_y) };
+    (is_rest, [x, y, if is_rest[1] { z } else { plain_z }])
 }
 
-/// The normals of what is left.
-pub(super) fn restored(code: &Code<'_>, key: ChunkKey, stored: &[f64], rests: &[Vec<u8>; 3]) -> Vec<[u8; 3]> {
+/// The normals of what [`taken_apart`] gave.
+pub(super) fn put_together(
+    code: &Code<'_>,
+    key: ChunkKey,
+    stored: &[f64],
+    parts: &[Vec<u8>; 3],
+    is_rest: [bool; 2],
+) -> Vec<[u8; 3]> {
     let expected = Expected::new(code, key, stored);
     let columns = expected.part.columns;
-    let mut row_of = vec![[0; 2]; columns];
+    let mut row_of = vec![[UP[0]; 2]; columns];
     let mut out = Vec::with_capacity(stored.len());
     for row in 0..expected.part.rows {
-        expected.row(row, &mut row_of);
+        if is_rest[0] {
+            expected.row(row, &mut row_of);
+        }
         for (column, expected) in row_of.iter().enumerate() {
-            let rest = |axis: usize| rests[axis][row * columns + column].wrapping_sub(UP[0]);
-            let [x, y] = [0, 1].map(|axis| expected[axis].wrapping_add(rest(axis)));
-            out.push([x, y, height_of([x, y]).wrapping_add(rest(2))]);
+            let part = |axis: usize| parts[axis][row * columns + column];
+            let [x, y] = [0, 1].map(|axis| expected[axis].wrapping_add(part(axis)).wrapping_sub(UP[0]));
+            let z = if is_rest[1] { height_of([x, y]).wrapping_add(part(2)).wrapping_sub(UP[0]) } else { part(2) };
+            out.push([x, y, z]);
         }
     }
     out

@@ -133,29 +133,33 @@ impl Ramp {
 }
 
 impl Contours {
-    /// How much of a sample is line: from its height, how much the height changes within a pixel, and the sample's size in pixels. Lines that
-    /// are closer than two of their widths fade to their mean.
-    pub fn share(&self, height: f64, change: f64, size: f64) -> f32 {
-        let place = (height - self.base) / self.interval;
-        let nearest = place.round();
-        let is_major = self.major > 0 && (nearest as i64).rem_euclid(i64::from(self.major)) == 0;
-        let width = if is_major { MAJOR * self.width } else { self.width };
+    /// The height of the line that is nearest to a height.
+    pub fn nearest(&self, height: f64) -> f64 {
+        ((height - self.base) / self.interval).round().mul_add(self.interval, self.base)
+    }
+
+    /// How much of a sample is line: from the height of the line nearest to it, how far that is in pixels, how much the height changes within a
+    /// pixel, and the sample's size in pixels. Lines that are closer than two of their widths fade to their mean.
+    pub fn share(&self, nearest: f64, away: f64, change: f64, size: f64) -> f32 {
         if change <= 0.0 {
             return 0.0;
         }
-        // In pixels, as the surface is flat within one.
+        let number = ((nearest - self.base) / self.interval).round();
+        let (strength, all) = match self.major {
+            0 | 1 => (1.0, 1.0),
+            major if (number as i64).rem_euclid(i64::from(major)) == 0 => (1.0, MINOR + (1.0 - MINOR) / f64::from(major)),
+            major => (MINOR, MINOR + (1.0 - MINOR) / f64::from(major)),
+        };
         let apart = self.interval / change;
-        let away = (place - nearest).abs() * apart;
-        let line = ((0.5 * width - away) / (2.0 * EDGE * size) + 0.5).clamp(0.0, 1.0);
-        // All lines at once: what they cover, the stronger ones included.
-        let more = if self.major > 0 { (MAJOR - 1.0) / f64::from(self.major) } else { 0.0 };
-        let mean = (self.width * (1.0 + more) / apart).min(0.5);
+        let line = strength * ((0.5 * self.width - away) / (2.0 * EDGE * size) + 0.5).clamp(0.0, 1.0);
+        // All lines at once: what they cover.
+        let mean = all * (self.width / apart).min(0.5);
         let single = (apart / self.width - 1.0).clamp(0.0, 1.0);
         (single * line + (1.0 - single) * mean) as f32
     }
 }
 
-/// How many times as wide a stronger line is.
-const MAJOR: f64 = 1.8;
+/// How opaque lines are that are not stronger ones.
+const MINOR: f64 = 0.92;
 /// Half of a line's soft edge, samples.
 const EDGE: f64 = 0.3;

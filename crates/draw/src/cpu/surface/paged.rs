@@ -1,6 +1,7 @@
 //! The quadtree of a field in a page file: chunks are read and decoded as they are asked for, and the least recently used ones go first.
 
 mod decode;
+mod leaf;
 mod slopes;
 #[cfg(test)]
 mod tests;
@@ -123,8 +124,8 @@ impl PagedSurface {
                     keys.extend((node.key.level..=self.lattice.top()).map(|level| node.key.ancestor(level)));
                 }
             }
-            // Coarse ones first: they are few, and all that is finer needs them.
-            self.prefetch(&keys.into_iter().rev().collect::<Vec<_>>());
+            // Fine ones first, as drawing asks for them: where not all fit, it finds the first and reads none twice.
+            self.prefetch(&keys.into_iter().collect::<Vec<_>>());
             if damaged() == before {
                 return;
             }

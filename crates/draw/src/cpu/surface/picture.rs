@@ -12,6 +12,9 @@ use super::stitch::Scene;
 use crate::color::Colors;
 use rayon::prelude::*;
 
+/// The share of the interval between lines of equal height that the surface may be away from T.
+const LINES: f64 = 1e-3;
+
 /// How a surface is drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceOptions {
@@ -77,6 +80,7 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         tau: options.tau * f64::from(parts),
         technique: options.technique,
         looks: options.look.is_some(),
+        lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| LINES * lines.interval),
         most: options.most_nodes,
     };
     choose(source, placed, &sight.refined(parts), &choice)
@@ -94,7 +98,7 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
         let parts = parts(options.samples);
         let fine = sight.refined(parts);
         let scene = Scene::new(source, placed, chosen(source, placed, sight, options));
-        let (seen, counts) = visible(&scene, &fine, options.technique);
+        let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
         let shader = Shader::new(&scene, &fine, look, parts);
@@ -107,7 +111,7 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
         // Raw channels are of the pixels' centres, and so drawn with one sample a pixel.
         let choice = SurfaceOptions { look: None, ..options.clone() };
         let scene = Scene::new(source, placed, chosen(source, placed, sight, &choice));
-        let (seen, counts) = visible(&scene, sight, options.technique);
+        let (seen, counts) = visible(&scene, sight, options.technique, 1);
         let resolver = Resolver::new(&scene, sight);
         let width = seen.width;
         picture.raw = (0..width * seen.height)
@@ -138,16 +142,18 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
     picture
 }
 
-/// What is seen in each pixel, and how many samples, points and triangles were drawn.
-fn visible(scene: &Scene, sight: &Sight, technique: Technique) -> (Visibility, [u64; 3]) {
+/// What is seen in each sample of a picture with `parts` of them along a pixel's side, and how many samples, points and triangles were drawn.
+/// Points fill a sample where they are drawn since they leave no gap so, and else a pixel.
+fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
         Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => {
-            raster::draw(scene, view, &seen)
+            let side = if technique == Technique::Points { parts } else { 1 };
+            raster::draw(scene, view, &seen, [side, parts])
         }
         _ => {
             Caster::new(scene).draw(sight, &seen);
-            let points = raster::draw_lone(scene, sight, &seen);
+            let points = raster::draw_lone(scene, sight, &seen, parts);
             let samples = scene.meshes.iter().map(|mesh| mesh.samples.heights.len() as u64).sum();
             [samples, points, 0]
         }

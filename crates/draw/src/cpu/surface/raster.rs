@@ -26,6 +26,8 @@ const FRACTION: u32 = 16;
 const ONE: i64 = 1 << FRACTION;
 /// Furthest place of a corner, in parts of pixels; no field and camera that make sense come near.
 const FURTHEST: f64 = (1_i64 << 60) as f64;
+/// Pixels beyond which a place is not in any picture.
+const FAR: f64 = 1e9;
 /// Rows of cells that one task draws.
 const BAND: usize = 32;
 
@@ -96,6 +98,19 @@ impl Visibility {
     }
 }
 
+impl Visibility {
+    /// Keeps the nearer of what is there and a point, in a square of pixels about its place in parts of pixels.
+    fn put_square(&self, place: [i64; 2], side: u32, depth: f64, number: u32) {
+        let side = i64::from(side);
+        let [left, top] = place.map(|place| (place - (side - 1) * ONE / 2) >> FRACTION);
+        for y in top.max(0)..(top + side).min(self.height as i64) {
+            for x in left.max(0)..(left + side).min(self.width as i64) {
+                self.put(y as usize * self.width + x as usize, depth, number);
+            }
+        }
+    }
+}
+
 /// A corner in the picture.
 #[derive(Clone, Copy)]
 struct Corner {
@@ -113,12 +128,15 @@ struct Raster<'a> {
     near: f64,
     is_perspective: bool,
     clips: bool,
+    /// Pixels of a point's side, and of that of a sample in no triangle.
+    sides: [u32; 2],
     picture: &'a Visibility,
 }
 
-/// Draws all chunks of a scene into a flat picture. Also says how many samples, points and triangles that were.
-pub fn draw(scene: &Scene, view: &View, picture: &Visibility) -> [u64; 3] {
-    let raster = Raster::new(scene, view, picture);
+/// Draws all chunks of a scene into a flat picture. Points of chunks are `sides[0]` pixels of it wide, samples in no triangle `sides[1]`. Also says
+/// how many samples, points and triangles that were.
+pub fn draw(scene: &Scene, view: &View, picture: &Visibility, sides: [u32; 2]) -> [u64; 3] {
+    let raster = Raster { sides, ..Raster::new(scene, view, picture) };
     let bands: Vec<(usize, usize)> = scene
         .meshes
         .iter()
@@ -129,8 +147,8 @@ pub fn draw(scene: &Scene, view: &View, picture: &Visibility) -> [u64; 3] {
     counts.reduce(|| [0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]))
 }
 
-/// Draws the measured samples that are in no triangle as points, into any picture: rays miss them.
-pub fn draw_lone(scene: &Scene, sight: &Sight, picture: &Visibility) -> u64 {
+/// Draws the measured samples that are in no triangle as points of `side` pixels, into any picture: rays miss them.
+pub fn draw_lone(scene: &Scene, sight: &Sight, picture: &Visibility, side: u32) -> u64 {
     let vantage = Vantage::new(&scene.placed, sight.eye());
     let count = |(number, mesh): (usize, &Mesh)| {
         let mut count = 0;
@@ -142,15 +160,12 @@ pub fn draw_lone(scene: &Scene, sight: &Sight, picture: &Visibility) -> u64 {
                 count += 1;
                 let height = mesh.heights()[row * mesh.samples.columns + column];
                 let relative = vantage.relative(mesh.rows[row], mesh.columns[column], height);
-                if let Some(([x, y], depth)) = sight.project(relative)
-                    && x >= 0.0
-                    && y >= 0.0
-                    && (x as usize) < picture.width
-                    && (y as usize) < picture.height
+                if let Some((place, depth)) = sight.project(relative)
                     && sight.cut().keeps(relative + sight.eye())
                 {
                     let shown = Shown { node: number, at: [row, column], slot: None };
-                    picture.put(y as usize * picture.width + x as usize, depth, shown.pack());
+                    let place = place.map(|pixels| (pixels.clamp(-FAR, FAR) * ONE as f64) as i64);
+                    picture.put_square(place, side, depth, shown.pack());
                 }
             }
         }
@@ -166,7 +181,7 @@ impl<'a> Raster<'a> {
         // A thousandth of a sample before the eye.
         let near = if is_perspective { 1e-3 * x.min(y) } else { 0.0 };
         let vantage = Vantage::new(&scene.placed, view.eye);
-        Raster { view, vantage, near, is_perspective, clips: view.cut.clips(), picture }
+        Raster { view, vantage, near, is_perspective, clips: view.cut.clips(), sides: [1; 2], picture }
     }
 
     fn corner(&self, row: u64, column: u64, height: f64) -> Corner {
@@ -204,13 +219,12 @@ impl<'a> Raster<'a> {
             if row < last || row + 1 == rows {
                 samples += columns as u64;
                 for (column, corner) in above.iter().enumerate() {
-                    let is_point = match is_points {
-                        true => !mesh.is_on_laid(row, column) && !heights[row * columns + column].is_nan(),
-                        false => has_lone && mesh.is_lone(row, column),
-                    };
-                    if is_point || is_points && has_lone && mesh.is_lone(row, column) {
+                    let is_lone = has_lone && mesh.is_lone(row, column);
+                    let is_point = is_points && !mesh.is_on_laid(row, column) && !heights[row * columns + column].is_nan();
+                    if is_point || is_lone {
                         points += 1;
-                        self.point(corner, Shown { node: number, at: [row, column], slot: None });
+                        let side = self.sides[usize::from(is_lone)];
+                        self.point(corner, Shown { node: number, at: [row, column], slot: None }, side);
                     }
                 }
             }
@@ -239,12 +253,8 @@ impl<'a> Raster<'a> {
         [samples, points, triangles]
     }
 
-    fn point(&self, corner: &Corner, shown: Shown) {
+    fn point(&self, corner: &Corner, shown: Shown, side: u32) {
         if corner.camera.z < self.near || corner.camera.z.is_nan() {
-            return;
-        }
-        let [x, y] = corner.place.map(|place| place >> FRACTION);
-        if x < 0 || y < 0 || x >= self.picture.width as i64 || y >= self.picture.height as i64 {
             return;
         }
         let View { right, up, forward, eye, .. } = *self.view;
@@ -254,7 +264,7 @@ impl<'a> Raster<'a> {
                 return;
             }
         }
-        self.picture.put(y as usize * self.picture.width + x as usize, corner.camera.z, shown.pack());
+        self.picture.put_square(corner.place, side, corner.camera.z, shown.pack());
     }
 
     /// A triangle with the corners that finer neighbours add to its edges.

@@ -34,7 +34,10 @@ pub struct RayHit {
     pub shown: Shown,
 }
 
-/// Ranges of heights over squares of a chunk's cells, from single cells up.
+/// Squares of cells from this level on know their range of heights: those of 4 x 4.
+const FIRST: usize = 2;
+
+/// Ranges of heights over squares of a chunk's cells: those of 4 x 4, of 8 x 8, and so on.
 struct Pyramid {
     levels: Vec<Squares>,
 }
@@ -47,14 +50,20 @@ struct Squares {
 
 impl Pyramid {
     fn new(mesh: &Mesh) -> Pyramid {
-        let (rows, columns) = (mesh.samples.rows - 1, mesh.samples.columns - 1);
-        let cell = |index: usize| {
-            let cell = mesh.cell(index / columns, index % columns);
+        let (all_rows, all_columns) = (mesh.samples.rows - 1, mesh.samples.columns - 1);
+        let cell = |row: usize, column: usize| {
+            let cell = mesh.cell(row, column);
             // Two corners hold nothing.
             let heights = cell.0.into_iter().filter(|height| !height.is_nan() && cell.measured() > 2);
             heights.fold(EMPTY, |range, height| joined(range, [height; 2]))
         };
-        let mut levels = vec![Squares { rows, columns, ranges: (0..rows * columns).map(cell).collect() }];
+        let (rows, columns) = (all_rows.div_ceil(1 << FIRST), all_columns.div_ceil(1 << FIRST));
+        let square = |index: usize| {
+            let ends = |first: usize, all: usize| first << FIRST..((first + 1) << FIRST).min(all);
+            let cells = ends(index / columns, all_rows).flat_map(|r| ends(index % columns, all_columns).map(move |c| (r, c)));
+            cells.fold(EMPTY, |range, (r, c)| joined(range, cell(r, c)))
+        };
+        let mut levels = vec![Squares { rows, columns, ranges: (0..rows * columns).map(square).collect() }];
         while let Some(last) = levels.last()
             && (last.rows > 1 || last.columns > 1)
         {
@@ -71,8 +80,19 @@ impl Pyramid {
         Pyramid { levels }
     }
 
+    /// The level of the square that is the whole chunk.
+    fn top(&self) -> usize {
+        self.levels.len() - 1 + FIRST
+    }
+
     fn range(&self) -> Range {
         self.levels.last().and_then(|level| level.ranges.first()).copied().unwrap_or(EMPTY)
+    }
+
+    /// The range of a square; `None` where it is not known.
+    fn range_of(&self, level: usize, [row, column]: [usize; 2]) -> Option<Range> {
+        let squares = self.levels.get(level.checked_sub(FIRST)?)?;
+        squares.ranges.get(row * squares.columns + column).copied()
     }
 }
 
@@ -143,10 +163,10 @@ impl<'a> Caster<'a> {
     fn cast_branch(&self, number: usize, ray: &GridRay, span: [f64; 2]) -> Option<RayHit> {
         let branch = &self.branches[number];
         let [rows, columns] = branch.rectangle.map(|ends| ends.map(|end| end as f64));
-        let span = within(ray, rows, columns, branch.range, span)?;
+        let span = within(ray, rows, columns, Some(branch.range), span)?;
         match &branch.below {
             Below::Mesh(mesh) => {
-                let top = self.pyramids[*mesh].levels.len() - 1;
+                let top = self.pyramids[*mesh].top();
                 self.cast_square(*mesh, top, [0, 0], ray, span)
             }
             Below::Parts(parts) => {
@@ -175,14 +195,17 @@ impl<'a> Caster<'a> {
         span: [f64; 2],
     ) -> Option<RayHit> {
         let mesh = &self.scene.meshes[number];
-        let squares =
-            self.pyramids[number].levels.get(level).filter(|squares| row < squares.rows && column < squares.columns)?;
+        let last = [mesh.rows.len() - 1, mesh.columns.len() - 1];
+        if row << level >= last[0] || column << level >= last[1] {
+            return None;
+        }
         let ends = |places: &[u64], index: usize| {
             let last = places.len() - 1;
             [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
         };
         let (rows, columns) = (ends(&mesh.rows, row), ends(&mesh.columns, column));
-        let span = within(ray, rows, columns, squares.ranges[row * squares.columns + column], span)?;
+        let range = self.pyramids[number].range_of(level, [row, column]);
+        let span = within(ray, rows, columns, range, span)?;
         if level == 0 {
             return self.cast_cell(number, [row, column], ray, span[0]);
         }
@@ -276,35 +299,31 @@ fn backwards(ray: &GridRay) -> [usize; 2] {
     [usize::from(ray.direction[1] < 0.0), usize::from(ray.direction[0] < 0.0)]
 }
 
-/// The part of a ray in a box; `None` where it passes by.
+/// The part of a ray over a rectangle, and within a range of heights where there is one; `None` where it passes by.
 fn within(
     ray: &GridRay,
     rows: [f64; 2],
     columns: [f64; 2],
-    range: Range,
+    range: Option<Range>,
     [mut from, mut to]: [f64; 2],
 ) -> Option<[f64; 2]> {
-    if range[0] > range[1] {
-        return None;
-    }
-    let hair = HAIR * (range[1] - range[0]) + 1e-12 * range[0].abs().max(range[1].abs());
-    let sides = [columns, rows, range];
-    let hairs = [columns[1], rows[1]].map(|end| HAIR + 1e-14 * end);
-    for axis in 0..3 {
-        let hair = if axis == 2 { hair } else { hairs[axis] };
-        let (low, high) = (sides[axis][0] - hair, sides[axis][1] + hair);
+    let mut cut = |axis: usize, [low, high]: Range, hair: f64| {
+        let (low, high) = (low - hair, high + hair);
         let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
         if direction == 0.0 {
-            if origin < low || origin > high {
-                return None;
-            }
-            continue;
+            return (low..=high).contains(&origin);
         }
         let (a, b) = ((low - origin) / direction, (high - origin) / direction);
-        from = from.max(a.min(b));
-        to = to.min(a.max(b));
-    }
-    (from <= to).then_some([from, to])
+        (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
+        from <= to
+    };
+    let is_over = cut(0, columns, HAIR + 1e-14 * columns[1]) && cut(1, rows, HAIR + 1e-14 * rows[1]);
+    let is_in = is_over
+        && range.is_none_or(|range| {
+            let hair = HAIR * (range[1] - range[0]) + 1e-12 * range[0].abs().max(range[1].abs());
+            range[0] <= range[1] && cut(2, range, hair)
+        });
+    is_in.then_some([from, to])
 }
 
 /// The part of a ray before the eye, in a box of the world.

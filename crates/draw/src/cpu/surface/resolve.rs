@@ -181,17 +181,17 @@ impl<'a> Resolver<'a> {
 
     /// The place of the surface at a pixel's centre, for looks: as [`Resolver::hit`], but where a point is shown it is where the centre's ray
     /// meets a triangle of its sample, as points are there to find those quickly; where it meets none, what a ray finds; and nothing where that
-    /// passes by. Where there are holes a point stands for its pixel with the share that is covered.
+    /// passes by. A sample in no triangle is a point, and so is one of a field that is thinner than a pixel.
     pub fn look(&self, shown: Shown, pixel: [f64; 2]) -> Option<Hit> {
         let mesh = self.scene.meshes.get(shown.node)?;
-        if shown.slot.is_some() || !mesh.samples.coverage.is_empty() {
+        let [row, column] = shown.at;
+        if shown.slot.is_some() || mesh.is_lone(row, column) || self.is_thin(mesh, [row, column]) {
             return self.hit(shown, pixel);
         }
         let Some(ray) = self.sight.ray(pixel).and_then(|(origin, direction)| self.scene.placed.ray(origin, direction))
         else {
             return self.hit(shown, pixel);
         };
-        let [row, column] = shown.at;
         let mut best: Option<(f64, Shown)> = None;
         for (up, left) in [(1, 1), (1, 0), (0, 1), (0, 0)] {
             if row < up
@@ -215,11 +215,26 @@ impl<'a> Resolver<'a> {
                 }
             }
         }
-        let found = best.map(|(_, shown)| shown).or_else(|| {
-            let caster = self.caster.get_or_init(|| Caster::new(self.scene));
-            caster.cast_pixel(self.sight, pixel).map(|hit| hit.shown)
-        });
-        found.and_then(|shown| self.hit(shown, pixel))
+        match best {
+            Some((_, shown)) => self.hit(shown, pixel),
+            None => self.cast(pixel),
+        }
+    }
+
+    /// What a ray finds at a place of the picture.
+    pub fn cast(&self, pixel: [f64; 2]) -> Option<Hit> {
+        let caster = self.caster.get_or_init(|| Caster::new(self.scene));
+        self.hit(caster.cast_pixel(self.sight, pixel)?.shown, pixel)
+    }
+
+    /// Whether the whole field is less than two pixels across where a sample is.
+    fn is_thin(&self, mesh: &Mesh, [row, column]: [usize; 2]) -> bool {
+        let placed = &self.scene.placed;
+        let [across, along] = placed.spacing();
+        let size = [across * (placed.samples[0] - 1) as f64, along * (placed.samples[1] - 1) as f64];
+        let height = mesh.heights()[row * mesh.samples.columns + column];
+        let seen = self.sight.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height));
+        seen.is_some_and(|(_, depth)| size[0].min(size[1]) * self.sight.pixels_at(depth) < 2.0)
     }
 
     /// The place of what is shown at a place of the picture.

@@ -4,7 +4,7 @@
 //! - its largest distance from T may show as more than `tau` pixels,
 //! - or there are holes in it and neighbouring samples may be more than `tau` pixels apart: so no pixel further than that inside a hole is
 //!   covered, and none further inside T is missing,
-//! - or what it looks like differs from what finer levels look like, and its samples are more than a pixel apart.
+//! - or what it looks like differs from what finer levels look like, and its samples are more than about a pixel apart.
 //!
 //! The worst is refined first, so that what a budget leaves out is what shows least. A chunk whose finer ones are not there stands in for them.
 
@@ -22,6 +22,8 @@ use std::collections::{BinaryHeap, HashMap};
 pub const POINT_LIMIT: f64 = 0.999;
 /// The least error in pixels at which points are drawn: they show a place of their pixel, but not its middle.
 pub const EXACT: f64 = 0.05;
+/// Samples that looks differ between are at most so many pixels apart: what a pixel looks like is read from about there.
+const LOOKED: f64 = 0.7;
 /// Differences of normals, and of colours from 0 to 1, that do not show.
 pub const UNSEEN: f32 = 0.01;
 /// Most chunks of a cut: as many as a pixel's number has room for.
@@ -59,6 +61,9 @@ pub struct Choice {
     pub technique: Technique,
     /// Whether what it looks like counts: not where only places are asked for.
     pub looks: bool,
+    /// Largest distance from T, in units of height, at which lines of equal height are where they belong; infinite where there are none: a
+    /// line on a gentle slope moves far for little.
+    pub lines: f64,
     /// Most chunks.
     pub most: usize,
 }
@@ -231,8 +236,8 @@ impl Chooser<'_> {
         if self.choice.technique == Technique::Points {
             want = want.max(ratio(apart_px, POINT_LIMIT));
         }
-        if self.choice.looks && facts.deviation > UNSEEN {
-            want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), 1.0));
+        if self.choice.looks && facts.deviation > UNSEEN || facts.delta > self.choice.lines {
+            want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), LOOKED));
         }
         if key.level == 0 {
             want = 0.0;

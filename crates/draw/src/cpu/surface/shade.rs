@@ -20,6 +20,17 @@ pub use super::look::{Contours, Look};
 /// Most colour planes that a place is read with.
 const PLANES: usize = 4;
 
+/// How much finer than a pixel a level is taken: what is read between its samples is a mean over about twice their distance, and pixels of a
+/// small picture are nearest to the means of a large one with this.
+const FINER: f64 = 0.65;
+
+/// Widths of a line from it within which a sample looks where it really is.
+const REACH: f64 = 4.0;
+/// Most steps to where a line is.
+const SECANTS: u32 = 8;
+/// Rays along a pixel's side where a surface ends in it.
+const ENDS: u32 = 4;
+
 /// What a place looks like.
 #[derive(Clone, Copy, Debug, Default)]
 struct Texel {
@@ -64,11 +75,13 @@ impl<'a> Shader<'a> {
         Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes }
     }
 
-    /// Colours in linear light, premultiplied with alpha, and depths: infinite where some sample of a pixel shows nothing.
+    /// Colours in linear light, premultiplied with alpha, and depths: infinite where some sample of a pixel shows nothing. Where the surface
+    /// ends, but for holes, more rays say how much of a pixel it covers.
     pub fn shade(&self, seen: &Visibility, [width, height]: [usize; 2]) -> (Vec<[f32; 4]>, Vec<f32>) {
         let parts = self.parts as usize;
         let pixel = |index: usize| {
             let (x, y) = (index % width * parts, index / width * parts);
+            let is_end = parts > 1 && self.is_end(seen, [x, y]);
             let (mut color, mut depth) = ([0.0_f32; 4], 0.0_f32);
             for (x, y) in (y..y + parts).flat_map(|y| (x..x + parts).map(move |x| (x, y))) {
                 let place = [x as f64 + 0.5, y as f64 + 0.5];
@@ -78,12 +91,47 @@ impl<'a> Shader<'a> {
                     continue;
                 };
                 depth = depth.max(hit.depth as f32);
-                let sample = self.color(&hit, place);
-                (0..4).for_each(|k| color[k] += sample[k]);
+                if !is_end {
+                    let sample = self.color(&hit, place);
+                    (0..4).for_each(|k| color[k] += sample[k]);
+                }
+            }
+            if is_end {
+                return (self.end([x, y]), depth);
             }
             (color.map(|sum| sum / (parts * parts) as f32), depth)
         };
         (0..width * height).into_par_iter().map(pixel).unzip()
+    }
+
+    /// Whether a surface without holes ends in a pixel or next to it.
+    fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
+        let parts = self.parts as usize;
+        let (mut hits, mut misses) = (false, false);
+        for y in top.saturating_sub(1)..(top + parts + 1).min(seen.height) {
+            for x in left.saturating_sub(1)..(left + parts + 1).min(seen.width) {
+                match seen.at(y * seen.width + x) {
+                    Some(shown) if !self.resolver.scene.meshes[shown.node].samples.coverage.is_empty() => return false,
+                    Some(_) => hits = true,
+                    None => misses = true,
+                }
+            }
+        }
+        hits && misses && self.resolver.scene.placed.is_flat()
+    }
+
+    /// The colour of a pixel in which a surface ends.
+    fn end(&self, [left, top]: [usize; 2]) -> [f32; 4] {
+        let mut color = [0.0_f32; 4];
+        let step = f64::from(self.parts) / f64::from(ENDS);
+        for (i, j) in (0..ENDS).flat_map(|j| (0..ENDS).map(move |i| (i, j))) {
+            let place = [left as f64 + (f64::from(i) + 0.5) * step, top as f64 + (f64::from(j) + 0.5) * step];
+            if let Some(hit) = self.resolver.cast(place) {
+                let sample = self.color(&hit, place);
+                (0..4).for_each(|k| color[k] += sample[k]);
+            }
+        }
+        color.map(|sum| sum / (ENDS * ENDS) as f32)
     }
 
     /// The colour of a hit at a place of the picture: linear light, premultiplied.
@@ -154,17 +202,43 @@ impl<'a> Shader<'a> {
         };
         const STEP: f64 = 0.25;
         let parts = f64::from(self.parts);
-        // Widths are in pixels, this is in samples. A surface that is seen from its edge has all of its lines there.
-        let change = match (height(x + STEP, y), height(x, y + STEP)) {
-            (Some(right), Some(below)) => (right - here).hypot(below - here) / STEP * parts,
-            _ => f64::MAX,
+        let nearest = contours.nearest(here);
+        // A surface that is seen from its edge has all of its lines there.
+        let (Some(right), Some(below)) = (height(x + STEP, y), height(x, y + STEP)) else {
+            return contours.share(nearest, 0.0, f64::MAX, 1.0);
         };
-        contours.share(here, change, 1.0 / parts)
+        // Widths are in pixels, this is in samples.
+        let rise = [(right - here) / STEP, (below - here) / STEP];
+        let steep = rise[0].hypot(rise[1]);
+        let mut away = (nearest - here).abs() / steep;
+        // Where the line is told to be the surface may have another slope: by secants to where it is.
+        if away > 0.0 && away < REACH * contours.width * parts {
+            let up = rise.map(|rise| rise / steep * (nearest - here).signum());
+            let (mut last, mut is_found) = ((0.0, here), false);
+            for _ in 0..SECANTS {
+                let Some(there) = self.resolver.cast([x + up[0] * away, y + up[1] * away]) else { break };
+                let next = away + (nearest - there.under[2]) * (away - last.0) / (there.under[2] - last.1);
+                if next.is_nan() || next <= 0.0 {
+                    break;
+                }
+                last = (away, there.under[2]);
+                away = next.clamp(0.25 * away, 4.0 * away);
+                if (next - last.0).abs() < 0.02 {
+                    is_found = true;
+                    break;
+                }
+            }
+            // The surface ends before, or another one is in front of it.
+            if !is_found {
+                away = f64::INFINITY;
+            }
+        }
+        contours.share(nearest, away / parts, steep * parts, 1.0 / parts)
     }
 
     /// What a hit looks like at the distance of its pixels.
     fn texel(&self, hit: &Hit) -> Texel {
-        let wanted = self.resolver.level_at(hit.depth);
+        let wanted = self.resolver.level_at(hit.depth) - FINER;
         let (first, share) = self.resolver.levels(hit.shown.node, wanted);
         let nothing = Texel { normal: [0.0, 0.0, 1.0], range: [hit.under[2]; 2], ..Texel::default() };
         let mut texel = self.texel_at(hit, first).unwrap_or(nothing);

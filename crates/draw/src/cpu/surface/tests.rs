@@ -118,14 +118,14 @@ fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 2]) -> View
     let high = field.stored.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     loop {
         let target = DVec3::new(columns * random.between(0.3, 0.7), rows * random.between(0.3, 0.7), 0.0);
-        let away = 10.0_f64.powf(random.between(0.3, 2.4));
+        let away = 10.0_f64.powf(random.between(0.3, 2.9));
         let lean = random.between(0.0, 1.2);
         let turn = random.between(0.0, 6.3);
         let aside = DVec3::new(turn.cos() * lean.sin(), turn.sin() * lean.sin(), lean.cos());
         let eye = target + DVec3::Z * high + away * aside;
         let projection = match random.next() < 0.7 {
             true => Projection::Perspective { fov_y: random.between(0.2, 0.9) },
-            false => Projection::Orthographic { height: random.between(5.0, 300.0) },
+            false => Projection::Orthographic { height: random.between(5.0, 900.0) },
         };
         let up = DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3);
         let Ok(view) = View::look_at(eye, target, up, projection, size[0], size[1]) else { continue };

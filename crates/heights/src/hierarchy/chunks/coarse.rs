@@ -69,11 +69,16 @@ pub fn row(
         planes: vec![Vec::with_capacity(columns); planes],
     };
     let row_for = stand_in(&lattice, 0, level, row);
+    let cells_of = |axis: usize, index: u64| {
+        let [first, end] = lattice.stands_for(axis, level, index);
+        end - first
+    };
+    let (tall, last) = (cells_of(0, row_for), columns.saturating_sub(1));
     let mut carried = 0.0;
     for column in 0..columns {
-        let own = stand_in(&lattice, 1, level, column as u64);
+        let own = if column < last { column as u64 } else { stand_in(&lattice, 1, level, column as u64) };
         let sum_here = sum(own as usize);
-        let cells = lattice.cells(level, [row_for, own]);
+        let cells = tall * cells_of(1, own);
         let is_counted = row_for == row && own == column as u64;
         let mut coverage = coverage(&sum_here, cells, is_counted, &mut carried);
         let at = lattice.below(1, level, column as u64) as usize;
@@ -145,7 +150,8 @@ fn mean_normal(sum: &WideSum) -> ([u8; 3], u8) {
     if sum.area == 0 {
         return (UP, 0);
     }
-    let mean = sum.normal.map(|normal| normal as f64 / (sum.area as f64 * f64::from(UNIT)));
+    let share = 1.0 / (sum.area as f64 * f64::from(UNIT));
+    let mean = sum.normal.map(|normal| normal as f64 * share);
     let length: f64 = mean.iter().map(|part| part * part).sum();
     let bytes = [128.0 + 127.0 * mean[0], 128.0 + 127.0 * mean[1], 255.0 * mean[2]].map(|value| (value + 0.5) as u8);
     // Rounding of the sums' normals alone makes up to 2 / UNIT.

@@ -80,8 +80,10 @@ pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
             if cell.measured() < 4 {
                 is_broken = true;
                 broken(fine, [top, column << level], size, cell, &mut range);
-            } else if tall != size[1] || !is_whole {
+            } else if tall != size[1] {
                 along(fine, [top, column << level], size, ([0, 0], cell.0[0]), (size, cell.0[3]), &mut range);
+            } else if !is_whole {
+                middles(fine, [top, column << level], tall, (cell.0[0], cell.0[3]), &mut range);
             }
         }
         let is_last = cell_row + 1 == cells[0];
@@ -151,6 +153,17 @@ fn broken(fine: Fine<'_>, [top, left]: [usize; 2], [tall, wide]: [usize; 2], cel
     let [a, b, d, e] = cell.0;
     along(fine, [top, left], [tall, wide], ([0, 0], a), ([tall, wide], e), range);
     along(fine, [top, left], [tall, wide], ([0, wide], b), ([tall, 0], d), range);
+}
+
+/// Looks along the diagonal of a square: T's other diagonals cross it in the middle of cells, where these lack a corner on it.
+fn middles(fine: Fine<'_>, [top, left]: [usize; 2], size: usize, (first, last): (f64, f64), range: &mut Range) {
+    for step in 0..size {
+        let Cell([a, b, d, e]) = fine.cell(top + step, left + step);
+        if a.is_nan() != e.is_nan() {
+            let share = (step as f64 + 0.5) / size as f64;
+            range.add((b + d) / 2.0 - (first + (last - first) * share));
+        }
+    }
 }
 
 /// Looks along an edge of a surface, between two corners of a cell, wherever edges of T may cross it; `from` and `to` are a corner's row and

@@ -2,17 +2,16 @@
 
 use super::rays::{noisy, random, rays};
 use crate::build::{HeightBuildOptions, HeightOrigin, build_heights};
-use crate::hierarchy::chunks::coarse::UP;
-use crate::hierarchy::chunks::{Coverage, Lattice};
+use crate::hierarchy::chunks::{ChunkNode, Coverage, Lattice, Part};
 use crate::measure::ray::MinMax;
 use crate::measure::{PagedPyramid, Pick, Pyramid, Ray, Rise, cast_all, pick, pick_all};
-use crate::model::{Cell, HeightError, HeightField, HeightGrid, Heights, Plane, Window, facts_of};
+use crate::model::{Cell, HeightError, HeightField, HeightGrid, Heights, Invalid, Plane, Window, facts_of};
 use crate::store::{HeightAbout, HeightFile, HeightFileWriter, chunk};
 use deepfield_data::model::{ReadMethod, SampleType, Scale};
 use proptest::prelude::*;
 use std::path::Path;
 
-/// A file of a field with chunks of any size, whose coarse chunks have nothing in them.
+/// A file of a field with chunks of any size, whose coarse chunks have no samples.
 fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
     let grid = &field.grid;
     let lattice = Lattice { samples: [grid.rows, grid.columns], side_bits };
@@ -21,7 +20,7 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
         let part = lattice.part(key);
         let (mut node, bytes) = if key.level == 0 {
             let held = lattice.ringed(part);
-            let window = |part: &crate::hierarchy::chunks::Part| Window {
+            let window = |part: &Part| Window {
                 row: part.row,
                 column: part.column,
                 rows: part.rows as u64,
@@ -32,7 +31,7 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
             let planes: Vec<Vec<u8>> = (0..grid.planes.len()).map(|_| vec![7; part.len()]).collect();
             let mut own = vec![0.0; part.len()];
             field.heights(window(&part), &mut own).unwrap();
-            let mut node = crate::hierarchy::chunks::ChunkNode::default();
+            let mut node = ChunkNode::default();
             for height in own.iter().filter(|height| !height.is_nan()) {
                 (node.min, node.max) = (node.min.min(*height), node.max.max(*height));
             }
@@ -45,15 +44,14 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
             }
             (node, chunk::encode_leaf(grid.sample_type, &stored, held.columns, &planes, part.columns))
         } else {
-            let mut node = crate::hierarchy::chunks::ChunkNode::default();
+            let mut node = ChunkNode::default();
             for child in lattice.children(key) {
                 let child = *writer.node(child).unwrap();
                 (node.min, node.max, node.area) =
                     (node.min.min(child.min), node.max.max(child.max), node.area + child.area);
             }
-            let (nothing, whole, up) = (vec![f64::NAN; part.len()], vec![255; part.len()], vec![UP; part.len()]);
-            let planes: Vec<Vec<u8>> = (0..grid.planes.len()).map(|_| vec![7; part.len()]).collect();
-            (node, chunk::encode_coarse(grid.sample_type, part.columns, &nothing, &whole, &up, &planes))
+            // Rays do not ask for its samples.
+            (node, vec![0])
         };
         node.coverage = if node.min <= node.max { Coverage::Partial } else { Coverage::None };
         if node.coverage != Coverage::None {
@@ -69,7 +67,7 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
         notes: Vec::new(),
         grid: grid.clone(),
         facts: facts_of(field).unwrap(),
-        invalid: crate::model::Invalid::default(),
+        invalid: Invalid::default(),
         area: 0,
         slopes: [1.0; 2],
         levels: Vec::new(),
@@ -78,7 +76,7 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
     HeightFile::open(path, ReadMethod::default()).unwrap()
 }
 
-/// A field of a type with holes of a kind, and of two measured samples of three with nothing around them far beyond all others.
+/// A field of a type with holes of a kind: none, at random, or a lake with measured samples in it that are in no triangle, far beyond all others.
 fn field(columns: u64, rows: u64, sample_type: SampleType, holes: u32, seed: u64) -> HeightField {
     let mut next = random(seed);
     let mut field = noisy(columns, rows, [0.0, 0.2, 0.7, 0.95, 0.0][holes as usize], seed);
@@ -89,7 +87,7 @@ fn field(columns: u64, rows: u64, sample_type: SampleType, holes: u32, seed: u64
         let height = if sample_type.is_float() { f64::from(height as f32) } else { height.round() };
         let is_in = (place[0] - lake[0]).hypot(place[1] - lake[1]) < lake[2];
         *value = if holes == 4 && is_in { f64::NAN } else { height };
-        if holes == 4 && is_in && at % 97 == 0 && (at as u64 / columns) % 2 == 0 {
+        if holes == 4 && is_in && at % 97 == 0 && (at as u64 / columns).is_multiple_of(2) {
             *value = if at % 2 == 0 { 0.0 } else { 120.0 };
         }
     }

@@ -1,15 +1,12 @@
 //! Chunks of a page file as they are drawn.
-//!
-//! Leaves keep no normals and no coverage: both follow from the samples and the ring of those around them, so that they are the same on both
-//! sides of a border.
 
 use super::super::source::NodeSamples;
+use super::leaf::{self, Held};
 use super::slopes::is_same;
 use crate::color::colors::to_linear;
 use deepfield_data::model::Scale;
 use deepfield_heights::hierarchy::chunks::Part;
 use deepfield_heights::hierarchy::chunks::coarse::normal_of;
-use deepfield_heights::model::Cell;
 use deepfield_heights::store::{Chunk, HeightAbout};
 
 /// What a chunk's values mean.
@@ -20,50 +17,10 @@ pub(super) struct Decoder {
     slopes: [f64; 2],
     /// By how much steeper these are than those that the file's normals are made of, where they differ.
     steeper: Option<[f32; 2]>,
+    /// Parts of a normal by their byte.
+    parts: [[f32; 3]; 256],
     /// Light of each value of a plane.
     light: [f32; 256],
-}
-
-/// The unit normals of a cell's triangles, and which triangles it has.
-#[derive(Clone, Copy)]
-struct CellNormals {
-    units: [[f64; 3]; 2],
-    kind: usize,
-}
-
-/// Kinds of cells: two triangles; one, without one of the corners 0 to 3; none; beside the field.
-const WHOLE: usize = 0;
-const NONE: usize = 5;
-const OUTSIDE: usize = 6;
-
-/// How much of a cell's triangles is nearest to each of its corners: of a triangle half is at the right angle.
-const SHARES: [[[f32; 2]; 4]; 7] = [
-    [[0.125, 0.125], [0.25, 0.0], [0.0, 0.25], [0.125, 0.125]],
-    [[0.0, 0.0], [0.125, 0.0], [0.125, 0.0], [0.25, 0.0]],
-    [[0.125, 0.0], [0.0, 0.0], [0.25, 0.0], [0.125, 0.0]],
-    [[0.125, 0.0], [0.25, 0.0], [0.0, 0.0], [0.125, 0.0]],
-    [[0.25, 0.0], [0.125, 0.0], [0.125, 0.0], [0.0, 0.0]],
-    [[0.0; 2]; 4],
-    [[0.0; 2]; 4],
-];
-
-impl CellNormals {
-    const OUTSIDE: CellNormals = CellNormals { units: [[0.0; 3]; 2], kind: OUTSIDE };
-
-    fn of(cell: Cell, slopes: [f64; 2]) -> CellNormals {
-        let mut units = [[0.0; 3]; 2];
-        for (unit, triangle) in units.iter_mut().zip(cell.triangles()) {
-            let [x, y] = [triangle.at[1] * slopes[0], triangle.at[2] * slopes[1]];
-            let length = (x * x + y * y + 1.0).sqrt();
-            *unit = [-x / length, -y / length, 1.0 / length];
-        }
-        let kind = match (cell.measured(), cell.0.iter().position(|height| height.is_nan())) {
-            (4, _) => WHOLE,
-            (3, Some(corner)) => corner + 1,
-            _ => NONE,
-        };
-        CellNormals { units, kind }
-    }
 }
 
 impl Decoder {
@@ -78,6 +35,7 @@ impl Decoder {
             planes: about.grid.planes.len(),
             slopes,
             steeper: (is_usable && !is_same(slopes, kept)).then(|| steeper.map(|steeper| steeper as f32)),
+            parts: std::array::from_fn(|byte| normal_of([byte as u8; 3])),
             light: std::array::from_fn(|value| to_linear(value as f32 / 255.0)),
         }
     }
@@ -90,12 +48,19 @@ impl Decoder {
     /// A chunk's samples.
     pub(super) fn samples(&self, chunk: Chunk) -> NodeSamples {
         let Chunk { key, part, held, mut stored, coverage, normals, planes } = chunk;
-        stored.iter_mut().for_each(|value| *value = self.scale.value(*value));
+        if self.scale != Scale::NONE {
+            stored.iter_mut().for_each(|value| *value = self.scale.value(*value));
+        }
         let planes =
             planes.iter().map(|plane| plane.iter().map(|value| self.light[usize::from(*value)]).collect()).collect();
         let (rows, columns) = (part.rows, part.columns);
         if key.level == 0 {
-            let (coverage, normals) = self.leaf(&stored, &held, &part);
+            let margin = [(part.row - held.row) as usize, (part.column - held.column) as usize];
+            let around = Held { heights: &stored, columns: held.columns, margin, size: [rows, columns] };
+            let (mut coverage, normals) = leaf::about(&around, self.slopes);
+            if coverage.iter().all(|share| *share == u8::MAX) {
+                coverage = Vec::new();
+            }
             return NodeSamples {
                 rows,
                 columns,
@@ -108,7 +73,13 @@ impl Decoder {
         }
         let normals = match normals.is_empty() {
             true => vec![[0.0, 0.0, 1.0]; part.len()],
-            false => normals.into_iter().map(|bytes| self.turned(normal_of(bytes))).collect(),
+            false => {
+                let normal = |bytes: &[u8; 3]| [0, 1, 2].map(|axis| self.parts[usize::from(bytes[axis])][axis]);
+                match self.steeper {
+                    None => normals.iter().map(normal).collect(),
+                    Some(steeper) => normals.iter().map(|bytes| turned(normal(bytes), steeper)).collect(),
+                }
+            }
         };
         NodeSamples { rows, columns, heights: stored, coverage, normals, ranges: Vec::new(), planes }
     }
@@ -126,72 +97,14 @@ impl Decoder {
             planes: vec![vec![0.0; count]; self.planes],
         }
     }
-
-    /// A mean normal of the file in the world: turned, and as long as it was.
-    fn turned(&self, normal: [f32; 3]) -> [f32; 3] {
-        let Some([along_columns, along_rows]) = self.steeper else { return normal };
-        let length = |[x, y, z]: [f32; 3]| (x * x + y * y + z * z).sqrt();
-        let turned = [normal[0] * along_columns, normal[1] * along_rows, normal[2]];
-        let grown = length(turned);
-        if grown > 0.0 { turned.map(|part| part * (length(normal) / grown)) } else { normal }
-    }
-
-    /// Coverage (nothing where all is) and normals of a leaf's own samples, from the heights that it holds.
-    fn leaf(&self, heights: &[f64], held: &Part, part: &Part) -> (Vec<u8>, Vec<[f32; 3]>) {
-        let margin = [(part.row - held.row) as usize, (part.column - held.column) as usize];
-        // A row of cells, with one that is outside at both ends: sample `c` is between cells `c` and `c + 1`.
-        let cells = |below: usize, out: &mut Vec<CellNormals>| {
-            out.clear();
-            out.push(CellNormals::OUTSIDE);
-            if below == 0 || below == held.rows {
-                out.resize(held.columns + 1, CellNormals::OUTSIDE);
-                return;
-            }
-            let (upper, lower) = heights[(below - 1) * held.columns..(below + 1) * held.columns].split_at(held.columns);
-            let corners = upper.windows(2).zip(lower.windows(2));
-            out.extend(corners.map(|(up, low)| CellNormals::of(Cell([up[0], up[1], low[0], low[1]]), self.slopes)));
-            out.push(CellNormals::OUTSIDE);
-        };
-        let (mut above, mut below) = (Vec::with_capacity(held.columns + 1), Vec::with_capacity(held.columns + 1));
-        let (mut coverage, mut normals) = (Vec::with_capacity(part.len()), Vec::with_capacity(part.len()));
-        cells(margin[0], &mut below);
-        for row in margin[0]..margin[0] + part.rows {
-            std::mem::swap(&mut above, &mut below);
-            cells(row + 1, &mut below);
-            for column in margin[1]..margin[1] + part.columns {
-                let around =
-                    [(&above[column], 3), (&above[column + 1], 2), (&below[column], 1), (&below[column + 1], 0)];
-                let is_measured = !heights[row * held.columns + column].is_nan();
-                let (share, normal) = about_sample(around, is_measured);
-                coverage.push(share);
-                normals.push(normal);
-            }
-        }
-        if coverage.iter().all(|share| *share == u8::MAX) {
-            coverage.clear();
-        }
-        (coverage, normals)
-    }
 }
 
-/// Coverage and mean normal of what is nearest to a sample, from the cells around it, each with the number of the corner that the sample is.
-#[inline]
-fn about_sample(around: [(&CellNormals, usize); 4], is_measured: bool) -> (u8, [f32; 3]) {
-    let (mut area, mut total, mut sum) = (0.0_f32, 0.0_f32, [0.0_f64; 3]);
-    for (cell, corner) in around {
-        total += if cell.kind == OUTSIDE { 0.0 } else { 0.25 };
-        for (share, unit) in SHARES[cell.kind][corner].into_iter().zip(cell.units) {
-            area += share;
-            (0..3).for_each(|k| sum[k] += f64::from(share) * unit[k]);
-        }
-    }
-    let coverage = match is_measured {
-        false => 0,
-        true if area >= total => u8::MAX,
-        true => (255.0 * area / total).round().clamp(1.0, 254.0) as u8,
-    };
-    let normal = if area > 0.0 { sum.map(|sum| (sum / f64::from(area)) as f32) } else { [0.0, 0.0, 1.0] };
-    (coverage, normal)
+/// A mean normal where all is so much steeper along columns and rows: turned, and as long as it was.
+fn turned(normal: [f32; 3], [along_columns, along_rows]: [f32; 2]) -> [f32; 3] {
+    let length = |[x, y, z]: [f32; 3]| (x * x + y * y + z * z).sqrt();
+    let turned = [normal[0] * along_columns, normal[1] * along_rows, normal[2]];
+    let grown = length(turned);
+    if grown > 0.0 { turned.map(|part| part * (length(normal) / grown)) } else { normal }
 }
 
 /// The leaf's own of the heights that it holds.
@@ -200,6 +113,9 @@ fn own(heights: Vec<f64>, held: &Part, part: &Part) -> Vec<f64> {
         return heights;
     }
     let first = (part.row - held.row) as usize * held.columns + (part.column - held.column) as usize;
-    let rows = heights[first..].chunks(held.columns).take(part.rows);
-    rows.flat_map(|row| &row[..part.columns]).copied().collect()
+    let mut own = Vec::with_capacity(part.len());
+    for row in heights[first..].chunks(held.columns).take(part.rows) {
+        own.extend_from_slice(&row[..part.columns]);
+    }
+    own
 }

@@ -9,7 +9,7 @@ use super::*;
 
 fn holes(scene: &Scene, view: &View) -> usize {
     let picture = Visibility::new([view.width, view.height]);
-    raster::draw(scene, view, &picture);
+    raster::draw(scene, view, &picture, [1; 2]);
     (0..picture.width * picture.height).filter(|index| picture.at(*index).is_none()).count()
 }
 
@@ -54,6 +54,7 @@ fn chosen_cuts_have_none_within_any_budget() {
             tau: [0.5, 0.8, 2.0, 8.0][round % 4],
             technique,
             looks: round % 3 == 0,
+            lines: f64::INFINITY,
             most: [1 << 14, 9][round / 20],
         };
         let cut = choose(&source, &placed, &Sight::Flat(view), &choice);
