@@ -169,7 +169,7 @@ pub struct Arguments {
     /// What is written into the picture.
     #[command(flatten)]
     pub annotate: AnnotateOptions,
-    /// What colours mean: a preset (density, density-hue, stars, volume, volume-hue) or a RON file like those in
+    /// What colours mean: a preset (density, density-hue, stars, volume, volume-hue, terrain, signed) or a RON file like those in
     /// assets/transfer [default: the mode's].
     #[arg(long, value_name = "NAME|FILE.ron", value_parser = transfer_named)]
     pub transfer: Option<TransferFunction>,

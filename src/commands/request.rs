@@ -44,7 +44,7 @@ pub fn open_any<'a>(
         return Err(PictureError::of(&surface.path, "--with: heights are drawn alone yet"));
     }
     Ok(match members {
-        [only] if shots.iter().all(takes_surfaces) && (said.is_some() || SurfaceSession::is_surface(&only.path)) => {
+        [only] if shots.iter().all(takes_surfaces) && said.is_some() => {
             let said = said.cloned().unwrap_or_default();
             let session = SurfaceSession::open(&only.path, &said, options, Arc::new(Terminal))?;
             AnySession::Surface(Box::new(session))

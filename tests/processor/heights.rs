@@ -98,7 +98,7 @@ fn a_field_is_built_verified_and_selected_bit_for_bit() {
     refused(
         folder,
         &["select", "waves.df", "--rectangle=1e4,1e4,2e4,2e4", "-o", "none.npy"],
-        "--rectangle: found no sample",
+        "region: found no sample",
     );
     refused(folder, &["build", "waves.df", "-o", "x.df", "--spacing", "1,1"], "waves.df: --spacing: found a page file");
 }

@@ -14,7 +14,7 @@ use crate::heights::measure::{
     Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Rise, Roughness, fit,
     pick_all, probe, profile, roughness,
 };
-use crate::heights::model::{HeightError, HeightGrid, Heights, Window};
+use crate::heights::model::{HeightGrid, Heights, Window};
 use crate::look::{CameraConfig, PictureConfig, Shot};
 use crate::model::{ReadMethod, Unit};
 use crate::picture::surface::SurfaceSession;
@@ -40,7 +40,7 @@ pub struct HeightsProbe {
     /// The samples within a distance of a place.
     #[arg(long, value_name = "X,Y,R", value_parser = disc, allow_hyphen_values = true)]
     pub disc: Option<Disc>,
-    /// Take this form off first, fitted to the region: plane, quadric, sphere, cylinder or polynomial-N.
+    /// Take this form off, fitted to the region after the S-filter and before the L-filter: plane, quadric, sphere, cylinder or polynomial-N.
     #[arg(long, value_name = "FORM", value_parser = form)]
     pub form: Option<FormKind>,
     /// Leave out waves shorter than this, in the unit of x and y (Gaussian, ISO 16610-61).
@@ -383,34 +383,29 @@ fn numbers_of(
     asked: &HeightsProbe,
 ) -> Result<RegionAnswer, Box<dyn std::error::Error + Send + Sync>> {
     let grid = open.grid();
+    let told = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let window = match (asked.rectangle, asked.disc) {
         (Some(corners), _) => window_in(path, grid, corners)?,
         (None, Some(Disc { center: [x, y], radius: r })) => window_in(path, grid, [[x - r, y - r], [x + r, y + r]])?,
         (None, None) => Window::all(grid),
     };
-    if window.rows < 2 || window.columns < 2 {
-        let found = format!("{} x {} samples", window.columns, window.rows);
-        return Err(format!("{}: region: found {found}, expected at least 2 x 2", path.display()).into());
-    }
-    let short_waves =
-        asked.s_filter.map(|length| Filtered::new(open, Filter::Short(length), Window::all(grid))).transpose()?;
-    let first: &dyn Heights = short_waves.as_ref().map_or(open as &dyn Heights, |filtered| filtered);
-    let long_waves =
-        asked.l_filter.map(|length| Filtered::new(first, Filter::Long(length), Window::all(grid))).transpose()?;
-    let second: &dyn Heights = long_waves.as_ref().map_or(first, |filtered| filtered);
-    let part = match asked.disc.filter(|_| asked.rectangle.is_none()) {
-        Some(disc) => Part::of_disc(second, disc),
-        None => Part::of_window(second, window),
+    let few = || format!("{}: region: expected at least 2 x 2 samples", path.display());
+    let disc = asked.disc.filter(|_| asked.rectangle.is_none());
+    let region = |heights| {
+        disc.map_or_else(|| Part::of_window(heights, window), |disc| Part::of_disc(heights, disc)).ok_or_else(few)
     };
-    let part = part.ok_or_else(|| format!("{}: region: expected at least 2 x 2 samples", path.display()))?;
-    let form =
-        asked.form.map(|kind| fit(&part, kind)).transpose().map_err(|error| format!("{}: {error}", path.display()))?;
-    let told = form.as_ref().map(|form| form.numbers());
-    let found: Result<Roughness, HeightError> = match form {
-        Some(form) => roughness(&Residual::new(&part, form)),
-        None => roughness(&part),
-    };
-    Ok(RegionAnswer { roughness: found?, form: told })
+    // ISO 25178-3: first the S-filter, then the form is taken off, then the L-filter. Filters see the whole field.
+    let all = Window::all(grid);
+    let smooth = asked.s_filter.map(|length| Filtered::new(open, Filter::Short(length), all)).transpose()?;
+    let first: &dyn Heights = smooth.as_ref().map_or(open as &dyn Heights, |filtered| filtered);
+    let form = asked.form.map(|kind| fit(&region(first)?, kind).map_err(|error| told(&error))).transpose()?;
+    let numbers = form.as_ref().map(|form| form.numbers());
+    let rest = form.map(|form| Residual::new(first, form));
+    let second: &dyn Heights = rest.as_ref().map_or(first, |rest| rest);
+    let rough = asked.l_filter.map(|length| Filtered::new(second, Filter::Long(length), all)).transpose()?;
+    let third: &dyn Heights = rough.as_ref().map_or(second, |filtered| filtered);
+    let found = roughness(&region(third)?)?;
+    Ok(RegionAnswer { roughness: found, form: numbers })
 }
 
 fn write_region(text: &mut String, path: &Path, grid: &HeightGrid, found: &RegionAnswer) -> std::fmt::Result {

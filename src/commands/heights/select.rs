@@ -37,7 +37,7 @@ pub fn window_in(path: &Path, grid: &HeightGrid, corners: Corners) -> Result<Win
         let ([x0, y0], [x1, y1]) =
             (grid.place(0.0, 0.0), grid.place(grid.rows as f64 - 1.0, grid.columns as f64 - 1.0));
         let expected = format!("a part of x {x0} to {x1}, y {y0} to {y1}");
-        format!("{}: --rectangle: found no sample in it, expected {expected}", path.display())
+        format!("{}: region: found no sample in it, expected {expected}", path.display())
     })
 }
 

@@ -101,7 +101,8 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
     if begins.iter().all(|place| place.is_finite()) {
         let begins = units::in_one_unit(begins, &places).0;
         // What is far less than a step is what rounding has left of 0.
-        grid.origin = [0, 1].map(|axis| if begins[axis].abs() < 1e-3 * grid.step[axis].abs() { 0.0 } else { begins[axis] });
+        grid.origin =
+            [0, 1].map(|axis| if begins[axis].abs() < 1e-3 * grid.step[axis].abs() { 0.0 } else { begins[axis] });
     }
     grid.scale = Scale { slope: f32_at(128), intercept: f32_at(474) };
 

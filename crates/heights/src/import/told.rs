@@ -1,11 +1,14 @@
 //! What the user says in place of the source, and what nobody says.
 
 use super::{HeightOptions, HeightSource, NoData};
+use deepfield_data::model::SampleType;
 
 /// Puts the options in place of what the source says, and notes what is not stated.
 pub(super) fn overrule(source: &mut HeightSource, options: &HeightOptions) {
     if let Some(no_data) = options.no_data {
-        source.set_no_data(NoData::Value(no_data));
+        // As the file can hold it.
+        let is_single = source.description().grid.sample_type == SampleType::F32;
+        source.set_no_data(NoData::Value(if is_single { f64::from(no_data as f32) } else { no_data }));
     }
     let about = source.description_mut();
     let grid = &mut about.grid;

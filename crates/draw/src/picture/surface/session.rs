@@ -133,6 +133,9 @@ impl SurfaceSession {
         let settings = SurfaceSettings::new(&look.settings, &about.grid).map_err(refuse)?;
         let attribute = surface::attribute_of(look.attribute_name(), &about.grid).map_err(refuse)?;
         let placed = self.placed(&settings);
+        if !placed.is_flat() && settings.contours.is_some() {
+            return Err(refuse("contours: not drawn on a globe yet, expected 0, or map plate or local".into()));
+        }
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
@@ -154,6 +157,12 @@ impl SurfaceSession {
             return Err(PictureError::of(&self.path, "--overdraw: heights have no splats"));
         }
         let prepared = self.prepare(&shot.look)?;
+        let is_globe = !prepared.placed.is_flat();
+        if self.options.raw && (shot.stereo.is_some() || is_globe && !shot.surround.is_flat()) {
+            let why =
+                "--raw: expected one picture with rays of its own: no pair for two eyes, and no globe around the eye";
+            return Err(PictureError::of(&self.path, why));
+        }
         let bounds = bounds_of(&prepared.placed, self.extremes());
         let view = view_of(shot, bounds, &prepared.placed)?;
         self.nodes.place(&prepared.placed);
@@ -217,7 +226,8 @@ impl SurfaceSession {
         placed: &Placed,
         options: &SurfaceOptions,
     ) -> Result<SurfacePicture, PictureError> {
-        if shot.stereo.is_none() {
+        // A globe has no rays of its own: its panoramas are faces put together.
+        if shot.stereo.is_none() && (placed.is_flat() || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
                 None => Sight::Flat(*view),
                 Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
