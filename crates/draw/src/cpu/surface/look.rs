@@ -147,7 +147,9 @@ impl Contours {
         let number = ((nearest - self.base) / self.interval).round();
         let (strength, all) = match self.major {
             0 | 1 => (1.0, 1.0),
-            major if (number as i64).rem_euclid(i64::from(major)) == 0 => (1.0, MINOR + (1.0 - MINOR) / f64::from(major)),
+            major if (number as i64).rem_euclid(i64::from(major)) == 0 => {
+                (1.0, MINOR + (1.0 - MINOR) / f64::from(major))
+            }
             major => (MINOR, MINOR + (1.0 - MINOR) / f64::from(major)),
         };
         let apart = self.interval / change;

@@ -220,7 +220,8 @@ impl<'a> Raster<'a> {
                 samples += columns as u64;
                 for (column, corner) in above.iter().enumerate() {
                     let is_lone = has_lone && mesh.is_lone(row, column);
-                    let is_point = is_points && !mesh.is_on_laid(row, column) && !heights[row * columns + column].is_nan();
+                    let is_point =
+                        is_points && !mesh.is_on_laid(row, column) && !heights[row * columns + column].is_nan();
                     if is_point || is_lone {
                         points += 1;
                         let side = self.sides[usize::from(is_lone)];

@@ -60,7 +60,8 @@ impl Pyramid {
         let (rows, columns) = (all_rows.div_ceil(1 << FIRST), all_columns.div_ceil(1 << FIRST));
         let square = |index: usize| {
             let ends = |first: usize, all: usize| first << FIRST..((first + 1) << FIRST).min(all);
-            let cells = ends(index / columns, all_rows).flat_map(|r| ends(index % columns, all_columns).map(move |c| (r, c)));
+            let cells =
+                ends(index / columns, all_rows).flat_map(|r| ends(index % columns, all_columns).map(move |c| (r, c)));
             cells.fold(EMPTY, |range, (r, c)| joined(range, cell(r, c)))
         };
         let mut levels = vec![Squares { rows, columns, ranges: (0..rows * columns).map(square).collect() }];
