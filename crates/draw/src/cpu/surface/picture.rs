@@ -12,9 +12,6 @@ use super::stitch::Scene;
 use crate::color::Colors;
 use rayon::prelude::*;
 
-/// The share of the interval between lines of equal height that the surface may be away from T.
-const LINES: f64 = 1e-3;
-
 /// How a surface is drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SurfaceOptions {
@@ -80,11 +77,15 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         tau: options.tau * f64::from(parts),
         technique: options.technique,
         looks: options.look.is_some(),
+<<<<<<< HEAD
         lines: options
             .look
             .as_ref()
             .and_then(|look| look.contours)
             .map_or(f64::INFINITY, |lines| LINES * lines.interval),
+=======
+        lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
+>>>>>>> heights
         most: options.most_nodes,
     };
     choose(source, placed, &sight.refined(parts), &choice)

@@ -242,13 +242,23 @@ impl<'a> Resolver<'a> {
         let mesh = self.scene.meshes.get(shown.node)?;
         let [row, column] = shown.at;
         let Some(slot) = shown.slot else { return self.point(shown, mesh, pixel) };
-        let triangle = mesh.cell(row, column).triangles().nth(slot)?;
+        let mut triangle = mesh.cell(row, column).triangles().nth(slot)?;
         let (origin, direction) = self.sight.ray(pixel)?;
-        let frame = CellFrame::of(mesh, shown.at);
+        let (mut mesh, mut at) = (mesh, shown.at);
         let [u, v] = match self.scene.placed.ray(origin, direction) {
-            Some(ray) => self.flat(mesh, shown.at, &triangle, &frame, &ray, pixel),
-            None => self.curved(mesh, shown.at, &triangle, origin, direction),
+            Some(ray) => self.flat(mesh, at, &triangle, &CellFrame::of(mesh, at), &ray, pixel),
+            None => {
+                let mut place = self.curved(mesh, at, &triangle, origin, direction);
+                // The flat triangle that was drawn lies below the sphere, so the ray may meet the surface beside it.
+                for _ in 0..4 {
+                    let Some(beside) = self.beside(mesh, at, &triangle, place) else { break };
+                    (mesh, at, triangle) = beside;
+                    place = self.curved(mesh, at, &triangle, origin, direction);
+                }
+                place
+            }
         };
+        let frame = CellFrame::of(mesh, at);
         let [p, q, s] = triangle.at;
         let height = p + q * u + s * v;
         let (row, column) = (v.mul_add(frame.size[0], frame.first[0]), u.mul_add(frame.size[1], frame.first[1]));
@@ -257,7 +267,7 @@ impl<'a> Resolver<'a> {
             Sight::Flat(view) => relative.dot(view.forward),
             Sight::Around { .. } => relative.length(),
         };
-        let coverage = self.coverage(mesh, shown.at, &triangle, [u, v]);
+        let coverage = self.coverage(mesh, at, &triangle, [u, v]);
         let slope = [q / frame.size[1], s / frame.size[0]];
         Some(Hit { shown, depth, row, column, height, coverage, slope, under: [row, column, height] })
     }
@@ -336,7 +346,7 @@ impl<'a> Resolver<'a> {
             let length = place.length();
             let mut longitude = place.y.atan2(place.x).to_degrees();
             longitude += 360.0 * ((middle - longitude) / 360.0).round();
-            let latitude = (place.z / length).clamp(-1.0, 1.0).asin().to_degrees();
+            let latitude = place.z.atan2(place.x.hypot(place.y)).to_degrees();
             let column = (longitude - origin_place[0]) / step[0];
             let row = (latitude - origin_place[1]) / step[1];
             let u = (column - columns[0] as f64) / (columns[1] - columns[0]) as f64;
@@ -349,20 +359,59 @@ impl<'a> Resolver<'a> {
             height - self.scene.placed.lifted(p + q * u + s * v)
         };
         let scale = (corners[1] - corners[0]).length() / direction.length();
-        let mut small = 1e-4 * scale;
-        for _ in 0..12 {
-            let (here, there) = (above(t), above(t + small));
-            let change = small * here / (there - here);
-            if !change.is_finite() || change.abs() > 4.0 * scale {
+        let (start, small) = (t, 1e-5 * scale);
+        let mut is_found = false;
+        for _ in 0..24 {
+            let here = above(t);
+            let change = small * here / (above(t + small) - here);
+            if !change.is_finite() || (t - change - start).abs() > 4.0 * scale {
                 break;
             }
             t -= change;
-            if change.abs() < 1e-13 * t.abs() {
+            is_found = change.abs() < 1e-14 * t.abs();
+            if is_found {
                 break;
             }
-            small = small.min(0.1 * change.abs()).max(1e-9 * t.abs());
+        }
+        // At the limb the ray is below the surface for a little only, and runs along it there: back to before it, then by halves.
+        if !is_found && above(start) < 0.0 {
+            let step = 0.125 * scale;
+            if let Some(before) = (1..=64).map(|k| start - step * f64::from(k)).find(|t| above(*t) > 0.0) {
+                let (mut low, mut high) = (before, before + step);
+                for _ in 0..60 {
+                    let middle = 0.5 * (low + high);
+                    if above(middle) > 0.0 { low = middle } else { high = middle }
+                }
+                t = 0.5 * (low + high);
+            }
         }
         local(t).0
+    }
+
+    /// The triangle of the cut at a place of a cell that is not in a triangle of it; `None` where it is, and where there is none.
+    fn beside(
+        &self,
+        mesh: &Mesh,
+        at: [usize; 2],
+        triangle: &Triangle,
+        [u, v]: [f64; 2],
+    ) -> Option<(&Mesh, [usize; 2], Triangle)> {
+        if weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -OUTSIDE) {
+            return None;
+        }
+        let frame = CellFrame::of(mesh, at);
+        let place = [v.mul_add(frame.size[0], frame.first[0]), u.mul_add(frame.size[1], frame.first[1])];
+        let lattice = &self.scene.lattice;
+        let cell: [u64; 2] = std::array::from_fn(|axis| (place[axis].max(0.0) as u64).min(lattice.samples[axis] - 2));
+        let mesh = self.scene.meshes.get(self.scene.cut.at(cell[0], cell[1])?)?;
+        let at = [0, 1].map(|axis| {
+            let places = if axis == 0 { &mesh.rows } else { &mesh.columns };
+            places.partition_point(|place| *place <= cell[axis]).clamp(1, places.len() - 1) - 1
+        });
+        let frame = CellFrame::of(mesh, at);
+        let [v, u] = [0, 1].map(|axis| (place[axis] - frame.first[axis]) / frame.size[axis]);
+        let is_in = |triangle: &Triangle| weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -1e-6);
+        mesh.cell(at[0], at[1]).triangles().find(is_in).map(|triangle| (mesh, at, triangle))
     }
 
     fn coverage(&self, mesh: &Mesh, [row, column]: [usize; 2], triangle: &Triangle, place: [f64; 2]) -> f64 {

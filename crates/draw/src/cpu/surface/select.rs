@@ -8,7 +8,7 @@
 //!
 //! The worst is refined first, so that what a budget leaves out is what shows least. A chunk whose finer ones are not there stands in for them.
 
-use super::lattice::{Lattice, NodeKey};
+use super::lattice::{CHUNK, Lattice, NodeKey};
 use super::placed::Placed;
 use super::sight::Sight;
 use super::source::{NodeFacts, SurfaceNodes};
@@ -24,6 +24,8 @@ pub const POINT_LIMIT: f64 = 0.999;
 pub const EXACT: f64 = 0.05;
 /// Samples that looks differ between are at most so many pixels apart: what a pixel looks like is read from about there.
 const LOOKED: f64 = 0.7;
+/// The share of the interval between lines of equal height that a surface may be away from T for them to be where they belong.
+const LINES: f64 = 1e-3;
 /// Differences of normals, and of colours from 0 to 1, that do not show.
 pub const UNSEEN: f32 = 0.01;
 /// Most chunks of a cut: as many as a pixel's number has room for.
@@ -61,8 +63,7 @@ pub struct Choice {
     pub technique: Technique,
     /// Whether what it looks like counts: not where only places are asked for.
     pub looks: bool,
-    /// Largest distance from T, in units of height, at which lines of equal height are where they belong; infinite where there are none: a
-    /// line on a gentle slope moves far for little.
+    /// The interval between lines of equal height, in units of height; infinite where there are none.
     pub lines: f64,
     /// Most chunks.
     pub most: usize,
@@ -236,7 +237,11 @@ impl Chooser<'_> {
         if self.choice.technique == Technique::Points {
             want = want.max(ratio(apart_px, POINT_LIMIT));
         }
-        if self.choice.looks && facts.deviation > UNSEEN || facts.delta > self.choice.lines {
+        // A line on a gentle slope moves far for little. Where there are more lines than pixels none is seen.
+        let lines = (facts.max - facts.min) / self.choice.lines;
+        let moves_lines = facts.delta > LINES * self.choice.lines
+            && lines < sight.error_pixels(&extent, CHUNK as f64 * spacing[0].max(spacing[1]));
+        if self.choice.looks && facts.deviation > UNSEEN || moves_lines {
             want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), LOOKED));
         }
         if key.level == 0 {

@@ -25,7 +25,7 @@ const PLANES: usize = 4;
 const FINER: f64 = 0.65;
 
 /// Widths of a line from it within which a sample looks where it really is.
-const REACH: f64 = 4.0;
+const REACH: f64 = 1.2;
 /// Most steps to where a line is.
 const SECANTS: u32 = 8;
 /// Rays along a pixel's side where a surface ends in it.
@@ -212,7 +212,9 @@ impl<'a> Shader<'a> {
         let steep = rise[0].hypot(rise[1]);
         let mut away = (nearest - here).abs() / steep;
         // Where the line is told to be the surface may have another slope: by secants to where it is.
-        if away > 0.0 && away < REACH * contours.width * parts {
+        let is_single = contours.interval > contours.width * steep * parts;
+        // What is well within the line stays so.
+        if is_single && (0.25..REACH).contains(&(away / (contours.width * parts))) {
             let up = rise.map(|rise| rise / steep * (nearest - here).signum());
             let (mut last, mut is_found) = ((0.0, here), false);
             for _ in 0..SECANTS {
