@@ -77,15 +77,7 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         tau: options.tau * f64::from(parts),
         technique: options.technique,
         looks: options.look.is_some(),
-<<<<<<< HEAD
-        lines: options
-            .look
-            .as_ref()
-            .and_then(|look| look.contours)
-            .map_or(f64::INFINITY, |lines| LINES * lines.interval),
-=======
         lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
->>>>>>> heights
         most: options.most_nodes,
     };
     choose(source, placed, &sight.refined(parts), &choice)
