@@ -255,9 +255,9 @@ fn coarse_samples_are_means_over_cells() {
                     (coverage - share).abs() <= 1.51 / 255.0,
                     "{key:?} {row} {column}: {coverage}, expected {share}"
                 );
-                for k in 0..3 {
-                    let found = f64::from(samples.normals[index][k]);
-                    assert!((found - sum[k] / area).abs() <= 0.5 / 127.0 + 1e-3, "{key:?} {row} {column}: {found}");
+                for (found, sum) in samples.normals[index].into_iter().zip(sum) {
+                    let found = f64::from(found);
+                    assert!((found - sum / area).abs() <= 0.5 / 127.0 + 1e-3, "{key:?} {row} {column}: {found}");
                 }
             }
         }
