@@ -41,7 +41,7 @@ pub fn open_any<'a>(
         && let Some(surface) = members.iter().find(|member| SurfaceSession::is_surface(&member.path))
         && !FieldSession::is_field(&surface.path)
     {
-        return Err(PictureError::of(&surface.path, "--with: heights are drawn alone yet"));
+        return Err(PictureError::Asked(format!("{}: --with: heights are drawn alone yet", surface.path.display())));
     }
     Ok(match members {
         [only] if shots.iter().all(takes_surfaces) && said.is_some() => {
