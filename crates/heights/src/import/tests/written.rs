@@ -142,7 +142,11 @@ fn al3d() -> Vec<u8> {
     file.resize(900, 0);
     for row in 0..4 {
         for column in 0..4_u16 {
-            let height = if (row, column) == (2, 1) { 3.000_000_1e15_f32 } else { f32::from(row * 10 + column) };
+            let height = if (row, column) == (2, 1) {
+                3.000_000_028_082_176e15_f64 as f32
+            } else {
+                f32::from(row * 10 + column)
+            };
             file.extend_from_slice(&height.to_le_bytes());
         }
     }
