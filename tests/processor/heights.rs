@@ -87,9 +87,12 @@ fn a_field_is_built_verified_and_selected_bit_for_bit() {
     let [source, built] = ["waves.npy", "waves.df"].map(|name| answer(folder, &["info", name, "--json"]));
     let measured = (0..SIZE[0] * SIZE[1]).filter(|i| is_measured(i % SIZE[0], i / SIZE[0])).count();
     assert_eq!((&source["kind"], &source["valid"]), (&"heights".into(), &measured.into()));
-    for field in ["valid", "lone", "min", "max", "mean", "invalid"] {
+    for field in ["valid", "lone", "min", "max", "invalid"] {
         assert_eq!(source[field], built[field], "{field}");
     }
+    // Sums go in another order.
+    let mean = |told: &Value| told["mean"].as_f64().unwrap();
+    assert!((mean(&source) - mean(&built)).abs() < 1e-12);
     assert!(source["lone"].as_u64().unwrap() > 10 && built["spacing"][1] == 2.0);
     // What ends with what is asked for by coordinates, as a file of another kind.
     ok(folder, &["select", "waves.df", "--rectangle=10,20,30,60", "-o", "part.asc", "--kind", "heights"]);
@@ -143,18 +146,7 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
         &["--attribute", "slope"][..],
         &["--set", "contours=5.0"],
         &["--set", "exaggeration=4.0", "--set", "light=eye"],
-        &[
-            "--projection",
-            "dome",
-            "--eye",
-            "165,145,60",
-            "--target",
-            "165,300,60",
-            "--up",
-            "0,0,-1",
-            "--size",
-            "160x160",
-        ],
+        &["--projection", "dome", "--eye", "165,145,60", "--target", "165,300,60", "--up", "0,0,-1"],
     ]
     .into_iter()
     .map(|more| {

@@ -337,7 +337,7 @@ pub static MODE: Mode = Mode {
     ]],
     technique: &OfSurfaces,
     quantity: "height",
-    transfer: ["terrain", "terrain"],
+    transfer: ["terrain", "density-hue"],
     ..super::grid::MODE
 };
 

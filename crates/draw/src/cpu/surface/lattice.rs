@@ -64,8 +64,11 @@ impl Lattice {
 
     /// Whether there is such a chunk.
     pub fn has(&self, key: NodeKey) -> bool {
-        let [rows, columns] = self.cells(key.level);
-        u64::from(key.row) * CHUNK < rows && u64::from(key.column) * CHUNK < columns
+        // Of levels that there are not nothing can be told.
+        key.level <= self.top() && {
+            let [rows, columns] = self.cells(key.level);
+            u64::from(key.row) * CHUNK < rows && u64::from(key.column) * CHUNK < columns
+        }
     }
 
     /// The first sample of a chunk in its level along an axis, and the number of samples there, shared ones included.

@@ -214,7 +214,7 @@ impl<'a> Shader<'a> {
         // Where the line is told to be the surface may have another slope: by secants to where it is.
         let is_single = contours.interval > contours.width * steep * parts;
         // What is well within the line stays so.
-        if is_single && (0.25..REACH).contains(&(away / (contours.width * parts))) {
+        if is_single && (0.02..REACH).contains(&(away / (contours.width * parts))) {
             let up = rise.map(|rise| rise / steep * (nearest - here).signum());
             let (mut last, mut is_found) = ((0.0, here), false);
             for _ in 0..SECANTS {

@@ -128,8 +128,11 @@ impl Lattice {
 
     /// Whether there is such a chunk.
     pub fn has(&self, key: ChunkKey) -> bool {
-        let [rows, columns] = self.chunks_of(key.level.into());
-        u32::from(key.level) < self.levels() && key.row < rows && key.column < columns
+        // Of levels that there are not nothing can be told.
+        u32::from(key.level) < self.levels() && {
+            let [rows, columns] = self.chunks_of(key.level.into());
+            key.row < rows && key.column < columns
+        }
     }
 
     /// A chunk's children, in order of rows and columns; none of leaves.
