@@ -58,6 +58,11 @@ pub fn open_any<'a>(
             let session = session.with_adapter(Some(Box::new(crate::gpu::Offscreen::default())));
             AnySession::Field(Box::new(session))
         }
+        [only] if matches!(DataKind::of(&only.path), Ok(DataKind::Heights)) => {
+            let names: Vec<&str> = shots.iter().filter_map(|shot| Some(shot.look.mode?.name)).collect();
+            let why = format!("mode {} does not draw heights, expected surface", names.join(", "));
+            return Err(PictureError::Asked(format!("{}: {why}", only.path.display())));
+        }
         _ => AnySession::Particles(Box::new(open(members, options, shots)?)),
     })
 }

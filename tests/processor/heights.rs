@@ -111,7 +111,7 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     waves(folder);
-    ok(folder, &["build", "waves.npy", "-o", "waves.df"]);
+    ok(folder, &["build", "waves.npy", "-o", "waves.df", "--spacing", "1,1"]);
     let camera =
         ["--eye", "165,145,400", "--target", "165,145,0", "--up", "0,1,0", "--ortho", "260", "--size", "240x160"];
     for technique in ["rays", "triangles", "hybrid"] {
@@ -162,7 +162,7 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
     refused(
         folder,
         &["render", "waves.df", "-o", "x.png", "--mode", "volume"],
-        "waves.df: heights, expected particles",
+        "waves.df: mode volume does not draw heights, expected surface",
     );
     refused(folder, &["render", "waves.df", "-o", "x.png", "--attribute", "mass"], "attribute mass is not in the data");
 }
