@@ -6,6 +6,7 @@
 pub mod lambert;
 pub mod lattice;
 pub mod look;
+#[cfg(test)]
 pub mod memory;
 pub mod paged;
 pub mod picture;
