@@ -84,7 +84,7 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
 }
 
 /// Samples along a pixel's side.
-fn parts(samples: u32) -> u32 {
+pub(super) fn parts(samples: u32) -> u32 {
     (1..8).find(|parts| parts * parts >= samples).unwrap_or(8)
 }
 
@@ -141,7 +141,7 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
 
 /// What is seen in each sample of a picture with `parts` of them along a pixel's side, and how many samples, points and triangles were drawn.
 /// Points fill a sample where they are drawn since they leave no gap so, and else a pixel.
-fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
+pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
         Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => {
@@ -158,7 +158,7 @@ fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (V
     (seen, counts)
 }
 
-fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
+pub(super) fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
     let nodes = &scene.cut.nodes;
     let error = nodes.iter().map(|node| node.error_px).fold(0.0, f64::max);
     let level = |pick: fn(u8, u8) -> u8, first: u8| nodes.iter().map(|node| node.key.level).fold(first, pick);

@@ -1,7 +1,11 @@
-//! Pictures of measured heights: [`SurfaceSession`] opens a field and draws the shots that are asked for.
+//! Pictures of measured heights: [`SurfaceSession`] opens a field and draws the shots that are asked for, [`MixedSession`]
+//! several, and particles among them.
 
+mod mixed;
+mod placement;
 mod raw;
 mod session;
 
+pub use mixed::MixedSession;
 pub use raw::{SurfaceChannels, SurfaceShown};
 pub use session::SurfaceSession;
