@@ -51,7 +51,8 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {
         mode_setting(ui, setting, settings.values(setting));
     }
-    if is_field {
+    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.surface_for(settings.mode).is_some());
+    if is_field && !is_surface {
         return;
     }
     let error = theme::NumberRow {
@@ -63,7 +64,7 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     };
     error
         .show(ui, &mut settings.error_px)
-        .on_hover_text("No drawn particle is farther than this from where it belongs on the screen, in pixels.");
+        .on_hover_text("Nothing that is drawn is farther than this from where it belongs on the screen, in pixels.");
 }
 
 /// Which mode is shown, of those that draw the data; those of paths alone are for runs.
