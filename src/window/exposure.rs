@@ -4,8 +4,8 @@
 use super::state::histogram::AxisHistogram;
 use crate::codec::CodebookScope;
 use crate::color::Accumulation;
-use crate::cpu::surface::look::Attribute;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
+use crate::cpu::surface::look::Attribute;
 use crate::picture::Subject;
 use crate::picture::field::PreparedField;
 use crate::picture::surface::{OpenSurface, SeenSurface};

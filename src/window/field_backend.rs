@@ -24,10 +24,10 @@ use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::VolumeError;
 use crate::look::{LookPatch, Shot};
 use crate::mode::Raw;
-use crate::picture::surface::SurfaceSession;
-use crate::picture::{AnySession, PictureError};
 use crate::picture::fade::faded;
 use crate::picture::field::{FieldSession, PointsReport};
+use crate::picture::surface::SurfaceSession;
+use crate::picture::{AnySession, PictureError};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
 use bevy::prelude::*;
@@ -182,7 +182,8 @@ pub(super) fn draw_field(
     let given = held.0.filter(|levels| is_light && levels.p[0] < levels.p[1]);
     let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
     let (dataset, depiction) = (scene.dataset, look.depiction_revision);
-    let content = Content { dataset, depiction, view, transfer: is_light.then(|| transfer.clone()), error_px: settings.error_px };
+    let content =
+        Content { dataset, depiction, view, transfer: is_light.then(|| transfer.clone()), error_px: settings.error_px };
     if field.moved.as_ref().is_none_or(|(before, _)| *before != content) {
         field.moved = Some((content.clone(), Instant::now()));
     }
@@ -196,7 +197,8 @@ pub(super) fn draw_field(
     let drawn = field.drawn.as_ref().filter(|drawn| drawn.key == key);
     let colored = (look.levels, transfer.clone());
     let is_current = drawn.is_some_and(|drawn| is_light || drawn.colored == colored);
-    converged.0 = is_current && drawn.is_some_and(|drawn| drawn.report.is_complete) && rests && size == full && look.settled;
+    converged.0 =
+        is_current && drawn.is_some_and(|drawn| drawn.report.is_complete) && rests && size == full && look.settled;
     if field.task.is_some() || is_current || field.failed.as_ref() == Some(&key) {
         return;
     }
@@ -206,9 +208,7 @@ pub(super) fn draw_field(
     let task = AsyncComputeTaskPool::get().spawn(async move {
         let mut session = session.lock().unwrap_or_else(PoisonError::into_inner);
         match &mut *session {
-            AnySession::Field(session) => {
-                draw(session, &Shot { look, ..Shot::default() }, wanted, reused, colored)
-            }
+            AnySession::Field(session) => draw(session, &Shot { look, ..Shot::default() }, wanted, reused, colored),
             AnySession::Surface(session) => draw_surface(session, &look, wanted, colored),
             AnySession::Particles(_) => Err("particles are drawn elsewhere".to_owned()),
         }

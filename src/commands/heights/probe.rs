@@ -12,8 +12,8 @@ use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::heights::OpenHeights;
 use crate::heights::measure::{
-    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Roughness, fit,
-    pick_all, probe, profile, roughness,
+    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Roughness, fit, pick_all,
+    probe, profile, roughness,
 };
 use crate::heights::model::{HeightGrid, Heights, Window};
 use crate::look::{CameraConfig, PictureConfig, Shot};

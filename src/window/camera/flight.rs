@@ -66,8 +66,7 @@ impl Flight {
         let distance = start * (self.distance_world / start).powf(eased);
         let target = self.from.target.lerp(self.target, along);
         let ((yaw, pitch), end) = (upright.angles(self.from.back()), upright.angles(self.back));
-        let turn =
-            (end.0 - yaw + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        let turn = (end.0 - yaw + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
         let (back, up) = upright.back_and_up(yaw + turn * eased, pitch + (end.1 - pitch) * eased);
         Viewpoint { eye: target + back * distance, target, up, fov_y: self.from.fov_y }
     }

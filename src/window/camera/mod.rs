@@ -13,12 +13,14 @@
 mod flight;
 mod fly;
 mod follow;
+mod ground;
 mod lens;
 mod orbit;
 
 pub use flight::Flight;
 pub use fly::{Fly, distance_to_boxes, fly_speed};
 pub use follow::Follow;
+pub use ground::Ground;
 pub use lens::Lens;
 pub use orbit::Anchor;
 
@@ -146,6 +148,7 @@ impl Plugin for CameraPlugin {
         app.add_plugins(PanOrbitCameraPlugin)
             .init_resource::<DataDistance>()
             .init_resource::<Follow>()
+            .init_resource::<Ground>()
             .configure_sets(
                 PostUpdate,
                 (
@@ -159,7 +162,7 @@ impl Plugin for CameraPlugin {
                     (fly::steer_fly, follow::follow_selection, flight::advance_flights, orbit::switch_orbit_input)
                         .chain()
                         .in_set(CameraSystems::Steer),
-                    (orbit::follow_orbit, orbit::move_anchor).chain().in_set(CameraSystems::Settle),
+                    (orbit::follow_orbit, ground::stay_above, orbit::move_anchor).chain().in_set(CameraSystems::Settle),
                 ),
             );
     }

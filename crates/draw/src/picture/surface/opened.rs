@@ -92,7 +92,12 @@ impl OpenSurface {
         let grid = &self.file.about().grid;
         let has_colors = surface::attribute_of(Some("texture"), grid).is_ok();
         let planes = grid.planes.iter().map(|plane| plane.name.as_str());
-        surface::ATTRIBUTES.into_iter().chain(has_colors.then_some("texture")).chain(planes).map(str::to_owned).collect()
+        surface::ATTRIBUTES
+            .into_iter()
+            .chain(has_colors.then_some("texture"))
+            .chain(planes)
+            .map(str::to_owned)
+            .collect()
     }
 
     /// What a depiction colours.
@@ -178,9 +183,8 @@ impl OpenSurface {
         };
         let (down, right) = (index(0, row)?, index(1, column)?);
         let samples = &self.coarse.samples;
-        let corners = [[1, 1], [1, 0], [0, 1], [0, 0]].map(|[up, left]| {
-            samples.heights[(down - up) * samples.columns + right - left]
-        });
+        let corners = [[1, 1], [1, 0], [0, 1], [0, 0]]
+            .map(|[up, left]| samples.heights[(down - up) * samples.columns + right - left]);
         let most = corners.into_iter().filter(|height| !height.is_nan()).reduce(f64::max)?;
         Some(most + self.coarse.delta)
     }
@@ -192,9 +196,9 @@ impl OpenSurface {
         let NodeSamples { rows, columns, heights, .. } = &*coarse.samples;
         let every = (((rows * columns) as f64 / most.max(1) as f64).sqrt().ceil() as usize).max(1);
         // Settings that nobody has touched fit every field.
-        let placed = self.placed(&Settings::default()).unwrap_or_else(|_| {
-            Placed::new(grid, crate::cpu::surface::placed::Map::Plate, 1.0, 0.0)
-        });
+        let placed = self
+            .placed(&Settings::default())
+            .unwrap_or_else(|_| Placed::new(grid, crate::cpu::surface::placed::Map::Plate, 1.0, 0.0));
         let bounds = super::session::bounds_of(&placed, [self.file.about().facts.min, self.file.about().facts.max]);
         let low = self.file.about().facts.min;
         let (mut positions, mut shown) = (vec![bounds.min.to_array(), bounds.max.to_array()], vec![low as f32; 2]);

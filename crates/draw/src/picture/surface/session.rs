@@ -315,12 +315,7 @@ impl SurfaceSession {
     ///
     /// # Errors
     /// As [`SurfaceSession::draw`].
-    pub fn seen(
-        &mut self,
-        look: &LookPatch,
-        view: &View,
-        levels: Option<Levels>,
-    ) -> Result<SeenSurface, PictureError> {
+    pub fn seen(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<SeenSurface, PictureError> {
         let mut prepared = self.prepare(look)?;
         if let Some(levels) = levels {
             prepared.look.range = levels.p;
