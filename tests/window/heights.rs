@@ -3,6 +3,7 @@
 use super::desktop::{Desktop, Program, Screen, columns, keep, middle, point, repeat};
 use serde_json::Value;
 use std::path::Path;
+use std::time::Duration;
 
 const SIZE: [u16; 2] = [640, 400];
 /// Columns and rows.
@@ -98,12 +99,14 @@ fn heights_are_read_and_measured_with_the_mouse() {
     let measured = || {
         key('m');
         desktop.click([at[0] - 80, at[1]]);
+        // A slow frame makes one place of two clicks.
+        std::thread::sleep(Duration::from_millis(400));
         desktop.click([at[0] + 60, at[1] + 20]);
     };
-    let apart = repeat(&program, "a distance", measured, |s| s["looking"]["heights"]["apart"][1].is_f64());
+    let apart = repeat(&program, "a distance", measured, |s| s["looking"]["heights"]["apart"][1].as_f64() > Some(10.0));
     let [space, plan, rise, angle] = [0, 1, 2, 3].map(|k| number(&apart["looking"]["heights"]["apart"][k]));
     assert!((space - plan.hypot(rise)).abs() < 1e-9 && (angle - rise.atan2(plan).to_degrees()).abs() < 1e-9);
-    assert!(plan > 10.0 && rise.abs() > 1.0, "{plan} {rise}");
+    assert!(rise.abs() > 1.0, "{plan} {rise}");
 
     // A line becomes a profile, a rectangle the numbers of its samples.
     let draw = |tool: char| {

@@ -74,9 +74,16 @@ fn waited<T: Send + 'static>(ui: &mut Ui, answer: &Answer<T>, show: impl FnOnce(
     true
 }
 
-/// A number with its unit.
-fn with(value: f64, unit: &str) -> String {
+/// A sample with its unit, every digit of it.
+fn exact(value: f64, unit: &str) -> String {
     format!("{value} {unit}").trim_end().to_owned()
+}
+
+/// A height between samples with its unit.
+fn between(value: f64, unit: &str) -> String {
+    // Three digits more than rounded numbers have.
+    let digits = (6.0 - value.abs().max(1e-300).log10().floor()).clamp(0.0, 15.0) as usize;
+    format!("{value:.digits$} {unit}").trim_end().to_owned()
 }
 
 /// A rounded number with its unit.
@@ -88,7 +95,7 @@ fn sample(ui: &mut Ui, found: &Found, grid: &HeightGrid) {
     let (places, heights) = (grid.xy_unit.0.as_str(), grid.height_unit.0.as_str());
     let probe = &found.probe;
     match probe.height {
-        Some(height) => theme::fact(ui, "Height", with(height, heights)),
+        Some(height) => theme::fact(ui, "Height", between(height, heights)),
         None => theme::fact_colored(ui, "Height", "not measured", theme::BAD),
     };
     theme::fact(ui, "Row", number::quantity(probe.row)).on_hover_text("Counted as in the file, from 0.");
@@ -102,11 +109,11 @@ fn sample(ui: &mut Ui, found: &Found, grid: &HeightGrid) {
         theme::fact(ui, "Downhill", format!("{aspect:.1} degrees")).on_hover_text("Clockwise from y.");
     }
     if let Some(near) = &probe.nearest {
-        theme::fact(ui, "Nearest sample", with(near.height, heights));
+        theme::fact(ui, "Nearest sample", exact(near.height, heights));
         theme::fact(ui, "Away", about(near.distance, places));
     }
     for (row, column, height) in &found.samples {
-        theme::fact(ui, &format!("Row {row}, column {column}"), with(*height, heights));
+        theme::fact(ui, &format!("Row {row}, column {column}"), exact(*height, heights));
     }
 }
 

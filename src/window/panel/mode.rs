@@ -84,7 +84,9 @@ fn mode_combo(ui: &mut Ui, shown: impl Iterator<Item = &'static Mode>, settings:
 /// Which attribute gives the hue.
 fn attribute_combo(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let coloring = state.look.as_ref().and_then(|look| look.depiction.attribute.as_ref());
-    let in_use = coloring.map_or("none", |coloring| coloring.name.as_str());
+    let surface = state.scene.as_ref().and_then(|scene| scene.surface_for(settings.mode));
+    let usual = surface.map_or("none", |opened| opened.usual_attribute());
+    let in_use = coloring.map_or(usual, |coloring| coloring.name.as_str());
     let selected = match &settings.attribute {
         Attribute::Automatic => format!("auto:  {in_use}"),
         Attribute::None => "none".to_owned(),

@@ -100,6 +100,14 @@ impl OpenSurface {
             .collect()
     }
 
+    /// What colours it where nothing is named.
+    pub fn usual_attribute(&self) -> &'static str {
+        match surface::attribute_of(None, &self.file.about().grid) {
+            Ok(Coloured::Texture(_)) => "texture",
+            _ => "height",
+        }
+    }
+
     /// What a depiction colours.
     fn coloured(&self, depiction: &Depiction) -> Coloured {
         let name = depiction.attribute.as_ref().map(|coloring| coloring.name.as_str());

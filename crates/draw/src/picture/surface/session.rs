@@ -361,6 +361,34 @@ pub(super) fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
     Bounds { min: DVec3::new(low.x, low.y, ends[0].min(ends[1])), max: DVec3::new(high.x, high.y, top) }
 }
 
+/// The least distance from a target, of those up to twice `away`, at which all of a box is in the picture with a little room around it.
+fn nearest(shot: &Shot, bounds: Bounds, target: DVec3, from: DVec3, away: f64) -> Result<f64, PictureError> {
+    let Bounds { min, max } = bounds;
+    let corner = |number: usize| DVec3::from_array([0, 1, 2].map(|axis| [min, max][number >> axis & 1][axis]));
+    let fits = |distance: f64| -> Result<bool, PictureError> {
+        let mut shot = shot.clone();
+        (shot.camera.eye, shot.camera.target) = (Some((target + distance * from).to_array()), Some(target.to_array()));
+        let view = shot.view(bounds, None)?;
+        let [width, height] = [view.width, view.height].map(f64::from);
+        let is_in = |at: [f64; 2]| {
+            (ROOM..=1.0 - ROOM).contains(&(at[0] / width)) && (ROOM..=1.0 - ROOM).contains(&(at[1] / height))
+        };
+        Ok((0..8).all(|number| view.to_pixels(view.to_camera(corner(number))).is_some_and(is_in)))
+    };
+    let (mut near, mut far) = (0.1 * away, 2.0 * away);
+    if !fits(far)? {
+        return Ok(0.72 * away);
+    }
+    for _ in 0..12 {
+        let middle = 0.5 * (near + far);
+        if fits(middle)? { far = middle } else { near = middle }
+    }
+    Ok(far)
+}
+
+/// The share of a picture that is left free at each of its sides around a surface.
+const ROOM: f64 = 0.04;
+
 /// Where the camera of a shot stands: unless it says otherwise above and in front of the surface, with z up.
 pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, PictureError> {
     let mut shot = shot.clone();
@@ -373,8 +401,7 @@ pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Vi
         let away = (free.view(bounds, None)?.eye - target).length();
         let from = if placed.is_flat() { DVec3::new(0.0, -1.0, 0.9) } else { DVec3::new(1.0, -0.4, 0.5) };
         let eye = match shot.surround.is_flat() {
-            // Nearer than a box of the same size would be looked at: a surface is flat.
-            true => target + 0.72 * away * from.normalize(),
+            true => target + nearest(&shot, bounds, target, from.normalize(), away)? * from.normalize(),
             // Around the eye there is nothing to see from within the surface.
             false => DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()),
         };
