@@ -216,3 +216,6 @@ fn of_row(row: &[Texel], shares: &RowShares) -> Vec<LightSum> {
     };
     row.iter().enumerate().map(sum).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -148,6 +148,3 @@ impl Shares {
         Some(Some(self.inside.iter().enumerate().map(share).collect()))
     }
 }
-
-#[cfg(test)]
-mod tests;
