@@ -70,7 +70,9 @@ fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
     if !names.is_empty() {
         writeln!(text, "colour planes: {}", names.join(", "))?;
     }
-    for PhotoSummary { columns, rows, source, corners } in summary.planes.iter().filter_map(|plane| plane.photo.as_ref()) {
+    for PhotoSummary { columns, rows, source, corners } in
+        summary.planes.iter().filter_map(|plane| plane.photo.as_ref())
+    {
         let [from, to] = corners.map(|[x, y]| format!("{x}, {y}"));
         writeln!(text, "photo (texture): {columns} x {rows} pixels of {source}, from {from} to {to}{places}")?;
     }

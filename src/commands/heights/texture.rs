@@ -25,7 +25,9 @@ impl TextureOptions {
     pub fn refuse(&self) -> Result<(), String> {
         match &self.texture {
             None => Ok(()),
-            Some(photo) => Err(format!("{}: --texture: found no heights to lay it over, expected some", photo.path.display())),
+            Some(photo) => {
+                Err(format!("{}: --texture: found no heights to lay it over, expected some", photo.path.display()))
+            }
         }
     }
 }

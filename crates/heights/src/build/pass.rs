@@ -61,7 +61,8 @@ pub(super) fn build(
     let bytes = plan.bytes + photo.as_deref().map_or(0, photo::memory);
     if let Some(memory) = memory.filter(|memory| *memory < bytes) {
         let (needed, allowed) = (bytes.div_ceil(1 << 20), memory >> 20);
-        let photo = photo.map(|photo| photo.about().size).map(|[rows, columns]| format!(" and a photo of {columns} x {rows}"));
+        let photo =
+            photo.map(|photo| photo.about().size).map(|[rows, columns]| format!(" and a photo of {columns} x {rows}"));
         let photo = photo.unwrap_or_default();
         return Err(HeightBuildError::Memory { path: output.into(), columns: grid.columns, photo, needed, allowed });
     }

@@ -107,8 +107,10 @@ impl<'a> PhotoPass<'a> {
         let is_last = self.next == rows as u64;
         let mut values = vec![0; shares.len() * columns * planes];
         self.photo.rows(first, shares.len() as u64, &mut values)?;
-        let texels: Vec<Vec<Texel>> =
-            values.par_chunks_exact(columns * planes).map(|row| row.chunks_exact(planes).map(texel).collect()).collect();
+        let texels: Vec<Vec<Texel>> = values
+            .par_chunks_exact(columns * planes)
+            .map(|row| row.chunks_exact(planes).map(texel).collect())
+            .collect();
         drop(values);
         if self.levels.len() > 1 {
             // Blocks have an even number of rows, but for the last one.
@@ -131,9 +133,8 @@ impl<'a> PhotoPass<'a> {
         for level in 1..self.levels.len() {
             let own = &mut self.levels[level];
             let (lattice, start) = (self.lattice, own.first + own.rows.len() as u64);
-            let texels = |(row, sums): (usize, &Vec<LightSum>)| {
-                means::texels(&lattice, level as u32, start + row as u64, sums)
-            };
+            let texels =
+                |(row, sums): (usize, &Vec<LightSum>)| means::texels(&lattice, level as u32, start + row as u64, sums);
             let made: Vec<Vec<Texel>> = sums.par_iter().enumerate().map(texels).collect();
             own.rows.extend(made);
             if let Some(single) = own.single.take() {

@@ -76,8 +76,6 @@ fn place(choice: &PhotoChoice, grid: &HeightGrid) -> Result<PhotoPlace, ImportEr
     let [one, other] = [[x0, y0], [x1, y1]].map(|corner| grid.row_column(corner));
     let ends = |axis: usize| [one[axis].min(other[axis]), one[axis].max(other[axis])];
     let place = PhotoPlace { rows: ends(0), columns: ends(1) };
-    let is_finite = place.rows.iter().chain(&place.columns).all(|end| end.is_finite() && end.abs() < 1e15);
-    let has_area = place.rows[0] < place.rows[1] && place.columns[0] < place.columns[1];
     let [last_row, last_column] = [grid.rows - 1, grid.columns - 1].map(|last| last as f64);
     let meets = |[from, to]: [f64; 2], last: f64| from < last && to > 0.0;
     // A photo that repeats is where one of its copies is.
@@ -88,7 +86,7 @@ fn place(choice: &PhotoChoice, grid: &HeightGrid) -> Result<PhotoPlace, ImportEr
             meets(place.columns.map(|end| ahead.mul_add(period, end)), last_column)
         }
     };
-    if is_finite && has_area && is_across && meets(place.rows, last_row) {
+    if place.is_sound() && is_across && meets(place.rows, last_row) {
         return Ok(place);
     }
     let found = format!("a rectangle from {x0}, {y0} to {x1}, {y1}");

@@ -19,12 +19,20 @@ impl PhotoPlace {
         PhotoPlace { rows: [0.0, (grid.rows - 1) as f64], columns: [0.0, (grid.columns - 1) as f64] }
     }
 
-    /// After how many columns a photo repeats: where columns are degrees of longitude, after 360 of them. Nothing where it does not.
+    /// Whether it has an area, and numbers that can be counted with.
+    pub fn is_sound(&self) -> bool {
+        let [rows, columns] = [self.rows, self.columns];
+        rows[0] < rows[1] && columns[0] < columns[1] && rows.iter().chain(&columns).all(|edge| edge.abs() < 1e15)
+    }
+
+    /// After how many columns a photo repeats: where columns are degrees of longitude, after 360 of them. Nothing where it does not, and where the
+    /// field goes round many times, which is no globe.
     pub fn period(&self, grid: &HeightGrid) -> Option<f64> {
         let period = 360.0 / grid.step[0].abs();
         // Rounding of places may make a photo of the whole globe a little wider.
         let is_narrow = self.columns[1] - self.columns[0] <= period * (1.0 + 1e-9);
-        (units::is_degrees(&grid.xy_unit) && period.is_finite() && is_narrow).then_some(period)
+        let is_globe = units::is_degrees(&grid.xy_unit) && grid.columns as f64 <= 8.0 * period;
+        (is_globe && is_narrow).then_some(period)
     }
 }
 

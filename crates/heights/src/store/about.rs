@@ -191,7 +191,8 @@ pub(super) fn decode(bytes: &[u8], version: u32) -> Result<(HeightAbout, Lattice
     for (level, own) in levels.iter().enumerate() {
         let of_level = |(key, _): &(crate::hierarchy::chunks::ChunkKey, &NodeRecord)| usize::from(key.level) == level;
         let there = || lattice.keys().zip(&nodes).filter(of_level).filter(|(_, record)| record.place.is_written());
-        let (count, len) = (there().count() as u64, there().map(|(_, record)| u64::from(record.place.len)).sum::<u64>());
+        let (count, len) =
+            (there().count() as u64, there().map(|(_, record)| u64::from(record.place.len)).sum::<u64>());
         if (count, len) != (own.chunks, own.bytes) {
             return Err(wrong(format!("level {level} with {count} chunks of {len} bytes, found {own:?}")));
         }

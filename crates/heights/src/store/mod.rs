@@ -72,7 +72,8 @@ impl HeightFile {
     /// As [`HeightFile::open`].
     pub fn open_on(path: &Path, disk: Arc<dyn Disk>) -> Result<HeightFile, StoreError> {
         let (container, footer) = Container::open_on(path, disk, KIND)?;
-        let (about, lattice, nodes) = about::decode(&footer, container.version()).map_err(|damage| damage.in_file(path))?;
+        let (about, lattice, nodes) =
+            about::decode(&footer, container.version()).map_err(|damage| damage.in_file(path))?;
         let file = HeightFile { container, about, lattice, nodes };
         file.check_places().map_err(|damage| damage.in_file(path))?;
         Ok(file)

@@ -6,9 +6,9 @@ use super::tile::{self, Tile};
 use crate::hierarchy::photo::{PhotoLattice, TileKey};
 use crate::model::photo::{PhotoAbout, PhotoPlace, PhotoRows};
 use crate::model::{HeightError, Window};
+use deepfield_data::store::StoreError;
 use deepfield_data::store::error::Damage;
 use deepfield_data::store::wire::{Decoder, Encoder};
-use deepfield_data::store::StoreError;
 use rayon::prelude::*;
 
 /// Bytes of a tile's record.
@@ -65,9 +65,10 @@ impl StoredPhoto {
         }
         let [top, bottom, left, right] = edges;
         let place = PhotoPlace { rows: [top, bottom], columns: [left, right] };
-        let is_placed = edges.iter().all(|edge| edge.is_finite()) && top < bottom && left < right;
-        if !size.iter().all(|count| (1..=MOST_SIDE).contains(count)) || !matches!(planes, 1 | 3) || !is_placed {
-            return Err(wrong(format!("a photo with pixels, 1 or 3 planes and a place, found {size:?}, {planes}, {edges:?}")));
+        if !size.iter().all(|count| (1..=MOST_SIDE).contains(count)) || !matches!(planes, 1 | 3) || !place.is_sound() {
+            return Err(wrong(format!(
+                "a photo with pixels, 1 or 3 planes and a place, found {size:?}, {planes}, {edges:?}"
+            )));
         }
         let lattice = PhotoLattice::new(size);
         // Before anything of that size is allocated.
@@ -145,7 +146,8 @@ impl PhotoRows for PhotoOfFile<'_> {
         let StoredPhoto { about, lattice, .. } = self.photo;
         let ([rows, columns], planes) = (about.size, about.planes());
         let asked = Window { row: first, column: 0, rows: count, columns };
-        if first.checked_add(count).is_none_or(|end| end > rows) || asked.samples() * planes as u64 != out.len() as u64 {
+        if first.checked_add(count).is_none_or(|end| end > rows) || asked.samples() * planes as u64 != out.len() as u64
+        {
             let expected = format!("a part of {rows} rows, found {asked:?}");
             return Err(Damage::new("photo", expected).in_file(self.file.path()).into());
         }

@@ -100,8 +100,7 @@ impl HeightFileWriter {
             self.page.resize(PAGE_HEAD, 0);
         }
         // A page is far shorter than 4 GiB, or is refused as it is written.
-        let place =
-            Place { page: self.pages.page_count(), offset: self.page.len() as u32, len: bytes.len() as u32 };
+        let place = Place { page: self.pages.page_count(), offset: self.page.len() as u32, len: bytes.len() as u32 };
         self.page.extend_from_slice(bytes);
         self.count += 1;
         self.memory += memory;

@@ -42,8 +42,10 @@ pub fn nothing() -> [f32; 3] {
 pub struct PhotoLook<'a> {
     tiles: &'a dyn PhotoTiles,
     laid: Laid,
-    /// The tiles that this picture has asked for.
+    /// The tiles that this picture has asked for, in the order of their numbers.
     found: Vec<OnceLock<Option<Arc<Tile>>>>,
+    /// Of each level that is kept the number of its first tile, and how many are in a row.
+    levels: Vec<(usize, usize)>,
     /// The levels above the last one that is kept: rows and columns, and texels.
     above: Vec<([usize; 2], Vec<Texel>)>,
     /// Rows and columns of samples that a pixel of the photo covers.
@@ -69,10 +71,15 @@ impl<'a> PhotoLook<'a> {
         let largest = across.max(along);
         let texel = [size[0] * along / largest, size[1] * across / largest];
         let found: Vec<OnceLock<Option<Arc<Tile>>>> = (0..lattice.tiles()).map(|_| OnceLock::new()).collect();
+        let level = |level: u32| {
+            let first = TileKey { level: level as u8, row: 0, column: 0 };
+            (lattice.number(first), lattice.tiles_of(level)[1] as usize)
+        };
         let mut look = PhotoLook {
             tiles,
             laid,
             found,
+            levels: (0..lattice.levels()).map(level).collect(),
             above: Vec::new(),
             size,
             texel,
@@ -82,14 +89,16 @@ impl<'a> PhotoLook<'a> {
         };
         let top = lattice.levels() - 1;
         if let Some(tile) = look.tile(TileKey { level: top as u8, row: 0, column: 0 }) {
-            look.above = means::above(&lattice, top, &tile.texels);
+            let above = means::above(&lattice, top, &tile.texels);
+            look.above = above;
         }
         Some(look)
     }
 
-    fn tile(&self, key: TileKey) -> Option<Arc<Tile>> {
-        let slot = self.found.get(self.laid.lattice.number(key))?;
-        slot.get_or_init(|| self.tiles.tile(key)).clone()
+    fn tile(&self, key: TileKey) -> Option<&Tile> {
+        let (first, columns) = self.levels.get(usize::from(key.level))?;
+        let slot = self.found.get(first + key.row as usize * columns + key.column as usize)?;
+        slot.get_or_init(|| self.tiles.tile(key)).as_deref()
     }
 
     /// The light at a row and column of the field, where samples of its level `level`, which may be below 0, are as far apart as pixels.
@@ -140,7 +149,8 @@ impl<'a> PhotoLook<'a> {
                 None => return None,
             }
         };
-        let coarse = Some(first + 1).filter(|next| share > 0.0 && *next <= most).and_then(|next| self.of_level(at, next));
+        let coarse =
+            Some(first + 1).filter(|next| share > 0.0 && *next <= most).and_then(|next| self.of_level(at, next));
         Some(coarse.map_or(fine, |coarse| std::array::from_fn(|k| fine[k] + share * (coarse[k] - fine[k]))))
     }
 
@@ -161,11 +171,10 @@ impl<'a> PhotoLook<'a> {
         };
         let ((row, down), (column, right)) = (axis(0), axis(1));
         let kept = lattice.levels() as usize;
-        let tile;
         let (first, columns, texels) = match level.checked_sub(kept) {
             None => {
                 let [own_row, own_column] = [row, column].map(|index| (index / TILE) as u32);
-                tile = self.tile(TileKey { level: level as u8, row: own_row, column: own_column })?;
+                let tile = self.tile(TileKey { level: level as u8, row: own_row, column: own_column })?;
                 let held = tile.held;
                 ((row - held.row) as usize * held.columns + (column - held.column) as usize, held.columns, &tile.texels)
             }

@@ -86,8 +86,7 @@ fn covered(samples: [u64; 2], size: [u64; 2], place: PhotoPlace, is_grey: bool, 
         if is_hole && at > 0 { f64::NAN } else { (row + column) as f64 }
     };
     let field = HeightField::of(columns, rows, (0..rows * columns).map(height).collect());
-    let about =
-        PhotoAbout { path: "photo.png".into(), format: "png".into(), bytes: 7, size, is_grey, place };
+    let about = PhotoAbout { path: "photo.png".into(), format: "png".into(), bytes: 7, size, is_grey, place };
     let values = (0..size[0] * size[1] * about.planes() as u64).map(|_| (noise.next() >> 40) as u8).collect();
     Covered { field, photo: Pixels { about, values } }
 }
@@ -129,9 +128,8 @@ fn check(covered: &Covered, file: &HeightFile) -> Result<(), TestCaseError> {
     prop_assert_eq!(&stored.about, about);
     let [rows, columns] = about.size;
     let period = about.place.period(&covered.field.grid);
-    let shares: Vec<f64> = (0..rows * columns)
-        .map(|at| share_by_force(covered, period, [at / columns, at % columns]))
-        .collect();
+    let shares: Vec<f64> =
+        (0..rows * columns).map(|at| share_by_force(covered, period, [at / columns, at % columns])).collect();
     for key in lattice.keys() {
         let Tile { held, texels, .. } = file.tile(key).unwrap();
         let level = u32::from(key.level);
@@ -167,7 +165,8 @@ fn check(covered: &Covered, file: &HeightFile) -> Result<(), TestCaseError> {
                     (f64::from(texel[3]) - 255.0 * share / count).abs() <= 1.2
                         && (texel[3] > 0) == (share > 1e-9)
                         && (texel[3] == 255) == (share > (1.0 - 1e-6) * count),
-                    "{key:?} {place:?}: {} of {share} of {count}", texel[3]
+                    "{key:?} {place:?}: {} of {share} of {count}",
+                    texel[3]
                 ),
             }
         }

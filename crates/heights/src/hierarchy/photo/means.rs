@@ -91,7 +91,10 @@ pub fn above(lattice: &PhotoLattice, level: u32, texels: &[Texel]) -> Vec<([usiz
         }
         sums = sums.chunks(2).map(|pair| joined(&pair[0], pair.get(1).map(Vec::as_slice))).collect();
         let rows = sums.iter().enumerate();
-        out.push((size_of(level), rows.flat_map(|(row, sums)| self::texels(lattice, level, row as u64, sums)).collect()));
+        out.push((
+            size_of(level),
+            rows.flat_map(|(row, sums)| self::texels(lattice, level, row as u64, sums)).collect(),
+        ));
     }
     out
 }
