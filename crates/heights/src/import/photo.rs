@@ -171,3 +171,6 @@ impl PhotoChoice {
         Ok(PhotoChoice { path: text.into(), rectangle: None })
     }
 }
+
+#[cfg(test)]
+mod tests;
