@@ -1,5 +1,7 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
+use super::look::Attribute;
+use super::photo::PhotoLook;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
@@ -98,7 +100,9 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
         let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
-        let shader = Shader::new(&scene, &fine, look, parts);
+        let has_photo = look.attribute == Attribute::Photo;
+        let photo = source.photo().filter(|_| has_photo).and_then(|tiles| PhotoLook::new(tiles, placed));
+        let shader = Shader::new(&scene, &fine, look, photo, parts);
         let (colors, depth) = shader.shade(&seen, [width as usize, height as usize]);
         picture.report.covered = colors.iter().map(|color| f64::from(color[3])).sum();
         picture.colors = Colors { width, height, rgba: colors };

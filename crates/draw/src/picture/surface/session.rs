@@ -158,7 +158,7 @@ impl SurfaceSession {
         })?;
         let about = self.file().about();
         let settings = SurfaceSettings::new(&look.settings, &about.grid).map_err(refuse)?;
-        let attribute = surface::attribute_of(look.attribute_name(), &about.grid).map_err(refuse)?;
+        let attribute = surface::attribute_of(look.attribute_name(), about).map_err(refuse)?;
         let placed = self.placed(&settings);
         if !placed.is_flat() && settings.contours.is_some() {
             return Err(refuse("contours: not drawn on a globe yet, expected 0, or map plate or local".into()));
