@@ -53,6 +53,8 @@ pub struct Shader<'a> {
     sun: Option<DVec3>,
     /// Which planes are read.
     planes: Vec<usize>,
+    /// Pixels of a row, and which have no lines; empty where all have.
+    spared: (usize, Vec<bool>),
 }
 
 impl<'a> Shader<'a> {
@@ -72,7 +74,24 @@ impl<'a> Shader<'a> {
             _ => Vec::new(),
         };
         let resolver = Resolver::new(scene, sight);
-        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes }
+        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, spared: (0, Vec::new()) }
+    }
+
+    /// What finds places.
+    pub fn resolver(&self) -> &Resolver<'a> {
+        &self.resolver
+    }
+
+    /// Without lines in some of the pixels; `width` are in a row.
+    pub fn sparing(self, width: usize, pixels: Vec<bool>) -> Shader<'a> {
+        Shader { spared: (width, pixels), ..self }
+    }
+
+    /// Whether a place of the picture's samples has no lines.
+    fn is_spared(&self, place: [f64; 2]) -> bool {
+        let (width, pixels) = &self.spared;
+        let [x, y] = place.map(|at| (at / f64::from(self.parts)) as usize);
+        pixels.get(y * width + x).copied().unwrap_or(false)
     }
 
     /// Colours in linear light, premultiplied with alpha, and depths: infinite where some sample of a pixel shows nothing. Where the surface
@@ -172,7 +191,9 @@ impl<'a> Shader<'a> {
         let lit = facets.lit(self.sun.unwrap_or(toward), toward) as f32;
         let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
         let mut color = plain.map(|color| color * light);
-        if let Some(contours) = &self.look.contours {
+        if let Some(contours) = &self.look.contours
+            && !self.is_spared(place)
+        {
             let share = self.line(contours, hit, place);
             (0..3).for_each(|k| color[k] += share * (contours.color[k] - color[k]));
         }
