@@ -93,6 +93,13 @@ pub static CONTOUR_WIDTH: Setting = Setting {
     kind: SettingKind::Number { min: 0.1, max: 100.0, default: 1.2 },
     help: "width of the lines",
 };
+/// Heights along lines.
+pub static CONTOUR_LABELS: Setting = Setting {
+    name: "contour-labels",
+    unit: "",
+    kind: SettingKind::Flag { default: false },
+    help: "write heights along the lines",
+};
 /// How places in degrees become places in the world.
 pub static MAP: Setting = Setting {
     name: "map",
@@ -133,6 +140,9 @@ const BODIES: [(&str, f64); 9] = [
 
 /// Fields in degrees that are at least so wide are a globe unless they are told otherwise.
 const GLOBE_FROM: f64 = 20.0;
+
+/// An em of heights along lines, pixels, where others are of 13.
+const LETTERS: f64 = 11.0;
 
 /// What settings come to for a field.
 #[derive(Clone, Debug, PartialEq)]
@@ -177,6 +187,7 @@ impl SurfaceSettings {
             major: settings.number(&CONTOUR_MAJOR) as u32,
             width: settings.number(&CONTOUR_WIDTH),
             color: [0.02, 0.02, 0.03],
+            labels: settings.flag(&CONTOUR_LABELS).then_some(LETTERS),
         });
         Ok(SurfaceSettings {
             technique,
@@ -337,6 +348,7 @@ pub static MODE: Mode = Mode {
         &CONTOUR_BASE,
         &CONTOUR_MAJOR,
         &CONTOUR_WIDTH,
+        &CONTOUR_LABELS,
     ]],
     technique: &OfSurfaces,
     quantity: "height",

@@ -55,6 +55,8 @@ pub struct Shader<'a> {
     /// Which planes are read.
     planes: Vec<usize>,
     photo: Option<PhotoLook<'a>>,
+    /// Pixels of a row, and which have no lines; empty where all have.
+    spared: (usize, Vec<bool>),
 }
 
 impl<'a> Shader<'a> {
@@ -80,7 +82,24 @@ impl<'a> Shader<'a> {
             _ => Vec::new(),
         };
         let resolver = Resolver::new(scene, sight);
-        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, photo }
+        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, photo, spared: (0, Vec::new()) }
+    }
+
+    /// What finds places.
+    pub fn resolver(&self) -> &Resolver<'a> {
+        &self.resolver
+    }
+
+    /// Without lines in some of the pixels; `width` are in a row.
+    pub fn sparing(self, width: usize, pixels: Vec<bool>) -> Shader<'a> {
+        Shader { spared: (width, pixels), ..self }
+    }
+
+    /// Whether a place of the picture's samples has no lines.
+    fn is_spared(&self, place: [f64; 2]) -> bool {
+        let (width, pixels) = &self.spared;
+        let [x, y] = place.map(|at| (at / f64::from(self.parts)) as usize);
+        pixels.get(y * width + x).copied().unwrap_or(false)
     }
 
     /// Colours in linear light, premultiplied with alpha, and depths: infinite where some sample of a pixel shows nothing. Where the surface
@@ -184,7 +203,9 @@ impl<'a> Shader<'a> {
         let lit = facets.lit(self.sun.unwrap_or(toward), toward) as f32;
         let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
         let mut color = plain.map(|color| color * light);
-        if let Some(contours) = &self.look.contours {
+        if let Some(contours) = &self.look.contours
+            && !self.is_spared(place)
+        {
             let share = self.line(contours, hit, place);
             (0..3).for_each(|k| color[k] += share * (contours.color[k] - color[k]));
         }

@@ -90,7 +90,7 @@ impl OpenSurface {
     /// The names of what can colour its pictures.
     pub fn attributes(&self) -> Vec<String> {
         let grid = &self.file.about().grid;
-        let has_colors = surface::attribute_of(Some("texture"), grid).is_ok();
+        let has_colors = surface::attribute_of(Some("texture"), self.file.about()).is_ok();
         let planes = grid.planes.iter().map(|plane| plane.name.as_str());
         surface::ATTRIBUTES
             .into_iter()
@@ -102,8 +102,8 @@ impl OpenSurface {
 
     /// What colours it where nothing is named.
     pub fn usual_attribute(&self) -> &'static str {
-        match surface::attribute_of(None, &self.file.about().grid) {
-            Ok(Coloured::Texture(_)) => "texture",
+        match surface::attribute_of(None, self.file.about()) {
+            Ok(Coloured::Texture(_) | Coloured::Photo) => "texture",
             _ => "height",
         }
     }
@@ -111,7 +111,7 @@ impl OpenSurface {
     /// What a depiction colours.
     fn coloured(&self, depiction: &Depiction) -> Coloured {
         let name = depiction.attribute.as_ref().map(|coloring| coloring.name.as_str());
-        surface::attribute_of(name, &self.file.about().grid).unwrap_or(Coloured::Height)
+        surface::attribute_of(name, self.file.about()).unwrap_or(Coloured::Height)
     }
 
     /// A mode of its pictures, coloured by an attribute where one is named.
@@ -125,7 +125,7 @@ impl OpenSurface {
         attribute: Option<&str>,
         choice: LevelChoice,
     ) -> Result<Depiction, String> {
-        surface::attribute_of(attribute, &self.file.about().grid)?;
+        surface::attribute_of(attribute, self.file.about())?;
         let coloring = |name: &str| Coloring { name: name.into(), fallback: 0.0, least: self.file.about().facts.min };
         Ok(Depiction { mode, settings, attribute: attribute.map(coloring), choice })
     }

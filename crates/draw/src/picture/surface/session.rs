@@ -1,14 +1,17 @@
 //! An open height field, of which pictures are drawn.
 
+use super::letters::ProgramFont;
 use super::opened::OpenSurface;
 use super::raw::{SurfaceChannels, SurfaceShown};
+use crate::annotate::Annotations;
 use crate::color::Image;
 use crate::color::transfer::{Levels, TransferFunction};
+use crate::cpu::surface::labels::Letters;
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
-use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw};
+use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw_lettered};
 use crate::cpu::volume::{VolumeLevels, VolumeReport};
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
@@ -183,7 +186,7 @@ impl SurfaceSession {
         if self.options.overdraw.is_some() {
             return Err(PictureError::of(self.opened.path(), "--overdraw: heights have no splats"));
         }
-        let prepared = self.prepare(&shot.look)?;
+        let mut prepared = self.prepare(&shot.look)?;
         let is_globe = !prepared.placed.is_flat();
         if self.options.raw && (shot.stereo.is_some() || is_globe && !shot.surround.is_flat()) {
             let why =
@@ -193,6 +196,11 @@ impl SurfaceSession {
         let bounds = bounds_of(&prepared.placed, self.extremes());
         let view = view_of(shot, bounds, &prepared.placed)?;
         self.nodes.place(&prepared.placed);
+        if let Some(em) = prepared.look.contours.as_mut().and_then(|contours| contours.labels.as_mut()) {
+            let scale = |annotations: &Annotations| annotations.scale_for(view.width, view.height);
+            let scale = shot.look.annotations.as_ref().map_or_else(|| scale(&Annotations::NONE), scale);
+            *em *= f64::from(scale);
+        }
         let options = SurfaceOptions {
             technique: prepared.settings.technique,
             tau: match self.options.exact {
@@ -210,13 +218,14 @@ impl SurfaceSession {
             let draw = || self.draw_once(shot, &view, &prepared.placed, &options);
             drawn = Some(times.frame(|times| times.measure("draw", draw))?);
         }
-        let Some(SurfacePicture { colors, raw, report, .. }) = drawn else { return Err(PictureError::Stopped) };
+        let Some(SurfacePicture { colors, raw, labels, report, .. }) = drawn else { return Err(PictureError::Stopped) };
         if let Some(error) = self.nodes.error() {
             self.reporter.tell(error);
         }
         let [width, height] = [colors.width, colors.height];
         let channels = (!raw.is_empty()).then_some(SurfaceChannels { width, height, values: raw });
         let Prepared { mode, attribute, look, .. } = prepared;
+        let labels = look.contours.and_then(|contours| contours.labels).map(|_| labels);
         let name = shot.look.attribute_name();
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: look.range[0] });
         let choice = shot.look.budget.level_choice();
@@ -241,7 +250,7 @@ impl SurfaceSession {
             moment: None,
             paths: None,
             points: None,
-            surface: Some(SurfaceShown { report, channels }),
+            surface: Some(SurfaceShown { report, channels, labels }),
         })
     }
 
@@ -259,14 +268,15 @@ impl SurfaceSession {
                 None => Sight::Flat(*view),
                 Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
             };
-            return Ok(self.drawn(placed, &sight, options));
+            return Ok(self.drawn(placed, &sight, options, Some(&ProgramFont)));
         }
         let projector = Projector::new(*view, shot.surround, shot.stereo)?;
         let options = SurfaceOptions { raw: false, ..options.clone() };
         let mut whole = SurfacePicture::default();
         whole.report.is_converged = true;
         let values = projector.draw_each(true, |view| {
-            let one = self.drawn(placed, &Sight::Flat(*view), &options);
+            // What two eyes see, and faces that are put together, would each have heights at places of their own.
+            let one = self.drawn(placed, &Sight::Flat(*view), &options, None);
             whole.report.error_px = whole.report.error_px.max(one.report.error_px);
             whole.report.is_converged &= one.report.is_converged;
             whole.report.nodes_drawn += one.report.nodes_drawn;
@@ -284,9 +294,15 @@ impl SurfaceSession {
     }
 
     /// Reads what a picture needs, all at once, and draws it.
-    fn drawn(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> SurfacePicture {
+    fn drawn(
+        &self,
+        placed: &Placed,
+        sight: &Sight,
+        options: &SurfaceOptions,
+        letters: Option<&dyn Letters>,
+    ) -> SurfacePicture {
         self.nodes.prepare(placed, sight, options);
-        draw(&self.nodes, placed, sight, options)
+        draw_lettered(&self.nodes, placed, sight, options, letters)
     }
 
     /// A drawn picture in colours, with what the shot's film does to it.
@@ -331,7 +347,7 @@ impl SurfaceSession {
             ..SurfaceOptions::default()
         };
         self.nodes.place(&prepared.placed);
-        let picture = self.drawn(&prepared.placed, &Sight::Flat(*view), &options);
+        let picture = self.drawn(&prepared.placed, &Sight::Flat(*view), &options, Some(&ProgramFont));
         Ok(SeenSurface { picture, attribute, transfer, levels, error: self.nodes.error() })
     }
 
