@@ -4,7 +4,6 @@
 //! pixel shows, [`resolve`] where that is, and [`shade`] what it looks like; [`picture`] does it all.
 
 pub mod lambert;
-pub mod lattice;
 pub mod look;
 #[cfg(test)]
 pub mod memory;
