@@ -5,7 +5,9 @@ pub mod contours;
 pub mod difference;
 pub mod info;
 pub mod options;
+pub mod pixels;
 pub mod probe;
+pub mod profile;
 pub mod select;
 pub mod synth;
 
