@@ -5,7 +5,6 @@ mod chunks;
 mod coding;
 mod directory;
 mod geo;
-mod lzw;
 mod metadata;
 #[cfg(test)]
 mod tests;

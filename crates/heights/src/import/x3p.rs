@@ -4,11 +4,11 @@ use super::archive::Archive;
 use super::content::{Content, in_one_line};
 use super::dimensions::{dimensions, distance};
 use super::md5::Md5;
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::source::{MASKED, Samples};
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::{HeightGrid, Window};
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{SampleType, Scale, Unit};
 use roxmltree::{Document, Node};
 

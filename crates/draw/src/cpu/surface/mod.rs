@@ -6,7 +6,6 @@
 
 pub mod labels;
 pub mod lambert;
-pub mod lattice;
 pub mod look;
 #[cfg(test)]
 pub mod memory;

@@ -5,6 +5,6 @@ mod opened;
 mod raw;
 mod session;
 
-pub use opened::{OpenSurface, ray_in_file, rise_of};
+pub use opened::OpenSurface;
 pub use raw::{SurfaceChannels, SurfaceShown};
 pub use session::{SeenSurface, SurfaceSession};

@@ -1,12 +1,13 @@
 //! How strips and tiles are packed.
 
 use super::directory::Directory;
-use super::{lzw, tag};
-use crate::import::raw::ByteOrder;
-use deepfield_data::import::ImportError;
+use super::tag;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::SampleType;
 use flate2::read::ZlibDecoder;
 use std::io::Read;
+use weezl::BitOrder;
+use weezl::decode::Configuration;
 
 /// How bytes are packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,7 +106,7 @@ impl Coding {
                 packed.truncate(bytes);
                 packed
             }
-            Packing::Lzw => lzw::unpack(&packed, bytes),
+            Packing::Lzw => words(&packed, bytes),
             Packing::Deflate => {
                 let mut out = Vec::with_capacity(bytes);
                 // What is damaged is too short.
@@ -137,6 +138,23 @@ impl Coding {
             bytes.chunks_exact_mut(self.size).for_each(<[u8]>::reverse);
         }
     }
+}
+
+/// TIFF's LZW, whose codes grow one entry early: the first `bytes` bytes, or as many as there are before damage.
+fn words(packed: &[u8], bytes: usize) -> Vec<u8> {
+    let mut out = vec![0; bytes];
+    let mut decoder = Configuration::with_tiff_size_switch(BitOrder::Msb, 8).build();
+    let (mut read, mut written) = (0, 0);
+    while written < bytes {
+        let step = decoder.decode_bytes(&packed[read..], &mut out[written..]);
+        read += step.consumed_in;
+        written += step.consumed_out;
+        if step.status.is_err() || step.consumed_in == 0 && step.consumed_out == 0 {
+            break;
+        }
+    }
+    out.truncate(written);
+    out
 }
 
 /// Runs of bytes: a count, and as many bytes or one that is repeated.
