@@ -200,10 +200,10 @@ fn beside_a_photo_a_surface_is_grey() {
         let expected = if (20..60).contains(&y) && x < 50 { 1.0 } else { nothing()[0] };
         assert!((color[0] - expected).abs() < 1e-4 && color[3] == 1.0, "{x} {y}: {color:?}");
     }
-    // From so far that a pixel has parts of both: as much white as there is.
-    let far = picture(&covered, &surface, &from_above([100.0, 50.0], 150.0, [3, 1]), 4);
+    // From so far that pixels have parts of both: as much white as there is.
+    let far = picture(&covered, &surface, &from_above([100.0, 50.0], 150.0, [18, 9]), 4);
     let sum: f32 = far.colors.rgba.iter().map(|color| color[0] - nothing()[0] * color[3]).sum();
-    let expected = 40.0 * 50.0 / (150.0 * 150.0) * (1.0 - nothing()[0]);
+    let expected = 40.0 * 50.0 / (150.0 * 150.0 / 81.0) * (1.0 - nothing()[0]);
     assert!((sum / expected - 1.0).abs() < 0.1, "{sum} {expected}");
 }
 
