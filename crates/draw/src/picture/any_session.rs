@@ -40,6 +40,15 @@ impl AnySession {
         }
     }
 
+    /// Whether z is up in the world: in that of heights.
+    pub fn has_z_up(&self) -> bool {
+        match self {
+            AnySession::Particles(_) | AnySession::Field(_) => false,
+            AnySession::Surface(_) => true,
+            AnySession::Mixed(session) => session.begins_with_heights(),
+        }
+    }
+
     /// The box that a look's pictures are framed by.
     ///
     /// # Errors
