@@ -16,19 +16,22 @@ mod in_memory;
 pub(crate) mod md5;
 mod numpy;
 mod options;
+mod plu;
+mod plux;
 mod png16;
 mod raw;
 mod source;
 pub mod summary;
 mod sur;
 mod surfer;
-mod suspects;
+pub mod suspects;
 #[cfg(test)]
 mod tests;
 mod told;
 mod units;
 mod unpack;
 mod x3p;
+mod xml;
 
 pub use options::HeightOptions;
 pub use source::{HeightDescription, HeightSource, NoData, Samples, is_masked};
@@ -61,6 +64,7 @@ static FORMATS: &[HeightFormat] = &[
     al3d::AL3D,
     frt::FRT,
     x3p::X3P,
+    plux::PLUX,
     surfer::SURFER,
     gwy::GWY,
     numpy::NPY,
@@ -70,6 +74,7 @@ static FORMATS: &[HeightFormat] = &[
     esri_ascii::ESRI_ASCII,
     hgt::HGT,
     flt::FLT,
+    plu::PLU,
 ];
 
 /// Of formats that hold nothing but heights.
