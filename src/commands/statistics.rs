@@ -65,6 +65,9 @@ enum Values<'a> {
         covered: f64,
         /// What colours are spread over.
         range: [f64; 2],
+        /// Heights that are written along lines.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        contour_labels: Option<Vec<ContourLabel<'a>>>,
     },
     Light {
         levels: &'static str,
@@ -76,6 +79,16 @@ enum Values<'a> {
         grid: Box<Grid>,
         ranges: Ranges<'a>,
     },
+}
+
+/// A height that is written along a line.
+#[derive(Debug, Serialize)]
+struct ContourLabel<'a> {
+    level: f64,
+    text: &'a str,
+    /// The box around it: left, top, right, bottom, pixels.
+    #[serde(rename = "box")]
+    area: [f64; 4],
 }
 
 /// What the grid was, and what was done in it.
@@ -136,7 +149,13 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
 }
 
 fn values(picture: &Picture) -> Values<'_> {
-    if let (Some(SurfaceShown { report, .. }), Raw::Light(light)) = (&picture.surface, &picture.values) {
+    if let (Some(SurfaceShown { report, labels, .. }), Raw::Light(light)) = (&picture.surface, &picture.values) {
+        let labels = labels.as_ref().map(|labels| {
+            labels
+                .iter()
+                .map(|label| ContourLabel { level: label.level, text: &label.text, area: label.area() })
+                .collect()
+        });
         return Values::Surface {
             levels: report.levels,
             samples_drawn: report.samples_drawn,
@@ -144,6 +163,7 @@ fn values(picture: &Picture) -> Values<'_> {
             triangles: report.triangles,
             covered: report.covered,
             range: light.levels.density,
+            contour_labels: labels,
         };
     }
     let LightPicture { report, levels, isovalues, .. } = match &picture.values {

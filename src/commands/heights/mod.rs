@@ -10,5 +10,7 @@ pub mod probe;
 pub mod profile;
 pub mod select;
 pub mod synth;
+pub mod texture;
 
 pub use options::HeightsOptions;
+pub use texture::TextureOptions;

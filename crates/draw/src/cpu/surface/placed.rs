@@ -59,6 +59,15 @@ impl GridRay {
     pub fn at(&self, t: f64) -> [f64; 3] {
         std::array::from_fn(|axis| t.mul_add(self.direction[axis], self.origin[axis]))
     }
+
+    /// Where it meets a plane that has a height at a row and a column, and to which a column and a row add the two of `slope`: column, row and
+    /// height; `None` where it does not, or behind its origin.
+    pub fn on_plane(&self, [row, column]: [f64; 2], height: f64, slope: [f64; 2]) -> Option<[f64; 3]> {
+        let plane = height + slope[0] * (self.origin[0] - column) + slope[1] * (self.origin[1] - row);
+        let [right, down, up] = self.direction;
+        let t = (plane - self.origin[2]) / (up - slope[0] * right - slope[1] * down);
+        (t > 0.0 && t.is_finite()).then(|| self.at(t))
+    }
 }
 
 impl Placed {
@@ -163,6 +172,13 @@ impl Placed {
             Map::Globe { radius } => self.step.map(|degrees| degrees.abs().to_radians() * radius),
             _ => self.step.map(f64::abs),
         }
+    }
+
+    /// What a column and a row add to the height where the surface has a normal at true height.
+    pub fn slope(&self, normal: [f32; 3]) -> [f64; 2] {
+        let [x, y, z] = normal.map(f64::from);
+        let z = z.max(1e-6) * self.true_lift;
+        [-x / z * self.step[0], -y / z * self.step[1]]
     }
 
     /// How far a chord between places that are so many columns and rows apart sinks below a globe, at most: `s^2 / 8 R`; 0 for a flat field.

@@ -132,9 +132,7 @@ impl<'a> Resolver<'a> {
         let (_, depth) = self.sight.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
         let at = [mesh.rows[row] as f64, mesh.columns[column] as f64];
         let placed = &self.scene.placed;
-        let [nx, ny, nz] = mesh.samples.normals[index].map(f64::from);
-        let nz = nz.max(1e-6) * placed.true_lift;
-        let slope = [-nx / nz * placed.step[0], -ny / nz * placed.step[1]];
+        let slope = placed.slope(mesh.samples.normals[index]);
         let ray = self.sight.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
         let found = ray.and_then(|GridRay { origin, direction }| {
             let plane = height + slope[0] * (origin[0] - at[1]) + slope[1] * (origin[1] - at[0]);

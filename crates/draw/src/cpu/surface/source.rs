@@ -1,5 +1,6 @@
 //! What drawing reads of a field: facts of chunks, which choose them, and their samples.
 
+use super::photo::PhotoTiles;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
 
@@ -79,5 +80,10 @@ pub trait SurfaceNodes: Sync {
     /// Whether a chunk's samples are there.
     fn is_there(&self, _: ChunkKey) -> bool {
         true
+    }
+
+    /// The photo that lies over it.
+    fn photo(&self) -> Option<&dyn PhotoTiles> {
+        None
     }
 }

@@ -17,10 +17,10 @@ use glam::DVec3;
 use proptest::prelude::*;
 
 /// Random numbers from 0 to 1: a counter, well mixed.
-struct Random(u64);
+pub(super) struct Random(u64);
 
 impl Random {
-    fn new(seed: u64) -> Random {
+    pub(super) fn new(seed: u64) -> Random {
         Random(seed)
     }
 
@@ -31,13 +31,13 @@ impl Random {
         ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.next()
     }
 }
 
 /// Hills of several sizes; `holes` of the samples were not measured.
-fn hills(rows: usize, columns: usize, holes: f64, seed: u64) -> HeightField {
+pub(super) fn hills(rows: usize, columns: usize, holes: f64, seed: u64) -> HeightField {
     let mut random = Random::new(seed);
     let waves: Vec<[f64; 4]> = (0..9)
         .map(|k| {
@@ -56,7 +56,7 @@ fn hills(rows: usize, columns: usize, holes: f64, seed: u64) -> HeightField {
     HeightField::of(columns as u64, rows as u64, heights)
 }
 
-fn placed(field: &HeightField) -> Placed {
+pub(super) fn placed(field: &HeightField) -> Placed {
     Placed::new(&field.grid, Map::Plate, 1.0, 0.0)
 }
 
@@ -113,7 +113,7 @@ fn cut_node(source: &MemorySurface, placed: &Placed, sight: &Sight, key: ChunkKe
 }
 
 /// A random camera above a field that looks onto it, so that nothing but the field is in the picture.
-fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 2]) -> View {
+pub(super) fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 2]) -> View {
     let (columns, rows) = ((field.grid.columns - 1) as f64, (field.grid.rows - 1) as f64);
     let high = field.stored.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     loop {
