@@ -8,10 +8,10 @@ use super::look::{Attribute, Look};
 use super::placed::Placed;
 use super::source::SurfaceNodes;
 use crate::color::colors::to_linear;
-use deepfield_heights::hierarchy::chunks::light::NO_PHOTO;
 use deepfield_heights::hierarchy::photo::means::{self, Texel};
 use deepfield_heights::hierarchy::photo::{PhotoLattice, TILE, TileKey};
 use deepfield_heights::model::PhotoPlace;
+use deepfield_heights::model::light::NO_PHOTO;
 use deepfield_heights::store::Tile;
 use std::sync::{Arc, OnceLock};
 
