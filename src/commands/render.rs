@@ -44,7 +44,10 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
     }
     let Request { mut members, mut shot, options } = request;
     let said = members.iter().any(|member| arguments.heights.takes(&member.path));
-    let said = said.then(|| arguments.heights.import(&[], options.read));
+    let said = said.then(|| arguments.texture.with(arguments.heights.import(&[], options.read)));
+    if said.is_none() {
+        arguments.texture.refuse()?;
+    }
     let is_field = match &members[..] {
         [only] => said.is_some() || FieldSession::is_field(&only.path),
         all => all.iter().all(|member| SurfaceSession::is_surface(&member.path)),

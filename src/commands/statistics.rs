@@ -64,6 +64,9 @@ enum Values<'a> {
         surface: Surface,
         /// What colours are spread over.
         range: [f64; 2],
+        /// Heights that are written along lines.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        contour_labels: Option<Vec<ContourLabel<'a>>>,
     },
     Light {
         levels: &'static str,
@@ -75,6 +78,16 @@ enum Values<'a> {
         grid: Box<Grid>,
         ranges: Ranges<'a>,
     },
+}
+
+/// A height that is written along a line.
+#[derive(Debug, Serialize)]
+struct ContourLabel<'a> {
+    level: f64,
+    text: &'a str,
+    /// The box around it: left, top, right, bottom, pixels.
+    #[serde(rename = "box")]
+    area: [f64; 4],
 }
 
 /// What was drawn of heights.
@@ -157,7 +170,13 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
 fn values(picture: &Picture) -> Values<'_> {
     if let (Some(surface), Raw::Light(light), true) = (&picture.surface, &picture.values, picture.is_of_heights_alone())
     {
-        return Values::Surface { surface: Surface::of(surface), range: light.levels.density };
+        let contour_labels = surface.labels.as_ref().map(|labels| {
+            labels
+                .iter()
+                .map(|label| ContourLabel { level: label.level, text: &label.text, area: label.area() })
+                .collect()
+        });
+        return Values::Surface { surface: Surface::of(surface), range: light.levels.density, contour_labels };
     }
     let LightPicture { report, levels, isovalues, .. } = match &picture.values {
         Raw::Sums(sums, _) => {

@@ -32,6 +32,14 @@ impl AnySession {
         }
     }
 
+    /// What draws an image or a volume, where one is open.
+    pub fn field(&mut self) -> Option<&mut FieldSession> {
+        match self {
+            AnySession::Field(session) => Some(session),
+            AnySession::Particles(_) | AnySession::Surface(_) | AnySession::Mixed(_) => None,
+        }
+    }
+
     /// Whether z is up in the world: in that of heights.
     pub fn has_z_up(&self) -> bool {
         match self {

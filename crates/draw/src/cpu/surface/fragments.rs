@@ -5,6 +5,7 @@
 //! in front of it leave. So all fragments together are the mean of the samples, and what lies between two of them is seen in the share of the
 //! area that the front ones leave: an edge is as smooth before a star as before the dark.
 
+use super::photo::PhotoLook;
 use super::picture::{SurfaceOptions, SurfaceReport, chosen, parts, report, visible};
 use super::placed::Placed;
 use super::raster::Visibility;
@@ -78,7 +79,8 @@ pub fn fragments(layers: &[Layer<'_>]) -> (PathFragments, SurfaceReport) {
         .zip(&drawn)
         .filter_map(|(layer, (scene, fine, seen))| {
             let look = layer.options.look.as_ref()?;
-            Some(Shaded { shader: Shader::new(scene, fine, look, parts), seen, scale: layer.scale })
+            let photo = PhotoLook::of(layer.source, look, layer.placed);
+            Some(Shaded { shader: Shader::new(scene, fine, look, photo, parts), seen, scale: layer.scale })
         })
         .collect();
     // A length of 1 at depth 1, in the picture's pixels.

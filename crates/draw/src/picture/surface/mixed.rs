@@ -318,7 +318,7 @@ impl MixedSession {
             false => None,
         };
         let (report, error) = (ground.report(), ground.error());
-        let shown = SurfaceShown { report, channels };
+        let shown = SurfaceShown { report, channels, labels: None };
         drop(ground);
         if let Some(error) = &error {
             self.reporter.tell(error.clone());

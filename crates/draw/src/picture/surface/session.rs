@@ -1,16 +1,19 @@
 //! An open height field, of which pictures are drawn.
 
+use super::letters::ProgramFont;
+use super::opened::OpenSurface;
 use super::raw::{SurfaceChannels, SurfaceShown};
-use crate::annotate::Units;
-use crate::color::transfer::Levels;
+use crate::annotate::{Annotations, Units};
+use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Colors, Image};
 use crate::cpu::paths::PathFragments;
 use crate::cpu::surface::fragments::{Layer, fragments};
+use crate::cpu::surface::labels::Letters;
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
-use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw};
+use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
 use crate::cpu::volume::VolumeLevels;
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
@@ -34,7 +37,7 @@ use crate::picture::{Picture, PictureError, SessionOptions};
 use crate::view::{Panorama, View};
 use glam::DVec3;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Memory for decoded chunks unless it is set, bytes.
@@ -44,12 +47,24 @@ const ERROR_PX: f64 = 0.8;
 
 /// Draws pictures of a height field.
 pub struct SurfaceSession {
-    path: PathBuf,
     options: SessionOptions,
     reporter: Arc<dyn Reporter>,
+    opened: Arc<OpenSurface>,
     nodes: PagedSurface,
-    /// Where the page file of a source lies while it is drawn.
-    _folder: Option<tempfile::TempDir>,
+}
+
+/// A picture of a view, and what is known of it.
+pub struct SeenSurface {
+    /// The picture.
+    pub picture: SurfacePicture,
+    /// What colours it.
+    pub attribute: Attribute,
+    /// How values become colours.
+    pub transfer: TransferFunction,
+    /// The values that the first and the last colour stand for.
+    pub levels: Levels,
+    /// What cannot be read of it.
+    pub error: Option<String>,
 }
 
 /// What is drawn of a field, whatever the view.
@@ -93,9 +108,24 @@ impl SurfaceSession {
             }
         };
         file.about().notes.iter().for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
+        let opened = OpenSurface::new(path, file)?;
+        let opened = match folder {
+            Some(folder) => opened.within(folder),
+            None => opened,
+        };
+        Ok(SurfaceSession::of(Arc::new(opened), options, reporter))
+    }
+
+    /// A field that is open.
+    pub fn of(opened: Arc<OpenSurface>, options: SessionOptions, reporter: Arc<dyn Reporter>) -> SurfaceSession {
         let memory = options.chunk_memory.unwrap_or(CHUNK_MEMORY);
-        let nodes = PagedSurface::new(Arc::new(file), memory);
-        Ok(SurfaceSession { path: path.into(), options, reporter, nodes, _folder: folder })
+        let nodes = PagedSurface::new(Arc::clone(opened.file()), memory);
+        SurfaceSession { options, reporter, opened, nodes }
+    }
+
+    /// The field, and what it is called.
+    pub fn opened(&self) -> &Arc<OpenSurface> {
+        &self.opened
     }
 
     /// The field.
@@ -109,7 +139,7 @@ impl SurfaceSession {
     /// Settings that do not fit the field.
     pub fn framed(&self, look: &LookPatch) -> Result<Bounds, PictureError> {
         let settings = SurfaceSettings::new(&look.settings, &self.file().about().grid);
-        let settings = settings.map_err(|why| PictureError::of(&self.path, why))?;
+        let settings = settings.map_err(|why| PictureError::of(self.opened.path(), why))?;
         Ok(bounds_of(&self.placed(&settings), self.extremes()))
     }
 
@@ -126,17 +156,17 @@ impl SurfaceSession {
     /// What a look comes to.
     pub(super) fn prepare(&self, look: &LookPatch) -> Result<Prepared, PictureError> {
         let mode = look.mode.unwrap_or(&surface::MODE);
-        let refuse = |why: String| PictureError::of(&self.path, why);
+        let refuse = |why: String| PictureError::of(self.opened.path(), why);
         if !mode.takes_surfaces() {
             return Err(refuse(format!("mode {} does not draw heights, expected surface", mode.name)));
         }
         look.settings.check(mode).map_err(|error| {
             let named = &self.options.named;
-            PictureError::of(if named.as_os_str().is_empty() { &self.path } else { named }, error)
+            PictureError::of(if named.as_os_str().is_empty() { self.opened.path() } else { named }, error)
         })?;
         let about = self.file().about();
         let settings = SurfaceSettings::new(&look.settings, &about.grid).map_err(refuse)?;
-        let attribute = surface::attribute_of(look.attribute_name(), &about.grid).map_err(refuse)?;
+        let attribute = surface::attribute_of(look.attribute_name(), about).map_err(refuse)?;
         let placed = self.placed(&settings);
         if !placed.is_flat() && settings.contours.is_some() {
             return Err(refuse("contours: not drawn on a globe yet, expected 0, or map plate or local".into()));
@@ -167,7 +197,7 @@ impl SurfaceSession {
 
     /// What messages name.
     pub(super) fn path(&self) -> &Path {
-        &self.path
+        self.opened.path()
     }
 
     /// The chunks, placed as a look has it.
@@ -187,21 +217,26 @@ impl SurfaceSession {
     /// [`PictureError`] when the data cannot be read, or a setting does not fit it.
     pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
         if shot.look.time.is_some() {
-            return Err(PictureError::of(&self.path, "--time: heights have no times"));
+            return Err(PictureError::of(self.opened.path(), "--time: heights have no times"));
         }
         if self.options.overdraw.is_some() {
-            return Err(PictureError::of(&self.path, "--overdraw: heights have no splats"));
+            return Err(PictureError::of(self.opened.path(), "--overdraw: heights have no splats"));
         }
-        let prepared = self.prepare(&shot.look)?;
+        let mut prepared = self.prepare(&shot.look)?;
         let is_globe = !prepared.placed.is_flat();
         if self.options.raw && (shot.stereo.is_some() || is_globe && !shot.surround.is_flat()) {
             let why =
                 "--raw: expected one picture with rays of its own: no pair for two eyes, and no globe around the eye";
-            return Err(PictureError::of(&self.path, why));
+            return Err(PictureError::of(self.opened.path(), why));
         }
         let bounds = bounds_of(&prepared.placed, self.extremes());
         let view = view_of(shot, bounds, &prepared.placed)?;
         self.nodes.place(&prepared.placed);
+        if let Some(em) = prepared.look.contours.as_mut().and_then(|contours| contours.labels.as_mut()) {
+            let scale = |annotations: &Annotations| annotations.scale_for(view.width, view.height);
+            let scale = shot.look.annotations.as_ref().map_or_else(|| scale(&Annotations::NONE), scale);
+            *em *= f64::from(scale);
+        }
         let options = self.surface_options(&prepared, &shot.look);
         let mut times = Times::default();
         let mut drawn = None;
@@ -209,13 +244,14 @@ impl SurfaceSession {
             let draw = || self.draw_once(shot, &view, &prepared.placed, &options);
             drawn = Some(times.frame(|times| times.measure("draw", draw))?);
         }
-        let Some(SurfacePicture { colors, raw, report, .. }) = drawn else { return Err(PictureError::Stopped) };
+        let Some(SurfacePicture { colors, raw, labels, report, .. }) = drawn else { return Err(PictureError::Stopped) };
         if let Some(error) = self.nodes.error() {
             self.reporter.tell(error);
         }
         let [width, height] = [colors.width, colors.height];
         let channels = (!raw.is_empty()).then_some(SurfaceChannels { width, height, values: raw });
-        let shown = SurfaceShown { report, channels };
+        let is_labelled = prepared.look.contours.as_ref().is_some_and(|contours| contours.labels.is_some());
+        let shown = SurfaceShown { report, channels, labels: is_labelled.then_some(labels) };
         let picture = self.pictured(shot, (view, bounds), prepared, colors, shown, times.medians())?;
         Ok(Picture { converged: picture.converged && self.nodes.error().is_none(), ..picture })
     }
@@ -226,7 +262,7 @@ impl SurfaceSession {
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: prepared.look.range[0] });
         let (mode, choice) = (prepared.mode, look.budget.level_choice());
         let depiction = Depiction { mode, settings: look.settings.clone(), attribute: coloring, choice };
-        (depiction, self.units(prepared.attribute))
+        (depiction, self.opened.units_of(prepared.attribute))
     }
 
     /// A picture in colours of a shot from a view, with what is in a box.
@@ -283,14 +319,15 @@ impl SurfaceSession {
                 None => Sight::Flat(*view),
                 Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
             };
-            return Ok(self.drawn(placed, &sight, options));
+            return Ok(self.drawn(placed, &sight, options, Some(&ProgramFont)));
         }
         let projector = Projector::new(*view, shot.surround, shot.stereo)?;
         let options = SurfaceOptions { raw: false, ..options.clone() };
         let mut whole = SurfacePicture::default();
         whole.report.is_converged = true;
         let values = projector.draw_each(true, |view| {
-            let one = self.drawn(placed, &Sight::Flat(*view), &options);
+            // What two eyes see, and faces that are put together, would each have heights at places of their own.
+            let one = self.drawn(placed, &Sight::Flat(*view), &options, None);
             whole.report.add(&one.report);
             Ok(Some(Raw::Light(LightPicture::of(one.colors))))
         })?;
@@ -302,9 +339,15 @@ impl SurfaceSession {
     }
 
     /// Reads what a picture needs, all at once, and draws it.
-    fn drawn(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> SurfacePicture {
+    fn drawn(
+        &self,
+        placed: &Placed,
+        sight: &Sight,
+        options: &SurfaceOptions,
+        letters: Option<&dyn Letters>,
+    ) -> SurfacePicture {
         self.nodes.prepare(placed, sight, options);
-        draw(&self.nodes, placed, sight, options)
+        draw_lettered(&self.nodes, placed, sight, options, letters)
     }
 
     /// The unit of lengths of the world that it is placed in.
@@ -314,13 +357,6 @@ impl SurfaceSession {
             (true, Map::Globe { .. } | Map::Local { .. }) => grid.height_unit.clone(),
             _ => grid.xy_unit.clone(),
         }
-    }
-
-    fn units(&self, attribute: Attribute) -> Units {
-        let grid = &self.file().about().grid;
-        let value = surface::quantity_of(attribute)
-            .map(|(name, unit)| (name.to_owned(), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
-        Units { mass: Unit::default(), length: grid.xy_unit.clone(), attribute: Unit::default(), value }
     }
 
     /// A drawn picture in colours, with what the shot's film does to it.
@@ -336,10 +372,21 @@ impl SurfaceSession {
     /// # Errors
     /// As [`SurfaceSession::draw`].
     pub fn image(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<Image, PictureError> {
+        Ok(self.seen(look, view, levels)?.picture.colors.image())
+    }
+
+    /// The same with what is known of it, for those who draw view after view.
+    ///
+    /// # Errors
+    /// As [`SurfaceSession::draw`].
+    pub fn seen(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<SeenSurface, PictureError> {
         let mut prepared = self.prepare(look)?;
         if let Some(levels) = levels {
             prepared.look.range = levels.p;
         }
+        let Prepared { look: own, attribute, .. } = &prepared;
+        let (transfer, attribute) = (own.transfer.clone(), *attribute);
+        let levels = Levels { p: own.range, s: [0.0, 1.0] };
         let options = SurfaceOptions {
             technique: prepared.settings.technique,
             tau: look.error_px.map_or(ERROR_PX, f64::from),
@@ -348,7 +395,8 @@ impl SurfaceSession {
             ..SurfaceOptions::default()
         };
         self.nodes.place(&prepared.placed);
-        Ok(self.drawn(&prepared.placed, &Sight::Flat(*view), &options).colors.image())
+        let picture = self.drawn(&prepared.placed, &Sight::Flat(*view), &options, Some(&ProgramFont));
+        Ok(SeenSurface { picture, attribute, transfer, levels, error: self.nodes.error() })
     }
 
     /// What is known of a look's picture: its range.
@@ -364,7 +412,7 @@ impl SurfaceSession {
 }
 
 /// The box around a surface whose heights are between these.
-fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
+pub(super) fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
     let ends = heights.map(|height| placed.lifted(height));
     let top = ends[0].max(ends[1]);
     if let Map::Globe { radius } = placed.map {
@@ -377,8 +425,36 @@ fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
     Bounds { min: DVec3::new(low.x, low.y, ends[0].min(ends[1])), max: DVec3::new(high.x, high.y, top) }
 }
 
+/// The least distance from a target, of those up to twice `away`, at which all of a box is in the picture with a little room around it.
+fn nearest(shot: &Shot, bounds: Bounds, target: DVec3, from: DVec3, away: f64) -> Result<f64, PictureError> {
+    let Bounds { min, max } = bounds;
+    let corner = |number: usize| DVec3::from_array([0, 1, 2].map(|axis| [min, max][number >> axis & 1][axis]));
+    let fits = |distance: f64| -> Result<bool, PictureError> {
+        let mut shot = shot.clone();
+        (shot.camera.eye, shot.camera.target) = (Some((target + distance * from).to_array()), Some(target.to_array()));
+        let view = shot.view(bounds, None)?;
+        let [width, height] = [view.width, view.height].map(f64::from);
+        let is_in = |at: [f64; 2]| {
+            (ROOM..=1.0 - ROOM).contains(&(at[0] / width)) && (ROOM..=1.0 - ROOM).contains(&(at[1] / height))
+        };
+        Ok((0..8).all(|number| view.to_pixels(view.to_camera(corner(number))).is_some_and(is_in)))
+    };
+    let (mut near, mut far) = (0.1 * away, 2.0 * away);
+    if !fits(far)? {
+        return Ok(0.72 * away);
+    }
+    for _ in 0..12 {
+        let middle = 0.5 * (near + far);
+        if fits(middle)? { far = middle } else { near = middle }
+    }
+    Ok(far)
+}
+
+/// The share of a picture that is left free at each of its sides around a surface.
+const ROOM: f64 = 0.04;
+
 /// From where a shot is seen.
-fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, PictureError> {
+pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, PictureError> {
     Ok(standing(shot, bounds, placed)?.view(bounds, None)?)
 }
 
@@ -394,8 +470,7 @@ pub(super) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<S
         let away = (free.view(bounds, None)?.eye - target).length();
         let from = if placed.is_flat() { DVec3::new(0.0, -1.0, 0.9) } else { DVec3::new(1.0, -0.4, 0.5) };
         let eye = match shot.surround.is_flat() {
-            // Nearer than a box of the same size would be looked at: a surface is flat.
-            true => target + 0.72 * away * from.normalize(),
+            true => target + nearest(&shot, bounds, target, from.normalize(), away)? * from.normalize(),
             // Around the eye there is nothing to see from within the surface.
             false => DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()),
         };
