@@ -167,7 +167,7 @@ fn difference(far: &SurfacePicture, near: &[[f32; 4]]) -> f64 {
 
 #[test]
 fn far_photos_are_means_of_near_ones() {
-    let hole = |row: u64, column: u64| (row / 9 + column / 13) % 5 == 0;
+    let hole = |row: u64, column: u64| (row / 9 + column / 13).is_multiple_of(5);
     let plane = Covered::new([260, 330], [720, 720], |_, _| 0.0);
     let mut holes = Covered::new([260, 330], [720, 720], |r, c| if hole(r, c) { f64::NAN } else { 0.0 });
     // What nobody sees is white, and would brighten means.
