@@ -107,19 +107,15 @@ impl<'a> PhotoPass<'a> {
         let is_last = self.next == rows as u64;
         let mut values = vec![0; shares.len() * columns * planes];
         self.photo.rows(first, shares.len() as u64, &mut values)?;
-        let texels: Vec<Vec<Texel>> = values
-            .par_chunks_exact(columns * planes)
-            .map(|row| row.chunks_exact(planes).map(texel).collect())
-            .collect();
+        let rows = values.par_chunks_exact(columns * planes).zip(&shares);
+        let texels: Vec<Vec<Texel>> = rows.map(|(values, shares)| row_of(values, planes, shares)).collect();
         drop(values);
         if self.levels.len() > 1 {
             // Blocks have an even number of rows, but for the last one.
-            let sums = texels.par_chunks(2).zip(shares.par_chunks(2)).map(|(rows, shares)| {
-                let sums = |(row, shares): (&Vec<Texel>, &RowShares)| -> Vec<LightSum> { of_row(row, shares) };
-                let mut sums = rows.iter().zip(shares).map(sums);
-                means::joined(&sums.next().unwrap_or_default(), sums.next().as_deref())
-            });
-            let sums = sums.collect();
+            let sums =
+                |row: &Vec<Texel>| -> Vec<LightSum> { row.iter().map(|texel| LightSum::of(*texel, 1)).collect() };
+            let pair = |rows: &[Vec<Texel>]| means::joined(&sums(&rows[0]), rows.get(1).map(sums).as_deref());
+            let sums = texels.par_chunks(2).map(pair).collect();
             self.levels[0].rows.extend(texels);
             self.coarser(sums, is_last);
         } else {
@@ -201,21 +197,16 @@ fn halves(upper: &[f64], lower: &[f64]) -> Vec<u8> {
     upper.windows(2).zip(lower.windows(2)).map(half).collect()
 }
 
-/// A pixel as a texel of the finest level, which looks as it is, whatever lies below it.
-fn texel(values: &[u8]) -> Texel {
-    match *values {
-        [red, green, blue] => [red, green, blue, u8::MAX],
-        _ => [values[0], values[0], values[0], u8::MAX],
-    }
-}
-
-/// Sums of each pixel of a row.
-fn of_row(row: &[Texel], shares: &RowShares) -> Vec<LightSum> {
-    let sum = |(column, texel): (usize, &Texel)| {
+/// A row of pixels as texels of the finest level.
+fn row_of(values: &[u8], planes: usize, shares: &RowShares) -> Vec<Texel> {
+    let texel = |(column, values): (usize, &[u8])| {
         let share = shares.as_ref().map_or(u8::MAX, |shares| shares[column]);
-        LightSum::of([texel[0], texel[1], texel[2], share], 1)
+        match *values {
+            [red, green, blue] => [red, green, blue, share],
+            _ => [values[0], values[0], values[0], share],
+        }
     };
-    row.iter().enumerate().map(sum).collect()
+    values.chunks_exact(planes).enumerate().map(texel).collect()
 }
 
 #[cfg(test)]

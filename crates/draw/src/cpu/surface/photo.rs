@@ -1,7 +1,7 @@
 //! A photo that lies over a surface: its mean light over what a sample of the picture shows.
 //!
-//! That is a box of the photo, at least one of its pixels wide, which makes near pictures go evenly from the middle of a pixel to the next. The mean
-//! is taken over texels of a level of which the box covers a few, each by as much as it is covered. Which tiles a picture needs follows from what its
+//! That is a parallelogram of the photo, in place of whose quarters boxes are taken, each at least one of its pixels wide, which makes near pictures go
+//! evenly from the middle of a pixel to the next. Means are taken over texels of a level of which a box covers a few, each by as much as it is covered. Which tiles a picture needs follows from what its
 //! pixels show, so they are asked for while it is shaded: a few texels a sample, whatever the photo's size and the levels that heights are drawn from.
 
 use super::look::{Attribute, Look};
@@ -15,8 +15,8 @@ use deepfield_heights::model::light::NO_PHOTO;
 use deepfield_heights::store::Tile;
 use std::sync::{Arc, OnceLock};
 
-/// Most texels that a mean is taken over.
-const MOST_TEXELS: f64 = 40.0;
+/// Most texels that a box has a part of.
+const MOST_TEXELS: f64 = 20.0;
 
 /// Where a photo lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,8 +104,8 @@ impl<'a> PhotoLook<'a> {
         slot.get_or_init(|| self.tiles.tile(key)).as_deref()
     }
 
-    /// The mean light over so many rows and columns about a row and column of the field.
-    pub fn at(&self, [row, column]: [f64; 2], reach: [f64; 2]) -> [f32; 3] {
+    /// The mean light over a parallelogram about a row and column of the field, whose sides reach over so many rows and columns each.
+    pub fn at(&self, [row, column]: [f64; 2], sides: [[f64; 2]; 2]) -> [f32; 3] {
         let pixels = self.laid.lattice.size().map(|count| count as f64);
         let Laid { place, period, .. } = self.laid;
         let mut ahead = 0.0;
@@ -116,10 +116,12 @@ impl<'a> PhotoLook<'a> {
         let first = [place.rows[0], place.columns[0] + ahead];
         // A photo of a whole turn has no edge at its sides.
         let is_endless = period.is_some_and(|period| place.columns[1] - place.columns[0] >= period * (1.0 - 1e-9));
-        let (mut share, mut at, mut wide) = (1.0, [0.0; 2], [0.0; 2]);
+        let sides = sides.map(|side| [side[0] / self.size[0], side[1] / self.size[1]]);
+        let wide = [0, 1].map(|axis| sides[0][axis].abs() + sides[1][axis].abs());
+        let (mut share, mut at) = (1.0, [0.0; 2]);
         for axis in 0..2 {
             let texels = |sample: f64| (sample - first[axis]) / self.size[axis];
-            (at[axis], wide[axis]) = (texels([row, column][axis]), reach[axis] / self.size[axis]);
+            at[axis] = texels([row, column][axis]);
             // What of it lies in the field is in the photo or beside it.
             let (from, to) = (at[axis] - 0.5 * wide[axis], at[axis] + 0.5 * wide[axis]);
             let (from, to) = (from.max(texels(0.0)), to.min(texels(self.last[axis])));
@@ -135,12 +137,26 @@ impl<'a> PhotoLook<'a> {
         if share.is_nan() || share <= 0.0 {
             return none;
         }
-        let own = self.mean(at, wide).unwrap_or(none);
+        let own = self.mean(at, sides, wide).unwrap_or(none);
         std::array::from_fn(|k| none[k] + share as f32 * (own[k] - none[k]))
     }
 
-    /// The mean light about a place, both in pixels of the photo.
-    fn mean(&self, at: [f64; 2], wide: [f64; 2]) -> Option<[f32; 3]> {
+    /// The mean light over a parallelogram of such sides, and as wide as that, about a place; all in pixels of the photo.
+    fn mean(&self, at: [f64; 2], sides: [[f64; 2]; 2], wide: [f64; 2]) -> Option<[f32; 3]> {
+        if wide.iter().all(|wide| *wide <= 1.0) {
+            return self.mean_of_box(at, wide);
+        }
+        let mut mean = [0.0; 3];
+        for [right, down] in [[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]] {
+            let middle = [0, 1].map(|axis| at[axis] + right * sides[0][axis] + down * sides[1][axis]);
+            let own = self.mean_of_box(middle, wide.map(|wide| 0.5 * wide))?;
+            (0..3).for_each(|k| mean[k] += 0.25 * own[k]);
+        }
+        Some(mean)
+    }
+
+    /// The mean light over a box.
+    fn mean_of_box(&self, at: [f64; 2], wide: [f64; 2]) -> Option<[f32; 3]> {
         let most = self.laid.lattice.levels() as usize - 1 + self.above.len();
         let count = |level: usize| {
             let texel = (1_u64 << level) as f64;

@@ -187,8 +187,8 @@ impl<'a> Shader<'a> {
             Attribute::Plane(_) => self.ramp.at(self.place(f64::from(texel.planes[0]))),
             Attribute::Texture(_) => [texel.planes[0], texel.planes[1], texel.planes[2]],
             Attribute::Photo => {
-                let reach = self.reach(hit, texel.normal, place);
-                self.photo.as_ref().map_or(photo::nothing(), |photo| photo.at([hit.under[0], hit.under[1]], reach))
+                let sides = self.sides(hit, texel.normal, place);
+                self.photo.as_ref().map_or(photo::nothing(), |photo| photo.at([hit.under[0], hit.under[1]], sides))
             }
         };
         let [row, column, height] = hit.under;
@@ -216,23 +216,25 @@ impl<'a> Shader<'a> {
         [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]
     }
 
-    /// How many rows and columns a sample of the picture reaches over on a surface with a mean normal; on a globe as many as it would if it were
-    /// seen from above.
-    fn reach(&self, hit: &Hit, normal: [f32; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+    /// The rows and columns that the sides of a sample of the picture, to the right and downwards, reach over on a surface with a mean normal; on a
+    /// globe as many as if it were seen from above.
+    fn sides(&self, hit: &Hit, normal: [f32; 3], [x, y]: [f64; 2]) -> [[f64; 2]; 2] {
         let placed = &self.resolver.scene.placed;
         let [across, along] = placed.spacing();
         let size = self.resolver.level_at(hit.depth).exp2() * across.max(along);
         let least = [size / along, size / across];
         let ([row, column, height], slope) = (hit.under, placed.slope(normal));
-        let apart = |x: f64, y: f64| {
+        let side = |x: f64, y: f64| {
             let (origin, direction) = self.resolver.sight.ray([x, y])?;
             let [column_there, row_there, _] = placed.ray(origin, direction)?.on_plane([row, column], height, slope)?;
-            Some([(row_there - row).abs(), (column_there - column).abs()])
+            let side = [2.0 * (row_there - row), 2.0 * (column_there - column)];
+            let longer = (side[0] / least[0]).hypot(side[1] / least[1]) / MOST_LONGER;
+            Some(if longer > 1.0 { side.map(|side| side / longer) } else { side })
         };
-        let (Some(beside), Some(below)) = (apart(x + 0.5, y), apart(x, y + 0.5)) else { return least };
-        std::array::from_fn(|axis| {
-            (2.0 * (beside[axis] + below[axis])).clamp(least[axis] / MOST_LONGER, least[axis] * MOST_LONGER)
-        })
+        match (side(x + 0.5, y), side(x, y + 0.5)) {
+            (Some(right), Some(down)) => [right, down],
+            _ => [[0.0, least[1]], [least[0], 0.0]],
+        }
     }
 
     fn place(&self, value: f64) -> f64 {

@@ -154,12 +154,15 @@ fn shrunk(picture: &SurfacePicture, by: usize) -> Vec<[f32; 4]> {
     (0..width * height).map(mean).collect()
 }
 
+/// The mean difference of what is shown, in 255ths, where at least half of a pixel shows something.
 fn difference(far: &SurfacePicture, near: &[[f32; 4]]) -> f64 {
-    let pairs = far.colors.rgba.iter().zip(near);
-    let each = |(one, other): (&[f32; 4], &[f32; 4])| -> f64 {
+    let shown = |color: &[f32; 4]| [0, 1, 2].map(|k| color[k] / color[3]);
+    let pairs = far.colors.rgba.iter().zip(near).filter(|(far, near)| far[3] >= 0.5 && near[3] >= 0.5);
+    let pairs: Vec<([f32; 3], [f32; 3])> = pairs.map(|(far, near)| (shown(far), shown(near))).collect();
+    let each = |(one, other): &([f32; 3], [f32; 3])| -> f64 {
         (0..3).map(|k| 255.0 * f64::from((to_encoded(one[k]) - to_encoded(other[k])).abs())).sum::<f64>() / 3.0
     };
-    pairs.map(each).sum::<f64>() / near.len() as f64
+    pairs.iter().map(each).sum::<f64>() / pairs.len() as f64
 }
 
 #[test]
