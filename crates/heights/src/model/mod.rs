@@ -5,6 +5,7 @@ pub mod cell;
 pub mod facts;
 pub mod grid;
 pub mod lengths;
+pub mod light;
 pub mod photo;
 pub mod samples;
 pub mod units;

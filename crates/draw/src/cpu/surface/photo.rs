@@ -4,12 +4,14 @@
 //! is taken over texels of a level of which the box covers a few, each by as much as it is covered. Which tiles a picture needs follows from what its
 //! pixels show, so they are asked for while it is shaded: a few texels a sample, whatever the photo's size and the levels that heights are drawn from.
 
+use super::look::{Attribute, Look};
 use super::placed::Placed;
+use super::source::SurfaceNodes;
 use crate::color::colors::to_linear;
-use deepfield_heights::hierarchy::chunks::light::NO_PHOTO;
 use deepfield_heights::hierarchy::photo::means::{self, Texel};
 use deepfield_heights::hierarchy::photo::{PhotoLattice, TILE, TileKey};
 use deepfield_heights::model::PhotoPlace;
+use deepfield_heights::model::light::NO_PHOTO;
 use deepfield_heights::store::Tile;
 use std::sync::{Arc, OnceLock};
 
@@ -62,6 +64,12 @@ pub struct PhotoLook<'a> {
 type Texels<'t> = ([u64; 2], usize, &'t [Texel]);
 
 impl<'a> PhotoLook<'a> {
+    /// Of the photo over a field, where a look shows it and there is one.
+    pub fn of(source: &'a dyn SurfaceNodes, look: &Look, placed: &Placed) -> Option<PhotoLook<'a>> {
+        let shows = look.attribute == Attribute::Photo;
+        source.photo().filter(|_| shows).and_then(|tiles| PhotoLook::new(tiles, placed))
+    }
+
     /// Of a photo over a field; `None` where there is none.
     pub fn new(tiles: &'a dyn PhotoTiles, placed: &Placed) -> Option<PhotoLook<'a>> {
         let laid = tiles.laid()?;

@@ -1,7 +1,6 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
 use super::labels::{self, ContourLabel, Letters};
-use super::look::Attribute;
 use super::photo::PhotoLook;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
@@ -89,7 +88,7 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
 }
 
 /// Samples along a pixel's side.
-fn parts(samples: u32) -> u32 {
+pub(super) fn parts(samples: u32) -> u32 {
     (1..8).find(|parts| parts * parts >= samples).unwrap_or(8)
 }
 
@@ -114,8 +113,7 @@ pub fn draw_lettered(
         let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
-        let has_photo = look.attribute == Attribute::Photo;
-        let photo = source.photo().filter(|_| has_photo).and_then(|tiles| PhotoLook::new(tiles, placed));
+        let photo = PhotoLook::of(source, look, placed);
         let size = [width as usize, height as usize];
         let mut shader = Shader::new(&scene, &fine, look, photo, parts);
         let labelled = look.contours.and_then(|contours| Some((contours, contours.labels?, letters?)));
@@ -168,7 +166,7 @@ pub fn draw_lettered(
 
 /// What is seen in each sample of a picture with `parts` of them along a pixel's side, and how many samples, points and triangles were drawn.
 /// Points fill a sample where they are drawn since they leave no gap so, and else a pixel.
-fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
+pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
         Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => {
@@ -185,7 +183,7 @@ fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (V
     (seen, counts)
 }
 
-fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
+pub(super) fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
     let nodes = &scene.cut.nodes;
     let error = nodes.iter().map(|node| node.error_px).fold(0.0, f64::max);
     let level = |pick: fn(u8, u8) -> u8, first: u8| nodes.iter().map(|node| node.key.level).fold(first, pick);

@@ -32,7 +32,7 @@ const REACH: f64 = 1.2;
 /// Most steps to where a line is.
 const SECANTS: u32 = 8;
 /// Rays along a pixel's side where a surface ends in it.
-const ENDS: u32 = 4;
+pub(super) const ENDS: u32 = 4;
 
 /// What a place looks like.
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,7 +47,8 @@ struct Texel {
 
 /// Shades a picture.
 pub struct Shader<'a> {
-    resolver: Resolver<'a>,
+    /// Where what is shown is.
+    pub(super) resolver: Resolver<'a>,
     look: &'a Look,
     ramp: Ramp,
     /// Samples along a pixel's side.
@@ -134,7 +135,7 @@ impl<'a> Shader<'a> {
     }
 
     /// Whether a surface without holes ends in a pixel or next to it.
-    fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
+    pub(super) fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
         let parts = self.parts as usize;
         let (mut hits, mut misses) = (false, false);
         for y in top.saturating_sub(1)..(top + parts + 1).min(seen.height) {

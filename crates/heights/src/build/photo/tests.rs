@@ -1,8 +1,8 @@
 //! Photos over random fields with random holes, against sums over their pixels.
 
 use super::super::{HeightBuildOptions, HeightOrigin, Measured, build_heights};
-use crate::hierarchy::chunks::light;
 use crate::hierarchy::photo::TileKey;
+use crate::model::light;
 use crate::model::photo::{PhotoAbout, PhotoPlace, PhotoRows};
 use crate::model::{Cell, HeightError, HeightField, HeightGrid, Heights, Window};
 use crate::store::{HeightFile, PhotoOfFile, Tile, verify_heights};
