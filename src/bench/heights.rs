@@ -33,6 +33,8 @@ const FIRST_CHUNKS: usize = 64;
 const PICKS: usize = 10_000;
 /// Lines of equal height from the least to the largest height.
 const LINES: f64 = 20.0;
+/// Generated ground is so many times as wide as it is high.
+const WIDE: f64 = 10.0;
 /// How high above the highest place a flight is, by the field's longest side, and how steeply it looks down.
 const ABOVE: f64 = 0.03;
 const DOWN: f64 = 0.35;
@@ -139,7 +141,11 @@ pub struct Lines {
 pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     let folder = tempfile::tempdir()?;
     if let Some(path) = &arguments.path {
-        return Ok(vec![Outcome { path: Some(path.clone()), ..field(path, folder.path(), arguments, true)? }]);
+        let options = HeightOptions { read: arguments.read, ..HeightOptions::default() };
+        return Ok(vec![Outcome {
+            path: Some(path.clone()),
+            ..field(path, &options, folder.path(), arguments, true)?
+        }]);
     }
     let mut outcomes = Vec::new();
     for (number, samples) in arguments.sizes.iter().enumerate() {
@@ -147,15 +153,24 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         let source = folder.path().join("ground.npy");
         let fbm = Ground::new(SurfaceShape::Fbm, side, side);
         write_surface(&Ground { sample_type: SampleType::I16, seed: arguments.seed, ..fbm }, &source, &())?;
+        let mut options = HeightOptions { read: arguments.read, ..HeightOptions::default() };
+        let found = OpenHeights::open(&source, &options)?.summary()?;
+        options.spacing = Some([(WIDE * (found.max - found.min) / side as f64).max(f64::MIN_POSITIVE); 2]);
         let is_last = number + 1 == arguments.sizes.len();
-        outcomes.push(field(&source, folder.path(), arguments, is_last)?);
+        outcomes.push(field(&source, &options, folder.path(), arguments, is_last)?);
     }
     Ok(outcomes)
 }
 
 /// Measures one field; the flight where it is asked for.
-fn field(path: &Path, folder: &Path, arguments: &Arguments, flies: bool) -> Result<Outcome, Failure> {
-    let open = OpenHeights::open(path, &HeightOptions { read: arguments.read, ..HeightOptions::default() })?;
+fn field(
+    path: &Path,
+    options: &HeightOptions,
+    folder: &Path,
+    arguments: &Arguments,
+    flies: bool,
+) -> Result<Outcome, Failure> {
+    let open = OpenHeights::open(path, options)?;
     let samples = open.grid().samples() as f64;
     let mut builds = Vec::new();
     let file = match &open {
