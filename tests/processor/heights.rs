@@ -299,3 +299,41 @@ fn synthetic_surfaces_and_bad_input() {
         assert!(matches!(drawn.status.code(), Some(0 | 1)));
     }
 }
+
+#[test]
+fn depth_decides_among_heights_and_other_data() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rows: Vec<String> = (0..19).map(|row| vec![(row * 100).to_string(); 37].join(" ")).collect();
+    let head = "ncols 37\nnrows 19\nxllcenter -180\nyllcenter -90\ncellsize 10\n";
+    std::fs::write(folder.join("globe.asc"), format!("{head}{}\n", rows.join("\n"))).unwrap();
+    ok(folder, &["build", "globe.asc", "-o", "globe.df", "--xy-unit", "deg", "--height-unit", "m"]);
+    let radius = 1_737_400.0;
+    for (name, share) in [("behind.csv", 0.5), ("before.csv", -0.6)] {
+        let [x, z] = [4.0 * share * radius, -1.5 * share * radius];
+        std::fs::write(folder.join(name), format!("x [m],y [m],z [m],mag\n{x},0,{z},-1\n")).unwrap();
+    }
+    let eye = format!("{},0,{}", -4.0 * radius, 1.5 * radius);
+    let camera = ["--eye", &eye, "--target", "0,0,0", "--map", "globe:moon", "--size", "240x160", "--backend", "cpu"];
+    let picture = |more: &[&str]| {
+        ok(folder, &[&["render", "globe.df", "-o", "a.png"][..], more, &camera].concat());
+        picture_at(&folder.join("a.png"))
+    };
+    let plain = picture(&[]);
+    let changed = |image: &deepfield::color::Image| {
+        let differs = |(a, b): (&[u8; 4], &[u8; 4])| (0..3).any(|k| a[k].abs_diff(b[k]) > 1);
+        image.rgba.iter().zip(&plain.rgba).filter(|pair| differs(*pair)).count()
+    };
+    assert_eq!(changed(&picture(&["--with", "behind.csv"])), 0);
+    assert!((5..100).contains(&changed(&picture(&["--with", "before.csv"]))));
+    // The other way round particles are what the picture is about; heights keep their settings.
+    let set = ["--set", "exaggeration=3.0", "--set", "radius=4.0"];
+    let what = ["render", "before.csv", "--with", "globe.df", "-o", "b.png", "--json", "b.json"];
+    let more = [&what[..], &set, &camera];
+    ok(folder, &more.concat());
+    let told: Value = serde_json::from_slice(&std::fs::read(folder.join("b.json")).unwrap()).unwrap();
+    assert_eq!((&told["mode"], &told["particles_drawn"]), (&"points".into(), &1.into()));
+    assert!(told["surface"]["covered"].as_f64().unwrap() > 1000.0, "{told}");
+    let cartesian = ["render", "globe.df", "--with", "behind.csv", "-o", "c.png", "--mode", "cartesian"];
+    refused(folder, &[&cartesian[..], &camera].concat(), "mode: found cartesian");
+}

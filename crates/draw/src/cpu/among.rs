@@ -19,8 +19,8 @@ use crate::view::{Projection, View};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-/// Samples along the radius of a splat that is cut.
-const SAMPLES: f64 = 5.0;
+/// Samples along the radius of a splat that is cut: the mean of samples in a pixel is that over its area to half a percent of the peak.
+const SAMPLES: f64 = 8.0;
 /// Most samples along a pixel's side; smaller splats grow.
 const FINEST: f64 = 4096.0;
 /// The shortest semi-axis of an ellipsoid that is cut, over the longest.

@@ -180,7 +180,17 @@ impl MixedSession {
         let is_raw = options.raw;
         let particles = match others.is_empty() {
             true => None,
-            false => Some(Session::open(&others, options, shots, page_file, Arc::clone(&reporter))?),
+            false => {
+                // What a look about heights says of an attribute is none of the particles'.
+                let own = |shot: &&Shot| match shot.look.mode.map_or(begins_with_heights, Mode::takes_surfaces) {
+                    true => {
+                        Shot { look: LookPatch { mode: None, attribute: None, ..shot.look.clone() }, ..Shot::default() }
+                    }
+                    false => (*shot).clone(),
+                };
+                let shots: Vec<Shot> = shots.iter().map(own).collect();
+                Some(Session::open(&others, options, &shots, page_file, Arc::clone(&reporter))?)
+            }
         };
         Ok(MixedSession { fields, particles, begins_with_heights, is_raw, reporter })
     }
