@@ -5,6 +5,7 @@ pub mod compare;
 pub mod compare_orbit;
 pub mod flight;
 pub mod frame;
+pub mod heights;
 pub mod hierarchies;
 mod hierarchies_in_memory;
 mod hierarchies_of_fields;
@@ -26,7 +27,7 @@ use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// Measures drawing or building on generated particles, with the error beside every time.
+/// Measures drawing or building on generated particles or heights, with the error beside every time.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield bench splat
@@ -37,19 +38,22 @@ use std::time::Duration;
   deepfield bench hierarchies snapshot.hdf5 --budgets 1%,4%,16% --size 512x512
   deepfield bench published --repeat 3 --json published.json
   deepfield bench play run.df --duration 10 --frame-ms 100
+  deepfield bench heights dem.df --duration 20 --json heights.json
+  deepfield bench heights --sizes 1000000,64000000 --threads 2 --repeat 3 --duration 20
   deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
 pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
     /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding),
     /// flight (a flight through a page file that streams in) or play (a run while time goes on), compare (every way to draw a volume or a surface), hierarchies (what becomes of
-    /// particles within so many splats), or published (the tables of HE03 beside its numbers).
-    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "play", "compare", "hierarchies", "published"])]
+    /// particles within so many splats), published (the tables of HE03 beside its numbers), or heights (building, pictures, a flight, picks and
+    /// lines of a height field).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "play", "compare", "hierarchies", "published", "heights"])]
     pub suite: String,
     /// What `bench presence` and `bench compare` draw and `bench flight` flies through: a source or page file [default:
     /// generated: clusters of the first of the sizes for `bench presence`, a merger for `bench compare`, cosmologies of all sizes
-    /// for `bench flight`].
+    /// for `bench flight`, ground for `bench heights`].
     pub path: Option<PathBuf>,
-    /// Numbers of particles.
+    /// Numbers of particles, of `bench heights` of samples.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
           value_parser = clap::value_parser!(u64).range(1..=crate::synth::gadget::MOST))]
     pub sizes: Vec<u64>,
@@ -132,6 +136,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             Some(path) => serde_json::to_string_pretty(&flight::fields::measure(arguments, path)?)?,
             None => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
         },
+        "heights" => serde_json::to_string_pretty(&heights::measure(arguments)?)?,
         "play" => serde_json::to_string_pretty(&play::measure(arguments)?)?,
         "compare" => serde_json::to_string_pretty(&compare::measure(arguments)?)?,
         "hierarchies" => serde_json::to_string_pretty(&hierarchies::measure(arguments)?)?,

@@ -19,7 +19,6 @@ pub(super) fn dimensions(
     sample_type: SampleType,
 ) -> Result<[u64; 2], ImportError> {
     let shown = format!("{} x {}", columns.1, rows.1);
-    let too_many = |field: &str| content.malformed(field, &shown, "fewer than 2^63 bytes of samples");
     for (field, count) in [columns, rows] {
         if count < 1 {
             return Err(content.malformed(field, count, "at least 2 (at least 2 x 2 samples)"));
@@ -31,7 +30,13 @@ pub(super) fn dimensions(
     let bytes = columns.1.checked_mul(rows.1).and_then(|samples| samples.checked_mul(sample_type.size() as i128));
     match (u64::try_from(columns.1), u64::try_from(rows.1), bytes) {
         (Ok(wide), Ok(high), Some(bytes)) if i64::try_from(bytes).is_ok() => Ok([wide, high]),
-        _ => Err(too_many(&format!("{} and {}", columns.0, rows.0))),
+        (.., bytes) => {
+            let field =
+                if columns.0 == rows.0 { columns.0.to_owned() } else { format!("{} and {}", columns.0, rows.0) };
+            let bytes = bytes.map_or_else(|| "more than 2^127".to_owned(), |bytes| bytes.to_string());
+            let expected = format!("{bytes} ({shown} of {sample_type}), of which fewer than 2^63 can be");
+            Err(content.malformed(&field, format!("{} bytes in the file", content.length), expected))
+        }
     }
 }
 

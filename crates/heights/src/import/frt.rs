@@ -103,6 +103,10 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
     }
     let samples = RawSamples::new(content, "samples (block 11)", Layout { is_reversed: true, ..packed })?;
     let mut about = HeightDescription::new(content, FRT.name, grid);
+    if let Some(last) = blocks.last().filter(|last| last.offset + last.size > content.length) {
+        let (there, size) = (content.length - last.offset, last.size);
+        about.notes.push(format!("the file is cut short: {there} bytes of block {}, which has {size}", last.number));
+    }
     about.has_spacing = true;
     Ok(HeightSource::new(about, Box::new(samples), NoData::Value(INVALID)))
 }

@@ -14,6 +14,7 @@ mod gwy;
 mod hgt;
 mod in_memory;
 pub(crate) mod md5;
+mod netcdf;
 mod numpy;
 mod options;
 pub mod photo;
@@ -72,6 +73,7 @@ static FORMATS: &[HeightFormat] = &[
     numpy::NPY,
     numpy::NPZ,
     geotiff::GEOTIFF,
+    netcdf::NETCDF,
     png16::PNG16,
     esri_ascii::ESRI_ASCII,
     hgt::HGT,

@@ -5,7 +5,7 @@ use super::conventions::{self, About, Coordinates};
 use super::layout::{Layout, NATIVE, PLANAR};
 use super::scratch::Scratch;
 use super::source::checked;
-use super::{GridDescription, GridFormat, GridSource, choice};
+use super::{GridArray, GridDescription, GridFormat, GridSource, choice};
 use crate::import::ImportError;
 use crate::import::hdf5::{Array, Attributes, H5, is_hdf5, is_of_particles};
 use crate::model::Grid;
@@ -71,6 +71,19 @@ fn grids(file: &H5) -> Result<Vec<Array<'_>>, ImportError> {
         .filter(|(array, about)| is_grid(array, about))
         .map(|(array, _)| array)
         .collect())
+}
+
+/// The data sets of a file that are images or volumes; none of one of particles.
+pub(super) fn arrays(content: &Content) -> Result<Vec<GridArray>, ImportError> {
+    let file = file(content)?;
+    if is_of_particles(&file)? {
+        return Ok(Vec::new());
+    }
+    let about = |array: Array| {
+        let unit = array.attributes().ok().and_then(|about| about.text("units")).unwrap_or_default();
+        GridArray { shape: axes(&array.shape).to_vec(), name: array.label, unit }
+    };
+    Ok(grids(&file)?.into_iter().map(about).collect())
 }
 
 /// The axes of a grid: those of one sample in front of three others say nothing.

@@ -39,7 +39,7 @@ mod xml;
 pub use npy_header::NpyHeader;
 pub(super) use numpy_arrays::NumpyArrays;
 pub use raw::RawGrid;
-pub use source::{GridDescription, GridSource};
+pub use source::{GridArray, GridDescription, GridSource};
 pub use summary::{ChannelSummary, GridSummary, HISTOGRAM, summarize_grid};
 pub(super) use voxels::Voxels;
 
@@ -147,6 +147,24 @@ pub fn grid_format(path: &Path) -> Result<Option<&'static str>, ImportError> {
         None if raw::is_raw(path) => Some(raw::NAME),
         found => found,
     })
+}
+
+/// The arrays of a NetCDF or HDF5 file, none of particles, that are images or volumes; their samples are not read. Empty for files of other formats.
+///
+/// # Errors
+/// [`ImportError`] when the file cannot be read, or is damaged.
+pub fn grid_arrays(path: &Path) -> Result<Vec<GridArray>, ImportError> {
+    if !path.is_file() {
+        return Ok(Vec::new());
+    }
+    let content = Content::open(path, ReadMethod::Positioned)?;
+    let list = || match () {
+        () if is_hdf5(&content.head) => hdf5::arrays(&content),
+        () if (netcdf::NETCDF.detect)(&content) => netcdf::arrays(&content),
+        () => Ok(Vec::new()),
+    };
+    // What its library gives up on shows when it is opened.
+    guarded(list).unwrap_or_else(|| Ok(Vec::new()))
 }
 
 /// The same by content alone.

@@ -33,6 +33,17 @@ impl GridDescription {
     }
 }
 
+/// An array of a file that may have several.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GridArray {
+    /// Its name, with those of the groups that it is in.
+    pub name: String,
+    /// Samples along each axis, the slowest first.
+    pub shape: Vec<u64>,
+    /// The unit of its values as the file writes it; empty where there is none.
+    pub unit: String,
+}
+
 /// An opened grid. Several threads may read at once; nothing is in memory but small grids that had to be decoded.
 pub struct GridSource {
     about: GridDescription,

@@ -7,7 +7,7 @@ use super::content::Content;
 use super::conventions::{self, Coordinates};
 use super::layout::Layout;
 use super::source::checked;
-use super::{GridDescription, GridFormat, GridSource, choice};
+use super::{GridArray, GridDescription, GridFormat, GridSource, choice};
 use crate::import::ImportError;
 use crate::import::bytes::Order;
 use crate::model::{Grid, SampleType};
@@ -134,6 +134,17 @@ fn without_ones<T>(axes: &[(u64, T)]) -> &[(u64, T)] {
         axes = rest;
     }
     axes
+}
+
+/// The variables of a file that are images or volumes.
+pub(super) fn arrays(content: &Content) -> Result<Vec<GridArray>, ImportError> {
+    let file = File::open(content)?;
+    let about = |variable: &&Variable| GridArray {
+        name: variable.name.clone(),
+        shape: without_ones(&file.axes(variable)).iter().map(|(count, _)| *count).collect(),
+        unit: conventions::About::text(&variable.attributes, "units").unwrap_or_default(),
+    };
+    Ok(file.grids().iter().map(about).collect())
 }
 
 fn open(content: &Content) -> Result<GridSource, ImportError> {
