@@ -43,9 +43,14 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
     }
     let Request { mut members, mut shot, options } = request;
     let said = match &members[..] {
-        [only] if arguments.heights.takes(&only.path) => Some(arguments.heights.import(&[], options.read)),
+        [only] if arguments.heights.takes(&only.path) => {
+            Some(arguments.texture.with(arguments.heights.import(&[], options.read)))
+        }
         _ => None,
     };
+    if said.is_none() {
+        arguments.texture.refuse()?;
+    }
     let is_field = said.is_some() || matches!(&members[..], [only] if FieldSession::is_field(&only.path));
     if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
         && matches!(DataKind::of(&first.path), Ok(DataKind::Source))

@@ -2,7 +2,7 @@
 
 use super::annotate::AnnotateOptions;
 use super::arguments::{PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
-use super::heights::HeightsOptions;
+use super::heights::{HeightsOptions, TextureOptions};
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
 use crate::color::composite::Background;
@@ -176,6 +176,9 @@ pub struct Arguments {
     /// What is said of heights.
     #[command(flatten)]
     pub heights: HeightsOptions,
+    /// A photo over them.
+    #[command(flatten)]
+    pub texture: TextureOptions,
     /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,

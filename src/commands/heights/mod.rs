@@ -8,5 +8,7 @@ pub mod options;
 pub mod probe;
 pub mod select;
 pub mod synth;
+pub mod texture;
 
 pub use options::HeightsOptions;
+pub use texture::TextureOptions;

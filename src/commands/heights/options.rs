@@ -61,6 +61,7 @@ impl HeightsOptions {
             spacing,
             xy_unit: unit(&self.xy_unit),
             height_unit: unit(&self.height_unit),
+            texture: None,
             read,
         }
     }

@@ -8,16 +8,17 @@ use crate::commands::arguments::{PictureSize, positive, vector};
 use crate::commands::probe::short;
 use crate::commands::projection_options::ProjectionOptions;
 use crate::commands::statistics::write_json;
+use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::heights::OpenHeights;
 use crate::heights::measure::{
-    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Rise, Roughness, fit,
-    pick_all, probe, profile, roughness,
+    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Roughness, fit, pick_all,
+    probe, profile, roughness,
 };
 use crate::heights::model::{HeightGrid, Heights, Window};
 use crate::look::{CameraConfig, PictureConfig, Shot};
 use crate::model::{ReadMethod, Unit};
-use crate::picture::surface::SurfaceSession;
+use crate::picture::surface::{SurfaceSession, ray_in_file, rise_of};
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -278,7 +279,7 @@ fn under_pixels(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Opt
     if let Some(list) = &asked.pixels {
         pixels.extend(read_pixels(list)?);
     }
-    let (sight, rise) = seen(path, open, asked)?;
+    let (sight, placed) = seen(path, open, asked)?;
     let [width, height] = sight.size();
     if let Some([x, y]) = pixels.iter().find(|[x, y]| *x >= width || *y >= height) {
         return Err(format!("--pixel: found {x},{y}, expected one of {width} x {height}").into());
@@ -286,14 +287,14 @@ fn under_pixels(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Opt
     let through = |[x, y]: [u32; 2]| sight.ray([x, y].map(|at| f64::from(at) + 0.5));
     let rays: Vec<Option<Ray>> = pixels
         .iter()
-        .map(|pixel| through(*pixel).map(|(origin, direction)| Ray::new(origin.to_array(), direction.to_array())))
+        .map(|pixel| through(*pixel).map(|(origin, direction)| ray_in_file(&placed, origin, direction)))
         .collect();
     let there: Vec<Ray> = rays.iter().flatten().copied().collect();
     let file = match open {
         OpenHeights::Pages(file) => Some(&**file),
         OpenHeights::Source(_) => None,
     };
-    let mut found = pick_all(path, open, file, rise, &there)?.into_iter();
+    let mut found = pick_all(path, open, file, rise_of(&placed), &there)?.into_iter();
     // Beside a dome's circle nothing is seen.
     let picks = rays.iter().map(|ray| ray.and_then(|_| found.next()).and_then(Under::of)).collect();
     answer(json, &PixelsAnswer { picks }, |text, told| {
@@ -318,12 +319,12 @@ fn under_pixels(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Opt
     })
 }
 
-/// From where the pixels are seen, and how high heights stand there.
+/// From where the pixels are seen, and how the field stands there.
 fn seen(
     path: &Path,
     open: &OpenHeights,
     asked: &HeightsProbe,
-) -> Result<(Sight, Rise), Box<dyn std::error::Error + Send + Sync>> {
+) -> Result<(Sight, Placed), Box<dyn std::error::Error + Send + Sync>> {
     let config = asked.config.as_deref().map(PictureConfig::read).transpose()?.unwrap_or_default();
     let [eye, target, up] = [asked.eye, asked.target, asked.up].map(|at| at.map(|at| at.to_array()));
     let mut shot = Shot {
@@ -339,7 +340,7 @@ fn seen(
     if !placed.is_flat() {
         return Err(format!("{}: --pixel: globes are not asked by pixels yet", path.display()).into());
     }
-    Ok((sight, Rise { zero: placed.zero, lift: placed.lift }))
+    Ok((sight, placed))
 }
 
 /// Pixels of a CSV file with the columns x and y.

@@ -6,6 +6,7 @@ use crate::cpu::surface::placed::Map;
 use crate::cpu::surface::select::Technique as How;
 use crate::cpu::volume::VolumeError;
 use crate::heights::model::{Facts, HeightGrid, units};
+use crate::heights::store::HeightAbout;
 use crate::mode::{Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
 
 /// How it is drawn.
@@ -224,25 +225,27 @@ fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
     }
 }
 
-/// What colours a surface, by the name of an attribute: those that every surface has, the field's colour planes, or all three of these as they
-/// are (`texture`).
+/// What colours a surface, by the name of an attribute: those that every surface has, the field's colour planes, or (`texture`) the photo that
+/// lies over it, without one the three colours among its planes as they are.
 ///
 /// # Errors
 /// The names that there are.
-pub fn attribute_of(name: Option<&str>, grid: &HeightGrid) -> Result<Attribute, String> {
+pub fn attribute_of(name: Option<&str>, about: &HeightAbout) -> Result<Attribute, String> {
+    let grid = &about.grid;
     let plane = |wanted: &str| grid.planes.iter().position(|plane| plane.name == wanted);
-    let colors = || Some([plane("red")?, plane("green")?, plane("blue")?]);
+    let colors = || Some(Attribute::Texture([plane("red")?, plane("green")?, plane("blue")?]));
+    let texture = || about.photo.as_ref().map(|_| Attribute::Photo).or_else(colors);
     match name {
-        None => Ok(colors().map_or(Attribute::Height, Attribute::Texture)),
+        None => Ok(texture().unwrap_or(Attribute::Height)),
         Some("height") => Ok(Attribute::Height),
         Some("slope") => Ok(Attribute::Slope),
         Some("aspect") => Ok(Attribute::Aspect),
         Some("curvature") => Ok(Attribute::Curvature),
         Some("level") => Ok(Attribute::Level),
         Some("primitive") => Ok(Attribute::Primitive),
-        Some("texture") => colors()
-            .map(Attribute::Texture)
-            .ok_or_else(|| "attribute texture: the field has no colour planes red, green and blue".to_owned()),
+        Some("texture") => texture().ok_or_else(|| {
+            "attribute texture: the field has no photo, and no colour planes red, green and blue".to_owned()
+        }),
         Some(other) => plane(other).map(Attribute::Plane).ok_or_else(|| {
             let planes: Vec<&str> = grid.planes.iter().map(|plane| plane.name.as_str()).collect();
             let all: Vec<&str> = ATTRIBUTES.into_iter().chain(planes).collect();
@@ -262,7 +265,7 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
         Attribute::Aspect => Some(("aspect", Some("degrees"))),
         Attribute::Curvature => Some(("curvature", Some(""))),
         Attribute::Level => Some(("level", Some(""))),
-        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) => None,
+        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => None,
     }
 }
 
@@ -293,7 +296,7 @@ pub fn range_of(
         Attribute::Aspect => [0.0, 360.0],
         Attribute::Curvature => [-curvature, curvature],
         Attribute::Level => [0.0, f64::from(levels.max(2) - 1)],
-        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) => [0.0, 1.0],
+        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => [0.0, 1.0],
     };
     if low < high { [low, high] } else { [low - 0.5, low + 0.5] }
 }

@@ -29,6 +29,14 @@ impl AnySession {
         }
     }
 
+    /// What draws an image or a volume, where one is open.
+    pub fn field(&mut self) -> Option<&mut FieldSession> {
+        match self {
+            AnySession::Field(session) => Some(session),
+            AnySession::Particles(_) | AnySession::Surface(_) => None,
+        }
+    }
+
     /// The box that a look's pictures are framed by.
     ///
     /// # Errors

@@ -6,6 +6,7 @@
 
 use super::bands::{self, FieldRows};
 use super::coarse_chunk::{self, CoarseChunk};
+use super::photo::{self, PhotoPass};
 use super::{HeightBuildError, HeightOrigin, Measured};
 use crate::hierarchy::chunks::cells::Patch;
 use crate::hierarchy::chunks::compact::Compact;
@@ -42,6 +43,7 @@ struct Pass<'a> {
     valid: u64,
     sum: f64,
     total: WideSum,
+    photo: Option<PhotoPass<'a>>,
 }
 
 /// Builds a file with chunks of any size.
@@ -55,9 +57,14 @@ pub(super) fn build(
 ) -> Result<HeightAbout, HeightBuildError> {
     let grid = source.grid();
     let plan = bands::plan(grid, &lattice, memory);
-    if let Some(memory) = memory.filter(|memory| *memory < plan.bytes) {
-        let (needed, allowed) = (plan.bytes.div_ceil(1 << 20), memory >> 20);
-        return Err(HeightBuildError::Memory { path: output.into(), columns: grid.columns, needed, allowed });
+    let photo = source.photo_rows();
+    let bytes = plan.bytes + photo.as_deref().map_or(0, photo::memory);
+    if let Some(memory) = memory.filter(|memory| *memory < bytes) {
+        let (needed, allowed) = (bytes.div_ceil(1 << 20), memory >> 20);
+        let photo =
+            photo.map(|photo| photo.about().size).map(|[rows, columns]| format!(" and a photo of {columns} x {rows}"));
+        let photo = photo.unwrap_or_default();
+        return Err(HeightBuildError::Memory { path: output.into(), columns: grid.columns, photo, needed, allowed });
     }
     let planes = grid.planes.len();
     let near = lattice.side_bits.min(lattice.levels() - 1);
@@ -76,7 +83,11 @@ pub(super) fn build(
         valid: 0,
         sum: 0.0,
         total: WideSum::default(),
+        photo: photo.map(|photo| PhotoPass::new(photo, grid)),
     };
+    if let Some(photo) = &pass.photo {
+        pass.writer.photo(photo.about().clone());
+    }
     let bands = lattice.chunks_of(0)[0];
     // A band ends with a row more than its own: the ring around its leaves.
     let end_of = |band: u32| (u64::from(band + 1) * lattice.side() + 2).min(grid.rows);
@@ -120,6 +131,7 @@ impl Pass<'_> {
             self.measure(band);
         }
         self.write_chunks()?;
+        self.photo(band)?;
         self.forget(band);
         Ok(())
     }
@@ -301,6 +313,16 @@ impl Pass<'_> {
         Ok(())
     }
 
+    /// Goes on with the photo.
+    fn photo(&mut self, band: u32) -> Result<(), HeightBuildError> {
+        let [start, end] = [band, band + 1].map(|band| u64::from(band) << self.lattice.side_bits);
+        let (cells, is_last) = (start..end.min(self.grid.rows - 1), self.is_last(band));
+        match &mut self.photo {
+            Some(photo) => photo.cells(&self.rows, cells, is_last, &mut self.writer),
+            None => Ok(()),
+        }
+    }
+
     /// Forgets what nothing needs any more after a band.
     fn forget(&mut self, band: u32) {
         let band_row = u64::from(band) << self.lattice.side_bits;
@@ -371,6 +393,7 @@ impl Pass<'_> {
             area: self.total.area,
             slopes: self.slopes,
             levels: Vec::new(),
+            photo: None,
         };
         let (file, about) = self.writer.complete(about)?;
         file.persist()?;

@@ -16,6 +16,7 @@ mod in_memory;
 pub(crate) mod md5;
 mod numpy;
 mod options;
+pub mod photo;
 mod png16;
 mod raw;
 mod source;
@@ -31,6 +32,7 @@ mod unpack;
 mod x3p;
 
 pub use options::HeightOptions;
+pub use photo::{Photo, PhotoChoice};
 pub use source::{HeightDescription, HeightSource, NoData, Samples, is_masked};
 pub use summary::{HeightSummary, summarize_heights};
 
@@ -109,6 +111,9 @@ pub fn open_heights(path: &Path, options: &HeightOptions) -> Result<HeightSource
     }
     dimensions::check_grid(&content, grid)?;
     told::overrule(&mut source, options);
+    if let Some(texture) = &options.texture {
+        source.lay(Photo::open(texture, &source.description().grid, options.read)?);
+    }
     Ok(source)
 }
 

@@ -23,6 +23,8 @@ pub enum Attribute {
     Plane(usize),
     /// Three colour planes as they are: red, green, blue.
     Texture([usize; 3]),
+    /// The photo that lies over the field.
+    Photo,
 }
 
 /// Where light comes from.

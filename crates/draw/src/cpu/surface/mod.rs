@@ -11,6 +11,7 @@ pub mod look;
 #[cfg(test)]
 pub mod memory;
 pub mod paged;
+pub mod photo;
 pub mod picture;
 pub mod placed;
 pub mod raster;

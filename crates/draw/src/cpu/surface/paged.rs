@@ -2,11 +2,13 @@
 
 mod decode;
 mod leaf;
+mod photo;
 mod slopes;
 #[cfg(test)]
 mod tests;
 
 use super::lattice::{CHUNK, Lattice, NodeKey};
+use super::photo::PhotoTiles;
 use super::picture::{SurfaceOptions, chosen};
 use super::placed::Placed;
 use super::sight::Sight;
@@ -14,17 +16,19 @@ use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use decode::Decoder;
 use deepfield_data::store::error::Damage;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage};
-use deepfield_heights::store::HeightFile;
+use deepfield_heights::hierarchy::photo::TileKey;
+use deepfield_heights::store::{HeightFile, Tile};
 use lru::LruCache;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
+use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// The largest distance between two unit normals.
 const FARTHEST: f32 = 2.0;
 
-/// A chunk's samples once somebody has decoded them; `None` where they cannot be read. Whoever asks meanwhile waits.
-type Slot = Arc<OnceLock<Option<Arc<NodeSamples>>>>;
+/// A chunk's samples, or a tile's texels, once somebody has decoded them; `None` where they cannot be read. Whoever asks meanwhile waits.
+type Slot<V> = Arc<OnceLock<Option<Arc<V>>>>;
 
 /// A page file's chunks as they are drawn. Several threads read and decode at once, a chunk one of them at a time.
 pub struct PagedSurface {
@@ -32,18 +36,21 @@ pub struct PagedSurface {
     lattice: Lattice,
     decoder: Decoder,
     budget_bytes: u64,
-    cache: Mutex<Cache>,
+    cache: Mutex<Cache<NodeKey, NodeSamples>>,
+    /// Tiles of the photo, if there is one, with a budget of their own.
+    tile_budget_bytes: u64,
+    tiles: Mutex<Cache<TileKey, Tile>>,
     damaged: Mutex<Damaged>,
 }
 
-/// Chunks that are decoded or being decoded, by their last use.
-struct Cache {
-    entries: LruCache<NodeKey, Entry>,
+/// Chunks, or tiles, that are decoded or being decoded, by their last use.
+struct Cache<K: Hash + Eq, V> {
+    entries: LruCache<K, Entry<V>>,
     bytes: u64,
 }
 
-struct Entry {
-    slot: Slot,
+struct Entry<V> {
+    slot: Slot<V>,
     /// 0 until it is decoded.
     bytes: u64,
 }
@@ -56,19 +63,31 @@ struct Damaged {
 }
 
 impl PagedSurface {
-    /// The chunks of a file. Of what is decoded `budget_bytes` are kept at most, beside what others hold. A file whose chunks are of another
+    /// The chunks of a file. Of what is decoded `budget_bytes` are kept at most, beside what others hold, a quarter of them for a photo's tiles
+    /// where there is one. A file whose chunks are of another
     /// size than is drawn has none, and [`PagedSurface::error`] says so.
     pub fn new(file: Arc<HeightFile>, budget_bytes: u64) -> PagedSurface {
         let about = file.about();
         let lattice = Lattice { samples: [about.grid.rows, about.grid.columns] };
         let decoder = Decoder::new(about, slopes::of_file(&about.grid));
-        let cache = Mutex::new(Cache { entries: LruCache::unbounded(), bytes: 0 });
+        let (cache, tiles) = (Mutex::new(Cache::new()), Mutex::new(Cache::new()));
+        let tile_budget_bytes = if about.photo.is_some() { budget_bytes / 4 } else { 0 };
+        let budget_bytes = budget_bytes - tile_budget_bytes;
         let mut damaged = Damaged::default();
         if file.lattice().side() != CHUNK {
             let expected = format!("{CHUNK} x {CHUNK} cells, found {0} x {0}", file.lattice().side());
             damaged.first = Some(Damage::new("chunks", expected).in_file(file.path()).to_string());
         }
-        PagedSurface { file, lattice, decoder, budget_bytes, cache, damaged: Mutex::new(damaged) }
+        PagedSurface {
+            file,
+            lattice,
+            decoder,
+            budget_bytes,
+            cache,
+            tile_budget_bytes,
+            tiles,
+            damaged: Mutex::new(damaged),
+        }
     }
 
     /// Turns normals to a world in which the field is placed so; exaggeration and base do not matter. Without this degrees are those of the
@@ -78,7 +97,7 @@ impl PagedSurface {
         let slopes = slopes::of_world(&about.grid, placed);
         if !slopes::is_same(slopes, self.decoder.slopes()) {
             self.decoder = Decoder::new(about, slopes);
-            *locked(&self.cache) = Cache { entries: LruCache::unbounded(), bytes: 0 };
+            *locked(&self.cache) = Cache::new();
         }
     }
 
@@ -92,9 +111,9 @@ impl PagedSurface {
         locked(&self.damaged).first.clone()
     }
 
-    /// Bytes of the decoded chunks that are kept.
+    /// Bytes of the decoded chunks and tiles that are kept.
     pub fn held_bytes(&self) -> u64 {
-        locked(&self.cache).bytes
+        locked(&self.cache).bytes + locked(&self.tiles).bytes
     }
 
     /// Reads and decodes chunks by as many threads as there are: of these the first that fit into the budget.
@@ -172,28 +191,47 @@ impl SurfaceNodes for PagedSurface {
         if !self.has(key) || !self.is_there(key) {
             return None;
         }
-        let slot = locked(&self.cache).slot(key);
-        if let Some(found) = slot.get() {
-            return found.clone();
-        }
-        let found = slot.get_or_init(|| self.read(key)).clone();
-        locked(&self.cache).keep(key, &slot, found.as_deref().map(bytes_of), self.budget_bytes);
-        found
+        cached(&self.cache, key, self.budget_bytes, bytes_of, || self.read(key))
     }
 
     fn is_there(&self, key: NodeKey) -> bool {
         !locked(&self.damaged).keys.contains(&key)
     }
+
+    fn photo(&self) -> Option<&dyn PhotoTiles> {
+        self.file.photo().map(|_| self as &dyn PhotoTiles)
+    }
 }
 
-impl Cache {
+/// What is kept under a key, or read and kept.
+fn cached<K: Hash + Eq + Copy, V>(
+    cache: &Mutex<Cache<K, V>>,
+    key: K,
+    budget: u64,
+    bytes_of: impl Fn(&V) -> u64,
+    read: impl FnOnce() -> Option<Arc<V>>,
+) -> Option<Arc<V>> {
+    let slot = locked(cache).slot(key);
+    if let Some(found) = slot.get() {
+        return found.clone();
+    }
+    let found = slot.get_or_init(read).clone();
+    locked(cache).keep(key, &slot, found.as_deref().map(bytes_of), budget);
+    found
+}
+
+impl<K: Hash + Eq + Copy, V> Cache<K, V> {
+    fn new() -> Cache<K, V> {
+        Cache { entries: LruCache::unbounded(), bytes: 0 }
+    }
+
     /// Where a chunk is, or will be.
-    fn slot(&mut self, key: NodeKey) -> Slot {
+    fn slot(&mut self, key: K) -> Slot<V> {
         self.entries.get_or_insert(key, || Entry { slot: Slot::default(), bytes: 0 }).slot.clone()
     }
 
     /// Counts a chunk that was decoded, and drops others until the budget holds; forgets one that could not be, so that it is read again.
-    fn keep(&mut self, key: NodeKey, slot: &Slot, bytes: Option<u64>, budget: u64) {
+    fn keep(&mut self, key: K, slot: &Slot<V>, bytes: Option<u64>, budget: u64) {
         // It may have been dropped while it was decoded, and others may have waited for it.
         let entry = self.entries.peek_mut(&key).filter(|entry| Arc::ptr_eq(&entry.slot, slot) && entry.bytes == 0);
         match (entry, bytes) {

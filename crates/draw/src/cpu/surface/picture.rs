@@ -1,6 +1,8 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
 use super::labels::{self, ContourLabel, Letters};
+use super::look::Attribute;
+use super::photo::PhotoLook;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
@@ -112,8 +114,10 @@ pub fn draw_lettered(
         let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
+        let has_photo = look.attribute == Attribute::Photo;
+        let photo = source.photo().filter(|_| has_photo).and_then(|tiles| PhotoLook::new(tiles, placed));
         let size = [width as usize, height as usize];
-        let mut shader = Shader::new(&scene, &fine, look, parts);
+        let mut shader = Shader::new(&scene, &fine, look, photo, parts);
         let labelled = look.contours.and_then(|contours| Some((contours, contours.labels?, letters?)));
         if let Some((contours, em, letters)) = &labelled {
             picture.labels = labels::place(shader.resolver(), &seen, parts, (contours, *em), *letters);

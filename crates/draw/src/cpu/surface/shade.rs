@@ -6,6 +6,7 @@
 
 use super::lambert::Facets;
 use super::look::{Attribute, Light, Ramp};
+use super::photo::{self, PhotoLook};
 use super::placed::Map;
 use super::raster::Visibility;
 use super::resolve::{Hit, Resolver};
@@ -22,7 +23,7 @@ const PLANES: usize = 4;
 
 /// How much finer than a pixel a level is taken: what is read between its samples is a mean over about twice their distance, and pixels of a
 /// small picture are nearest to the means of a large one with this.
-const FINER: f64 = 0.65;
+pub(super) const FINER: f64 = 0.65;
 
 /// Widths of a line from it within which a sample looks where it really is.
 const REACH: f64 = 1.2;
@@ -53,13 +54,20 @@ pub struct Shader<'a> {
     sun: Option<DVec3>,
     /// Which planes are read.
     planes: Vec<usize>,
+    photo: Option<PhotoLook<'a>>,
     /// Pixels of a row, and which have no lines; empty where all have.
     spared: (usize, Vec<bool>),
 }
 
 impl<'a> Shader<'a> {
-    /// For a picture whose pixels are its samples, of which there are `parts` along a pixel's side.
-    pub fn new(scene: &'a Scene, sight: &'a Sight, look: &'a Look, parts: u32) -> Shader<'a> {
+    /// For a picture whose pixels are its samples, of which there are `parts` along a pixel's side; with a photo, where one is to be seen.
+    pub fn new(
+        scene: &'a Scene,
+        sight: &'a Sight,
+        look: &'a Look,
+        photo: Option<PhotoLook<'a>>,
+        parts: u32,
+    ) -> Shader<'a> {
         let sun = match look.light {
             Light::Eye => None,
             Light::Sun { azimuth, altitude } => {
@@ -74,7 +82,7 @@ impl<'a> Shader<'a> {
             _ => Vec::new(),
         };
         let resolver = Resolver::new(scene, sight);
-        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, spared: (0, Vec::new()) }
+        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, photo, spared: (0, Vec::new()) }
     }
 
     /// What finds places.
@@ -175,6 +183,10 @@ impl<'a> Shader<'a> {
             }
             Attribute::Plane(_) => self.ramp.at(self.place(f64::from(texel.planes[0]))),
             Attribute::Texture(_) => [texel.planes[0], texel.planes[1], texel.planes[2]],
+            Attribute::Photo => {
+                let place = [hit.under[0], hit.under[1]];
+                self.photo.as_ref().map_or(photo::nothing(), |photo| photo.at(place, self.resolver.level_at(hit.depth)))
+            }
         };
         let [row, column, height] = hit.under;
         let world = placed.world(row, column, height);

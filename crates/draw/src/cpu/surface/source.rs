@@ -1,6 +1,7 @@
 //! What drawing reads of a field: facts of chunks, which choose them, and their samples.
 
 use super::lattice::{Lattice, NodeKey};
+use super::photo::PhotoTiles;
 use std::sync::Arc;
 
 /// What a chunk says of itself before its samples are read. Lengths are in the field's unit of heights.
@@ -79,5 +80,10 @@ pub trait SurfaceNodes: Sync {
     /// Whether a chunk's samples are there.
     fn is_there(&self, _: NodeKey) -> bool {
         true
+    }
+
+    /// The photo that lies over it.
+    fn photo(&self) -> Option<&dyn PhotoTiles> {
+        None
     }
 }

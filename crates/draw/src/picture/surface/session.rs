@@ -1,10 +1,11 @@
 //! An open height field, of which pictures are drawn.
 
 use super::letters::ProgramFont;
+use super::opened::OpenSurface;
 use super::raw::{SurfaceChannels, SurfaceShown};
-use crate::annotate::{Annotations, Units};
+use crate::annotate::Annotations;
 use crate::color::Image;
-use crate::color::transfer::Levels;
+use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::surface::labels::Letters;
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
@@ -20,7 +21,7 @@ use crate::heights::{OpenHeights, is_heights};
 use crate::look::{Camera, DataKind, LookPatch, Shot};
 use crate::mode::depiction::Coloring;
 use crate::mode::{Depiction, LightPicture, Mode, Raw};
-use crate::model::{Bounds, Unit};
+use crate::model::Bounds;
 use crate::modes::surface::{self, SurfaceSettings};
 use crate::picture::annotation::Annotation;
 use crate::picture::left_out::LeftOut;
@@ -32,7 +33,7 @@ use crate::picture::times::Times;
 use crate::picture::{Picture, PictureError, SessionOptions};
 use crate::view::{Panorama, View};
 use glam::DVec3;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Memory for decoded chunks unless it is set, bytes.
@@ -42,12 +43,24 @@ const ERROR_PX: f64 = 0.8;
 
 /// Draws pictures of a height field.
 pub struct SurfaceSession {
-    path: PathBuf,
     options: SessionOptions,
     reporter: Arc<dyn Reporter>,
+    opened: Arc<OpenSurface>,
     nodes: PagedSurface,
-    /// Where the page file of a source lies while it is drawn.
-    _folder: Option<tempfile::TempDir>,
+}
+
+/// A picture of a view, and what is known of it.
+pub struct SeenSurface {
+    /// The picture.
+    pub picture: SurfacePicture,
+    /// What colours it.
+    pub attribute: Attribute,
+    /// How values become colours.
+    pub transfer: TransferFunction,
+    /// The values that the first and the last colour stand for.
+    pub levels: Levels,
+    /// What cannot be read of it.
+    pub error: Option<String>,
 }
 
 /// What is drawn of a field, whatever the view.
@@ -91,9 +104,24 @@ impl SurfaceSession {
             }
         };
         file.about().notes.iter().for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
+        let opened = OpenSurface::new(path, file)?;
+        let opened = match folder {
+            Some(folder) => opened.within(folder),
+            None => opened,
+        };
+        Ok(SurfaceSession::of(Arc::new(opened), options, reporter))
+    }
+
+    /// A field that is open.
+    pub fn of(opened: Arc<OpenSurface>, options: SessionOptions, reporter: Arc<dyn Reporter>) -> SurfaceSession {
         let memory = options.chunk_memory.unwrap_or(CHUNK_MEMORY);
-        let nodes = PagedSurface::new(Arc::new(file), memory);
-        Ok(SurfaceSession { path: path.into(), options, reporter, nodes, _folder: folder })
+        let nodes = PagedSurface::new(Arc::clone(opened.file()), memory);
+        SurfaceSession { options, reporter, opened, nodes }
+    }
+
+    /// The field, and what it is called.
+    pub fn opened(&self) -> &Arc<OpenSurface> {
+        &self.opened
     }
 
     /// The field.
@@ -107,7 +135,7 @@ impl SurfaceSession {
     /// Settings that do not fit the field.
     pub fn framed(&self, look: &LookPatch) -> Result<Bounds, PictureError> {
         let settings = SurfaceSettings::new(&look.settings, &self.file().about().grid);
-        let settings = settings.map_err(|why| PictureError::of(&self.path, why))?;
+        let settings = settings.map_err(|why| PictureError::of(self.opened.path(), why))?;
         Ok(bounds_of(&self.placed(&settings), self.extremes()))
     }
 
@@ -123,17 +151,17 @@ impl SurfaceSession {
 
     fn prepare(&self, look: &LookPatch) -> Result<Prepared, PictureError> {
         let mode = look.mode.unwrap_or(&surface::MODE);
-        let refuse = |why: String| PictureError::of(&self.path, why);
+        let refuse = |why: String| PictureError::of(self.opened.path(), why);
         if !mode.takes_surfaces() {
             return Err(refuse(format!("mode {} does not draw heights, expected surface", mode.name)));
         }
         look.settings.check(mode).map_err(|error| {
             let named = &self.options.named;
-            PictureError::of(if named.as_os_str().is_empty() { &self.path } else { named }, error)
+            PictureError::of(if named.as_os_str().is_empty() { self.opened.path() } else { named }, error)
         })?;
         let about = self.file().about();
         let settings = SurfaceSettings::new(&look.settings, &about.grid).map_err(refuse)?;
-        let attribute = surface::attribute_of(look.attribute_name(), &about.grid).map_err(refuse)?;
+        let attribute = surface::attribute_of(look.attribute_name(), about).map_err(refuse)?;
         let placed = self.placed(&settings);
         if !placed.is_flat() && settings.contours.is_some() {
             return Err(refuse("contours: not drawn on a globe yet, expected 0, or map plate or local".into()));
@@ -153,17 +181,17 @@ impl SurfaceSession {
     /// [`PictureError`] when the data cannot be read, or a setting does not fit it.
     pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
         if shot.look.time.is_some() {
-            return Err(PictureError::of(&self.path, "--time: heights have no times"));
+            return Err(PictureError::of(self.opened.path(), "--time: heights have no times"));
         }
         if self.options.overdraw.is_some() {
-            return Err(PictureError::of(&self.path, "--overdraw: heights have no splats"));
+            return Err(PictureError::of(self.opened.path(), "--overdraw: heights have no splats"));
         }
         let mut prepared = self.prepare(&shot.look)?;
         let is_globe = !prepared.placed.is_flat();
         if self.options.raw && (shot.stereo.is_some() || is_globe && !shot.surround.is_flat()) {
             let why =
                 "--raw: expected one picture with rays of its own: no pair for two eyes, and no globe around the eye";
-            return Err(PictureError::of(&self.path, why));
+            return Err(PictureError::of(self.opened.path(), why));
         }
         let bounds = bounds_of(&prepared.placed, self.extremes());
         let view = view_of(shot, bounds, &prepared.placed)?;
@@ -202,7 +230,7 @@ impl SurfaceSession {
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: look.range[0] });
         let choice = shot.look.budget.level_choice();
         let depiction = Depiction { mode, settings: shot.look.settings.clone(), attribute: coloring, choice };
-        let units = self.units(attribute);
+        let units = self.opened.units_of(attribute);
         let annotation = Annotation::new(shot, view, bounds, None, units, None, &depiction, &*self.reporter)?;
         let levels = VolumeLevels { density: look.range, attribute: [0.0, 1.0], unit_length: 1.0 };
         let picture = LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() };
@@ -277,13 +305,6 @@ impl SurfaceSession {
         draw_lettered(&self.nodes, placed, sight, options, letters)
     }
 
-    fn units(&self, attribute: Attribute) -> Units {
-        let grid = &self.file().about().grid;
-        let value = surface::quantity_of(attribute)
-            .map(|(name, unit)| (name.to_owned(), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
-        Units { mass: Unit::default(), length: grid.xy_unit.clone(), attribute: Unit::default(), value }
-    }
-
     /// A drawn picture in colours, with what the shot's film does to it.
     ///
     /// # Errors
@@ -303,10 +324,21 @@ impl SurfaceSession {
     /// # Errors
     /// As [`SurfaceSession::draw`].
     pub fn image(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<Image, PictureError> {
+        Ok(self.seen(look, view, levels)?.picture.colors.image())
+    }
+
+    /// The same with what is known of it, for those who draw view after view.
+    ///
+    /// # Errors
+    /// As [`SurfaceSession::draw`].
+    pub fn seen(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<SeenSurface, PictureError> {
         let mut prepared = self.prepare(look)?;
         if let Some(levels) = levels {
             prepared.look.range = levels.p;
         }
+        let Prepared { look: own, attribute, .. } = &prepared;
+        let (transfer, attribute) = (own.transfer.clone(), *attribute);
+        let levels = Levels { p: own.range, s: [0.0, 1.0] };
         let options = SurfaceOptions {
             technique: prepared.settings.technique,
             tau: look.error_px.map_or(ERROR_PX, f64::from),
@@ -315,7 +347,8 @@ impl SurfaceSession {
             ..SurfaceOptions::default()
         };
         self.nodes.place(&prepared.placed);
-        Ok(self.drawn(&prepared.placed, &Sight::Flat(*view), &options, Some(&ProgramFont)).colors.image())
+        let picture = self.drawn(&prepared.placed, &Sight::Flat(*view), &options, Some(&ProgramFont));
+        Ok(SeenSurface { picture, attribute, transfer, levels, error: self.nodes.error() })
     }
 
     /// What is known of a look's picture: its range.
@@ -331,7 +364,7 @@ impl SurfaceSession {
 }
 
 /// The box around a surface whose heights are between these.
-fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
+pub(super) fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
     let ends = heights.map(|height| placed.lifted(height));
     let top = ends[0].max(ends[1]);
     if let Map::Globe { radius } = placed.map {
@@ -344,8 +377,36 @@ fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
     Bounds { min: DVec3::new(low.x, low.y, ends[0].min(ends[1])), max: DVec3::new(high.x, high.y, top) }
 }
 
+/// The least distance from a target, of those up to twice `away`, at which all of a box is in the picture with a little room around it.
+fn nearest(shot: &Shot, bounds: Bounds, target: DVec3, from: DVec3, away: f64) -> Result<f64, PictureError> {
+    let Bounds { min, max } = bounds;
+    let corner = |number: usize| DVec3::from_array([0, 1, 2].map(|axis| [min, max][number >> axis & 1][axis]));
+    let fits = |distance: f64| -> Result<bool, PictureError> {
+        let mut shot = shot.clone();
+        (shot.camera.eye, shot.camera.target) = (Some((target + distance * from).to_array()), Some(target.to_array()));
+        let view = shot.view(bounds, None)?;
+        let [width, height] = [view.width, view.height].map(f64::from);
+        let is_in = |at: [f64; 2]| {
+            (ROOM..=1.0 - ROOM).contains(&(at[0] / width)) && (ROOM..=1.0 - ROOM).contains(&(at[1] / height))
+        };
+        Ok((0..8).all(|number| view.to_pixels(view.to_camera(corner(number))).is_some_and(is_in)))
+    };
+    let (mut near, mut far) = (0.1 * away, 2.0 * away);
+    if !fits(far)? {
+        return Ok(0.72 * away);
+    }
+    for _ in 0..12 {
+        let middle = 0.5 * (near + far);
+        if fits(middle)? { far = middle } else { near = middle }
+    }
+    Ok(far)
+}
+
+/// The share of a picture that is left free at each of its sides around a surface.
+const ROOM: f64 = 0.04;
+
 /// Where the camera of a shot stands: unless it says otherwise above and in front of the surface, with z up.
-fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, PictureError> {
+pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, PictureError> {
     let mut shot = shot.clone();
     let camera = &mut shot.camera;
     camera.up = Some(camera.up.unwrap_or([0.0, 0.0, 1.0]));
@@ -356,8 +417,7 @@ fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, Picture
         let away = (free.view(bounds, None)?.eye - target).length();
         let from = if placed.is_flat() { DVec3::new(0.0, -1.0, 0.9) } else { DVec3::new(1.0, -0.4, 0.5) };
         let eye = match shot.surround.is_flat() {
-            // Nearer than a box of the same size would be looked at: a surface is flat.
-            true => target + 0.72 * away * from.normalize(),
+            true => target + nearest(&shot, bounds, target, from.normalize(), away)? * from.normalize(),
             // Around the eye there is nothing to see from within the surface.
             false => DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()),
         };
