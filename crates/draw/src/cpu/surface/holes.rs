@@ -1,9 +1,9 @@
 //! What is shown where nothing was measured.
 
-use super::lattice::NodeKey;
+use super::lattice::{Lattice, NodeKey};
+use super::photo::PhotoTiles;
 use super::placed::Placed;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
-use super::lattice::Lattice;
 use std::sync::Arc;
 
 /// What holes look like.
@@ -72,6 +72,10 @@ impl SurfaceNodes for Grown<'_> {
 
     fn is_there(&self, key: NodeKey) -> bool {
         self.0.is_there(key)
+    }
+
+    fn photo(&self) -> Option<&dyn PhotoTiles> {
+        self.0.photo()
     }
 }
 

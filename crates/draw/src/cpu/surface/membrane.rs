@@ -148,8 +148,8 @@ fn fill_grid(heights: &mut [f64], columns: usize) {
         1 => {}
         _ => fill_grid(&mut half, half_columns),
     }
-    for index in 0..heights.len() {
-        if heights[index].is_nan() {
+    for (index, height) in heights.iter_mut().enumerate() {
+        if height.is_nan() {
             let at = [index / columns, index % columns];
             let [(row, down), (column, right)] = [(at[0], half_rows), (at[1], half_columns)].map(|(at, count)| {
                 let first = (at / 2).min(count.saturating_sub(2));
@@ -157,7 +157,7 @@ fn fill_grid(heights: &mut [f64], columns: usize) {
             });
             let value = |r: usize, c: usize| half[r.min(half_rows - 1) * half_columns + c.min(half_columns - 1)];
             let line = |r: usize| (1.0 - right) * value(r, column) + right * value(r, column + 1);
-            heights[index] = (1.0 - down) * line(row) + down * line(row + 1);
+            *height = (1.0 - down) * line(row) + down * line(row + 1);
         }
     }
 }
@@ -166,10 +166,10 @@ fn fill_grid(heights: &mut [f64], columns: usize) {
 fn spanned(source: &dyn SurfaceNodes, mesh: &Mesh, spans: [f64; 2]) -> Vec<bool> {
     let (rows, columns) = (mesh.samples.rows, mesh.samples.columns);
     let mut is_spanned = vec![false; rows * columns];
-    for axis in 0..2 {
+    for (axis, span) in spans.into_iter().enumerate() {
         let (lines, places) = if axis == 0 { (columns, &mesh.rows) } else { (rows, &mesh.columns) };
         let index = |line: usize, at: usize| if axis == 0 { at * columns + line } else { line * columns + at };
-        let [before, after] = [false, true].map(|is_after| beyond(source, mesh.node.key, axis, is_after, spans[axis]));
+        let [before, after] = [false, true].map(|is_after| beyond(source, mesh.node.key, axis, is_after, span));
         for line in 0..lines {
             let measured = |at: usize| !mesh.samples.heights[index(line, at)].is_nan();
             let mut last = before[line];
@@ -182,7 +182,7 @@ fn spanned(source: &dyn SurfaceNodes, mesh: &Mesh, spans: [f64; 2]) -> Vec<bool>
                 let end = (at..places.len()).find(|at| measured(*at)).unwrap_or(places.len());
                 let next = places.get(end).copied().or(after[line]);
                 if let (Some(last), Some(next)) = (last, next)
-                    && (next - last) as f64 <= spans[axis]
+                    && (next - last) as f64 <= span
                 {
                     (at..end).for_each(|at| is_spanned[index(line, at)] = true);
                 }

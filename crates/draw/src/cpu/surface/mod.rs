@@ -4,12 +4,14 @@
 //! pixel shows, [`resolve`] where that is, and [`shade`] what it looks like, and [`labels`] writes heights along lines;
 //! [`picture`] does it all.
 
+pub mod holes;
 pub mod labels;
 pub mod lambert;
 pub mod lattice;
 pub mod look;
 #[cfg(test)]
 pub mod memory;
+mod membrane;
 pub mod paged;
 pub mod photo;
 pub mod picture;
@@ -17,6 +19,7 @@ pub mod placed;
 pub mod raster;
 pub mod rays;
 pub mod resolve;
+mod rims;
 pub mod select;
 pub mod shade;
 pub mod sight;

@@ -1,5 +1,6 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
+use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
 use super::look::Attribute;
 use super::photo::PhotoLook;
@@ -13,7 +14,9 @@ use super::sight::Sight;
 use super::source::SurfaceNodes;
 use super::stitch::Scene;
 use crate::color::Colors;
+use deepfield_heights::measure::Form;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// How a surface is drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,12 +33,28 @@ pub struct SurfaceOptions {
     pub raw: bool,
     /// What it looks like; `None` where colours are not wanted.
     pub look: Option<Look>,
+    /// What holes look like.
+    pub holes: Holes,
+    /// Whether holes grow with distance: coarse samples that stand for any that was not measured are left out, in raw channels, too.
+    pub holes_grow: bool,
+    /// The form that residuals are what is left of; without one they are heights.
+    pub form: Option<Arc<Form>>,
 }
 
 impl Default for SurfaceOptions {
     fn default() -> SurfaceOptions {
         let technique = Technique::default();
-        SurfaceOptions { technique, tau: 0.8, samples: 4, most_nodes: MOST_NODES, raw: false, look: None }
+        SurfaceOptions {
+            technique,
+            tau: 0.8,
+            samples: 4,
+            most_nodes: MOST_NODES,
+            raw: false,
+            look: None,
+            holes: Holes::Open,
+            holes_grow: false,
+            form: None,
+        }
     }
 }
 
@@ -83,6 +102,7 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         technique: options.technique,
         looks: options.look.is_some(),
         lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
+        spans: if options.look.is_some() { options.holes.spans(placed).into_iter().fold(0.0, f64::max) } else { 0.0 },
         most: options.most_nodes,
     };
     choose(source, placed, &sight.refined(parts), &choice)
@@ -106,28 +126,33 @@ pub fn draw_lettered(
     options: &SurfaceOptions,
     letters: Option<&dyn Letters>,
 ) -> SurfacePicture {
+    let grown = Grown(source);
+    let source = if options.holes_grow { &grown } else { source };
     let mut picture = SurfacePicture::default();
     if let Some(look) = &options.look {
         let parts = parts(options.samples);
         let fine = sight.refined(parts);
-        let scene = Scene::new(source, placed, chosen(source, placed, sight, options));
+        let mut scene = Scene::new(source, placed, chosen(source, placed, sight, options));
+        if let Holes::Filled(_) = options.holes {
+            scene.fill(source, options.holes.spans(placed));
+        }
         let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
         let has_photo = look.attribute == Attribute::Photo;
         let photo = source.photo().filter(|_| has_photo).and_then(|tiles| PhotoLook::new(tiles, placed));
         let size = [width as usize, height as usize];
-        let mut shader = Shader::new(&scene, &fine, look, photo, parts);
+        let mut shader = Shader::new(&scene, &fine, look, photo, parts).seeing(&seen).with_holes(&options.holes).without(options.form.as_deref());
         let labelled = look.contours.and_then(|contours| Some((contours, contours.labels?, letters?)));
         if let Some((contours, em, letters)) = &labelled {
             picture.labels = labels::place(shader.resolver(), &seen, parts, (contours, *em), *letters);
             shader = shader.sparing(size[0], labels::spared(&picture.labels, size));
         }
-        let (mut colors, depth) = shader.shade(&seen, size);
+        let (mut colors, [depth, covered]) = shader.shade(&seen, size);
         if let Some((contours, _, letters)) = &labelled {
             labels::paint(&mut colors, size, &picture.labels, contours, *letters);
         }
-        picture.report.covered = colors.iter().map(|color| f64::from(color[3])).sum();
+        picture.report.covered = covered.into_iter().map(f64::from).sum();
         picture.colors = Colors { width, height, rgba: colors };
         picture.depth = depth;
     }

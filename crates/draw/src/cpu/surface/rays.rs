@@ -52,7 +52,7 @@ impl Pyramid {
     fn new(mesh: &Mesh) -> Pyramid {
         let (all_rows, all_columns) = (mesh.samples.rows - 1, mesh.samples.columns - 1);
         let cell = |row: usize, column: usize| {
-            let cell = mesh.cell(row, column);
+            let cell = mesh.surface_cell(row, column);
             // Two corners hold nothing.
             let heights = cell.0.into_iter().filter(|height| !height.is_nan() && cell.measured() > 2);
             heights.fold(EMPTY, |range, height| joined(range, [height; 2]))
@@ -222,7 +222,7 @@ impl<'a> Caster<'a> {
         let frame = CellFrame::of(mesh, [row, column]);
         let local = frame.ray(ray);
         let mut best: Option<RayHit> = None;
-        for (slot, triangle) in mesh.cell(row, column).triangles().enumerate() {
+        for (slot, (triangle, _)) in mesh.triangles(row, column).enumerate() {
             let Some(t) = local.meets(&triangle) else { continue };
             let [u, v, _] = local.0.at(t);
             let [k, m, n] = triangle.edge;

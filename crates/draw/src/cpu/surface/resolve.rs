@@ -27,6 +27,8 @@ pub struct Hit {
     pub height: f64,
     /// The share that is covered, from 0 to 1.
     pub coverage: f64,
+    /// Whether it is of the membrane over a hole, and no data.
+    pub is_membrane: bool,
     /// What a column and a row add to the height there: on the triangle, or as a point's mean normal says.
     pub slope: [f64; 2],
     /// Row, column and height of what lies under the pixel's centre: of a point on the plane of its mean normal; else the same place.
@@ -62,6 +64,35 @@ pub struct Resolver<'a> {
     chains: Vec<Vec<Option<&'a NodeSamples>>>,
     /// For the few pixels of points whose centre is beside what their samples belong to.
     caster: OnceLock<Caster<'a>>,
+}
+
+/// What of the field moves how far in the picture about a place, pixels of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Moves {
+    /// Where the place is.
+    pub at: [f64; 2],
+    /// What a column adds at the same height.
+    pub column: [f64; 2],
+    /// What a row adds at the same height.
+    pub row: [f64; 2],
+    /// What a unit of height adds.
+    pub height: [f64; 2],
+}
+
+impl Moves {
+    /// What a column and a row add on a surface that rises so much along them.
+    pub fn along(&self, slope: [f64; 2]) -> [[f64; 2]; 2] {
+        let on = |way: [f64; 2], slope: f64| [0, 1].map(|k| slope.mul_add(self.height[k], way[k]));
+        [on(self.column, slope[0]), on(self.row, slope[1])]
+    }
+
+    /// What a pixel to the right and one down add to the height of such a surface; `None` where it is seen from its edge.
+    pub fn rise(&self, slope: [f64; 2]) -> Option<[f64; 2]> {
+        let [a, b] = self.along(slope);
+        let area = a[0] * b[1] - a[1] * b[0];
+        let rise = [(slope[0] * b[1] - slope[1] * a[1]) / area, (slope[1] * a[0] - slope[0] * b[0]) / area];
+        rise.iter().all(|rise| rise.is_finite()).then_some(rise)
+    }
 }
 
 /// Four samples around a place in a level, and what each counts.
@@ -124,6 +155,27 @@ impl<'a> Resolver<'a> {
         })
     }
 
+    /// What moves how far in the picture about what is under a pixel's centre; `None` where that is not before the eye.
+    pub fn moves(&self, hit: &Hit) -> Option<Moves> {
+        let placed = &self.scene.placed;
+        let [row, column, height] = hit.under;
+        let seen = |row: f64, column: f64, height: f64| {
+            Some(self.sight.project(placed.world(row, column, height) - self.sight.eye())?.0)
+        };
+        let at = seen(row, column, height)?;
+        // Small enough for what is seen in perspective, and large enough for rounding.
+        let step = (1_u64 << self.scene.meshes[hit.shown.node].node.key.level) as f64 / 64.0;
+        let [across, along] = placed.spacing();
+        let rise = step * across.max(along) / placed.lift.abs();
+        let added = |to: [f64; 2], step: f64| [0, 1].map(|k| (to[k] - at[k]) / step);
+        Some(Moves {
+            at,
+            column: added(seen(row, column + step, height)?, step),
+            row: added(seen(row + step, column, height)?, step),
+            height: added(seen(row, column, height + rise)?, rise),
+        })
+    }
+
     /// A point's hit.
     fn point(&self, shown: Shown, mesh: &Mesh, pixel: [f64; 2]) -> Option<Hit> {
         let [row, column] = shown.at;
@@ -147,7 +199,7 @@ impl<'a> Resolver<'a> {
         });
         let under = found.unwrap_or([at[0], at[1], height]);
         let coverage = self.point_coverage(mesh, shown, depth, [under[0], under[1]]);
-        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, slope, under })
+        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane: false, slope, under })
     }
 
     /// The share of a pixel that is covered where a point is drawn: as much as is valid around the pixel's centre at the size of a pixel, and
@@ -203,7 +255,7 @@ impl<'a> Resolver<'a> {
             }
             let at = [row - up, column - left];
             let local = CellFrame::of(mesh, at).ray(&ray);
-            for (slot, triangle) in mesh.cell(at[0], at[1]).triangles().enumerate() {
+            for (slot, (triangle, _)) in mesh.triangles(at[0], at[1]).enumerate() {
                 let Some(t) =
                     local.meets(&triangle).filter(|t| *t >= 0.0 && best.is_none_or(|(nearest, _)| *t < nearest))
                 else {
@@ -242,7 +294,7 @@ impl<'a> Resolver<'a> {
         let mesh = self.scene.meshes.get(shown.node)?;
         let [row, column] = shown.at;
         let Some(slot) = shown.slot else { return self.point(shown, mesh, pixel) };
-        let mut triangle = mesh.cell(row, column).triangles().nth(slot)?;
+        let (mut triangle, is_membrane) = mesh.triangles(row, column).nth(slot)?;
         let (origin, direction) = self.sight.ray(pixel)?;
         let (mut mesh, mut at) = (mesh, shown.at);
         let [u, v] = match self.scene.placed.ray(origin, direction) {
@@ -267,9 +319,9 @@ impl<'a> Resolver<'a> {
             Sight::Flat(view) => relative.dot(view.forward),
             Sight::Around { .. } => relative.length(),
         };
-        let coverage = self.coverage(mesh, at, &triangle, [u, v]);
+        let coverage = if is_membrane { 1.0 } else { self.coverage(mesh, at, &triangle, [u, v]) };
         let slope = [q / frame.size[1], s / frame.size[0]];
-        Some(Hit { shown, depth, row, column, height, coverage, slope, under: [row, column, height] })
+        Some(Hit { shown, depth, row, column, height, coverage, is_membrane, slope, under: [row, column, height] })
     }
 
     fn flat(
@@ -297,7 +349,7 @@ impl<'a> Resolver<'a> {
 
     /// The place on a triangle's edge that appears nearest to a pixel; `None` where a corner is not before the eye.
     fn on_edge(&self, mesh: &Mesh, at: [usize; 2], triangle: &Triangle, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-        let heights = mesh.cell(at[0], at[1]).0;
+        let heights = mesh.surface_cell(at[0], at[1]).0;
         let mut seen = [([0.0; 2], 0.0); 3];
         for (seen, corner) in seen.iter_mut().zip(triangle.corners) {
             let (row, column) = (mesh.rows[at[0] + corner / 2], mesh.columns[at[1] + corner % 2]);
@@ -332,7 +384,7 @@ impl<'a> Resolver<'a> {
     /// On a globe: first where the ray meets the flat triangle, then, by Newton's steps, where heights above the sphere agree.
     fn curved(&self, mesh: &Mesh, at: [usize; 2], triangle: &Triangle, origin: DVec3, direction: DVec3) -> [f64; 2] {
         let (rows, columns) = ([at[0], at[0] + 1].map(|r| mesh.rows[r]), [at[1], at[1] + 1].map(|c| mesh.columns[c]));
-        let heights = mesh.cell(at[0], at[1]).0;
+        let heights = mesh.surface_cell(at[0], at[1]).0;
         let corners = triangle.corners.map(|corner| {
             self.scene.placed.world(rows[corner / 2] as f64, columns[corner % 2] as f64, heights[corner])
         });
@@ -404,14 +456,11 @@ impl<'a> Resolver<'a> {
         let lattice = &self.scene.lattice;
         let cell: [u64; 2] = std::array::from_fn(|axis| (place[axis].max(0.0) as u64).min(lattice.samples[axis] - 2));
         let mesh = self.scene.meshes.get(self.scene.cut.at(cell[0], cell[1])?)?;
-        let at = [0, 1].map(|axis| {
-            let places = if axis == 0 { &mesh.rows } else { &mesh.columns };
-            places.partition_point(|place| *place <= cell[axis]).clamp(1, places.len() - 1) - 1
-        });
+        let at = mesh.cell_at(cell);
         let frame = CellFrame::of(mesh, at);
         let [v, u] = [0, 1].map(|axis| (place[axis] - frame.first[axis]) / frame.size[axis]);
         let is_in = |triangle: &Triangle| weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -1e-6);
-        mesh.cell(at[0], at[1]).triangles().find(is_in).map(|triangle| (mesh, at, triangle))
+        mesh.triangles(at[0], at[1]).map(|(triangle, _)| triangle).find(is_in).map(|triangle| (mesh, at, triangle))
     }
 
     fn coverage(&self, mesh: &Mesh, [row, column]: [usize; 2], triangle: &Triangle, place: [f64; 2]) -> f64 {

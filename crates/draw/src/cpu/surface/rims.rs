@@ -1,6 +1,5 @@
 //! Lines along the rims of holes: how far a place of the picture is from where the drawn surface ends, but for the field's border.
 
-use super::raster::Visibility;
 use super::resolve::{Hit, Resolver};
 use super::stitch::{Mesh, Scene};
 use deepfield_heights::model::Cell;
@@ -123,38 +122,21 @@ impl Rims {
         if hit.shown.slot.is_none() {
             return 0.0;
         }
-        let eye = resolver.sight.eye();
-        let seen = |at: [f64; 3]| Some(resolver.sight.project(scene.placed.world(at[0], at[1], at[2]) - eye)?.0);
-        // What a column, a row and a height move in the picture.
-        let step = (1_u64 << own.node.key.level) as f64 / 64.0;
-        let [across, along] = scene.placed.spacing();
-        let rise = step * across.max(along) / scene.placed.lift.abs();
-        let moved = |at: [f64; 3], step: f64| {
-            let (from, to) = (seen([row, column, height])?, seen(at)?);
-            Some([0, 1].map(|k| (to[k] - from[k]) / step))
-        };
-        let (Some(right), Some(down), Some(up)) = (
-            moved([row, column + step, height], step),
-            moved([row + step, column, height], step),
-            moved([row, column, height + rise], rise),
-        ) else {
-            return 0.0;
-        };
-        let on = |way: [f64; 2], slope: f64| [0, 1].map(|k| way[k] + slope * up[k]);
-        let (by_column, by_row) = (on(right, hit.slope[0]), on(down, hit.slope[1]));
+        let Some(moves) = resolver.moves(hit) else { return 0.0 };
+        let [by_column, by_row] = moves.along(hit.slope);
         let cross = (by_column[0] * by_row[1] - by_column[1] * by_row[0]).abs().max(f64::MIN_POSITIVE);
         let most = MOST * (1_u64 << own.node.key.level) as f64;
         let reach = [by_column, by_row].map(|way| (radius * way[0].hypot(way[1]) / cross).min(most));
-        let size = right[0].hypot(right[1]).max(down[0].hypot(down[1]));
+        let size = [moves.column, moves.row].map(|[x, y]| x.hypot(y)).into_iter().fold(0.0, f64::max);
         let mut found = Found { nearest: f64::INFINITY, length: 0.0, radius };
-        let place = |row_at: u64, column_at: u64, height_at: f64, is_small: bool| {
-            let at = [row_at as f64, column_at as f64, height_at];
+        let place = |at: [f64; 3], is_small: bool| {
             if is_small {
-                let away = [at[1] - column, at[0] - row, at[2] - height];
-                return Some([0, 1].map(|k| right[k] * away[0] + down[k] * away[1] + up[k] * away[2]));
+                let [down, right, up] = [at[0] - row, at[1] - column, at[2] - height];
+                return Some([0, 1].map(|k| right * moves.column[k] + down * moves.row[k] + up * moves.height[k]));
             }
-            let (from, to) = (seen([row, column, height])?, seen(at)?);
-            Some([0, 1].map(|k| to[k] - from[k]))
+            let relative = scene.placed.world(at[0], at[1], at[2]) - resolver.sight.eye();
+            let (to, _) = resolver.sight.project(relative)?;
+            Some([0, 1].map(|k| to[k] - moves.at[k]))
         };
         let bounds = [(row, reach[0]), (column, reach[1])].map(|(at, reach)| [at - reach, at + reach]);
         for number in around(scene, hit.shown.node, bounds) {
@@ -167,7 +149,7 @@ impl Rims {
                 let heights = mesh.cell(row, column).0;
                 let corner = |corner: usize| {
                     let (row, column) = (mesh.rows[row + corner / 2], mesh.columns[column + corner % 2]);
-                    place(row, column, heights[corner], is_small)
+                    place([row as f64, column as f64, heights[corner]], is_small)
                 };
                 let inner = if heights[0].is_nan() || heights[3].is_nan() { [1, 2] } else { [0, 3] };
                 for ends in ENDS.into_iter().chain([inner]).enumerate().filter(|(bit, _)| bits >> bit & 1 == 1) {

@@ -65,6 +65,8 @@ pub struct Choice {
     pub looks: bool,
     /// The interval between lines of equal height, in units of height; infinite where there are none.
     pub lines: f64,
+    /// Most cells that a membrane over holes spans along rows or columns; 0: there is none.
+    pub spans: f64,
     /// Most chunks.
     pub most: usize,
 }
@@ -209,9 +211,9 @@ struct Chooser<'a> {
 impl Chooser<'_> {
     /// A chunk that something may be seen of, and how many times too coarse it is.
     fn visit(&self, key: NodeKey) -> Option<Waiting> {
-        let facts = self.source.facts(key)?;
+        let mut facts = self.source.facts(key)?;
         if facts.is_empty() {
-            return None;
+            facts = self.spanned(key, facts)?;
         }
         let extent = self.extent(self.lattice.rectangle(key), &facts, key.level);
         if !self.padded.sees(&extent) || !self.sight.cut().reaches(&extent.bounds) {
@@ -225,6 +227,7 @@ impl Chooser<'_> {
         let apart_px = sight.error_pixels(&extent, apart);
         let is_flat = matches!(sight, Sight::Flat(_));
         let primitive = match self.choice.technique {
+            _ if facts.is_empty() => Primitive::Triangles,
             Technique::Points if is_flat => Primitive::Points,
             Technique::Hybrid if is_flat && apart_px <= POINT_LIMIT && tau >= EXACT => Primitive::Points,
             _ => Primitive::Triangles,
@@ -244,10 +247,21 @@ impl Chooser<'_> {
         if self.choice.looks && facts.deviation > UNSEEN || moves_lines {
             want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), LOOKED));
         }
-        if key.level == 0 {
+        if key.level == 0 || facts.is_empty() {
             want = 0.0;
         }
         Some(Waiting { want, node: CutNode { key, facts, extent, primitive, error_px, added: 0.0 } })
+    }
+
+    /// Facts of a chunk in which nothing was measured, where a membrane may go through it: between the heights around it.
+    fn spanned(&self, key: NodeKey, facts: NodeFacts) -> Option<NodeFacts> {
+        // Who spans it spans all of its cells.
+        if self.choice.spans < (CHUNK << key.level) as f64 {
+            return None;
+        }
+        let around = (key.level + 1..=self.lattice.top()).filter_map(|level| self.source.facts(key.ancestor(level)));
+        let around = around.into_iter().find(|facts| !facts.is_empty())?;
+        Some(NodeFacts { delta: 0.0, step: 0.0, min: around.min, max: around.max, deviation: 0.0, ..facts })
     }
 
     /// The finer chunks in the place of one that something may be seen of; `None` where one of them is not there.

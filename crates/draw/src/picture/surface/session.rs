@@ -15,6 +15,7 @@ use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw_lettered};
 use crate::cpu::volume::{VolumeLevels, VolumeReport};
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
+use crate::heights::measure::Form;
 use crate::heights::model::HeightGrid;
 use crate::heights::store::HeightFile;
 use crate::heights::{OpenHeights, is_heights};
@@ -40,6 +41,8 @@ use std::sync::Arc;
 const CHUNK_MEMORY: u64 = 512 << 20;
 /// Largest displacement on screen unless it is set, pixels.
 const ERROR_PX: f64 = 0.8;
+/// Residuals are coloured up to so many times the root of their mean square.
+const OUTLIERS: f64 = 3.0;
 
 /// Draws pictures of a height field.
 pub struct SurfaceSession {
@@ -70,6 +73,8 @@ struct Prepared {
     placed: Placed,
     attribute: Attribute,
     look: Look,
+    /// What residuals are what is left of, where they are shown.
+    form: Option<Arc<Form>>,
 }
 
 impl SurfaceSession {
@@ -163,16 +168,20 @@ impl SurfaceSession {
         let settings = SurfaceSettings::new(&look.settings, &about.grid).map_err(refuse)?;
         let attribute = surface::attribute_of(look.attribute_name(), about).map_err(refuse)?;
         let placed = self.placed(&settings);
-        if !placed.is_flat() && settings.contours.is_some() {
-            return Err(refuse("contours: not drawn on a globe yet, expected 0, or map plate or local".into()));
-        }
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
         let levels = about.levels.len() as u32;
-        let range = surface::range_of(&transfer, attribute, &about.facts, levels, curvature);
+        let fitted = match attribute {
+            Attribute::Residual => Some(self.opened.fitted(settings.form, &*self.reporter)?),
+            _ => None,
+        };
+        // A few that are far off do not hide all others.
+        let most = fitted.as_ref().map_or(curvature, |fitted| fitted.most.min(OUTLIERS * fitted.root_mean_square));
+        let range = surface::range_of(&transfer, attribute, &about.facts, levels, most);
         let look = settings.look(attribute, transfer, range);
-        Ok(Prepared { mode, settings, placed, attribute, look })
+        let form = fitted.map(|fitted| Arc::new(fitted.form));
+        Ok(Prepared { mode, settings, placed, attribute, look, form })
     }
 
     /// Draws a shot.
@@ -210,6 +219,9 @@ impl SurfaceSession {
             samples: prepared.settings.samples,
             raw: self.options.raw,
             look: Some(prepared.look.clone()),
+            holes: prepared.settings.holes,
+            holes_grow: prepared.settings.holes_grow,
+            form: prepared.form.clone(),
             ..SurfaceOptions::default()
         };
         let mut times = Times::default();
@@ -224,13 +236,13 @@ impl SurfaceSession {
         }
         let [width, height] = [colors.width, colors.height];
         let channels = (!raw.is_empty()).then_some(SurfaceChannels { width, height, values: raw });
-        let Prepared { mode, attribute, look, .. } = prepared;
+        let Prepared { mode, settings, attribute, look, .. } = prepared;
         let labels = look.contours.and_then(|contours| contours.labels).map(|_| labels);
         let name = shot.look.attribute_name();
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: look.range[0] });
         let choice = shot.look.budget.level_choice();
         let depiction = Depiction { mode, settings: shot.look.settings.clone(), attribute: coloring, choice };
-        let units = self.opened.units_of(attribute);
+        let units = self.opened.units_of(attribute, settings.form);
         let annotation = Annotation::new(shot, view, bounds, None, units, None, &depiction, &*self.reporter)?;
         let levels = VolumeLevels { density: look.range, attribute: [0.0, 1.0], unit_length: 1.0 };
         let picture = LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() };
@@ -343,6 +355,9 @@ impl SurfaceSession {
             technique: prepared.settings.technique,
             tau: look.error_px.map_or(ERROR_PX, f64::from),
             samples: prepared.settings.samples,
+            holes: prepared.settings.holes,
+            holes_grow: prepared.settings.holes_grow,
+            form: prepared.form,
             look: Some(prepared.look),
             ..SurfaceOptions::default()
         };
