@@ -109,6 +109,13 @@ pub static FORM: Setting = Setting {
     kind: SettingKind::Choice { options: &FORMS },
     help: "the form that the attribute residual is without: fitted to the measured samples by least squares",
 };
+/// Sides of the field.
+pub static WALLS: Setting = Setting {
+    name: "walls",
+    unit: "",
+    kind: SettingKind::Flag { default: false },
+    help: "draw the sides of the field, and of what a clip box or a slab leaves of it, down or up to base; not of a globe",
+};
 /// What is shown where nothing was measured.
 pub static HOLES: Setting = Setting {
     name: "holes",
@@ -224,6 +231,8 @@ pub struct SurfaceSettings {
     pub holes_grow: bool,
     /// What residuals are what is left of.
     pub form: FormKind,
+    /// Whether it has sides down or up to the base.
+    pub walls: bool,
 }
 
 impl SurfaceSettings {
@@ -272,6 +281,7 @@ impl SurfaceSettings {
             holes,
             holes_grow: settings.name(&HOLES_FAR) == "grow",
             form: FormKind::named(&settings.name(&FORM)).unwrap_or(FormKind::Plane),
+            walls: settings.flag(&WALLS),
         })
     }
 }
@@ -357,13 +367,7 @@ pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
 
 /// The range that colours are spread over: the transfer function's own, or what suits the attribute. Of curvatures and residuals `most` is the
 /// largest that matters.
-pub fn range_of(
-    transfer: &TransferFunction,
-    attribute: Attribute,
-    facts: &Facts,
-    levels: u32,
-    most: f64,
-) -> [f64; 2] {
+pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts, levels: u32, most: f64) -> [f64; 2] {
     if let Range::Fixed(low, high) = transfer.range {
         return [low, high];
     }
@@ -431,6 +435,7 @@ pub static MODE: Mode = Mode {
         &HOLES_FAR,
         &LARGEST_GAP,
         &GAP_UNIT,
+        &WALLS,
     ]],
     technique: &OfSurfaces,
     quantity: "height",

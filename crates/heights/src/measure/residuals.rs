@@ -53,8 +53,7 @@ fn of(heights: &dyn Heights, kind: FormKind, level: u8) -> Result<FittedForm, Fo
             (most.max(value.abs()), sum + value * value, count + 1)
         })
     })?;
-    let (most, sum, count) =
-        bands.into_iter().fold((0.0_f64, 0.0, 0), |a, b| (a.0.max(b.0), a.1 + b.1, a.2 + b.2));
+    let (most, sum, count) = bands.into_iter().fold((0.0_f64, 0.0, 0), |a, b| (a.0.max(b.0), a.1 + b.1, a.2 + b.2));
     let root_mean_square = (sum / count.max(1) as f64).sqrt();
     Ok(FittedForm { form: left.form().clone(), level, most, root_mean_square })
 }
@@ -65,7 +64,8 @@ fn read_level(file: &HeightFile, level: u8) -> Result<HeightField, HeightError> 
     // Even steps only.
     let [rows, columns] = lattice.samples.map(|samples| ((samples - 1) >> level) + 1);
     let step = about.grid.step.map(|step| step * (1_u64 << level) as f64);
-    let grid = HeightGrid { rows, columns, step, sample_type: SampleType::F64, scale: Scale::NONE, ..about.grid.clone() };
+    let grid =
+        HeightGrid { rows, columns, step, sample_type: SampleType::F64, scale: Scale::NONE, ..about.grid.clone() };
     let mut stored = vec![f64::NAN; (rows * columns) as usize];
     let [down, across] = lattice.chunks_of(u32::from(level));
     for (row, column) in (0..down).flat_map(|row| (0..across).map(move |column| (row, column))) {

@@ -29,8 +29,7 @@ impl Scene {
         };
         let fills: Vec<Option<Vec<f64>>> = self.meshes.par_iter().map(filled).collect();
         self.meshes.iter_mut().zip(fills).for_each(|(mesh, fill)| mesh.fill = fill);
-        let laid: Vec<Vec<(usize, f64)>> =
-            self.meshes.par_iter().map(|mesh| self.laid_fill(mesh, &complete)).collect();
+        let laid: Vec<Vec<(usize, f64)>> = self.meshes.par_iter().map(|mesh| self.laid_fill(mesh, &complete)).collect();
         for (mesh, laid) in self.meshes.iter_mut().zip(laid) {
             let Some(fill) = &mut mesh.fill else { continue };
             laid.into_iter().for_each(|(index, height)| fill[index] = height);
@@ -134,7 +133,10 @@ fn fill_grid(heights: &mut [f64], columns: usize) {
         let (row, column) = (2 * (index / half_columns), 2 * (index % half_columns));
         let near = |at: usize, count: usize| at.saturating_sub(1)..(at + 2).min(count);
         let (mut sum, mut count) = (0.0, 0.0);
-        for height in near(row, rows).flat_map(|r| near(column, columns).map(move |c| (r, c))).map(|(r, c)| heights[r * columns + c]) {
+        for height in near(row, rows)
+            .flat_map(|r| near(column, columns).map(move |c| (r, c)))
+            .map(|(r, c)| heights[r * columns + c])
+        {
             if !height.is_nan() {
                 (sum, count) = (sum + height, count + 1.0);
             }

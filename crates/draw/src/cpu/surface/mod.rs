@@ -25,6 +25,7 @@ pub mod shade;
 pub mod sight;
 pub mod source;
 pub mod stitch;
+mod walls;
 
 #[cfg(test)]
 mod tests;

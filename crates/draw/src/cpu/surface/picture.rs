@@ -39,6 +39,8 @@ pub struct SurfaceOptions {
     pub holes_grow: bool,
     /// The form that residuals are what is left of; without one they are heights.
     pub form: Option<Arc<Form>>,
+    /// The height that walls at the field's border, and where it is cut, go down or up to; `None`: there are none.
+    pub walls: Option<f64>,
 }
 
 impl Default for SurfaceOptions {
@@ -54,6 +56,7 @@ impl Default for SurfaceOptions {
             holes: Holes::Open,
             holes_grow: false,
             form: None,
+            walls: None,
         }
     }
 }
@@ -103,6 +106,7 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         looks: options.look.is_some(),
         lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
         spans: if options.look.is_some() { options.holes.spans(placed).into_iter().fold(0.0, f64::max) } else { 0.0 },
+        walls: options.walls.filter(|_| options.look.is_some() && placed.is_flat()),
         most: options.most_nodes,
     };
     choose(source, placed, &sight.refined(parts), &choice)
@@ -142,10 +146,17 @@ pub fn draw_lettered(
         let has_photo = look.attribute == Attribute::Photo;
         let photo = source.photo().filter(|_| has_photo).and_then(|tiles| PhotoLook::new(tiles, placed));
         let size = [width as usize, height as usize];
-        let mut shader = Shader::new(&scene, &fine, look, photo, parts).seeing(&seen).with_holes(&options.holes).without(options.form.as_deref());
+        let mut shader = Shader::new(&scene, &fine, look, photo, parts)
+            .seeing(&seen)
+            .with_holes(&options.holes)
+            .without(options.form.as_deref());
+        if let Some(base) = options.walls {
+            shader = shader.with_walls(base);
+        }
         let labelled = look.contours.and_then(|contours| Some((contours, contours.labels?, letters?)));
         if let Some((contours, em, letters)) = &labelled {
             picture.labels = labels::place(shader.resolver(), &seen, parts, (contours, *em), *letters);
+            picture.labels.retain(|label| !shader.is_behind_wall(label));
             shader = shader.sparing(size[0], labels::spared(&picture.labels, size));
         }
         let (mut colors, [depth, covered]) = shader.shade(&seen, size);

@@ -205,8 +205,9 @@ impl<'a> Raster<'a> {
         let last = (first + BAND).min(rows - 1);
         let heights = mesh.heights();
         let line = |row: usize| -> Vec<Corner> {
-            let each =
-                |column: usize| self.corner(mesh.rows[row], mesh.columns[column], mesh.surface_height(row * columns + column));
+            let each = |column: usize| {
+                self.corner(mesh.rows[row], mesh.columns[column], mesh.surface_height(row * columns + column))
+            };
             (0..columns).map(each).collect()
         };
         let is_points = mesh.node.primitive == Primitive::Points;

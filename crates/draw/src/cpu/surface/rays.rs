@@ -6,7 +6,7 @@
 
 use super::placed::GridRay;
 use super::raster::{Shown, Visibility};
-use super::sight::Sight;
+use super::sight::{Lens, Sight};
 use super::stitch::{Mesh, Scene};
 use crate::model::Bounds;
 use deepfield_heights::model::Triangle;
@@ -235,17 +235,18 @@ impl<'a> Caster<'a> {
     }
 
     /// The first hit of a picture's ray at a place.
-    pub fn cast_pixel(&self, sight: &Sight, pixel: [f64; 2]) -> Option<RayHit> {
-        let (origin, direction) = sight.ray(pixel)?;
+    pub fn cast_pixel(&self, sight: &Sight, lens: &Lens, pixel: [f64; 2]) -> Option<RayHit> {
+        let (origin, direction) = sight.ray_through(lens, pixel)?;
         let ray = self.scene.placed.ray(origin, direction)?;
         self.cast(&ray, kept(&sight.cut().bounds, origin, direction)?)
     }
 
     /// Casts a ray for each pixel of a picture.
     pub fn draw(&self, sight: &Sight, picture: &Visibility) {
+        let lens = sight.lens();
         (0..picture.height).into_par_iter().for_each(|y| {
             for x in 0..picture.width {
-                if let Some(hit) = self.cast_pixel(sight, [x as f64 + 0.5, y as f64 + 0.5]) {
+                if let Some(hit) = self.cast_pixel(sight, &lens, [x as f64 + 0.5, y as f64 + 0.5]) {
                     picture.put(y * picture.width + x, hit.t, hit.shown.pack());
                 }
             }

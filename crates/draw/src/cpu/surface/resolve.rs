@@ -5,7 +5,7 @@ use super::lattice::CHUNK;
 use super::placed::{GridRay, Vantage};
 use super::raster::Shown;
 use super::rays::{Caster, CellFrame};
-use super::sight::Sight;
+use super::sight::{Lens, Sight};
 use super::source::NodeSamples;
 use super::stitch::{Mesh, Scene};
 use deepfield_heights::model::Triangle;
@@ -38,6 +38,9 @@ pub struct Hit {
 /// Channels of a raw picture.
 pub const CHANNELS: usize = 7;
 
+/// From triangle to triangle at most so many times.
+const STEPS: u32 = 6;
+
 /// Rounding may leave a pixel's centre so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f64 = 1e-9;
 
@@ -60,6 +63,7 @@ pub struct Resolver<'a> {
     pub sight: &'a Sight,
     /// Samples as the eye has them.
     pub vantage: Vantage,
+    lens: Lens,
     /// For each chunk its samples and those of the chunks that it lies in, from its level up.
     chains: Vec<Vec<Option<&'a NodeSamples>>>,
     /// For the few pixels of points whose centre is beside what their samples belong to.
@@ -116,7 +120,13 @@ impl<'a> Resolver<'a> {
             (key.level..=scene.lattice.top()).map(|level| scene.samples(key.ancestor(level))).collect()
         };
         let chains = scene.meshes.iter().map(chain).collect();
-        Resolver { scene, sight, vantage: Vantage::new(&scene.placed, sight.eye()), chains, caster: OnceLock::new() }
+        let vantage = Vantage::new(&scene.placed, sight.eye());
+        Resolver { scene, sight, vantage, lens: sight.lens(), chains, caster: OnceLock::new() }
+    }
+
+    /// The ray of a place in the picture.
+    pub fn ray(&self, place: [f64; 2]) -> Option<(DVec3, DVec3)> {
+        self.sight.ray_through(&self.lens, place)
     }
 
     /// The level, with a fraction, whose samples are as far apart as pixels at a depth, may it be finer than what there is.
@@ -187,7 +197,7 @@ impl<'a> Resolver<'a> {
         let [nx, ny, nz] = mesh.samples.normals[index].map(f64::from);
         let nz = nz.max(1e-6) * placed.true_lift;
         let slope = [-nx / nz * placed.step[0], -ny / nz * placed.step[1]];
-        let ray = self.sight.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
+        let ray = self.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
         let found = ray.and_then(|GridRay { origin, direction }| {
             let plane = height + slope[0] * (origin[0] - at[1]) + slope[1] * (origin[1] - at[0]);
             let t = (plane - origin[2]) / (direction[2] - slope[0] * direction[0] - slope[1] * direction[1]);
@@ -240,8 +250,7 @@ impl<'a> Resolver<'a> {
         if shown.slot.is_some() || mesh.is_lone(row, column) || self.is_thin(mesh, [row, column]) {
             return self.hit(shown, pixel);
         }
-        let Some(ray) = self.sight.ray(pixel).and_then(|(origin, direction)| self.scene.placed.ray(origin, direction))
-        else {
+        let Some(ray) = self.ray(pixel).and_then(|(origin, direction)| self.scene.placed.ray(origin, direction)) else {
             return self.hit(shown, pixel);
         };
         let mut best: Option<(f64, Shown)> = None;
@@ -273,10 +282,49 @@ impl<'a> Resolver<'a> {
         }
     }
 
+    /// The height that is seen at a place of the picture near a hit on a flat field's triangle: from triangle to triangle to where the ray
+    /// meets one; `None` where that does not lead anywhere.
+    pub fn height_near(&self, hit: &Hit, pixel: [f64; 2]) -> Option<f64> {
+        let (origin, direction) = self.ray(pixel)?;
+        let ray = self.scene.placed.ray(origin, direction)?;
+        let mut mesh = self.scene.meshes.get(hit.shown.node)?;
+        let mut at = hit.shown.at;
+        let mut triangle = mesh.cell(at[0], at[1]).triangles().nth(hit.shown.slot?)?;
+        for _ in 0..STEPS {
+            let frame = CellFrame::of(mesh, at);
+            let local = frame.ray(&ray);
+            let t = local.meets(&triangle).filter(|t| *t > 0.0)?;
+            let [u, v, height] = local.0.at(t);
+            if weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -OUTSIDE) {
+                return Some(height);
+            }
+            let place = [v.mul_add(frame.size[0], frame.first[0]), u.mul_add(frame.size[1], frame.first[1])];
+            let is_in = |axis: usize| {
+                let places = if axis == 0 { &mesh.rows } else { &mesh.columns };
+                (places[0] as f64..places[places.len() - 1] as f64).contains(&place[axis])
+            };
+            let lattice = &self.scene.lattice;
+            if (0..2).any(|axis| !(0.0..(lattice.samples[axis] - 1) as f64).contains(&place[axis])) {
+                return None;
+            }
+            let cell = place.map(|place| place as u64);
+            if !(is_in(0) && is_in(1)) {
+                mesh = self.scene.meshes.get(self.scene.cut.at(cell[0], cell[1])?)?;
+            }
+            at = mesh.cell_at(cell);
+            let frame = CellFrame::of(mesh, at);
+            let [v, u] = [0, 1].map(|axis| (place[axis] - frame.first[axis]) / frame.size[axis]);
+            let is_under =
+                |triangle: &Triangle| weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -1e-6);
+            triangle = mesh.cell(at[0], at[1]).triangles().find(is_under)?;
+        }
+        None
+    }
+
     /// What a ray finds at a place of the picture.
     pub fn cast(&self, pixel: [f64; 2]) -> Option<Hit> {
         let caster = self.caster.get_or_init(|| Caster::new(self.scene));
-        self.hit(caster.cast_pixel(self.sight, pixel)?.shown, pixel)
+        self.hit(caster.cast_pixel(self.sight, &self.lens, pixel)?.shown, pixel)
     }
 
     /// Whether the whole field is less than two pixels across where a sample is.
@@ -295,7 +343,7 @@ impl<'a> Resolver<'a> {
         let [row, column] = shown.at;
         let Some(slot) = shown.slot else { return self.point(shown, mesh, pixel) };
         let (mut triangle, is_membrane) = mesh.triangles(row, column).nth(slot)?;
-        let (origin, direction) = self.sight.ray(pixel)?;
+        let (origin, direction) = self.ray(pixel)?;
         let (mut mesh, mut at) = (mesh, shown.at);
         let [u, v] = match self.scene.placed.ray(origin, direction) {
             Some(ray) => self.flat(mesh, at, &triangle, &CellFrame::of(mesh, at), &ray, pixel),

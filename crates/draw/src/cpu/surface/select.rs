@@ -12,6 +12,7 @@ use super::lattice::{CHUNK, Lattice, NodeKey};
 use super::placed::Placed;
 use super::sight::Sight;
 use super::source::{NodeFacts, SurfaceNodes};
+use super::walls;
 use crate::model::Bounds;
 use crate::view::Extent;
 use glam::DVec3;
@@ -67,6 +68,8 @@ pub struct Choice {
     pub lines: f64,
     /// Most cells that a membrane over holes spans along rows or columns; 0: there is none.
     pub spans: f64,
+    /// The height that walls at the field's border, and where it is cut, go down or up to.
+    pub walls: Option<f64>,
     /// Most chunks.
     pub most: usize,
 }
@@ -215,7 +218,10 @@ impl Chooser<'_> {
         if facts.is_empty() {
             facts = self.spanned(key, facts)?;
         }
-        let extent = self.extent(self.lattice.rectangle(key), &facts, key.level);
+        let mut extent = self.extent(self.lattice.rectangle(key), &facts, key.level);
+        if let Some(base) = self.choice.walls {
+            self.add_walls(&mut extent, base);
+        }
         if !self.padded.sees(&extent) || !self.sight.cut().reaches(&extent.bounds) {
             return None;
         }
@@ -251,6 +257,16 @@ impl Chooser<'_> {
             want = 0.0;
         }
         Some(Waiting { want, node: CutNode { key, facts, extent, primitive, error_px, added: 0.0 } })
+    }
+
+    /// With the walls that a chunk of a flat field has where it ends or is cut.
+    fn add_walls(&self, extent: &mut Extent, base: f64) {
+        let inside = walls::inside(self.placed.corners(), &self.sight.cut().bounds);
+        let bounds = &mut extent.bounds;
+        if (0..2).any(|axis| bounds.min[axis] <= inside.min[axis] || bounds.max[axis] >= inside.max[axis]) {
+            let base = self.placed.lifted(base);
+            (bounds.min.z, bounds.max.z) = (bounds.min.z.min(base), bounds.max.z.max(base));
+        }
     }
 
     /// Facts of a chunk in which nothing was measured, where a membrane may go through it: between the heights around it.

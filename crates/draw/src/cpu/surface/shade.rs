@@ -5,6 +5,7 @@
 //! one, and techniques differ only by where they see the surface. Normals are turned to the eye.
 
 use super::holes::Holes;
+use super::labels::ContourLabel;
 use super::lambert::Facets;
 use super::look::{Attribute, Light, Ramp};
 use super::photo::{self, PhotoLook};
@@ -15,6 +16,7 @@ use super::rims::Rims;
 use super::select::Primitive;
 use super::sight::Sight;
 use super::stitch::Scene;
+use super::walls::{WallHit, Walls};
 use deepfield_heights::measure::Form;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -36,6 +38,8 @@ const SECANTS: u32 = 8;
 const HATCH: f64 = 5.0;
 /// The colour of what a form is not over, linear light.
 const BESIDE: [f32; 3] = [0.2; 3];
+/// The colour of walls, linear light.
+const WALL: [f32; 3] = [0.34, 0.29, 0.24];
 /// The colour of rims of holes, linear light.
 const RIM: [f32; 3] = [0.8, 0.08, 0.01];
 /// Rays along a pixel's side where a surface ends in it.
@@ -72,6 +76,8 @@ pub struct Shader<'a> {
     form: Option<&'a Form>,
     /// Rims of holes, where they are lines.
     rims: Option<Rims>,
+    /// Sides of the field.
+    walls: Option<Walls>,
     /// Whether there is a membrane over holes, and most cells that it spans.
     spans: Option<f64>,
 }
@@ -99,7 +105,21 @@ impl<'a> Shader<'a> {
             _ => Vec::new(),
         };
         let resolver = Resolver::new(scene, sight);
-        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, photo, spared: (0, Vec::new()), seen: None, form: None, rims: None, spans: None }
+        Shader {
+            resolver,
+            look,
+            ramp: Ramp::new(&look.transfer),
+            parts,
+            sun,
+            planes,
+            photo,
+            spared: (0, Vec::new()),
+            seen: None,
+            form: None,
+            rims: None,
+            walls: None,
+            spans: None,
+        }
     }
 
     /// What finds places.
@@ -128,6 +148,45 @@ impl<'a> Shader<'a> {
         Shader { rims, spans: Some(spans).filter(|spans| *spans > 0.0), ..self }
     }
 
+    /// With walls down or up to a height of the field.
+    pub fn with_walls(self, base: f64) -> Shader<'a> {
+        let Resolver { scene, sight, .. } = self.resolver;
+        Shader { walls: Walls::new(scene, &sight.cut().bounds, base), ..self }
+    }
+
+    /// Whether a wall hides a height along a line.
+    pub fn is_behind_wall(&self, label: &ContourLabel) -> bool {
+        let parts = f64::from(self.parts);
+        let [left, top, right, bottom] = label.area();
+        let places = [label.middle, [left, top], [right, top], [left, bottom], [right, bottom]];
+        places.into_iter().map(|place| place.map(|at| at * parts)).any(|place| {
+            let seen = self.seen.and_then(|seen| seen.at(place[1] as usize * seen.width + place[0] as usize));
+            let hit = seen.and_then(|shown| self.resolver.look(shown, place.map(|at| at.floor() + 0.5)));
+            hit.is_some_and(|hit| self.wall(Some(&hit), place).is_some())
+        })
+    }
+
+    /// The wall that is seen at a place of the picture, before a hit.
+    fn wall(&self, hit: Option<&Hit>, place: [f64; 2]) -> Option<WallHit> {
+        let walls = self.walls.as_ref()?;
+        let (origin, direction) = self.resolver.ray(place)?;
+        walls.cast(self.resolver.scene, origin, direction, hit.map_or(f64::INFINITY, |hit| hit.depth))
+    }
+
+    /// What a place of the picture shows: its colour, depth, and how much of it is covered by what was measured.
+    fn sample(&self, hit: Option<&Hit>, place: [f64; 2]) -> Option<([f32; 4], f64, f32)> {
+        if let Some(wall) = self.wall(hit, place) {
+            let (_, direction) = self.resolver.ray(place)?;
+            let toward = self.sun.unwrap_or(-direction.normalize_or_zero());
+            let lit = wall.normal.dot(toward).max(0.0) as f32;
+            let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
+            let alpha = self.resolver.sight.cut().fade(wall.depth) as f32;
+            let [r, g, b] = WALL.map(|color| color * light * alpha);
+            return Some(([r, g, b, alpha], wall.depth, 0.0));
+        }
+        hit.map(|hit| (self.color(hit, place), hit.depth, self.alpha(hit)))
+    }
+
     /// Without lines in some of the pixels; `width` are in a row.
     pub fn sparing(self, width: usize, pixels: Vec<bool>) -> Shader<'a> {
         Shader { spared: (width, pixels), ..self }
@@ -151,20 +210,17 @@ impl<'a> Shader<'a> {
             for (x, y) in (y..y + parts).flat_map(|y| (x..x + parts).map(move |x| (x, y))) {
                 let place = [x as f64 + 0.5, y as f64 + 0.5];
                 let hit = seen.at(y * seen.width + x).and_then(|shown| self.resolver.look(shown, place));
-                let Some(hit) = hit else {
+                let Some((sample, sample_depth, sample_covered)) = self.sample(hit.as_ref(), place) else {
                     depth = f32::INFINITY;
                     continue;
                 };
-                depth = depth.max(hit.depth as f32);
-                if !is_end {
-                    let sample = self.color(&hit, place);
-                    (0..4).for_each(|k| color[k] += sample[k]);
-                    covered += self.alpha(&hit);
-                }
+                depth = depth.max(sample_depth as f32);
+                (0..4).for_each(|k| color[k] += sample[k]);
+                covered += sample_covered;
             }
             if is_end {
-                let color = self.end([x, y]);
-                return (color, (depth, color[3]));
+                let (color, covered) = self.end([x, y]);
+                return (color, (depth, covered));
             }
             let all = (parts * parts) as f32;
             (color.map(|sum| sum / all), (depth, covered / all))
@@ -189,18 +245,19 @@ impl<'a> Shader<'a> {
         hits && misses && self.resolver.scene.placed.is_flat()
     }
 
-    /// The colour of a pixel in which a surface ends.
-    fn end(&self, [left, top]: [usize; 2]) -> [f32; 4] {
-        let mut color = [0.0_f32; 4];
+    /// The colour of a pixel in which a surface ends, and how much of it is covered.
+    fn end(&self, [left, top]: [usize; 2]) -> ([f32; 4], f32) {
+        let (mut color, mut covered) = ([0.0_f32; 4], 0.0_f32);
         let step = f64::from(self.parts) / f64::from(ENDS);
         for (i, j) in (0..ENDS).flat_map(|j| (0..ENDS).map(move |i| (i, j))) {
             let place = [left as f64 + (f64::from(i) + 0.5) * step, top as f64 + (f64::from(j) + 0.5) * step];
-            if let Some(hit) = self.resolver.cast(place) {
-                let sample = self.color(&hit, place);
+            if let Some((sample, _, sample_covered)) = self.sample(self.resolver.cast(place).as_ref(), place) {
                 (0..4).for_each(|k| color[k] += sample[k]);
+                covered += sample_covered;
             }
         }
-        color.map(|sum| sum / (ENDS * ENDS) as f32)
+        let all = (ENDS * ENDS) as f32;
+        (color.map(|sum| sum / all), covered / all)
     }
 
     /// The colour of a hit at a place of the picture: linear light, premultiplied.
@@ -318,7 +375,7 @@ impl<'a> Shader<'a> {
             return Some((here + rise[0] * (x - moves.at[0]) + rise[1] * (y - moves.at[1]), rise));
         }
         let height = |x: f64, y: f64| {
-            let (origin, direction) = self.resolver.sight.ray([x, y])?;
+            let (origin, direction) = self.resolver.ray([x, y])?;
             let ray = placed.ray(origin, direction)?;
             let plane = here + slope[0] * (ray.origin[0] - column) + slope[1] * (ray.origin[1] - row);
             let [right, down, up] = ray.direction;
@@ -330,10 +387,11 @@ impl<'a> Shader<'a> {
         Some((here, [(right - here) / STEP, (below - here) / STEP]))
     }
 
-    /// The height that is seen at a place of the picture.
-    fn height_at(&self, place: [f64; 2]) -> Option<f64> {
+    /// The height that is seen at a place of the picture near a hit.
+    fn height_at(&self, hit: &Hit, place: [f64; 2]) -> Option<f64> {
         if self.resolver.scene.placed.is_flat() {
-            return Some(self.resolver.cast(place)?.under[2]);
+            let near = self.resolver.height_near(hit, place);
+            return near.or_else(|| Some(self.resolver.cast(place)?.under[2]));
         }
         let seen = self.seen?;
         let [x, y] = place.map(f64::floor);
@@ -362,7 +420,7 @@ impl<'a> Shader<'a> {
             let up = rise.map(|rise| rise / steep * (nearest - here).signum());
             let (mut last, mut is_found) = ((0.0, here), false);
             for _ in 0..SECANTS {
-                let Some(there) = self.height_at([x + up[0] * away, y + up[1] * away]) else { break };
+                let Some(there) = self.height_at(hit, [x + up[0] * away, y + up[1] * away]) else { break };
                 let next = away + (nearest - there) * (away - last.0) / (there - last.1);
                 if next.is_nan() || next <= 0.0 {
                     break;

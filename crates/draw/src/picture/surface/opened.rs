@@ -169,7 +169,9 @@ impl OpenSurface {
             let every = 1_u64 << fitted.level;
             let path = self.path.display();
             let level = fitted.level;
-            reporter.tell(format!("{path}: residual: the {kind} is fitted to level {level}, a sample of {every} x {every}"));
+            reporter.tell(format!(
+                "{path}: residual: the {kind} is fitted to level {level}, a sample of {every} x {every}"
+            ));
         }
         forms.push(fitted.clone());
         Ok(fitted)

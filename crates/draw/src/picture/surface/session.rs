@@ -222,6 +222,7 @@ impl SurfaceSession {
             holes: prepared.settings.holes,
             holes_grow: prepared.settings.holes_grow,
             form: prepared.form.clone(),
+            walls: prepared.settings.walls.then_some(prepared.settings.base),
             ..SurfaceOptions::default()
         };
         let mut times = Times::default();
@@ -358,6 +359,7 @@ impl SurfaceSession {
             holes: prepared.settings.holes,
             holes_grow: prepared.settings.holes_grow,
             form: prepared.form,
+            walls: prepared.settings.walls.then_some(prepared.settings.base),
             look: Some(prepared.look),
             ..SurfaceOptions::default()
         };

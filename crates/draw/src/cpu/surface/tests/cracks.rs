@@ -56,6 +56,7 @@ fn chosen_cuts_have_none_within_any_budget() {
             looks: round % 3 == 0,
             lines: f64::INFINITY,
             spans: 0.0,
+            walls: None,
             most: [1 << 14, 9][round / 20],
         };
         let cut = choose(&source, &placed, &Sight::Flat(view), &choice);
