@@ -5,7 +5,7 @@ use crate::look::Member;
 use crate::picture::field::OpenField;
 use crate::picture::surface::OpenSurface;
 use crate::store::{Metadata, PageFile, PartInfo};
-use crate::window::scene::Sampled;
+use crate::window::sampled::Sampled;
 use bevy::math::DVec3;
 use std::path::Path;
 

@@ -210,7 +210,7 @@ pub(super) fn draw_field(
         match &mut *session {
             AnySession::Field(session) => draw(session, &Shot { look, ..Shot::default() }, wanted, reused, colored),
             AnySession::Surface(session) => draw_surface(session, &look, wanted, colored),
-            AnySession::Particles(_) => Err("particles are drawn elsewhere".to_owned()),
+            AnySession::Particles(_) | AnySession::Mixed(_) => Err("particles are drawn elsewhere".to_owned()),
         }
     });
     field.task = Some((key, task));

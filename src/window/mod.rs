@@ -43,6 +43,7 @@ pub mod playhead;
 mod pointer_motion;
 pub mod preset;
 mod run_ranges;
+pub mod sampled;
 pub mod scene;
 pub mod scene_io;
 pub mod screenshot;

@@ -4,20 +4,19 @@ use super::camera::{Lens, Viewpoint};
 use super::facts::Facts;
 use super::picture::Picture;
 use super::preset::Preset;
+use super::sampled::Sampled;
 use crate::annotate::Units;
-use crate::color::transfer::TransferFunction;
 use crate::explore::Following;
 use crate::explore::data::source_path;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Attribute, Look, LookPatch, Member, OpenData};
 use crate::mode::lod_budget::{PRESENCE, THINNING};
-use crate::mode::{Depiction, LevelChoice, Mode, Output, SettingValue, over};
-use crate::model::{Bounds, Dataset, Moment, PeriodicBox, StepTimes, When};
+use crate::mode::{Depiction, Mode, Output, SettingValue, over};
+use crate::model::{Bounds, Moment, PeriodicBox, StepTimes, When};
 use crate::modes;
-use crate::picture::field::{FieldSession, OpenField};
 use crate::picture::look::depict;
-use crate::picture::surface::{OpenSurface, SurfaceSession};
-use crate::picture::{AnySession, PictureError, Reporter, Session, SessionOptions};
+use crate::picture::surface::OpenSurface;
+use crate::picture::{AnySession, PictureError, Session};
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, Tree};
 use crate::view::{Stereo, Surround};
@@ -74,98 +73,11 @@ pub struct SceneField {
     pub sketch: Option<Arc<TempDir>>,
 }
 
-/// Samples on a grid.
-#[derive(Clone)]
-pub enum Sampled {
-    /// An image or a volume.
-    Field(Arc<OpenField>),
-    /// Measured heights.
-    Heights(Arc<OpenSurface>),
-}
-
 impl SceneField {
     /// Of what is open.
     pub fn new(opened: Sampled) -> SceneField {
         let session = opened.drawer(Arc::new(()));
         SceneField { opened, session: Arc::new(Mutex::new(session)), sketch: None }
-    }
-}
-
-impl Sampled {
-    /// What draws pictures of it.
-    pub fn drawer(&self, reporter: Arc<dyn Reporter>) -> AnySession {
-        match self {
-            Sampled::Field(opened) => AnySession::Field(Box::new(FieldSession::of(Arc::clone(opened), reporter))),
-            Sampled::Heights(opened) => {
-                let options = SessionOptions::default();
-                AnySession::Surface(Box::new(SurfaceSession::of(Arc::clone(opened), options, reporter)))
-            }
-        }
-    }
-
-    /// Whether a mode draws it.
-    pub fn is_drawn_by(&self, mode: &Mode) -> bool {
-        match self {
-            Sampled::Field(opened) => opened.is_drawn_by(mode),
-            Sampled::Heights(opened) => opened.is_drawn_by(mode),
-        }
-    }
-
-    /// The mode that it is shown in where none is chosen.
-    pub fn usual_mode(&self) -> &'static Mode {
-        match self {
-            Sampled::Field(opened) => modes::of_fields(opened.grid().dimensions),
-            Sampled::Heights(_) => &modes::surface::MODE,
-        }
-    }
-
-    /// The names of what can colour its pictures.
-    pub fn attributes(&self) -> Vec<String> {
-        match self {
-            Sampled::Field(opened) => opened.attributes(),
-            Sampled::Heights(opened) => opened.attributes(),
-        }
-    }
-
-    /// A mode of its pictures, coloured by an attribute where one is named.
-    ///
-    /// # Errors
-    /// The names of the attributes that there are.
-    pub fn depiction(
-        &self,
-        mode: &'static Mode,
-        settings: crate::mode::Settings,
-        attribute: Option<&str>,
-        choice: LevelChoice,
-    ) -> Result<Depiction, String> {
-        match self {
-            Sampled::Field(opened) => opened.depiction(mode, settings, attribute, choice),
-            Sampled::Heights(opened) => opened.depiction(mode, settings, attribute, choice),
-        }
-    }
-
-    /// The transfer function that a depiction of it has where none is chosen.
-    pub fn usual_transfer(&self, depiction: &Depiction) -> TransferFunction {
-        match self {
-            Sampled::Field(opened) => opened.usual_transfer(depiction),
-            Sampled::Heights(opened) => opened.usual_transfer(depiction),
-        }
-    }
-
-    /// What a legend calls the values of a depiction.
-    pub fn units(&self, depiction: &Depiction) -> Units {
-        match self {
-            Sampled::Field(opened) => opened.units(depiction),
-            Sampled::Heights(opened) => opened.units(depiction),
-        }
-    }
-
-    /// A few of its samples as particles.
-    pub fn sketch(&self, most: usize) -> Dataset {
-        match self {
-            Sampled::Field(opened) => opened.sketch(most),
-            Sampled::Heights(opened) => opened.sketch(most),
-        }
     }
 }
 

@@ -133,7 +133,7 @@ impl SurroundPicture {
         let Coming { wanted, answer, .. } = coming;
         let outcome = match answer {
             Answer::Here((session, outcome)) => {
-                let is_field = matches!(session, AnySession::Field(_));
+                let is_field = !matches!(session, AnySession::Particles(_));
                 self.session = Some(((wanted.content.dataset, wanted.content.backend, is_field), session));
                 outcome
             }

@@ -202,7 +202,7 @@ fn photos_lie_over_surfaces() {
     assert_eq!(drawn(&["waves.npy", "--texture", "photo.png"]), own);
     assert_ne!(drawn(&["waves.df", "--attribute", "height"]), own);
     let part = drawn(&["waves.npy", "--texture", "photo.png@165,0,331,145"]);
-    assert_eq!([part[120 * 240 + 60][..3], part[40 * 240 + 60][..3]].concat(), [188; 6]);
+    assert_eq!([&part[120 * 240 + 60][..3], &part[40 * 240 + 60][..3]].concat(), [188; 6]);
     assert_eq!(part[150 * 240 + 130][..3], colors[0][..3]);
     // Another file of the built one has it, too.
     ok(folder, &["build", "waves.df", "-o", "again.df"]);

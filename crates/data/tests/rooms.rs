@@ -38,12 +38,14 @@ const WINDOW: [&[&str]; 4] = [
         "sheet",
         "picture_sizes",
         "pass_times",
+        "sampled",
         "facts",
         "page_entities",
     ],
     // What is open, and how it is to be seen.
     &[
         "scene",
+        "ground",
         "lens",
         "open",
         "playhead",

@@ -185,13 +185,13 @@ fn form(ui: &mut Ui, heights: &mut OnHeights) -> bool {
     let before = heights.form;
     let mut chosen = before;
     let name = FORMS.iter().find(|(_, kind)| *kind == before).map_or("none", |(name, _)| name);
-    theme::combo(ui, "Without", name, |ui| {
+    theme::combo(ui, "Form", name, |ui| {
         for (name, kind) in FORMS {
             let label = ui.selectable_value(&mut chosen, kind, name);
             theme::register(ui, &format!("form:{name}"), label.rect);
         }
     })
-    .on_hover_text("The form that is fitted to the region and taken off before its numbers are found.");
+    .on_hover_text("What is fitted to the region and taken off before its numbers are found.");
     heights.form = chosen;
     chosen != before
 }

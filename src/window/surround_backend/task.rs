@@ -162,7 +162,7 @@ pub fn draw(session: &mut AnySession, wanted: &Wanted, known: Option<Drawn>) -> 
         }
         (Raw::Light(_), None, AnySession::Field(session)) => Ok(Exposure::of_field(&session.prepare(shot)?)),
         (Raw::Sums(sums, _), ..) => Ok(Exposure::of(sums, &transfer)),
-        (Raw::Light(painted), None, AnySession::Particles(_) | AnySession::Surface(_)) => {
+        (Raw::Light(painted), None, AnySession::Particles(_) | AnySession::Surface(_) | AnySession::Mixed(_)) => {
             let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
             Ok(Exposure { levels: Some(levels), ..Exposure::default() })
         }

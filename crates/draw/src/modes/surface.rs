@@ -309,6 +309,20 @@ fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
     }
 }
 
+/// The radius in metres of the body that a map places a grid's degrees on; `None` where it is `plate`.
+///
+/// # Errors
+/// A map that is not known, or that does not fit the grid's units.
+pub fn radius_of(name: &str, grid: &HeightGrid) -> Result<Option<f64>, String> {
+    if !MAPS.contains(&name) {
+        return Err(format!("map: found {name}, expected one of {}", MAPS.join(", ")));
+    }
+    Ok(match map_of(name, grid)? {
+        Map::Plate => None,
+        Map::Local { radius } | Map::Globe { radius } => Some(radius * units::metres(&grid.height_unit).unwrap_or(1.0)),
+    })
+}
+
 /// What colours a surface, by the name of an attribute: those that every surface has, the field's colour planes, or (`texture`) the photo that
 /// lies over it, without one the three colours among its planes as they are.
 ///

@@ -10,6 +10,7 @@ mod tests;
 use crate::codec::heights;
 use crate::hierarchy::chunks::Lattice;
 use crate::import::HeightSource;
+use crate::import::suspects::Suspects;
 use crate::model::{HeightError, HeightGrid, Heights, Invalid, PhotoRows, Window, units};
 use crate::store::HeightAbout;
 use deepfield_data::model::progress::Progress;
@@ -40,15 +41,37 @@ pub struct HeightOrigin {
     pub notes: Vec<String>,
 }
 
+/// What is seen of samples while they are read.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// What was not measured, by kind.
+    pub invalid: Invalid,
+    /// Values that look as if they were not.
+    pub suspects: Suspects,
+}
+
+impl Seen {
+    /// Nothing yet.
+    pub fn none() -> Seen {
+        Seen { invalid: Invalid::default(), suspects: Suspects::none() }
+    }
+
+    /// These, and those of other samples.
+    pub fn and(self, other: &Seen) -> Seen {
+        Seen { invalid: self.invalid.and(other.invalid), suspects: self.suspects.and(&other.suspects) }
+    }
+}
+
 /// Heights that tell why samples were not measured, and which photo lies over them. Several threads may read at once.
 pub trait Measured: Heights {
-    /// Reads as [`Heights::stored`] does, and counts what was not measured.
+    /// Reads as [`Heights::stored`] does, and counts what was not measured, and what looks so.
     ///
     /// # Errors
     /// As [`Heights::stored`].
-    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Invalid, HeightError> {
+    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Seen, HeightError> {
         self.stored(window, out)?;
-        Ok(Invalid { nan: out.iter().filter(|value| value.is_nan()).count() as u64, ..Invalid::default() })
+        let nan = out.iter().filter(|value| value.is_nan()).count() as u64;
+        Ok(Seen { invalid: Invalid { nan, ..Invalid::default() }, ..Seen::none() })
     }
 
     /// The photo that lies over them.
@@ -66,7 +89,7 @@ impl Measured for crate::store::HeightFile {
 }
 
 impl Measured for HeightSource {
-    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Invalid, HeightError> {
+    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Seen, HeightError> {
         self.read(window, out)?;
         let mut invalid = Invalid::default();
         let no_data = self.no_data();
@@ -82,7 +105,8 @@ impl Measured for HeightSource {
             }
             *value = f64::NAN;
         }
-        Ok(invalid)
+        let suspects = Suspects::among(out.iter().copied().filter(|value| !value.is_nan()));
+        Ok(Seen { invalid, suspects })
     }
 
     fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {

@@ -7,7 +7,7 @@
 use super::bands::{self, FieldRows};
 use super::coarse_chunk::{self, CoarseChunk};
 use super::photo::{self, PhotoPass};
-use super::{HeightBuildError, HeightOrigin, Measured};
+use super::{HeightBuildError, HeightOrigin, Measured, Seen};
 use crate::hierarchy::chunks::cells::Patch;
 use crate::hierarchy::chunks::compact::Compact;
 use crate::hierarchy::chunks::deviation::{self, Fine, Range};
@@ -16,7 +16,7 @@ use crate::hierarchy::chunks::leaf::{self, Leaf};
 use crate::hierarchy::chunks::rows::LevelRows;
 use crate::hierarchy::chunks::sums::{WideLight, WideSum};
 use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
-use crate::model::{Facts, HeightGrid, Invalid};
+use crate::model::{Facts, HeightGrid};
 use crate::store::chunk::{self, Code};
 use crate::store::{HeightAbout, HeightFileWriter};
 use deepfield_data::model::Scale;
@@ -92,19 +92,19 @@ pub(super) fn build(
     // A band ends with a row more than its own: the ring around its leaves.
     let end_of = |band: u32| (u64::from(band + 1) * lattice.side() + 2).min(grid.rows);
     progress.begin("building", grid.rows);
-    let (rows, mut invalid) = bands::read(source, 0, end_of(0), plan.rows)?;
+    let (rows, mut seen) = bands::read(source, 0, end_of(0), plan.rows)?;
     pass.rows.extend(rows);
     for band in 0..bands {
         let (from, to) = (pass.rows.end(), if band + 1 < bands { end_of(band + 1) } else { pass.rows.end() });
         let (worked, read) = rayon::join(|| pass.band(band), || bands::read(source, from, to, plan.rows));
         worked?;
         let (rows, more) = read?;
-        invalid = invalid.and(more);
+        seen = seen.and(&more);
         pass.rows.extend(rows);
         progress.advance((u64::from(band + 1) * lattice.side()).min(grid.rows) - u64::from(band) * lattice.side());
     }
     pass.far()?;
-    pass.finish(origin, invalid)
+    pass.finish(origin, &seen)
 }
 
 impl Pass<'_> {
@@ -366,7 +366,7 @@ impl Pass<'_> {
         Ok(())
     }
 
-    fn finish(mut self, origin: &HeightOrigin, invalid: Invalid) -> Result<HeightAbout, HeightBuildError> {
+    fn finish(mut self, origin: &HeightOrigin, seen: &Seen) -> Result<HeightAbout, HeightBuildError> {
         let samples = self.grid.samples();
         if self.valid == 0 {
             return Err(HeightBuildError::Nothing { path: origin.path.clone(), invalid: samples, samples });
@@ -386,10 +386,10 @@ impl Pass<'_> {
             format: origin.format.clone(),
             source_bytes: origin.bytes,
             has_spacing: origin.has_spacing,
-            notes: origin.notes.clone(),
+            notes: origin.notes.iter().cloned().chain(seen.suspects.note(self.grid)).collect(),
             grid: self.grid.clone(),
             facts,
-            invalid,
+            invalid: seen.invalid,
             area: self.total.area,
             slopes: self.slopes,
             levels: Vec::new(),

@@ -40,10 +40,10 @@ struct LevelTexels {
 pub(super) fn memory(photo: &dyn PhotoRows) -> u64 {
     let [_, columns] = photo.about().size;
     // Of each level rows of texels for tiles, and sums of those that are worked on; all coarser levels together are as wide as the finest one.
-    let texels = 2 * (TILE + 2 + BLOCK as u64) * size_of::<Texel>() as u64;
+    let texels = 2 * (TILE + BLOCK as u64) * size_of::<Texel>() as u64;
     let sums = BLOCK as u64 * size_of::<LightSum>() as u64;
     // Tiles that are worked on by each thread: of each texel words of three planes and what is left of them.
-    let tiles = rayon::current_num_threads() as u64 * (TILE + 2) * (TILE + 2) * 64;
+    let tiles = rayon::current_num_threads() as u64 * TILE * TILE * 64;
     columns * (texels + sums + BLOCK as u64 * 4) + tiles + photo.memory_bytes()
 }
 
@@ -154,8 +154,8 @@ impl<'a> PhotoPass<'a> {
             let [tile_rows, tile_columns] = lattice.tiles_of(level as u32);
             while own.next_tiles < tile_rows {
                 let key = |column: u32| TileKey { level: level as u8, row: own.next_tiles, column };
-                let held = lattice.held(key(0));
-                if held.row + held.rows as u64 > own.first + own.rows.len() as u64 {
+                let part = lattice.part(key(0));
+                if part.row + part.rows as u64 > own.first + own.rows.len() as u64 {
                     break;
                 }
                 let keys: Vec<TileKey> = (0..tile_columns).map(key).collect();
@@ -166,7 +166,7 @@ impl<'a> PhotoPass<'a> {
                     }
                 }
                 own.next_tiles += 1;
-                own.forget((u64::from(own.next_tiles) * TILE).saturating_sub(1));
+                own.forget(u64::from(own.next_tiles) * TILE);
             }
         }
         Ok(())
@@ -175,14 +175,14 @@ impl<'a> PhotoPass<'a> {
 
 impl LevelTexels {
     fn tile(&self, lattice: &PhotoLattice, key: TileKey, planes: usize) -> Vec<u8> {
-        let held = lattice.held(key);
-        let mut texels = Vec::with_capacity(held.len());
-        for row in held.row..held.row + held.rows as u64 {
+        let part = lattice.part(key);
+        let mut texels = Vec::with_capacity(part.len());
+        for row in part.row..part.row + part.rows as u64 {
             if let Some(row) = self.rows.get((row - self.first) as usize) {
-                texels.extend_from_slice(&row[held.column as usize..][..held.columns]);
+                texels.extend_from_slice(&row[part.column as usize..][..part.columns]);
             }
         }
-        tile::encode(&texels, held.columns, planes)
+        tile::encode(&texels, part.columns, planes)
     }
 
     fn forget(&mut self, row: u64) {

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::hierarchy::chunks::coarse::normal_of;
-use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, light};
+use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage};
+use crate::model::light;
 use crate::model::{Cell, HeightField, Plane, facts_of};
 use crate::store::{Chunk, HeightFile, verify_heights};
 use deepfield_data::model::{ReadMethod, SampleType, Scale};

@@ -17,19 +17,22 @@ pub(crate) mod md5;
 mod numpy;
 mod options;
 pub mod photo;
+mod plu;
+mod plux;
 mod png16;
 mod raw;
 mod source;
 pub mod summary;
 mod sur;
 mod surfer;
-mod suspects;
+pub mod suspects;
 #[cfg(test)]
 mod tests;
 mod told;
 mod units;
 mod unpack;
 mod x3p;
+mod xml;
 
 pub use options::HeightOptions;
 pub use photo::{Photo, PhotoChoice};
@@ -63,6 +66,7 @@ static FORMATS: &[HeightFormat] = &[
     al3d::AL3D,
     frt::FRT,
     x3p::X3P,
+    plux::PLUX,
     surfer::SURFER,
     gwy::GWY,
     numpy::NPY,
@@ -72,6 +76,7 @@ static FORMATS: &[HeightFormat] = &[
     esri_ascii::ESRI_ASCII,
     hgt::HGT,
     flt::FLT,
+    plu::PLU,
 ];
 
 /// Of formats that hold nothing but heights.

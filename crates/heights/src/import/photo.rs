@@ -1,6 +1,6 @@
 //! Photos that are laid over a field: any picture of 8 or 16 bits, read as images are.
 
-use crate::hierarchy::chunks::light;
+use crate::model::light;
 use crate::model::photo::{PhotoAbout, PhotoPlace, PhotoRows};
 use crate::model::{HeightError, HeightGrid, units};
 use deepfield_data::import::{GridOptions, GridSource, ImportError, open_grid};

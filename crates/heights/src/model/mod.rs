@@ -4,6 +4,8 @@
 pub mod cell;
 pub mod facts;
 pub mod grid;
+pub mod lengths;
+pub mod light;
 pub mod photo;
 pub mod samples;
 pub mod units;
@@ -11,5 +13,6 @@ pub mod units;
 pub use cell::{Cell, Triangle};
 pub use facts::{Facts, Invalid, facts_of};
 pub use grid::{HeightGrid, Plane};
+pub use lengths::Lengths;
 pub use photo::{PhotoAbout, PhotoPlace, PhotoRows};
 pub use samples::{HeightError, HeightField, Heights, Window};

@@ -157,12 +157,10 @@ impl PhotoRows for PhotoOfFile<'_> {
             let keys: Vec<TileKey> = keys.collect();
             for some in keys.chunks(4 * rayon::current_num_threads().max(1)) {
                 let read: Result<Vec<Tile>, StoreError> = some.par_iter().map(|key| self.file.tile(*key)).collect();
-                for Tile { key, held, texels } in read? {
-                    let (from, to) = (u64::from(key.column) * side, ((u64::from(key.column) + 1) * side).min(columns));
+                for Tile { part, texels, .. } in read? {
                     for line in first.max(row * side)..(first + count).min((row + 1) * side) {
-                        let at = (line - held.row) as usize * held.columns + (from - held.column) as usize;
-                        let own = &texels[at..at + (to - from) as usize];
-                        let start = ((line - first) * columns + from) as usize * planes;
+                        let own = &texels[(line - part.row) as usize * part.columns..][..part.columns];
+                        let start = ((line - first) * columns + part.column) as usize * planes;
                         let out = out[start..].chunks_exact_mut(planes);
                         own.iter().zip(out).for_each(|(texel, out)| out.copy_from_slice(&texel[..planes]));
                     }

@@ -18,8 +18,8 @@ const DIFFERENCES: u8 = 2;
 pub struct Tile {
     /// Which one it is.
     pub key: TileKey,
-    /// The texels that it holds, among those of its level: its own and a ring around them.
-    pub held: Part,
+    /// Its texels, among those of its level.
+    pub part: Part,
     /// The texels, row by row.
     pub texels: Vec<Texel>,
 }
@@ -58,16 +58,16 @@ fn difference(value: u8, green: u8) -> u8 {
 
 /// Reads a tile from all of the bytes; `None` where they are none.
 pub fn decode(bytes: &[u8], key: TileKey, lattice: &PhotoLattice, planes: usize) -> Option<Tile> {
-    let held = lattice.held(key);
+    let part = lattice.part(key);
     let (&flags, mut rest) = bytes.split_first()?;
     if flags & !(SHARES | DIFFERENCES) != 0 || flags & DIFFERENCES != 0 && planes != 3 {
         return None;
     }
-    let mut texels = vec![[u8::MAX; 4]; held.len()];
-    let mut values = vec![0; held.len()];
+    let mut texels = vec![[u8::MAX; 4]; part.len()];
+    let mut values = vec![0; part.len()];
     let shares = (flags & SHARES != 0).then_some(3);
     for plane in shares.into_iter().chain(0..planes) {
-        rest = rest.get(heights::decode_bytes(rest, held.columns, &mut values)?..)?;
+        rest = rest.get(heights::decode_bytes(rest, part.columns, &mut values)?..)?;
         texels.iter_mut().zip(&values).for_each(|(texel, value)| texel[plane] = *value);
     }
     for texel in &mut texels {
@@ -79,12 +79,12 @@ pub fn decode(bytes: &[u8], key: TileKey, lattice: &PhotoLattice, planes: usize)
             _ => {}
         }
     }
-    rest.is_empty().then_some(Tile { key, held, texels })
+    rest.is_empty().then_some(Tile { key, part, texels })
 }
 
 /// Bytes that a tile takes in memory.
-pub fn memory(held: &Part) -> u64 {
-    held.len() as u64 * 4
+pub fn memory(part: &Part) -> u64 {
+    part.len() as u64 * 4
 }
 
 #[cfg(test)]

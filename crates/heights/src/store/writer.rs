@@ -81,7 +81,7 @@ impl HeightFileWriter {
     /// When the disk cannot be written.
     pub fn tile(&mut self, key: TileKey, bytes: &[u8]) -> Result<(), StoreError> {
         let Some(lattice) = self.photo.as_ref().map(|photo| photo.lattice) else { return Ok(()) };
-        let place = self.append(TILES, bytes, tile::memory(&lattice.held(key)))?;
+        let place = self.append(TILES, bytes, tile::memory(&lattice.part(key)))?;
         if let Some(own) = self.photo.as_mut().and_then(|photo| photo.tiles.get_mut(lattice.number(key))) {
             *own = place;
         }

@@ -1,9 +1,9 @@
 //! What is shown where nothing was measured.
 
-use super::lattice::{Lattice, NodeKey};
 use super::photo::PhotoTiles;
 use super::placed::Placed;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
+use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
 
 /// What holes look like.
@@ -52,11 +52,11 @@ impl SurfaceNodes for Grown<'_> {
         self.0.lattice()
     }
 
-    fn facts(&self, key: NodeKey) -> Option<NodeFacts> {
+    fn facts(&self, key: ChunkKey) -> Option<NodeFacts> {
         self.0.facts(key)
     }
 
-    fn samples(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
+    fn samples(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
         let samples = self.0.samples(key)?;
         if key.level == 0 || samples.coverage.is_empty() {
             return Some(samples);
@@ -70,7 +70,7 @@ impl SurfaceNodes for Grown<'_> {
         Some(Arc::new(grown))
     }
 
-    fn is_there(&self, key: NodeKey) -> bool {
+    fn is_there(&self, key: ChunkKey) -> bool {
         self.0.is_there(key)
     }
 

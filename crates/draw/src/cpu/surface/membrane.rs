@@ -5,14 +5,14 @@
 //! or along its column, is near enough: so holes of any form are spanned where they are narrow, and what lies outside of the measured part of
 //! a field is no hole. Where levels meet the membrane's finer border lies on the coarser one.
 
-use super::lattice::{Lattice, NodeKey};
 use super::source::{NodeSamples, SurfaceNodes};
 use super::stitch::{Mesh, Scene};
+use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Heights of chunks with holes, these filled.
-type Complete = BTreeMap<NodeKey, Vec<f64>>;
+type Complete = BTreeMap<ChunkKey, Vec<f64>>;
 
 impl Scene {
     /// Spans holes of up to so many cells from row to row, or from column to column.
@@ -40,10 +40,10 @@ impl Scene {
     fn complete(&self) -> Complete {
         let mut complete = Complete::new();
         let keys = self.ancestors.keys().copied().chain(self.meshes.iter().map(|mesh| mesh.node.key));
-        let mut keys: Vec<NodeKey> = keys.collect();
+        let mut keys: Vec<ChunkKey> = keys.collect();
         keys.sort_by_key(|key| std::cmp::Reverse(key.level));
         for level in keys.chunk_by(|a, b| a.level == b.level) {
-            let found: Vec<(NodeKey, Vec<f64>)> = level
+            let found: Vec<(ChunkKey, Vec<f64>)> = level
                 .par_iter()
                 .filter_map(|key| {
                     let samples = self.samples(*key).filter(|samples| samples.heights.iter().any(|h| h.is_nan()))?;
@@ -55,7 +55,7 @@ impl Scene {
         complete
     }
 
-    fn completed(&self, key: NodeKey, samples: &NodeSamples, complete: &Complete) -> Vec<f64> {
+    fn completed(&self, key: ChunkKey, samples: &NodeSamples, complete: &Complete) -> Vec<f64> {
         let mut heights = samples.heights.clone();
         let top = self.lattice.top();
         if key.level >= top {
@@ -66,7 +66,7 @@ impl Scene {
         let Some(coarse) = complete.get(&parent).or_else(|| Some(&self.samples(parent)?.heights)) else {
             return heights;
         };
-        let [rows, columns] = [0, 1].map(|axis| self.lattice.positions(key, axis));
+        let [rows, columns] = [0, 1].map(|axis| self.lattice.places(key, axis));
         for (index, height) in heights.iter_mut().enumerate().filter(|(_, height)| height.is_nan()) {
             let at = [rows[index / samples.columns], columns[index % samples.columns]];
             *height = between(&self.lattice, parent, coarse, at);
@@ -99,11 +99,11 @@ impl Scene {
 }
 
 /// The height of a chunk's surface between its samples.
-fn between(lattice: &Lattice, key: NodeKey, heights: &[f64], place: [u64; 2]) -> f64 {
+fn between(lattice: &Lattice, key: ChunkKey, heights: &[f64], place: [u64; 2]) -> f64 {
     let [(row, down), (column, right)] = [0, 1].map(|axis| {
         let (first, count) = lattice.span(key, axis);
         let index = (place[axis] >> key.level).saturating_sub(first).min(count.saturating_sub(2) as u64);
-        let [from, to] = [0, 1].map(|next| lattice.position(axis, key.level, first + index + next));
+        let [from, to] = [0, 1].map(|next| lattice.place(axis, key.level.into(), first + index + next));
         (index as usize, (place[axis].saturating_sub(from)) as f64 / (to - from) as f64)
     });
     let columns = lattice.span(key, 1).1;
@@ -197,12 +197,12 @@ fn spanned(source: &dyn SurfaceNodes, mesh: &Mesh, spans: [f64; 2]) -> Vec<bool>
 
 /// Of each row or column of a chunk the nearest sample beyond it that was measured, before it or after it along an axis, not farther than a
 /// span.
-fn beyond(source: &dyn SurfaceNodes, key: NodeKey, axis: usize, is_after: bool, span: f64) -> Vec<Option<u64>> {
+fn beyond(source: &dyn SurfaceNodes, key: ChunkKey, axis: usize, is_after: bool, span: f64) -> Vec<Option<u64>> {
     let lattice = source.lattice();
     let lines = lattice.span(key, 1 - axis).1;
     let mut found = vec![None; lines];
     let mut open: Vec<usize> = (0..lines).collect();
-    let edge = |key: NodeKey, is_after: bool| lattice.rectangle(key)[axis][usize::from(is_after)];
+    let edge = |key: ChunkKey, is_after: bool| lattice.rectangle(key)[axis][usize::from(is_after)];
     let (own, mut key) = (edge(key, is_after), key);
     while !open.is_empty() {
         let at = if axis == 0 { &mut key.row } else { &mut key.column };
@@ -216,7 +216,7 @@ fn beyond(source: &dyn SurfaceNodes, key: NodeKey, axis: usize, is_after: bool, 
             continue;
         }
         let Some(samples) = source.samples(key) else { break };
-        let places = lattice.positions(key, axis);
+        let places = lattice.places(key, axis);
         let height = |line: usize, at: usize| {
             let index = if axis == 0 { at * samples.columns + line } else { line * samples.columns + at };
             samples.heights[index]

@@ -7,7 +7,6 @@ mod slopes;
 #[cfg(test)]
 mod tests;
 
-use super::lattice::{CHUNK, Lattice, NodeKey};
 use super::photo::PhotoTiles;
 use super::picture::{SurfaceOptions, chosen};
 use super::placed::Placed;
@@ -15,7 +14,7 @@ use super::sight::Sight;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use decode::Decoder;
 use deepfield_data::store::error::Damage;
-use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage};
+use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
 use deepfield_heights::hierarchy::photo::TileKey;
 use deepfield_heights::store::{HeightFile, Tile};
 use lru::LruCache;
@@ -36,7 +35,7 @@ pub struct PagedSurface {
     lattice: Lattice,
     decoder: Decoder,
     budget_bytes: u64,
-    cache: Mutex<Cache<NodeKey, NodeSamples>>,
+    cache: Mutex<Cache<ChunkKey, NodeSamples>>,
     /// Tiles of the photo, if there is one, with a budget of their own.
     tile_budget_bytes: u64,
     tiles: Mutex<Cache<TileKey, Tile>>,
@@ -58,7 +57,7 @@ struct Entry<V> {
 /// Chunks that cannot be read, and why the first one could not.
 #[derive(Default)]
 struct Damaged {
-    keys: BTreeSet<NodeKey>,
+    keys: BTreeSet<ChunkKey>,
     first: Option<String>,
 }
 
@@ -68,14 +67,14 @@ impl PagedSurface {
     /// size than is drawn has none, and [`PagedSurface::error`] says so.
     pub fn new(file: Arc<HeightFile>, budget_bytes: u64) -> PagedSurface {
         let about = file.about();
-        let lattice = Lattice { samples: [about.grid.rows, about.grid.columns] };
+        let lattice = Lattice::new(about.grid.rows, about.grid.columns);
         let decoder = Decoder::new(about, slopes::of_file(&about.grid));
         let (cache, tiles) = (Mutex::new(Cache::new()), Mutex::new(Cache::new()));
         let tile_budget_bytes = if about.photo.is_some() { budget_bytes / 4 } else { 0 };
         let budget_bytes = budget_bytes - tile_budget_bytes;
         let mut damaged = Damaged::default();
-        if file.lattice().side() != CHUNK {
-            let expected = format!("{CHUNK} x {CHUNK} cells, found {0} x {0}", file.lattice().side());
+        if *file.lattice() != lattice {
+            let expected = format!("{0} x {0} cells, found {1} x {1}", lattice.side(), file.lattice().side());
             damaged.first = Some(Damage::new("chunks", expected).in_file(file.path()).to_string());
         }
         PagedSurface {
@@ -117,14 +116,14 @@ impl PagedSurface {
     }
 
     /// Reads and decodes chunks by as many threads as there are: of these the first that fit into the budget.
-    pub fn prefetch(&self, keys: &[NodeKey]) {
+    pub fn prefetch(&self, keys: &[ChunkKey]) {
         let mut left = self.budget_bytes;
-        let fits = |key: &NodeKey| {
+        let fits = |key: &ChunkKey| {
             let after = left.checked_sub(self.bytes_of(*key));
             left = after.unwrap_or(0);
             after.is_some()
         };
-        let fitting: Vec<NodeKey> = keys.iter().copied().filter(|key| self.has(*key)).take_while(fits).collect();
+        let fitting: Vec<ChunkKey> = keys.iter().copied().filter(|key| self.has(*key)).take_while(fits).collect();
         fitting.into_par_iter().for_each(|key| drop(self.samples(key)));
     }
 
@@ -152,17 +151,17 @@ impl PagedSurface {
     }
 
     /// About how many bytes a chunk takes when it is decoded.
-    fn bytes_of(&self, key: NodeKey) -> u64 {
+    fn bytes_of(&self, key: ChunkKey) -> u64 {
         let [rows, columns] = [0, 1].map(|axis| self.lattice.span(key, axis).1 as u64);
         rows * columns * (8 + 12 + 1 + 4 * self.file.about().grid.planes.len() as u64)
     }
 
-    fn has(&self, key: NodeKey) -> bool {
-        self.file.lattice().side() == CHUNK && self.file.lattice().has(chunk_key(key))
+    fn has(&self, key: ChunkKey) -> bool {
+        *self.file.lattice() == self.lattice && self.lattice.has(key)
     }
 
-    fn read(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
-        match self.file.chunk(chunk_key(key)) {
+    fn read(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
+        match self.file.chunk(key) {
             Ok(Some(chunk)) => Some(Arc::new(self.decoder.samples(chunk))),
             Ok(None) => Some(Arc::new(self.decoder.nothing([0, 1].map(|axis| self.lattice.span(key, axis).1)))),
             Err(error) => {
@@ -182,19 +181,19 @@ impl SurfaceNodes for PagedSurface {
         self.lattice
     }
 
-    fn facts(&self, key: NodeKey) -> Option<NodeFacts> {
-        let node = self.file.node(chunk_key(key)).filter(|_| self.has(key))?;
+    fn facts(&self, key: ChunkKey) -> Option<NodeFacts> {
+        let node = self.file.node(key).filter(|_| self.has(key))?;
         Some(facts(key, node))
     }
 
-    fn samples(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
+    fn samples(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
         if !self.has(key) || !self.is_there(key) {
             return None;
         }
         cached(&self.cache, key, self.budget_bytes, bytes_of, || self.read(key))
     }
 
-    fn is_there(&self, key: NodeKey) -> bool {
+    fn is_there(&self, key: ChunkKey) -> bool {
         !locked(&self.damaged).keys.contains(&key)
     }
 
@@ -253,10 +252,6 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn chunk_key(NodeKey { level, row, column }: NodeKey) -> ChunkKey {
-    ChunkKey { level, row, column }
-}
-
 fn bytes_of(samples: &NodeSamples) -> u64 {
     let NodeSamples { heights, coverage, normals, ranges, planes, .. } = samples;
     let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
@@ -275,7 +270,7 @@ fn bytes_of(samples: &NodeSamples) -> u64 {
 /// of level `k` a sample of full resolution stands for is the share `4^-k` of it, and if that is `d` away from the mean, the mean square is
 /// at least `4^-k d^2`: so no `d` is above `2^k` times the root. This is what it may be where all differs in one place, as a dot on a map;
 /// mostly it is far less, but a bound that is too large costs no more than samples a pixel apart.
-fn facts(key: NodeKey, node: &ChunkNode) -> NodeFacts {
+fn facts(key: ChunkKey, node: &ChunkNode) -> NodeFacts {
     let spread = node.normal_deviation.max(node.colour_deviation);
     NodeFacts {
         delta: node.delta,

@@ -1,17 +1,22 @@
-//! A photo that lies over a surface: its light at a place, from the level whose texels are as large as pixels there.
+//! A photo that lies over a surface: its mean light over what a sample of the picture shows.
 //!
-//! Which tiles a picture needs follows from what its pixels show, so they are asked for while it is shaded: as many texels as pixels, whatever the
-//! photo's size and the levels that heights are drawn from.
+//! That is a box of the photo, at least one of its pixels wide, which makes near pictures go evenly from the middle of a pixel to the next. The mean
+//! is taken over texels of a level of which the box covers a few, each by as much as it is covered. Which tiles a picture needs follows from what its
+//! pixels show, so they are asked for while it is shaded: a few texels a sample, whatever the photo's size and the levels that heights are drawn from.
 
+use super::look::{Attribute, Look};
 use super::placed::Placed;
-use super::shade::FINER;
+use super::source::SurfaceNodes;
 use crate::color::colors::to_linear;
-use deepfield_heights::hierarchy::chunks::light::NO_PHOTO;
 use deepfield_heights::hierarchy::photo::means::{self, Texel};
 use deepfield_heights::hierarchy::photo::{PhotoLattice, TILE, TileKey};
 use deepfield_heights::model::PhotoPlace;
+use deepfield_heights::model::light::NO_PHOTO;
 use deepfield_heights::store::Tile;
 use std::sync::{Arc, OnceLock};
+
+/// Most texels that a mean is taken over.
+const MOST_TEXELS: f64 = 40.0;
 
 /// Where a photo lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,27 +55,27 @@ pub struct PhotoLook<'a> {
     above: Vec<([usize; 2], Vec<Texel>)>,
     /// Rows and columns of samples that a pixel of the photo covers.
     size: [f64; 2],
-    /// How tall and wide that is, in the larger one of the distances of samples from row to row and from column to column.
-    texel: [f64; 2],
-    /// The level of the field whose samples are as far apart as the larger one of both.
-    own_level: f64,
     /// The field's last row and column.
     last: [f64; 2],
     light: [f32; 256],
 }
 
+/// Texels of a level that are held together: from which row and column on, how many are in a row, and they.
+type Texels<'t> = ([u64; 2], usize, &'t [Texel]);
+
 impl<'a> PhotoLook<'a> {
+    /// Of the photo over a field, where a look shows it and there is one.
+    pub fn of(source: &'a dyn SurfaceNodes, look: &Look, placed: &Placed) -> Option<PhotoLook<'a>> {
+        let shows = look.attribute == Attribute::Photo;
+        source.photo().filter(|_| shows).and_then(|tiles| PhotoLook::new(tiles, placed))
+    }
+
     /// Of a photo over a field; `None` where there is none.
     pub fn new(tiles: &'a dyn PhotoTiles, placed: &Placed) -> Option<PhotoLook<'a>> {
         let laid = tiles.laid()?;
         let Laid { lattice, place, .. } = laid;
         let part = |[from, to]: [f64; 2], count: u64| (to - from) / count as f64;
         let [rows, columns] = lattice.size();
-        let size = [part(place.rows, rows), part(place.columns, columns)];
-        let [across, along] = placed.spacing();
-        let largest = across.max(along);
-        let texel = [size[0] * along / largest, size[1] * across / largest];
-        let found: Vec<OnceLock<Option<Arc<Tile>>>> = (0..lattice.tiles()).map(|_| OnceLock::new()).collect();
         let level = |level: u32| {
             let first = TileKey { level: level as u8, row: 0, column: 0 };
             (lattice.number(first), lattice.tiles_of(level)[1] as usize)
@@ -78,12 +83,10 @@ impl<'a> PhotoLook<'a> {
         let mut look = PhotoLook {
             tiles,
             laid,
-            found,
+            found: (0..lattice.tiles()).map(|_| OnceLock::new()).collect(),
             levels: (0..lattice.levels()).map(level).collect(),
             above: Vec::new(),
-            size,
-            texel,
-            own_level: texel[0].max(texel[1]).log2(),
+            size: [part(place.rows, rows), part(place.columns, columns)],
             last: [placed.samples[1], placed.samples[0]].map(|count| (count - 1) as f64),
             light: std::array::from_fn(|value| to_linear(value as f32 / 255.0)),
         };
@@ -101,8 +104,8 @@ impl<'a> PhotoLook<'a> {
         slot.get_or_init(|| self.tiles.tile(key)).as_deref()
     }
 
-    /// The light at a row and column of the field, where samples of its level `level`, which may be below 0, are as far apart as pixels.
-    pub fn at(&self, [row, column]: [f64; 2], level: f64) -> [f32; 3] {
+    /// The mean light over so many rows and columns about a row and column of the field.
+    pub fn at(&self, [row, column]: [f64; 2], reach: [f64; 2]) -> [f32; 3] {
         let pixels = self.laid.lattice.size().map(|count| count as f64);
         let Laid { place, period, .. } = self.laid;
         let mut ahead = 0.0;
@@ -113,96 +116,101 @@ impl<'a> PhotoLook<'a> {
         let first = [place.rows[0], place.columns[0] + ahead];
         // A photo of a whole turn has no edge at its sides.
         let is_endless = period.is_some_and(|period| place.columns[1] - place.columns[0] >= period * (1.0 - 1e-9));
-        let (mut share, mut at) = (1.0, [0.0; 2]);
+        let (mut share, mut at, mut wide) = (1.0, [0.0; 2], [0.0; 2]);
         for axis in 0..2 {
             let texels = |sample: f64| (sample - first[axis]) / self.size[axis];
-            at[axis] = texels([row, column][axis]);
-            // What of a pixel's size lies in the field is in the photo or beside it.
-            let half = 0.5 * level.exp2() / self.texel[axis];
-            let (from, to) = ((at[axis] - half).max(texels(0.0)), (at[axis] + half).min(texels(self.last[axis])));
+            (at[axis], wide[axis]) = (texels([row, column][axis]), reach[axis] / self.size[axis]);
+            // What of it lies in the field is in the photo or beside it.
+            let (from, to) = (at[axis] - 0.5 * wide[axis], at[axis] + 0.5 * wide[axis]);
+            let (from, to) = (from.max(texels(0.0)), to.min(texels(self.last[axis])));
             if axis == 0 || !is_endless {
                 share *= match from < to {
                     true => ((to.min(pixels[axis]) - from.max(0.0)) / (to - from)).max(0.0),
                     false => f64::from(u8::from((0.0..=pixels[axis]).contains(&at[axis]))),
                 };
             }
-            at[axis] = at[axis].clamp(0.0, pixels[axis]);
         }
         let none = nothing();
-        if share <= 0.0 {
+        // What is no number is nowhere.
+        if share.is_nan() || share <= 0.0 {
             return none;
         }
-        let own = self.between(at, level - self.own_level - FINER).unwrap_or(none);
+        let own = self.mean(at, wide).unwrap_or(none);
         std::array::from_fn(|k| none[k] + share as f32 * (own[k] - none[k]))
     }
 
-    /// The light at a place in pixels of the photo, between two levels.
-    fn between(&self, at: [f64; 2], level: f64) -> Option<[f32; 3]> {
+    /// The mean light about a place, both in pixels of the photo.
+    fn mean(&self, at: [f64; 2], wide: [f64; 2]) -> Option<[f32; 3]> {
         let most = self.laid.lattice.levels() as usize - 1 + self.above.len();
-        let level = level.clamp(0.0, most as f64);
-        let (mut first, share) = (level as usize, level.fract() as f32);
-        // Where tiles cannot be read coarser ones stand in.
-        let fine = loop {
-            match self.of_level(at, first) {
-                Some(light) => break light,
-                None if first < most => first += 1,
-                None => return None,
-            }
+        let count = |level: usize| {
+            let texel = (1_u64 << level) as f64;
+            wide.iter().map(|wide| (wide / texel).max(1.0) + 1.0).product::<f64>()
         };
-        let coarse =
-            Some(first + 1).filter(|next| share > 0.0 && *next <= most).and_then(|next| self.of_level(at, next));
-        Some(coarse.map_or(fine, |coarse| std::array::from_fn(|k| fine[k] + share * (coarse[k] - fine[k]))))
+        let guess = (0.5 * (wide[0] * wide[1] / MOST_TEXELS).log2()).max(0.0) as usize;
+        let first = (guess.min(most)..most).find(|level| count(*level) <= MOST_TEXELS).unwrap_or(most);
+        // Where tiles cannot be read coarser ones stand in.
+        (first..=most).find_map(|level| self.of_level(at, wide, level))
     }
 
-    /// The light of a level: between four texels, of which only those count that lie on the surface; all where none does.
-    fn of_level(&self, at: [f64; 2], level: usize) -> Option<[f32; 3]> {
+    /// The mean over a level's texels, of which only those count that lie on the surface; all where none does.
+    fn of_level(&self, at: [f64; 2], wide: [f64; 2], level: usize) -> Option<[f32; 3]> {
         let lattice = &self.laid.lattice;
-        let size = lattice.size_of(level as u32);
-        let axis = |axis: usize| {
-            let middle = |index: u64| {
-                let [from, to] = lattice.pixels(axis, level as u32, index);
-                0.5 * (from + to) as f64
+        let (size, texel) = (lattice.size_of(level as u32), (1_u64 << level) as f64);
+        // The box in pixels, as far as it is in the photo, and the texels that it meets.
+        let edges: [[f64; 2]; 2] = std::array::from_fn(|axis| {
+            let (half, last) = (0.5 * wide[axis].max(texel), lattice.size()[axis] as f64);
+            let middle = at[axis].clamp(0.0, last);
+            [(middle - half).max(0.0), (middle + half).min(last)]
+        });
+        let [rows, columns] = [0, 1].map(|axis| {
+            let first = ((edges[axis][0] / texel) as u64).min(size[axis] - 1);
+            first..((edges[axis][1] / texel).ceil() as u64).clamp(first + 1, size[axis])
+        });
+        let weight = |axis: usize, index: u64| {
+            let [from, to] = lattice.pixels(axis, level as u32, index).map(|edge| edge as f64);
+            ((to.min(edges[axis][1]) - from.max(edges[axis][0])) / texel).max(0.0) as f32
+        };
+        let (mut on, mut all, mut weights) = ([0.0_f32; 3], [0.0_f32; 3], [0.0_f32; 2]);
+        let tile_ends = |range: &std::ops::Range<u64>| range.start / TILE..=(range.end - 1) / TILE;
+        for (tile_row, tile_column) in
+            tile_ends(&rows).flat_map(|row| tile_ends(&columns).map(move |column| (row, column)))
+        {
+            let ([first_row, first_column], width, texels) = self.texels(level, [tile_row, tile_column])?;
+            let within = |range: &std::ops::Range<u64>, tile: u64| {
+                range.start.max(tile * TILE)..range.end.min((tile + 1) * TILE)
             };
-            let last = size[axis] - 1;
-            let index = ((at[axis] / (1_u64 << level) as f64 - 0.5).max(0.0) as u64).min(last);
-            let [from, to] = [middle(index), middle((index + 1).min(last))];
-            let share = if index < last { ((at[axis] - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
-            (index, share as f32)
-        };
-        let ((row, down), (column, right)) = (axis(0), axis(1));
-        let kept = lattice.levels() as usize;
-        let (first, columns, texels) = match level.checked_sub(kept) {
-            None => {
-                let [own_row, own_column] = [row, column].map(|index| (index / TILE) as u32);
-                let tile = self.tile(TileKey { level: level as u8, row: own_row, column: own_column })?;
-                let held = tile.held;
-                ((row - held.row) as usize * held.columns + (column - held.column) as usize, held.columns, &tile.texels)
-            }
-            Some(above) => {
-                let ([_, columns], texels) = self.above.get(above)?;
-                (row as usize * columns + column as usize, *columns, texels)
-            }
-        };
-        let below = if row + 1 < size[0] { columns } else { 0 };
-        let beside = usize::from(column + 1 < size[1]);
-        let corners = [
-            (first, (1.0 - down) * (1.0 - right)),
-            (first + beside, (1.0 - down) * right),
-            (first + below, down * (1.0 - right)),
-            (first + below + beside, down * right),
-        ];
-        let (mut on, mut all, mut weight) = ([0.0_f32; 3], [0.0_f32; 3], 0.0_f32);
-        for (index, own) in corners {
-            let [red, green, blue, share] = *texels.get(index)?;
-            let counts = own * f32::from(share) / 255.0;
-            weight += counts;
-            for (k, value) in [red, green, blue].into_iter().enumerate() {
-                let light = self.light[usize::from(value)];
-                on[k] += counts * light;
-                all[k] += own * light;
+            for row in within(&rows, tile_row) {
+                let tall = weight(0, row);
+                for column in within(&columns, tile_column) {
+                    let own = tall * weight(1, column);
+                    let index = (row - first_row) as usize * width + (column - first_column) as usize;
+                    let [red, green, blue, share] = *texels.get(index)?;
+                    let counts = own * f32::from(share) / 255.0;
+                    weights = [weights[0] + counts, weights[1] + own];
+                    for (k, value) in [red, green, blue].into_iter().enumerate() {
+                        let light = self.light[usize::from(value)];
+                        on[k] += counts * light;
+                        all[k] += own * light;
+                    }
+                }
             }
         }
-        Some(if weight > 0.0 { on.map(|sum| sum / weight) } else { all })
+        match weights {
+            [some, _] if some > 0.0 => Some(on.map(|sum| sum / some)),
+            [_, some] if some > 0.0 => Some(all.map(|sum| sum / some)),
+            _ => None,
+        }
+    }
+
+    /// The texels of a level that are held together with those of a tile.
+    fn texels(&self, level: usize, [row, column]: [u64; 2]) -> Option<Texels<'_>> {
+        match level.checked_sub(self.levels.len()) {
+            None => {
+                let tile = self.tile(TileKey { level: level as u8, row: row as u32, column: column as u32 })?;
+                Some(([tile.part.row, tile.part.column], tile.part.columns, &tile.texels))
+            }
+            Some(above) => self.above.get(above).map(|([_, columns], texels)| ([0, 0], *columns, &texels[..])),
+        }
     }
 }
 

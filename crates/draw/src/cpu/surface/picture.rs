@@ -2,7 +2,6 @@
 
 use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
-use super::look::Attribute;
 use super::photo::PhotoLook;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
@@ -112,8 +111,28 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
     choose(source, placed, &sight.refined(parts), &choice)
 }
 
+/// What a picture shows, for a view in its own pixels: chunks as [`draw`] draws them.
+pub fn scene(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> Scene {
+    let grown = Grown(source);
+    let source = if options.holes_grow { &grown } else { source };
+    let mut scene = Scene::new(source, placed, chosen(source, placed, sight, options));
+    if options.look.is_some() && matches!(options.holes, Holes::Filled(_)) {
+        scene.fill(source, options.holes.spans(placed));
+    }
+    scene
+}
+
+/// Shades what is seen as options say.
+pub(super) fn shader<'a>(plain: Shader<'a>, seen: &'a Visibility, options: &'a SurfaceOptions) -> Shader<'a> {
+    let shader = plain.seeing(seen).with_holes(&options.holes).without(options.form.as_deref());
+    match options.walls {
+        Some(base) => shader.with_walls(base),
+        None => shader,
+    }
+}
+
 /// Samples along a pixel's side.
-fn parts(samples: u32) -> u32 {
+pub(super) fn parts(samples: u32) -> u32 {
     (1..8).find(|parts| parts * parts >= samples).unwrap_or(8)
 }
 
@@ -130,29 +149,17 @@ pub fn draw_lettered(
     options: &SurfaceOptions,
     letters: Option<&dyn Letters>,
 ) -> SurfacePicture {
-    let grown = Grown(source);
-    let source = if options.holes_grow { &grown } else { source };
     let mut picture = SurfacePicture::default();
     if let Some(look) = &options.look {
         let parts = parts(options.samples);
         let fine = sight.refined(parts);
-        let mut scene = Scene::new(source, placed, chosen(source, placed, sight, options));
-        if let Holes::Filled(_) = options.holes {
-            scene.fill(source, options.holes.spans(placed));
-        }
+        let scene = scene(source, placed, sight, options);
         let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
-        let has_photo = look.attribute == Attribute::Photo;
-        let photo = source.photo().filter(|_| has_photo).and_then(|tiles| PhotoLook::new(tiles, placed));
+        let photo = PhotoLook::of(source, look, placed);
         let size = [width as usize, height as usize];
-        let mut shader = Shader::new(&scene, &fine, look, photo, parts)
-            .seeing(&seen)
-            .with_holes(&options.holes)
-            .without(options.form.as_deref());
-        if let Some(base) = options.walls {
-            shader = shader.with_walls(base);
-        }
+        let mut shader = shader(Shader::new(&scene, &fine, look, photo, parts), &seen, options);
         let labelled = look.contours.and_then(|contours| Some((contours, contours.labels?, letters?)));
         if let Some((contours, em, letters)) = &labelled {
             picture.labels = labels::place(shader.resolver(), &seen, parts, (contours, *em), *letters);
@@ -170,7 +177,7 @@ pub fn draw_lettered(
     if options.raw {
         // Raw channels are of the pixels' centres, and so drawn with one sample a pixel.
         let choice = SurfaceOptions { look: None, ..options.clone() };
-        let scene = Scene::new(source, placed, chosen(source, placed, sight, &choice));
+        let scene = scene(source, placed, sight, &choice);
         let (seen, counts) = visible(&scene, sight, options.technique, 1);
         let resolver = Resolver::new(&scene, sight);
         let width = seen.width;
@@ -204,7 +211,7 @@ pub fn draw_lettered(
 
 /// What is seen in each sample of a picture with `parts` of them along a pixel's side, and how many samples, points and triangles were drawn.
 /// Points fill a sample where they are drawn since they leave no gap so, and else a pixel.
-fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
+pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
         Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => {
@@ -221,7 +228,7 @@ fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (V
     (seen, counts)
 }
 
-fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
+pub(super) fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
     let nodes = &scene.cut.nodes;
     let error = nodes.iter().map(|node| node.error_px).fold(0.0, f64::max);
     let level = |pick: fn(u8, u8) -> u8, first: u8| nodes.iter().map(|node| node.key.level).fold(first, pick);

@@ -28,8 +28,10 @@ const PLANES: usize = 4;
 
 /// How much finer than a pixel a level is taken: what is read between its samples is a mean over about twice their distance, and pixels of a
 /// small picture are nearest to the means of a large one with this.
-pub(super) const FINER: f64 = 0.65;
+const FINER: f64 = 0.65;
 
+/// How many times as far as from above a sample may reach where the surface is seen from its edge.
+const MOST_LONGER: f64 = 16.0;
 /// Widths of a line from it within which a sample looks where it really is.
 const REACH: f64 = 1.2;
 /// Most steps to where a line is.
@@ -43,7 +45,7 @@ const WALL: [f32; 3] = [0.34, 0.29, 0.24];
 /// The colour of rims of holes, linear light.
 const RIM: [f32; 3] = [0.8, 0.08, 0.01];
 /// Rays along a pixel's side where a surface ends in it.
-const ENDS: u32 = 4;
+pub(super) const ENDS: u32 = 4;
 
 /// What a place looks like.
 #[derive(Clone, Copy, Debug, Default)]
@@ -58,7 +60,8 @@ struct Texel {
 
 /// Shades a picture.
 pub struct Shader<'a> {
-    resolver: Resolver<'a>,
+    /// Where what is shown is.
+    pub(super) resolver: Resolver<'a>,
     look: &'a Look,
     ramp: Ramp,
     /// Samples along a pixel's side.
@@ -174,7 +177,7 @@ impl<'a> Shader<'a> {
     }
 
     /// What a place of the picture shows: its colour, depth, and how much of it is covered by what was measured.
-    fn sample(&self, hit: Option<&Hit>, place: [f64; 2]) -> Option<([f32; 4], f64, f32)> {
+    pub(super) fn sample(&self, hit: Option<&Hit>, place: [f64; 2]) -> Option<([f32; 4], f64, f32)> {
         if let Some(wall) = self.wall(hit, place) {
             let (_, direction) = self.resolver.ray(place)?;
             let toward = self.sun.unwrap_or(-direction.normalize_or_zero());
@@ -230,7 +233,7 @@ impl<'a> Shader<'a> {
     }
 
     /// Whether a surface without holes ends in a pixel or next to it.
-    fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
+    pub(super) fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
         let parts = self.parts as usize;
         let (mut hits, mut misses) = (false, false);
         for y in top.saturating_sub(1)..(top + parts + 1).min(seen.height) {
@@ -261,7 +264,7 @@ impl<'a> Shader<'a> {
     }
 
     /// The colour of a hit at a place of the picture: linear light, premultiplied.
-    pub fn color(&self, hit: &Hit, place: [f64; 2]) -> [f32; 4] {
+    fn color(&self, hit: &Hit, place: [f64; 2]) -> [f32; 4] {
         let scene = self.resolver.scene;
         let sight = self.resolver.sight;
         let placed = &scene.placed;
@@ -292,8 +295,8 @@ impl<'a> Shader<'a> {
             Attribute::Plane(_) => self.ramp.at(self.place(f64::from(texel.planes[0]))),
             Attribute::Texture(_) => [texel.planes[0], texel.planes[1], texel.planes[2]],
             Attribute::Photo => {
-                let place = [hit.under[0], hit.under[1]];
-                self.photo.as_ref().map_or(photo::nothing(), |photo| photo.at(place, self.resolver.level_at(hit.depth)))
+                let reach = self.reach(hit, texel.normal, place);
+                self.photo.as_ref().map_or(photo::nothing(), |photo| photo.at([hit.under[0], hit.under[1]], reach))
             }
         };
         let [row, column, height] = hit.under;
@@ -355,6 +358,25 @@ impl<'a> Shader<'a> {
         [0.5 - 0.38 * stripe; 3]
     }
 
+    /// How many rows and columns a sample of the picture reaches over on a surface with a mean normal; on a globe as many as it would if it were
+    /// seen from above.
+    fn reach(&self, hit: &Hit, normal: [f32; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+        let placed = &self.resolver.scene.placed;
+        let [across, along] = placed.spacing();
+        let size = self.resolver.level_at(hit.depth).exp2() * across.max(along);
+        let least = [size / along, size / across];
+        let ([row, column, height], slope) = (hit.under, placed.slope(normal));
+        let apart = |x: f64, y: f64| {
+            let (origin, direction) = self.resolver.ray([x, y])?;
+            let [column_there, row_there, _] = placed.ray(origin, direction)?.on_plane([row, column], height, slope)?;
+            Some([(row_there - row).abs(), (column_there - column).abs()])
+        };
+        let (Some(beside), Some(below)) = (apart(x + 0.5, y), apart(x, y + 0.5)) else { return least };
+        std::array::from_fn(|axis| {
+            (2.0 * (beside[axis] + below[axis])).clamp(least[axis] / MOST_LONGER, least[axis] * MOST_LONGER)
+        })
+    }
+
     fn place(&self, value: f64) -> f64 {
         let [low, high] = self.look.range;
         match self.look.transfer.scale {
@@ -377,10 +399,7 @@ impl<'a> Shader<'a> {
         let height = |x: f64, y: f64| {
             let (origin, direction) = self.resolver.ray([x, y])?;
             let ray = placed.ray(origin, direction)?;
-            let plane = here + slope[0] * (ray.origin[0] - column) + slope[1] * (ray.origin[1] - row);
-            let [right, down, up] = ray.direction;
-            let t = (plane - ray.origin[2]) / (up - slope[0] * right - slope[1] * down);
-            (t > 0.0 && t.is_finite()).then(|| t.mul_add(up, ray.origin[2]))
+            ray.on_plane([row, column], here, slope).map(|[_, _, height]| height)
         };
         const STEP: f64 = 0.25;
         let (right, below) = (height(x + STEP, y)?, height(x, y + STEP)?);

@@ -4,7 +4,6 @@ mod cracks;
 mod levels;
 mod techniques;
 
-use super::lattice::NodeKey;
 use super::memory::MemorySurface;
 use super::placed::{Map, Placed};
 use super::select::{CutNode, Primitive, SurfaceCut};
@@ -12,6 +11,7 @@ use super::sight::Sight;
 use super::source::SurfaceNodes;
 use crate::model::Bounds;
 use crate::view::{Extent, Projection, View};
+use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::model::{Cell, HeightField};
 use glam::DVec3;
 use proptest::prelude::*;
@@ -91,7 +91,7 @@ fn random_cut(source: &MemorySurface, placed: &Placed, sight: &Sight, random: &m
             continue;
         }
         if key.level > 0 && random.next() < 0.6 {
-            waiting.extend(key.children());
+            waiting.extend(key.quarters());
             continue;
         }
         nodes.push(cut_node(source, placed, sight, key, points));
@@ -99,7 +99,7 @@ fn random_cut(source: &MemorySurface, placed: &Placed, sight: &Sight, random: &m
     SurfaceCut::new(nodes)
 }
 
-fn cut_node(source: &MemorySurface, placed: &Placed, sight: &Sight, key: NodeKey, points: bool) -> CutNode {
+fn cut_node(source: &MemorySurface, placed: &Placed, sight: &Sight, key: ChunkKey, points: bool) -> CutNode {
     let facts = source.facts(key).unwrap();
     let [rows, columns] = source.lattice().rectangle(key);
     let corner = |k: usize| placed.world(rows[k] as f64, columns[k] as f64, [facts.min, facts.max][k]).to_array();

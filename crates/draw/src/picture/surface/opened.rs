@@ -59,7 +59,7 @@ impl OpenSurface {
             let why = nodes.error().unwrap_or_else(|| "the coarsest level: missing".into());
             return Err(PictureError::of(path, why));
         };
-        let positions = [0, 1].map(|axis| nodes.lattice().positions(root, axis));
+        let positions = [0, 1].map(|axis| nodes.lattice().places(root, axis));
         let coarse = Coarse { samples, positions, delta: facts.delta };
         Ok(OpenSurface { path: path.into(), file, coarse, forms: Mutex::default(), folder: None })
     }
@@ -279,11 +279,12 @@ impl OpenSurface {
         sight: &Sight,
         pixel: [f64; 2],
     ) -> Result<Option<(Pick, Option<DVec3>)>, PictureError> {
-        if !placed.is_flat() {
-            return Err(PictureError::of(&self.path, "what is under pixels of a globe is not known yet"));
-        }
         let Some((origin, direction)) = sight.ray(pixel) else { return Ok(None) };
-        let (ray, rise) = (ray_in_file(placed, origin, direction), rise_of(placed));
+        let Some((origin, direction)) = placed.in_file(origin, direction) else {
+            return Err(PictureError::of(&self.path, "what is under pixels of a globe is not known yet"));
+        };
+        let rise = Rise { zero: placed.zero, lift: placed.lift };
+        let ray = Ray::new(origin.to_array(), direction.to_array());
         let told = |error: HeightError| PictureError::of(&self.path, error.to_string());
         let found = pick_all(&self.path, &*self.file, Some(&self.file), rise, &[ray]).map_err(told)?;
         Ok(found.into_iter().next().map(|pick| {
@@ -294,22 +295,4 @@ impl OpenSurface {
             (pick, place)
         }))
     }
-}
-
-/// A ray of the world in the file's own coordinates, where picks are made.
-pub fn ray_in_file(placed: &Placed, origin: DVec3, direction: DVec3) -> Ray {
-    if placed.file_origin == placed.origin && placed.file_step == placed.step {
-        return Ray::new(origin.to_array(), direction.to_array());
-    }
-    let share = |axis: usize| placed.file_step[axis] / placed.step[axis];
-    let at = |axis: usize, world: f64| (world - placed.origin[axis]).mul_add(share(axis), placed.file_origin[axis]);
-    Ray::new(
-        [at(0, origin.x), at(1, origin.y), origin.z],
-        [direction.x * share(0), direction.y * share(1), direction.z],
-    )
-}
-
-/// How high heights stand where picks are made.
-pub fn rise_of(placed: &Placed) -> Rise {
-    Rise { zero: placed.zero, lift: placed.lift }
 }

@@ -3,28 +3,31 @@
 use super::letters::ProgramFont;
 use super::opened::OpenSurface;
 use super::raw::{SurfaceChannels, SurfaceShown};
-use crate::annotate::Annotations;
-use crate::color::Image;
+use crate::annotate::{Annotations, Units};
 use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::{Colors, Image};
+use crate::cpu::paths::PathFragments;
+use crate::cpu::surface::fragments::{Layer, fragments};
 use crate::cpu::surface::labels::Letters;
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
-use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw_lettered};
-use crate::cpu::volume::{VolumeLevels, VolumeReport};
+use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
+use crate::cpu::volume::VolumeLevels;
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
 use crate::heights::measure::Form;
-use crate::heights::model::HeightGrid;
+use crate::heights::model::{HeightGrid, units};
 use crate::heights::store::HeightFile;
 use crate::heights::{OpenHeights, is_heights};
 use crate::look::{Camera, DataKind, LookPatch, Shot};
 use crate::mode::depiction::Coloring;
 use crate::mode::{Depiction, LightPicture, Mode, Raw};
-use crate::model::Bounds;
+use crate::model::{Bounds, Unit};
 use crate::modes::surface::{self, SurfaceSettings};
 use crate::picture::annotation::Annotation;
+use crate::picture::drawn::CHUNKS;
 use crate::picture::left_out::LeftOut;
 use crate::picture::level_report::LevelReport;
 use crate::picture::projected::Projector;
@@ -34,6 +37,7 @@ use crate::picture::times::Times;
 use crate::picture::{Picture, PictureError, SessionOptions};
 use crate::view::{Panorama, View};
 use glam::DVec3;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -67,14 +71,14 @@ pub struct SeenSurface {
 }
 
 /// What is drawn of a field, whatever the view.
-struct Prepared {
-    mode: &'static Mode,
-    settings: SurfaceSettings,
-    placed: Placed,
-    attribute: Attribute,
-    look: Look,
+pub(super) struct Prepared {
+    pub(super) mode: &'static Mode,
+    pub(super) settings: SurfaceSettings,
+    pub(super) placed: Placed,
+    pub(super) attribute: Attribute,
+    pub(super) look: Look,
     /// What residuals are what is left of, where they are shown.
-    form: Option<Arc<Form>>,
+    pub(super) form: Option<Arc<Form>>,
 }
 
 impl SurfaceSession {
@@ -154,7 +158,8 @@ impl SurfaceSession {
         Placed::new(&self.file().about().grid, settings.map, settings.exaggeration, settings.base)
     }
 
-    fn prepare(&self, look: &LookPatch) -> Result<Prepared, PictureError> {
+    /// What a look comes to.
+    pub(super) fn prepare(&self, look: &LookPatch) -> Result<Prepared, PictureError> {
         let mode = look.mode.unwrap_or(&surface::MODE);
         let refuse = |why: String| PictureError::of(self.opened.path(), why);
         if !mode.takes_surfaces() {
@@ -184,6 +189,41 @@ impl SurfaceSession {
         Ok(Prepared { mode, settings, placed, attribute, look, form })
     }
 
+    /// How a look is drawn.
+    pub(super) fn surface_options(&self, prepared: &Prepared, look: &LookPatch) -> SurfaceOptions {
+        SurfaceOptions {
+            technique: prepared.settings.technique,
+            tau: match self.options.exact {
+                Some(_) => 0.0,
+                None => look.error_px.map_or(ERROR_PX, f64::from),
+            },
+            samples: prepared.settings.samples,
+            raw: self.options.raw,
+            look: Some(prepared.look.clone()),
+            holes: prepared.settings.holes,
+            holes_grow: prepared.settings.holes_grow,
+            form: prepared.form.clone(),
+            walls: prepared.settings.walls.then_some(prepared.settings.base),
+            ..SurfaceOptions::default()
+        }
+    }
+
+    /// What messages name.
+    pub(super) fn path(&self) -> &Path {
+        self.opened.path()
+    }
+
+    /// The chunks, placed as a look has it.
+    pub(super) fn nodes(&mut self, placed: &Placed) -> &PagedSurface {
+        self.nodes.place(placed);
+        &self.nodes
+    }
+
+    /// The box around the surface as it is placed.
+    pub(super) fn bounds(&self, placed: &Placed) -> Bounds {
+        bounds_of(placed, self.extremes())
+    }
+
     /// Draws a shot.
     ///
     /// # Errors
@@ -210,21 +250,7 @@ impl SurfaceSession {
             let scale = shot.look.annotations.as_ref().map_or_else(|| scale(&Annotations::NONE), scale);
             *em *= f64::from(scale);
         }
-        let options = SurfaceOptions {
-            technique: prepared.settings.technique,
-            tau: match self.options.exact {
-                Some(_) => 0.0,
-                None => shot.look.error_px.map_or(ERROR_PX, f64::from),
-            },
-            samples: prepared.settings.samples,
-            raw: self.options.raw,
-            look: Some(prepared.look.clone()),
-            holes: prepared.settings.holes,
-            holes_grow: prepared.settings.holes_grow,
-            form: prepared.form.clone(),
-            walls: prepared.settings.walls.then_some(prepared.settings.base),
-            ..SurfaceOptions::default()
-        };
+        let options = self.surface_options(&prepared, &shot.look);
         let mut times = Times::default();
         let mut drawn = None;
         for _ in 0..self.options.repeat.max(1) {
@@ -237,33 +263,58 @@ impl SurfaceSession {
         }
         let [width, height] = [colors.width, colors.height];
         let channels = (!raw.is_empty()).then_some(SurfaceChannels { width, height, values: raw });
-        let Prepared { mode, settings, attribute, look, .. } = prepared;
-        let labels = look.contours.and_then(|contours| contours.labels).map(|_| labels);
-        let name = shot.look.attribute_name();
-        let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: look.range[0] });
-        let choice = shot.look.budget.level_choice();
-        let depiction = Depiction { mode, settings: shot.look.settings.clone(), attribute: coloring, choice };
-        let units = self.opened.units_of(attribute, settings.form);
+        let is_labelled = prepared.look.contours.as_ref().is_some_and(|contours| contours.labels.is_some());
+        let shown = SurfaceShown { report, channels, labels: is_labelled.then_some(labels) };
+        let picture = self.pictured(shot, (view, bounds), prepared, colors, shown, times.medians())?;
+        Ok(Picture { converged: picture.converged && self.nodes.error().is_none(), ..picture })
+    }
+
+    /// What a legend tells of a look: the mode with its attribute, and units.
+    pub(super) fn told(&self, prepared: &Prepared, look: &LookPatch) -> (Depiction, Units) {
+        let name = look.attribute_name();
+        let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: prepared.look.range[0] });
+        let (mode, choice) = (prepared.mode, look.budget.level_choice());
+        let depiction = Depiction { mode, settings: look.settings.clone(), attribute: coloring, choice };
+        (depiction, self.opened.units_of(prepared.attribute, prepared.settings.form))
+    }
+
+    /// A picture in colours of a shot from a view, with what is in a box.
+    ///
+    /// # Errors
+    /// What is wrong with the catalogue of the objects to name.
+    pub(super) fn pictured(
+        &self,
+        shot: &Shot,
+        (view, bounds): (View, Bounds),
+        prepared: Prepared,
+        colors: Colors,
+        shown: SurfaceShown,
+        milliseconds: BTreeMap<String, f64>,
+    ) -> Result<Picture, PictureError> {
+        let report = shown.report;
+        let (depiction, units) = self.told(&prepared, &shot.look);
         let annotation = Annotation::new(shot, view, bounds, None, units, None, &depiction, &*self.reporter)?;
-        let levels = VolumeLevels { density: look.range, attribute: [0.0, 1.0], unit_length: 1.0 };
-        let picture = LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() };
+        let light = LightPicture::of(colors);
+        let levels = VolumeLevels { density: prepared.look.range, ..light.levels };
         Ok(Picture {
-            values: Raw::Light(picture),
+            values: Raw::Light(LightPicture { levels, ..light }),
             annotation,
-            transfer: look.transfer,
-            converged: report.is_converged && self.nodes.error().is_none(),
+            transfer: prepared.look.transfer,
+            converged: report.is_converged,
             error_px: report.error_px,
             particles: 0,
             nodes: report.nodes_drawn as usize,
-            drawn_from: "chunks",
+            drawn_from: CHUNKS,
             left_out: LeftOut::default(),
-            level_report: LevelReport { levels: "chunks", ..LevelReport::default() },
+            level_report: LevelReport { levels: CHUNKS, ..LevelReport::default() },
             drawn_by: ["cpu".into(), String::new()],
-            milliseconds: times.medians(),
+            milliseconds,
             moment: None,
             paths: None,
+            ground: None,
+            told: None,
             points: None,
-            surface: Some(SurfaceShown { report, channels, labels }),
+            surface: Some(shown),
         })
     }
 
@@ -290,19 +341,13 @@ impl SurfaceSession {
         let values = projector.draw_each(true, |view| {
             // What two eyes see, and faces that are put together, would each have heights at places of their own.
             let one = self.drawn(placed, &Sight::Flat(*view), &options, None);
-            whole.report.error_px = whole.report.error_px.max(one.report.error_px);
-            whole.report.is_converged &= one.report.is_converged;
-            whole.report.nodes_drawn += one.report.nodes_drawn;
-            whole.report.samples_drawn += one.report.samples_drawn;
-            whole.report.points += one.report.points;
-            whole.report.triangles += one.report.triangles;
-            let levels = VolumeLevels { density: [0.0, 1.0], attribute: [0.0, 1.0], unit_length: 1.0 };
-            let (colors, report) = (one.colors, VolumeReport::default());
-            Ok(Some(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() })))
+            whole.report.add(&one.report);
+            Ok(Some(Raw::Light(LightPicture::of(one.colors))))
         })?;
         if let Raw::Light(light) = values {
             whole.colors = light.colors;
         }
+        whole.report.covered = whole.colors.rgba.iter().map(|color| f64::from(color[3])).sum();
         Ok(whole)
     }
 
@@ -318,18 +363,21 @@ impl SurfaceSession {
         draw_lettered(&self.nodes, placed, sight, options, letters)
     }
 
+    /// The unit of lengths of the world that it is placed in.
+    pub(super) fn length_unit(&self, placed: &Placed) -> Unit {
+        let grid = &self.file().about().grid;
+        match (units::is_degrees(&grid.xy_unit), placed.map) {
+            (true, Map::Globe { .. } | Map::Local { .. }) => grid.height_unit.clone(),
+            _ => grid.xy_unit.clone(),
+        }
+    }
+
     /// A drawn picture in colours, with what the shot's film does to it.
     ///
     /// # Errors
     /// As [`SurfaceSession::draw`] for the picture that it is blended with, and where a picture over it cannot be read.
     pub fn finished(&mut self, shot: &Shot, picture: &Picture) -> Result<Image, PictureError> {
-        let Some(film) = &shot.film else { return picture.image(shot) };
-        let before = film.from.as_deref().map(|from| {
-            let mut before = Shot::of_scene(from.clone(), Path::new(""));
-            (before.size, before.film, before.look.background) = (shot.size, None, shot.look.background);
-            self.draw(&before)?.image(&before)
-        });
-        picture.filmed(shot, film, before.transpose()?)
+        picture.finished_by(shot, |before| self.draw(before))
     }
 
     /// A look's picture of a view; its colours have the range `levels`, or their own.
@@ -422,8 +470,13 @@ fn nearest(shot: &Shot, bounds: Bounds, target: DVec3, from: DVec3, away: f64) -
 /// The share of a picture that is left free at each of its sides around a surface.
 const ROOM: f64 = 0.04;
 
-/// Where the camera of a shot stands: unless it says otherwise above and in front of the surface, with z up.
+/// From where a shot is seen.
 pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, PictureError> {
+    Ok(standing(shot, bounds, placed)?.view(bounds, None)?)
+}
+
+/// A shot with a camera that stands, unless it says otherwise, above and in front of the surface, with z up.
+pub(super) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Shot, PictureError> {
     let mut shot = shot.clone();
     let camera = &mut shot.camera;
     camera.up = Some(camera.up.unwrap_or([0.0, 0.0, 1.0]));
@@ -443,10 +496,31 @@ pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Vi
             shot.camera.target = Some((eye + DVec3::Y * bounds.size().length().max(1e-30)).to_array());
         }
     }
-    Ok(shot.view(bounds, None)?)
+    if shot.camera.target.is_none() {
+        let center = bounds.center();
+        // Around an eye in the middle there is no other way to look than ahead.
+        let is_there = shot.camera.eye.is_some_and(|eye| DVec3::from(eye) == center);
+        let ahead = if is_there { DVec3::Z * bounds.size().length().max(1e-30) } else { DVec3::ZERO };
+        shot.camera.target = Some((center - ahead).to_array());
+    }
+    Ok(shot)
 }
 
 impl SurfaceSession {
+    /// What each pixel of a view shows of a look, from front to back: colours in linear light, and depths in the view's lengths. For whoever
+    /// draws something else in the same view, or asks what hides what.
+    ///
+    /// # Errors
+    /// As [`SurfaceSession::draw`].
+    pub fn fragments(&mut self, look: &LookPatch, view: &View) -> Result<(PathFragments, SurfaceReport), PictureError> {
+        let prepared = self.prepare(look)?;
+        let options = SurfaceOptions { raw: false, ..self.surface_options(&prepared, look) };
+        let (placed, sight) = (prepared.placed, Sight::Flat(*view));
+        let source = self.nodes(&placed);
+        source.prepare(&placed, &sight, &options);
+        Ok(fragments(&[Layer { source, placed: &placed, sight: &sight, options: &options, scale: 1.0 }]))
+    }
+
     /// From where a shot is seen, and how the field stands there: for those who ask what is under its pixels.
     ///
     /// # Errors

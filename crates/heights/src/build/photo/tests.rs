@@ -1,8 +1,8 @@
 //! Photos over random fields with random holes, against sums over their pixels.
 
 use super::super::{HeightBuildOptions, HeightOrigin, Measured, build_heights};
-use crate::hierarchy::chunks::light;
 use crate::hierarchy::photo::TileKey;
+use crate::model::light;
 use crate::model::photo::{PhotoAbout, PhotoPlace, PhotoRows};
 use crate::model::{Cell, HeightError, HeightField, HeightGrid, Heights, Window};
 use crate::store::{HeightFile, PhotoOfFile, Tile, verify_heights};
@@ -131,11 +131,11 @@ fn check(covered: &Covered, file: &HeightFile) -> Result<(), TestCaseError> {
     let shares: Vec<f64> =
         (0..rows * columns).map(|at| share_by_force(covered, period, [at / columns, at % columns])).collect();
     for key in lattice.keys() {
-        let Tile { held, texels, .. } = file.tile(key).unwrap();
+        let Tile { part, texels, .. } = file.tile(key).unwrap();
         let level = u32::from(key.level);
-        prop_assert_eq!((held, texels.len()), (lattice.held(key), held.len()));
+        prop_assert_eq!((part, texels.len()), (lattice.part(key), part.len()));
         for (index, texel) in texels.iter().enumerate() {
-            let place = [held.row + (index / held.columns) as u64, held.column + (index % held.columns) as u64];
+            let place = [part.row + (index / part.columns) as u64, part.column + (index % part.columns) as u64];
             let [[top, bottom], [left, right]] = [0, 1].map(|axis| lattice.pixels(axis, level, place[axis]));
             let (mut light, mut on, mut weight, mut share, mut count) = ([0.0; 3], [0.0; 3], 0.0, 0.0, 0.0);
             for at in (top..bottom).flat_map(|row| (left..right).map(move |column| row * columns + column)) {
@@ -244,21 +244,9 @@ fn photos_are_the_same_with_any_threads_and_memory() {
     check_ends(&folder.path().join("covered.df"), &covered);
 }
 
-/// Tiles of every level hold a ring of their neighbours' texels.
+/// Rows in any tile are read back, and there are no others.
 fn check_ends(path: &Path, covered: &Covered) {
     let file = HeightFile::open(path, ReadMethod::default()).unwrap();
-    let lattice = file.photo().unwrap().lattice;
-    for key in lattice.keys() {
-        let tile = file.tile(key).unwrap();
-        let beside = TileKey { column: key.column + 1, ..key };
-        if lattice.has(beside) {
-            let beside = file.tile(beside).unwrap();
-            for row in 0..tile.held.rows {
-                let own = &tile.texels[row * tile.held.columns..][tile.held.columns - 2..tile.held.columns];
-                assert_eq!(own, &beside.texels[row * beside.held.columns..][..2]);
-            }
-        }
-    }
     let mut row = vec![0; 540 * 3];
     PhotoOfFile::of(&file).unwrap().rows(511, 1, &mut row).unwrap();
     assert_eq!(row, covered.photo.values[511 * 540 * 3..][..540 * 3]);
@@ -307,7 +295,7 @@ fn damage_of_photos_is_found() {
         {
             for key in photo.lattice.keys().take(50) {
                 if let Ok(tile) = file.tile(key) {
-                    assert_eq!(tile.texels.len(), tile.held.len());
+                    assert_eq!(tile.texels.len(), tile.part.len());
                 }
             }
         }

@@ -1,8 +1,8 @@
 //! Sums over each cell of a leaf: area of T, normals, light, and samples that are in no triangle.
 
-use super::light;
 use super::sums::{HALF_CELL, Sum, Sums, UNIT};
 use crate::model::Cell;
+use crate::model::light;
 
 /// A leaf's samples at full resolution, with a ring of those around it.
 #[derive(Debug)]

@@ -2,8 +2,8 @@
 
 use super::compact::{Compact, nearest};
 use super::lattice::Lattice;
-use super::light;
 use super::sums::{UNIT, WideSum};
+use crate::model::light;
 use deepfield_data::model::SampleType;
 
 /// Samples of a row of a level from 1 on.

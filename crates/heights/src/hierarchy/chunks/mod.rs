@@ -11,7 +11,6 @@ pub mod deviation;
 pub mod far;
 pub mod lattice;
 pub mod leaf;
-pub mod light;
 pub mod node;
 pub mod rows;
 pub mod sums;

@@ -2,7 +2,7 @@
 
 use crate::hierarchy::chunks::{ChunkKey, Lattice, Part};
 
-/// Texels along a tile's side, without the ring around it.
+/// Texels along a tile's side.
 pub const TILE: u64 = 256;
 
 /// A tile of a level, by its row and column among them.
@@ -81,12 +81,11 @@ impl PhotoLattice {
         count(0, row) * count(1, column)
     }
 
-    /// The texels that a tile holds: its own and, where there are such, one around them on each side.
-    pub fn held(&self, key: TileKey) -> Part {
+    /// A tile's texels.
+    pub fn part(&self, key: TileKey) -> Part {
         let axis = |axis: usize, number: u32| {
             let (first, count) = (u64::from(number) * TILE, self.size_of(key.level.into())[axis]);
-            let (from, end) = (first.saturating_sub(1), (first + TILE + 1).min(count));
-            (from, end.saturating_sub(from) as usize)
+            (first, count.saturating_sub(first).min(TILE) as usize)
         };
         let ((row, rows), (column, columns)) = (axis(0, key.row), axis(1, key.column));
         Part { row, column, rows, columns }

@@ -4,7 +4,7 @@
 //! all of it.
 
 use super::PhotoLattice;
-use crate::hierarchy::chunks::light;
+use crate::model::light;
 
 /// A texel: red, green, blue as pictures have them, and the share of it that lies on T, from 0 to 255.
 pub type Texel = [u8; 4];

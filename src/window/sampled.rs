@@ -1,0 +1,98 @@
+//! What is open in place of particles: an image, a volume or measured heights.
+
+use crate::annotate::Units;
+use crate::color::transfer::TransferFunction;
+use crate::mode::{Depiction, LevelChoice, Mode, Settings};
+use crate::model::Dataset;
+use crate::modes;
+use crate::picture::field::{FieldSession, OpenField};
+use crate::picture::surface::{OpenSurface, SurfaceSession};
+use crate::picture::{AnySession, Reporter, SessionOptions};
+use std::sync::Arc;
+
+/// Samples on a grid.
+#[derive(Clone)]
+pub enum Sampled {
+    /// An image or a volume.
+    Field(Arc<OpenField>),
+    /// Measured heights.
+    Heights(Arc<OpenSurface>),
+}
+
+impl Sampled {
+    /// What draws pictures of it.
+    pub fn drawer(&self, reporter: Arc<dyn Reporter>) -> AnySession {
+        match self {
+            Sampled::Field(opened) => AnySession::Field(Box::new(FieldSession::of(Arc::clone(opened), reporter))),
+            Sampled::Heights(opened) => {
+                let options = SessionOptions::default();
+                AnySession::Surface(Box::new(SurfaceSession::of(Arc::clone(opened), options, reporter)))
+            }
+        }
+    }
+
+    /// Whether a mode draws it.
+    pub fn is_drawn_by(&self, mode: &Mode) -> bool {
+        match self {
+            Sampled::Field(opened) => opened.is_drawn_by(mode),
+            Sampled::Heights(opened) => opened.is_drawn_by(mode),
+        }
+    }
+
+    /// The mode that it is shown in where none is chosen.
+    pub fn usual_mode(&self) -> &'static Mode {
+        match self {
+            Sampled::Field(opened) => modes::of_fields(opened.grid().dimensions),
+            Sampled::Heights(_) => &modes::surface::MODE,
+        }
+    }
+
+    /// The names of what can colour its pictures.
+    pub fn attributes(&self) -> Vec<String> {
+        match self {
+            Sampled::Field(opened) => opened.attributes(),
+            Sampled::Heights(opened) => opened.attributes(),
+        }
+    }
+
+    /// A mode of its pictures, coloured by an attribute where one is named.
+    ///
+    /// # Errors
+    /// The names of the attributes that there are.
+    pub fn depiction(
+        &self,
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        choice: LevelChoice,
+    ) -> Result<Depiction, String> {
+        match self {
+            Sampled::Field(opened) => opened.depiction(mode, settings, attribute, choice),
+            Sampled::Heights(opened) => opened.depiction(mode, settings, attribute, choice),
+        }
+    }
+
+    /// The transfer function that a depiction of it has where none is chosen.
+    pub fn usual_transfer(&self, depiction: &Depiction) -> TransferFunction {
+        match self {
+            Sampled::Field(opened) => opened.usual_transfer(depiction),
+            Sampled::Heights(opened) => opened.usual_transfer(depiction),
+        }
+    }
+
+    /// What a legend calls the values of a depiction.
+    pub fn units(&self, depiction: &Depiction) -> Units {
+        match self {
+            Sampled::Field(opened) => opened.units(depiction),
+            Sampled::Heights(opened) => opened.units(depiction),
+        }
+    }
+
+    /// A few of its samples as particles.
+    pub fn sketch(&self, most: usize) -> Dataset {
+        match self {
+            Sampled::Field(opened) => opened.sketch(most),
+            Sampled::Heights(opened) => opened.sketch(most),
+        }
+    }
+}
