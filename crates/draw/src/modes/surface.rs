@@ -1,10 +1,12 @@
 //! `surface`: measured heights, as points, triangles or rays of the surface that they stand for.
 
 use crate::color::transfer::{Range, TransferFunction};
+use crate::cpu::surface::holes::{Gap, Holes};
 use crate::cpu::surface::look::{Attribute, Contours, Light, Look};
 use crate::cpu::surface::placed::Map;
 use crate::cpu::surface::select::Technique as How;
 use crate::cpu::volume::VolumeError;
+use crate::heights::measure::FormKind;
 use crate::heights::model::{Facts, HeightGrid, units};
 use crate::heights::store::HeightAbout;
 use crate::mode::{Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
@@ -100,6 +102,49 @@ pub static CONTOUR_LABELS: Setting = Setting {
     kind: SettingKind::Flag { default: false },
     help: "write heights along the lines",
 };
+/// What residuals are what is left of.
+pub static FORM: Setting = Setting {
+    name: "form",
+    unit: "",
+    kind: SettingKind::Choice { options: &FORMS },
+    help: "the form that the attribute residual is without: fitted to the measured samples by least squares",
+};
+/// Sides of the field.
+pub static WALLS: Setting = Setting {
+    name: "walls",
+    unit: "",
+    kind: SettingKind::Flag { default: false },
+    help: "draw the sides of the field, and of what a clip box or a slab leaves of it, down or up to base; not of a globe",
+};
+/// What is shown where nothing was measured.
+pub static HOLES: Setting = Setting {
+    name: "holes",
+    unit: "",
+    kind: SettingKind::Choice { options: &["open", "outlined", "filled"] },
+    help: "what is shown where nothing was measured: nothing, a line along the rims of holes (as wide as contours are), or a hatched membrane, \
+           which is no data: probes, numbers and raw channels do not have it",
+};
+/// Holes from far away.
+pub static HOLES_FAR: Setting = Setting {
+    name: "holes-far",
+    unit: "",
+    kind: SettingKind::Choice { options: &["coverage", "grow"] },
+    help: "holes from far away: they keep their area (coverage), or a coarse sample is left out if any that it stands for was not measured (grow)",
+};
+/// How large a hole may be that is filled.
+pub static LARGEST_GAP: Setting = Setting {
+    name: "largest-gap",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "how far what was measured on both sides of a filled hole is apart at most, along a row or a column; 0: any",
+};
+/// What `largest-gap` is counted in.
+pub static GAP_UNIT: Setting = Setting {
+    name: "gap-unit",
+    unit: "",
+    kind: SettingKind::Choice { options: &["cells", "lengths"] },
+    help: "what largest-gap is counted in: cells of the grid, or the unit of x and y",
+};
 /// How places in degrees become places in the world.
 pub static MAP: Setting = Setting {
     name: "map",
@@ -108,6 +153,23 @@ pub static MAP: Setting = Setting {
     help: "how degrees become places: on a globe, in lengths about the middle (local) or as they are (plate); automatic is a globe of the \
            Earth from 20 degrees on, else local",
 };
+
+const FORMS: [&str; 14] = [
+    "plane",
+    "quadric",
+    "sphere",
+    "cylinder",
+    "polynomial-3",
+    "polynomial-4",
+    "polynomial-5",
+    "polynomial-6",
+    "polynomial-7",
+    "polynomial-8",
+    "polynomial-9",
+    "polynomial-10",
+    "polynomial-11",
+    "polynomial-12",
+];
 
 const MAPS: [&str; 13] = [
     "automatic",
@@ -163,6 +225,14 @@ pub struct SurfaceSettings {
     pub samples: u32,
     /// Lines of equal height.
     pub contours: Option<Contours>,
+    /// What holes look like.
+    pub holes: Holes,
+    /// Whether they grow with distance.
+    pub holes_grow: bool,
+    /// What residuals are what is left of.
+    pub form: FormKind,
+    /// Whether it has sides down or up to the base.
+    pub walls: bool,
 }
 
 impl SurfaceSettings {
@@ -189,6 +259,16 @@ impl SurfaceSettings {
             color: [0.02, 0.02, 0.03],
             labels: settings.flag(&CONTOUR_LABELS).then_some(LETTERS),
         });
+        let gap = match settings.number(&LARGEST_GAP) {
+            0.0 => Gap::Any,
+            gap if settings.name(&GAP_UNIT) == "lengths" => Gap::Lengths(gap),
+            gap => Gap::Cells(gap),
+        };
+        let holes = match settings.name(&HOLES).as_str() {
+            "outlined" => Holes::Outlined(settings.number(&CONTOUR_WIDTH)),
+            "filled" => Holes::Filled(gap),
+            _ => Holes::Open,
+        };
         Ok(SurfaceSettings {
             technique,
             exaggeration: settings.number(&EXAGGERATION),
@@ -198,6 +278,10 @@ impl SurfaceSettings {
             ambient: settings.number(&AMBIENT) as f32,
             samples: settings.number(&SAMPLES) as u32,
             contours,
+            holes,
+            holes_grow: settings.name(&HOLES_FAR) == "grow",
+            form: FormKind::named(&settings.name(&FORM)).unwrap_or(FormKind::Plane),
+            walls: settings.flag(&WALLS),
         })
     }
 }
@@ -255,6 +339,7 @@ pub fn attribute_of(name: Option<&str>, about: &HeightAbout) -> Result<Attribute
         Some("slope") => Ok(Attribute::Slope),
         Some("aspect") => Ok(Attribute::Aspect),
         Some("curvature") => Ok(Attribute::Curvature),
+        Some("residual") => Ok(Attribute::Residual),
         Some("level") => Ok(Attribute::Level),
         Some("primitive") => Ok(Attribute::Primitive),
         Some("texture") => texture().ok_or_else(|| {
@@ -269,7 +354,7 @@ pub fn attribute_of(name: Option<&str>, about: &HeightAbout) -> Result<Attribute
 }
 
 /// The attributes that every surface has.
-pub const ATTRIBUTES: [&str; 6] = ["height", "slope", "aspect", "curvature", "level", "primitive"];
+pub const ATTRIBUTES: [&str; 7] = ["height", "slope", "aspect", "curvature", "residual", "level", "primitive"];
 
 /// What values of an attribute are called, and their unit where it is not that of heights; `None` for those without values.
 pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'static str>)> {
@@ -278,6 +363,7 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
         Attribute::Slope => Some(("slope", Some("degrees"))),
         Attribute::Aspect => Some(("aspect", Some("degrees"))),
         Attribute::Curvature => Some(("curvature", Some(""))),
+        Attribute::Residual => Some(("residual", None)),
         Attribute::Level => Some(("level", Some(""))),
         Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => None,
     }
@@ -286,21 +372,16 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
 /// The transfer function of an attribute that nobody has chosen one for.
 pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
     let name = match attribute {
-        Attribute::Curvature => "signed",
+        Attribute::Curvature | Attribute::Residual => "signed",
         Attribute::Plane(_) => "grey",
         _ => MODE.transfer[0],
     };
     TransferFunction::preset(name).unwrap_or_default()
 }
 
-/// The range that colours are spread over: the transfer function's own, or what suits the attribute. `curvature` is the largest that matters.
-pub fn range_of(
-    transfer: &TransferFunction,
-    attribute: Attribute,
-    facts: &Facts,
-    levels: u32,
-    curvature: f64,
-) -> [f64; 2] {
+/// The range that colours are spread over: the transfer function's own, or what suits the attribute. Of curvatures and residuals `most` is the
+/// largest that matters.
+pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts, levels: u32, most: f64) -> [f64; 2] {
     if let Range::Fixed(low, high) = transfer.range {
         return [low, high];
     }
@@ -308,7 +389,7 @@ pub fn range_of(
         Attribute::Height => [facts.min, facts.max],
         Attribute::Slope => [0.0, 60.0],
         Attribute::Aspect => [0.0, 360.0],
-        Attribute::Curvature => [-curvature, curvature],
+        Attribute::Curvature | Attribute::Residual => [-most, most],
         Attribute::Level => [0.0, f64::from(levels.max(2) - 1)],
         Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => [0.0, 1.0],
     };
@@ -363,6 +444,12 @@ pub static MODE: Mode = Mode {
         &CONTOUR_MAJOR,
         &CONTOUR_WIDTH,
         &CONTOUR_LABELS,
+        &FORM,
+        &HOLES,
+        &HOLES_FAR,
+        &LARGEST_GAP,
+        &GAP_UNIT,
+        &WALLS,
     ]],
     technique: &OfSurfaces,
     quantity: "height",

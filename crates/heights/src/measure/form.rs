@@ -121,6 +121,24 @@ impl Polynomial {
         row
     }
 
+    /// The polynomial at a place.
+    fn at(&self, place: [f64; 2]) -> f64 {
+        let mut values = [[0.0; FormKind::LARGEST_DEGREE as usize + 1]; 2];
+        let count = self.degree + 1;
+        for (values, at) in values.iter_mut().zip(self.local.place(place)) {
+            legendre(at, &mut values[..count]);
+        }
+        let mut sums = self.sums.iter();
+        let (mut sum, [across, along]) = (0.0, values);
+        // In the order of terms().
+        for total in 0..count {
+            for (y, factor) in (0..=total).zip(&mut sums) {
+                sum += factor * across[total - y] * along[y];
+            }
+        }
+        sum
+    }
+
     fn in_row(&self, row: &[f64], x: f64) -> f64 {
         let x = (x - self.local.middle[0]) / self.local.half[0];
         // The recursion of legendre(), without keeping the values.
@@ -270,7 +288,7 @@ impl Form {
     /// Its height at a place, in the unit of heights; NaN beside a sphere or a cylinder.
     pub fn height(&self, place: [f64; 2]) -> f64 {
         match &self.shape {
-            Shape::Polynomial(polynomial) => polynomial.in_row(&polynomial.of_row(place[1]), place[0]),
+            Shape::Polynomial(polynomial) => polynomial.at(place),
             Shape::Round(round) => round.at(place),
         }
     }

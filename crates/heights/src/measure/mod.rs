@@ -23,6 +23,7 @@ pub mod probe;
 pub mod profile;
 pub mod pyramid;
 pub mod ray;
+pub mod residuals;
 
 #[cfg(test)]
 mod tests;
@@ -43,4 +44,5 @@ pub use probe::{Probe, Sample, gradient, nearest, probe, probe_on, probe_sample}
 pub use profile::{Profile, ProfilePoint, profile};
 pub use pyramid::Pyramid;
 pub use ray::{Hit, MinMax, Ray, Rise, cast, cast_all, height_ratio};
+pub use residuals::{FittedForm, fitted};
 pub use tiles::{OnSurface, Tiles};

@@ -6,7 +6,7 @@
 //! area that the front ones leave: an edge is as smooth before a star as before the dark.
 
 use super::photo::PhotoLook;
-use super::picture::{SurfaceOptions, SurfaceReport, chosen, parts, report, visible};
+use super::picture::{self, SurfaceOptions, SurfaceReport, parts, report, visible};
 use super::placed::Placed;
 use super::raster::Visibility;
 use super::shade::{ENDS, Shader};
@@ -66,8 +66,7 @@ pub fn fragments(layers: &[Layer<'_>]) -> (PathFragments, SurfaceReport) {
     let drawn: Vec<(Scene, Sight, Visibility)> = layers
         .iter()
         .map(|layer| {
-            let scene =
-                Scene::new(layer.source, layer.placed, chosen(layer.source, layer.placed, layer.sight, layer.options));
+            let scene = picture::scene(layer.source, layer.placed, layer.sight, layer.options);
             let fine = layer.sight.refined(parts);
             let (seen, counts) = visible(&scene, &fine, layer.options.technique, parts);
             whole.add(&report(&scene, counts, f64::from(parts)));
@@ -80,7 +79,8 @@ pub fn fragments(layers: &[Layer<'_>]) -> (PathFragments, SurfaceReport) {
         .filter_map(|(layer, (scene, fine, seen))| {
             let look = layer.options.look.as_ref()?;
             let photo = PhotoLook::of(layer.source, look, layer.placed);
-            Some(Shaded { shader: Shader::new(scene, fine, look, photo, parts), seen, scale: layer.scale })
+            let shader = picture::shader(Shader::new(scene, fine, look, photo, parts), seen, layer.options);
+            Some(Shaded { shader, seen, scale: layer.scale })
         })
         .collect();
     // A length of 1 at depth 1, in the picture's pixels.
@@ -95,8 +95,7 @@ pub fn fragments(layers: &[Layer<'_>]) -> (PathFragments, SurfaceReport) {
         let mut covered = 0.0;
         for y in top..(top + SIDE).min(height) {
             for x in left..(left + SIDE).min(width) {
-                pixel_parts(&shaded, parts as usize, [x, y], &mut samples, &mut hits);
-                covered += samples.iter().map(|part| f64::from(part.share)).sum::<f64>();
+                covered += pixel_parts(&shaded, parts as usize, [x, y], &mut samples, &mut hits);
                 gather(&mut samples, together, &mut tile.fragments);
                 tile.starts.push(tile.fragments.len() as u32);
             }
@@ -109,15 +108,16 @@ pub fn fragments(layers: &[Layer<'_>]) -> (PathFragments, SurfaceReport) {
     (PathFragments { size: [width, height], side: SIDE, tiles }, whole)
 }
 
-/// What the samples of a pixel show of all surfaces, in any order.
+/// What the samples of a pixel show of all surfaces, in any order, and how much of it is covered by what was measured.
 fn pixel_parts(
     shaded: &[Shaded<'_>],
     parts: usize,
     [x, y]: [usize; 2],
     out: &mut Vec<Part>,
-    hits: &mut Vec<(f64, [f32; 4])>,
-) {
+    hits: &mut Vec<(f64, [f32; 4], f32)>,
+) -> f64 {
     out.clear();
+    let mut covered = 0.0;
     let corner = [x * parts, y * parts];
     // Where a surface ends more rays say how much of a pixel it covers, as alone.
     let is_end = parts > 1 && shaded.iter().any(|one| one.shader.is_end(one.seen, corner));
@@ -138,17 +138,19 @@ fn pixel_parts(
                     (shown.and_then(|shown| resolver.look(shown, middle)), middle)
                 }
             };
-            if let Some(hit) = hit {
-                hits.push((hit.depth * one.scale, one.shader.color(&hit, place)));
+            if let Some((color, depth, measured)) = one.shader.sample(hit.as_ref(), place) {
+                hits.push((depth * one.scale, color, measured));
             }
         }
         hits.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut through = share;
-        for &(depth, [r, g, b, alpha]) in &*hits {
+        for &(depth, [r, g, b, alpha], measured) in &*hits {
+            covered += f64::from(measured * through);
             out.push(Part { depth, light: [r, g, b].map(|light| light * through), share: alpha * through });
             through *= 1.0 - alpha;
         }
     }
+    covered
 }
 
 /// Makes fragments of the parts of a pixel: of those that are `together`, in lengths at a depth, one.

@@ -15,6 +15,8 @@ pub enum Attribute {
     Aspect,
     /// Mean curvature per world unit of the slopes, positive on hills.
     Curvature,
+    /// What a form leaves of the height.
+    Residual,
     /// Level of the chunk.
     Level,
     /// 0 for points, 1 for triangles.

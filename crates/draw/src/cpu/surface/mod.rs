@@ -5,9 +5,11 @@
 //! [`fragments`] does it for what lies among other things.
 
 pub mod fragments;
+pub mod holes;
 pub mod labels;
 pub mod lambert;
 pub mod look;
+mod membrane;
 #[cfg(test)]
 pub mod memory;
 pub mod paged;
@@ -17,11 +19,13 @@ pub mod placed;
 pub mod raster;
 pub mod rays;
 pub mod resolve;
+mod rims;
 pub mod select;
 pub mod shade;
 pub mod sight;
 pub mod source;
 pub mod stitch;
+mod walls;
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
+use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
 use super::photo::PhotoLook;
 use super::placed::Placed;
@@ -12,7 +13,9 @@ use super::sight::Sight;
 use super::source::SurfaceNodes;
 use super::stitch::Scene;
 use crate::color::Colors;
+use deepfield_heights::measure::Form;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// How a surface is drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,12 +32,31 @@ pub struct SurfaceOptions {
     pub raw: bool,
     /// What it looks like; `None` where colours are not wanted.
     pub look: Option<Look>,
+    /// What holes look like.
+    pub holes: Holes,
+    /// Whether holes grow with distance: coarse samples that stand for any that was not measured are left out, in raw channels, too.
+    pub holes_grow: bool,
+    /// The form that residuals are what is left of; without one they are heights.
+    pub form: Option<Arc<Form>>,
+    /// The height that walls at the field's border, and where it is cut, go down or up to; `None`: there are none.
+    pub walls: Option<f64>,
 }
 
 impl Default for SurfaceOptions {
     fn default() -> SurfaceOptions {
         let technique = Technique::default();
-        SurfaceOptions { technique, tau: 0.8, samples: 4, most_nodes: MOST_NODES, raw: false, look: None }
+        SurfaceOptions {
+            technique,
+            tau: 0.8,
+            samples: 4,
+            most_nodes: MOST_NODES,
+            raw: false,
+            look: None,
+            holes: Holes::Open,
+            holes_grow: false,
+            form: None,
+            walls: None,
+        }
     }
 }
 
@@ -82,9 +104,31 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         technique: options.technique,
         looks: options.look.is_some(),
         lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
+        spans: if options.look.is_some() { options.holes.spans(placed).into_iter().fold(0.0, f64::max) } else { 0.0 },
+        walls: options.walls.filter(|_| options.look.is_some() && placed.is_flat()),
         most: options.most_nodes,
     };
     choose(source, placed, &sight.refined(parts), &choice)
+}
+
+/// What a picture shows, for a view in its own pixels: chunks as [`draw`] draws them.
+pub fn scene(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> Scene {
+    let grown = Grown(source);
+    let source = if options.holes_grow { &grown } else { source };
+    let mut scene = Scene::new(source, placed, chosen(source, placed, sight, options));
+    if options.look.is_some() && matches!(options.holes, Holes::Filled(_)) {
+        scene.fill(source, options.holes.spans(placed));
+    }
+    scene
+}
+
+/// Shades what is seen as options say.
+pub(super) fn shader<'a>(plain: Shader<'a>, seen: &'a Visibility, options: &'a SurfaceOptions) -> Shader<'a> {
+    let shader = plain.seeing(seen).with_holes(&options.holes).without(options.form.as_deref());
+    match options.walls {
+        Some(base) => shader.with_walls(base),
+        None => shader,
+    }
 }
 
 /// Samples along a pixel's side.
@@ -109,30 +153,31 @@ pub fn draw_lettered(
     if let Some(look) = &options.look {
         let parts = parts(options.samples);
         let fine = sight.refined(parts);
-        let scene = Scene::new(source, placed, chosen(source, placed, sight, options));
+        let scene = scene(source, placed, sight, options);
         let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
         let photo = PhotoLook::of(source, look, placed);
         let size = [width as usize, height as usize];
-        let mut shader = Shader::new(&scene, &fine, look, photo, parts);
+        let mut shader = shader(Shader::new(&scene, &fine, look, photo, parts), &seen, options);
         let labelled = look.contours.and_then(|contours| Some((contours, contours.labels?, letters?)));
         if let Some((contours, em, letters)) = &labelled {
             picture.labels = labels::place(shader.resolver(), &seen, parts, (contours, *em), *letters);
+            picture.labels.retain(|label| !shader.is_behind_wall(label));
             shader = shader.sparing(size[0], labels::spared(&picture.labels, size));
         }
-        let (mut colors, depth) = shader.shade(&seen, size);
+        let (mut colors, [depth, covered]) = shader.shade(&seen, size);
         if let Some((contours, _, letters)) = &labelled {
             labels::paint(&mut colors, size, &picture.labels, contours, *letters);
         }
-        picture.report.covered = colors.iter().map(|color| f64::from(color[3])).sum();
+        picture.report.covered = covered.into_iter().map(f64::from).sum();
         picture.colors = Colors { width, height, rgba: colors };
         picture.depth = depth;
     }
     if options.raw {
         // Raw channels are of the pixels' centres, and so drawn with one sample a pixel.
         let choice = SurfaceOptions { look: None, ..options.clone() };
-        let scene = Scene::new(source, placed, chosen(source, placed, sight, &choice));
+        let scene = scene(source, placed, sight, &choice);
         let (seen, counts) = visible(&scene, sight, options.technique, 1);
         let resolver = Resolver::new(&scene, sight);
         let width = seen.width;

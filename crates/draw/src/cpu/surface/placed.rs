@@ -124,6 +124,12 @@ impl Placed {
         }
     }
 
+    /// The places of the first and of the last sample of a flat field at height 0.
+    pub fn corners(&self) -> [DVec3; 2] {
+        let [columns, rows] = self.samples.map(|count| (count - 1) as f64);
+        [self.world(0.0, 0.0, 0.0), self.world(rows, columns, 0.0)]
+    }
+
     /// The direction of a longitude and a latitude, degrees.
     pub fn direction(longitude: f64, latitude: f64) -> DVec3 {
         let (sin, cos) = longitude.to_radians().sin_cos();

@@ -205,8 +205,9 @@ impl<'a> Raster<'a> {
         let last = (first + BAND).min(rows - 1);
         let heights = mesh.heights();
         let line = |row: usize| -> Vec<Corner> {
-            let each =
-                |column: usize| self.corner(mesh.rows[row], mesh.columns[column], heights[row * columns + column]);
+            let each = |column: usize| {
+                self.corner(mesh.rows[row], mesh.columns[column], mesh.surface_height(row * columns + column))
+            };
             (0..columns).map(each).collect()
         };
         let is_points = mesh.node.primitive == Primitive::Points;
@@ -234,15 +235,19 @@ impl<'a> Raster<'a> {
             }
             let below = line(row + 1);
             for column in 0..columns - 1 {
-                if is_points && !mesh.is_strip(row, column) {
+                let is_dotted = is_points && !mesh.is_strip(row, column);
+                if is_dotted && mesh.fill.is_none() {
                     continue;
                 }
                 let corners = [above[column], above[column + 1], below[column], below[column + 1]];
-                for (slot, triangle) in mesh.cell(row, column).triangles().enumerate() {
-                    triangles += 1;
+                for (slot, (triangle, is_membrane)) in mesh.triangles(row, column).enumerate() {
+                    if is_dotted && !is_membrane {
+                        continue;
+                    }
+                    triangles += u64::from(!is_membrane);
                     let shown = Shown { node: number, at: [row, column], slot: Some(slot) };
                     let own = triangle.corners.map(|corner| corners[corner]);
-                    if has_extras && (0..4).any(|side| mesh.is_along(side, row, column)) {
+                    if has_extras && !is_membrane && (0..4).any(|side| mesh.is_along(side, row, column)) {
                         self.fan(mesh, [row, column], triangle.corners, own, shown.pack());
                     } else {
                         self.triangle(own, shown.pack());

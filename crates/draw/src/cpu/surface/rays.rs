@@ -6,7 +6,7 @@
 
 use super::placed::GridRay;
 use super::raster::{Shown, Visibility};
-use super::sight::Sight;
+use super::sight::{Lens, Sight};
 use super::stitch::{Mesh, Scene};
 use crate::model::Bounds;
 use deepfield_heights::hierarchy::chunks::ChunkKey;
@@ -53,7 +53,7 @@ impl Pyramid {
     fn new(mesh: &Mesh) -> Pyramid {
         let (all_rows, all_columns) = (mesh.samples.rows - 1, mesh.samples.columns - 1);
         let cell = |row: usize, column: usize| {
-            let cell = mesh.cell(row, column);
+            let cell = mesh.surface_cell(row, column);
             // Two corners hold nothing.
             let heights = cell.0.into_iter().filter(|height| !height.is_nan() && cell.measured() > 2);
             heights.fold(EMPTY, |range, height| joined(range, [height; 2]))
@@ -223,7 +223,7 @@ impl<'a> Caster<'a> {
         let frame = CellFrame::of(mesh, [row, column]);
         let local = frame.ray(ray);
         let mut best: Option<RayHit> = None;
-        for (slot, triangle) in mesh.cell(row, column).triangles().enumerate() {
+        for (slot, (triangle, _)) in mesh.triangles(row, column).enumerate() {
             let Some(t) = local.meets(&triangle) else { continue };
             let [u, v, _] = local.0.at(t);
             let [k, m, n] = triangle.edge;
@@ -236,17 +236,18 @@ impl<'a> Caster<'a> {
     }
 
     /// The first hit of a picture's ray at a place.
-    pub fn cast_pixel(&self, sight: &Sight, pixel: [f64; 2]) -> Option<RayHit> {
-        let (origin, direction) = sight.ray(pixel)?;
+    pub fn cast_pixel(&self, sight: &Sight, lens: &Lens, pixel: [f64; 2]) -> Option<RayHit> {
+        let (origin, direction) = sight.ray_through(lens, pixel)?;
         let ray = self.scene.placed.ray(origin, direction)?;
         self.cast(&ray, kept(&sight.cut().bounds, origin, direction)?)
     }
 
     /// Casts a ray for each pixel of a picture.
     pub fn draw(&self, sight: &Sight, picture: &Visibility) {
+        let lens = sight.lens();
         (0..picture.height).into_par_iter().for_each(|y| {
             for x in 0..picture.width {
-                if let Some(hit) = self.cast_pixel(sight, [x as f64 + 0.5, y as f64 + 0.5]) {
+                if let Some(hit) = self.cast_pixel(sight, &lens, [x as f64 + 0.5, y as f64 + 0.5]) {
                     picture.put(y * picture.width + x, hit.t, hit.shown.pack());
                 }
             }

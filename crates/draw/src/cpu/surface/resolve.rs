@@ -4,7 +4,7 @@
 use super::placed::{GridRay, Vantage};
 use super::raster::Shown;
 use super::rays::{Caster, CellFrame};
-use super::sight::Sight;
+use super::sight::{Lens, Sight};
 use super::source::NodeSamples;
 use super::stitch::{Mesh, Scene};
 use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
@@ -27,6 +27,8 @@ pub struct Hit {
     pub height: f64,
     /// The share that is covered, from 0 to 1.
     pub coverage: f64,
+    /// Whether it is of the membrane over a hole, and no data.
+    pub is_membrane: bool,
     /// What a column and a row add to the height there: on the triangle, or as a point's mean normal says.
     pub slope: [f64; 2],
     /// Row, column and height of what lies under the pixel's centre: of a point on the plane of its mean normal; else the same place.
@@ -35,6 +37,9 @@ pub struct Hit {
 
 /// Channels of a raw picture.
 pub const CHANNELS: usize = 7;
+
+/// From triangle to triangle at most so many times.
+const STEPS: u32 = 6;
 
 /// Rounding may leave a pixel's centre so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f64 = 1e-9;
@@ -58,10 +63,40 @@ pub struct Resolver<'a> {
     pub sight: &'a Sight,
     /// Samples as the eye has them.
     pub vantage: Vantage,
+    lens: Lens,
     /// For each chunk its samples and those of the chunks that it lies in, from its level up.
     chains: Vec<Vec<Option<&'a NodeSamples>>>,
     /// For the few pixels of points whose centre is beside what their samples belong to.
     caster: OnceLock<Caster<'a>>,
+}
+
+/// What of the field moves how far in the picture about a place, pixels of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Moves {
+    /// Where the place is.
+    pub at: [f64; 2],
+    /// What a column adds at the same height.
+    pub column: [f64; 2],
+    /// What a row adds at the same height.
+    pub row: [f64; 2],
+    /// What a unit of height adds.
+    pub height: [f64; 2],
+}
+
+impl Moves {
+    /// What a column and a row add on a surface that rises so much along them.
+    pub fn along(&self, slope: [f64; 2]) -> [[f64; 2]; 2] {
+        let on = |way: [f64; 2], slope: f64| [0, 1].map(|k| slope.mul_add(self.height[k], way[k]));
+        [on(self.column, slope[0]), on(self.row, slope[1])]
+    }
+
+    /// What a pixel to the right and one down add to the height of such a surface; `None` where it is seen from its edge.
+    pub fn rise(&self, slope: [f64; 2]) -> Option<[f64; 2]> {
+        let [a, b] = self.along(slope);
+        let area = a[0] * b[1] - a[1] * b[0];
+        let rise = [(slope[0] * b[1] - slope[1] * a[1]) / area, (slope[1] * a[0] - slope[0] * b[0]) / area];
+        rise.iter().all(|rise| rise.is_finite()).then_some(rise)
+    }
 }
 
 /// Four samples around a place in a level, and what each counts.
@@ -85,7 +120,13 @@ impl<'a> Resolver<'a> {
             (key.level..=scene.lattice.top()).map(|level| scene.samples(key.ancestor(level))).collect()
         };
         let chains = scene.meshes.iter().map(chain).collect();
-        Resolver { scene, sight, vantage: Vantage::new(&scene.placed, sight.eye()), chains, caster: OnceLock::new() }
+        let vantage = Vantage::new(&scene.placed, sight.eye());
+        Resolver { scene, sight, vantage, lens: sight.lens(), chains, caster: OnceLock::new() }
+    }
+
+    /// The ray of a place in the picture.
+    pub fn ray(&self, place: [f64; 2]) -> Option<(DVec3, DVec3)> {
+        self.sight.ray_through(&self.lens, place)
     }
 
     /// The level, with a fraction, whose samples are as far apart as pixels at a depth, may it be finer than what there is.
@@ -124,6 +165,27 @@ impl<'a> Resolver<'a> {
         })
     }
 
+    /// What moves how far in the picture about what is under a pixel's centre; `None` where that is not before the eye.
+    pub fn moves(&self, hit: &Hit) -> Option<Moves> {
+        let placed = &self.scene.placed;
+        let [row, column, height] = hit.under;
+        let seen = |row: f64, column: f64, height: f64| {
+            Some(self.sight.project(placed.world(row, column, height) - self.sight.eye())?.0)
+        };
+        let at = seen(row, column, height)?;
+        // Small enough for what is seen in perspective, and large enough for rounding.
+        let step = (1_u64 << self.scene.meshes[hit.shown.node].node.key.level) as f64 / 64.0;
+        let [across, along] = placed.spacing();
+        let rise = step * across.max(along) / placed.lift.abs();
+        let added = |to: [f64; 2], step: f64| [0, 1].map(|k| (to[k] - at[k]) / step);
+        Some(Moves {
+            at,
+            column: added(seen(row, column + step, height)?, step),
+            row: added(seen(row + step, column, height)?, step),
+            height: added(seen(row, column, height + rise)?, rise),
+        })
+    }
+
     /// A point's hit.
     fn point(&self, shown: Shown, mesh: &Mesh, pixel: [f64; 2]) -> Option<Hit> {
         let [row, column] = shown.at;
@@ -133,7 +195,7 @@ impl<'a> Resolver<'a> {
         let at = [mesh.rows[row] as f64, mesh.columns[column] as f64];
         let placed = &self.scene.placed;
         let slope = placed.slope(mesh.samples.normals[index]);
-        let ray = self.sight.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
+        let ray = self.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
         let found = ray.and_then(|GridRay { origin, direction }| {
             let plane = height + slope[0] * (origin[0] - at[1]) + slope[1] * (origin[1] - at[0]);
             let t = (plane - origin[2]) / (direction[2] - slope[0] * direction[0] - slope[1] * direction[1]);
@@ -145,7 +207,7 @@ impl<'a> Resolver<'a> {
         });
         let under = found.unwrap_or([at[0], at[1], height]);
         let coverage = self.point_coverage(mesh, shown, depth, [under[0], under[1]]);
-        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, slope, under })
+        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane: false, slope, under })
     }
 
     /// The share of a pixel that is covered where a point is drawn: as much as is valid around the pixel's centre at the size of a pixel, and
@@ -186,8 +248,7 @@ impl<'a> Resolver<'a> {
         if shown.slot.is_some() || mesh.is_lone(row, column) || self.is_thin(mesh, [row, column]) {
             return self.hit(shown, pixel);
         }
-        let Some(ray) = self.sight.ray(pixel).and_then(|(origin, direction)| self.scene.placed.ray(origin, direction))
-        else {
+        let Some(ray) = self.ray(pixel).and_then(|(origin, direction)| self.scene.placed.ray(origin, direction)) else {
             return self.hit(shown, pixel);
         };
         let mut best: Option<(f64, Shown)> = None;
@@ -201,7 +262,7 @@ impl<'a> Resolver<'a> {
             }
             let at = [row - up, column - left];
             let local = CellFrame::of(mesh, at).ray(&ray);
-            for (slot, triangle) in mesh.cell(at[0], at[1]).triangles().enumerate() {
+            for (slot, (triangle, _)) in mesh.triangles(at[0], at[1]).enumerate() {
                 let Some(t) =
                     local.meets(&triangle).filter(|t| *t >= 0.0 && best.is_none_or(|(nearest, _)| *t < nearest))
                 else {
@@ -219,10 +280,49 @@ impl<'a> Resolver<'a> {
         }
     }
 
+    /// The height that is seen at a place of the picture near a hit on a flat field's triangle: from triangle to triangle to where the ray
+    /// meets one; `None` where that does not lead anywhere.
+    pub fn height_near(&self, hit: &Hit, pixel: [f64; 2]) -> Option<f64> {
+        let (origin, direction) = self.ray(pixel)?;
+        let ray = self.scene.placed.ray(origin, direction)?;
+        let mut mesh = self.scene.meshes.get(hit.shown.node)?;
+        let mut at = hit.shown.at;
+        let mut triangle = mesh.cell(at[0], at[1]).triangles().nth(hit.shown.slot?)?;
+        for _ in 0..STEPS {
+            let frame = CellFrame::of(mesh, at);
+            let local = frame.ray(&ray);
+            let t = local.meets(&triangle).filter(|t| *t > 0.0)?;
+            let [u, v, height] = local.0.at(t);
+            if weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -OUTSIDE) {
+                return Some(height);
+            }
+            let place = [v.mul_add(frame.size[0], frame.first[0]), u.mul_add(frame.size[1], frame.first[1])];
+            let is_in = |axis: usize| {
+                let places = if axis == 0 { &mesh.rows } else { &mesh.columns };
+                (places[0] as f64..places[places.len() - 1] as f64).contains(&place[axis])
+            };
+            let lattice = &self.scene.lattice;
+            if (0..2).any(|axis| !(0.0..(lattice.samples[axis] - 1) as f64).contains(&place[axis])) {
+                return None;
+            }
+            let cell = place.map(|place| place as u64);
+            if !(is_in(0) && is_in(1)) {
+                mesh = self.scene.meshes.get(self.scene.cut.at(cell[0], cell[1])?)?;
+            }
+            at = mesh.cell_at(cell);
+            let frame = CellFrame::of(mesh, at);
+            let [v, u] = [0, 1].map(|axis| (place[axis] - frame.first[axis]) / frame.size[axis]);
+            let is_under =
+                |triangle: &Triangle| weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -1e-6);
+            triangle = mesh.cell(at[0], at[1]).triangles().find(is_under)?;
+        }
+        None
+    }
+
     /// What a ray finds at a place of the picture.
     pub fn cast(&self, pixel: [f64; 2]) -> Option<Hit> {
         let caster = self.caster.get_or_init(|| Caster::new(self.scene));
-        self.hit(caster.cast_pixel(self.sight, pixel)?.shown, pixel)
+        self.hit(caster.cast_pixel(self.sight, &self.lens, pixel)?.shown, pixel)
     }
 
     /// Whether the whole field is less than two pixels across where a sample is.
@@ -240,8 +340,8 @@ impl<'a> Resolver<'a> {
         let mesh = self.scene.meshes.get(shown.node)?;
         let [row, column] = shown.at;
         let Some(slot) = shown.slot else { return self.point(shown, mesh, pixel) };
-        let mut triangle = mesh.cell(row, column).triangles().nth(slot)?;
-        let (origin, direction) = self.sight.ray(pixel)?;
+        let (mut triangle, is_membrane) = mesh.triangles(row, column).nth(slot)?;
+        let (origin, direction) = self.ray(pixel)?;
         let (mut mesh, mut at) = (mesh, shown.at);
         let [u, v] = match self.scene.placed.ray(origin, direction) {
             Some(ray) => self.flat(mesh, at, &triangle, &CellFrame::of(mesh, at), &ray, pixel),
@@ -265,9 +365,9 @@ impl<'a> Resolver<'a> {
             Sight::Flat(view) => relative.dot(view.forward),
             Sight::Around { .. } => relative.length(),
         };
-        let coverage = self.coverage(mesh, at, &triangle, [u, v]);
+        let coverage = if is_membrane { 1.0 } else { self.coverage(mesh, at, &triangle, [u, v]) };
         let slope = [q / frame.size[1], s / frame.size[0]];
-        Some(Hit { shown, depth, row, column, height, coverage, slope, under: [row, column, height] })
+        Some(Hit { shown, depth, row, column, height, coverage, is_membrane, slope, under: [row, column, height] })
     }
 
     fn flat(
@@ -295,7 +395,7 @@ impl<'a> Resolver<'a> {
 
     /// The place on a triangle's edge that appears nearest to a pixel; `None` where a corner is not before the eye.
     fn on_edge(&self, mesh: &Mesh, at: [usize; 2], triangle: &Triangle, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
-        let heights = mesh.cell(at[0], at[1]).0;
+        let heights = mesh.surface_cell(at[0], at[1]).0;
         let mut seen = [([0.0; 2], 0.0); 3];
         for (seen, corner) in seen.iter_mut().zip(triangle.corners) {
             let (row, column) = (mesh.rows[at[0] + corner / 2], mesh.columns[at[1] + corner % 2]);
@@ -330,7 +430,7 @@ impl<'a> Resolver<'a> {
     /// On a globe: first where the ray meets the flat triangle, then, by Newton's steps, where heights above the sphere agree.
     fn curved(&self, mesh: &Mesh, at: [usize; 2], triangle: &Triangle, origin: DVec3, direction: DVec3) -> [f64; 2] {
         let (rows, columns) = ([at[0], at[0] + 1].map(|r| mesh.rows[r]), [at[1], at[1] + 1].map(|c| mesh.columns[c]));
-        let heights = mesh.cell(at[0], at[1]).0;
+        let heights = mesh.surface_cell(at[0], at[1]).0;
         let corners = triangle.corners.map(|corner| {
             self.scene.placed.world(rows[corner / 2] as f64, columns[corner % 2] as f64, heights[corner])
         });
@@ -402,14 +502,11 @@ impl<'a> Resolver<'a> {
         let lattice = &self.scene.lattice;
         let cell: [u64; 2] = std::array::from_fn(|axis| (place[axis].max(0.0) as u64).min(lattice.samples[axis] - 2));
         let mesh = self.scene.meshes.get(self.scene.cut.at(cell[0], cell[1])?)?;
-        let at = [0, 1].map(|axis| {
-            let places = if axis == 0 { &mesh.rows } else { &mesh.columns };
-            places.partition_point(|place| *place <= cell[axis]).clamp(1, places.len() - 1) - 1
-        });
+        let at = mesh.cell_at(cell);
         let frame = CellFrame::of(mesh, at);
         let [v, u] = [0, 1].map(|axis| (place[axis] - frame.first[axis]) / frame.size[axis]);
         let is_in = |triangle: &Triangle| weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -1e-6);
-        mesh.cell(at[0], at[1]).triangles().find(is_in).map(|triangle| (mesh, at, triangle))
+        mesh.triangles(at[0], at[1]).map(|(triangle, _)| triangle).find(is_in).map(|triangle| (mesh, at, triangle))
     }
 
     fn coverage(&self, mesh: &Mesh, [row, column]: [usize; 2], triangle: &Triangle, place: [f64; 2]) -> f64 {

@@ -11,6 +11,7 @@
 use super::placed::Placed;
 use super::sight::Sight;
 use super::source::{NodeFacts, SurfaceNodes};
+use super::walls;
 use crate::model::Bounds;
 use crate::view::Extent;
 use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
@@ -66,6 +67,10 @@ pub struct Choice {
     pub looks: bool,
     /// The interval between lines of equal height, in units of height; infinite where there are none.
     pub lines: f64,
+    /// Most cells that a membrane over holes spans along rows or columns; 0: there is none.
+    pub spans: f64,
+    /// The height that walls at the field's border, and where it is cut, go down or up to.
+    pub walls: Option<f64>,
     /// Most chunks.
     pub most: usize,
 }
@@ -210,11 +215,14 @@ struct Chooser<'a> {
 impl Chooser<'_> {
     /// A chunk that something may be seen of, and how many times too coarse it is.
     fn visit(&self, key: ChunkKey) -> Option<Waiting> {
-        let facts = self.source.facts(key)?;
+        let mut facts = self.source.facts(key)?;
         if facts.is_empty() {
-            return None;
+            facts = self.spanned(key, facts)?;
         }
-        let extent = self.extent(self.lattice.rectangle(key), &facts, key.level);
+        let mut extent = self.extent(self.lattice.rectangle(key), &facts, key.level);
+        if let Some(base) = self.choice.walls {
+            self.add_walls(&mut extent, base);
+        }
         if !self.padded.sees(&extent) || !self.sight.cut().reaches(&extent.bounds) {
             return None;
         }
@@ -226,6 +234,7 @@ impl Chooser<'_> {
         let apart_px = sight.error_pixels(&extent, apart);
         let is_flat = matches!(sight, Sight::Flat(_));
         let primitive = match self.choice.technique {
+            _ if facts.is_empty() => Primitive::Triangles,
             Technique::Points if is_flat => Primitive::Points,
             Technique::Hybrid if is_flat && apart_px <= POINT_LIMIT && tau >= EXACT => Primitive::Points,
             _ => Primitive::Triangles,
@@ -245,10 +254,31 @@ impl Chooser<'_> {
         if self.choice.looks && facts.deviation > UNSEEN || moves_lines {
             want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), LOOKED));
         }
-        if key.level == 0 {
+        if key.level == 0 || facts.is_empty() {
             want = 0.0;
         }
         Some(Waiting { want, node: CutNode { key, facts, extent, primitive, error_px, added: 0.0 } })
+    }
+
+    /// With the walls that a chunk of a flat field has where it ends or is cut.
+    fn add_walls(&self, extent: &mut Extent, base: f64) {
+        let inside = walls::inside(self.placed.corners(), &self.sight.cut().bounds);
+        let bounds = &mut extent.bounds;
+        if (0..2).any(|axis| bounds.min[axis] <= inside.min[axis] || bounds.max[axis] >= inside.max[axis]) {
+            let base = self.placed.lifted(base);
+            (bounds.min.z, bounds.max.z) = (bounds.min.z.min(base), bounds.max.z.max(base));
+        }
+    }
+
+    /// Facts of a chunk in which nothing was measured, where a membrane may go through it: between the heights around it.
+    fn spanned(&self, key: ChunkKey, facts: NodeFacts) -> Option<NodeFacts> {
+        // Who spans it spans all of its cells.
+        if self.choice.spans < (self.lattice.side() << key.level) as f64 {
+            return None;
+        }
+        let around = (key.level + 1..=self.lattice.top()).filter_map(|level| self.source.facts(key.ancestor(level)));
+        let around = around.into_iter().find(|facts| !facts.is_empty())?;
+        Some(NodeFacts { delta: 0.0, step: 0.0, min: around.min, max: around.max, deviation: 0.0, ..facts })
     }
 
     /// The finer chunks in the place of one that something may be seen of; `None` where one of them is not there.

@@ -4,15 +4,20 @@
 //! colours, and the range of heights that a sample stands for, over which elevation colours are averaged. So a far picture is the mean of a near
 //! one, and techniques differ only by where they see the surface. Normals are turned to the eye.
 
+use super::holes::Holes;
+use super::labels::ContourLabel;
 use super::lambert::Facets;
 use super::look::{Attribute, Light, Ramp};
 use super::photo::{self, PhotoLook};
 use super::placed::Map;
 use super::raster::Visibility;
 use super::resolve::{Hit, Resolver};
+use super::rims::Rims;
 use super::select::Primitive;
 use super::sight::Sight;
 use super::stitch::Scene;
+use super::walls::{WallHit, Walls};
+use deepfield_heights::measure::Form;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -31,6 +36,14 @@ const MOST_LONGER: f64 = 16.0;
 const REACH: f64 = 1.2;
 /// Most steps to where a line is.
 const SECANTS: u32 = 8;
+/// From a stripe of the membrane to the next, pixels.
+const HATCH: f64 = 5.0;
+/// The colour of what a form is not over, linear light.
+const BESIDE: [f32; 3] = [0.2; 3];
+/// The colour of walls, linear light.
+const WALL: [f32; 3] = [0.34, 0.29, 0.24];
+/// The colour of rims of holes, linear light.
+const RIM: [f32; 3] = [0.8, 0.08, 0.01];
 /// Rays along a pixel's side where a surface ends in it.
 pub(super) const ENDS: u32 = 4;
 
@@ -60,6 +73,16 @@ pub struct Shader<'a> {
     photo: Option<PhotoLook<'a>>,
     /// Pixels of a row, and which have no lines; empty where all have.
     spared: (usize, Vec<bool>),
+    /// What is seen, where lines are looked for in it.
+    seen: Option<&'a Visibility>,
+    /// The form that residuals are what is left of.
+    form: Option<&'a Form>,
+    /// Rims of holes, where they are lines.
+    rims: Option<Rims>,
+    /// Sides of the field.
+    walls: Option<Walls>,
+    /// Whether there is a membrane over holes, and most cells that it spans.
+    spans: Option<f64>,
 }
 
 impl<'a> Shader<'a> {
@@ -85,12 +108,86 @@ impl<'a> Shader<'a> {
             _ => Vec::new(),
         };
         let resolver = Resolver::new(scene, sight);
-        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, photo, spared: (0, Vec::new()) }
+        Shader {
+            resolver,
+            look,
+            ramp: Ramp::new(&look.transfer),
+            parts,
+            sun,
+            planes,
+            photo,
+            spared: (0, Vec::new()),
+            seen: None,
+            form: None,
+            rims: None,
+            walls: None,
+            spans: None,
+        }
     }
 
     /// What finds places.
     pub fn resolver(&self) -> &Resolver<'a> {
         &self.resolver
+    }
+
+    /// With what is seen in each sample: on a globe lines are looked for there.
+    pub fn seeing(self, seen: &'a Visibility) -> Shader<'a> {
+        Shader { seen: Some(seen), ..self }
+    }
+
+    /// With residuals that are what a form leaves.
+    pub fn without(self, form: Option<&'a Form>) -> Shader<'a> {
+        Shader { form, ..self }
+    }
+
+    /// With holes that look so; a scene that has a membrane over them is given with it.
+    pub fn with_holes(self, holes: &Holes) -> Shader<'a> {
+        let scene = self.resolver.scene;
+        let rims = match holes {
+            Holes::Outlined(width) => Some(Rims::new(scene, width * f64::from(self.parts))),
+            _ => None,
+        };
+        let spans = holes.spans(&scene.placed).into_iter().fold(0.0, f64::max);
+        Shader { rims, spans: Some(spans).filter(|spans| *spans > 0.0), ..self }
+    }
+
+    /// With walls down or up to a height of the field.
+    pub fn with_walls(self, base: f64) -> Shader<'a> {
+        let Resolver { scene, sight, .. } = self.resolver;
+        Shader { walls: Walls::new(scene, &sight.cut().bounds, base), ..self }
+    }
+
+    /// Whether a wall hides a height along a line.
+    pub fn is_behind_wall(&self, label: &ContourLabel) -> bool {
+        let parts = f64::from(self.parts);
+        let [left, top, right, bottom] = label.area();
+        let places = [label.middle, [left, top], [right, top], [left, bottom], [right, bottom]];
+        places.into_iter().map(|place| place.map(|at| at * parts)).any(|place| {
+            let seen = self.seen.and_then(|seen| seen.at(place[1] as usize * seen.width + place[0] as usize));
+            let hit = seen.and_then(|shown| self.resolver.look(shown, place.map(|at| at.floor() + 0.5)));
+            hit.is_some_and(|hit| self.wall(Some(&hit), place).is_some())
+        })
+    }
+
+    /// The wall that is seen at a place of the picture, before a hit.
+    fn wall(&self, hit: Option<&Hit>, place: [f64; 2]) -> Option<WallHit> {
+        let walls = self.walls.as_ref()?;
+        let (origin, direction) = self.resolver.ray(place)?;
+        walls.cast(self.resolver.scene, origin, direction, hit.map_or(f64::INFINITY, |hit| hit.depth))
+    }
+
+    /// What a place of the picture shows: its colour, depth, and how much of it is covered by what was measured.
+    pub(super) fn sample(&self, hit: Option<&Hit>, place: [f64; 2]) -> Option<([f32; 4], f64, f32)> {
+        if let Some(wall) = self.wall(hit, place) {
+            let (_, direction) = self.resolver.ray(place)?;
+            let toward = self.sun.unwrap_or(-direction.normalize_or_zero());
+            let lit = wall.normal.dot(toward).max(0.0) as f32;
+            let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
+            let alpha = self.resolver.sight.cut().fade(wall.depth) as f32;
+            let [r, g, b] = WALL.map(|color| color * light * alpha);
+            return Some(([r, g, b, alpha], wall.depth, 0.0));
+        }
+        hit.map(|hit| (self.color(hit, place), hit.depth, self.alpha(hit)))
     }
 
     /// Without lines in some of the pixels; `width` are in a row.
@@ -105,33 +202,34 @@ impl<'a> Shader<'a> {
         pixels.get(y * width + x).copied().unwrap_or(false)
     }
 
-    /// Colours in linear light, premultiplied with alpha, and depths: infinite where some sample of a pixel shows nothing. Where the surface
-    /// ends, but for holes, more rays say how much of a pixel it covers.
-    pub fn shade(&self, seen: &Visibility, [width, height]: [usize; 2]) -> (Vec<[f32; 4]>, Vec<f32>) {
+    /// Colours in linear light, premultiplied with alpha; depths, infinite where some sample of a pixel shows nothing, and how much of each
+    /// pixel is covered by what was measured. Where the surface ends, but for holes, more rays say how much of a pixel it covers.
+    pub fn shade(&self, seen: &Visibility, [width, height]: [usize; 2]) -> (Vec<[f32; 4]>, [Vec<f32>; 2]) {
         let parts = self.parts as usize;
         let pixel = |index: usize| {
             let (x, y) = (index % width * parts, index / width * parts);
             let is_end = parts > 1 && self.is_end(seen, [x, y]);
-            let (mut color, mut depth) = ([0.0_f32; 4], 0.0_f32);
+            let (mut color, mut depth, mut covered) = ([0.0_f32; 4], 0.0_f32, 0.0_f32);
             for (x, y) in (y..y + parts).flat_map(|y| (x..x + parts).map(move |x| (x, y))) {
                 let place = [x as f64 + 0.5, y as f64 + 0.5];
                 let hit = seen.at(y * seen.width + x).and_then(|shown| self.resolver.look(shown, place));
-                let Some(hit) = hit else {
+                let Some((sample, sample_depth, sample_covered)) = self.sample(hit.as_ref(), place) else {
                     depth = f32::INFINITY;
                     continue;
                 };
-                depth = depth.max(hit.depth as f32);
-                if !is_end {
-                    let sample = self.color(&hit, place);
-                    (0..4).for_each(|k| color[k] += sample[k]);
-                }
+                depth = depth.max(sample_depth as f32);
+                (0..4).for_each(|k| color[k] += sample[k]);
+                covered += sample_covered;
             }
             if is_end {
-                return (self.end([x, y]), depth);
+                let (color, covered) = self.end([x, y]);
+                return (color, (depth, covered));
             }
-            (color.map(|sum| sum / (parts * parts) as f32), depth)
+            let all = (parts * parts) as f32;
+            (color.map(|sum| sum / all), (depth, covered / all))
         };
-        (0..width * height).into_par_iter().map(pixel).unzip()
+        let (colors, (depth, covered)) = (0..width * height).into_par_iter().map(pixel).unzip();
+        (colors, [depth, covered])
     }
 
     /// Whether a surface without holes ends in a pixel or next to it.
@@ -150,32 +248,42 @@ impl<'a> Shader<'a> {
         hits && misses && self.resolver.scene.placed.is_flat()
     }
 
-    /// The colour of a pixel in which a surface ends.
-    fn end(&self, [left, top]: [usize; 2]) -> [f32; 4] {
-        let mut color = [0.0_f32; 4];
+    /// The colour of a pixel in which a surface ends, and how much of it is covered.
+    fn end(&self, [left, top]: [usize; 2]) -> ([f32; 4], f32) {
+        let (mut color, mut covered) = ([0.0_f32; 4], 0.0_f32);
         let step = f64::from(self.parts) / f64::from(ENDS);
         for (i, j) in (0..ENDS).flat_map(|j| (0..ENDS).map(move |i| (i, j))) {
             let place = [left as f64 + (f64::from(i) + 0.5) * step, top as f64 + (f64::from(j) + 0.5) * step];
-            if let Some(hit) = self.resolver.cast(place) {
-                let sample = self.color(&hit, place);
+            if let Some((sample, _, sample_covered)) = self.sample(self.resolver.cast(place).as_ref(), place) {
                 (0..4).for_each(|k| color[k] += sample[k]);
+                covered += sample_covered;
             }
         }
-        color.map(|sum| sum / (ENDS * ENDS) as f32)
+        let all = (ENDS * ENDS) as f32;
+        (color.map(|sum| sum / all), covered / all)
     }
 
     /// The colour of a hit at a place of the picture: linear light, premultiplied.
-    pub fn color(&self, hit: &Hit, place: [f64; 2]) -> [f32; 4] {
+    fn color(&self, hit: &Hit, place: [f64; 2]) -> [f32; 4] {
         let scene = self.resolver.scene;
         let sight = self.resolver.sight;
         let placed = &scene.placed;
-        let texel = self.texel(hit);
+        let texel = if hit.is_membrane { Texel::default() } else { self.texel(hit) };
         let mesh = &scene.meshes[hit.shown.node];
-        let [x, y, z] = texel.normal.map(f64::from);
+        let [x, y, z] = if hit.is_membrane { self.flat_normal(hit) } else { texel.normal.map(f64::from) };
         let plain = match self.look.attribute {
+            _ if hit.is_membrane => self.hatch(place),
             Attribute::Height => {
                 let scale = |height: f64| self.place(height);
                 self.ramp.mean(texel.range.map(scale))
+            }
+            Attribute::Residual => {
+                let form = self.form.map_or(0.0, |form| form.height(placed.file_place(hit.under[0], hit.under[1])));
+                match form.is_nan() {
+                    // Beside a sphere.
+                    true => BESIDE,
+                    false => self.ramp.mean(texel.range.map(|height| self.place(height - form))),
+                }
             }
             Attribute::Slope => self.ramp.at(self.place(x.hypot(y).atan2(z).to_degrees())),
             Attribute::Aspect => self.ramp.at(self.place(x.atan2(y).to_degrees().rem_euclid(360.0))),
@@ -207,13 +315,47 @@ impl<'a> Shader<'a> {
         let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
         let mut color = plain.map(|color| color * light);
         if let Some(contours) = &self.look.contours
+            && !hit.is_membrane
             && !self.is_spared(place)
         {
             let share = self.line(contours, hit, place);
             (0..3).for_each(|k| color[k] += share * (contours.color[k] - color[k]));
         }
+        if let Some(rims) = self.rims.as_ref().filter(|_| !hit.is_membrane) {
+            let share = rims.share(&self.resolver, hit);
+            (0..3).for_each(|k| color[k] += share * (RIM[k] - color[k]));
+        }
         let alpha = (hit.coverage * sight.cut().fade(hit.depth)) as f32;
+        // What a coarse sample leaves open are holes that are smaller than it.
+        if hit.coverage < 1.0 && self.spans.is_some_and(|spans| spans >= (1_u64 << mesh.node.key.level) as f64) {
+            let (whole, hatch) = (sight.cut().fade(hit.depth) as f32, self.hatch(place));
+            let mixed = |k: usize| color[k] * alpha + hatch[k] * light * (whole - alpha);
+            return [mixed(0), mixed(1), mixed(2), whole];
+        }
         [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]
+    }
+
+    /// How much of a hit is covered by what was measured.
+    fn alpha(&self, hit: &Hit) -> f32 {
+        match hit.is_membrane {
+            true => 0.0,
+            false => (hit.coverage * self.resolver.sight.cut().fade(hit.depth)) as f32,
+        }
+    }
+
+    /// The normal of a hit's triangle, as mean normals are.
+    fn flat_normal(&self, hit: &Hit) -> [f64; 3] {
+        let placed = &self.resolver.scene.placed;
+        let lean = [0, 1].map(|k| -hit.slope[k] * placed.true_lift / placed.step[k]);
+        DVec3::new(lean[0], lean[1], 1.0).normalize().to_array()
+    }
+
+    /// The colour of the membrane at a place of the picture: stripes, which no data has.
+    fn hatch(&self, [x, y]: [f64; 2]) -> [f32; 3] {
+        let across = (x + y) / (f64::from(self.parts) * HATCH * std::f64::consts::SQRT_2);
+        let away = 2.0 * (across - across.floor() - 0.5).abs();
+        let stripe = (((away - 0.5) * HATCH * 0.5 * f64::from(self.parts)) + 0.5).clamp(0.0, 1.0) as f32;
+        [0.5 - 0.38 * stripe; 3]
     }
 
     /// The rows and columns that the sides of a sample of the picture, to the right and downwards, reach over on a surface with a mean normal; on a
@@ -225,7 +367,7 @@ impl<'a> Shader<'a> {
         let least = [size / along, size / across];
         let ([row, column, height], slope) = (hit.under, placed.slope(normal));
         let side = |x: f64, y: f64| {
-            let (origin, direction) = self.resolver.sight.ray([x, y])?;
+            let (origin, direction) = self.resolver.ray([x, y])?;
             let [column_there, row_there, _] = placed.ray(origin, direction)?.on_plane([row, column], height, slope)?;
             let side = [2.0 * (row_there - row), 2.0 * (column_there - column)];
             let longer = (side[0] / least[0]).hypot(side[1] / least[1]) / MOST_LONGER;
@@ -245,24 +387,51 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// How much of a place is a line of equal height.
-    fn line(&self, contours: &Contours, hit: &Hit, [x, y]: [f64; 2]) -> f32 {
+    /// The height at a place of the picture, and what a sample to the right and one down add to it on the triangle or the plane that is seen
+    /// there; the sample's place is where it is met.
+    fn relief(&self, hit: &Hit, [x, y]: [f64; 2]) -> Option<(f64, [f64; 2])> {
         let placed = &self.resolver.scene.placed;
         let ([row, column, here], slope) = (hit.under, hit.slope);
+        if !placed.is_flat() {
+            // A point is beside the sample's middle.
+            let moves = self.resolver.moves(hit)?;
+            let rise = moves.rise(slope)?;
+            return Some((here + rise[0] * (x - moves.at[0]) + rise[1] * (y - moves.at[1]), rise));
+        }
         let height = |x: f64, y: f64| {
-            let (origin, direction) = self.resolver.sight.ray([x, y])?;
+            let (origin, direction) = self.resolver.ray([x, y])?;
             let ray = placed.ray(origin, direction)?;
             ray.on_plane([row, column], here, slope).map(|[_, _, height]| height)
         };
         const STEP: f64 = 0.25;
+        let (right, below) = (height(x + STEP, y)?, height(x, y + STEP)?);
+        Some((here, [(right - here) / STEP, (below - here) / STEP]))
+    }
+
+    /// The height that is seen at a place of the picture near a hit.
+    fn height_at(&self, hit: &Hit, place: [f64; 2]) -> Option<f64> {
+        if self.resolver.scene.placed.is_flat() {
+            let near = self.resolver.height_near(hit, place);
+            return near.or_else(|| Some(self.resolver.cast(place)?.under[2]));
+        }
+        let seen = self.seen?;
+        let [x, y] = place.map(f64::floor);
+        if x < 0.0 || y < 0.0 || x >= seen.width as f64 || y >= seen.height as f64 {
+            return None;
+        }
+        let hit = self.resolver.hit(seen.at(y as usize * seen.width + x as usize)?, place)?;
+        Some(self.relief(&hit, place)?.0)
+    }
+
+    /// How much of a place is a line of equal height.
+    fn line(&self, contours: &Contours, hit: &Hit, [x, y]: [f64; 2]) -> f32 {
         let parts = f64::from(self.parts);
-        let nearest = contours.nearest(here);
         // A surface that is seen from its edge has all of its lines there.
-        let (Some(right), Some(below)) = (height(x + STEP, y), height(x, y + STEP)) else {
-            return contours.share(nearest, 0.0, f64::MAX, 1.0);
+        let Some((here, rise)) = self.relief(hit, [x, y]) else {
+            return contours.share(contours.nearest(hit.under[2]), 0.0, f64::MAX, 1.0);
         };
+        let nearest = contours.nearest(here);
         // Widths are in pixels, this is in samples.
-        let rise = [(right - here) / STEP, (below - here) / STEP];
         let steep = rise[0].hypot(rise[1]);
         let mut away = (nearest - here).abs() / steep;
         // Where the line is told to be the surface may have another slope: by secants to where it is.
@@ -272,12 +441,12 @@ impl<'a> Shader<'a> {
             let up = rise.map(|rise| rise / steep * (nearest - here).signum());
             let (mut last, mut is_found) = ((0.0, here), false);
             for _ in 0..SECANTS {
-                let Some(there) = self.resolver.cast([x + up[0] * away, y + up[1] * away]) else { break };
-                let next = away + (nearest - there.under[2]) * (away - last.0) / (there.under[2] - last.1);
+                let Some(there) = self.height_at(hit, [x + up[0] * away, y + up[1] * away]) else { break };
+                let next = away + (nearest - there) * (away - last.0) / (there - last.1);
                 if next.is_nan() || next <= 0.0 {
                     break;
                 }
-                last = (away, there.under[2]);
+                last = (away, there);
                 away = next.clamp(0.25 * away, 4.0 * away);
                 if (next - last.0).abs() < 0.02 {
                     is_found = true;

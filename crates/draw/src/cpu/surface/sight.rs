@@ -22,6 +22,15 @@ pub enum Sight {
     },
 }
 
+/// What all rays of a picture have in common.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// The place that is straight ahead, pixels.
+    middle: [f64; 2],
+    /// Pixels of a length of 1 at a depth of 1, in pictures without perspective at any.
+    focal: f64,
+}
+
 impl Sight {
     /// Width and height, pixels.
     pub fn size(&self) -> [u32; 2] {
@@ -58,12 +67,23 @@ impl Sight {
         }
     }
 
+    /// What rays are made with.
+    pub fn lens(&self) -> Lens {
+        match self {
+            Sight::Flat(view) => Lens { middle: view.middle(), focal: view.focal_pixels() },
+            Sight::Around { .. } => Lens { middle: [0.0; 2], focal: 1.0 },
+        }
+    }
+
     /// The ray of a place in the picture: its parameter is the depth. `None` where nothing is shown.
-    pub fn ray(&self, [x, y]: [f64; 2]) -> Option<(DVec3, DVec3)> {
+    pub fn ray(&self, place: [f64; 2]) -> Option<(DVec3, DVec3)> {
+        self.ray_through(&self.lens(), place)
+    }
+
+    /// The same with what many rays have in common.
+    pub fn ray_through(&self, Lens { middle, focal }: &Lens, [x, y]: [f64; 2]) -> Option<(DVec3, DVec3)> {
         match self {
             Sight::Flat(view) => {
-                let middle = view.middle();
-                let focal = view.focal_pixels();
                 let across = (x - middle[0]) / focal * view.right + (middle[1] - y) / focal * view.up;
                 Some(match view.projection {
                     Projection::Perspective { .. } => (view.eye, across + view.forward),

@@ -13,7 +13,7 @@ use super::placed::Placed;
 use super::select::{CutNode, SurfaceCut};
 use super::source::{NodeSamples, SurfaceNodes};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
-use deepfield_heights::model::Cell;
+use deepfield_heights::model::{Cell, Triangle};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -40,6 +40,8 @@ pub struct Mesh {
     pub extras: [Vec<Vec<Extra>>; 4],
     /// Which of its [`SIDES`] lie on a coarser chunk's.
     pub is_laid: [bool; 4],
+    /// Heights of a membrane where nothing was measured, NaN elsewhere; `None` where there is no membrane.
+    pub(super) fill: Option<Vec<f64>>,
 }
 
 impl Mesh {
@@ -54,6 +56,51 @@ impl Mesh {
         let next = first + self.samples.columns;
         let heights = self.heights();
         Cell([heights[first], heights[first + 1], heights[next], heights[next + 1]])
+    }
+
+    /// The height of a sample that was measured, or of the membrane.
+    pub fn surface_height(&self, index: usize) -> f64 {
+        let own = self.heights()[index];
+        self.fill.as_ref().filter(|_| own.is_nan()).map_or(own, |fill| fill[index])
+    }
+
+    /// The heights at a cell's corners, those of the membrane included.
+    pub fn surface_cell(&self, row: usize, column: usize) -> Cell {
+        let first = row * self.samples.columns + column;
+        let next = first + self.samples.columns;
+        Cell([first, first + 1, next, next + 1].map(|index| self.surface_height(index)))
+    }
+
+    /// The triangles of a cell: those of what was measured, then the membrane's, of which `true` tells.
+    pub fn triangles(&self, row: usize, column: usize) -> impl Iterator<Item = (Triangle, bool)> + use<> {
+        let cell = self.cell(row, column);
+        let (mut found, mut count) = ([None; 2], 0);
+        let mut add = |cell: &Cell, is_membrane: bool| {
+            for triangle in cell.triangles().take(2 - count) {
+                found[count] = Some((triangle, is_membrane));
+                count += 1;
+            }
+        };
+        add(&cell, false);
+        if self.fill.is_some() && cell.measured() < 4 {
+            let mut rest = self.surface_cell(row, column);
+            // Opposite to the corner that was not measured is the triangle of those that were.
+            if cell.measured() == 3
+                && let Some(open) = cell.0.iter().position(|height| height.is_nan())
+            {
+                rest.0[3 - open] = f64::NAN;
+            }
+            add(&rest, true);
+        }
+        found.into_iter().flatten()
+    }
+
+    /// The row and the column of its cell that holds a cell of full resolution.
+    pub fn cell_at(&self, cell: [u64; 2]) -> [usize; 2] {
+        [0, 1].map(|axis| {
+            let places = if axis == 0 { &self.rows } else { &self.columns };
+            places.partition_point(|place| *place <= cell[axis]).clamp(1, places.len() - 1) - 1
+        })
     }
 
     /// Whether a cell lies along a side.
@@ -152,6 +199,7 @@ impl Scene {
             heights: None,
             extras: Default::default(),
             is_laid: [false; 4],
+            fill: None,
         });
         let meshes = meshes.collect();
         let mut scene = Scene { placed: *placed, lattice, cut, meshes, ancestors };
@@ -181,6 +229,9 @@ impl Scene {
     }
 
     fn joined(&self, mesh: &Mesh) -> (Option<Vec<f64>>, [Vec<Vec<Extra>>; 4], [bool; 4]) {
+        if mesh.node.facts.is_empty() {
+            return Default::default();
+        }
         let mut heights: Option<Vec<f64>> = None;
         let [last_row, last_column] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
         let sides = (0..=last_column).flat_map(|c| [(0, c), (last_row, c)]);
@@ -209,7 +260,7 @@ impl Scene {
             let along = lines[1 - axis];
             let neighbour = |place: u64| {
                 let cell = if axis == 0 { [beyond, place] } else { [place, beyond] };
-                self.cut.at(cell[0], cell[1]).map(|number| self.cut.nodes[number].key.level)
+                self.measured_at(cell[0], cell[1]).map(|number| self.cut.nodes[number].key.level)
             };
             if let Some(level) = neighbour(along[0])
                 && level >= mesh.node.key.level
@@ -258,6 +309,11 @@ impl Scene {
         found
     }
 
+    /// The chunk that holds a cell of full resolution, unless nothing was measured in it.
+    fn measured_at(&self, row: u64, column: u64) -> Option<usize> {
+        self.cut.at(row, column).filter(|number| !self.cut.nodes[*number].facts.is_empty())
+    }
+
     /// The height of a border at a sample of full resolution: of the coarsest chunk there that has one; NaN where none has.
     pub fn border(&self, row: u64, column: u64) -> f64 {
         let mut around = [usize::MAX; 4];
@@ -270,7 +326,7 @@ impl Scene {
             {
                 continue;
             }
-            *slot = self.cut.at(row - up, column - left).unwrap_or(usize::MAX);
+            *slot = self.measured_at(row - up, column - left).unwrap_or(usize::MAX);
         }
         // Chunks are sorted by their level.
         around.sort_unstable_by(|a, b| b.cmp(a));

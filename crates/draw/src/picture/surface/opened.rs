@@ -7,7 +7,7 @@ use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::{NodeSamples, SurfaceNodes};
-use crate::heights::measure::{Pick, Ray, Rise, pick_all};
+use crate::heights::measure::{FittedForm, FormKind, Pick, Ray, Rise, fitted, pick_all};
 use crate::heights::model::HeightError;
 use crate::heights::store::HeightFile;
 use crate::look::{CameraConfig, Shot};
@@ -15,10 +15,11 @@ use crate::mode::{Coloring, Depiction, LevelChoice, Mode, Settings};
 use crate::model::{Attribute, Bounds, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use crate::modes::surface::{self, SurfaceSettings};
 use crate::picture::PictureError;
+use crate::picture::session::Reporter;
 use crate::view::View;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use tempfile::TempDir;
 
 /// Memory for the chunk that all of a field is, bytes.
@@ -31,6 +32,8 @@ pub struct OpenSurface {
     file: Arc<HeightFile>,
     /// The chunk that all of the field is.
     coarse: Coarse,
+    /// Forms that were fitted to it.
+    forms: Mutex<Vec<FittedForm>>,
     /// Where its page file lies as long as anybody may read it.
     folder: Option<TempDir>,
 }
@@ -58,7 +61,7 @@ impl OpenSurface {
         };
         let positions = [0, 1].map(|axis| nodes.lattice().places(root, axis));
         let coarse = Coarse { samples, positions, delta: facts.delta };
-        Ok(OpenSurface { path: path.into(), file, coarse, folder: None })
+        Ok(OpenSurface { path: path.into(), file, coarse, forms: Mutex::default(), folder: None })
     }
 
     /// The same with the folder that its page file lies in, which goes when nobody needs it any more.
@@ -137,14 +140,41 @@ impl OpenSurface {
 
     /// What a legend calls the values of a depiction.
     pub fn units(&self, depiction: &Depiction) -> Units {
-        self.units_of(self.coloured(depiction))
+        let form = SurfaceSettings::new(&depiction.settings, &self.file.about().grid).map(|settings| settings.form);
+        self.units_of(self.coloured(depiction), form.unwrap_or(FormKind::Plane))
     }
 
-    pub(super) fn units_of(&self, attribute: Coloured) -> Units {
+    pub(super) fn units_of(&self, attribute: Coloured, form: FormKind) -> Units {
         let grid = &self.file.about().grid;
+        let named = |name: &str| match attribute {
+            Coloured::Residual => format!("{name} from {form}"),
+            _ => name.to_owned(),
+        };
         let value = surface::quantity_of(attribute)
-            .map(|(name, unit)| (name.to_owned(), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
+            .map(|(name, unit)| (named(name), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
         Units { mass: Unit::default(), length: grid.xy_unit.clone(), attribute: Unit::default(), value }
+    }
+
+    /// A form that is fitted to its samples, once for all pictures; `reporter` is told where these are not all.
+    ///
+    /// # Errors
+    /// Where samples cannot be read, or do not determine the form.
+    pub(super) fn fitted(&self, kind: FormKind, reporter: &dyn Reporter) -> Result<FittedForm, PictureError> {
+        let mut forms = self.forms.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = forms.iter().find(|known| known.form.kind() == kind) {
+            return Ok(known.clone());
+        }
+        let fitted = fitted(&self.file, kind).map_err(|error| PictureError::of(&self.path, error.to_string()))?;
+        if fitted.level > 0 {
+            let every = 1_u64 << fitted.level;
+            let path = self.path.display();
+            let level = fitted.level;
+            reporter.tell(format!(
+                "{path}: residual: the {kind} is fitted to level {level}, a sample of {every} x {every}"
+            ));
+        }
+        forms.push(fitted.clone());
+        Ok(fitted)
     }
 
     /// How settings place it in the world.

@@ -17,6 +17,7 @@ use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_le
 use crate::cpu::volume::VolumeLevels;
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
+use crate::heights::measure::Form;
 use crate::heights::model::{HeightGrid, units};
 use crate::heights::store::HeightFile;
 use crate::heights::{OpenHeights, is_heights};
@@ -44,6 +45,8 @@ use std::sync::Arc;
 const CHUNK_MEMORY: u64 = 512 << 20;
 /// Largest displacement on screen unless it is set, pixels.
 const ERROR_PX: f64 = 0.8;
+/// Residuals are coloured up to so many times the root of their mean square.
+const OUTLIERS: f64 = 3.0;
 
 /// Draws pictures of a height field.
 pub struct SurfaceSession {
@@ -74,6 +77,8 @@ pub(super) struct Prepared {
     pub(super) placed: Placed,
     pub(super) attribute: Attribute,
     pub(super) look: Look,
+    /// What residuals are what is left of, where they are shown.
+    pub(super) form: Option<Arc<Form>>,
 }
 
 impl SurfaceSession {
@@ -168,16 +173,20 @@ impl SurfaceSession {
         let settings = SurfaceSettings::new(&look.settings, &about.grid).map_err(refuse)?;
         let attribute = surface::attribute_of(look.attribute_name(), about).map_err(refuse)?;
         let placed = self.placed(&settings);
-        if !placed.is_flat() && settings.contours.is_some() {
-            return Err(refuse("contours: not drawn on a globe yet, expected 0, or map plate or local".into()));
-        }
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
         let levels = about.levels.len() as u32;
-        let range = surface::range_of(&transfer, attribute, &about.facts, levels, curvature);
+        let fitted = match attribute {
+            Attribute::Residual => Some(self.opened.fitted(settings.form, &*self.reporter)?),
+            _ => None,
+        };
+        // A few that are far off do not hide all others.
+        let most = fitted.as_ref().map_or(curvature, |fitted| fitted.most.min(OUTLIERS * fitted.root_mean_square));
+        let range = surface::range_of(&transfer, attribute, &about.facts, levels, most);
         let look = settings.look(attribute, transfer, range);
-        Ok(Prepared { mode, settings, placed, attribute, look })
+        let form = fitted.map(|fitted| Arc::new(fitted.form));
+        Ok(Prepared { mode, settings, placed, attribute, look, form })
     }
 
     /// How a look is drawn.
@@ -191,6 +200,10 @@ impl SurfaceSession {
             samples: prepared.settings.samples,
             raw: self.options.raw,
             look: Some(prepared.look.clone()),
+            holes: prepared.settings.holes,
+            holes_grow: prepared.settings.holes_grow,
+            form: prepared.form.clone(),
+            walls: prepared.settings.walls.then_some(prepared.settings.base),
             ..SurfaceOptions::default()
         }
     }
@@ -262,7 +275,7 @@ impl SurfaceSession {
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: prepared.look.range[0] });
         let (mode, choice) = (prepared.mode, look.budget.level_choice());
         let depiction = Depiction { mode, settings: look.settings.clone(), attribute: coloring, choice };
-        (depiction, self.opened.units_of(prepared.attribute))
+        (depiction, self.opened.units_of(prepared.attribute, prepared.settings.form))
     }
 
     /// A picture in colours of a shot from a view, with what is in a box.
@@ -391,6 +404,10 @@ impl SurfaceSession {
             technique: prepared.settings.technique,
             tau: look.error_px.map_or(ERROR_PX, f64::from),
             samples: prepared.settings.samples,
+            holes: prepared.settings.holes,
+            holes_grow: prepared.settings.holes_grow,
+            form: prepared.form,
+            walls: prepared.settings.walls.then_some(prepared.settings.base),
             look: Some(prepared.look),
             ..SurfaceOptions::default()
         };

@@ -176,3 +176,98 @@ fn contours_keep_their_width() {
     let many = lines(0.05);
     assert!(many.iter().all(|share| (share - 0.5).abs() < 0.02));
 }
+
+/// On a globe lines are where heights are theirs, as wide as elsewhere, whatever is drawn.
+#[test]
+fn lines_are_drawn_on_globes() {
+    let mut field = hills(300, 400, 0.0, 4);
+    field.stored.iter_mut().enumerate().for_each(|(index, height)| {
+        let (x, y) = ((index % 400) as f64, (index / 400) as f64);
+        *height = 6.0 * (x / 17.0).sin() * (y / 23.0).cos() + 0.01 * x;
+    });
+    (field.grid.origin, field.grid.step) = ([-40.0, -30.0], [0.2, 0.2]);
+    field.grid.xy_unit = crate::model::Unit::new("deg");
+    let placed = Placed::new(&field.grid, Map::Globe { radius: 1000.0 }, 2.0, 0.0);
+    let source = MemorySurface::new(&field, 1.0).unwrap();
+    let size = [220, 160];
+    for (height, technique) in
+        [(900.0, Technique::Triangles), (900.0, Technique::Hybrid), (200.0, Technique::Triangles)]
+    {
+        let sight = view([3000.0, 0.0, 0.0], [0.0; 3], Projection::Orthographic { height }, size);
+        let draw_with = |lines: bool| {
+            let contours = Contours { interval: 4.0, base: 1.0, major: 0, width: 1.5, color: [0.0; 3], labels: None };
+            let look = Look { ambient: 1.0, contours: lines.then_some(contours), ..look(Attribute::Level, Light::Eye) };
+            draw(
+                &source,
+                &placed,
+                &sight,
+                &SurfaceOptions { technique, look: Some(look), raw: !lines, tau: 0.3, ..SurfaceOptions::default() },
+            )
+        };
+        let (plain, lined) = (draw_with(false), draw_with(true));
+        let at = |x: usize, y: usize| plain.raw[y * size[0] as usize + x][3];
+        let (mut on, mut off) = (0, 0);
+        for (x, y) in (2..size[1] as usize - 2).flat_map(|y| (2..size[0] as usize - 2).map(move |x| (x, y))) {
+            let rise = [at(x + 1, y) - at(x - 1, y), at(x, y + 1) - at(x, y - 1)].map(|rise| 0.5 * rise);
+            let steep = rise[0].hypot(rise[1]);
+            let nearest = ((at(x, y) - 1.0) / 4.0).round() * 4.0 + 1.0;
+            // Where lines are not close to each other, nor the surface almost level.
+            if !(steep * 6.0 < 4.0 && steep > 0.02) {
+                continue;
+            }
+            let away = (at(x, y) - nearest).abs() / steep;
+            let [with, without] = [&lined, &plain].map(|picture| picture.colors.rgba[y * size[0] as usize + x]);
+            let share = 1.0 - (0..3).map(|k| with[k]).sum::<f32>() / (0..3).map(|k| without[k]).sum::<f32>();
+            let slack = if technique == Technique::Hybrid { 0.7 } else { 0.0 };
+            if away < 0.3 - slack {
+                on += 1;
+                assert!(share > 0.5, "{share} at {x} {y}, {away} px from the line");
+            } else if away > 2.0 + slack {
+                off += 1;
+                assert!(share < 0.05, "{share} at {x} {y}, {away} px from the line");
+            }
+        }
+        assert!(off > 1000 && (on > 200 || technique == Technique::Hybrid), "{on} {off}");
+    }
+}
+
+/// Walls reach from the surface to the base at the border and where a box cuts, and are no data.
+#[test]
+fn walls_close_the_sides() {
+    let field = HeightField::of(101, 101, (0..101 * 101).map(|index| 10.0 + 0.1 * f64::from(index % 101)).collect());
+    let (source, placed) = (MemorySurface::new(&field, 1.0).unwrap(), placed(&field));
+    // From the right, so that the right side is seen: x = 100, or where the box ends.
+    let projection = Projection::Orthographic { height: 60.0 };
+    let Sight::Flat(whole) = view([400.0, 50.0, 10.0], [0.0, 50.0, 10.0], projection, [120, 60]) else {
+        unreachable!()
+    };
+    for (end, technique) in [(100.0, Technique::Hybrid), (70.0, Technique::Triangles), (70.0, Technique::Rays)] {
+        let mut cut = whole;
+        if end < 100.0 {
+            cut.cut.bounds = Bounds { min: DVec3::new(30.0, -1e9, -1e9), max: DVec3::new(end, 1e9, 1e9) };
+        }
+        let draw_with = |walls: Option<f64>| {
+            let look = Some(look(Attribute::Height, Light::Eye));
+            draw(
+                &source,
+                &placed,
+                &Sight::Flat(cut),
+                &SurfaceOptions { technique, look, walls, raw: true, ..SurfaceOptions::default() },
+            )
+        };
+        let (open, closed) = (draw_with(None), draw_with(Some(4.0)));
+        let bits =
+            |picture: &SurfacePicture| picture.raw.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&open), bits(&closed));
+        assert!(closed.report.covered <= open.report.covered + 1e-3);
+        let top = 10.0 + 0.1 * end;
+        for (index, color) in closed.colors.rgba.iter().enumerate() {
+            // A pixel is a unit; the middle of the picture is at y = 50, z = 10.
+            let (y, z) = ((index % 120) as f64 - 59.5, 10.0 - (index / 120) as f64 + 29.5);
+            let is_wall = y.abs() < 49.0 && z > 4.6 && z < top - 0.6;
+            let is_beside = y.abs() > 51.0 || z < 3.4 || z > top + 0.6;
+            assert!(!is_wall || color[3] > 0.999, "{y} {z}: {color:?}");
+            assert!(!is_beside || color[3] < 0.001, "{y} {z}: {color:?}");
+        }
+    }
+}
