@@ -22,14 +22,14 @@ const PLANES: usize = 4;
 
 /// How much finer than a pixel a level is taken: what is read between its samples is a mean over about twice their distance, and pixels of a
 /// small picture are nearest to the means of a large one with this.
-const FINER: f64 = 0.65;
+pub const FINER: f64 = 0.65;
 
 /// Widths of a line from it within which a sample looks where it really is.
-const REACH: f64 = 1.2;
+pub const REACH: f64 = 1.2;
 /// Most steps to where a line is.
-const SECANTS: u32 = 8;
+pub const SECANTS: u32 = 8;
 /// Rays along a pixel's side where a surface ends in it.
-const ENDS: u32 = 4;
+pub const ENDS: u32 = 4;
 
 /// What a place looks like.
 #[derive(Clone, Copy, Debug, Default)]

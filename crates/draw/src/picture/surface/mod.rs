@@ -1,5 +1,6 @@
 //! Pictures of measured heights: [`SurfaceSession`] opens a field and draws the shots that are asked for.
 
+mod painting;
 mod raw;
 mod session;
 

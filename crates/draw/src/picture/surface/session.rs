@@ -1,5 +1,6 @@
 //! An open height field, of which pictures are drawn.
 
+use super::painting::{DrawnBy, Field, Painter};
 use super::raw::{SurfaceChannels, SurfaceShown};
 use crate::annotate::Units;
 use crate::color::Image;
@@ -8,7 +9,7 @@ use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
-use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw};
+use crate::cpu::surface::{SurfaceOptions, SurfacePicture};
 use crate::cpu::volume::{VolumeLevels, VolumeReport};
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
@@ -20,6 +21,7 @@ use crate::mode::depiction::Coloring;
 use crate::mode::{Depiction, LightPicture, Mode, Raw};
 use crate::model::{Bounds, Unit};
 use crate::modes::surface::{self, SurfaceSettings};
+use crate::picture::adapter::Adapter;
 use crate::picture::annotation::Annotation;
 use crate::picture::left_out::LeftOut;
 use crate::picture::level_report::LevelReport;
@@ -44,6 +46,7 @@ pub struct SurfaceSession {
     options: SessionOptions,
     reporter: Arc<dyn Reporter>,
     nodes: PagedSurface,
+    painter: Painter,
     /// Where the page file of a source lies while it is drawn.
     _folder: Option<tempfile::TempDir>,
 }
@@ -91,7 +94,14 @@ impl SurfaceSession {
         file.about().notes.iter().for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
         let memory = options.chunk_memory.unwrap_or(CHUNK_MEMORY);
         let nodes = PagedSurface::new(Arc::new(file), memory);
-        Ok(SurfaceSession { path: path.into(), options, reporter, nodes, _folder: folder })
+        Ok(SurfaceSession { path: path.into(), options, reporter, nodes, painter: Painter::default(), _folder: folder })
+    }
+
+    /// The same with an adapter, which draws what it is asked for or is faster at.
+    #[must_use]
+    pub fn with_adapter(mut self, adapter: Option<Box<dyn Adapter>>) -> SurfaceSession {
+        self.painter.adapter = adapter;
+        self
     }
 
     /// The field.
@@ -181,9 +191,12 @@ impl SurfaceSession {
         let mut drawn = None;
         for _ in 0..self.options.repeat.max(1) {
             let draw = || self.draw_once(shot, &view, &prepared.placed, &options);
-            drawn = Some(times.frame(|times| times.measure("draw", draw))?);
+            let done = times.frame(|times| times.measure("draw", draw))?;
+            times.extend(done.1.milliseconds.clone().into_iter().filter(|(pass, _)| pass != "frame"));
+            drawn = Some(done);
         }
-        let Some(SurfacePicture { colors, raw, report, .. }) = drawn else { return Err(PictureError::Stopped) };
+        let Some((picture, drawn_by)) = drawn else { return Err(PictureError::Stopped) };
+        let SurfacePicture { colors, raw, report, .. } = picture;
         if let Some(error) = self.nodes.error() {
             self.reporter.tell(error);
         }
@@ -209,7 +222,7 @@ impl SurfaceSession {
             drawn_from: "chunks",
             left_out: LeftOut::default(),
             level_report: LevelReport { levels: "chunks", ..LevelReport::default() },
-            drawn_by: ["cpu".into(), String::new()],
+            drawn_by: drawn_by.names,
             milliseconds: times.medians(),
             moment: None,
             paths: None,
@@ -220,26 +233,27 @@ impl SurfaceSession {
 
     /// Draws a shot once: in one piece, also around the eye; two eyes are two pictures.
     fn draw_once(
-        &self,
+        &mut self,
         shot: &Shot,
         view: &View,
         placed: &Placed,
         options: &SurfaceOptions,
-    ) -> Result<SurfacePicture, PictureError> {
+    ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
         // A globe has no rays of its own: its panoramas are faces put together.
         if shot.stereo.is_none() && (placed.is_flat() || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
                 None => Sight::Flat(*view),
                 Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
             };
-            return Ok(self.drawn(placed, &sight, options));
+            return self.drawn(placed, &sight, options);
         }
         let projector = Projector::new(*view, shot.surround, shot.stereo)?;
         let options = SurfaceOptions { raw: false, ..options.clone() };
-        let mut whole = SurfacePicture::default();
+        let (mut whole, mut drawn_by) = (SurfacePicture::default(), DrawnBy::default());
         whole.report.is_converged = true;
         let values = projector.draw_each(true, |view| {
-            let one = self.drawn(placed, &Sight::Flat(*view), &options);
+            let one;
+            (one, drawn_by) = self.drawn(placed, &Sight::Flat(*view), &options)?;
             whole.report.error_px = whole.report.error_px.max(one.report.error_px);
             whole.report.is_converged &= one.report.is_converged;
             whole.report.nodes_drawn += one.report.nodes_drawn;
@@ -253,13 +267,18 @@ impl SurfaceSession {
         if let Raw::Light(light) = values {
             whole.colors = light.colors;
         }
-        Ok(whole)
+        Ok((whole, drawn_by))
     }
 
     /// Reads what a picture needs, all at once, and draws it.
-    fn drawn(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> SurfacePicture {
-        self.nodes.prepare(placed, sight, options);
-        draw(&self.nodes, placed, sight, options)
+    fn drawn(
+        &mut self,
+        placed: &Placed,
+        sight: &Sight,
+        options: &SurfaceOptions,
+    ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
+        let field = Field { nodes: &self.nodes, placed, extremes: self.extremes() };
+        Ok(self.painter.draw(&field, sight, options, self.options.backend, &*self.reporter)?)
     }
 
     fn units(&self, attribute: Attribute) -> Units {
@@ -300,7 +319,7 @@ impl SurfaceSession {
             ..SurfaceOptions::default()
         };
         self.nodes.place(&prepared.placed);
-        Ok(self.drawn(&prepared.placed, &Sight::Flat(*view), &options).colors.image())
+        Ok(self.drawn(&prepared.placed, &Sight::Flat(*view), &options)?.0.colors.image())
     }
 
     /// What is known of a look's picture: its range.
