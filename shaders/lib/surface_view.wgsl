@@ -107,7 +107,7 @@ const FANNED: u32 = 8u;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
 
 /// Where a chunk's sample is, row and column of the field.
-fn position(draw: Draw, at: vec2<u32>) -> vec2<u32> {
+fn sample_at(draw: Draw, at: vec2<u32>) -> vec2<u32> {
     let index = vec2(draw.key_row, draw.key_column) * CHUNK + at;
     return min(index << vec2(draw.level), surface.last.yx);
 }

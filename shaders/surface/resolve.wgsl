@@ -3,7 +3,7 @@
 //
 // Where the processor casts a ray through all of the surface, this walks along it over the cells about what the sample shows.
 #import deepfield::surface_constants::{CHUNK, FINER, SECANTS, ENDS, MINOR, EDGE, REACH}
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, position, height_of, is_lone, is_measured, camera_of, half_of, Half, NONE, POINTS, MIXED}
+#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, height_of, is_lone, is_measured, camera_of, half_of, Half, NONE, POINTS, MIXED}
 
 /// What each sample shows, inverted: 0 is nothing.
 @group(1) @binding(0) var<storage, read> numbers: array<u32>;
@@ -59,8 +59,8 @@ struct Cell {
 }
 
 fn cell_of(draw: Draw, at: vec2<u32>) -> Cell {
-    let first = position(draw, at);
-    let next = position(draw, at + 1u);
+    let first = sample_at(draw, at);
+    let next = sample_at(draw, at + 1u);
     let heights = vec4(
         height_of(draw, at),
         height_of(draw, at + vec2(0u, 1u)),
@@ -181,7 +181,7 @@ fn camera_at(first: vec2<u32>, within: vec2<f32>, height: f32) -> vec3<f32> {
 fn walk(node: u32, ray: Ray, depth: f32, reach: f32) -> Hit {
     let draw = draws[node];
     let whole = f32(1u << draw.level);
-    let begin = vec2<f32>(vec2<i32>(position(draw, vec2(0u)).yx) - surface.anchor);
+    let begin = vec2<f32>(vec2<i32>(sample_at(draw, vec2(0u)).yx) - surface.anchor);
     // Columns and rows of the chunk's cells.
     let origin = (ray.origin.xy - begin) / whole;
     let direction = ray.direction.xy / whole;
@@ -259,7 +259,7 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
         return hit_triangle(node, at, number & 1u, ray);
     }
     let draw = draws[node];
-    let first = position(draw, at);
+    let first = sample_at(draw, at);
     let height = height_of(draw, at);
     let depth = camera_of(first, height).z;
     if !is_lone(draw, at) {
@@ -614,8 +614,8 @@ fn walk_from(hit: Hit, place: vec2<f32>) -> Hit {
     let depth = (plane.x - ray.origin.z) / ray.direction.z;
     let at = ray.origin.xy + depth * ray.direction.xy + vec2<f32>(surface.anchor);
     let draw = draws[hit.node];
-    let low = vec2<f32>(position(draw, vec2(0u)).yx);
-    let high = vec2<f32>(position(draw, vec2(draw.rows, draw.columns) - 1u).yx);
+    let low = vec2<f32>(sample_at(draw, vec2(0u)).yx);
+    let high = vec2<f32>(sample_at(draw, vec2(draw.rows, draw.columns) - 1u).yx);
     let is_beside = any(at < low) || any(at > high);
     other.exists = plane.y > 0.0 && is_beside && all(at >= vec2(0.0)) && all(at <= vec2<f32>(surface.last));
     return other;
