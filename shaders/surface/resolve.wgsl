@@ -45,10 +45,12 @@ struct Hit {
     slope: vec2<f32>,
     coverage: f32,
     exists: bool,
+    /// Where there is none: whether it may be in a chunk beside the one that was looked through.
+    is_beside: bool,
 }
 
-fn no_hit() -> Hit {
-    return Hit(0u, 0.0, vec2(0u), vec2(0.0), 0.0, vec2(0.0), 0.0, false);
+fn no_hit(is_beside: bool) -> Hit {
+    return Hit(0u, 0.0, vec2(0u), vec2(0.0), 0.0, vec2(0.0), 0.0, false, is_beside);
 }
 
 /// A cell as rays meet it: the heights of its corners, where it begins, and how many rows and columns it is.
@@ -148,7 +150,7 @@ fn hit_of(node: u32, at: vec2<u32>, cell: Cell, half: Half, place: vec2<f32>, de
         coverage = min(dot(weights, shares), 1.0);
     }
     let height = plane.x + dot(plane.yz, place);
-    return Hit(node, depth, cell.first, place.yx * cell.size, height, plane.yz / cell.size.yx, coverage, true);
+    return Hit(node, depth, cell.first, place.yx * cell.size, height, plane.yz / cell.size.yx, coverage, true, false);
 }
 
 /// The place on a triangle that a sample shows.
@@ -187,19 +189,21 @@ fn walk(node: u32, ray: Ray, depth: f32, reach: f32) -> Hit {
     let direction = ray.direction.xy / whole;
     let speed = max(max(abs(direction.x), abs(direction.y)), 1e-30);
     let last = vec2<f32>(vec2(draw.columns, draw.rows) - 1u);
-    var start = max(depth - reach / speed, 0.0);
-    var end = depth + reach / speed;
+    let wanted = vec2(max(depth - reach / speed, 0.0), depth + reach / speed);
+    var start = wanted.x;
+    var end = wanted.y;
     for (var axis = 0u; axis < 2u; axis++) {
         if abs(direction[axis]) > 1e-30 {
             let ends = (vec2(0.0, last[axis]) - origin[axis]) / direction[axis];
             start = max(start, min(ends.x, ends.y));
             end = min(end, max(ends.x, ends.y));
         } else if origin[axis] < 0.0 || origin[axis] > last[axis] {
-            return no_hit();
+            return no_hit(true);
         }
     }
+    let is_clipped = start > wanted.x || end < wanted.y;
     if !(start <= end) {
-        return no_hit();
+        return no_hit(true);
     }
     var at = vec2<i32>(clamp(floor(origin + start * direction), vec2(0.0), last - 1.0));
     let forwards = vec2<i32>(direction >= vec2(0.0));
@@ -231,14 +235,14 @@ fn walk(node: u32, ray: Ray, depth: f32, reach: f32) -> Hit {
         }
         let axis = select(1u, 0u, leaves.x <= leaves.y);
         if leaves[axis] > end {
-            return no_hit();
+            return no_hit(is_clipped);
         }
         at[axis] += steps[axis];
         if at[axis] < 0 || f32(at[axis]) >= last[axis] {
-            return no_hit();
+            return no_hit(true);
         }
     }
-    return no_hit();
+    return no_hit(true);
 }
 
 /// A number's sample or cell.
@@ -267,11 +271,12 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
         if !hit.exists {
             hit = walk(node, ray, depth, WIDE);
         }
-        if hit.exists {
+        // Where there are holes the ray may pass through one; else it passes by what the point is of, and shows that.
+        if hit.exists || (draw.flags & MIXED) != 0u && !hit.is_beside {
             return hit;
         }
     }
-    var hit = Hit(node, depth, first, vec2(0.0), height, vec2(0.0), 1.0, true);
+    var hit = Hit(node, depth, first, vec2(0.0), height, vec2(0.0), 1.0, true, false);
     hit.slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, at.x * draw.columns + at.y));
     hit.coverage = point_coverage(hit, at);
     return hit;
@@ -728,7 +733,10 @@ fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
                 let number = number_at(vec2(x, y));
                 if number != NONE {
                     let place = vec2(f32(x), f32(y)) + 0.5;
-                    color += color_of(look(number, place), place);
+                    let hit = look(number, place);
+                    if hit.exists {
+                        color += color_of(hit, place);
+                    }
                 }
             }
         }
