@@ -3,11 +3,15 @@
 
 use super::arguments::bytes;
 use crate::build::{BuildOptions, FEW_PARTICLES, build_source};
+use crate::heights::build::HeightBuildOptions;
+use crate::heights::import::HeightOptions;
+use crate::heights::store::HeightFile;
+use crate::heights::{OpenHeights, is_heights};
 use crate::hierarchy::Kinds;
 use crate::hierarchy::kind::{OCTREE, PCA};
 use crate::import::{LoadOptions, file_of_step};
 use crate::look::{DataKind, data_file};
-use crate::model::Progress;
+use crate::model::{Progress, ReadMethod};
 use crate::store::PageFile;
 use crate::store::temporary::free_bytes;
 use etcetera::BaseStrategy;
@@ -40,12 +44,22 @@ pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box
     }
     let folder = folder("pages")?;
     let cached = folder.join(cached_name(path)?);
-    if PageFile::open(&cached).is_ok() {
+    let of_heights = is_heights(path);
+    let is_there = match of_heights {
+        true => HeightFile::open(&cached, ReadMethod::default()).is_ok(),
+        false => PageFile::open(&cached).is_ok(),
+    };
+    if is_there {
         mark_as_used(&cached);
         return Ok(cached);
     }
     let stated = stated_budget()?;
-    build_source(path, &LoadOptions::default(), &build_options(), &cached, progress)?;
+    if of_heights {
+        let heights = OpenHeights::open(path, &HeightOptions::default())?;
+        heights.build(&HeightBuildOptions::default(), &cached, progress)?;
+    } else {
+        build_source(path, &LoadOptions::default(), &build_options(), &cached, progress)?;
+    }
     make_room(&folder, stated, &cached)?;
     Ok(cached)
 }

@@ -2,7 +2,7 @@
 
 use super::CommandResult;
 use super::arguments::bytes;
-use super::heights::{self, HeightsOptions};
+use super::heights::{self, HeightsOptions, TextureOptions};
 use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
 use super::raw_options::RawOptions;
@@ -39,6 +39,7 @@ use std::path::{Path, PathBuf};
   deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples
   deepfield build dem.tif -o dem.df                          measured heights, as chunks of samples with exact errors
   deepfield build scan.npy -o scan.df --spacing 0.5,0.5 --xy-unit um --height-unit nm
+  deepfield build dem.tif -o dem.df --texture photo.jpg      with a photo over it; photo.jpg@X0,Y0,X1,Y1 covers a rectangle
   deepfield build run.h5#fields/density -o density.df        a data set of several
   deepfield build gyre.npy --trace --times 0:0.5 --box 0,0,2,1 -o flow.df
                                                              a velocity field, as the paths of particles in it
@@ -131,6 +132,9 @@ pub struct Arguments {
     /// What is said of heights.
     #[command(flatten)]
     pub heights: HeightsOptions,
+    /// A photo over them.
+    #[command(flatten)]
+    pub texture: TextureOptions,
     /// How particles are traced through a velocity field.
     #[command(flatten)]
     pub tracing: TraceOptions,
@@ -181,6 +185,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     {
         return heights::build::run(arguments, only);
     }
+    arguments.texture.refuse()?;
     if let [only] = &arguments.sources[..]
         && arguments.as_what == As::Itself
         && trace.is_none()

@@ -20,6 +20,9 @@ pub struct Arguments {
     /// What is said of both.
     #[command(flatten)]
     pub heights: HeightsOptions,
+    /// On which body degrees are lengths: globe:BODY such as globe:moon [default: the Earth].
+    #[arg(long, value_name = "MAP")]
+    pub map: Option<String>,
     /// The difference: a page file .df, or .npy, .tif, .asc, .x3p or .csv.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,

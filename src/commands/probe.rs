@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
   deepfield probe run.df --tracked-at 9.6 --sphere 0.3,0,0,0.5 --over-time -o halo.csv
   deepfield probe galaxy.df --family gas --histogram temperature --bins 20
   deepfield probe surface.sur --form plane --l-filter 0.08    heights: Sa, Sq and the others, without form and waviness
-  deepfield probe dem.df --line 0,0,900,600 -o profile.csv
+  deepfield probe dem.df --line 0,0,900,600 -o profile.csv    or profile.png, a plot
   deepfield probe dem.df --pixel 640,400 --eye 0,-900,700 --target 450,300,0
   deepfield probe head.nrrd --sphere 120,110,60,20          a volume: mean, dispersion and histogram, the value in the middle")]
 pub struct Arguments {
@@ -58,7 +58,7 @@ pub struct Arguments {
     /// The frame of places, distances and velocities over time of a comoving run; means of fields are as they are stored.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t, requires = "over_time")]
     pub frame: FrameName,
-    /// Write the table over time, or the profile along a line, to a file.
+    /// Write the table over time, or the profile along a line, to a file; of a profile a plot, where its name ends in .png.
     #[arg(short, long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Shells of a radial profile in the sphere.

@@ -10,6 +10,7 @@ use crate::import::step_at;
 use crate::look::{DataKind, one_snapshot};
 use crate::picture::Picture;
 use crate::picture::field::FieldSession;
+use crate::picture::surface::SurfaceSession;
 use crate::view::{CubeLayout, Side, Surround};
 
 /// Renders the picture and writes it.
@@ -42,11 +43,15 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         request.shot.look.annotations = None;
     }
     let Request { mut members, mut shot, options } = request;
-    let said = match &members[..] {
-        [only] if arguments.heights.takes(&only.path) => Some(arguments.heights.import(&[], options.read)),
-        _ => None,
+    let said = members.iter().any(|member| arguments.heights.takes(&member.path));
+    let said = said.then(|| arguments.texture.with(arguments.heights.import(&[], options.read)));
+    if said.is_none() {
+        arguments.texture.refuse()?;
+    }
+    let is_field = match &members[..] {
+        [only] => said.is_some() || FieldSession::is_field(&only.path),
+        all => all.iter().all(|member| SurfaceSession::is_surface(&member.path)),
     };
-    let is_field = said.is_some() || matches!(&members[..], [only] if FieldSession::is_field(&only.path));
     if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
         && matches!(DataKind::of(&first.path), Ok(DataKind::Source))
         && let Some(step) = step_at(&first.path, when, options.read)?

@@ -2,17 +2,18 @@
 
 use super::annotate::AnnotateOptions;
 use super::arguments::{PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
-use super::heights::HeightsOptions;
+use super::heights::{HeightsOptions, TextureOptions};
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
+use crate::heights::is_heights;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
 };
-use crate::mode::{Mode, PathsOf, SettingValue, levels, lod_budget};
+use crate::mode::{Mode, PathsOf, SettingValue, Settings, levels, lod_budget};
 use crate::model::{FamilyName, ReadMethod, When};
 use crate::modes;
 use crate::modes::samples::ERROR_VALUE;
@@ -39,6 +40,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield render run.df --time step:12 --mode volume --paths all -o both.png
   deepfield render dem.tif -o hill.png --set contours=20.0   measured heights, with a line every 20
   deepfield render dem.df -o slope.png --attribute slope --set exaggeration=3.0
+  deepfield render moon.tif --map globe:moon --with stars.csv -o moon.png    heights among particles: depth decides
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
     /// The source, page file or run, or a scene file.
@@ -55,7 +57,8 @@ pub struct Arguments {
     #[arg(long, value_name = "all|NAME|none")]
     pub paths: Option<PathsOf>,
     /// Another source or page file in the same picture, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
-    /// how many of the first one's lengths one of its own is. Can be given several times.
+    /// how many of the first one's lengths one of its own is. Can be given several times. Of heights and particles depth decides what
+    /// hides what.
     #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
     pub with: Vec<Member>,
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
@@ -176,6 +179,9 @@ pub struct Arguments {
     /// What is said of heights.
     #[command(flatten)]
     pub heights: HeightsOptions,
+    /// A photo over them.
+    #[command(flatten)]
+    pub texture: TextureOptions,
     /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,
@@ -240,7 +246,11 @@ impl Arguments {
         }
         if let Some(mode) = self.mode {
             // A file's colours are for whatever is drawn; its settings are those of its mode.
+            let of_heights =
+                if self.has_heights() { look.settings.of_mode(&modes::surface::MODE) } else { Settings::default() };
             (look.mode, look.settings) = (Some(mode), look.settings.of_mode(mode));
+            // Heights that are drawn among what the mode draws have their own.
+            look.settings.0.extend(of_heights.0);
         }
         let mut look = look.then(&LookPatch {
             attribute: self.attribute.clone().map(Attribute::Named),
@@ -272,6 +282,11 @@ impl Arguments {
         Ok(shot)
     }
 
+    /// Whether any of the data is heights.
+    fn has_heights(&self) -> bool {
+        self.heights.takes(&self.path) || self.with.iter().any(|member| is_heights(&member.path))
+    }
+
     /// Sets what the command line says of the settings of the mode, and of what may be left undrawn.
     fn set_values(&self, look: &mut LookPatch) -> Result<(), Failure> {
         let budget = [
@@ -286,16 +301,24 @@ impl Arguments {
         ];
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
         for (name, value) in budget.chain(self.set.iter().cloned()) {
+            let of_particles = || {
+                let of_fields = modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty());
+                of_fields.chain([modes::first()])
+            };
             // Without a name the mode is the data's usual one, which is one of these.
             let usual = || match FieldSession::is_field(&self.path) {
                 _ if self.heights.takes(&self.path) => vec![&modes::surface::MODE],
                 true => vec![modes::of_fields(2), modes::of_fields(3)],
-                false => {
-                    let of_fields = modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty());
-                    of_fields.chain([modes::first()]).collect()
-                }
+                false => of_particles().collect(),
             };
-            let possible: Vec<&Mode> = look.mode.map_or_else(usual, |mode| vec![mode]);
+            let mut possible: Vec<&Mode> = look.mode.map_or_else(usual, |mode| vec![mode]);
+            if self.has_heights() && !self.with.is_empty() {
+                // Of what is drawn among heights, too.
+                possible.push(&modes::surface::MODE);
+                if look.mode.is_none_or(Mode::takes_surfaces) {
+                    possible.extend(of_particles());
+                }
+            }
             let known = |mode: &&Mode| mode.all_settings().find(|setting| setting.name == name);
             let Some(setting) = possible.iter().find_map(known) else {
                 let mut names: Vec<&str> =

@@ -6,9 +6,9 @@ use crate::heights::import::HeightOptions;
 use crate::look::{DataKind, Member, Shot};
 use crate::mode::Mode;
 use crate::picture::field::FieldSession;
-use crate::picture::surface::SurfaceSession;
+use crate::picture::surface::{MixedSession, SurfaceSession};
 use crate::picture::{AnySession, PictureError, Session, SessionOptions};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A picture for a command.
@@ -24,10 +24,10 @@ pub struct Request {
 
 /// Opens datasets for pictures of these shots: heights, an image or a volume that is alone as what it is (`said` is what the user says where it
 /// is taken for heights), unless a mode draws particles alone, which
-/// are a source's pixels or voxels then; everything else as particles.
+/// are a source's pixels or voxels then; heights with others as a scene of all of them; everything else as particles.
 ///
 /// # Errors
-/// As [`open`], [`FieldSession::open`] and [`SurfaceSession::open`].
+/// As [`open`], [`FieldSession::open`], [`SurfaceSession::open`] and [`MixedSession::open`].
 pub fn open_any<'a>(
     members: &[Member],
     said: Option<&HeightOptions>,
@@ -37,13 +37,12 @@ pub fn open_any<'a>(
     let shots: Vec<&Shot> = shots.into_iter().collect();
     let takes_surfaces = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_surfaces);
     let takes_fields = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_fields);
-    if let [_, _, ..] = members
-        && let Some(surface) = members.iter().find(|member| SurfaceSession::is_surface(&member.path))
-        && !FieldSession::is_field(&surface.path)
-    {
-        return Err(PictureError::Asked(format!("{}: --with: heights are drawn alone yet", surface.path.display())));
-    }
     Ok(match members {
+        _ if said.is_some_and(|said| is_mixed(members, said)) => {
+            let said = said.cloned().unwrap_or_default();
+            let session = MixedSession::open(members, &said, options, shots, page_file, Arc::new(Terminal))?;
+            AnySession::Mixed(Box::new(session))
+        }
         [only] if shots.iter().all(takes_surfaces) && said.is_some() => {
             let said = said.cloned().unwrap_or_default();
             let session = SurfaceSession::open(&only.path, &said, options, Arc::new(Terminal))?;
@@ -69,6 +68,17 @@ pub fn open_any<'a>(
     })
 }
 
+/// Whether there are heights among several datasets, or heights that lie elsewhere than by themselves.
+fn is_mixed(members: &[Member], said: &HeightOptions) -> bool {
+    let is_alone = matches!(members, [only] if only.is_in_place());
+    !is_alone && (said.is_asked || members.iter().any(|member| SurfaceSession::is_surface(&member.path)))
+}
+
+/// The page file of what a user names.
+fn page_file(path: &Path) -> Result<PathBuf, PictureError> {
+    Ok(cache::page_file_of(path, &TerminalProgress::new())?)
+}
+
 /// Opens datasets for pictures of these shots; sources by their page files in the cache, which are built first where there are
 /// none.
 ///
@@ -79,7 +89,6 @@ pub fn open<'a>(
     options: SessionOptions,
     shots: impl IntoIterator<Item = &'a Shot>,
 ) -> Result<Session, PictureError> {
-    let page_file = |path: &Path| Ok(cache::page_file_of(path, &TerminalProgress::new())?);
     let session = Session::open(members, options, shots, page_file, Arc::new(Terminal))?;
     #[cfg(feature = "viewer")]
     let session = session.with_adapter(Some(Box::new(crate::gpu::Offscreen::default())));

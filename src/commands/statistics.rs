@@ -2,6 +2,7 @@
 
 use super::CommandResult;
 use crate::color::output;
+use crate::cpu::surface::SurfaceReport;
 use crate::mode::{LightPicture, Raw};
 use crate::picture::field::PointsReport;
 use crate::picture::surface::SurfaceShown;
@@ -41,6 +42,9 @@ struct Statistics<'a> {
     points: Option<&'a PointsReport>,
     #[serde(flatten)]
     values: Values<'a>,
+    /// Of heights among other things.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    surface: Option<Surface>,
     milliseconds: &'a BTreeMap<String, f64>,
 }
 
@@ -56,15 +60,13 @@ enum Values<'a> {
         levels: &'a LevelReport,
     },
     Surface {
-        /// The finest and the coarsest level.
-        levels: [u8; 2],
-        samples_drawn: u64,
-        points: u64,
-        triangles: u64,
-        /// The sum of alpha, pixels.
-        covered: f64,
+        #[serde(flatten)]
+        surface: Surface,
         /// What colours are spread over.
         range: [f64; 2],
+        /// Heights that are written along lines.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        contour_labels: Option<Vec<ContourLabel<'a>>>,
     },
     Light {
         levels: &'static str,
@@ -76,6 +78,35 @@ enum Values<'a> {
         grid: Box<Grid>,
         ranges: Ranges<'a>,
     },
+}
+
+/// A height that is written along a line.
+#[derive(Debug, Serialize)]
+struct ContourLabel<'a> {
+    level: f64,
+    text: &'a str,
+    /// The box around it: left, top, right, bottom, pixels.
+    #[serde(rename = "box")]
+    area: [f64; 4],
+}
+
+/// What was drawn of heights.
+#[derive(Debug, Serialize)]
+struct Surface {
+    /// The finest and the coarsest level.
+    levels: [u8; 2],
+    samples_drawn: u64,
+    points: u64,
+    triangles: u64,
+    /// The sum of alpha, pixels.
+    covered: f64,
+}
+
+impl Surface {
+    fn of(SurfaceShown { report, .. }: &SurfaceShown) -> Surface {
+        let SurfaceReport { levels, samples_drawn, points, triangles, covered, .. } = *report;
+        Surface { levels, samples_drawn, points, triangles, covered }
+    }
 }
 
 /// What the grid was, and what was done in it.
@@ -130,21 +161,22 @@ pub(super) fn write(path: &Path, picture: &Picture) -> CommandResult {
             moment: picture.moment.as_ref(),
             points: picture.points.as_ref(),
             values: values(picture),
+            surface: picture.surface.as_ref().filter(|_| !picture.is_of_heights_alone()).map(Surface::of),
             milliseconds: &picture.milliseconds,
         },
     )
 }
 
 fn values(picture: &Picture) -> Values<'_> {
-    if let (Some(SurfaceShown { report, .. }), Raw::Light(light)) = (&picture.surface, &picture.values) {
-        return Values::Surface {
-            levels: report.levels,
-            samples_drawn: report.samples_drawn,
-            points: report.points,
-            triangles: report.triangles,
-            covered: report.covered,
-            range: light.levels.density,
-        };
+    if let (Some(surface), Raw::Light(light), true) = (&picture.surface, &picture.values, picture.is_of_heights_alone())
+    {
+        let contour_labels = surface.labels.as_ref().map(|labels| {
+            labels
+                .iter()
+                .map(|label| ContourLabel { level: label.level, text: &label.text, area: label.area() })
+                .collect()
+        });
+        return Values::Surface { surface: Surface::of(surface), range: light.levels.density, contour_labels };
     }
     let LightPicture { report, levels, isovalues, .. } = match &picture.values {
         Raw::Sums(sums, _) => {

@@ -50,9 +50,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return Err(format!("{path}: --sources: is for runs").into());
     }
     if let Ok(DataKind::Heights) = DataKind::of(&arguments.path) {
-        let VerifiedHeights { bytes, pages, chunks, valid } =
+        let VerifiedHeights { bytes, pages, chunks, tiles, valid } =
             verify_heights(&arguments.path, &TerminalProgress::new())?;
-        println!("{path}: sound, {pages} pages, {chunks} chunks, {valid} measured samples, {bytes} bytes");
+        let tiles = if tiles > 0 { format!("{tiles} tiles, ") } else { String::new() };
+        println!("{path}: sound, {pages} pages, {chunks} chunks, {tiles}{valid} measured samples, {bytes} bytes");
         return Ok(());
     }
     if let Ok(DataKind::Grid) = DataKind::of(&arguments.path) {

@@ -4,8 +4,7 @@ use super::arguments::PictureSize;
 use super::cached_run::{CachedRun, Grown};
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
-use crate::heights::is_heights;
-use crate::import::{file_of_step, grid_format, sources_of, steps_in};
+use crate::import::{file_of_step, sources_of, steps_in};
 use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
 use crate::model::When;
 use crate::tour::TourFile;
@@ -30,6 +29,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
   deepfield view 'snapshot_*.hdf5'                  a run of snapshots, built in the cache while its first step is shown
   deepfield view output/ --follow-folder           a run that is still being written
+  deepfield view surface.sur                       measured heights: I reads samples, G draws profiles
   deepfield view movie.xyz                         a file of many steps
   deepfield view run.df --time step:12             a run: T plays it, comma and full stop go from step to step
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
@@ -176,11 +176,6 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
-    // Arrays are images as well.
-    if is_given && is_heights(&path) && grid_format(&path)?.is_none() {
-        let why = "heights are not drawn in the window yet, deepfield render draws them";
-        return Err(format!("{}: {why}", path.display()).into());
-    }
     if is_given && DataKind::of(&path)? != DataKind::Source && settings.simulate {
         return Err(format!("{}: --simulate takes a snapshot, this is a page file or a run", path.display()).into());
     }

@@ -1,11 +1,11 @@
 //! What happens when a file has been opened: it becomes the open one, with the settings that suit it and those of its scene.
 
-use super::camera::{Anchor, Flight, Viewpoint};
+use super::camera::{Anchor, Flight, Upright, Viewpoint};
 use super::facts::Facts;
 use super::open::Opened;
 use super::picture::{DataCamera, Picture};
 use super::playhead::{Playhead, families_of};
-use super::scene::{Scene, SceneField, Settings, TransferKept, home};
+use super::scene::{Sampled, Scene, Settings, TransferKept, home, home_of};
 use super::scene_io::{self, SceneParts};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
@@ -51,7 +51,14 @@ pub(crate) fn adopt_opened(
             choices.attributes.push(name);
         }
     }
-    let dimensions = field.as_ref().map(SceneField::dimensions);
+    let heights = field.as_ref().and_then(|field| match &field.opened {
+        Sampled::Heights(opened) => Some(Arc::clone(opened)),
+        Sampled::Field(_) => None,
+    });
+    let is_image = field.as_ref().is_some_and(|field| match &field.opened {
+        Sampled::Field(opened) => opened.grid().dimensions == 2,
+        Sampled::Heights(_) => false,
+    });
     let (shown, missing) = shown_families(&file, &members);
     if let Some(families) = kept {
         if settings.families != families {
@@ -60,19 +67,25 @@ pub(crate) fn adopt_opened(
     } else {
         // A selection that is followed is followed on, to where it is now.
         let follows = scene.is_some() && settings.selections.iter().any(|set| set.follow);
-        match home(frame, viewpoint.fov_y, &picture) {
+        anchor.upright = if heights.is_some() { Upright::Z } else { Upright::Y };
+        let around = match &heights {
+            // Its settings begin with their defaults.
+            Some(opened) => home_of(opened, &crate::mode::Settings::default(), viewpoint.fov_y, &picture),
+            None => home(frame, viewpoint.fov_y, &picture).map_err(|error| error.to_string()),
+        };
+        match around {
             Ok(_) if follows => {}
             Ok(home) => {
                 // One looks at an image straight from in front.
-                let home = match dimensions {
-                    Some(2) => {
+                let home = match is_image {
+                    true => {
                         let (eye, target) = (DVec3::Z * home.distance(), frame.center());
                         Viewpoint { eye: target + eye, target, up: DVec3::Y, ..home }
                     }
-                    _ => home,
+                    false => home,
                 };
                 *viewpoint = home;
-                *anchor = Anchor::adopt(&home, &mut orbit);
+                *anchor = anchor.adopt(&home, &mut orbit);
                 commands.entity(entity).remove::<Flight>();
             }
             Err(error) => notices.error(format!("{}: {error}", path.display())),
@@ -82,15 +95,14 @@ pub(crate) fn adopt_opened(
         {
             settings.attribute = Attribute::Automatic;
         }
-        let is_drawn = |mode: &Mode| {
-            mode.takes_particles() || dimensions.is_some_and(|dimensions| mode.takes_fields_of(dimensions))
-        };
+        let is_drawn =
+            |mode: &Mode| mode.takes_particles() || field.as_ref().is_some_and(|field| field.opened.is_drawn_by(mode));
         if !settings.mode_chosen || !is_drawn(settings.mode) {
             if settings.mode_chosen {
                 notices.error(format!("mode {} does not draw {}", settings.mode.name, path.display()));
             }
-            settings.change_mode(match dimensions {
-                Some(dimensions) => modes::of_fields(dimensions),
+            settings.change_mode(match &field {
+                Some(field) => field.opened.usual_mode(),
                 None => modes::usual(choices.attributes.iter().map(String::as_str)),
             });
         }
@@ -110,12 +122,13 @@ pub(crate) fn adopt_opened(
     }
     let facts = Facts::of(&file, &members);
     let facts = match &field {
-        Some(field) => facts.with_field(&field.opened),
+        Some(field) => facts.with_samples(&field.opened),
         None => facts,
     };
     let told = |family: FamilyName| format!("{}: the data has no particles of family {family}", path.display());
     notes.into_iter().chain(missing.into_iter().map(told)).for_each(|note| notices.error(note));
     notices.info(match members.len() {
+        1 if keeps && heights.is_some() => "all of its samples are there".to_owned(),
         1 if keeps && field.is_some() => "its voxels are there as particles, too".to_owned(),
         1 if keeps => {
             let steps = run.as_ref().and_then(|(data, _)| Some(data.run()?.times().times.len())).unwrap_or_default();

@@ -5,8 +5,10 @@ use super::state::histogram::AxisHistogram;
 use crate::codec::CodebookScope;
 use crate::color::Accumulation;
 use crate::color::transfer::{Levels, Scale, TransferFunction};
+use crate::cpu::surface::look::Attribute;
 use crate::picture::Subject;
 use crate::picture::field::PreparedField;
+use crate::picture::surface::{OpenSurface, SeenSurface};
 use bevy::prelude::*;
 
 /// What was measured in the present picture.
@@ -98,6 +100,16 @@ impl Exposure {
         });
         let hue = hue.and_then(|hue| histogram(values(1), hue.scale, 1e-9));
         Exposure { brightness, hue, joint, levels: Some(levels) }
+    }
+
+    /// Measures heights: an even share of their samples, where these are what colours show.
+    pub fn of_heights(opened: &OpenSurface, seen: &SeenSurface) -> Exposure {
+        let SeenSurface { attribute, transfer, levels, .. } = seen;
+        let brightness = match attribute {
+            Attribute::Height => histogram(opened.coarse_heights().map(|height| height as f32), transfer.scale, 1e-9),
+            _ => None,
+        };
+        Exposure { brightness, levels: Some(*levels), ..Exposure::default() }
     }
 
     /// Measures a picture.

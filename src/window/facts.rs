@@ -3,7 +3,9 @@
 use crate::annotate::number;
 use crate::look::Member;
 use crate::picture::field::OpenField;
+use crate::picture::surface::OpenSurface;
 use crate::store::{Metadata, PageFile, PartInfo};
+use crate::window::scene::Sampled;
 use bevy::math::DVec3;
 use std::path::Path;
 
@@ -78,9 +80,43 @@ impl Facts {
         Facts { rows, datasets: datasets.collect(), families, notes: told.chain(skipped).collect() }
     }
 
-    /// The same of an image or a volume, whose voxels the particles are.
+    /// The same of what the particles are samples of.
     #[must_use]
-    pub fn with_field(mut self, opened: &OpenField) -> Facts {
+    pub fn with_samples(self, opened: &Sampled) -> Facts {
+        match opened {
+            Sampled::Field(opened) => self.with_field(opened),
+            Sampled::Heights(opened) => self.with_heights(opened),
+        }
+    }
+
+    /// Of measured heights.
+    fn with_heights(mut self, opened: &OpenSurface) -> Facts {
+        let about = opened.file().about();
+        let (grid, facts) = (&about.grid, &about.facts);
+        let spacing = grid.step.map(|step| number::quantity(step.abs())).join(" x ");
+        let [low, high, mean] = [facts.min, facts.max, facts.mean].map(number::quantity);
+        let share = 100.0 * facts.valid as f64 / grid.samples().max(1) as f64;
+        let measured = match grid.samples() - facts.valid {
+            0 => "all samples".to_owned(),
+            open => format!("{share:.2} %, {} samples were not", number::count(open)),
+        };
+        let mut rows = vec![
+            ("Heights", grid.described()),
+            ("Format", about.format.clone()),
+            ("Spacing", format!("{spacing} {}", grid.xy_unit).trim_end().to_owned()),
+            ("Range", format!("{low} to {high} {}", grid.height_unit).trim_end().to_owned()),
+            ("Mean", format!("{mean} {}", grid.height_unit).trim_end().to_owned()),
+            ("Measured", measured),
+        ];
+        rows.extend(grid.crs.clone().map(|crs| ("Reference", crs)));
+        self.rows = rows;
+        self.families.clear();
+        self.notes.extend(about.notes.iter().cloned());
+        self
+    }
+
+    /// Of an image or a volume.
+    fn with_field(mut self, opened: &OpenField) -> Facts {
         let grid = opened.grid();
         let kind = if grid.dimensions == 2 { "Image" } else { "Volume" };
         let spacing = grid.spacing();

@@ -1,5 +1,5 @@
-//! Drawing an image or a volume that is open alone, with the processor, on background tasks: its samples, or the points that stand for them.
-//! Where an adapter draws it, [`on_adapter`] does.
+//! Drawing an image, a volume or heights that are open alone, with the processor, on background tasks: the samples, or what stands for them.
+//! Where an adapter draws a volume, [`on_adapter`] does.
 //!
 //! While the view moves, or what is drawn changes, pictures have as many pixels as there is time for; when it rests, the full one follows.
 //! Sums are kept, so that other colours need no other picture.
@@ -24,9 +24,10 @@ use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::VolumeError;
 use crate::look::{LookPatch, Shot};
 use crate::mode::Raw;
-use crate::picture::PictureError;
 use crate::picture::fade::faded;
 use crate::picture::field::{FieldSession, PointsReport};
+use crate::picture::surface::SurfaceSession;
+use crate::picture::{AnySession, PictureError};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
 use bevy::prelude::*;
@@ -42,6 +43,8 @@ struct Content {
     view: View,
     /// What light is painted with; none for sums.
     transfer: Option<TransferFunction>,
+    /// How far heights may be from where they are, pixels.
+    error_px: f64,
 }
 
 /// A picture.
@@ -66,10 +69,26 @@ struct Drawn {
     colored: (Levels, TransferFunction),
     image: Arc<Colors>,
     exposure: Exposure,
-    report: PointsReport,
-    drawn_from: &'static str,
+    report: Report,
     /// How long it took, where it was drawn anew.
     milliseconds: Option<f64>,
+}
+
+/// What is known of a picture.
+#[derive(Clone, Debug)]
+struct Report {
+    /// Of images and volumes: how near points come to the samples.
+    points: Option<PointsReport>,
+    /// Nodes or chunks drawn.
+    nodes: u64,
+    /// Samples of heights drawn.
+    samples: u64,
+    /// The largest distance from where it is, pixels.
+    error_px: f64,
+    /// What it was drawn from.
+    drawn_from: &'static str,
+    /// Whether nothing is missing.
+    is_complete: bool,
 }
 
 /// The picture of the field that is open, and the task that draws the next one.
@@ -149,10 +168,11 @@ pub(super) fn draw_field(
     }
     if let Some(drawn) = &field.drawn {
         statistics.draw_ms = field.cost.map(|(_, milliseconds)| milliseconds);
-        (statistics.points, statistics.levels) = (Some(drawn.report), drawn.drawn_from);
+        let Report { points, nodes, samples, error_px, drawn_from, .. } = drawn.report;
+        (statistics.points, statistics.levels) = (points, drawn_from);
         (statistics.sampled, statistics.live, statistics.slabs) = (None, None, None);
-        (statistics.particles, statistics.nodes, statistics.missing) = (0, drawn.report.nodes as usize, 0);
-        (statistics.error_px, statistics.hidden) = (0.0, 0);
+        (statistics.particles, statistics.nodes, statistics.missing) = (samples, nodes as usize, 0);
+        (statistics.error_px, statistics.hidden) = (error_px, 0);
         statistics.passes.clear();
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
@@ -162,7 +182,8 @@ pub(super) fn draw_field(
     let given = held.0.filter(|levels| is_light && levels.p[0] < levels.p[1]);
     let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
     let (dataset, depiction) = (scene.dataset, look.depiction_revision);
-    let content = Content { dataset, depiction, view, transfer: is_light.then(|| transfer.clone()) };
+    let content =
+        Content { dataset, depiction, view, transfer: is_light.then(|| transfer.clone()), error_px: settings.error_px };
     if field.moved.as_ref().is_none_or(|(before, _)| *before != content) {
         field.moved = Some((content.clone(), Instant::now()));
     }
@@ -176,17 +197,21 @@ pub(super) fn draw_field(
     let drawn = field.drawn.as_ref().filter(|drawn| drawn.key == key);
     let colored = (look.levels, transfer.clone());
     let is_current = drawn.is_some_and(|drawn| is_light || drawn.colored == colored);
-    converged.0 = is_current && rests && size == full && look.settled;
+    converged.0 =
+        is_current && drawn.is_some_and(|drawn| drawn.report.is_complete) && rests && size == full && look.settled;
     if field.task.is_some() || is_current || field.failed.as_ref() == Some(&key) {
         return;
     }
     let reused = drawn.map(|drawn| drawn.values.clone());
-    let shot =
-        Shot { look: LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() }, ..Shot::default() };
+    let look = LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() };
     let (session, wanted) = (Arc::clone(&open.session), key.clone());
     let task = AsyncComputeTaskPool::get().spawn(async move {
         let mut session = session.lock().unwrap_or_else(PoisonError::into_inner);
-        draw(&mut session, &shot, wanted, reused, colored)
+        match &mut *session {
+            AnySession::Field(session) => draw(session, &Shot { look, ..Shot::default() }, wanted, reused, colored),
+            AnySession::Surface(session) => draw_surface(session, &look, wanted, colored),
+            AnySession::Particles(_) | AnySession::Mixed(_) => Err("particles are drawn elsewhere".to_owned()),
+        }
     });
     field.task = Some((key, task));
 }
@@ -224,10 +249,41 @@ fn draw(
         colored: (levels, transfer),
         image,
         exposure,
-        report: prepared.report,
-        drawn_from: prepared.drawn_from(),
+        report: Report {
+            points: Some(prepared.report),
+            nodes: prepared.report.nodes,
+            samples: 0,
+            error_px: 0.0,
+            drawn_from: prepared.drawn_from(),
+            is_complete: true,
+        },
         milliseconds: is_new.then(|| 1e3 * start.elapsed().as_secs_f64()),
     })
+}
+
+/// Draws a picture of heights.
+fn draw_surface(
+    session: &mut SurfaceSession,
+    look: &LookPatch,
+    key: Key,
+    colored: (Levels, TransferFunction),
+) -> Result<Drawn, String> {
+    let start = Instant::now();
+    let (width, height) = (key.size.x, key.size.y);
+    let seen = session.seen(look, &key.content.view.resized(width, height), None).map_err(|error| error.to_string())?;
+    let exposure = Exposure::of_heights(session.opened(), &seen);
+    let report = &seen.picture.report;
+    let report = Report {
+        points: None,
+        nodes: report.nodes_drawn,
+        samples: report.samples_drawn,
+        error_px: report.error_px,
+        drawn_from: "chunks",
+        is_complete: report.is_converged && seen.error.is_none(),
+    };
+    let image = Arc::new(seen.picture.colors.image());
+    let milliseconds = Some(1e3 * start.elapsed().as_secs_f64());
+    Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, milliseconds })
 }
 
 /// Shows the finished picture, where a tour says so blended with the one before it.

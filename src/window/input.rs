@@ -122,12 +122,13 @@ pub const KEYS: [(KeyCode, Action); 16] = [
 ];
 
 /// The keys of the tools.
-pub const TOOL_KEYS: [(KeyCode, Tool); 5] = [
+pub const TOOL_KEYS: [(KeyCode, Tool); 6] = [
     (KeyCode::KeyI, Tool::Inspect),
     (KeyCode::KeyM, Tool::Measure),
     (KeyCode::KeyR, Tool::Sphere),
     (KeyCode::KeyB, Tool::Cube),
     (KeyCode::KeyL, Tool::Lasso),
+    (KeyCode::KeyG, Tool::Profile),
 ];
 
 /// The help page: sections of (what to press, what it does).
@@ -155,9 +156,10 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
     (
         "Look closer",
         &[
-            ("I", "inspect: click a particle"),
+            ("I", "inspect: click a particle, or heights"),
             ("M", "measure between two clicks"),
             ("R  B  L", "draw a sphere, a box, a lasso"),
+            ("G", "draw a profile over heights"),
             ("Ctrl+1  ...", "keep the view on that key"),
             ("1  ...", "fly back to it"),
         ],

@@ -119,8 +119,9 @@ pub(crate) fn follow_settings(
                 let other_kind = look.depiction.mode != depiction.mode
                     || look.depiction.attribute.is_some() != depiction.attribute.is_some();
                 let other_attribute = look.depiction.attribute != depiction.attribute;
-                // What was kept came with the mode and the attribute.
-                if other_kind && !kept {
+                // What was kept came with the mode and the attribute. Heights and slopes have colours of their own.
+                let other_colors = other_attribute && scene.surface_for(depiction.mode).is_some();
+                if (other_kind || other_colors) && !kept {
                     settings.transfer = initial_transfer(&scene, &depiction, &mut presets);
                 } else if other_attribute
                     && !kept
@@ -166,7 +167,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
     if let Some(field) = scene.field_for(settings.mode) {
         let opened = &field.opened;
         // Of the voxels there are other attributes.
-        let name = name.filter(|name| opened.attribute(name).is_ok());
+        let name = name.filter(|name| opened.attributes().iter().any(|own| own == name));
         return opened.depiction(settings.mode, settings.look.settings.clone(), name, choice_of(scene, settings));
     }
     let metadata = scene.metadata();

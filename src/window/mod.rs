@@ -16,6 +16,7 @@ pub mod facts;
 mod field_backend;
 pub mod free_name;
 pub mod gpu_backend;
+mod ground;
 pub mod growing;
 mod history;
 pub mod input;
@@ -266,6 +267,7 @@ impl Plugin for WindowApp {
                 objects::receive_catalogue,
                 objects::follow_time.after(objects::receive_catalogue),
                 adopt::adopt_opened,
+                ground::follow_ground,
                 (playhead::play, playhead::show_moment).chain(),
                 history::undo_and_redo,
                 lens::follow_lens,

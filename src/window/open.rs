@@ -1,6 +1,7 @@
 //! Opening files: on a background thread, with progress that the window shows, and without stopping the program where
 //! a file cannot be read.
 
+mod heights;
 mod sketch;
 
 use super::options::{OpenRequest, Opener};
@@ -13,6 +14,7 @@ use crate::look::{Member, OpenData, SceneFile, is_scene_file};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Moment, ReadMethod, When};
 use crate::picture::field::FieldSession;
+use crate::picture::surface::SurfaceSession;
 use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
@@ -99,6 +101,11 @@ impl Openings {
         let (early, failed) = (send.clone(), send.clone());
         let open = move || {
             let (members, scene) = data_of(request)?;
+            if let [only] = &members[..]
+                && SurfaceSession::is_surface(&only.path)
+            {
+                return heights::open_heights(members, scene, read, &opener, shared.as_ref(), &early);
+            }
             let sketch = match &members[..] {
                 [only] if FieldSession::is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
                 _ => None,

@@ -105,7 +105,7 @@ pub(super) fn spawn_cameras(
     let fov_y = preset.camera.field_of_view_deg.to_radians();
     let viewpoint = Viewpoint { eye: DVec3::new(0.35, 0.3, 1.0) * 3.0, target: DVec3::ZERO, up: DVec3::Y, fov_y };
     let mut orbit = PanOrbitCamera::default();
-    let anchor = Anchor::adopt(&viewpoint, &mut orbit);
+    let anchor = Anchor::default().adopt(&viewpoint, &mut orbit);
     let data_camera = commands
         .spawn((
             DataCamera,

@@ -5,17 +5,19 @@ use super::facts::Facts;
 use super::picture::Picture;
 use super::preset::Preset;
 use crate::annotate::Units;
+use crate::color::transfer::TransferFunction;
 use crate::explore::Following;
 use crate::explore::data::source_path;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Attribute, Look, LookPatch, Member, OpenData};
 use crate::mode::lod_budget::{PRESENCE, THINNING};
-use crate::mode::{Depiction, Mode, Output, SettingValue, over};
-use crate::model::{Bounds, Moment, PeriodicBox, StepTimes, When};
+use crate::mode::{Depiction, LevelChoice, Mode, Output, SettingValue, over};
+use crate::model::{Bounds, Dataset, Moment, PeriodicBox, StepTimes, When};
 use crate::modes;
 use crate::picture::field::{FieldSession, OpenField};
 use crate::picture::look::depict;
-use crate::picture::{AnySession, PictureError, Session};
+use crate::picture::surface::{OpenSurface, SurfaceSession};
+use crate::picture::{AnySession, PictureError, Reporter, Session, SessionOptions};
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, Tree};
 use crate::view::{Stereo, Surround};
@@ -33,7 +35,7 @@ pub struct Scene {
     pub members: Vec<Member>,
     /// Its page file, or theirs as one.
     pub file: Arc<PageFile>,
-    /// The image or the volume, where that is open alone: the particles of the page file are its voxels.
+    /// The image, the volume or the heights, where these are open alone: the particles of the page file are some of its samples.
     pub field: Option<SceneField>,
     /// The box around all families, world units.
     pub bounds: Bounds,
@@ -61,33 +63,109 @@ pub struct Scene {
     pub generation: u32,
 }
 
-/// An image or a volume.
+/// What is open in place of particles, and what draws the window's own pictures of it.
 #[derive(Clone)]
 pub struct SceneField {
     /// Its samples.
-    pub opened: Arc<OpenField>,
-    /// What draws the window's own pictures of it.
-    pub session: Arc<Mutex<FieldSession>>,
-    /// Where the page file of a few of its voxels lies, as long as anybody may read it.
+    pub opened: Sampled,
+    /// What draws it.
+    pub session: Arc<Mutex<AnySession>>,
+    /// Where the page file of a few of its samples lies, as long as anybody may read it.
     pub sketch: Option<Arc<TempDir>>,
+}
+
+/// Samples on a grid.
+#[derive(Clone)]
+pub enum Sampled {
+    /// An image or a volume.
+    Field(Arc<OpenField>),
+    /// Measured heights.
+    Heights(Arc<OpenSurface>),
 }
 
 impl SceneField {
     /// Of what is open.
-    pub fn new(opened: OpenField) -> SceneField {
-        let opened = Arc::new(opened);
-        let session = FieldSession::of(Arc::clone(&opened), Arc::new(()));
+    pub fn new(opened: Sampled) -> SceneField {
+        let session = opened.drawer(Arc::new(()));
         SceneField { opened, session: Arc::new(Mutex::new(session)), sketch: None }
     }
+}
 
-    /// What draws pictures of it beside the window's own.
-    pub fn drawer(&self) -> FieldSession {
-        FieldSession::of(Arc::clone(&self.opened), Arc::new(()))
+impl Sampled {
+    /// What draws pictures of it.
+    pub fn drawer(&self, reporter: Arc<dyn Reporter>) -> AnySession {
+        match self {
+            Sampled::Field(opened) => AnySession::Field(Box::new(FieldSession::of(Arc::clone(opened), reporter))),
+            Sampled::Heights(opened) => {
+                let options = SessionOptions::default();
+                AnySession::Surface(Box::new(SurfaceSession::of(Arc::clone(opened), options, reporter)))
+            }
+        }
     }
 
-    /// Its number of dimensions.
-    pub fn dimensions(&self) -> usize {
-        self.opened.grid().dimensions
+    /// Whether a mode draws it.
+    pub fn is_drawn_by(&self, mode: &Mode) -> bool {
+        match self {
+            Sampled::Field(opened) => opened.is_drawn_by(mode),
+            Sampled::Heights(opened) => opened.is_drawn_by(mode),
+        }
+    }
+
+    /// The mode that it is shown in where none is chosen.
+    pub fn usual_mode(&self) -> &'static Mode {
+        match self {
+            Sampled::Field(opened) => modes::of_fields(opened.grid().dimensions),
+            Sampled::Heights(_) => &modes::surface::MODE,
+        }
+    }
+
+    /// The names of what can colour its pictures.
+    pub fn attributes(&self) -> Vec<String> {
+        match self {
+            Sampled::Field(opened) => opened.attributes(),
+            Sampled::Heights(opened) => opened.attributes(),
+        }
+    }
+
+    /// A mode of its pictures, coloured by an attribute where one is named.
+    ///
+    /// # Errors
+    /// The names of the attributes that there are.
+    pub fn depiction(
+        &self,
+        mode: &'static Mode,
+        settings: crate::mode::Settings,
+        attribute: Option<&str>,
+        choice: LevelChoice,
+    ) -> Result<Depiction, String> {
+        match self {
+            Sampled::Field(opened) => opened.depiction(mode, settings, attribute, choice),
+            Sampled::Heights(opened) => opened.depiction(mode, settings, attribute, choice),
+        }
+    }
+
+    /// The transfer function that a depiction of it has where none is chosen.
+    pub fn usual_transfer(&self, depiction: &Depiction) -> TransferFunction {
+        match self {
+            Sampled::Field(opened) => opened.usual_transfer(depiction),
+            Sampled::Heights(opened) => opened.usual_transfer(depiction),
+        }
+    }
+
+    /// What a legend calls the values of a depiction.
+    pub fn units(&self, depiction: &Depiction) -> Units {
+        match self {
+            Sampled::Field(opened) => opened.units(depiction),
+            Sampled::Heights(opened) => opened.units(depiction),
+        }
+    }
+
+    /// A few of its samples as particles.
+    pub fn sketch(&self, most: usize) -> Dataset {
+        match self {
+            Sampled::Field(opened) => opened.sketch(most),
+            Sampled::Heights(opened) => opened.sketch(most),
+        }
     }
 }
 
@@ -119,17 +197,36 @@ impl Scene {
         mode: &Mode,
         budget_bytes: u64,
     ) -> impl FnOnce() -> Result<AnySession, PictureError> + Send + use<> {
-        let field = self.field_for(mode).map(SceneField::drawer);
+        let field = self.field_for(mode).map(|field| field.opened.drawer(Arc::new(())));
         let open = self.opener(budget_bytes);
         move || match field {
-            Some(field) => Ok(AnySession::Field(Box::new(field))),
+            Some(field) => Ok(field),
             None => Ok(AnySession::Particles(Box::new(open()?))),
         }
     }
 
-    /// The image or volume, where it is open and a mode draws it.
+    /// The image, the volume or the heights, where they are open and a mode draws them.
     pub fn field_for(&self, mode: &Mode) -> Option<&SceneField> {
         self.field.as_ref().filter(|field| field.opened.is_drawn_by(mode))
+    }
+
+    /// The heights, where they are open and a mode draws them.
+    pub fn surface_for(&self, mode: &Mode) -> Option<&Arc<OpenSurface>> {
+        match &self.field_for(mode)?.opened {
+            Sampled::Heights(opened) => Some(opened),
+            Sampled::Field(_) => None,
+        }
+    }
+
+    /// The viewpoint that shows all of what is drawn with these settings.
+    ///
+    /// # Errors
+    /// Why there is none, in a line.
+    pub fn home(&self, settings: &Settings, fov_y: f64, picture: &Picture) -> Result<Viewpoint, String> {
+        match self.surface_for(settings.mode) {
+            Some(opened) => home_of(opened, &settings.look.settings, fov_y, picture),
+            None => home(self.frame, fov_y, picture).map_err(|error| error.to_string()),
+        }
     }
 
     /// Whether a mode draws what is open.
@@ -318,4 +415,20 @@ pub fn home(bounds: Bounds, fov_y: f64, picture: &Picture) -> Result<Viewpoint, 
     // The sphere around a box is larger than what one sees of the box.
     viewpoint.eye = viewpoint.target + 0.82 * (viewpoint.eye - viewpoint.target);
     Ok(viewpoint)
+}
+
+/// The viewpoint that shows all of a height field in the picture.
+///
+/// # Errors
+/// Why there is none, in a line.
+pub fn home_of(
+    opened: &OpenSurface,
+    settings: &crate::mode::Settings,
+    fov_y: f64,
+    picture: &Picture,
+) -> Result<Viewpoint, String> {
+    let (size, told) = (picture.size(), |error: PictureError| error.to_string());
+    let view = opened.home(settings, fov_y.to_degrees(), (size.x, size.y)).map_err(told)?;
+    let target = opened.bounds(settings).map_err(told)?.center();
+    Ok(Viewpoint { eye: view.eye, target, up: view.up, fov_y })
 }

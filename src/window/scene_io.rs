@@ -222,7 +222,7 @@ pub(crate) fn apply(
         let lens;
         (*viewpoint, lens) = viewpoint_of(camera);
         settings.lens = lens;
-        *anchor = Anchor::adopt(viewpoint, orbit);
+        *anchor = anchor.adopt(viewpoint, orbit);
         commands.entity(entity).remove::<Flight>();
     }
     parts.bookmarks.0.clone_from(&scene.bookmarks);

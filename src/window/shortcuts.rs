@@ -5,7 +5,7 @@ use super::input::{Action, KEYS, PointerOwner, is_control};
 use super::picture::{DataCamera, Picture};
 use super::playhead::Playhead;
 use super::preset::Preset;
-use super::scene::{Scene, home};
+use super::scene::{Scene, Settings};
 use super::screenshot;
 use super::state::notices::Notices;
 use super::state::panels::{Dock, Shown};
@@ -24,7 +24,7 @@ pub(super) fn run_shortcuts(
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
     preset: Res<Preset>,
-    scene: Option<Res<Scene>>,
+    (scene, settings): (Option<Res<Scene>>, Res<Settings>),
     picture: Res<Picture>,
     distance: Res<DataDistance>,
     mut shown: ResMut<Shown>,
@@ -76,7 +76,7 @@ pub(super) fn run_shortcuts(
                 *fly = Fly::default();
                 if *navigation == Navigation::Fly {
                     *navigation = Navigation::Orbit;
-                    *anchor = Anchor::adopt(&viewpoint, &mut orbit);
+                    *anchor = anchor.adopt(&viewpoint, &mut orbit);
                 } else {
                     *navigation = Navigation::Fly;
                     if let Some(reach) = distance.0.filter(|reach| *reach > 0.0) {
@@ -87,20 +87,20 @@ pub(super) fn run_shortcuts(
             }
             Action::Home => {
                 let Some(scene) = &scene else { continue };
-                match home(scene.frame, viewpoint.fov_y, &picture) {
+                match scene.home(&settings, viewpoint.fov_y, &picture) {
                     Ok(target) => {
                         *navigation = Navigation::Orbit;
                         let flight = Flight::to_viewpoint(*viewpoint, target, preset.camera.flight_secs);
                         commands.entity(entity).insert(flight);
                     }
-                    Err(error) => notices.error(error.to_string()),
+                    Err(error) => notices.error(error),
                 }
             }
             Action::Leave if shown.help => shown.help = false,
             Action::Leave if *tool != Tool::Inspect => *tool = Tool::Inspect,
             Action::Leave if *navigation != Navigation::Orbit => {
                 *navigation = Navigation::Orbit;
-                *anchor = Anchor::adopt(&viewpoint, &mut orbit);
+                *anchor = anchor.adopt(&viewpoint, &mut orbit);
             }
             Action::Leave if window.as_ref().is_some_and(|window| window.mode != WindowMode::Windowed) => {
                 if let Some(window) = &mut window {

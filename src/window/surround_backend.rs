@@ -29,7 +29,6 @@ use crate::color::transfer::Levels;
 use crate::gpu::Offscreen;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
-use crate::picture::field::FieldSession;
 use crate::picture::{AnySession, PictureError, Session};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -134,7 +133,7 @@ impl SurroundPicture {
         let Coming { wanted, answer, .. } = coming;
         let outcome = match answer {
             Answer::Here((session, outcome)) => {
-                let is_field = matches!(session, AnySession::Field(_));
+                let is_field = !matches!(session, AnySession::Particles(_));
                 self.session = Some(((wanted.content.dataset, wanted.content.backend, is_field), session));
                 outcome
             }
@@ -192,8 +191,7 @@ impl SurroundPicture {
         let (told, members) = (self.told.clone(), wanted.content.members.clone());
         let open = move || {
             if let Some(field) = field {
-                let field = FieldSession::of(field.opened, Arc::new(told));
-                return Ok(AnySession::Field(Box::new(field)));
+                return Ok(field.opened.drawer(Arc::new(told)));
             }
             let adapter = match backend {
                 Backend::Cpu => None,

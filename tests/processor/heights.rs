@@ -3,6 +3,8 @@
 
 use crate::support::golden::picture_at;
 use crate::support::run;
+use deepfield::color::composite::Image;
+use deepfield::color::output::write_png;
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::path::Path;
@@ -165,6 +167,52 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
         "waves.df: mode volume does not draw heights, expected surface",
     );
     refused(folder, &["render", "waves.df", "-o", "x.png", "--attribute", "mass"], "attribute mass is not in the data");
+}
+
+#[test]
+fn photos_lie_over_surfaces() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    waves(folder);
+    // Four squares: red and green in the first rows, blue and white in the last ones.
+    let colors = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255; 4]];
+    let rgba = (0..64 * 64).map(|at| colors[at / 64 / 32 * 2 + at % 64 / 32]).collect();
+    write_png(&folder.join("photo.png"), &Image { width: 64, height: 64, rgba }).unwrap();
+    ok(folder, &["build", "waves.npy", "-o", "waves.df", "--spacing", "1,1", "--texture", "photo.png"]);
+    ok(folder, &["verify", "waves.df"]);
+    let told = answer(folder, &["info", "waves.df", "--json"]);
+    let corners = serde_json::json!([[0.0, 0.0], [330.0, 289.0]]);
+    let plane =
+        serde_json::json!({ "name": "texture", "columns": 64, "rows": 64, "source": "photo.png", "corners": corners });
+    assert_eq!(told["planes"], serde_json::json!([plane]));
+    let text = String::from_utf8(ok(folder, &["info", "waves.df"]).stdout).unwrap();
+    assert!(text.contains("photo (texture): 64 x 64 pixels of photo.png, from 0, 0 to 330, 289"), "{text}");
+    let camera = ["--eye", "165,145,400", "--target", "165,145,0", "--up", "0,1,0", "--ortho", "260"];
+    let drawn = |more: &[&str]| {
+        let arguments = ["-o", "top.png", "--size", "240x160", "--set", "ambient=1.0"];
+        ok(folder, &[&["render"], more, &arguments, &camera].concat());
+        picture_at(&folder.join("top.png")).rgba
+    };
+    let own = drawn(&["waves.df"]);
+    // y goes up, and rows with it.
+    for (at, expected) in [([60, 120], 0), ([180, 120], 1), ([60, 40], 2), ([180, 40], 3)] {
+        assert_eq!(own[at[1] * 240 + at[0]][..3], colors[expected][..3], "{at:?}");
+    }
+    assert_eq!(drawn(&["waves.df", "--attribute", "texture"]), own);
+    assert_eq!(drawn(&["waves.npy", "--texture", "photo.png"]), own);
+    assert_ne!(drawn(&["waves.df", "--attribute", "height"]), own);
+    let part = drawn(&["waves.npy", "--texture", "photo.png@165,0,331,145"]);
+    assert_eq!([&part[120 * 240 + 60][..3], &part[40 * 240 + 60][..3]].concat(), [188; 6]);
+    assert_eq!(part[150 * 240 + 130][..3], colors[0][..3]);
+    // Another file of the built one has it, too.
+    ok(folder, &["build", "waves.df", "-o", "again.df"]);
+    assert_eq!(drawn(&["again.df"]), own);
+    let build = ["build", "waves.npy", "-o", "x.df", "--texture"];
+    refused(folder, &[&build[..], &["none.png"]].concat(), "none.png: ");
+    refused(folder, &[&build[..], &["photo.png@900,0,950,10"]].concat(), "photo.png: --texture: found a rectangle");
+    let again = ["build", "waves.df", "-o", "x.df", "--texture", "photo.png"];
+    refused(folder, &again, "waves.df: --texture: found a page file");
+    refused(folder, &["build", "photo.png", "-o", "x.df", "--texture", "photo.png"], "--texture: found no heights");
 }
 
 #[test]

@@ -22,7 +22,7 @@ fn balls(path: &Path) {
 }
 
 /// The picture of a scene as `deepfield render` writes it.
-fn render(folder: &Path, scene: &Path) -> Vec<[u8; 3]> {
+pub(super) fn render(folder: &Path, scene: &Path) -> Vec<[u8; 3]> {
     let output = folder.join("rendered.png");
     let mut render = crate::support::program();
     render.args(["render", "--backend", "cpu"]).arg(scene).arg("-o").arg(&output).env("XDG_CACHE_HOME", folder);
@@ -33,7 +33,7 @@ fn render(folder: &Path, scene: &Path) -> Vec<[u8; 3]> {
 }
 
 /// Share of the pixels that are more than a little off, but for where messages come and go.
-fn difference(screen: &Screen, expected: &[[u8; 3]]) -> f64 {
+pub(super) fn difference(screen: &Screen, expected: &[[u8; 3]]) -> f64 {
     let width = usize::from(SIZE[0]);
     let off = |(i, pixel): (usize, &[u8; 3])| {
         screen.at(i % width, i / width).iter().zip(pixel).any(|(a, b)| a.abs_diff(*b) > 4)

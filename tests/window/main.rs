@@ -12,6 +12,7 @@ mod desktop;
 mod fields;
 mod frames;
 mod growing;
+mod heights;
 mod ids;
 mod looking;
 mod network;

@@ -47,6 +47,7 @@ impl OpenHeights {
             ("--spacing", options.spacing.is_some()),
             ("--xy-unit", options.xy_unit.is_some()),
             ("--height-unit", options.height_unit.is_some()),
+            ("--texture", options.texture.is_some()),
         ];
         if let Some((option, _)) = said.iter().find(|(_, is_said)| *is_said) {
             let expected = "a source: what is said of it is kept when it is built";
@@ -126,7 +127,8 @@ impl Heights for OpenHeights {
 
 /// What a page file's footer says of its field.
 fn summary_of(file: &HeightFile) -> HeightSummary {
-    let HeightAbout { grid, facts, invalid, notes, format, .. } = file.about();
+    let HeightAbout { grid, facts, invalid, notes, format, photo, .. } = file.about();
+    let photo = photo.iter().map(|photo| PlaneSummary::of_photo(&photo.about, grid));
     HeightSummary {
         kind: "heights",
         path: file.path().display().to_string(),
@@ -146,7 +148,7 @@ fn summary_of(file: &HeightFile) -> HeightSummary {
         min: facts.min,
         max: facts.max,
         mean: facts.mean,
-        planes: grid.planes.iter().map(|plane| PlaneSummary { name: plane.name.clone() }).collect(),
+        planes: grid.planes.iter().map(PlaneSummary::of).chain(photo).collect(),
         crs: grid.crs.clone(),
         notes: notes.clone(),
     }

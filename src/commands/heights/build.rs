@@ -3,6 +3,7 @@
 use crate::commands::CommandResult;
 use crate::commands::build::Arguments;
 use crate::commands::progress_bar::TerminalProgress;
+use crate::heights::OpenHeights;
 use crate::heights::build::HeightBuildOptions;
 use crate::hierarchy::Matter;
 use std::path::Path;
@@ -18,7 +19,8 @@ pub fn run(arguments: &Arguments, path: &Path) -> CommandResult {
             return Err(format!("{}: hierarchy {kinds}: found heights, {expected}", path.display()).into());
         }
     }
-    let open = arguments.heights.open(path, &arguments.raw.spacing, arguments.read)?;
+    let said = arguments.texture.with(arguments.heights.import(&arguments.raw.spacing, arguments.read));
+    let open = OpenHeights::open(path, &said)?;
     let options = HeightBuildOptions { memory: arguments.memory, threads: arguments.threads.map(usize::from) };
     let built = open.build(&options, &arguments.output, &TerminalProgress::new())?;
     built.notes.iter().for_each(|note| eprintln!("note: {note}"));

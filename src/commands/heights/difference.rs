@@ -1,5 +1,6 @@
 //! The difference of two height fields.
 
+use super::options;
 use crate::commands::CommandResult;
 use crate::commands::difference::Arguments;
 use crate::commands::probe::short;
@@ -7,8 +8,8 @@ use crate::commands::progress_bar::TerminalProgress;
 use crate::commands::statistics::write_json;
 use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use crate::heights::export::{ExportOptions, export_heights};
-use crate::heights::measure::{Difference, Volumes, volumes};
-use crate::heights::model::{Heights, Window};
+use crate::heights::measure::{Difference, Volumes, volumes_on};
+use crate::heights::model::{Heights, Lengths, Window};
 use crate::model::ReadMethod;
 
 /// Subtracts, writes and tells.
@@ -16,11 +17,12 @@ use crate::model::ReadMethod;
 /// # Errors
 /// When the heights cannot be read or do not fit together, or the file cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { before, after, heights, output, json } = arguments;
+    let Arguments { before, after, heights, map, output, json } = arguments;
     let open = |path| heights.open(path, &[], ReadMethod::default());
     let names = [before, after].map(|path| path.display().to_string());
     let (earlier, later) = (open(before)?, open(after)?);
     let difference = Difference::new([&names[0], &names[1]], &earlier, &later)?;
+    let lengths = options::lengths(before, map.as_deref(), difference.grid())?;
     let progress = TerminalProgress::new();
     if let Some(output) = output {
         match output.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("df")) {
@@ -41,17 +43,15 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             }
         }
     }
-    let found = volumes(&difference)?;
+    let found = volumes_on(&difference, &lengths)?;
     drop(progress);
     if let Some(json) = json {
         return write_json(json, &found);
     }
     let Volumes { valid, area, volume_above, volume_below } = found;
     let grid = difference.grid();
-    let unit = |power: u32| match grid.xy_unit.is_unknown() {
-        true => String::new(),
-        false => format!(" {}^{power}", grid.xy_unit),
-    };
+    let length = Lengths::unit(grid);
+    let unit = |power: u32| if length.is_unknown() { String::new() } else { format!(" {length}^{power}") };
     println!("{valid} of {} samples are known of both, over {}{}", grid.samples(), short(area), unit(2));
     println!("above: {}{}, below: {}{}", short(volume_above), unit(3), short(volume_below), unit(3));
     Ok(())

@@ -3,6 +3,7 @@
 use crate::commands::info::short;
 use crate::heights::OpenHeights;
 use crate::heights::import::HeightSummary;
+use crate::heights::import::summary::{PhotoSummary, PlaneSummary};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -64,9 +65,16 @@ fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
     }
     let (min, max, mean) = (short(summary.min), short(summary.max), short(summary.mean));
     writeln!(text, "heights: min {min}, max {max}, mean {mean}{heights}")?;
-    if !summary.planes.is_empty() {
-        let names: Vec<&str> = summary.planes.iter().map(|plane| plane.name.as_str()).collect();
+    let is_plane = |plane: &&PlaneSummary| plane.photo.is_none();
+    let names: Vec<&str> = summary.planes.iter().filter(is_plane).map(|plane| plane.name.as_str()).collect();
+    if !names.is_empty() {
         writeln!(text, "colour planes: {}", names.join(", "))?;
+    }
+    for PhotoSummary { columns, rows, source, corners } in
+        summary.planes.iter().filter_map(|plane| plane.photo.as_ref())
+    {
+        let [from, to] = corners.map(|[x, y]| format!("{x}, {y}"));
+        writeln!(text, "photo (texture): {columns} x {rows} pixels of {source}, from {from} to {to}{places}")?;
     }
     summary.notes.iter().try_for_each(|note| writeln!(text, "note: {note}"))
 }

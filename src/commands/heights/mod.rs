@@ -5,8 +5,12 @@ pub mod contours;
 pub mod difference;
 pub mod info;
 pub mod options;
+pub mod pixels;
 pub mod probe;
+pub mod profile;
 pub mod select;
 pub mod synth;
+pub mod texture;
 
 pub use options::HeightsOptions;
+pub use texture::TextureOptions;

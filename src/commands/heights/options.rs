@@ -1,9 +1,10 @@
 //! What the user says of a height field in place of its file, and which files are height fields.
 
 use crate::heights::import::HeightOptions;
-use crate::heights::model::HeightError;
+use crate::heights::model::{HeightError, HeightGrid, Lengths};
 use crate::heights::{OpenHeights, is_heights};
 use crate::model::{ReadMethod, Unit};
+use crate::modes::surface::radius_of;
 use std::path::Path;
 
 /// What a file that could be several things is taken for.
@@ -61,6 +62,7 @@ impl HeightsOptions {
             spacing,
             xy_unit: unit(&self.xy_unit),
             height_unit: unit(&self.height_unit),
+            texture: None,
             read,
         }
     }
@@ -72,4 +74,14 @@ impl HeightsOptions {
     pub fn open(&self, path: &Path, spacing: &[f64], read: ReadMethod) -> Result<OpenHeights, HeightError> {
         OpenHeights::open(path, &self.import(spacing, read))
     }
+}
+
+/// Lengths of a grid whose degrees are those of the body that `--map` names, else of the Earth.
+///
+/// # Errors
+/// A map that is not known, or does not fit the grid's units.
+pub fn lengths(path: &Path, map: Option<&str>, grid: &HeightGrid) -> Result<Lengths, String> {
+    let radius = map.map(|map| radius_of(map, grid)).transpose();
+    let radius = radius.map_err(|why| format!("{}: {why}", path.display()))?.flatten();
+    Ok(radius.map_or_else(|| Lengths::of(grid), |radius| Lengths::on(grid, radius)))
 }

@@ -2,22 +2,18 @@
 
 use super::HeightsOptions;
 use super::select::{Corners, numbers, rectangle, window_in};
-use crate::color::output::write_atomically;
+use super::{options, pixels, profile};
 use crate::commands::CommandResult;
 use crate::commands::arguments::{PictureSize, positive, vector};
 use crate::commands::probe::short;
 use crate::commands::projection_options::ProjectionOptions;
 use crate::commands::statistics::write_json;
-use crate::cpu::surface::sight::Sight;
 use crate::heights::OpenHeights;
 use crate::heights::measure::{
-    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Pick, Probe, Ray, Residual, Rise, Roughness, fit,
-    pick_all, probe, profile, roughness,
+    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Probe, Residual, Roughness, fit, probe_on, roughness_on,
 };
-use crate::heights::model::{HeightGrid, Heights, Window};
-use crate::look::{CameraConfig, PictureConfig, Shot};
+use crate::heights::model::{HeightGrid, Heights, Lengths, Window};
 use crate::model::{ReadMethod, Unit};
-use crate::picture::surface::SurfaceSession;
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -31,7 +27,7 @@ pub struct HeightsProbe {
     /// The height and the slope at a place.
     #[arg(long, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
     pub point: Option<[f64; 2]>,
-    /// A profile along a line: the height at every crossing with an edge of the surface; -o writes it.
+    /// A profile along a line: the height at every crossing with an edge of the surface; -o writes it, as a table (.csv) or a plot (.png).
     #[arg(long, value_name = "X0,Y0,X1,Y1,...", value_parser = polyline, allow_hyphen_values = true)]
     pub line: Option<Polyline>,
     /// The samples between two corners, and on the edge.
@@ -70,9 +66,13 @@ pub struct HeightsProbe {
     /// Height of an orthographic picture, world units.
     #[arg(long, value_name = "HEIGHT", value_parser = positive, conflicts_with = "fov")]
     pub ortho: Option<f64>,
-    /// Picture size in pixels [default: 1200x800].
+    /// Picture size in pixels [default: 1200x800, of a plot 1200x480].
     #[arg(long, value_name = "WxH")]
     pub size: Option<PictureSize>,
+    /// How degrees become places of --pixel, and on which body they are lengths: plate, local, globe or globe:BODY such as globe:moon
+    /// [default: globe from 20 degrees on; the Earth].
+    #[arg(long, value_name = "MAP")]
+    pub map: Option<String>,
     /// Settings in RON, as `render` takes them: exaggeration and base count.
     #[arg(long, value_name = "FILE.ron")]
     pub config: Option<PathBuf>,
@@ -124,20 +124,25 @@ pub fn run(
 ) -> CommandResult {
     let open = options.open(path, &[], ReadMethod::default())?;
     if let Some(place) = asked.point {
-        return answer(json, &probe(&open, place)?, |text, found| write_point(text, path, open.grid(), found));
+        let lengths = options::lengths(path, asked.map.as_deref(), open.grid())?;
+        let found = probe_on(&open, &lengths, place)?;
+        return answer(json, &found, |text, found| write_point(text, path, open.grid(), found));
     }
     if let Some(Polyline(corners)) = &asked.line {
-        return along(path, &open, corners, out, json);
+        return profile::run(path, &open, corners, (out, asked.size), json);
+    }
+    if out.is_some() {
+        return Err("-o: expected --line beside it".into());
     }
     if !asked.pixel.is_empty() || asked.pixels.is_some() {
-        return under_pixels(path, &open, asked, json);
+        return pixels::run(path, &open, asked, json);
     }
     let region = numbers_of(path, &open, asked)?;
     answer(json, &region, |text, found| write_region(text, path, open.grid(), found))
 }
 
 /// Prints an answer, or writes it as JSON.
-fn answer<T: Serialize>(
+pub(super) fn answer<T: Serialize>(
     json: Option<&Path>,
     found: &T,
     write: impl FnOnce(&mut String, &T) -> std::fmt::Result,
@@ -151,7 +156,7 @@ fn answer<T: Serialize>(
 }
 
 /// A unit after a number.
-fn after(unit: &Unit) -> String {
+pub(super) fn after(unit: &Unit) -> String {
     if unit.is_unknown() { String::new() } else { format!(" {unit}") }
 }
 
@@ -167,204 +172,10 @@ fn write_point(text: &mut String, path: &Path, grid: &HeightGrid, found: &Probe)
         writeln!(text, "slope: {}, {} degrees", short(slope), short(slope.atan().to_degrees()))?;
     }
     if let Some(near) = &found.nearest {
-        let (x, y, away) = (near.x, near.y, short(near.distance));
-        writeln!(text, "nearest sample that was measured: {}{heights} at {x}, {y}, {away}{places} away", near.height)?;
+        let (x, y, away, lengths) = (near.x, near.y, short(near.distance), after(&Lengths::unit(grid)));
+        writeln!(text, "nearest sample that was measured: {}{heights} at {x}, {y}, {away}{lengths} away", near.height)?;
     }
     Ok(())
-}
-
-/// What `--line --json` writes.
-#[derive(Serialize)]
-struct LineAnswer {
-    length: f64,
-    valid_length: f64,
-    points: usize,
-    min: Option<f64>,
-    max: Option<f64>,
-}
-
-fn along(
-    path: &Path,
-    open: &OpenHeights,
-    corners: &[[f64; 2]],
-    out: Option<&Path>,
-    json: Option<&Path>,
-) -> CommandResult {
-    let found = profile(open, corners)?;
-    let grid = open.grid();
-    if let Some(out) = out {
-        let named = |name: &str, unit: &Unit| {
-            if unit.is_unknown() { name.to_owned() } else { format!("{name} [{unit}]") }
-        };
-        let heads = ["distance", "x", "y"].map(|name| named(name, &grid.xy_unit));
-        let mut text = format!("{},{}\n", heads.join(","), named("height", &grid.height_unit));
-        for point in &found.points {
-            let height = if point.height.is_nan() { String::new() } else { point.height.to_string() };
-            writeln!(text, "{},{},{},{height}", point.distance, point.x, point.y)?;
-        }
-        if !out.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
-            return Err(format!("{}: expected a name that ends in .csv", out.display()).into());
-        }
-        write_atomically(out, text.as_bytes())?;
-    }
-    let known = || found.points.iter().map(|point| point.height).filter(|height| !height.is_nan());
-    let told = LineAnswer {
-        length: found.length,
-        valid_length: found.valid_length,
-        points: found.points.len(),
-        min: known().reduce(f64::min),
-        max: known().reduce(f64::max),
-    };
-    answer(json, &told, |text, told| {
-        let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
-        let (length, valid) = (short(told.length), short(told.valid_length));
-        writeln!(text, "{}: a line of {length}{places}, {valid}{places} of it over the surface", path.display())?;
-        if let (Some(min), Some(max)) = (told.min, told.max) {
-            writeln!(text, "heights: {} to {}{heights} at {} points", short(min), short(max), told.points)?;
-        }
-        Ok(())
-    })
-}
-
-/// A sample under a pixel.
-#[derive(Serialize)]
-struct SampleUnder {
-    row: u64,
-    column: u64,
-    height: f64,
-}
-
-/// What is under a pixel.
-#[derive(Serialize)]
-struct Under {
-    valid: bool,
-    row: f64,
-    column: f64,
-    x: f64,
-    y: f64,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    height: Option<f64>,
-    samples: Vec<SampleUnder>,
-}
-
-impl Under {
-    fn of(pick: Pick) -> Option<Under> {
-        match pick {
-            Pick::Beside => None,
-            Pick::NotMeasured { row, column, x, y } => {
-                Some(Under { valid: false, row, column, x, y, height: None, samples: Vec::new() })
-            }
-            Pick::Hit(hit) => Some(Under {
-                valid: true,
-                row: hit.row,
-                column: hit.column,
-                x: hit.x,
-                y: hit.y,
-                height: Some(hit.height),
-                samples: hit.samples.map(|(row, column, height)| SampleUnder { row, column, height }).into(),
-            }),
-        }
-    }
-}
-
-/// What `--pixels --json` writes.
-#[derive(Serialize)]
-struct PixelsAnswer {
-    picks: Vec<Option<Under>>,
-}
-
-fn under_pixels(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&Path>) -> CommandResult {
-    let mut pixels = asked.pixel.clone();
-    if let Some(list) = &asked.pixels {
-        pixels.extend(read_pixels(list)?);
-    }
-    let (sight, rise) = seen(path, open, asked)?;
-    let [width, height] = sight.size();
-    if let Some([x, y]) = pixels.iter().find(|[x, y]| *x >= width || *y >= height) {
-        return Err(format!("--pixel: found {x},{y}, expected one of {width} x {height}").into());
-    }
-    let through = |[x, y]: [u32; 2]| sight.ray([x, y].map(|at| f64::from(at) + 0.5));
-    let rays: Vec<Option<Ray>> = pixels
-        .iter()
-        .map(|pixel| through(*pixel).map(|(origin, direction)| Ray::new(origin.to_array(), direction.to_array())))
-        .collect();
-    let there: Vec<Ray> = rays.iter().flatten().copied().collect();
-    let file = match open {
-        OpenHeights::Pages(file) => Some(&**file),
-        OpenHeights::Source(_) => None,
-    };
-    let mut found = pick_all(path, open, file, rise, &there)?.into_iter();
-    // Beside a dome's circle nothing is seen.
-    let picks = rays.iter().map(|ray| ray.and_then(|_| found.next()).and_then(Under::of)).collect();
-    answer(json, &PixelsAnswer { picks }, |text, told| {
-        let (places, heights) = (after(&open.grid().xy_unit), after(&open.grid().height_unit));
-        for ([x, y], under) in pixels.iter().zip(&told.picks) {
-            match under {
-                None => writeln!(text, "pixel {x},{y}: beside the field")?,
-                Some(under) => {
-                    let at = format!("{}, {}{places}", short(under.x), short(under.y));
-                    match under.height {
-                        Some(height) => writeln!(text, "pixel {x},{y}: {height}{heights} at {at}")?,
-                        None => writeln!(text, "pixel {x},{y}: not measured, at {at}")?,
-                    }
-                    for sample in &under.samples {
-                        let SampleUnder { row, column, height } = sample;
-                        writeln!(text, "  row {row}, column {column}: {height}{heights}")?;
-                    }
-                }
-            }
-        }
-        Ok(())
-    })
-}
-
-/// From where the pixels are seen, and how high heights stand there.
-fn seen(
-    path: &Path,
-    open: &OpenHeights,
-    asked: &HeightsProbe,
-) -> Result<(Sight, Rise), Box<dyn std::error::Error + Send + Sync>> {
-    let config = asked.config.as_deref().map(PictureConfig::read).transpose()?.unwrap_or_default();
-    let [eye, target, up] = [asked.eye, asked.target, asked.up].map(|at| at.map(|at| at.to_array()));
-    let mut shot = Shot {
-        camera: config.camera.then(CameraConfig { eye, target, up, fov: asked.fov, ortho: asked.ortho }),
-        size: asked.size.map(|size| (size.width, size.height)).or(config.size),
-        surround: config.projection,
-        ..Shot::default()
-    };
-    (shot.surround, shot.stereo) = asked.projection.over(shot.surround, None)?;
-    shot.look = config.look;
-    let summary = open.summary()?;
-    let (sight, placed) = SurfaceSession::sight(open.grid(), [summary.min, summary.max], &shot)?;
-    if !placed.is_flat() {
-        return Err(format!("{}: --pixel: globes are not asked by pixels yet", path.display()).into());
-    }
-    Ok((sight, Rise { zero: placed.zero, lift: placed.lift }))
-}
-
-/// Pixels of a CSV file with the columns x and y.
-fn read_pixels(list: &Path) -> Result<Vec<[u32; 2]>, String> {
-    let wrong = |why: String| format!("{}: {why}", list.display());
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(list).map_err(|error| wrong(error.to_string()))?;
-    let heads = reader.headers().map_err(|error| wrong(error.to_string()))?.clone();
-    let column = |name: &str| {
-        let found = heads.iter().position(|head| head == name);
-        found.ok_or_else(|| wrong(format!("column {name}: missing, expected x and y")))
-    };
-    let [x, y] = [column("x")?, column("y")?];
-    let mut pixels = Vec::new();
-    for (number, row) in reader.records().enumerate() {
-        let row = row.map_err(|error| wrong(error.to_string()))?;
-        let part = |at: usize| {
-            let text = row.get(at).unwrap_or_default();
-            let found =
-                text.parse().map_err(|_| wrong(format!("row {}: found {text:?}, expected a whole number", number + 1)));
-            found as Result<u32, String>
-        };
-        pixels.push([part(x)?, part(y)?]);
-    }
-    Ok(pixels)
 }
 
 /// What `--json` writes of a region.
@@ -404,16 +215,19 @@ fn numbers_of(
     let second: &dyn Heights = rest.as_ref().map_or(first, |rest| rest);
     let rough = asked.l_filter.map(|length| Filtered::new(second, Filter::Long(length), all)).transpose()?;
     let third: &dyn Heights = rough.as_ref().map_or(second, |filtered| filtered);
-    let found = roughness(&region(third)?)?;
+    let region = region(third)?;
+    let lengths = options::lengths(path, asked.map.as_deref(), region.grid())?;
+    let found = roughness_on(&region, &lengths)?;
     Ok(RegionAnswer { roughness: found, form: numbers })
 }
 
 fn write_region(text: &mut String, path: &Path, grid: &HeightGrid, found: &RegionAnswer) -> std::fmt::Result {
-    let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
+    let lengths = Lengths::unit(grid);
+    let (places, heights) = (after(&lengths), after(&grid.height_unit));
     let Roughness { samples, valid, valid_share, mean, area, iso } = &found.roughness;
     let share = short(100.0 * valid_share);
     writeln!(text, "{}: {valid} of {samples} samples were measured ({share} %)", path.display())?;
-    let square = if grid.xy_unit.is_unknown() { String::new() } else { format!(" {}^2", grid.xy_unit) };
+    let square = if lengths.is_unknown() { String::new() } else { format!(" {lengths}^2") };
     writeln!(text, "surface in plan: {}{square}", short(*area))?;
     if let Some(form) = &found.form {
         write!(text, "without a form: {}", form.kind)?;

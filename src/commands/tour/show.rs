@@ -55,6 +55,9 @@ impl Show {
         let options = SessionOptions { backend, ..SessionOptions::default() };
         let said = SurfaceSession::is_surface(&data).then(HeightOptions::default);
         let mut session = request::open_any(&[Member::new(data.clone())], said.as_ref(), options, [])?;
+        if session.has_z_up() {
+            tour.up = tour.up.or(Some([0.0, 0.0, 1.0]));
+        }
         let framed = session.framed(&LookPatch::default())?;
         let particles = session.particles().map(|session| &*session);
         let parent = file.as_deref().and_then(Path::parent).filter(|parent| !parent.as_os_str().is_empty());

@@ -1,10 +1,9 @@
 //! Samples of chunks on the adapter: one buffer of equal slots. A chunk is copied once while it stays; those that have not been drawn for
 //! longest make room.
 
-use super::constants::UNMEASURED;
+use super::constants::{CHUNK, UNMEASURED};
 use super::layout::counted;
 use crate::color::colors::to_encoded;
-use crate::cpu::surface::lattice::CHUNK;
 use crate::cpu::surface::look::Attribute;
 use crate::cpu::surface::source::NodeSamples;
 use bevy::prelude::Resource;
@@ -17,7 +16,7 @@ use std::sync::{Arc, Weak};
 use wgpu::ErrorFilter;
 
 /// Samples of a slot: of the largest chunk.
-const SLOT: u64 = (CHUNK + 1) * (CHUNK + 1);
+const SLOT: u64 = ((CHUNK + 1) * (CHUNK + 1)) as u64;
 /// Chunks that are handed over at once: each time the driver holds a copy of them.
 const PORTION: usize = 64;
 

@@ -1,12 +1,14 @@
 //! What Rust and the surface's shaders both need, written as a shader module: one source, and constants that a shader's compiler sees.
 
-use crate::cpu::surface::lattice::CHUNK;
+use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
 use crate::cpu::surface::look::{EDGE, MINOR};
 use crate::cpu::surface::shade::{ENDS, FINER, REACH, SECANTS};
 
 /// Path of the module among the shaders.
 pub const PATH: &str = "lib/surface_constants.wgsl";
 
+/// Cells along a chunk's side.
+pub const CHUNK: u32 = 1 << SIDE_BITS;
 /// Heights from here on were not measured.
 pub const UNMEASURED: f32 = 3e38;
 /// Bits of a part of one of the picture's samples.
@@ -29,7 +31,7 @@ pub const GROUP: u32 = 256;
 /// The module `deepfield::surface_constants`.
 pub fn wgsl() -> String {
     let numbers = [
-        ("CHUNK", CHUNK as u32),
+        ("CHUNK", CHUNK),
         ("FRACTION", FRACTION),
         ("TILE", TILE),
         ("SMALL", SMALL),
@@ -63,6 +65,6 @@ mod tests {
 
     #[test]
     fn a_chunk_is_whole_tiles() {
-        assert!((CHUNK as u32).is_multiple_of(TILE) && TILE * TILE == GROUP);
+        assert!(CHUNK.is_multiple_of(TILE) && TILE * TILE == GROUP);
     }
 }

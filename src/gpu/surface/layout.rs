@@ -3,12 +3,12 @@
 use super::arena::Held;
 use super::constants::{FAN, SMALL, UNMEASURED};
 use super::job::SurfaceJob;
-use crate::cpu::surface::lattice::NodeKey;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
 use crate::cpu::surface::select::{Primitive, Technique};
 use crate::cpu::surface::raster::Shown;
 use crate::cpu::surface::stitch::{Mesh, Scene};
 use crate::color::transfer::Scale;
+use crate::heights::hierarchy::chunks::ChunkKey;
 use crate::view::{Projection, View};
 use bevy::math::DVec3;
 use bytemuck::{Pod, Zeroable};
@@ -153,7 +153,7 @@ impl DrawList {
             (0..scene.meshes.len()).partition(|number| is_far(&scene.meshes[*number]));
         let mut lists: Vec<u32> = far.iter().chain(&near).map(|number| *number as u32).collect();
         let (far, near) = (far.len() as u32, near.len() as u32);
-        let mut chains: BTreeMap<NodeKey, u32> = BTreeMap::new();
+        let mut chains: BTreeMap<ChunkKey, u32> = BTreeMap::new();
         let mut draws = Vec::with_capacity(scene.meshes.len());
         for mesh in &scene.meshes {
             let key = mesh.node.key;
@@ -291,6 +291,7 @@ impl SurfaceUniform {
             major: 0,
             width: 1.0,
             color: [0.0; 3],
+            labels: None,
         });
         // Another line with the same strength, near the reference.
         let period = contours.interval * f64::from(contours.major.max(1));
@@ -332,6 +333,8 @@ impl SurfaceUniform {
                 Attribute::Primitive => 5,
                 Attribute::Plane(_) => 6,
                 Attribute::Texture(_) => 7,
+                // Asked for of the processor.
+                Attribute::Photo => 0,
             },
             clip_max: (cut.bounds.max - view.eye).min(DVec3::splat(1e37)).as_vec3().to_array(),
             ramp_last: ramp.saturating_sub(1),

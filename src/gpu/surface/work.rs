@@ -1,11 +1,10 @@
 //! What a camera's surface is drawn with, and the passes.
 
 use super::arena::SurfaceArena;
-use super::constants::{ENTRY, GROUP, SCANNERS, TILE};
+use super::constants::{CHUNK, ENTRY, GROUP, SCANNERS, TILE};
 use super::job::{SurfaceFindings, SurfaceJob, SurfaceNews, SurfaceView};
 use super::layout::{DrawList, SurfaceStep, SurfaceUniform};
 use super::pipelines::{DEPTHS, NUMBERS, Ready, Step, SurfacePipelines};
-use crate::cpu::surface::lattice::CHUNK;
 use crate::cpu::surface::look::Ramp;
 use crate::cpu::surface::source::NodeSamples;
 use crate::gpu::light::{self, LightCells, LightView};
@@ -25,7 +24,7 @@ use std::sync::Arc;
 /// Chunks with large triangles that are drawn at a time: the list of these has room for all that they may have.
 const NEAR: u32 = 8;
 /// Large triangles of a chunk at most.
-const TRIANGLES: u32 = 2 * (CHUNK * CHUNK) as u32;
+const TRIANGLES: u32 = 2 * CHUNK * CHUNK;
 /// Samples of a row of the picture are a multiple of this: rows of textures begin at such places in buffers.
 const ROW: u32 = 64;
 
@@ -241,7 +240,7 @@ impl SurfaceWork {
             pass.set_bind_group(1, &self.visible, &[turn.offset]);
             match turn.step {
                 Step::Fans => pass.dispatch_workgroups(turn.count.div_ceil(GROUP), 1, 1),
-                _ => pass.dispatch_workgroups((CHUNK as u32 / TILE).pow(2), turn.count, 1),
+                _ => pass.dispatch_workgroups((CHUNK / TILE).pow(2), turn.count, 1),
             }
             pass.set_pipeline(large);
             pass.dispatch_workgroups(SCANNERS, 1, 1);
@@ -273,9 +272,9 @@ impl SurfaceWork {
                 multiview_mask: None,
             });
             pass.set_bind_group(0, &self.shared, &[]);
-            let cell_corners = 6 * (CHUNK * CHUNK) as u32;
+            let cell_corners = 6 * CHUNK * CHUNK;
             let squares = self.job.parts.pow(2);
-            let samples = squares * (CHUNK as u32 + 1).pow(2);
+            let samples = squares * (CHUNK + 1).pow(2);
             // All is drawn once.
             for turn in self.turns.iter().take(self.turns.len() / 2) {
                 pass.set_bind_group(1, &self.raster, &[turn.offset]);

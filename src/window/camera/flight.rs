@@ -1,6 +1,6 @@
 //! Flights: the camera glides to a place that was double-clicked, or home.
 
-use super::{Anchor, Viewpoint, back_and_up};
+use super::{Anchor, Upright, Viewpoint};
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
@@ -15,8 +15,8 @@ pub struct Flight {
     pub target: DVec3,
     /// Distance from the target at the end, world units.
     pub distance_world: f64,
-    /// Yaw and pitch at the end, radians.
-    pub angles: (f64, f64),
+    /// The direction from the target to the eye at the end.
+    pub back: DVec3,
     /// How long it takes, seconds.
     pub duration_secs: f64,
     /// Time since the start, seconds.
@@ -26,13 +26,13 @@ pub struct Flight {
 impl Flight {
     /// A flight to `target`, ending `distance` away from it, looking in the same direction as now.
     pub fn to_place(from: Viewpoint, target: DVec3, distance: f64, duration_secs: f64) -> Flight {
-        Flight { from, target, distance_world: distance, angles: from.angles(), duration_secs, elapsed_secs: 0.0 }
+        Flight { from, target, distance_world: distance, back: from.back(), duration_secs, elapsed_secs: 0.0 }
     }
 
     /// A flight to another viewpoint.
     pub fn to_viewpoint(from: Viewpoint, to: Viewpoint, duration_secs: f64) -> Flight {
-        let (distance_world, angles) = (to.distance(), to.angles());
-        Flight { from, target: to.target, distance_world, angles, duration_secs, elapsed_secs: 0.0 }
+        let (distance_world, back) = (to.distance(), to.back());
+        Flight { from, target: to.target, distance_world, back, duration_secs, elapsed_secs: 0.0 }
     }
 
     /// Whether it has arrived.
@@ -40,15 +40,16 @@ impl Flight {
         self.elapsed_secs >= self.duration_secs
     }
 
-    /// The viewpoint at the present time.
+    /// The viewpoint at the present time, upright all the way.
     ///
     /// While the distance changes by a large factor, the target moves with the same geometric pace as the distance:
     /// the way that the target still has to go stays in proportion to the distance, so the place that was clicked
     /// never leaves the picture.
-    pub fn viewpoint(&self) -> Viewpoint {
+    pub fn viewpoint(&self, upright: Upright) -> Viewpoint {
         if self.is_over() {
             // The same to the last bit from wherever it came.
-            let (back, up) = back_and_up(self.angles.0, self.angles.1);
+            let (yaw, pitch) = upright.angles(self.back);
+            let (back, up) = upright.back_and_up(yaw, pitch);
             let eye = self.target + back * self.distance_world;
             return Viewpoint { eye, target: self.target, up, fov_y: self.from.fov_y };
         }
@@ -56,18 +57,17 @@ impl Flight {
         let eased = t * t * t * (t * (6.0 * t - 15.0) + 10.0);
         let ratio = self.distance_world / self.from.distance();
         let along = if (ratio - 1.0).abs() < 1e-3 { eased } else { (ratio.powf(eased) - 1.0) / (ratio - 1.0) };
-        self.at(eased, along)
+        self.at(upright, eased, along)
     }
 
     /// The viewpoint `eased` of the way in angle and (geometric) distance, and `along` of the target's way.
-    fn at(&self, eased: f64, along: f64) -> Viewpoint {
+    fn at(&self, upright: Upright, eased: f64, along: f64) -> Viewpoint {
         let start = self.from.distance();
         let distance = start * (self.distance_world / start).powf(eased);
         let target = self.from.target.lerp(self.target, along);
-        let (yaw, pitch) = self.from.angles();
-        let turn =
-            (self.angles.0 - yaw + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
-        let (back, up) = back_and_up(yaw + turn * eased, pitch + (self.angles.1 - pitch) * eased);
+        let ((yaw, pitch), end) = (upright.angles(self.from.back()), upright.angles(self.back));
+        let turn = (end.0 - yaw + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        let (back, up) = upright.back_and_up(yaw + turn * eased, pitch + (end.1 - pitch) * eased);
         Viewpoint { eye: target + back * distance, target, up, fov_y: self.from.fov_y }
     }
 }
@@ -80,8 +80,8 @@ pub(super) fn advance_flights(
 ) {
     for (camera, mut flight, mut viewpoint, mut anchor, mut orbit) in &mut cameras {
         flight.elapsed_secs += time.delta_secs_f64();
-        *viewpoint = flight.viewpoint();
-        *anchor = Anchor::adopt(&viewpoint, &mut orbit);
+        *viewpoint = flight.viewpoint(anchor.upright);
+        *anchor = anchor.adopt(&viewpoint, &mut orbit);
         if flight.is_over() {
             commands.entity(camera).remove::<Flight>();
         }
@@ -100,10 +100,10 @@ mod tests {
     #[test]
     fn it_starts_here_and_ends_there() {
         let mut flight = flight();
-        let start = flight.viewpoint();
+        let start = flight.viewpoint(Upright::Y);
         assert!(start.eye.distance(flight.from.eye) < 1e-9);
         flight.elapsed_secs = 1.5;
-        let end = flight.viewpoint();
+        let end = flight.viewpoint(Upright::Y);
         assert!(end.target.distance(flight.target) < 1e-9);
         assert!((end.distance() - 2.0).abs() < 1e-9);
         assert!((end.target - end.eye).normalize().distance(-DVec3::Z) < 1e-9, "the direction is kept");
@@ -114,7 +114,7 @@ mod tests {
         let mut flight = flight();
         for step in 0..=100 {
             flight.elapsed_secs = 0.015 * f64::from(step);
-            let viewpoint = flight.viewpoint();
+            let viewpoint = flight.viewpoint(Upright::Y);
             let view = viewpoint.view(1000, 1000).unwrap();
             let pixel = view.to_pixels(view.to_camera(flight.target)).unwrap();
             assert!(pixel.iter().all(|x| (0.0..1000.0).contains(x)), "step {step}: {pixel:?}");
@@ -126,6 +126,6 @@ mod tests {
         let mut flight = flight();
         flight.duration_secs = 0.0;
         assert!(flight.is_over());
-        assert!(flight.viewpoint().target.distance(flight.target) < 1e-9);
+        assert!(flight.viewpoint(Upright::Y).target.distance(flight.target) < 1e-9);
     }
 }

@@ -1,6 +1,6 @@
 //! Flying: keys move the eye, the mouse turns it, and the speed follows the distance to the data.
 
-use super::{Anchor, DataDistance, Navigation, Viewpoint, back_and_up};
+use super::{Anchor, DataDistance, Navigation, Viewpoint};
 use crate::model::Bounds;
 use crate::window::input::PointerOwner;
 use crate::window::preset::Preset;
@@ -72,13 +72,13 @@ pub(super) fn steer_fly(
             continue;
         }
         // Turn.
-        let (mut yaw, mut pitch) = viewpoint.angles();
+        let (mut yaw, mut pitch) = anchor.upright.angles(viewpoint.back());
         let look = owner.is_picture() && (buttons.pressed(MouseButton::Left) || buttons.pressed(MouseButton::Right));
         let turn = if look { motion.delta.as_dvec2() } else { bevy::math::DVec2::ZERO };
         let radians_per_pixel = preset.camera.look_sensitivity.to_radians();
         yaw -= turn.x * radians_per_pixel;
         pitch = (pitch + turn.y * radians_per_pixel).clamp(-1.56, 1.56);
-        let (back, up) = back_and_up(yaw, pitch);
+        let (back, up) = anchor.upright.back_and_up(yaw, pitch);
         let forward = -back;
         // Move.
         let wanted = if owner.keyboard_is_free() { wanted_direction(&keys) } else { DVec3::ZERO };
@@ -101,12 +101,13 @@ pub(super) fn steer_fly(
         // A target closer than an ulp of the eye's coordinates would give no direction.
         let reach = ahead.max(1e-12 * eye.abs().max_element()).max(f64::MIN_POSITIVE * 1e30);
         *viewpoint = Viewpoint { eye, target: eye + forward * reach, up, fov_y: viewpoint.fov_y };
-        *anchor = Anchor::adopt(&viewpoint, &mut orbit);
+        *anchor = anchor.adopt(&viewpoint, &mut orbit);
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Upright;
     use super::*;
 
     #[test]
@@ -148,7 +149,7 @@ mod tests {
             .add_systems(Update, steer_fly);
         let start = Viewpoint { eye: DVec3::Z * distance, target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.8 };
         let mut orbit = PanOrbitCamera::default();
-        let anchor = Anchor::adopt(&start, &mut orbit);
+        let anchor = Anchor::default().adopt(&start, &mut orbit);
         let camera = app.world_mut().spawn((Navigation::Fly, Fly::default(), start, anchor, orbit)).id();
         (app, camera)
     }
@@ -184,6 +185,6 @@ mod tests {
         assert!((turned - 15.0).abs() < 1e-6, "100 px at 0.15 degrees each: {turned}");
         assert!(viewpoint.target.x > 0.0, "the mouse to the right looks to the right");
         let orbit = app.world().get::<PanOrbitCamera>(camera).unwrap();
-        assert!((f64::from(orbit.yaw.unwrap()) - viewpoint.angles().0).abs() < 1e-6);
+        assert!((f64::from(orbit.yaw.unwrap()) - Upright::Y.angles(viewpoint.back()).0).abs() < 1e-6);
     }
 }

@@ -13,12 +13,14 @@
 mod flight;
 mod fly;
 mod follow;
+mod ground;
 mod lens;
 mod orbit;
 
 pub use flight::Flight;
 pub use fly::{Fly, distance_to_boxes, fly_speed};
 pub use follow::Follow;
+pub use ground::Ground;
 pub use lens::Lens;
 pub use orbit::Anchor;
 
@@ -61,23 +63,55 @@ impl Viewpoint {
         View::look_at(self.eye, self.target, self.up, projection, width, height)
     }
 
-    /// Yaw and pitch of the line from the target to the eye, radians: yaw around +Y from +Z towards +X, pitch from
-    /// the horizontal plane upwards.
-    pub fn angles(&self) -> (f64, f64) {
-        let back = (self.eye - self.target).normalize_or(DVec3::Z);
-        (back.x.atan2(back.z), back.y.clamp(-1.0, 1.0).asin())
+    /// The direction from the target to the eye.
+    pub fn back(&self) -> DVec3 {
+        (self.eye - self.target).normalize_or(DVec3::Z)
     }
 }
 
-/// The unit vector from target to eye for a yaw and pitch as in [`Viewpoint::angles`], and the up vector that belongs
-/// to it (well defined at the poles too).
-fn back_and_up(yaw: f64, pitch: f64) -> (DVec3, DVec3) {
-    let (sin_yaw, cos_yaw) = yaw.sin_cos();
-    let (sin_pitch, cos_pitch) = pitch.sin_cos();
-    (
-        DVec3::new(cos_pitch * sin_yaw, sin_pitch, cos_pitch * cos_yaw),
-        DVec3::new(-sin_pitch * sin_yaw, cos_pitch, -sin_pitch * cos_yaw),
-    )
+/// Which axis of the world points up while one turns around something: that of particles, volumes and images is y, that of heights z.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Upright {
+    /// +Y.
+    #[default]
+    Y,
+    /// +Z; what is in front then is at -Y.
+    Z,
+}
+
+impl Upright {
+    /// A vector of a frame whose +Y points up, in the world.
+    pub fn world(self, local: DVec3) -> DVec3 {
+        match self {
+            Upright::Y => local,
+            Upright::Z => DVec3::new(local.x, -local.z, local.y),
+        }
+    }
+
+    /// A vector of the world in a frame whose +Y points up.
+    pub fn local(self, world: DVec3) -> DVec3 {
+        match self {
+            Upright::Y => world,
+            Upright::Z => DVec3::new(world.x, world.z, -world.y),
+        }
+    }
+
+    /// Yaw and pitch of the direction from a target to an eye, radians: yaw around the axis that points up, from the front towards +X,
+    /// pitch from the horizontal plane upwards.
+    pub fn angles(self, back: DVec3) -> (f64, f64) {
+        let back = self.local(back);
+        (back.x.atan2(back.z), back.y.clamp(-1.0, 1.0).asin())
+    }
+
+    /// The unit vector from target to eye for a yaw and pitch as in [`Upright::angles`], and the up vector that belongs
+    /// to it (well defined at the poles too).
+    fn back_and_up(self, yaw: f64, pitch: f64) -> (DVec3, DVec3) {
+        let (sin_yaw, cos_yaw) = yaw.sin_cos();
+        let (sin_pitch, cos_pitch) = pitch.sin_cos();
+        let back = DVec3::new(cos_pitch * sin_yaw, sin_pitch, cos_pitch * cos_yaw);
+        let up = DVec3::new(-sin_pitch * sin_yaw, cos_pitch, -sin_pitch * cos_yaw);
+        (self.world(back), self.world(up))
+    }
 }
 
 /// What moves the camera.
@@ -114,6 +148,7 @@ impl Plugin for CameraPlugin {
         app.add_plugins(PanOrbitCameraPlugin)
             .init_resource::<DataDistance>()
             .init_resource::<Follow>()
+            .init_resource::<Ground>()
             .configure_sets(
                 PostUpdate,
                 (
@@ -127,7 +162,7 @@ impl Plugin for CameraPlugin {
                     (fly::steer_fly, follow::follow_selection, flight::advance_flights, orbit::switch_orbit_input)
                         .chain()
                         .in_set(CameraSystems::Steer),
-                    (orbit::follow_orbit, orbit::move_anchor).chain().in_set(CameraSystems::Settle),
+                    (orbit::follow_orbit, ground::stay_above, orbit::move_anchor).chain().in_set(CameraSystems::Settle),
                 ),
             );
     }
@@ -139,12 +174,18 @@ mod tests {
 
     #[test]
     fn angles_and_directions_are_inverse() {
+        for upright in [Upright::Y, Upright::Z] {
+            inverse(upright);
+        }
+    }
+
+    fn inverse(upright: Upright) {
         for yaw in [-3.0, -1.2, 0.0, 0.7, 2.9] {
             for pitch in [-1.5, -0.4, 0.0, 0.9, 1.5] {
-                let (back, up) = back_and_up(yaw, pitch);
+                let (back, up) = upright.back_and_up(yaw, pitch);
                 let target = DVec3::new(3.0e5, -2.0, 7.0);
                 let viewpoint = Viewpoint { eye: target + back * 12.0, target, up, fov_y: 0.8 };
-                let (found_yaw, found_pitch) = viewpoint.angles();
+                let (found_yaw, found_pitch) = upright.angles(viewpoint.back());
                 assert!((found_yaw - yaw).abs() < 1e-9 && (found_pitch - pitch).abs() < 1e-8, "{yaw} {pitch}");
                 assert!(back.dot(up).abs() < 1e-12 && (up.length() - 1.0).abs() < 1e-12);
                 let view = viewpoint.view(640, 480).unwrap();
@@ -155,7 +196,10 @@ mod tests {
 
     #[test]
     fn straight_down_is_a_valid_view() {
-        let (back, up) = back_and_up(0.3, std::f64::consts::FRAC_PI_2);
-        assert!(Viewpoint { eye: back, target: DVec3::ZERO, up, fov_y: 0.8 }.view(8, 8).is_ok());
+        for upright in [Upright::Y, Upright::Z] {
+            let (back, up) = upright.back_and_up(0.3, std::f64::consts::FRAC_PI_2);
+            assert!(Viewpoint { eye: back, target: DVec3::ZERO, up, fov_y: 0.8 }.view(8, 8).is_ok());
+        }
+        assert!(Upright::Z.back_and_up(0.0, 0.0).0.abs_diff_eq(DVec3::NEG_Y, 1e-15), "in front of heights is -y");
     }
 }

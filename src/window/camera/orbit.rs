@@ -1,19 +1,27 @@
 //! Orbiting: the glue between the `f32` orbit camera and the `f64` viewpoint.
 
-use super::{Navigation, Viewpoint, back_and_up};
+use super::{Navigation, Upright, Viewpoint};
 use crate::window::input::PointerOwner;
 use crate::window::preset::Preset;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_panorbit_camera::PanOrbitCamera;
 
-/// The frame that the orbit camera moves in: world = origin + unit * orbit coordinates.
+/// The frame that the orbit camera moves in: world = origin + unit * orbit coordinates, turned so that their +Y points up.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct Anchor {
     /// World position of the orbit camera's origin.
     pub origin: DVec3,
     /// World length of one of its units.
     pub unit: f64,
+    /// What points up in the world.
+    pub upright: Upright,
+}
+
+impl Default for Anchor {
+    fn default() -> Anchor {
+        Anchor { origin: DVec3::ZERO, unit: 1.0, upright: Upright::default() }
+    }
 }
 
 /// The anchor moves when the orbit radius leaves `1 / RADIUS_RANGE ..= RADIUS_RANGE` or the focus goes farther than
@@ -24,17 +32,17 @@ const RADIUS_RANGE: f32 = 4.0;
 impl Anchor {
     /// World position of a point in orbit coordinates.
     pub fn world(&self, point: Vec3) -> DVec3 {
-        self.origin + self.unit * point.as_dvec3()
+        self.origin + self.unit * self.upright.world(point.as_dvec3())
     }
 
     /// Orbit coordinates of a world position.
     pub fn local(&self, world: DVec3) -> Vec3 {
-        ((world - self.origin) / self.unit).as_vec3()
+        (self.upright.local(world - self.origin) / self.unit).as_vec3()
     }
 
     /// Puts the orbit camera exactly where `viewpoint` is, with an anchor at its target; its motion stops.
-    pub fn adopt(viewpoint: &Viewpoint, orbit: &mut PanOrbitCamera) -> Anchor {
-        let (yaw, pitch) = viewpoint.angles();
+    pub fn adopt(&self, viewpoint: &Viewpoint, orbit: &mut PanOrbitCamera) -> Anchor {
+        let (yaw, pitch) = self.upright.angles(viewpoint.back());
         orbit.focus = Vec3::ZERO;
         orbit.target_focus = Vec3::ZERO;
         orbit.radius = Some(1.0);
@@ -47,13 +55,13 @@ impl Anchor {
         orbit.zoom_upper_limit = Some(1.0e3);
         orbit.initialized = true;
         orbit.force_update = true;
-        Anchor { origin: viewpoint.target, unit: viewpoint.distance() }
+        Anchor { origin: viewpoint.target, unit: viewpoint.distance(), ..*self }
     }
 
     /// The viewpoint that the orbit camera stands for.
     fn viewpoint(&self, orbit: &PanOrbitCamera, fov_y: f64) -> Option<Viewpoint> {
         let (yaw, pitch, radius) = (orbit.yaw?, orbit.pitch?, orbit.radius?);
-        let (back, up) = back_and_up(f64::from(yaw), f64::from(pitch));
+        let (back, up) = self.upright.back_and_up(f64::from(yaw), f64::from(pitch));
         let target = self.world(orbit.focus);
         Some(Viewpoint { eye: target + back * (self.unit * f64::from(radius)), target, up, fov_y })
     }
@@ -71,7 +79,7 @@ impl Anchor {
         orbit.target_focus = (orbit.target_focus - focus) / radius;
         orbit.target_radius /= radius;
         orbit.radius = Some(1.0);
-        Some(Anchor { origin: self.world(focus), unit: self.unit * f64::from(radius) })
+        Some(Anchor { origin: self.world(focus), unit: self.unit * f64::from(radius), ..*self })
     }
 }
 
@@ -135,14 +143,14 @@ mod tests {
 
     fn viewpoint() -> Viewpoint {
         let target = DVec3::new(51_234.567_891, -3.25, 8.0e4);
-        let (back, up) = back_and_up(0.4, 0.3);
+        let (back, up) = Upright::Y.back_and_up(0.4, 0.3);
         Viewpoint { eye: target + back * 1.0e3, target, up, fov_y: 0.8 }
     }
 
     #[test]
     fn adopting_a_viewpoint_gives_it_back() {
         let mut orbit = PanOrbitCamera::default();
-        let anchor = Anchor::adopt(&viewpoint(), &mut orbit);
+        let anchor = Anchor::default().adopt(&viewpoint(), &mut orbit);
         let back = anchor.viewpoint(&orbit, 0.8).unwrap();
         assert!(back.eye.distance(viewpoint().eye) < 1e-6 * viewpoint().distance());
         assert_eq!(back.target, viewpoint().target);
@@ -155,7 +163,7 @@ mod tests {
     fn zooming_a_billion_times_closer_keeps_the_view_sharp() {
         let mut orbit = PanOrbitCamera::default();
         let start = viewpoint();
-        let mut anchor = Anchor::adopt(&start, &mut orbit);
+        let mut anchor = Anchor::default().adopt(&start, &mut orbit);
         let mut moves = 0;
         for _ in 0..90 {
             let radius = orbit.radius.unwrap();
@@ -182,10 +190,10 @@ mod tests {
     fn a_billionth_of_the_box_away_a_particle_moves_by_what_the_mouse_says() {
         // A box of edge 50 and a particle in it; one looks at it from 5e-8 away.
         let particle = DVec3::new(29.163_67, 35.002_42, 27.363_99);
-        let (back, up) = back_and_up(0.7, -0.4);
+        let (back, up) = Upright::Y.back_and_up(0.7, -0.4);
         let start = Viewpoint { eye: particle + back * 50.0, target: particle, up, fov_y: 0.8 };
         let mut orbit = PanOrbitCamera::default();
-        let mut anchor = Anchor::adopt(&start, &mut orbit);
+        let mut anchor = Anchor::default().adopt(&start, &mut orbit);
         while anchor.viewpoint(&orbit, 0.8).unwrap().distance() > 5e-8 {
             orbit.radius = orbit.radius.map(|radius| radius * 0.9);
             anchor = anchor.moved(&mut orbit).unwrap_or(anchor);

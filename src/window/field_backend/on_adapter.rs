@@ -168,6 +168,7 @@ pub(in crate::window) fn draw_field_on_adapter(
         let (session, wanted) = (Arc::clone(&open.session), content.clone());
         let task = AsyncComputeTaskPool::get().spawn(async move {
             let mut session = session.lock().unwrap_or_else(PoisonError::into_inner);
+            let session = session.field().ok_or("no passes draw heights")?;
             let prepared = session.prepare(&Shot { look: patch, ..Shot::default() });
             let prepared = prepared.map_err(|error| error.to_string())?;
             Ok(Ready { content: wanted, exposure: Exposure::of_field(&prepared), prepared })

@@ -1,5 +1,6 @@
 //! What looking closer draws over the picture: the inspected particle, measured distances, regions and strokes.
 
+use super::heights::OnHeights;
 use super::prober::Prober;
 use super::{Inspector, LookingState, Measure};
 use crate::annotate::number;
@@ -16,6 +17,8 @@ pub struct Looking<'a> {
     inspector: &'a Inspector,
     measure: &'a Measure,
     prober: &'a Prober,
+    /// What was found out about heights, where these are shown.
+    heights: Option<&'a OnHeights>,
     stroke: &'a Stroke,
     tool: Tool,
 }
@@ -54,15 +57,19 @@ impl Frame<'_> {
 }
 
 impl<'a> Looking<'a> {
-    /// What the panel's sections show, and the stroke that is being drawn.
-    pub fn of(state: &'a LookingState<'_>, stroke: &'a Stroke) -> Looking<'a> {
-        let LookingState { inspector, measure, prober, tool, .. } = state;
-        Looking { inspector, measure, prober, stroke, tool: **tool }
+    /// What the panel's sections show, and the stroke that is being drawn. `on_heights`: heights are shown.
+    pub fn of(state: &'a LookingState<'_>, stroke: &'a Stroke, on_heights: bool) -> Looking<'a> {
+        let LookingState { inspector, measure, prober, heights, tool, .. } = state;
+        Looking { inspector, measure, prober, heights: on_heights.then_some(&**heights), stroke, tool: **tool }
     }
 
     /// Draws it over the picture in `rect`; `unit`: the data's unit of lengths.
     pub fn draw(&self, painter: &egui::Painter, rect: egui::Rect, picture: &Picture, view: View, unit: &str) {
         let frame = Frame { painter, view, corner: rect.min, scale: picture.scale };
+        if let Some(heights) = self.heights {
+            draw_on_heights(&frame, heights, self.stroke, self.tool);
+            return;
+        }
         if let Some(Members::Region(region)) = &self.prober.members {
             outline(&frame, region, theme::TEXT);
         }
@@ -110,6 +117,50 @@ impl<'a> Looking<'a> {
             let middle = *a + 0.5 * (*b - *a) + vec2(0.0, -8.0);
             theme::halo_text(frame.painter, middle, Align2::CENTER_BOTTOM, text.trim(), 14.0, theme::TEXT);
         }
+    }
+}
+
+/// What was found out about heights, and the line that is being drawn from one place to another.
+fn draw_on_heights(frame: &Frame<'_>, heights: &OnHeights, stroke: &Stroke, tool: Tool) {
+    let along = |places: &[Option<DVec3>], color: Color32| {
+        for piece in places.split(Option::is_none).filter(|piece| piece.len() > 1) {
+            let piece: Vec<egui::Pos2> = piece.iter().flatten().filter_map(|place| frame.at(*place)).collect();
+            frame.line(piece, color);
+        }
+    };
+    let dot = |at: egui::Pos2| {
+        frame.painter.circle_filled(at, 4.5, Color32::from_black_alpha(140));
+        frame.painter.circle_filled(at, 3.0, theme::ACCENT);
+    };
+    match tool {
+        Tool::Inspect | Tool::Lasso => {
+            if let Some(at) = heights.found.here().and_then(|found| frame.at(found.world?)) {
+                frame.painter.circle_stroke(at, 8.0, Line::new(3.5, Color32::from_black_alpha(140)));
+                frame.painter.circle_stroke(at, 8.0, Line::new(1.4, theme::ACCENT));
+            }
+        }
+        Tool::Measure => {
+            let places: Vec<egui::Pos2> = heights.places.iter().filter_map(|place| frame.at(place.world)).collect();
+            if let [a, b] = places[..] {
+                frame.line(vec![a, b], theme::ACCENT);
+            }
+            places.into_iter().for_each(dot);
+        }
+        Tool::Profile => {
+            if let Some(line) = heights.profile.here() {
+                along(&line.drawn, theme::ACCENT);
+            }
+        }
+        Tool::Sphere | Tool::Cube => {
+            if let Some(numbers) = heights.numbers.here() {
+                along(&numbers.outline, theme::TEXT);
+            }
+        }
+    }
+    if tool.takes_drags()
+        && let [first, .., last] = stroke.points[..]
+    {
+        frame.line(vec![frame.window(first), frame.window(last)], theme::ACCENT);
     }
 }
 

@@ -3,12 +3,13 @@
 //!
 //! The window's layout tells where the pointer is ([`mod@pointer`]); the [tool](Tool) in hand makes of it a particle to inspect
 //! ([`Inspector`]), two points to measure between, or a region ([`Stroke`]) that is summed up ([`prober`]) and may be kept as a
-//! selection; [`marks`] and [`drawing`] show all that over the picture.
+//! selection; of heights the samples, a profile, or the roughness of a region ([`mod@heights`]); [`marks`] and [`drawing`] show all that over the picture.
 
 pub mod asking;
 pub mod drawing;
 pub mod followed;
 pub mod following;
+pub mod heights;
 pub mod ids;
 pub mod inspector;
 pub mod keeping;
@@ -27,7 +28,7 @@ use super::pages::{PageSystems, ViewSelection};
 use super::pick::{NO_PLACES, pick};
 use super::picture::Picture;
 use super::playhead::Playhead;
-use super::scene::Scene;
+use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::state::tool::{Stroke, Tool};
 use super::statistics::ActiveBackend;
@@ -35,6 +36,7 @@ use crate::explore::Members;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_egui::EguiPostUpdateSet;
+use heights::{Asked, OnHeights, Strokes};
 use pointer::PicturePointer;
 use prober::Prober;
 
@@ -53,6 +55,7 @@ impl Plugin for LookingPlugin {
             .init_resource::<Measure>()
             .init_resource::<Inspector>()
             .init_resource::<Prober>()
+            .init_resource::<OnHeights>()
             .init_resource::<Visit>()
             .init_resource::<RangeDraft>()
             .init_resource::<crate::window::bookmarks::AskedBookmark>()
@@ -97,7 +100,13 @@ fn take_tool(keys: Res<ButtonInput<KeyCode>>, owner: Res<PointerOwner>, mut tool
 }
 
 /// Takes what has been found out.
-fn receive_sums(mut prober: ResMut<Prober>, scene: Option<Res<Scene>>, playhead: Option<Res<Playhead>>) {
+fn receive_sums(
+    mut prober: ResMut<Prober>,
+    mut heights: ResMut<OnHeights>,
+    scene: Option<Res<Scene>>,
+    playhead: Option<Res<Playhead>>,
+) {
+    heights.bypass_change_detection().receive();
     let prober = prober.bypass_change_detection();
     prober.sums.receive();
     if let Some(scene) = scene {
@@ -112,12 +121,14 @@ fn forget_other_data(
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
     mut prober: ResMut<Prober>,
+    mut heights: ResMut<OnHeights>,
 ) {
     let now = scene.map_or((0, 0), |scene| (scene.dataset, scene.generation));
     if *known != now {
         // At another moment of a run a region is what it was; its sums are asked for once more.
         if known.0 != now.0 {
             *prober = Prober::default();
+            *heights = OnHeights::default();
         }
         *known = now;
         measure.0.clear();
@@ -129,13 +140,13 @@ fn forget_other_data(
 fn use_tool(
     pointer: Res<PicturePointer>,
     tool: Res<Tool>,
-    scene: Option<Res<Scene>>,
+    (scene, settings): (Option<Res<Scene>>, Res<Settings>),
     selection: Res<ViewSelection>,
     (picture, backend): (Res<Picture>, Res<ActiveBackend>),
     mut stroke: ResMut<Stroke>,
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
-    mut prober: ResMut<Prober>,
+    (mut prober, mut heights): (ResMut<Prober>, ResMut<OnHeights>),
     mut notices: ResMut<Notices>,
     camera: Single<&super::camera::Viewpoint, With<super::picture::DataCamera>>,
 ) {
@@ -150,6 +161,20 @@ fn use_tool(
         return;
     }
     let at = picture.pixel(at).as_dvec2().to_array();
+    if let Some(opened) = scene.surface_for(settings.mode) {
+        let mouse = Strokes { at, pressed: pointer.pressed, released: pointer.released, clicked: pointer.clicked };
+        if pointer.pressed {
+            stroke.begin(camera.target, view, at);
+        } else {
+            stroke.extend(at);
+        }
+        let asked = Asked { opened, settings: &settings.look.settings, view };
+        heights.bypass_change_detection().use_tool(*tool, &asked, mouse, &mut notices);
+        if pointer.released || pointer.clicked {
+            *stroke = Stroke::default();
+        }
+        return;
+    }
     let under = || pick(&view, scene.metadata(), &selection.nodes, at);
     // Where nothing is, the plane of the target is meant.
     let place = || match under() {
@@ -168,6 +193,11 @@ fn use_tool(
             measure.0.push(place());
         }
         Tool::Inspect | Tool::Measure => {}
+        Tool::Profile => {
+            if pointer.clicked || pointer.released {
+                notices.info("profiles are drawn over heights");
+            }
+        }
         drawn => {
             if pointer.pressed {
                 stroke.begin(place(), view, at);

@@ -1,5 +1,6 @@
 //! What looking closer has found, for scripts.
 
+use super::heights::OnHeights;
 use super::keeping::Plot;
 use super::state::LookingState;
 use crate::explore::{Identified, SelectionSet};
@@ -12,6 +13,7 @@ pub struct Report<'a> {
     tool: &'static str,
     inspected: Option<Inspected<'a>>,
     distance: Option<f64>,
+    heights: Option<OnHeightsReport>,
     probe: Option<Probed>,
     table: Option<Table>,
     plot: Option<Plotted>,
@@ -43,6 +45,39 @@ struct Inspected<'a> {
     /// Its row in the source, where that has been asked.
     row: Option<&'a Identified>,
     row_failed: Option<&'a str>,
+}
+
+/// What is known of heights.
+#[derive(Serialize)]
+struct OnHeightsReport {
+    /// Row, column, x and y, height and slope of what was clicked.
+    found: Option<([f64; 4], Option<f64>, Option<f64>)>,
+    /// Distance in space and in plan, difference of heights, angle.
+    apart: Option<[f64; 4]>,
+    /// Points of the profile, its length and how much of it was measured.
+    profile: Option<(usize, [f64; 2])>,
+    /// Samples of the region, those that were measured, Sa and Sq.
+    region: Option<(u64, u64, Option<f64>, Option<f64>)>,
+}
+
+impl OnHeightsReport {
+    fn of(heights: &OnHeights) -> Option<OnHeightsReport> {
+        let report = OnHeightsReport {
+            found: heights.found.here().map(|found| {
+                let probe = &found.probe;
+                ([probe.row, probe.column, probe.x, probe.y], probe.height, probe.slope)
+            }),
+            apart: heights.apart(),
+            profile: heights.profile.here().map(|line| (line.points.len(), line.lengths)),
+            region: heights.numbers.here().map(|numbers| {
+                let found = &numbers.roughness;
+                (found.samples, found.valid, found.iso.sa, found.iso.sq)
+            }),
+        };
+        let is_known =
+            report.found.is_some() || report.apart.is_some() || report.profile.is_some() || report.region.is_some();
+        is_known.then_some(report)
+    }
 }
 
 #[derive(Serialize)]
@@ -91,6 +126,7 @@ impl<'a> Report<'a> {
                 [from, to] => Some(from.distance(to)),
                 _ => None,
             },
+            heights: OnHeightsReport::of(&state.heights),
             probe: state.prober.sums.here().map(|probe| Probed {
                 count: probe.count,
                 mass: probe.mass,

@@ -2,6 +2,7 @@
 
 use super::followed::FollowedSets;
 use super::following::FollowedSelection;
+use super::heights::OnHeights;
 use super::ids::{ByIds, LookedUp};
 use super::keeping::Keeping;
 use super::prober::Prober;
@@ -29,6 +30,8 @@ pub struct LookingState<'w> {
     pub inspector: ResMut<'w, Inspector>,
     /// The region that is looked at.
     pub prober: ResMut<'w, Prober>,
+    /// What was found out about heights.
+    pub heights: ResMut<'w, OnHeights>,
     /// Tables and plots.
     pub keeping: ResMut<'w, Keeping>,
     /// Where the particles of sets of ids are.

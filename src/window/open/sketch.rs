@@ -8,7 +8,7 @@ use crate::model::ReadMethod;
 use crate::picture::field::{MEMORY, OpenField};
 use crate::store::PageFile;
 use crate::stream::first_frame;
-use crate::window::scene::SceneField;
+use crate::window::scene::{Sampled, SceneField};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -17,7 +17,7 @@ use tempfile::TempDir;
 /// Particles that stand in for all voxels.
 const SKETCHED: usize = 20_000;
 /// What takes no longer than this is waited for: the voxels are in the cache.
-const PATIENCE: Duration = Duration::from_millis(600);
+pub(super) const PATIENCE: Duration = Duration::from_millis(600);
 /// Grids of more samples than this are shown without all of their voxels.
 const MOST_VOXELS: u64 = 1 << 28;
 
@@ -55,7 +55,8 @@ impl Sketch {
         let members = members.map_err(|error| error.to_string())?;
         let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
         let field = OpenField::open(&path, read, Some(MEMORY)).map_err(|error| error.to_string())?;
-        let (file, folder) = sketched(&field)?;
+        let field = Arc::new(field);
+        let (file, folder) = sketched(&Sampled::Field(Arc::clone(&field)))?;
         let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
         let frame = first_frame(&file, &families, 0.0);
         let is_built = matches!(DataKind::of(&path), Ok(DataKind::Grid));
@@ -69,7 +70,7 @@ impl Sketch {
             (false, false) => None,
         };
         let notes = field.note().map(|note| format!("{}: {note}", path.display()));
-        let field = SceneField { sketch: Some(Arc::new(folder)), ..SceneField::new(field) };
+        let field = SceneField { sketch: Some(Arc::new(folder)), ..SceneField::new(Sampled::Field(field)) };
         let first = Opened {
             path,
             members,
@@ -129,7 +130,7 @@ impl Sketch {
 }
 
 /// A page file of the sketch, in a folder for it alone.
-fn sketched(field: &OpenField) -> Result<(PageFile, TempDir), String> {
+pub(super) fn sketched(field: &Sampled) -> Result<(PageFile, TempDir), String> {
     let told = |error: std::io::Error| format!("a folder for temporary files: {error}");
     let folder = tempfile::Builder::new().prefix("deepfield-sketch").tempdir().map_err(told)?;
     let path = folder.path().join("sketch.df");

@@ -14,23 +14,32 @@ pub static SECTION: Section =
     Section { name: "closer", title: "Look closer", dock: Dock::Right, applies: |state| state.scene.is_some(), show };
 
 fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
+    let on_heights = state.scene.as_ref().is_some_and(|scene| scene.surface_for(state.settings.mode).is_some());
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         ui.spacing_mut().button_padding.x = 2.0;
-        let widths = Tool::ALL.map(|tool| theme::text_size(ui.painter(), tool.title(), theme::SMALL).x);
+        let (tools, title, help): (_, fn(Tool) -> &'static str, fn(Tool) -> &'static str) = match on_heights {
+            true => (Tool::OF_HEIGHTS, Tool::title_on_heights, Tool::help_on_heights),
+            false => (Tool::OF_PARTICLES, Tool::title, Tool::help),
+        };
+        let widths = tools.map(|tool| theme::text_size(ui.painter(), title(tool), theme::SMALL).x);
         let gaps = 2.0 * (widths.len() - 1) as f32;
         let spare = (ui.available_width() - gaps - widths.iter().sum::<f32>()) / widths.len() as f32;
-        for (tool, width) in Tool::ALL.into_iter().zip(widths) {
+        for (tool, width) in tools.into_iter().zip(widths) {
             let chosen = *state.looking.tool == tool;
-            let text = RichText::new(tool.title()).size(theme::SMALL);
+            let text = RichText::new(title(tool)).size(theme::SMALL);
             let response = ui.add_sized([width + spare.max(4.0), 20.0], egui::Button::selectable(chosen, text));
             theme::register(ui, &format!("tool:{}", tool.title()), response.rect);
-            if response.on_hover_text(tool.help()).clicked() {
+            if response.on_hover_text(help(tool)).clicked() {
                 state.looking.tool.set_if_neq(tool);
             }
         }
     });
     ui.add_space(3.0);
+    if on_heights {
+        super::heights::show(ui, state);
+        return;
+    }
     let unit = state.scene.as_ref().map_or_else(String::new, |scene| scene.length_unit.clone());
     match *state.looking.tool {
         Tool::Inspect => {

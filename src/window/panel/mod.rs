@@ -10,6 +10,7 @@ mod closer;
 mod comparison;
 mod dataset;
 mod display;
+mod heights;
 mod messages;
 mod mode;
 mod objects;

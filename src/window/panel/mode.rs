@@ -51,7 +51,8 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {
         mode_setting(ui, setting, settings.values(setting));
     }
-    if is_field {
+    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.surface_for(settings.mode).is_some());
+    if is_field && !is_surface {
         return;
     }
     let error = theme::NumberRow {
@@ -63,7 +64,7 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     };
     error
         .show(ui, &mut settings.error_px)
-        .on_hover_text("No drawn particle is farther than this from where it belongs on the screen, in pixels.");
+        .on_hover_text("Nothing that is drawn is farther than this from where it belongs on the screen, in pixels.");
 }
 
 /// Which mode is shown, of those that draw the data; those of paths alone are for runs.
@@ -83,7 +84,9 @@ fn mode_combo(ui: &mut Ui, shown: impl Iterator<Item = &'static Mode>, settings:
 /// Which attribute gives the hue.
 fn attribute_combo(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     let coloring = state.look.as_ref().and_then(|look| look.depiction.attribute.as_ref());
-    let in_use = coloring.map_or("none", |coloring| coloring.name.as_str());
+    let surface = state.scene.as_ref().and_then(|scene| scene.surface_for(settings.mode));
+    let usual = surface.map_or("none", |opened| opened.usual_attribute());
+    let in_use = coloring.map_or(usual, |coloring| coloring.name.as_str());
     let selected = match &settings.attribute {
         Attribute::Automatic => format!("auto:  {in_use}"),
         Attribute::None => "none".to_owned(),

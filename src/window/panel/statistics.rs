@@ -36,7 +36,9 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         Some(sampled) => format!("{}  of  {}", number::count(sampled), number::count(statistics.particles)),
         None => number::count(statistics.particles),
     };
-    theme::fact(ui, "Particles", particles);
+    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.surface_for(state.settings.mode).is_some());
+    let [counted, rated] = if is_surface { ["Samples", "samples"] } else { ["Particles", "particles"] };
+    theme::fact(ui, counted, particles);
     let mut nodes = number::count(statistics.nodes as u64);
     if statistics.hidden > 0 {
         nodes += &format!(",  {} hidden", number::count(statistics.hidden as u64));
@@ -52,8 +54,11 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         }
         if milliseconds > 0.0 && drawn > 0 {
             let rate = drawn as f64 / milliseconds * 1e3 / 1e6;
-            theme::fact(ui, "Rate", format!("{} M particles / s", number::quantity(rate)));
+            theme::fact(ui, "Rate", format!("{} M {rated} / s", number::quantity(rate)));
         }
+    }
+    if is_surface {
+        return;
     }
     pages(ui, state);
     memory(ui, "Memory", statistics.bytes, statistics.budget_bytes);

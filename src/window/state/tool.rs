@@ -19,11 +19,15 @@ pub enum Tool {
     Cube,
     /// A drag draws around what is meant.
     Lasso,
+    /// A drag draws a line over heights.
+    Profile,
 }
 
 impl Tool {
-    /// Every tool, in the order of their buttons.
-    pub const ALL: [Tool; 5] = [Tool::Inspect, Tool::Measure, Tool::Sphere, Tool::Cube, Tool::Lasso];
+    /// The tools of particles, images and volumes, in the order of their buttons.
+    pub const OF_PARTICLES: [Tool; 5] = [Tool::Inspect, Tool::Measure, Tool::Sphere, Tool::Cube, Tool::Lasso];
+    /// Those of heights.
+    pub const OF_HEIGHTS: [Tool; 5] = [Tool::Inspect, Tool::Measure, Tool::Profile, Tool::Sphere, Tool::Cube];
 
     /// What its button says.
     pub const fn title(self) -> &'static str {
@@ -33,6 +37,7 @@ impl Tool {
             Tool::Sphere => "Sphere",
             Tool::Cube => "Box",
             Tool::Lasso => "Lasso",
+            Tool::Profile => "Profile",
         }
     }
 
@@ -46,12 +51,36 @@ impl Tool {
             }
             Tool::Cube => "Drag from the centre of a box to its face (B).",
             Tool::Lasso => "Draw around what is meant (L); everything behind the line belongs to it.",
+            Tool::Profile => "Drag from one end of a line to the other (G): the heights along it are plotted.",
+        }
+    }
+
+    /// What it does with heights.
+    pub const fn help_on_heights(self) -> &'static str {
+        match self {
+            Tool::Inspect => "Click the surface to read the samples there (I).",
+            Tool::Measure => "Click two places to measure how far they are apart, in space and in plan (M).",
+            Tool::Sphere => {
+                "Drag from the middle of a disc to its edge (R): its roughness is found from all samples in it."
+            }
+            Tool::Cube => {
+                "Drag from one corner of a rectangle to the other (B): its roughness is found from all samples in it."
+            }
+            Tool::Lasso | Tool::Profile => self.help(),
+        }
+    }
+
+    /// What its button says where heights are shown.
+    pub const fn title_on_heights(self) -> &'static str {
+        match self {
+            Tool::Sphere => "Disc",
+            other => other.title(),
         }
     }
 
     /// Whether drags of the left button belong to it rather than to the camera.
     pub const fn takes_drags(self) -> bool {
-        matches!(self, Tool::Sphere | Tool::Cube | Tool::Lasso)
+        matches!(self, Tool::Sphere | Tool::Cube | Tool::Lasso | Tool::Profile)
     }
 }
 
@@ -100,7 +129,7 @@ impl Stroke {
                 let polygon = self.points.iter().map(|&[x, y]| (x, y)).collect();
                 (self.points.len() >= 3 && spread >= LEAST_PX).then(|| Region::lasso(Lasso::on(&view, polygon)))
             }
-            Tool::Inspect | Tool::Measure => None,
+            Tool::Inspect | Tool::Measure | Tool::Profile => None,
         }
     }
 }

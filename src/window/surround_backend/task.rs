@@ -162,7 +162,10 @@ pub fn draw(session: &mut AnySession, wanted: &Wanted, known: Option<Drawn>) -> 
         }
         (Raw::Light(_), None, AnySession::Field(session)) => Ok(Exposure::of_field(&session.prepare(shot)?)),
         (Raw::Sums(sums, _), ..) => Ok(Exposure::of(sums, &transfer)),
-        (Raw::Light(_), None, AnySession::Particles(_) | AnySession::Surface(_)) => Ok(Exposure::default()),
+        (Raw::Light(painted), None, AnySession::Particles(_) | AnySession::Surface(_) | AnySession::Mixed(_)) => {
+            let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
+            Ok(Exposure { levels: Some(levels), ..Exposure::default() })
+        }
     };
     let is_measured = drawn.exposed.as_ref() == Some(&transfer);
     let exposure = if is_measured { None } else { Some(measure()?) };

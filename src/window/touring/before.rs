@@ -124,7 +124,7 @@ impl Before {
         let Coming { wanted, since, answer } = coming;
         let drawn = match answer {
             Answer::Here((session, drawn)) => {
-                let is_field = matches!(session, AnySession::Field(_));
+                let is_field = !matches!(session, AnySession::Particles(_));
                 self.session = Some(((wanted.key.dataset, is_field), session));
                 drawn.map_err(|error| error.to_string())
             }

@@ -304,7 +304,7 @@ pub fn play_tour(
     let takes_mouse = owner.is_picture() && (buttons.get_pressed().len() > 0 || scroll.delta != Vec2::ZERO);
     if *navigation == Navigation::Tour && (takes_mouse || in_flight || player.timeline.is_none()) {
         *navigation = Navigation::Orbit;
-        *anchor = Anchor::adopt(&viewpoint, &mut orbit);
+        *anchor = anchor.adopt(&viewpoint, &mut orbit);
     }
     let Some(timeline) = player.timeline.clone().filter(|_| *navigation == Navigation::Tour) else {
         player.clock.stand(now);

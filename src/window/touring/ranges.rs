@@ -132,7 +132,7 @@ impl Ranges {
         let tour = self.tour.as_mut().filter(|tour| Arc::ptr_eq(&tour.timeline, &coming.timeline));
         let measured = match coming.answer {
             Answer::Here((session, measured)) => {
-                let is_field = matches!(session, AnySession::Field(_));
+                let is_field = !matches!(session, AnySession::Particles(_));
                 self.session = Some(((coming.generation, is_field), session));
                 measured.ok()
             }
@@ -154,7 +154,7 @@ impl Ranges {
         let of = (scene.generation, field.is_some());
         let known = self.session.take().filter(|(known, _)| *known == of);
         let open = || match field {
-            Some(field) => AnySession::Field(Box::new(field.drawer())),
+            Some(field) => field.opened.drawer(Arc::new(())),
             None => AnySession::Particles(Box::new(Session::of(Arc::clone(&scene.file), BUDGET))),
         };
         let mut session = known.map_or_else(open, |(_, session)| session);

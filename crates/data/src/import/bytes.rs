@@ -108,7 +108,7 @@ pub(super) struct Records {
 
 /// The order of the bytes of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Order {
+pub enum Order {
     /// Least significant byte first.
     Little,
     /// Most significant byte first.
@@ -116,6 +116,9 @@ pub(super) enum Order {
 }
 
 impl Order {
+    /// This machine's.
+    pub const NATIVE: Order = if cfg!(target_endian = "big") { Order::Big } else { Order::Little };
+
     /// Both orders.
     pub(super) const BOTH: [Order; 2] = [Order::Little, Order::Big];
 

@@ -33,6 +33,7 @@ mod units;
 pub mod vector_field;
 
 pub use attributes::has_attribute;
+pub use bytes::Order as ByteOrder;
 pub use choice::replaced_densities;
 pub use error::ImportError;
 pub use folder::{OtherKind, file_in};

@@ -13,6 +13,7 @@ pub mod legend;
 pub mod number;
 pub mod overlay;
 pub mod paint;
+pub mod plot;
 pub mod scale_bar;
 pub mod ticks;
 

@@ -116,6 +116,20 @@ pub fn composite_on(picture: &Accumulation, function: &TransferFunction, levels:
     }
 }
 
+/// Colours of a picture with given ranges over another one of the same size: as before a background of each pixel's colour.
+pub fn composite_over(picture: &Accumulation, function: &TransferFunction, levels: &Levels, behind: &Image) -> Image {
+    let mut image = with_lut(picture, function, levels, &function.bake_transparent());
+    image.rgba.par_iter_mut().zip(&behind.rgba).for_each(|(pixel, behind)| {
+        let (alpha, under) = (f32::from(pixel[3]) / 255.0, f32::from(behind[3]) / 255.0);
+        let left = under * (1.0 - alpha);
+        let whole = alpha + left;
+        let over = |k: usize| (f32::from(pixel[k]) * alpha + f32::from(behind[k]) * left) / whole.max(1e-6);
+        let [r, g, b] = [0, 1, 2].map(|k| over(k).round() as u8);
+        *pixel = [r, g, b, (255.0 * whole).round() as u8];
+    });
+    image
+}
+
 /// Euclidean distance in RGB, 255 being full intensity (F12 4.10.2).
 pub fn color_distance(a: [u8; 4], b: [u8; 4]) -> f64 {
     let square = |k: usize| (f64::from(a[k]) - f64::from(b[k])).powi(2);

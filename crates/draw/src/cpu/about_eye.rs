@@ -70,11 +70,18 @@ impl AboutEye {
 
     /// What a ray from the eye, a unit vector, meets of its kernel.
     pub fn met(&self, table: &HalfLine, ray: DVec3) -> f64 {
+        self.met_until(table, ray, f64::INFINITY)
+    }
+
+    /// The same of a ray that ends at a distance from the eye.
+    pub fn met_until(&self, table: &HalfLine, ray: DVec3, end: f64) -> f64 {
         let ray = self.to_ball * ray;
         let longer = ray.length();
         let along = self.place.dot(ray) / longer;
         let square = (self.place.length_squared() - along * along).max(0.0);
-        table.at(square, along) / longer
+        // What lies before the eye, without what lies behind the end.
+        let beyond = if end.is_finite() { table.at(square, along - end * longer) } else { 0.0 };
+        (table.at(square, along) - beyond) / longer
     }
 }
 

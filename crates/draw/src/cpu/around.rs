@@ -7,10 +7,14 @@
 //! - Discs of a fixed size in pixels subtend as many of the panorama's pixels, in every direction: each becomes a sphere around
 //!   the eye that subtends its angle, and whose flux over a pixel's solid angle is the disc's.
 //!
-//! All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face.
+//! All others are drawn by the flat renderers, whose integrals along each pixel's own ray know no face. Surfaces hide what is behind them as
+//! [`super::among`] says.
 
 use super::about_eye::{AboutEye, Stretched, is_about, ray, step};
+use super::among::{self, share_of};
+use super::footprint::Lens;
 use super::half_line::HalfLine;
+use super::paths::PathFragments;
 use super::{Counts, Extent, Positions, SplatError, SplatOptions, Splats, draw_counted};
 use crate::color::Accumulation;
 use crate::model::{Covariance, Kernel};
@@ -81,7 +85,24 @@ pub fn draw_face(
     pixel: f64,
     options: &SplatOptions,
 ) -> Result<(Accumulation, Counts), SplatError> {
-    let parts: Vec<Part> = batches.par_iter().map(|batch| part((view.eye, options.kernel), batch, pixel)).collect();
+    draw_face_among(view, batches, pixel, options, None)
+}
+
+/// The same without what is behind surfaces of the face.
+///
+/// # Errors
+/// As [`draw_face`].
+pub fn draw_face_among(
+    view: &View,
+    batches: &[Splats<'_>],
+    pixel: f64,
+    options: &SplatOptions,
+    surfaces: Option<&PathFragments>,
+) -> Result<(Accumulation, Counts), SplatError> {
+    let lens = Lens::new(view);
+    let share = |place: DVec3| surfaces.map_or(1.0, |surfaces| share_of(&lens, surfaces, view.to_camera(place)));
+    let parts: Vec<Part> =
+        batches.par_iter().map(|batch| part((view.eye, options.kernel), batch, pixel, &share)).collect();
     let (mut world, mut sky, mut near) = (Vec::new(), Vec::new(), Vec::new());
     for (batch, part) in batches.iter().zip(&parts) {
         match part {
@@ -93,7 +114,10 @@ pub fn draw_face(
             Part::Sky(columns) => sky.push(columns.splats()?),
         }
     }
-    let (mut picture, mut counts) = draw_counted(view, &world, options);
+    let (mut picture, mut counts) = match surfaces {
+        Some(surfaces) => among::draw(view, &world, options, surfaces)?,
+        None => draw_counted(view, &world, options),
+    };
     if !sky.is_empty() {
         let (discs, drawn) = draw_counted(&View { eye: DVec3::ZERO, ..*view }, &sky, options);
         counts += drawn;
@@ -103,7 +127,8 @@ pub fn draw_face(
         }
     }
     counts.drawn += near.len() as u64;
-    add_near(view, options.kernel, &near, batches.iter().any(|batch| batch.attribute().is_some()), &mut picture);
+    let attribute = batches.iter().any(|batch| batch.attribute().is_some());
+    add_near(view, options.kernel, &near, attribute, surfaces, &mut picture);
     Ok((picture, counts))
 }
 
@@ -116,7 +141,8 @@ pub fn add(picture: &mut Accumulation, other: &Accumulation) {
     channels.into_iter().for_each(|(to, from)| to.iter_mut().zip(from).for_each(|(to, from)| *to += from));
 }
 
-fn part((eye, kernel): (DVec3, Kernel), batch: &Splats<'_>, pixel: f64) -> Part {
+/// `share` says how much of what is at a place is seen.
+fn part((eye, kernel): (DVec3, Kernel), batch: &Splats<'_>, pixel: f64, share: &(dyn Fn(DVec3) -> f32 + Sync)) -> Part {
     let attribute = |i: usize| batch.attribute().map(|values| values[i]);
     let positions = batch.positions();
     match batch.extent() {
@@ -127,7 +153,8 @@ fn part((eye, kernel): (DVec3, Kernel), batch: &Splats<'_>, pixel: f64) -> Part 
             for (i, &weight) in batch.weight().iter().enumerate() {
                 // A disc on the eye itself is nowhere.
                 if let Some(direction) = (positions.world(i) - eye).try_normalize() {
-                    sky.push(direction, (f64::from(weight) * pixel * pixel) as f32, attribute(i));
+                    let weight = (f64::from(weight) * pixel * pixel) as f32 * share(positions.world(i));
+                    sky.push(direction, weight, attribute(i));
                     lengths.push(h);
                 }
             }
@@ -158,8 +185,15 @@ fn part((eye, kernel): (DVec3, Kernel), batch: &Splats<'_>, pixel: f64) -> Part 
     }
 }
 
-/// Adds particles about the eye.
-fn add_near(view: &View, kernel: Kernel, near: &[Near], attribute: bool, picture: &mut Accumulation) {
+/// Adds particles about the eye. Where there are surfaces, each pixel's ray is followed.
+fn add_near(
+    view: &View,
+    kernel: Kernel,
+    near: &[Near],
+    attribute: bool,
+    surfaces: Option<&PathFragments>,
+    picture: &mut Accumulation,
+) {
     if near.is_empty() {
         return;
     }
@@ -187,10 +221,38 @@ fn add_near(view: &View, kernel: Kernel, near: &[Near], attribute: bool, picture
         (index, place - index as f64)
     };
     let width = view.width as usize;
+    let behind = |x: usize, y: usize| -> Option<[f64; 2]> {
+        let fragments = surfaces.map_or(&[][..], |surfaces| surfaces.of(x, y));
+        if fragments.is_empty() {
+            return None;
+        }
+        let point = [x as f64 + 0.5, y as f64 + 0.5];
+        let ray = ray(view, point);
+        // Depth is along the view's axis.
+        let longer = 1.0 / ray.dot(view.forward);
+        let (mut sums, mut through) = ([0.0; 2], 1.0);
+        let ends = fragments.iter().map(|fragment| (f64::from(fragment.alpha), f64::from(fragment.depth) * longer));
+        for (alpha, end) in ends.chain([(1.0, f64::INFINITY)]) {
+            for (about, amplitudes) in near {
+                let met = through * alpha * about.met_until(table, ray, end);
+                (0..2).for_each(|k| sums[k] += met * amplitudes[k]);
+            }
+            through *= 1.0 - alpha;
+        }
+        Some(sums)
+    };
+    let hidden: Vec<Option<[f64; 2]>> = match surfaces {
+        Some(_) => (0..picture.p.len()).into_par_iter().map(|index| behind(index % width, index / width)).collect(),
+        None => Vec::new(),
+    };
     let add = |channel: usize, values: &mut [f32]| {
         values.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             let (j, v) = locate(y, rows);
             for (x, value) in row.iter_mut().enumerate() {
+                if let Some(Some(sums)) = hidden.get(y * width + x) {
+                    *value += sums[channel] as f32;
+                    continue;
+                }
                 let (i, u) = locate(x, columns);
                 let at = |i: usize, j: usize| grid[j * columns + i][channel];
                 let upper = at(i, j) * (1.0 - u) + at(i + 1, j) * u;

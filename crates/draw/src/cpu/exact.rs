@@ -106,10 +106,16 @@ impl Band<'_> {
     /// Adds a splat's share of a cell: `f` in units of its amplitudes.
     #[inline(always)]
     pub(super) fn add(&mut self, row: usize, column: usize, splat: &Footprint, f: f64) {
+        self.add_amplitudes(row, column, [splat.amplitude, splat.amplitude_s], f);
+    }
+
+    /// The same in units of these amplitudes.
+    #[inline(always)]
+    pub(super) fn add_amplitudes(&mut self, row: usize, column: usize, [p, ps]: [f64; 2], f: f64) {
         let at = row * self.stride + column;
-        self.p[at] += splat.amplitude * f;
+        self.p[at] += p * f;
         if !self.ps.is_empty() {
-            self.ps[at] += splat.amplitude_s * f;
+            self.ps[at] += ps * f;
         }
     }
 }

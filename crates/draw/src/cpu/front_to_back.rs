@@ -4,10 +4,13 @@
 //! changes at once all over two of them when the view turns. In each tile they are sorted by the depth at which the ray through the
 //! tile's middle is deepest in each of them, round particles by their centres. As many splats are sorted so as are held at once
 //! ([`PAIRS`]); beyond that the order in which they come holds.
+//!
+//! Surfaces lie among them: in front of a splat at a pixel is what of them is nearer there than its middle.
 
 use super::about_eye::{self, AboutEye};
 use super::footprint::{Footprint, Lens};
 use super::half_line::HalfLine;
+use super::paths::PathFragments;
 use super::profile::{Profile, Profiles};
 use super::screen_tiles::{Reach, TILE, Tiles};
 use super::volume::VolumeReport;
@@ -51,6 +54,15 @@ pub(super) struct Seen {
     pub(super) place: f32,
 }
 
+/// Surfaces among splats.
+#[derive(Clone, Copy)]
+pub(super) struct Among<'a> {
+    /// What of them is in each pixel.
+    pub(super) fragments: &'a PathFragments,
+    /// Whether splats tell how far they are from the eye, not from its plane.
+    pub(super) by_distance: bool,
+}
+
 /// What rays are followed with.
 struct Canvas<'a> {
     view: &'a View,
@@ -59,6 +71,7 @@ struct Canvas<'a> {
     profile: &'a Profile,
     /// Rays end at this opacity.
     termination: f32,
+    surfaces: Option<Among<'a>>,
 }
 
 /// At which depth a splat is deepest along a ray, which begins somewhere and goes somewhere.
@@ -73,6 +86,7 @@ pub(super) fn blend<S: Send + Sync>(
     look: impl Fn(&Lens, &S) -> Option<Seen> + Sync,
     deepest: Option<Deepest<'_, S>>,
     (kernel, termination): (Kernel, f32),
+    surfaces: Option<Among<'_>>,
     report: &mut VolumeReport,
 ) -> (Colors, Vec<f32>) {
     let start = Instant::now();
@@ -85,7 +99,7 @@ pub(super) fn blend<S: Send + Sync>(
         splats.into_par_iter().filter_map(|splat| reach(&splat).map(|reach| (splat, reach))).unzip();
     report.resampling += start.elapsed();
     let profile = &Profiles::of(kernel).sampled;
-    let canvas = Canvas { view, lens, kernel, profile, termination };
+    let canvas = Canvas { view, lens, kernel, profile, termination, surfaces };
     let mut drawn: Vec<Tile> = (0..tiles.count())
         .map(|tile| {
             let [columns, rows] = tiles.pixels(tile);
@@ -125,6 +139,14 @@ pub(super) fn blend<S: Send + Sync>(
         };
         *report.samples.get_or_insert(0) += drawn.par_iter_mut().enumerate().map(blend).sum::<u64>();
         report.rendering += start.elapsed();
+    }
+    if let Some(Among { fragments, .. }) = surfaces {
+        let behind_all = |(index, tile): (usize, &mut Tile)| {
+            let [columns, rows] = tiles.pixels(index);
+            let pixels = rows.flat_map(|y| columns.clone().map(move |x| (x, y)));
+            tile.rays.iter_mut().zip(pixels).for_each(|(ray, (x, y))| ray.meet_rest(fragments.of(x, y), termination));
+        };
+        drawn.par_iter_mut().enumerate().for_each(behind_all);
     }
     let (width, height) = (view.width as usize, view.height as usize);
     let mut rgba = vec![[0.0; 4]; width * height];
@@ -199,6 +221,8 @@ impl Tile {
                 let covered = square[k] < 1.0;
                 covered.then(|| seen.depth * factors[k] * evaluate(canvas.profile, square[k]))
             };
+            let ends = (covered.start, row);
+            self.meet(canvas, start..start + covered.len(), ends, seen.place, |k| square[k] < 1.0);
             met += self.under(start..start + covered.len(), depth, (seen.color, end_of_ray), canvas.termination);
         }
         met
@@ -250,9 +274,42 @@ impl Tile {
                 let depth = upper * (1.0 - v) + lower * v;
                 (depth > 0.0).then_some(depth)
             };
+            let ends = (columns.start, rows.start + row);
+            self.meet(canvas, start..start + columns.len(), ends, seen.place, |_| true);
             met += self.under(start..start + columns.len(), depth, (seen.color, end_of_ray), canvas.termination);
         }
         met
+    }
+
+    /// Lets rays of a row, the first of which is that of a pixel, meet what of surfaces is nearer than `place`, where a splat is `covered`.
+    fn meet(
+        &mut self,
+        canvas: &Canvas<'_>,
+        row: Range<usize>,
+        (first, y): (usize, usize),
+        place: f32,
+        covered: impl Fn(usize) -> bool,
+    ) {
+        let Some(Among { fragments, by_distance }) = canvas.surfaces else { return };
+        let termination = canvas.termination;
+        for (k, (ray, end)) in self.rays[row.clone()].iter_mut().zip(&mut self.ends[row]).enumerate() {
+            let own = fragments.of(first + k, y);
+            if own.is_empty() || ray.alpha >= termination || !covered(k) {
+                continue;
+            }
+            let depth = match by_distance {
+                true => {
+                    let [u, v] = canvas.lens.slope([(first + k) as f64 + 0.5, y as f64 + 0.5]);
+                    (f64::from(place) / (1.0 + u * u + v * v).sqrt()) as f32
+                }
+                false => place,
+            };
+            ray.meet(own, depth);
+            if ray.alpha >= termination {
+                *end = place;
+                self.open -= 1;
+            }
+        }
     }
 
     /// Blends a colour under the rays of a row, with the optical depth that each of these has; the number of rays that met any.

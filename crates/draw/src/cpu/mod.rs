@@ -15,6 +15,7 @@
 //! part behind the eye too.
 
 pub mod about_eye;
+pub mod among;
 pub mod around;
 pub mod cartesian;
 pub mod ellipse;

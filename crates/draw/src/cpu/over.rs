@@ -12,7 +12,8 @@ mod blurred;
 
 use super::about_eye;
 use super::footprint::Lens;
-use super::front_to_back::{Seen, blend};
+use super::front_to_back::{Among, Seen, blend};
+use super::paths::PathFragments;
 use super::volume::VolumeReport;
 use super::{Extent, Splats};
 use crate::color::Colors;
@@ -89,6 +90,16 @@ struct Splat {
 
 /// Draws batches. Splats without a positive weight are left out.
 pub fn draw(view: &View, batches: &[Splats<'_>], over: &Over<'_>) -> (Colors, VolumeReport) {
+    draw_among(view, batches, over, None)
+}
+
+/// The same among surfaces, which are in the picture then.
+pub fn draw_among(
+    view: &View,
+    batches: &[Splats<'_>],
+    over: &Over<'_>,
+    surfaces: Option<&PathFragments>,
+) -> (Colors, VolumeReport) {
     let jobs: Vec<(u32, usize)> = (0..)
         .zip(batches)
         .flat_map(|(number, batch)| (0..batch.len()).step_by(CHUNK).map(move |start| (number, start)))
@@ -117,7 +128,9 @@ pub fn draw(view: &View, batches: &[Splats<'_>], over: &Over<'_>) -> (Colors, Vo
         let depth = (over.colors.depth() * amplitude) as f32;
         Some(Seen { cover, depth, color: splat.color, place: splat.distance })
     };
-    let (colors, _) = blend(view, splats, look, None, (over.kernel, TERMINATION), &mut report);
+    let by_distance = over.around.is_some() || matches!(view.projection, Projection::Perspective { .. });
+    let surfaces = surfaces.map(|fragments| Among { fragments, by_distance });
+    let (colors, _) = blend(view, splats, look, None, (over.kernel, TERMINATION), surfaces, &mut report);
     (colors, report)
 }
 

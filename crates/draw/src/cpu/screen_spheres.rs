@@ -7,6 +7,8 @@
 
 use super::Splats;
 use super::footprint::Lens;
+use super::paths::PathFragments;
+use super::paths::fragments::over;
 use super::screen_tiles::{Reach, Tiles};
 use super::volume::particles::{Taken, project};
 use super::volume::{Light, OpaqueDepths, VolumeError, VolumeReport, extents};
@@ -286,6 +288,20 @@ impl Front {
             })
         });
         Colors { width: view.width, height: view.height, rgba: rgba.collect() }
+    }
+
+    /// Puts other surfaces into a picture of this one: in each pixel those that are in front of it, or all where it is not.
+    pub fn lie_among(&self, surfaces: &PathFragments, colors: &mut Colors) {
+        let width = self.width;
+        let of_hit = |(index, (pixel, hit)): (usize, (&mut [f32; 4], &Hit))| {
+            let fragments = surfaces.of(index % width, index / width);
+            let in_front = fragments.partition_point(|fragment| fragment.depth < hit.depth);
+            let mut sum = over(&fragments[..in_front]);
+            let through = 1.0 - sum[3];
+            sum.iter_mut().zip(&*pixel).for_each(|(sum, own)| *sum += through * own);
+            *pixel = sum;
+        };
+        colors.rgba.par_iter_mut().zip(&self.hits).enumerate().for_each(of_hit);
     }
 
     /// The cosine between a pixel's line of sight and the surface's normal.

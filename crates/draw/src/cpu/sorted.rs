@@ -10,7 +10,8 @@
 
 use super::Splats;
 use super::footprint::Lens;
-use super::front_to_back::{Cover, Deepest, Seen, blend};
+use super::front_to_back::{Among, Cover, Deepest, Seen, blend};
+use super::paths::PathFragments;
 use super::volume::particles::{Taken, project};
 use super::volume::stretched::Stretched;
 use super::volume::{Classifier, OpaqueDepths, VolumeError, VolumeOptions, VolumeReport, extents};
@@ -69,8 +70,23 @@ pub fn draw(
     view: &View,
     batches: &[Splats<'_>],
     classifier: &Classifier,
+    way: (f32, f32),
+    options: &VolumeOptions,
+) -> Result<(Colors, VolumeReport), VolumeError> {
+    draw_among(view, batches, classifier, way, options, None)
+}
+
+/// The same among surfaces, which are in the picture then.
+///
+/// # Errors
+/// As [`draw`].
+pub fn draw_among(
+    view: &View,
+    batches: &[Splats<'_>],
+    classifier: &Classifier,
     (termination, density_scale): (f32, f32),
     options: &VolumeOptions,
+    surfaces: Option<&PathFragments>,
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let sigma = PerspectiveGrid::sigma_of(view, 1.0);
@@ -148,7 +164,8 @@ pub fn draw(
         }
     };
     let deepest: Option<Deepest<'_, Splat>> = if shapes.is_empty() { None } else { Some(&deepest) };
-    let (colors, ends) = blend(view, splats, look, deepest, (options.kernel, termination), &mut report);
+    let surfaces = surfaces.map(|fragments| Among { fragments, by_distance: false });
+    let (colors, ends) = blend(view, splats, look, deepest, (options.kernel, termination), surfaces, &mut report);
     report.memory = report.memory.map(|memory| memory + (shapes.len() * size_of::<Stretched>()) as u64);
     // Pixels are the cells to whose size small particles are enlarged.
     let opaque = options.occlusion.then(|| OpaqueDepths::new(view, ends, 1.0, options.smallest));

@@ -32,6 +32,10 @@ impl Technique for OverSplats {
         self.sums.takes_clusters()
     }
 
+    fn meets_surfaces(&self) -> bool {
+        true
+    }
+
     fn tells_columns(&self) -> bool {
         true
     }
@@ -73,7 +77,8 @@ impl Technique for OverSplats {
         let (order, kernel) = (job.order, job.options.kernel);
         let column = own_column(self.conserves, kernel, (job.mean_mass, job.density_scale));
         let around = job.around;
-        let (colors, report) = over::draw(job.view, job.batches, &Over { order, kernel, colors, column, around });
+        let over = Over { order, kernel, colors, column, around };
+        let (colors, report) = over::draw_among(job.view, job.batches, &over, job.paths);
         let levels = VolumeLevels { density: levels.p, attribute: levels.s, unit_length: 0.0 };
         Ok(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() }))
     }

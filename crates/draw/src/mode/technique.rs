@@ -13,7 +13,7 @@ use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
 use crate::cpu::volume::{
     Classifier, FieldRange, Light, Scenery, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
 };
-use crate::cpu::{Counts, SplatOptions, Splats, draw_counted};
+use crate::cpu::{Counts, SplatOptions, Splats, among, draw_counted};
 use crate::hierarchy::Purpose;
 use crate::model::{Bounds, Kernel};
 use crate::view::{Detail, View};
@@ -122,6 +122,12 @@ pub trait Technique: Sync {
         false
     }
 
+    /// Whether [`Technique::draw`] draws among measured surfaces: the fragments of its job's `paths` are these, then, and hide what is behind them.
+    /// Sums are without them; light has them in it.
+    fn meets_surfaces(&self) -> bool {
+        self.takes_paths()
+    }
+
     /// Whether a particle's colour is that of its own column ([`crate::color::splat_colors::OwnColumn`]) in place of its density, of
     /// techniques that draw light.
     fn tells_columns(&self) -> bool {
@@ -219,7 +225,7 @@ pub struct Job<'a> {
     pub density_scale: f32,
     /// Mean mass of a source particle of the families that are drawn.
     pub mean_mass: f64,
-    /// Paths that are drawn among it, by techniques that take them.
+    /// Paths that are drawn among it, by techniques that take them, and measured surfaces, by those that meet these.
     pub paths: Option<&'a PathFragments>,
     /// Angle of a pixel of the panorama that the picture is a face of, radians; `None` for a flat picture.
     pub around: Option<f64>,
@@ -395,6 +401,14 @@ pub struct LightPicture {
     pub isovalues: Vec<f64>,
 }
 
+impl LightPicture {
+    /// Colours that nothing is known of.
+    pub fn of(colors: Colors) -> LightPicture {
+        let levels = VolumeLevels { density: [0.0, 1.0], attribute: [0.0, 1.0], unit_length: 1.0 };
+        LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }
+    }
+}
+
 /// Sums of splats, by every backend.
 pub struct SplatSums {
     /// The shape of a particle in the picture.
@@ -417,8 +431,15 @@ impl Technique for SplatSums {
         Adapter::Splats
     }
 
+    fn meets_surfaces(&self) -> bool {
+        true
+    }
+
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
-        let (accumulation, counts) = draw_counted(job.view, job.batches, &job.options);
+        let (accumulation, counts) = match job.paths {
+            Some(surfaces) => among::draw(job.view, job.batches, &job.options, surfaces)?,
+            None => draw_counted(job.view, job.batches, &job.options),
+        };
         Ok(Raw::Sums(accumulation, counts))
     }
 }

@@ -32,6 +32,10 @@ impl Technique for SortedSplats {
         true
     }
 
+    fn meets_surfaces(&self) -> bool {
+        true
+    }
+
     fn adapter(&self) -> Adapter {
         Adapter::Light
     }
@@ -81,7 +85,8 @@ impl Technique for SortedSplats {
         let look = Look::new(job)?;
         let termination = job.settings.number(&grid::TERMINATION) as f32;
         let way = (termination, job.density_scale);
-        let (colors, report) = sorted::draw(job.view, job.batches, &look.classifier, way, &look.options)?;
+        let (colors, report) =
+            sorted::draw_among(job.view, job.batches, &look.classifier, way, &look.options, job.paths)?;
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: Vec::new() }))
     }
 }

@@ -96,6 +96,10 @@ impl Technique for Spheres {
         Needs { densities: true, margin_px: NEIGHBOURHOOD, hides: true, ..Needs::default() }
     }
 
+    fn meets_surfaces(&self) -> bool {
+        true
+    }
+
     fn adapter(&self) -> Adapter {
         Adapter::Light
     }
@@ -127,7 +131,10 @@ impl Technique for Spheres {
             false => look.surface_color(&gradient, f64::from(density)),
         };
         let light = grid::light(settings);
-        let colors = surface.shade(job.view, light.as_ref(), color);
+        let mut colors = surface.shade(job.view, light.as_ref(), color);
+        if let Some(surfaces) = job.paths {
+            surface.lie_among(surfaces, &mut colors);
+        }
         report.rendering = start.elapsed();
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues: vec![threshold] }))
     }

@@ -6,6 +6,7 @@ use crate::cpu::surface::placed::Map;
 use crate::cpu::surface::select::Technique as How;
 use crate::cpu::volume::VolumeError;
 use crate::heights::model::{Facts, HeightGrid, units};
+use crate::heights::store::HeightAbout;
 use crate::mode::{Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
 
 /// How it is drawn.
@@ -92,6 +93,13 @@ pub static CONTOUR_WIDTH: Setting = Setting {
     kind: SettingKind::Number { min: 0.1, max: 100.0, default: 1.2 },
     help: "width of the lines",
 };
+/// Heights along lines.
+pub static CONTOUR_LABELS: Setting = Setting {
+    name: "contour-labels",
+    unit: "",
+    kind: SettingKind::Flag { default: false },
+    help: "write heights along the lines",
+};
 /// How places in degrees become places in the world.
 pub static MAP: Setting = Setting {
     name: "map",
@@ -132,6 +140,9 @@ const BODIES: [(&str, f64); 9] = [
 
 /// Fields in degrees that are at least so wide are a globe unless they are told otherwise.
 const GLOBE_FROM: f64 = 20.0;
+
+/// An em of heights along lines, pixels, where others are of 13.
+const LETTERS: f64 = 11.0;
 
 /// What settings come to for a field.
 #[derive(Clone, Debug, PartialEq)]
@@ -176,6 +187,7 @@ impl SurfaceSettings {
             major: settings.number(&CONTOUR_MAJOR) as u32,
             width: settings.number(&CONTOUR_WIDTH),
             color: [0.02, 0.02, 0.03],
+            labels: settings.flag(&CONTOUR_LABELS).then_some(LETTERS),
         });
         Ok(SurfaceSettings {
             technique,
@@ -213,25 +225,41 @@ fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
     }
 }
 
-/// What colours a surface, by the name of an attribute: those that every surface has, the field's colour planes, or all three of these as they
-/// are (`texture`).
+/// The radius in metres of the body that a map places a grid's degrees on; `None` where it is `plate`.
+///
+/// # Errors
+/// A map that is not known, or that does not fit the grid's units.
+pub fn radius_of(name: &str, grid: &HeightGrid) -> Result<Option<f64>, String> {
+    if !MAPS.contains(&name) {
+        return Err(format!("map: found {name}, expected one of {}", MAPS.join(", ")));
+    }
+    Ok(match map_of(name, grid)? {
+        Map::Plate => None,
+        Map::Local { radius } | Map::Globe { radius } => Some(radius * units::metres(&grid.height_unit).unwrap_or(1.0)),
+    })
+}
+
+/// What colours a surface, by the name of an attribute: those that every surface has, the field's colour planes, or (`texture`) the photo that
+/// lies over it, without one the three colours among its planes as they are.
 ///
 /// # Errors
 /// The names that there are.
-pub fn attribute_of(name: Option<&str>, grid: &HeightGrid) -> Result<Attribute, String> {
+pub fn attribute_of(name: Option<&str>, about: &HeightAbout) -> Result<Attribute, String> {
+    let grid = &about.grid;
     let plane = |wanted: &str| grid.planes.iter().position(|plane| plane.name == wanted);
-    let colors = || Some([plane("red")?, plane("green")?, plane("blue")?]);
+    let colors = || Some(Attribute::Texture([plane("red")?, plane("green")?, plane("blue")?]));
+    let texture = || about.photo.as_ref().map(|_| Attribute::Photo).or_else(colors);
     match name {
-        None => Ok(colors().map_or(Attribute::Height, Attribute::Texture)),
+        None => Ok(texture().unwrap_or(Attribute::Height)),
         Some("height") => Ok(Attribute::Height),
         Some("slope") => Ok(Attribute::Slope),
         Some("aspect") => Ok(Attribute::Aspect),
         Some("curvature") => Ok(Attribute::Curvature),
         Some("level") => Ok(Attribute::Level),
         Some("primitive") => Ok(Attribute::Primitive),
-        Some("texture") => colors()
-            .map(Attribute::Texture)
-            .ok_or_else(|| "attribute texture: the field has no colour planes red, green and blue".to_owned()),
+        Some("texture") => texture().ok_or_else(|| {
+            "attribute texture: the field has no photo, and no colour planes red, green and blue".to_owned()
+        }),
         Some(other) => plane(other).map(Attribute::Plane).ok_or_else(|| {
             let planes: Vec<&str> = grid.planes.iter().map(|plane| plane.name.as_str()).collect();
             let all: Vec<&str> = ATTRIBUTES.into_iter().chain(planes).collect();
@@ -251,7 +279,7 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
         Attribute::Aspect => Some(("aspect", Some("degrees"))),
         Attribute::Curvature => Some(("curvature", Some(""))),
         Attribute::Level => Some(("level", Some(""))),
-        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) => None,
+        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => None,
     }
 }
 
@@ -282,7 +310,7 @@ pub fn range_of(
         Attribute::Aspect => [0.0, 360.0],
         Attribute::Curvature => [-curvature, curvature],
         Attribute::Level => [0.0, f64::from(levels.max(2) - 1)],
-        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) => [0.0, 1.0],
+        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => [0.0, 1.0],
     };
     if low < high { [low, high] } else { [low - 0.5, low + 0.5] }
 }
@@ -334,6 +362,7 @@ pub static MODE: Mode = Mode {
         &CONTOUR_BASE,
         &CONTOUR_MAJOR,
         &CONTOUR_WIDTH,
+        &CONTOUR_LABELS,
     ]],
     technique: &OfSurfaces,
     quantity: "height",

@@ -48,7 +48,7 @@ pub(super) fn sums(
         }
     };
     if !near.is_empty() {
-        let (others, drawn) = subject.sum_face(view, &near, pixel)?;
+        let (others, drawn) = subject.sum_face(view, &near, pixel, None)?;
         around::add(&mut sums, &others);
         counts += drawn;
     }

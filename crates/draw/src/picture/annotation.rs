@@ -80,6 +80,16 @@ impl Annotation {
         Ok(Annotation { view, target, bounds, units, time, paper, labels, marks: None, depiction: depiction.clone() })
     }
 
+    /// With a legend of something else, and in these units.
+    pub(super) fn telling(self, depiction: Depiction, units: Units) -> Annotation {
+        Annotation { depiction, units, ..self }
+    }
+
+    /// The units that it is in.
+    pub(super) fn units(&self) -> &Units {
+        &self.units
+    }
+
     /// With selections over the picture of these nodes; `run` says where those are whose members stay the same, where they are of a run.
     ///
     /// # Errors

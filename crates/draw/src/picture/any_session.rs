@@ -1,8 +1,8 @@
-//! What draws shots of data, whatever it is: particles, an image or a volume, or measured heights.
+//! What draws shots of data, whatever it is: particles, an image or a volume, measured heights, or these among other things.
 
 use super::field::FieldSession;
 use super::ranges::{Format, Measured};
-use super::surface::SurfaceSession;
+use super::surface::{MixedSession, SurfaceSession};
 use super::{Picture, PictureError, Session};
 use crate::color::Image;
 use crate::color::transfer::Levels;
@@ -18,6 +18,8 @@ pub enum AnySession {
     Field(Box<FieldSession>),
     /// Of measured heights.
     Surface(Box<SurfaceSession>),
+    /// Of heights with particles or with other heights.
+    Mixed(Box<MixedSession>),
 }
 
 impl AnySession {
@@ -25,7 +27,25 @@ impl AnySession {
     pub fn particles(&mut self) -> Option<&mut Session> {
         match self {
             AnySession::Particles(session) => Some(session),
+            AnySession::Mixed(session) => session.particles(),
             AnySession::Field(_) | AnySession::Surface(_) => None,
+        }
+    }
+
+    /// What draws an image or a volume, where one is open.
+    pub fn field(&mut self) -> Option<&mut FieldSession> {
+        match self {
+            AnySession::Field(session) => Some(session),
+            AnySession::Particles(_) | AnySession::Surface(_) | AnySession::Mixed(_) => None,
+        }
+    }
+
+    /// Whether z is up in the world: in that of heights.
+    pub fn has_z_up(&self) -> bool {
+        match self {
+            AnySession::Particles(_) | AnySession::Field(_) => false,
+            AnySession::Surface(_) => true,
+            AnySession::Mixed(session) => session.begins_with_heights(),
         }
     }
 
@@ -38,6 +58,7 @@ impl AnySession {
             AnySession::Particles(session) => session.framed(look),
             AnySession::Field(session) => Ok(session.opened().grid().bounds()),
             AnySession::Surface(session) => session.framed(look),
+            AnySession::Mixed(session) => session.framed(look),
         }
     }
 
@@ -50,6 +71,7 @@ impl AnySession {
             AnySession::Particles(session) => session.draw(shot),
             AnySession::Field(session) => session.draw(shot),
             AnySession::Surface(session) => session.draw(shot),
+            AnySession::Mixed(session) => session.draw(shot),
         }
     }
 
@@ -62,6 +84,7 @@ impl AnySession {
             AnySession::Particles(session) => session.finished(shot, picture),
             AnySession::Field(session) => session.finished(shot, picture),
             AnySession::Surface(session) => session.finished(shot, picture),
+            AnySession::Mixed(session) => session.finished(shot, picture),
         }
     }
 
@@ -82,6 +105,7 @@ impl AnySession {
             AnySession::Particles(session) => session.image(look, view, levels, diameter, limit),
             AnySession::Field(session) => Ok((session.image(look, view, levels)?, 0)),
             AnySession::Surface(session) => Ok((session.image(look, view, levels)?, 0)),
+            AnySession::Mixed(session) => session.image(look, view, levels, diameter, limit),
         }
     }
 
@@ -94,6 +118,7 @@ impl AnySession {
             AnySession::Particles(session) => session.ranges(look, camera, format),
             AnySession::Field(session) => session.ranges(look, camera, format),
             AnySession::Surface(session) => session.ranges(look, camera, format),
+            AnySession::Mixed(session) => session.ranges(look, camera, format),
         }
     }
 }

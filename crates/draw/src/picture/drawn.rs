@@ -52,11 +52,18 @@ pub struct Picture {
     pub moment: Option<ShownMoment>,
     /// Paths that lie on top of it; those of modes that take them are among its values.
     pub paths: Option<Arc<Colors>>,
+    /// Measured surfaces under sums; those of colours are among its values.
+    pub ground: Option<Arc<Colors>>,
+    /// What a legend tells, where that is not how its values became colours.
+    pub told: Option<Coloration>,
     /// Of images and volumes: the points that it was drawn from.
     pub points: Option<PointsReport>,
     /// Of heights: what was drawn, and the raw channels.
     pub surface: Option<SurfaceShown>,
 }
+
+/// What pictures of heights are drawn from, by name.
+pub(super) const CHUNKS: &str = "chunks";
 
 /// The moment of a run that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -111,6 +118,11 @@ impl Picture {
         self.annotation.depiction.attribute.as_ref().map(|coloring| coloring.name.as_str())
     }
 
+    /// Whether it shows heights and nothing else.
+    pub fn is_of_heights_alone(&self) -> bool {
+        self.surface.is_some() && self.drawn_from == CHUNKS
+    }
+
     /// Width and height, pixels.
     pub fn size(&self) -> [u32; 2] {
         match &self.values {
@@ -137,7 +149,13 @@ impl Picture {
         let coloration = self.coloration();
         let background = shot.look.background.unwrap_or_default();
         let mut image = match &self.values {
-            Raw::Sums(sums, _) => composite::composite_on(sums, &self.transfer, &coloration.levels, background),
+            Raw::Sums(sums, _) => match &self.ground {
+                None => composite::composite_on(sums, &self.transfer, &coloration.levels, background),
+                Some(ground) => {
+                    let behind = ground.image_on(background);
+                    composite::composite_over(sums, &self.transfer, &coloration.levels, &behind)
+                }
+            },
             Raw::Light(painted) => painted.colors.image_on(background),
         };
         if let Some(paths) = &self.paths {
@@ -147,7 +165,7 @@ impl Picture {
         if let Some(annotations) = &shot.look.annotations {
             for sheet in self.sheets(shot, &image)? {
                 sheet.lay(&mut image, |image| {
-                    self.annotation.write(image, &sheet.view, annotations, &coloration);
+                    self.annotation.write(image, &sheet.view, annotations, self.told.as_ref().unwrap_or(&coloration));
                     Ok::<(), PictureError>(())
                 })?;
             }
@@ -158,6 +176,24 @@ impl Picture {
     /// What is written on in the finished picture.
     fn sheets(&self, shot: &Shot, image: &Image) -> Result<Vec<Sheet>, PictureError> {
         Ok(lettering::sheets(&self.annotation.view, [image.width, image.height], shot.surround, shot.stereo)?)
+    }
+
+    /// In colours, with what the shot's film does to it; `draw` draws the picture that it is blended with, where there is one.
+    ///
+    /// # Errors
+    /// As `draw`, and where a picture over it cannot be read.
+    pub(super) fn finished_by(
+        &self,
+        shot: &Shot,
+        draw: impl FnOnce(&Shot) -> Result<Picture, PictureError>,
+    ) -> Result<Image, PictureError> {
+        let Some(film) = &shot.film else { return self.image(shot) };
+        let before = film.from.as_deref().map(|from| {
+            let mut before = Shot::of_scene(from.clone(), Path::new(""));
+            (before.size, before.film, before.look.background) = (shot.size, None, shot.look.background);
+            draw(&before)?.image(&before)
+        });
+        self.filmed(shot, film, before.transpose()?)
     }
 
     /// Its image after what a film does to it: blended with the image `before`, then laid over.

@@ -9,6 +9,7 @@ use super::adapter_faces;
 use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
+use super::ground::{Ground, among};
 use super::level_report::{bound_around, has_clusters};
 use super::panorama::{Texels, assemble};
 use super::paths::{ChosenPaths, PathLayer, Sight};
@@ -39,6 +40,8 @@ pub(super) struct Means<'a> {
     pub reporter: &'a dyn Reporter,
     /// The paths of the picture, where it has some, and what draws them.
     pub paths: Option<(&'a mut PathLayer, &'a mut ChosenPaths)>,
+    /// Measured surfaces in the picture.
+    pub ground: Option<&'a dyn Ground>,
 }
 
 impl Means<'_> {
@@ -47,6 +50,11 @@ impl Means<'_> {
         let (layer, paths) = self.paths.as_mut()?;
         layer.project(paths, face.view, face.around.map(|[pixel, _]| pixel));
         Some(layer)
+    }
+
+    /// What of surfaces is in a face, where the picture has some.
+    fn surfaces_in(&self, face: &Face<'_>) -> Option<PathFragments> {
+        Some(self.ground?.fragments(face.view))
     }
 
     /// Waits until what a view needs is there.
@@ -224,17 +232,31 @@ impl Projector {
         Ok(Sight::around(faces, eye, panorama.pixel_angle(), away, panorama.face_edge().unwrap_or(height)))
     }
 
-    /// The paths of the picture alone; black without.
+    /// The paths of the picture alone, as far as surfaces do not hide them; black without.
     ///
     /// # Errors
     /// As [`Projector::draw`].
     pub fn paths(&self, means: &mut Means<'_>) -> Result<Colors, PictureError> {
         let texels = self.shoot(SPLATS, |face| {
             means.go_on()?;
+            let surfaces = means.surfaces_in(face);
             let black = || Texels::black(face.view.width, face.view.height);
-            Ok(means.paths_in(face).map_or_else(black, |layer| layer.colors().into()))
+            Ok(means.paths_in(face).map_or_else(black, |layer| layer.colors_behind(surfaces.as_ref()).into()))
         })?;
         Ok(texels.into())
+    }
+
+    /// The surfaces of the picture alone, where it has some.
+    ///
+    /// # Errors
+    /// As [`Projector::draw`].
+    pub fn ground(&self, means: &Means<'_>) -> Result<Option<Colors>, PictureError> {
+        let Some(ground) = means.ground else { return Ok(None) };
+        let texels = self.shoot(COLORS, |face| {
+            means.go_on()?;
+            Ok(ground.fragments(face.view).colors().into())
+        })?;
+        Ok(Some(texels.into()))
     }
 
     /// The angle of a pixel in the picture's middle.
@@ -304,8 +326,10 @@ impl Projector {
             means.go_on()?;
             let seen = seen(depiction.reach_px(), face);
             let pixel = face.around.map(|[pixel, _]| pixel);
+            let surfaces = means.surfaces_in(face);
+            let surfaces = surfaces.as_ref();
             if is_decoded {
-                let (sums, counts) = subject.sum_batches(face.view, &seen_of(&decoded, &seen), pixel)?;
+                let (sums, counts) = subject.sum_batches(face.view, &seen_of(&decoded, &seen), pixel, surfaces)?;
                 tally.counts += counts;
                 return Ok(sums.into());
             }
@@ -322,7 +346,7 @@ impl Projector {
                     let painter = (*passes, &mut **adapter);
                     adapter_faces::sums(painter, subject, face.view, nodes, pixel, &mut tally.drawn_by)?
                 }
-                None => subject.sum_face(face.view, nodes, pixel)?,
+                None => subject.sum_face(face.view, nodes, pixel, surfaces)?,
             };
             tally.counts += counts;
             Ok(sums.into())
@@ -379,8 +403,10 @@ impl Projector {
             };
             let selection = own.as_ref().unwrap_or(&everything);
             let takes_paths = depiction.mode.technique.takes_paths();
-            let among = takes_paths.then(|| means.paths_in(face).map(PathLayer::fragments)).flatten();
-            let among = among.as_ref();
+            let paths = takes_paths.then(|| means.paths_in(face).map(PathLayer::fragments)).flatten();
+            let surfaces = means.surfaces_in(face);
+            let among = among(paths, surfaces.as_ref());
+            let among = among.as_deref();
             let around = face.around.map(|[pixel, _]| pixel);
             let painted = match (&mut means.adapter, &own) {
                 (Some((passes, adapter)), _) => {
@@ -402,7 +428,11 @@ impl Projector {
             last = Some(painted);
             Ok(colors.into())
         })?;
-        let last = last.ok_or_else(|| PictureError::Asked("eye, target: no particles are in view".into()))?;
+        let last = match (last, means.ground) {
+            (Some(last), _) => last,
+            (None, Some(_)) => LightPicture::of(Colors::default()),
+            (None, None) => return Err(PictureError::Asked("eye, target: no particles are in view".into())),
+        };
         Ok(LightPicture { colors: texels.into(), ..last })
     }
 

@@ -12,6 +12,7 @@ use super::adapter::{self, Adapter, Passes};
 use super::annotation::{Annotation, FollowedPlaces};
 use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
+use super::ground::Ground;
 use super::hiding::Hiding;
 use super::left_out::LeftOut;
 use super::level_report::LevelReport;
@@ -22,7 +23,7 @@ use super::source::{self, Wanted};
 use super::subject::{self, Subject};
 use crate::annotate::Units;
 use crate::color::Image;
-use crate::color::composite::composite_at;
+use crate::color::composite::{composite_at, composite_over};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::Method;
 use crate::cpu::volume::VolumeError;
@@ -32,6 +33,7 @@ use crate::import::{Source, open};
 use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot, shown_families};
 use crate::mode::{Depiction, Mode, Raw};
 use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod};
+use crate::modes;
 use crate::store::run::{RunSnapshot, RunTree};
 use crate::store::{InMemory, PageFile, RunFile, Tree};
 use crate::stream::{Scene, SceneSelection, first_frame};
@@ -66,7 +68,7 @@ impl Reporter for () {
 }
 
 /// How data is opened and drawn, whatever the picture.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct SessionOptions {
     /// Draws every source particle at full precision, in this way; the page file where it is `None`.
     pub exact: Option<Method>,
@@ -294,15 +296,26 @@ impl Session {
     /// # Errors
     /// [`PictureError`] when the data cannot be read, a setting does not fit it, or nothing draws the mode.
     pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
+        self.draw_among(shot, None)
+    }
+
+    /// The same among measured surfaces.
+    ///
+    /// # Errors
+    /// As [`Session::draw`], and for modes and adapters that draw nothing among surfaces.
+    pub fn draw_among(&mut self, shot: &Shot, ground: Option<&dyn Ground>) -> Result<Picture, PictureError> {
         let framed = self.framed(&shot.look)?;
         let (tree, depiction, transfer) = self.show(&shot.look)?;
+        if ground.is_some() {
+            self.check_among(&depiction)?;
+        }
         if let Some(mode) = shot.look.mode.filter(|mode| mode.is_light()) {
             self.check_light(&shot.look, mode)?;
         }
         self.check_levels(&depiction, tree.metadata())?;
         self.check_blend(&depiction, shot)?;
         let view = shot.view(framed, tree.metadata().periodic_box())?;
-        let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer };
+        let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer, ground };
         let drawn = match shot.is_projected() {
             true => self.draw_projected(&*tree, &shown),
             false => self.draw_flat(&*tree, &shown),
@@ -353,6 +366,21 @@ impl Session {
         diameter: f64,
         limit: u64,
     ) -> Result<(Image, u64), PictureError> {
+        self.image_among(look, view, levels, (diameter, limit), None)
+    }
+
+    /// The same among measured surfaces.
+    ///
+    /// # Errors
+    /// As [`Session::draw_among`].
+    pub fn image_among(
+        &mut self,
+        look: &LookPatch,
+        view: &View,
+        levels: Option<Levels>,
+        (diameter, limit): (f64, u64),
+        ground: Option<&dyn Ground>,
+    ) -> Result<(Image, u64), PictureError> {
         let (tree, depiction, mut transfer) = self.show(look)?;
         let depiction = depiction.blended();
         if let Some(levels) = levels.filter(|_| depiction.mode.is_light()) {
@@ -365,10 +393,24 @@ impl Session {
         };
         let plan = subject.plan(view, &selection.nodes, &look.budget.file_budget(), None)?;
         let (plan, taken) = subject.within(limit, plan, view, &selection.nodes);
-        let image = match subject.draw_nodes(view, &selection.nodes, &plan) {
-            Ok(Raw::Sums(sums, _)) => composite_at(&sums, &transfer, &levels.unwrap_or_else(|| transfer.levels(&sums))),
+        if ground.is_some() {
+            self.check_among(&depiction)?;
+        }
+        let surfaces = ground.map(|ground| ground.fragments(view));
+        let nodes = subject.decode(view, &selection.nodes, &plan);
+        let image = match subject.draw_with_paths(view, &nodes, &plan, surfaces.as_ref()) {
+            Ok(Raw::Sums(sums, _)) => {
+                let levels = levels.unwrap_or_else(|| transfer.levels(&sums));
+                match &surfaces {
+                    None => composite_at(&sums, &transfer, &levels),
+                    Some(surfaces) => composite_over(&sums, &transfer, &levels, &surfaces.colors().image()),
+                }
+            }
             Ok(Raw::Light(painted)) => painted.colors.image(),
-            Err(VolumeError::Grid(GridError::NothingInView)) => Image::black(view.width, view.height),
+            Err(VolumeError::Grid(GridError::NothingInView)) => match &surfaces {
+                None => Image::black(view.width, view.height),
+                Some(surfaces) => surfaces.colors().image(),
+            },
             Err(error) => return Err(error.into()),
         };
         Ok((image, taken))
@@ -379,6 +421,27 @@ impl Session {
         match self.options.named.as_os_str().is_empty() {
             true => self.path(),
             false => &self.options.named,
+        }
+    }
+
+    /// Refuses what is not drawn among surfaces.
+    fn check_among(&self, depiction: &Depiction) -> Result<(), PictureError> {
+        let asked = |why: String| Err(PictureError::Asked(why));
+        match self.options.backend {
+            _ if self.options.overdraw.is_some() => asked("--overdraw: is for pictures without heights".into()),
+            _ if !depiction.blended().mode.technique.meets_surfaces() => {
+                let modes =
+                    modes::all().into_iter().filter(|mode| mode.takes_particles() && mode.technique.meets_surfaces());
+                let modes: Vec<&str> = modes.map(|mode| mode.name).collect();
+                let (found, expected) = (depiction.mode.name, modes.join(", "));
+                asked(format!(
+                    "mode: found {found}, which knows no heights among its particles, expected one of {expected}"
+                ))
+            }
+            Some(Backend::Compute | Backend::Raster) => {
+                asked("--backend: expected cpu, which alone draws particles among heights".into())
+            }
+            _ => Ok(()),
         }
     }
 
@@ -417,7 +480,7 @@ impl Session {
 
     /// What draws faces of panoramas on the processor.
     pub(super) fn means(&mut self) -> Means<'_> {
-        Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: None }
+        Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: None, ground: None }
     }
 
     /// Indices of the families that a look draws.
@@ -482,6 +545,8 @@ impl Session {
             milliseconds: Default::default(),
             moment: self.shown_moment(0),
             paths: None,
+            ground: None,
+            told: None,
             points: None,
             surface: None,
         })
@@ -570,4 +635,6 @@ struct Shown<'a> {
     framed: Bounds,
     depiction: &'a Depiction,
     transfer: &'a TransferFunction,
+    /// What it is drawn among.
+    ground: Option<&'a dyn Ground>,
 }

@@ -101,7 +101,7 @@ impl<'a> Subject<'a> {
         self.draw_with_paths(view, nodes, plan, None)
     }
 
-    /// The same with paths among what is drawn, of modes that take them.
+    /// The same with paths among what is drawn, of modes that take them, or with surfaces that hide some of it, of modes that meet these.
     ///
     /// # Errors
     /// As [`Subject::draw`].
@@ -151,7 +151,7 @@ impl<'a> Subject<'a> {
         self.depiction.mode.draw(&Job { paths, around, ..self.job(view, batches, &Plan::default()) })
     }
 
-    /// Sums of nodes on a face of a panorama whose pixels are `pixel` radians wide, or in a flat picture.
+    /// Sums of nodes on a face of a panorama whose pixels are `pixel` radians wide, or in a flat picture; without what is behind `surfaces`.
     ///
     /// # Errors
     /// As [`Subject::draw`].
@@ -160,9 +160,10 @@ impl<'a> Subject<'a> {
         view: &View,
         nodes: &[SceneNode],
         pixel: Option<f64>,
+        surfaces: Option<&PathFragments>,
     ) -> Result<(Accumulation, Counts), VolumeError> {
         let nodes = cut(view, decode(self.depiction, self.metadata, nodes));
-        self.sum_batches(view, &batches(self.depiction, &nodes)?, pixel)
+        self.sum_batches(view, &batches(self.depiction, &nodes)?, pixel, surfaces)
     }
 
     /// The same of batches of particles.
@@ -174,12 +175,13 @@ impl<'a> Subject<'a> {
         view: &View,
         batches: &[Splats<'_>],
         pixel: Option<f64>,
+        surfaces: Option<&PathFragments>,
     ) -> Result<(Accumulation, Counts), VolumeError> {
         match (pixel, self.depiction.mode.technique.output()) {
             (Some(pixel), Output::Sums) => {
-                Ok(around::draw_face(view, batches, pixel, &self.options(&Plan::default()))?)
+                Ok(around::draw_face_among(view, batches, pixel, &self.options(&Plan::default()), surfaces)?)
             }
-            _ => self.draw_batches(view, batches, &Plan::default(), None)?.sums(self.depiction.mode),
+            _ => self.draw_batches(view, batches, &Plan::default(), surfaces)?.sums(self.depiction.mode),
         }
     }
 

@@ -94,11 +94,16 @@ impl Surroundings {
         TourError::Object { file: self.file.clone(), keyframe: index + 1, source: Box::new(source) }
     }
 
-    /// The camera that shows all of the data at a keyframe.
+    /// The camera that shows all of the data at a keyframe, for the direction that is up: from the front, or where that is another one than
+    /// usual, from above and in front.
     ///
     /// # Errors
     /// [`TourError`] when the data cannot be read.
-    pub(super) fn usual_camera(&self, index: usize, look: &LookPatch) -> Result<Camera, TourError> {
+    pub(super) fn usual_camera(&self, index: usize, look: &LookPatch, up: DVec3) -> Result<Camera, TourError> {
+        if up != DVec3::Y {
+            let above = Around { what: What::Data, distance: 2.4, azimuth: 0.0, elevation: 40.0, fov: 45.0 };
+            return self.camera(index, &above, look, up);
+        }
         let framed = self.framed(index, look)?;
         let height = 1000;
         let width = (self.aspect * f64::from(height)).round().clamp(1.0, 32768.0) as u32;

@@ -34,9 +34,9 @@ pub(super) fn check(tour: &TourFile, file: &str, text: &str) -> Result<(), RonEr
     if !(0.01..=1000.0).contains(&tour.rate) {
         return Err(place.refuse(&["rate"], tour.rate, "0.01 to 1000 pictures a second"));
     }
-    let length = tour.up.iter().map(|x| x * x).sum::<f64>();
+    let length = tour.upward().length_squared();
     if !(length > 0.0 && length.is_finite()) {
-        return Err(place.refuse(&["up"], format!("{:?}", tour.up), "a direction"));
+        return Err(place.refuse(&["up"], format!("{:?}", tour.upward().to_array()), "a direction"));
     }
     if !(tour.comfort.turn > 0.0 && tour.comfort.turn.is_finite()) {
         return Err(place.refuse(&["turn"], tour.comfort.turn, "degrees per second above 0"));

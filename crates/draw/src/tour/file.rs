@@ -6,6 +6,7 @@ use crate::look::{Attribute, Camera, DatasetRef, LookPatch, define_look_text, wi
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use crate::view::{Stereo, Surround};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -43,9 +44,9 @@ pub struct TourFile {
     /// Whether it begins again at its end.
     #[serde(default, rename = "loop")]
     pub repeats: bool,
-    /// The direction that is up: orbits turn about it, and the horizon keeps level to it.
-    #[serde(default = "up")]
-    pub up: [f64; 3],
+    /// The direction that is up: orbits turn about it, and the horizon keeps level to it; the data's where it says none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<[f64; 3]>,
     /// What eyes are to bear.
     #[serde(default)]
     pub comfort: Comfort,
@@ -78,10 +79,6 @@ fn size() -> (u32, u32) {
 
 fn rate() -> f64 {
     30.0
-}
-
-fn up() -> [f64; 3] {
-    [0.0, 1.0, 0.0]
 }
 
 /// A moment of a tour. What it does not say stays as it was.
@@ -325,11 +322,16 @@ impl TourFile {
             stereo: None,
             rate: rate(),
             repeats: false,
-            up: up(),
+            up: None,
             comfort: Comfort::default(),
             keys: BTreeMap::new(),
             keyframes,
         }
+    }
+
+    /// The direction that is up: y where nobody says another one.
+    pub fn upward(&self) -> DVec3 {
+        self.up.map_or(DVec3::Y, DVec3::from)
     }
 
     /// Reads a tour file.

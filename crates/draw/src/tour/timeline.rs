@@ -115,7 +115,7 @@ impl Timeline {
     /// # Errors
     /// [`TourError`] where a keyframe looks at something that is not there.
     pub fn new(tour: &TourFile, surroundings: &Surroundings) -> Result<Timeline, TourError> {
-        let up = DVec3::from(tour.up).normalize_or(DVec3::Y);
+        let up = tour.upward().normalize_or(DVec3::Y);
         let mut stops: Vec<Stop> = Vec::with_capacity(tour.keyframes.len());
         let mut knots: Vec<Knot> = Vec::with_capacity(tour.keyframes.len());
         for (index, keyframe) in tour.keyframes.iter().enumerate() {
@@ -353,7 +353,7 @@ fn around_selection(
         }
     }
     let seen = knots.iter().zip(&centers).map(|(knot, center)| Knot { pose: knot.pose.moved(-*center), ..*knot });
-    let up = DVec3::from(tour.up).normalize_or(DVec3::Y);
+    let up = tour.upward().normalize_or(DVec3::Y);
     let path = Path::new(seen.collect(), up, tour.repeats);
     Ok(Some(Followed { members: members.clone(), path, centers }))
 }
@@ -376,7 +376,7 @@ fn pose(
         (Some(camera), before) => Pose::new(camera, up, before.map_or(0.0, |pose| pose.yaw) + orbit),
         (None, Some(pose)) if orbit == 0.0 => *pose,
         (None, Some(pose)) => pose.orbited(up, orbit),
-        (None, None) => Pose::new(surroundings.usual_camera(index, look)?, up, 0.0).orbited(up, orbit),
+        (None, None) => Pose::new(surroundings.usual_camera(index, look, up)?, up, 0.0).orbited(up, orbit),
     })
 }
 
@@ -385,7 +385,7 @@ fn arrival(tour: &TourFile, keyframe: &Keyframe, last: &Knot, pose: &Pose) -> (f
     if let Some(at) = keyframe.at {
         return (at.max(last.leave), 0.0);
     }
-    let up = DVec3::from(tour.up);
+    let up = tour.upward();
     let angle = turn(last.pose.orientation(up), pose.orientation(up)).length().max((pose.yaw - last.pose.yaw).abs());
     let comfortable = PEAK * angle.to_degrees() / tour.comfort.turn;
     let flight = match keyframe.motion {

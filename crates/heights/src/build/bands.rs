@@ -1,10 +1,10 @@
 //! The rows of a field that are in memory at a time.
 
-use super::{HeightBuildError, Measured};
+use super::{HeightBuildError, Measured, Seen};
 use crate::hierarchy::chunks::Part;
 use crate::hierarchy::chunks::compact::{Compact, is_single};
 use crate::hierarchy::chunks::lattice::Lattice;
-use crate::model::{HeightGrid, Invalid, Window};
+use crate::model::{HeightGrid, Window};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
@@ -99,18 +99,18 @@ pub(super) fn read(
     first: u64,
     end: u64,
     at_once: u64,
-) -> Result<(Vec<FieldRow>, Invalid), HeightBuildError> {
+) -> Result<(Vec<FieldRow>, Seen), HeightBuildError> {
     let grid = source.grid();
     let width = grid.columns as usize;
     let mut out = Vec::with_capacity((end - first) as usize);
-    let (mut stored, mut plane, mut invalid) = (Vec::new(), Vec::new(), Invalid::default());
+    let (mut stored, mut plane, mut seen) = (Vec::new(), Vec::new(), Seen::none());
     let mut row = first;
     while row < end {
         // Reads end at multiples of what is read at once, so that tiles are read once.
         let rows = (at_once - row % at_once).min(end - row);
         let window = Window::rows(grid, row, rows);
         stored.resize(rows as usize * width, 0.0);
-        invalid = invalid.and(source.measured(window, &mut stored)?);
+        seen = seen.and(&source.measured(window, &mut stored)?);
         let at = out.len();
         let compact: Vec<FieldRow> = stored
             .par_chunks_exact_mut(width)
@@ -130,5 +130,5 @@ pub(super) fn read(
         }
         row += rows;
     }
-    Ok((out, invalid))
+    Ok((out, seen))
 }

@@ -3,13 +3,15 @@
 mod bands;
 mod coarse_chunk;
 mod pass;
+mod photo;
 #[cfg(test)]
 mod tests;
 
 use crate::codec::heights;
 use crate::hierarchy::chunks::Lattice;
 use crate::import::HeightSource;
-use crate::model::{HeightError, HeightGrid, Heights, Invalid, Window, units};
+use crate::import::suspects::Suspects;
+use crate::model::{HeightError, HeightGrid, Heights, Invalid, PhotoRows, Window, units};
 use crate::store::HeightAbout;
 use deepfield_data::model::progress::Progress;
 use deepfield_data::store::StoreError;
@@ -39,23 +41,55 @@ pub struct HeightOrigin {
     pub notes: Vec<String>,
 }
 
-/// Heights that tell why samples were not measured. Several threads may read at once.
+/// What is seen of samples while they are read.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// What was not measured, by kind.
+    pub invalid: Invalid,
+    /// Values that look as if they were not.
+    pub suspects: Suspects,
+}
+
+impl Seen {
+    /// Nothing yet.
+    pub fn none() -> Seen {
+        Seen { invalid: Invalid::default(), suspects: Suspects::none() }
+    }
+
+    /// These, and those of other samples.
+    pub fn and(self, other: &Seen) -> Seen {
+        Seen { invalid: self.invalid.and(other.invalid), suspects: self.suspects.and(&other.suspects) }
+    }
+}
+
+/// Heights that tell why samples were not measured, and which photo lies over them. Several threads may read at once.
 pub trait Measured: Heights {
-    /// Reads as [`Heights::stored`] does, and counts what was not measured.
+    /// Reads as [`Heights::stored`] does, and counts what was not measured, and what looks so.
     ///
     /// # Errors
     /// As [`Heights::stored`].
-    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Invalid, HeightError> {
+    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Seen, HeightError> {
         self.stored(window, out)?;
-        Ok(Invalid { nan: out.iter().filter(|value| value.is_nan()).count() as u64, ..Invalid::default() })
+        let nan = out.iter().filter(|value| value.is_nan()).count() as u64;
+        Ok(Seen { invalid: Invalid { nan, ..Invalid::default() }, ..Seen::none() })
+    }
+
+    /// The photo that lies over them.
+    fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
+        None
     }
 }
 
 impl Measured for crate::model::HeightField {}
-impl Measured for crate::store::HeightFile {}
+
+impl Measured for crate::store::HeightFile {
+    fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
+        crate::store::PhotoOfFile::of(self).map(|photo| Box::new(photo) as Box<dyn PhotoRows>)
+    }
+}
 
 impl Measured for HeightSource {
-    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Invalid, HeightError> {
+    fn measured(&self, window: Window, out: &mut [f64]) -> Result<Seen, HeightError> {
         self.read(window, out)?;
         let mut invalid = Invalid::default();
         let no_data = self.no_data();
@@ -71,7 +105,12 @@ impl Measured for HeightSource {
             }
             *value = f64::NAN;
         }
-        Ok(invalid)
+        let suspects = Suspects::among(out.iter().copied().filter(|value| !value.is_nan()));
+        Ok(Seen { invalid, suspects })
+    }
+
+    fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
+        self.photo().map(|photo| Box::new(photo) as Box<dyn PhotoRows>)
     }
 }
 
@@ -118,13 +157,15 @@ pub enum HeightBuildError {
     },
     /// The build needs more memory than it may take.
     #[error(
-        "{path}: memory: rows of {columns} samples take about {needed} MiB, found {allowed} MiB that the build may take"
+        "{path}: memory: rows of {columns} samples{photo} take about {needed} MiB, found {allowed} MiB that the build may take"
     )]
     Memory {
         /// The output.
         path: PathBuf,
         /// Samples of a row.
         columns: u64,
+        /// What else there is: of a photo its size, else nothing.
+        photo: String,
         /// Mebibytes needed.
         needed: u64,
         /// Mebibytes allowed.

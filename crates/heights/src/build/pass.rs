@@ -6,7 +6,8 @@
 
 use super::bands::{self, FieldRows};
 use super::coarse_chunk::{self, CoarseChunk};
-use super::{HeightBuildError, HeightOrigin, Measured};
+use super::photo::{self, PhotoPass};
+use super::{HeightBuildError, HeightOrigin, Measured, Seen};
 use crate::hierarchy::chunks::cells::Patch;
 use crate::hierarchy::chunks::compact::Compact;
 use crate::hierarchy::chunks::deviation::{self, Fine, Range};
@@ -15,7 +16,7 @@ use crate::hierarchy::chunks::leaf::{self, Leaf};
 use crate::hierarchy::chunks::rows::LevelRows;
 use crate::hierarchy::chunks::sums::{WideLight, WideSum};
 use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
-use crate::model::{Facts, HeightGrid, Invalid};
+use crate::model::{Facts, HeightGrid};
 use crate::store::chunk::{self, Code};
 use crate::store::{HeightAbout, HeightFileWriter};
 use deepfield_data::model::Scale;
@@ -42,6 +43,7 @@ struct Pass<'a> {
     valid: u64,
     sum: f64,
     total: WideSum,
+    photo: Option<PhotoPass<'a>>,
 }
 
 /// Builds a file with chunks of any size.
@@ -55,9 +57,14 @@ pub(super) fn build(
 ) -> Result<HeightAbout, HeightBuildError> {
     let grid = source.grid();
     let plan = bands::plan(grid, &lattice, memory);
-    if let Some(memory) = memory.filter(|memory| *memory < plan.bytes) {
-        let (needed, allowed) = (plan.bytes.div_ceil(1 << 20), memory >> 20);
-        return Err(HeightBuildError::Memory { path: output.into(), columns: grid.columns, needed, allowed });
+    let photo = source.photo_rows();
+    let bytes = plan.bytes + photo.as_deref().map_or(0, photo::memory);
+    if let Some(memory) = memory.filter(|memory| *memory < bytes) {
+        let (needed, allowed) = (bytes.div_ceil(1 << 20), memory >> 20);
+        let photo =
+            photo.map(|photo| photo.about().size).map(|[rows, columns]| format!(" and a photo of {columns} x {rows}"));
+        let photo = photo.unwrap_or_default();
+        return Err(HeightBuildError::Memory { path: output.into(), columns: grid.columns, photo, needed, allowed });
     }
     let planes = grid.planes.len();
     let near = lattice.side_bits.min(lattice.levels() - 1);
@@ -76,24 +83,28 @@ pub(super) fn build(
         valid: 0,
         sum: 0.0,
         total: WideSum::default(),
+        photo: photo.map(|photo| PhotoPass::new(photo, grid)),
     };
+    if let Some(photo) = &pass.photo {
+        pass.writer.photo(photo.about().clone());
+    }
     let bands = lattice.chunks_of(0)[0];
     // A band ends with a row more than its own: the ring around its leaves.
     let end_of = |band: u32| (u64::from(band + 1) * lattice.side() + 2).min(grid.rows);
     progress.begin("building", grid.rows);
-    let (rows, mut invalid) = bands::read(source, 0, end_of(0), plan.rows)?;
+    let (rows, mut seen) = bands::read(source, 0, end_of(0), plan.rows)?;
     pass.rows.extend(rows);
     for band in 0..bands {
         let (from, to) = (pass.rows.end(), if band + 1 < bands { end_of(band + 1) } else { pass.rows.end() });
         let (worked, read) = rayon::join(|| pass.band(band), || bands::read(source, from, to, plan.rows));
         worked?;
         let (rows, more) = read?;
-        invalid = invalid.and(more);
+        seen = seen.and(&more);
         pass.rows.extend(rows);
         progress.advance((u64::from(band + 1) * lattice.side()).min(grid.rows) - u64::from(band) * lattice.side());
     }
     pass.far()?;
-    pass.finish(origin, invalid)
+    pass.finish(origin, &seen)
 }
 
 impl Pass<'_> {
@@ -120,6 +131,7 @@ impl Pass<'_> {
             self.measure(band);
         }
         self.write_chunks()?;
+        self.photo(band)?;
         self.forget(band);
         Ok(())
     }
@@ -301,6 +313,16 @@ impl Pass<'_> {
         Ok(())
     }
 
+    /// Goes on with the photo.
+    fn photo(&mut self, band: u32) -> Result<(), HeightBuildError> {
+        let [start, end] = [band, band + 1].map(|band| u64::from(band) << self.lattice.side_bits);
+        let (cells, is_last) = (start..end.min(self.grid.rows - 1), self.is_last(band));
+        match &mut self.photo {
+            Some(photo) => photo.cells(&self.rows, cells, is_last, &mut self.writer),
+            None => Ok(()),
+        }
+    }
+
     /// Forgets what nothing needs any more after a band.
     fn forget(&mut self, band: u32) {
         let band_row = u64::from(band) << self.lattice.side_bits;
@@ -344,7 +366,7 @@ impl Pass<'_> {
         Ok(())
     }
 
-    fn finish(mut self, origin: &HeightOrigin, invalid: Invalid) -> Result<HeightAbout, HeightBuildError> {
+    fn finish(mut self, origin: &HeightOrigin, seen: &Seen) -> Result<HeightAbout, HeightBuildError> {
         let samples = self.grid.samples();
         if self.valid == 0 {
             return Err(HeightBuildError::Nothing { path: origin.path.clone(), invalid: samples, samples });
@@ -364,13 +386,14 @@ impl Pass<'_> {
             format: origin.format.clone(),
             source_bytes: origin.bytes,
             has_spacing: origin.has_spacing,
-            notes: origin.notes.clone(),
+            notes: origin.notes.iter().cloned().chain(seen.suspects.note(self.grid)).collect(),
             grid: self.grid.clone(),
             facts,
-            invalid,
+            invalid: seen.invalid,
             area: self.total.area,
             slopes: self.slopes,
             levels: Vec::new(),
+            photo: None,
         };
         let (file, about) = self.writer.complete(about)?;
         file.persist()?;

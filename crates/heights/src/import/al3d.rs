@@ -2,10 +2,10 @@
 
 use super::content::{Content, latin1};
 use super::dimensions::{dimensions, distance};
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::{HeightGrid, Plane};
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{SampleType, Unit};
 
 /// Depth images and the pictures that belong to them.

@@ -8,10 +8,10 @@ mod values;
 
 use super::content::Content;
 use super::dimensions::{dimensions, distance};
-use super::raw::{Layout, NATIVE};
+use super::raw::Layout;
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::HeightGrid;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::SampleType;
 use head::Head;
 
@@ -38,7 +38,7 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
 
     let values = values::read(content, head.end, [columns, rows])?;
     grid.sample_type = values.sample_type;
-    let layout = Layout::packed([columns, rows], 0, SampleType::F64, NATIVE);
+    let layout = Layout::packed([columns, rows], 0, SampleType::F64, ByteOrder::NATIVE);
     let samples = values.unpacked.samples(content, "values", layout)?;
     let mut about = HeightDescription::new(content, ESRI_ASCII.name, grid);
     about.has_spacing = has_spacing;

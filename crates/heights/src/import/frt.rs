@@ -2,10 +2,10 @@
 
 use super::content::{Content, word};
 use super::dimensions::{dimensions, distance};
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::HeightGrid;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{SampleType, Scale, Unit};
 
 /// Scans of one channel.

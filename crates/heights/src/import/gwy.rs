@@ -2,11 +2,11 @@
 
 use super::content::{Content, in_one_line, word};
 use super::dimensions::{dimensions, distance};
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::units::length;
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::HeightGrid;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::SampleType;
 
 /// The field with the least number in a file.

@@ -4,10 +4,10 @@
 mod tests;
 
 use super::content::Content;
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::HeightGrid;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{SampleType, Unit};
 
 /// Samples of 3 and of 1 seconds of arc; rows go from north to south.

@@ -16,21 +16,26 @@ mod in_memory;
 pub(crate) mod md5;
 mod numpy;
 mod options;
+pub mod photo;
+mod plu;
+mod plux;
 mod png16;
 mod raw;
 mod source;
 pub mod summary;
 mod sur;
 mod surfer;
-mod suspects;
+pub mod suspects;
 #[cfg(test)]
 mod tests;
 mod told;
 mod units;
 mod unpack;
 mod x3p;
+mod xml;
 
 pub use options::HeightOptions;
+pub use photo::{Photo, PhotoChoice};
 pub use source::{HeightDescription, HeightSource, NoData, Samples, is_masked};
 pub use summary::{HeightSummary, summarize_heights};
 
@@ -61,6 +66,7 @@ static FORMATS: &[HeightFormat] = &[
     al3d::AL3D,
     frt::FRT,
     x3p::X3P,
+    plux::PLUX,
     surfer::SURFER,
     gwy::GWY,
     numpy::NPY,
@@ -70,6 +76,7 @@ static FORMATS: &[HeightFormat] = &[
     esri_ascii::ESRI_ASCII,
     hgt::HGT,
     flt::FLT,
+    plu::PLU,
 ];
 
 /// Of formats that hold nothing but heights.
@@ -109,6 +116,9 @@ pub fn open_heights(path: &Path, options: &HeightOptions) -> Result<HeightSource
     }
     dimensions::check_grid(&content, grid)?;
     told::overrule(&mut source, options);
+    if let Some(texture) = &options.texture {
+        source.lay(Photo::open(texture, &source.description().grid, options.read)?);
+    }
     Ok(source)
 }
 

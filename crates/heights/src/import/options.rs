@@ -1,5 +1,6 @@
 //! What the user says about a source that it does not say, or says wrongly.
 
+use super::photo::PhotoChoice;
 use crate::model::units;
 use deepfield_data::import::ImportError;
 use deepfield_data::model::{ReadMethod, Unit};
@@ -18,6 +19,8 @@ pub struct HeightOptions {
     pub xy_unit: Option<Unit>,
     /// Unit of heights, in place of the source's.
     pub height_unit: Option<Unit>,
+    /// A photo that is laid over the field.
+    pub texture: Option<PhotoChoice>,
     /// How files are read.
     pub read: ReadMethod,
 }

@@ -5,11 +5,11 @@ mod tests;
 
 use super::content::{Content, in_one_line};
 use super::dimensions::dimensions;
-use super::raw::{ByteOrder, Layout};
+use super::raw::Layout;
 use super::unpack::{expanded, unpacked};
 use super::{HeightDescription, HeightFormat, HeightSource, NoData};
 use crate::model::HeightGrid;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::SampleType;
 use png::{BitDepth, ColorType, Transformations};
 use std::io::{BufRead, BufReader, Error, Read, Seek};

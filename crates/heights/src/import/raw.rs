@@ -3,23 +3,11 @@
 use super::content::Content;
 use super::source::Samples;
 use crate::model::Window;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{ReadFile, SampleType};
 use std::cell::RefCell;
 use std::path::PathBuf;
 use std::sync::Arc;
-
-/// The order of the bytes of a sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ByteOrder {
-    /// Least significant byte first.
-    Little,
-    /// Most significant byte first.
-    Big,
-}
-
-/// This machine's.
-pub(super) const NATIVE: ByteOrder = if cfg!(target_endian = "little") { ByteOrder::Little } else { ByteOrder::Big };
 
 /// Where samples lie: that of row `r` and column `c` at byte `offset + r row_stride + c column_stride`.
 #[derive(Clone, Copy, Debug, PartialEq)]

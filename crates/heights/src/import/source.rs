@@ -1,6 +1,7 @@
 //! An opened height field: what it says about itself, and its samples in windows.
 
 use super::content::Content;
+use super::photo::Photo;
 use crate::model::{HeightError, HeightGrid, Heights, Window};
 use deepfield_data::import::ImportError;
 use std::path::PathBuf;
@@ -84,6 +85,7 @@ pub struct HeightSource {
     about: HeightDescription,
     samples: Box<dyn Samples>,
     no_data: NoData,
+    photo: Option<Photo>,
 }
 
 impl std::fmt::Debug for HeightSource {
@@ -98,7 +100,7 @@ impl std::fmt::Debug for HeightSource {
 impl HeightSource {
     /// A field whose samples lie in `samples`.
     pub(super) fn new(about: HeightDescription, samples: Box<dyn Samples>, no_data: NoData) -> HeightSource {
-        HeightSource { about, samples, no_data }
+        HeightSource { about, samples, no_data, photo: None }
     }
 
     /// What the source says about itself.
@@ -119,6 +121,16 @@ impl HeightSource {
     /// Sets it: the user knows better.
     pub(super) fn set_no_data(&mut self, no_data: NoData) {
         self.no_data = no_data;
+    }
+
+    /// The photo that lies over it.
+    pub fn photo(&self) -> Option<&Photo> {
+        self.photo.as_ref()
+    }
+
+    /// Lays a photo over it.
+    pub(super) fn lay(&mut self, photo: Photo) {
+        self.photo = Some(photo);
     }
 
     /// Reads samples as the file holds them, what stands for no data among them.

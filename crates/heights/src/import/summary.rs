@@ -4,16 +4,47 @@ use super::source::is_masked;
 use super::suspects::Suspects;
 use super::{HeightDescription, HeightSource};
 use crate::model::facts::facts_by;
-use crate::model::{Invalid, Window};
+use crate::model::{HeightGrid, Invalid, PhotoAbout, Plane, Window};
 use deepfield_data::import::ImportError;
 use deepfield_data::model::{SampleType, Unit};
 use serde::Serialize;
 
 /// A colour plane's name.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlaneSummary {
-    /// `red`, `green`, `blue`, or the source's own.
+    /// `red`, `green`, `blue`, or the source's own; of a photo `texture`.
     pub name: String,
+    /// Of a photo what is known of it.
+    #[serde(flatten)]
+    pub photo: Option<PhotoSummary>,
+}
+
+/// What `info` says of a photo.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhotoSummary {
+    /// Pixels of a row.
+    pub columns: u64,
+    /// Rows.
+    pub rows: u64,
+    /// The file that it is from.
+    pub source: String,
+    /// x and y of its first and its last corner, in `xy_unit`.
+    pub corners: [[f64; 2]; 2],
+}
+
+impl PlaneSummary {
+    /// Of a colour plane.
+    pub(crate) fn of(plane: &Plane) -> PlaneSummary {
+        PlaneSummary { name: plane.name.clone(), photo: None }
+    }
+
+    /// Of a photo over a grid.
+    pub(crate) fn of_photo(about: &PhotoAbout, grid: &HeightGrid) -> PlaneSummary {
+        let ([rows, columns], place) = (about.size, about.place);
+        let corners = [0, 1].map(|end| grid.place(place.rows[end], place.columns[end]));
+        let source = about.path.display().to_string();
+        PlaneSummary { name: "texture".into(), photo: Some(PhotoSummary { columns, rows, source, corners }) }
+    }
 }
 
 /// Everything that `info --json` says about a field.
@@ -125,7 +156,7 @@ pub fn summarize_heights(source: &HeightSource) -> Result<HeightSummary, ImportE
         min: facts.min,
         max: facts.max,
         mean: facts.mean,
-        planes: grid.planes.iter().map(|plane| PlaneSummary { name: plane.name.clone() }).collect(),
+        planes: grid.planes.iter().map(PlaneSummary::of).collect(),
         crs: grid.crs.clone(),
         notes,
     })

@@ -5,11 +5,11 @@
 
 use super::content::{Content, latin1, word};
 use super::dimensions::{dimensions, distance};
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::unpack::{expanded, unpacked};
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always, units};
 use crate::model::HeightGrid;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{SampleType, Scale};
 use flate2::read::ZlibDecoder;
 use std::io::Read;

@@ -4,11 +4,11 @@
 use super::content::{Content, word};
 use super::dimensions::{dimensions, distance};
 use super::in_memory::InMemory;
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::source::Samples;
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::HeightGrid;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::SampleType;
 use std::io::{BufRead, BufReader};
 

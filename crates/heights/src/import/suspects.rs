@@ -26,7 +26,7 @@ const SHARE: u64 = 1000;
 
 /// Samples with suspicious values, and the range of the others.
 #[derive(Clone, Debug)]
-pub(super) struct Suspects {
+pub struct Suspects {
     /// Of [`USUAL`], and of what is huge.
     counts: [u64; USUAL.len() + 1],
     huge: f64,
@@ -37,8 +37,9 @@ pub(super) struct Suspects {
 impl Suspects {
     /// Those among stored samples that count as measured.
     ///
-    /// A value that is far from all others is the least or the largest of the samples beside it: where neither is suspicious, none of these is.
-    pub(super) fn among(samples: impl Iterator<Item = f64> + Clone) -> Suspects {
+    /// A value that is far from all others is the least or the largest of the samples beside it: where neither is suspicious, none of these is. So
+    /// what a field's note says is the same however its samples are cut into parts.
+    pub fn among(samples: impl Iterator<Item = f64> + Clone) -> Suspects {
         let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
         for sample in samples.clone() {
             min = if sample < min { sample } else { min };
@@ -53,7 +54,7 @@ impl Suspects {
     }
 
     /// Nothing seen.
-    pub(super) fn none() -> Suspects {
+    pub fn none() -> Suspects {
         Suspects { counts: [0; USUAL.len() + 1], huge: HUGE, min: f64::INFINITY, max: f64::NEG_INFINITY }
     }
 
@@ -70,7 +71,7 @@ impl Suspects {
     }
 
     /// These, and those of other rows.
-    pub(super) fn and(mut self, other: &Suspects) -> Suspects {
+    pub fn and(mut self, other: &Suspects) -> Suspects {
         for (count, more) in self.counts.iter_mut().zip(other.counts) {
             *count += more;
         }
@@ -82,17 +83,15 @@ impl Suspects {
     }
 
     /// A sentence where the most frequent of them are more than one in a thousand, and farther from all others than these are apart.
-    pub(super) fn note(&self, grid: &HeightGrid) -> Option<String> {
-        let most = self.counts.iter().enumerate().max_by_key(|(index, count)| (**count, std::cmp::Reverse(*index)))?;
-        let (index, &count) = most;
-        let value = USUAL.get(index).copied().unwrap_or(self.huge);
-        let is_frequent = count > grid.samples() / SHARE && count > 0;
-        let away = (self.min - value).max(value - self.max);
-        let is_far = self.min <= self.max && away > self.max - self.min;
-        if !(is_frequent && is_far) {
-            return None;
-        }
-        let number = shown(value);
+    pub fn note(&self, grid: &HeightGrid) -> Option<String> {
+        let value = |index: usize| USUAL.get(index).copied().unwrap_or(self.huge);
+        let is_suspicious = |(index, count): &(usize, &u64)| {
+            let away = (self.min - value(*index)).max(value(*index) - self.max);
+            **count > grid.samples() / SHARE && self.min <= self.max && away > self.max - self.min
+        };
+        let found = self.counts.iter().enumerate().filter(is_suspicious);
+        let (index, count) = found.max_by_key(|(index, count)| (**count, std::cmp::Reverse(*index)))?;
+        let number = shown(value(index));
         Some(format!(
             "{count} of {} samples are {number}, far from all others, and count as heights: --nodata {number} declares them as not measured",
             grid.samples()

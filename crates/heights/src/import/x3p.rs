@@ -4,13 +4,13 @@ use super::archive::Archive;
 use super::content::{Content, in_one_line};
 use super::dimensions::{dimensions, distance};
 use super::md5::Md5;
-use super::raw::{ByteOrder, Layout, RawSamples};
+use super::raw::{Layout, RawSamples};
 use super::source::{MASKED, Samples};
+use super::xml::{Elements, parsed};
 use super::{HeightDescription, HeightFormat, HeightSource, NoData, always};
 use crate::model::{HeightGrid, Window};
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{SampleType, Scale, Unit};
-use roxmltree::{Document, Node};
 
 /// Surfaces with an increment along both axes.
 pub(super) const X3P: HeightFormat = HeightFormat { name: "x3p", extensions: &["x3p"], is_sure: always, detect, open };
@@ -33,45 +33,14 @@ fn detect(content: &Content) -> bool {
     content.has_extension("x3p") || has(MAIN.as_bytes()) && has(b"bindata/") || !has(b".npy") && named()
 }
 
-/// The description.
-struct Main<'d, 'c> {
-    content: &'c Content,
-    document: &'d Document<'d>,
-}
-
-impl<'d> Main<'d, '_> {
-    /// The element at a path of names, wherever the first of them is.
-    fn find(&self, path: &[&str]) -> Option<Node<'d, 'd>> {
-        let (first, rest) = path.split_first()?;
-        let is = |node: &Node, name: &str| node.is_element() && node.tag_name().name() == name;
-        let start = self.document.descendants().find(|node| is(node, first))?;
-        rest.iter().try_fold(start, |node, name| node.children().find(|child| is(child, name)))
-    }
-
-    /// Its text; `None` where there is none or nothing in it.
-    fn text(&self, path: &[&str]) -> Option<&'d str> {
-        self.find(path)?.text().map(str::trim).filter(|text| !text.is_empty())
-    }
-
-    fn needed(&self, path: &[&str]) -> Result<&'d str, ImportError> {
-        self.text(path).ok_or_else(|| self.content.missing(&path.join("/"), "an element of main.xml"))
-    }
-
-    fn number<T: std::str::FromStr>(&self, path: &[&str], expected: &str) -> Result<Option<T>, ImportError> {
-        let wrong = |text: &str| self.content.malformed(&path.join("/"), text, expected);
-        self.text(path).map(|text| text.parse().map_err(|_| wrong(text))).transpose()
-    }
-}
-
 fn open(content: &Content) -> Result<HeightSource, ImportError> {
     let mut archive = Archive::open(content)?;
     let xml = archive.whole(MAIN, LONGEST_XML)?;
     let mut notes = Vec::new();
     check_main(&mut archive, &xml, &mut notes)?;
     let text = String::from_utf8_lossy(&xml);
-    let wrong = |error: roxmltree::Error| content.malformed(MAIN, in_one_line(&error), "well-formed XML");
-    let document = Document::parse(text.trim_start_matches('\u{feff}')).map_err(wrong)?;
-    let main = Main { content, document: &document };
+    let document = parsed(content, MAIN, &text)?;
+    let main = Elements { content, name: MAIN, document: &document };
     check_kind(&main)?;
 
     let sample_type = match main.needed(&["CZ", "DataType"])? {
@@ -83,7 +52,7 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
     };
     let count = |name: &str| -> Result<i64, ImportError> {
         let found = main.number(&["MatrixDimension", name], "a whole number")?;
-        found.ok_or_else(|| content.missing(&format!("MatrixDimension/{name}"), "an element of main.xml"))
+        found.ok_or_else(|| main.missing(&["MatrixDimension", name]))
     };
     let size = dimensions(content, ("SizeX", count("SizeX")?.into()), ("SizeY", count("SizeY")?.into()), sample_type)?;
     if let Some(layers) =
@@ -119,7 +88,7 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
 }
 
 /// Refuses what is no surface.
-fn check_kind(main: &Main) -> Result<(), ImportError> {
+fn check_kind(main: &Elements) -> Result<(), ImportError> {
     let refused =
         |field: &str, found: String| Err(main.content.malformed(field, found, "a surface (SUR): a matrix of heights"));
     match main.text(&["FeatureType"]) {
@@ -143,7 +112,7 @@ fn check_kind(main: &Main) -> Result<(), ImportError> {
 }
 
 /// Where samples are, and what their numbers mean. Whether it says how far they are apart.
-fn place(main: &Main, grid: &mut HeightGrid, notes: &mut Vec<String>) -> Result<bool, ImportError> {
+fn place(main: &Elements, grid: &mut HeightGrid, notes: &mut Vec<String>) -> Result<bool, ImportError> {
     let content = main.content;
     let mut stated = 0;
     for (axis, name) in ["CX", "CY"].into_iter().enumerate() {

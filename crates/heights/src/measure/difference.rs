@@ -1,9 +1,8 @@
 //! The difference of two fields on the first one's grid, and the volumes between them.
 
 use super::bands::map_bands;
-use super::ray::height_ratio;
 use super::tiles::triangle_at;
-use crate::model::{Cell, HeightError, HeightGrid, Heights, Window, units};
+use crate::model::{Cell, HeightError, HeightGrid, Heights, Lengths, Window, units};
 use deepfield_data::model::{SampleType, Scale, Unit};
 use serde::Serialize;
 
@@ -266,26 +265,33 @@ impl Heights for Difference<'_> {
 pub struct Volumes {
     /// Measured samples.
     pub valid: u64,
-    /// T's area in plan, in the square of the unit of x and y.
+    /// T's area in plan, in the square of the unit of lengths.
     pub area: f64,
-    /// What is above, in the cube of the unit of x and y where heights are lengths as well; else in their unit times its square.
+    /// What is above, in the cube of the unit of lengths where heights are lengths as well; else in their unit times its square.
     pub volume_above: f64,
     /// What is below; above 0 as well.
     pub volume_below: f64,
+}
+
+/// Volumes between a field, whose degrees are those of the Earth, and the height 0.
+///
+/// # Errors
+/// As [`volumes_on`].
+pub fn volumes(heights: &dyn Heights) -> Result<Volumes, HeightError> {
+    volumes_on(heights, &Lengths::of(heights.grid()))
 }
 
 /// Volumes between a field and the height 0, exact for T: triangles are cut there.
 ///
 /// # Errors
 /// Where the field cannot be read.
-pub fn volumes(heights: &dyn Heights) -> Result<Volumes, HeightError> {
-    let grid = heights.grid();
+pub fn volumes_on(heights: &dyn Heights, lengths: &Lengths) -> Result<Volumes, HeightError> {
     let bands = map_bands(heights, 1, |band| {
         let valid =
             band.rows().map(|(_, row)| row.iter().filter(|height| !height.is_nan()).count() as u64).sum::<u64>();
-        let (mut triangles, mut above, mut below) = (0_u64, 0.0, 0.0);
-        for (_, upper, lower) in band.pairs() {
-            let mut line = [0.0; 2];
+        let (mut area, mut above, mut below) = (0.0, 0.0, 0.0);
+        for (number, upper, lower) in band.pairs() {
+            let (half, mut triangles, mut line) = (0.5 * lengths.cell(number), 0_u64, [0.0; 2]);
             for (upper, lower) in upper.windows(2).zip(lower.windows(2)) {
                 let cell = Cell([upper[0], upper[1], lower[0], lower[1]]);
                 for triangle in cell.triangles() {
@@ -294,18 +300,17 @@ pub fn volumes(heights: &dyn Heights) -> Result<Volumes, HeightError> {
                     triangles += 1;
                 }
             }
-            above += line[0];
-            below += line[1];
+            area += half * triangles as f64;
+            above += half * line[0];
+            below += half * line[1];
         }
-        (valid, triangles, above, below)
+        (valid, area, above, below)
     })?;
-    let add = |all: (u64, u64, f64, f64), band: (u64, u64, f64, f64)| {
+    let add = |all: (u64, f64, f64, f64), band: (u64, f64, f64, f64)| {
         (all.0 + band.0, all.1 + band.1, all.2 + band.2, all.3 + band.3)
     };
-    let (valid, triangles, above, below) = bands.into_iter().fold((0, 0, 0.0, 0.0), add);
-    let half = 0.5 * (grid.step[0] * grid.step[1]).abs();
-    let unit = half * height_ratio(grid);
-    Ok(Volumes { valid, area: half * triangles as f64, volume_above: unit * above, volume_below: unit * below })
+    let (valid, area, above, below) = bands.into_iter().fold((0, 0.0, 0.0, 0.0), add);
+    Ok(Volumes { valid, area, volume_above: lengths.lift * above, volume_below: lengths.lift * below })
 }
 
 /// Integrals of what is above and below 0 over a triangle of area 1.

@@ -3,11 +3,10 @@
 use super::autocorrelation::correlation;
 use super::bands::{Band, map_bands};
 use super::material::Curve;
-use super::ray::height_ratio;
-use crate::model::{Cell, HeightError, Heights};
+use crate::model::{Cell, HeightError, Heights, Lengths};
 use serde::Serialize;
 
-/// Numbers of a surface. Heights are in the unit of heights, lengths in that of x and y. What has no value (a level surface's Ssk, Sal of a
+/// Numbers of a surface. Heights are in the unit of heights, lengths as [`Lengths`] has them. What has no value (a level surface's Ssk, Sal of a
 /// field of more than 4096 columns or rows) is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(rename_all = "PascalCase")]
@@ -57,7 +56,7 @@ pub struct Roughness {
     pub valid_share: f64,
     /// The mean height; none without a measured sample.
     pub mean: Option<f64>,
-    /// T's area in plan, in the square of the unit of x and y.
+    /// T's area in plan, in the square of the unit of lengths.
     pub area: f64,
     /// The numbers.
     pub iso: Iso,
@@ -69,9 +68,19 @@ struct First {
     valid: u64,
     sum: f64,
     range: [f64; 2],
-    triangles: u64,
+    /// T's area in plan.
+    area: f64,
+    /// Squares of slopes, and what T's area has more than its plan by its plan, both times the plan.
     slopes: f64,
     areas: f64,
+}
+
+/// Numbers of a whole field, whose degrees are those of the Earth.
+///
+/// # Errors
+/// As [`roughness_on`].
+pub fn roughness(heights: &dyn Heights) -> Result<Roughness, HeightError> {
+    roughness_on(heights, &Lengths::of(heights.grid()))
 }
 
 /// Numbers of a whole field. A part of one is a field of its own: [`super::Part`]; a form or waves are taken off before:
@@ -79,32 +88,29 @@ struct First {
 ///
 /// # Errors
 /// Where the field cannot be read.
-pub fn roughness(heights: &dyn Heights) -> Result<Roughness, HeightError> {
+pub fn roughness_on(heights: &dyn Heights, lengths: &Lengths) -> Result<Roughness, HeightError> {
     let grid = heights.grid();
-    let ratio = height_ratio(grid);
-    let slopes = [ratio / grid.step[0], ratio / grid.step[1]];
-    let first = map_bands(heights, 1, |band| first_sums(band, slopes))?;
-    let none =
-        First { valid: 0, sum: 0.0, range: [f64::INFINITY, f64::NEG_INFINITY], triangles: 0, slopes: 0.0, areas: 0.0 };
+    let first = map_bands(heights, 1, |band| first_sums(band, lengths))?;
+    let range = [f64::INFINITY, f64::NEG_INFINITY];
+    let none = First { valid: 0, sum: 0.0, range, area: 0.0, slopes: 0.0, areas: 0.0 };
     let all = first.into_iter().fold(none, |all, band| First {
         valid: all.valid + band.valid,
         sum: all.sum + band.sum,
         range: [all.range[0].min(band.range[0]), all.range[1].max(band.range[1])],
-        triangles: all.triangles + band.triangles,
+        area: all.area + band.area,
         slopes: all.slopes + band.slopes,
         areas: all.areas + band.areas,
     });
     let samples = grid.samples();
-    let area = 0.5 * all.triangles as f64 * (grid.step[0] * grid.step[1]).abs();
+    let area = all.area;
     let valid_share = all.valid as f64 / samples as f64;
     let mut found = Roughness { samples, valid: all.valid, valid_share, mean: None, area, iso: Iso::default() };
     if all.valid == 0 {
         return Ok(found);
     }
     let iso = &mut found.iso;
-    if all.triangles > 0 {
-        let count = all.triangles as f64;
-        (iso.sdq, iso.sdr) = (Some((all.slopes / count).sqrt()), Some(100.0 * all.areas / count));
+    if area > 0.0 {
+        (iso.sdq, iso.sdr) = (Some((all.slopes / area).sqrt()), Some(100.0 * all.areas / area));
     }
     let span = all.range[1] - all.range[0];
     let rough = (all.sum / all.valid as f64).clamp(all.range[0], all.range[1]);
@@ -130,13 +136,14 @@ pub fn roughness(heights: &dyn Heights) -> Result<Roughness, HeightError> {
         (iso.sk, iso.spk, iso.svk) = (Some(material.sk), Some(material.spk), Some(material.svk));
         (iso.smr1, iso.smr2) = (Some(material.smr1), Some(material.smr2));
     }
-    if let Some(texture) = correlation(heights, mean, unit)?.and_then(|correlation| correlation.texture(grid.step)) {
+    let steps = lengths.steps(0.5 * (grid.rows - 1) as f64);
+    if let Some(texture) = correlation(heights, mean, unit)?.and_then(|correlation| correlation.texture(steps)) {
         (iso.sal, iso.str) = (Some(texture.sal), Some(texture.str));
     }
     Ok(found)
 }
 
-fn first_sums(band: &Band<'_>, [across, along]: [f64; 2]) -> First {
+fn first_sums(band: &Band<'_>, lengths: &Lengths) -> First {
     let (mut valid, mut sum, mut range) = (0, 0.0, [f64::INFINITY, f64::NEG_INFINITY]);
     for (_, row) in band.rows() {
         let mut line = 0.0;
@@ -147,9 +154,10 @@ fn first_sums(band: &Band<'_>, [across, along]: [f64; 2]) -> First {
         }
         sum += line;
     }
-    let (mut triangles, mut slopes, mut areas) = (0, 0.0, 0.0);
-    for (_, upper, lower) in band.pairs() {
-        let (mut line_slopes, mut line_areas) = (0.0, 0.0);
+    let (mut area, mut slopes, mut areas) = (0.0, 0.0, 0.0);
+    for (number, upper, lower) in band.pairs() {
+        let ([across, along], half) = (lengths.slopes(number), 0.5 * lengths.cell(number));
+        let (mut triangles, mut line_slopes, mut line_areas) = (0_u64, 0.0, 0.0);
         for (upper, lower) in upper.windows(2).zip(lower.windows(2)) {
             for triangle in Cell([upper[0], upper[1], lower[0], lower[1]]).triangles() {
                 let (p, q) = (across * triangle.at[1], along * triangle.at[2]);
@@ -160,10 +168,11 @@ fn first_sums(band: &Band<'_>, [across, along]: [f64; 2]) -> First {
                 line_areas += square / ((1.0 + square).sqrt() + 1.0);
             }
         }
-        slopes += line_slopes;
-        areas += line_areas;
+        area += half * triangles as f64;
+        slopes += half * line_slopes;
+        areas += half * line_areas;
     }
-    First { valid, sum, range, triangles, slopes, areas }
+    First { valid, sum, range, area, slopes, areas }
 }
 
 fn second_sums(band: &Band<'_>, mean: f64, unit: f64) -> [f64; 5] {

@@ -1,8 +1,7 @@
 //! What a field says of one place.
 
-use super::ray::height_ratio;
 use super::tiles::{OnSurface, Tiles};
-use crate::model::{HeightError, HeightGrid, Heights, Window};
+use crate::model::{HeightError, Heights, Lengths, Window};
 use serde::Serialize;
 
 /// A measured sample.
@@ -18,7 +17,7 @@ pub struct Sample {
     pub y: f64,
     /// Its height, in the unit of heights.
     pub height: f64,
-    /// How far it is from the place that was asked for, in plan.
+    /// How far it is from the place that was asked for, in plan, as [`Lengths`] has it.
     pub distance: f64,
 }
 
@@ -35,7 +34,7 @@ pub struct Probe {
     pub y: f64,
     /// T's height; `None` where there is no surface, or beside the field.
     pub height: Option<f64>,
-    /// How steep T is: height per length, both in the unit of x and y where both are known lengths.
+    /// How steep T is: height per length, as [`Lengths`] has both.
     pub slope: Option<f64>,
     /// The direction downhill, degrees from the y axis's positive end over the x axis's; `None` where it is level or not measured.
     pub aspect: Option<f64>,
@@ -47,20 +46,20 @@ pub struct Probe {
 ///
 /// # Errors
 /// Where the field cannot be read.
-pub fn probe_sample(heights: &dyn Heights, row: f64, column: f64) -> Result<Probe, HeightError> {
+pub fn probe_sample(heights: &dyn Heights, lengths: &Lengths, row: f64, column: f64) -> Result<Probe, HeightError> {
     let grid = heights.grid();
     let [x, y] = grid.place(row, column);
     let mut found = Probe { row, column, x, y, height: None, slope: None, aspect: None, nearest: None };
     match Tiles::new(heights).triangle(row, column)? {
         Some(on) => {
-            let [across, along] = gradient(grid, &on);
+            let [across, along] = gradient(lengths, row, &on);
             found.height = Some(on.height());
             found.slope = Some(across.hypot(along));
             found.aspect =
                 (across != 0.0 || along != 0.0).then(|| (-across).atan2(-along).to_degrees().rem_euclid(360.0));
         }
         None => {
-            found.nearest = nearest(heights, row, column)?;
+            found.nearest = nearest(heights, lengths, row, column)?;
             // A sample in no triangle is no surface, and yet a height at its very place.
             found.height = found.nearest.filter(|sample| sample.distance == 0.0).map(|sample| sample.height);
         }
@@ -68,36 +67,44 @@ pub fn probe_sample(heights: &dyn Heights, row: f64, column: f64) -> Result<Prob
     Ok(found)
 }
 
+/// What is at a place in x and y; degrees are those of the Earth.
+///
+/// # Errors
+/// Where the field cannot be read.
+pub fn probe(heights: &dyn Heights, place: [f64; 2]) -> Result<Probe, HeightError> {
+    probe_on(heights, &Lengths::of(heights.grid()), place)
+}
+
 /// What is at a place in x and y.
 ///
 /// # Errors
 /// Where the field cannot be read.
-pub fn probe(heights: &dyn Heights, [x, y]: [f64; 2]) -> Result<Probe, HeightError> {
+pub fn probe_on(heights: &dyn Heights, lengths: &Lengths, [x, y]: [f64; 2]) -> Result<Probe, HeightError> {
     let [row, column] = heights.grid().row_column([x, y]);
-    Ok(Probe { x, y, ..probe_sample(heights, row, column)? })
+    Ok(Probe { x, y, ..probe_sample(heights, lengths, row, column)? })
 }
 
-/// T's changes along x and y, height in the unit of x and y where it is known.
-pub fn gradient(grid: &HeightGrid, on: &OnSurface) -> [f64; 2] {
+/// T's changes along x and y at a row: height per length.
+pub fn gradient(lengths: &Lengths, row: f64, on: &OnSurface) -> [f64; 2] {
     let [_, across, along] = on.triangle.at;
-    let ratio = height_ratio(grid);
-    [ratio * across / grid.step[0], ratio * along / grid.step[1]]
+    let [x, y] = lengths.steps(row);
+    [lengths.lift * across / x, lengths.lift * along / y]
 }
 
 /// So many samples are read at once.
 const AT_ONCE: u64 = 1 << 18;
 
-/// The measured sample nearest to a place in plan, the first in order of rows and columns among equals. Looks at growing rectangles about the
-/// place.
+/// The measured sample nearest to a place in plan, where degrees are as long as at that place; the first in order of rows and columns among
+/// equals. Looks at growing rectangles about the place.
 ///
 /// # Errors
 /// Where the field cannot be read.
-pub fn nearest(heights: &dyn Heights, row: f64, column: f64) -> Result<Option<Sample>, HeightError> {
+pub fn nearest(heights: &dyn Heights, lengths: &Lengths, row: f64, column: f64) -> Result<Option<Sample>, HeightError> {
     let grid = heights.grid();
     if !row.is_finite() || !column.is_finite() {
         return Ok(None);
     }
-    let step = grid.step.map(f64::abs);
+    let step = lengths.steps(row).map(f64::abs);
     let last = [(grid.columns - 1) as f64, (grid.rows - 1) as f64];
     let beside = [column - column.clamp(0.0, last[0]), row - row.clamp(0.0, last[1])];
     // Up to the field itself nothing is found.
@@ -109,7 +116,7 @@ pub fn nearest(heights: &dyn Heights, row: f64, column: f64) -> Result<Option<Sa
             (low as u64, high as u64)
         };
         let ((left, right), (first, bottom)) = (span(column, step[0], last[0]), span(row, step[1], last[1]));
-        let best = nearest_in(heights, [row, column], [left, right], [first, bottom])?;
+        let best = nearest_in(heights, step, [row, column], [left, right], [first, bottom])?;
         let is_all = left == 0 && first == 0 && right + 1 == grid.columns && bottom + 1 == grid.rows;
         // What lies outside of the rectangle is farther than its reach.
         if is_all || best.is_some_and(|sample| sample.distance <= reach) {
@@ -121,6 +128,7 @@ pub fn nearest(heights: &dyn Heights, row: f64, column: f64) -> Result<Option<Sa
 
 fn nearest_in(
     heights: &dyn Heights,
+    step: [f64; 2],
     [row, column]: [f64; 2],
     [left, right]: [u64; 2],
     [first, bottom]: [u64; 2],
@@ -137,8 +145,7 @@ fn nearest_in(
         heights.heights(window, &mut values)?;
         for (number, &height) in values.iter().enumerate().filter(|(_, height)| !height.is_nan()) {
             let (sample_row, sample_column) = (at + number as u64 / columns, left + number as u64 % columns);
-            let (down, across) =
-                ((sample_row as f64 - row) * grid.step[1], (sample_column as f64 - column) * grid.step[0]);
+            let (down, across) = ((sample_row as f64 - row) * step[1], (sample_column as f64 - column) * step[0]);
             let distance = down.hypot(across);
             if best.is_none_or(|sample| distance < sample.distance) {
                 let [x, y] = grid.place(sample_row as f64, sample_column as f64);

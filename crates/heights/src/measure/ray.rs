@@ -5,7 +5,7 @@
 //! block or cell asks for it; therefore parts of the ray follow one another without gaps, and it cannot slip between two triangles.
 
 use super::tiles::{height_in, samples_of};
-use crate::model::{Cell, HeightGrid, Triangle, units};
+use crate::model::{Cell, HeightGrid, Lengths, Triangle, units};
 use rayon::prelude::*;
 
 /// A field with least and largest heights of its blocks: of level k, block (r, c) holds the cells of rows `r 2^k` to `(r + 1) 2^k`, and the
@@ -67,10 +67,7 @@ impl Rise {
 
 /// Length of the unit of heights in the unit of x and y; 1 unless both are known lengths.
 pub fn height_ratio(grid: &HeightGrid) -> f64 {
-    match (units::metres(&grid.height_unit), units::metres(&grid.xy_unit)) {
-        (Some(height), Some(place)) => height / place,
-        _ => 1.0,
-    }
+    if units::is_degrees(&grid.xy_unit) { 1.0 } else { Lengths::of(grid).lift }
 }
 
 /// A ray in the world, or a part of one.

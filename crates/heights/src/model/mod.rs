@@ -4,10 +4,14 @@
 pub mod cell;
 pub mod facts;
 pub mod grid;
+pub mod lengths;
+pub mod photo;
 pub mod samples;
 pub mod units;
 
 pub use cell::{Cell, Triangle};
 pub use facts::{Facts, Invalid, facts_of};
 pub use grid::{HeightGrid, Plane};
+pub use lengths::Lengths;
+pub use photo::{PhotoAbout, PhotoPlace, PhotoRows};
 pub use samples::{HeightError, HeightField, Heights, Window};

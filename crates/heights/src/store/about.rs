@@ -1,6 +1,8 @@
 //! The footer of a file of heights: the field, what its samples say, its levels, and a record of each chunk; as bytes and back.
 
 use super::node::{NodeRecord, RECORD_LEN};
+use super::photo::StoredPhoto;
+use super::{VERSION, WITH_PHOTO};
 use crate::codec::heights;
 use crate::hierarchy::chunks::Lattice;
 use crate::model::{Facts, HeightGrid, Invalid, Plane};
@@ -38,6 +40,15 @@ pub struct HeightAbout {
     pub slopes: [f64; 2],
     /// Its levels, the finest first.
     pub levels: Vec<LevelAbout>,
+    /// The photo that lies over it.
+    pub photo: Option<StoredPhoto>,
+}
+
+impl HeightAbout {
+    /// The version of a file that says this.
+    pub(super) fn version(&self) -> u32 {
+        if self.photo.is_some() { WITH_PHOTO } else { VERSION }
+    }
 }
 
 /// A level of chunks.
@@ -92,11 +103,14 @@ pub(super) fn encode(about: &HeightAbout, lattice: &Lattice, nodes: &[NodeRecord
         [level.chunks, level.samples, level.bytes].into_iter().for_each(|count| out.u64(count));
     }
     nodes.iter().for_each(|node| node.encode(&mut out));
+    if let Some(photo) = &about.photo {
+        photo.encode(&mut out);
+    }
     out.bytes
 }
 
-/// Reads the bytes: what they say, the lattice, and a record of each of its chunks.
-pub(super) fn decode(bytes: &[u8]) -> Result<(HeightAbout, Lattice, Vec<NodeRecord>), Damage> {
+/// Reads the bytes, of a file of a version: what they say, the lattice, and a record of each of its chunks.
+pub(super) fn decode(bytes: &[u8], version: u32) -> Result<(HeightAbout, Lattice, Vec<NodeRecord>), Damage> {
     let mut whole = Decoder::new(bytes, "footer");
     let input = &mut whole;
     let wrong = |expected: String| Damage::new("footer", expected);
@@ -171,11 +185,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(HeightAbout, Lattice, Vec<NodeReco
         return Err(wrong(format!("room for {chunks} chunks")));
     }
     let nodes = (0..chunks).map(|_| NodeRecord::decode(input)).collect::<Result<Vec<_>, _>>()?;
+    let has_photo = version == WITH_PHOTO;
+    let photo = has_photo.then(|| StoredPhoto::decode(input, bytes.len() as u64)).transpose()?;
     whole.finish()?;
     for (level, own) in levels.iter().enumerate() {
         let of_level = |(key, _): &(crate::hierarchy::chunks::ChunkKey, &NodeRecord)| usize::from(key.level) == level;
-        let there = || lattice.keys().zip(&nodes).filter(of_level).filter(|(_, record)| record.is_written());
-        let (count, len) = (there().count() as u64, there().map(|(_, record)| u64::from(record.len)).sum::<u64>());
+        let there = || lattice.keys().zip(&nodes).filter(of_level).filter(|(_, record)| record.place.is_written());
+        let (count, len) =
+            (there().count() as u64, there().map(|(_, record)| u64::from(record.place.len)).sum::<u64>());
         if (count, len) != (own.chunks, own.bytes) {
             return Err(wrong(format!("level {level} with {count} chunks of {len} bytes, found {own:?}")));
         }
@@ -193,6 +210,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(HeightAbout, Lattice, Vec<NodeReco
         area,
         slopes,
         levels,
+        photo,
     };
     Ok((about, lattice, nodes))
 }

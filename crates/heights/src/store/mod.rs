@@ -4,11 +4,16 @@ pub mod about;
 pub mod chunk;
 pub mod node;
 pub mod normals;
+pub mod photo;
+pub mod place;
+pub mod tile;
 pub mod verify;
 pub mod writer;
 
 pub use about::{HeightAbout, LevelAbout};
 pub use chunk::Chunk;
+pub use photo::{PhotoOfFile, StoredPhoto};
+pub use tile::Tile;
 pub use verify::{VerifiedHeights, verify_heights};
 pub use writer::HeightFileWriter;
 
@@ -19,6 +24,7 @@ use deepfield_data::store::container::{Container, FileKind, RawPage};
 use deepfield_data::store::error::Damage;
 use deepfield_data::store::{Disk, LocalFile, PageId, StoreError};
 use node::NodeRecord;
+use place::Place;
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -27,7 +33,13 @@ use std::sync::Arc;
 pub const HEIGHTS_MAGIC: [u8; 8] = *b"\x89DFH\r\n\x1a\n";
 /// The version of files of heights.
 pub const VERSION: u32 = 4;
-const KIND: FileKind = FileKind { name: "file of heights", magic: HEIGHTS_MAGIC, versions: [VERSION, VERSION] };
+/// The version of those with a photo.
+pub const WITH_PHOTO: u32 = 5;
+const KIND: FileKind = FileKind { name: "file of heights", magic: HEIGHTS_MAGIC, versions: [VERSION, WITH_PHOTO] };
+/// Family of pages of chunks.
+const CHUNKS: u32 = 0;
+/// Family of pages of a photo's tiles.
+const TILES: u32 = 1;
 /// First bytes of every page.
 pub const PAGE_MAGIC: [u8; 4] = *b"DFhe";
 /// Bytes before what a page holds: magic, number, and zeros.
@@ -60,7 +72,8 @@ impl HeightFile {
     /// As [`HeightFile::open`].
     pub fn open_on(path: &Path, disk: Arc<dyn Disk>) -> Result<HeightFile, StoreError> {
         let (container, footer) = Container::open_on(path, disk, KIND)?;
-        let (about, lattice, nodes) = about::decode(&footer).map_err(|damage| damage.in_file(path))?;
+        let (about, lattice, nodes) =
+            about::decode(&footer, container.version()).map_err(|damage| damage.in_file(path))?;
         let file = HeightFile { container, about, lattice, nodes };
         file.check_places().map_err(|damage| damage.in_file(path))?;
         Ok(file)
@@ -103,7 +116,7 @@ impl HeightFile {
 
     /// The page that a chunk is in; `None` where there is no such chunk, or nothing in it.
     pub fn page_of(&self, key: ChunkKey) -> Option<PageId> {
-        self.record(key).filter(|record| record.is_written()).map(|record| PageId(record.page))
+        self.record(key).filter(|record| record.place.is_written()).map(|record| record.place.id())
     }
 
     /// Bytes of a page in the file, and about how many its chunks take in memory.
@@ -146,10 +159,9 @@ impl HeightFile {
             let place = format!("page {}, chunk {} of level {}", page.page.0, self.lattice.number(key), key.level);
             Damage::new(place, expected).in_file(self.path())
         };
-        let record = self.record(key).filter(|record| self.page_of(key) == Some(page.page) && record.len > 0);
+        let record = self.record(key).filter(|record| self.page_of(key) == Some(page.page) && record.place.len > 0);
         let record = record.ok_or_else(|| damaged("to be in this page"))?;
-        let bytes = page.bytes.get(record.offset as usize..).and_then(|bytes| bytes.get(..record.len as usize));
-        let bytes = bytes.ok_or_else(|| damaged("bytes in its page"))?;
+        let bytes = record.place.of(&page.bytes).ok_or_else(|| damaged("bytes in its page"))?;
         let grid = &self.about.grid;
         let code = chunk::Code { lattice: &self.lattice, sample_type: grid.sample_type, slopes: self.about.slopes };
         chunk::decode(bytes, key, &code, grid.planes.len()).ok_or_else(|| damaged("samples of a chunk"))
@@ -171,26 +183,38 @@ impl HeightFile {
         self.lattice.has(key).then(|| self.nodes.get(self.lattice.number(key))).flatten()
     }
 
-    /// Chunks must fill the pages one after another, without gaps of more than what aligns a page; children come before their parents.
+    /// Chunks, and tiles of a photo, must fill the pages one after another, without gaps of more than what aligns a page; children come before
+    /// their parents.
     fn check_places(&self) -> Result<(), Damage> {
+        let children_of = |keys: &mut dyn Iterator<Item = ChunkKey>, place: &dyn Fn(ChunkKey) -> Option<Place>| {
+            let mut keys = keys.map(place);
+            std::array::from_fn::<_, 4, _>(|_| keys.next().flatten())
+        };
         let mut used = vec![0_u64; self.container.table().len()];
-        for (key, record) in self.lattice.keys().zip(&self.nodes) {
-            let wrong = |expected: &str| {
-                Damage::new(format!("footer, chunk {} of level {}", self.lattice.number(key), key.level), expected)
-            };
-            if !record.is_written() {
-                continue;
-            }
-            let page = self.container.table().get(record.page as usize).ok_or_else(|| wrong("a page"))?;
-            let end = u64::from(record.offset) + u64::from(record.len);
-            if (record.offset as usize) < PAGE_HEAD || record.len == 0 || end > u64::from(page.len) {
+        let mut check = |place: Place, family: u32, name: &dyn Fn() -> String, children: &[Option<Place>]| {
+            let wrong = |expected: &str| Damage::new(format!("footer, {}", name()), expected);
+            let page = self.container.table().get(place.page as usize).filter(|page| page.family == family);
+            let page = page.ok_or_else(|| wrong("a page"))?;
+            let end = u64::from(place.offset) + u64::from(place.len);
+            if (place.offset as usize) < PAGE_HEAD || place.len == 0 || end > u64::from(page.len) {
                 return Err(wrong("a place in its page"));
             }
-            used[record.page as usize] += u64::from(record.len);
-            for child in self.lattice.children(key).filter_map(|child| self.record(child)) {
-                if child.is_written() && (child.page, child.offset) >= (record.page, record.offset) {
-                    return Err(wrong("children before their parent"));
-                }
+            used[place.page as usize] += u64::from(place.len);
+            match children.iter().flatten().all(|child| !child.is_written() || child.is_before(&place)) {
+                true => Ok(()),
+                false => Err(wrong("children before their parent")),
+            }
+        };
+        for (key, record) in self.lattice.keys().zip(&self.nodes).filter(|(_, record)| record.place.is_written()) {
+            let name = || format!("chunk {} of level {}", self.lattice.number(key), key.level);
+            let child = |key: ChunkKey| self.record(key).map(|record| record.place);
+            check(record.place, CHUNKS, &name, &children_of(&mut self.lattice.children(key), &child))?;
+        }
+        if let Some(photo) = &self.about.photo {
+            for (key, place) in photo.lattice.keys().zip(&photo.tiles) {
+                let name = || format!("tile {} of level {}", photo.lattice.number(key), key.level);
+                let children = children_of(&mut photo.lattice.children(key), &|child| photo.place(child));
+                check(*place, TILES, &name, &children)?;
             }
         }
         for (number, (used, page)) in used.iter().zip(self.container.table()).enumerate() {

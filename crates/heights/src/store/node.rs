@@ -4,43 +4,26 @@
 //! `max` (doubles); area (8 bytes); deviations of normals and colours (singles). A chunk without a page has page 2^32 - 1: nothing of it
 //! was measured, and it is no leaf with colour planes.
 
+use super::place::Place;
 use crate::hierarchy::chunks::{ChunkNode, Coverage};
 use deepfield_data::store::error::Damage;
 use deepfield_data::store::wire::{Decoder, Encoder};
 
 /// Bytes of a record.
 pub const RECORD_LEN: usize = 64;
-/// The page of chunks that are in none.
-pub const NO_PAGE: u32 = u32::MAX;
-
 /// A chunk, and where it is.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NodeRecord {
-    /// Its page.
-    pub page: u32,
-    /// First byte in the page.
-    pub offset: u32,
-    /// Number of bytes.
-    pub len: u32,
+    /// Where it is. Where nothing was measured only leaves with colour planes are in a page.
+    pub place: Place,
     /// What is known of it.
     pub node: ChunkNode,
 }
 
-impl Default for NodeRecord {
-    fn default() -> NodeRecord {
-        NodeRecord { page: NO_PAGE, offset: 0, len: 0, node: ChunkNode::default() }
-    }
-}
-
 impl NodeRecord {
-    /// Whether it has a page: where nothing was measured only leaves with colour planes have.
-    pub fn is_written(&self) -> bool {
-        self.page != NO_PAGE
-    }
-
     /// Appends the record.
     pub fn encode(&self, out: &mut Encoder) {
-        [self.page, self.offset, self.len].into_iter().for_each(|word| out.u32(word));
+        self.place.encode(out);
         out.u32(match self.node.coverage {
             Coverage::None => 0,
             Coverage::Partial => 1,
@@ -58,7 +41,7 @@ impl NodeRecord {
     /// Where it is none.
     pub fn decode(input: &mut Decoder<'_>) -> Result<NodeRecord, Damage> {
         let field = "a chunk's record";
-        let (page, offset, len) = (input.u32(field)?, input.u32(field)?, input.u32(field)?);
+        let place = Place::decode(input, field)?;
         let wrong = |expected: &str| Damage::new("footer", format!("chunks with {expected}"));
         let coverage = match input.u32(field)? {
             0 => Coverage::None,
@@ -70,13 +53,13 @@ impl NodeRecord {
         let area = input.u64(field)?;
         let (normal_deviation, colour_deviation) = (input.f32(field)?, input.f32(field)?);
         let is_there = coverage != Coverage::None;
-        if !(delta >= 0.0 && step >= 0.0) || is_there != (min <= max) || (is_there && page == NO_PAGE) {
+        if !(delta >= 0.0 && step >= 0.0) || is_there != (min <= max) || (is_there && !place.is_written()) {
             return Err(wrong("distances, and heights where there is something"));
         }
         if ![normal_deviation, colour_deviation].iter().all(|deviation| (0.0..=1.0).contains(deviation)) {
             return Err(wrong("deviations from 0 to 1"));
         }
         let node = ChunkNode { delta, step, min, max, area, coverage, normal_deviation, colour_deviation };
-        Ok(NodeRecord { page, offset, len, node })
+        Ok(NodeRecord { place, node })
     }
 }

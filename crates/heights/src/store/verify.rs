@@ -1,8 +1,10 @@
 //! Checks every byte of a file of heights: header, footer and pages have checksums, the bytes between them are zeros, and chunks hold what their
 //! records promise.
 
+use super::place::Place;
 use super::{Chunk, HeightFile};
 use crate::hierarchy::chunks::ChunkKey;
+use crate::hierarchy::photo::TileKey;
 use deepfield_data::model::ReadMethod;
 use deepfield_data::model::progress::Progress;
 use deepfield_data::store::error::Damage;
@@ -19,8 +21,17 @@ pub struct VerifiedHeights {
     pub pages: u32,
     /// Chunks.
     pub chunks: u64,
+    /// Tiles of a photo.
+    pub tiles: u64,
     /// Measured samples at full resolution.
     pub valid: u64,
+}
+
+/// What is in a page.
+#[derive(Clone, Copy, Debug)]
+enum Held {
+    Chunk(ChunkKey),
+    Tile(TileKey),
 }
 
 /// Verifies a file of heights.
@@ -32,28 +43,36 @@ pub fn verify_heights(path: &Path, progress: &dyn Progress) -> Result<VerifiedHe
     let pages = file.pages();
     progress.begin("verifying", u64::from(pages));
     file.container.check_zeros(None)?;
-    // The chunks of each page, in order.
-    let mut keys: Vec<(u32, u32, ChunkKey)> = Vec::new();
-    for (key, record) in file.lattice.keys().zip(&file.nodes) {
-        if record.is_written() {
-            keys.push((record.page, record.offset, key));
-        }
-    }
-    keys.sort_unstable();
+    // The chunks and tiles of each page, in order.
+    let chunks = file.lattice.keys().zip(&file.nodes).map(|(key, record)| (record.place, Held::Chunk(key)));
+    let mut keys: Vec<(Place, Held)> = chunks.filter(|(place, _)| place.is_written()).collect();
+    let chunks = keys.len() as u64;
+    let tiles = file.photo().into_iter().flat_map(|photo| photo.lattice.keys().zip(photo.tiles.iter().copied()));
+    keys.extend(tiles.map(|(key, place)| (place, Held::Tile(key))));
+    keys.sort_unstable_by_key(|(place, _)| (place.page, place.offset));
     let of_page = |page: u32| -> Result<u64, StoreError> {
         let raw = file.fetch(PageId(page))?;
         file.check(&raw)?;
-        let first = keys.partition_point(|(own, ..)| *own < page);
+        let first = keys.partition_point(|(place, _)| place.page < page);
         let mut end = super::PAGE_HEAD as u32;
         let mut valid = 0;
-        for (_, offset, key) in keys[first..].iter().take_while(|(own, ..)| *own == page) {
-            let chunk = file.decode_checked(*key, &raw)?;
-            let wrong = |expected: &str| Damage::new(format!("page {page}, byte {offset}"), expected).in_file(path);
-            if *offset != end {
+        for (place, held) in keys[first..].iter().take_while(|(place, _)| place.page == page) {
+            let wrong =
+                |expected: &str| Damage::new(format!("page {page}, byte {}", place.offset), expected).in_file(path);
+            if place.offset != end {
                 return Err(wrong("a chunk right after the one before"));
             }
-            end = offset + file.record(*key).map_or(0, |record| record.len);
-            valid += check_chunk(&file, &chunk).map_err(|expected| wrong(&expected))?;
+            end = place.offset + place.len;
+            match held {
+                Held::Chunk(key) => {
+                    let chunk = file.decode_checked(*key, &raw)?;
+                    valid += check_chunk(&file, &chunk).map_err(|expected| wrong(&expected))?;
+                }
+                Held::Tile(key) => {
+                    let (photo, place) = file.tile_place(*key)?;
+                    file.decode_tile(photo, *key, place, &raw.bytes)?;
+                }
+            }
         }
         // What aligns the page, and the next one.
         if raw.bytes[end as usize..].iter().any(|byte| *byte != 0) {
@@ -68,7 +87,7 @@ pub fn verify_heights(path: &Path, progress: &dyn Progress) -> Result<VerifiedHe
         let expected = format!("{} measured samples, found {valid}", file.about.facts.valid);
         return Err(Damage::new("footer", expected).in_file(path));
     }
-    Ok(VerifiedHeights { bytes: file.bytes(), pages, chunks: keys.len() as u64, valid })
+    Ok(VerifiedHeights { bytes: file.bytes(), pages, chunks, tiles: keys.len() as u64 - chunks, valid })
 }
 
 /// Checks a chunk's samples against its record. Returns how many of a leaf were measured, those of borders being the next one's.

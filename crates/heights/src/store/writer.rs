@@ -2,8 +2,12 @@
 
 use super::about::{self, HeightAbout, LevelAbout};
 use super::node::NodeRecord;
-use super::{HEIGHTS_MAGIC, PAGE_HEAD, PAGE_MAGIC, VERSION, chunk};
+use super::photo::StoredPhoto;
+use super::place::Place;
+use super::{CHUNKS, HEIGHTS_MAGIC, PAGE_HEAD, PAGE_MAGIC, TILES, chunk, tile};
 use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Lattice};
+use crate::hierarchy::photo::TileKey;
+use crate::model::PhotoAbout;
 use deepfield_data::store::writer::CompletePageFile;
 use deepfield_data::store::{PageFileWriter, StoreError};
 use std::path::Path;
@@ -18,9 +22,11 @@ pub struct HeightFileWriter {
     lattice: Lattice,
     planes: usize,
     nodes: Vec<NodeRecord>,
-    /// The page that chunks come into, how many they are, and what they take in memory.
+    photo: Option<StoredPhoto>,
+    /// The page that chunks or tiles come into, which of both, how many they are, and what they take in memory.
     page: Vec<u8>,
-    chunks: u32,
+    family: u32,
+    count: u32,
     memory: u64,
 }
 
@@ -36,8 +42,10 @@ impl HeightFileWriter {
             lattice,
             planes,
             nodes,
+            photo: None,
             page: Vec::new(),
-            chunks: 0,
+            family: CHUNKS,
+            count: 0,
             memory: 0,
         })
     }
@@ -53,21 +61,53 @@ impl HeightFileWriter {
     /// # Errors
     /// When the disk cannot be written.
     pub fn chunk(&mut self, key: ChunkKey, bytes: &[u8]) -> Result<(), StoreError> {
+        let memory = chunk::memory(&self.lattice.part(key), key.level, self.planes);
+        let place = self.append(CHUNKS, bytes, memory)?;
+        let number = self.lattice.number(key);
+        if let Some(record) = self.nodes.get_mut(number) {
+            record.place = place;
+        }
+        Ok(())
+    }
+
+    /// Says that a photo lies over the field, before any of its tiles is written. All of them must be.
+    pub fn photo(&mut self, about: PhotoAbout) {
+        self.photo = Some(StoredPhoto::new(about));
+    }
+
+    /// Writes a tile of the photo; those below it must have been written.
+    ///
+    /// # Errors
+    /// When the disk cannot be written.
+    pub fn tile(&mut self, key: TileKey, bytes: &[u8]) -> Result<(), StoreError> {
+        let Some(lattice) = self.photo.as_ref().map(|photo| photo.lattice) else { return Ok(()) };
+        let place = self.append(TILES, bytes, tile::memory(&lattice.part(key)))?;
+        if let Some(own) = self.photo.as_mut().and_then(|photo| photo.tiles.get_mut(lattice.number(key))) {
+            *own = place;
+        }
+        Ok(())
+    }
+
+    /// Appends bytes to the page, or to a new one where that is of another family.
+    fn append(&mut self, family: u32, bytes: &[u8], memory: u64) -> Result<Place, StoreError> {
+        if family != self.family {
+            self.flush()?;
+            self.family = family;
+        }
         if self.page.is_empty() {
             self.page.extend_from_slice(&PAGE_MAGIC);
             self.page.extend_from_slice(&self.pages.page_count().to_le_bytes());
             self.page.resize(PAGE_HEAD, 0);
         }
-        let number = self.lattice.number(key);
-        if let Some(record) = self.nodes.get_mut(number) {
-            record.page = self.pages.page_count();
-            // A page is far shorter than 4 GiB, or is refused as it is written.
-            (record.offset, record.len) = (self.page.len() as u32, bytes.len() as u32);
-        }
+        // A page is far shorter than 4 GiB, or is refused as it is written.
+        let place = Place { page: self.pages.page_count(), offset: self.page.len() as u32, len: bytes.len() as u32 };
         self.page.extend_from_slice(bytes);
-        self.chunks += 1;
-        self.memory += chunk::memory(&self.lattice.part(key), key.level, self.planes);
-        if self.page.len() >= PAGE_LEN { self.flush() } else { Ok(()) }
+        self.count += 1;
+        self.memory += memory;
+        if self.page.len() >= PAGE_LEN {
+            self.flush()?;
+        }
+        Ok(place)
     }
 
     fn flush(&mut self) -> Result<(), StoreError> {
@@ -75,13 +115,13 @@ impl HeightFileWriter {
             return Ok(());
         }
         self.page.resize(self.page.len().next_multiple_of(8), 0);
-        self.pages.append(0, self.chunks, self.memory, &self.page)?;
+        self.pages.append(self.family, self.count, self.memory, &self.page)?;
         self.page.clear();
-        (self.chunks, self.memory) = (0, 0);
+        (self.count, self.memory) = (0, 0);
         Ok(())
     }
 
-    /// Writes the footer. Levels are counted here. Nothing has the file's name yet.
+    /// Writes the footer. Levels are counted here, and the photo is the one whose tiles were written. Nothing has the file's name yet.
     ///
     /// # Errors
     /// When the disk cannot be written.
@@ -93,14 +133,15 @@ impl HeightFileWriter {
         };
         about.levels = (0..self.lattice.levels()).map(level).collect();
         for (key, record) in self.lattice.keys().zip(&self.nodes) {
-            if record.is_written() {
+            if record.place.is_written() {
                 let level = &mut about.levels[usize::from(key.level)];
                 level.chunks += 1;
-                level.bytes += u64::from(record.len);
+                level.bytes += u64::from(record.place.len);
             }
         }
+        about.photo = self.photo;
         let footer = about::encode(&about, &self.lattice, &self.nodes);
-        let file = self.pages.complete_as(HEIGHTS_MAGIC, VERSION, &footer)?;
+        let file = self.pages.complete_as(HEIGHTS_MAGIC, about.version(), &footer)?;
         Ok((file, about))
     }
 }

@@ -79,7 +79,7 @@ fn window() -> App {
         .add_message::<TransferKept>()
         .add_systems(Update, (finish_opening, adopt_opened, player::play_tour.run_if(not(is_led))).chain());
     let mut orbit = PanOrbitCamera::default();
-    let anchor = Anchor::adopt(&viewpoint, &mut orbit);
+    let anchor = Anchor::default().adopt(&viewpoint, &mut orbit);
     app.world_mut().spawn((DataCamera, viewpoint, anchor, orbit, Navigation::Orbit));
     app
 }

@@ -73,7 +73,7 @@ impl Window {
         let viewpoint =
             Viewpoint { eye: DVec3::new(25.0, 25.0, 150.0), target: DVec3::splat(25.0), up: DVec3::Y, fov_y: 0.7 };
         let mut orbit = PanOrbitCamera::default();
-        let anchor = Anchor::adopt(&viewpoint, &mut orbit);
+        let anchor = Anchor::default().adopt(&viewpoint, &mut orbit);
         app.world_mut().spawn((DataCamera, viewpoint, anchor, orbit, Navigation::Orbit));
         Window { app, now, _folder: folder }
     }

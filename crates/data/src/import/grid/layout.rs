@@ -18,7 +18,7 @@ pub(super) struct Layout {
 }
 
 /// The byte order of this machine.
-pub(super) const NATIVE: Order = if cfg!(target_endian = "big") { Order::Big } else { Order::Little };
+pub(super) const NATIVE: Order = Order::NATIVE;
 
 /// Channels of a sample side by side, then x, y, z.
 pub(super) const INTERLEAVED: [usize; 4] = [0, 1, 2, 3];

@@ -17,6 +17,7 @@ mod metaimage;
 mod netcdf;
 mod nifti;
 mod npy;
+mod npy_header;
 mod npz;
 mod nrrd;
 mod numpy_arrays;
@@ -35,6 +36,7 @@ mod vti;
 mod vtk;
 mod xml;
 
+pub use npy_header::NpyHeader;
 pub(super) use numpy_arrays::NumpyArrays;
 pub use raw::RawGrid;
 pub use source::{GridDescription, GridSource};

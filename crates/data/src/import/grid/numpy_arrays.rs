@@ -1,7 +1,8 @@
 //! The arrays of NumPy files as they are, of any number of axes: what is time, a component or a coordinate is up to who reads them.
 
 use super::content::{Content, LONGEST_HEADER, filled, in_one_line};
-use super::npy::{Array, Header, NPY};
+use super::npy::{Array, NPY};
+use super::npy_header::NpyHeader;
 use super::npz::NPZ;
 use super::picture::seekable;
 use super::{GridDescription, GridSource, part_name};
@@ -19,7 +20,7 @@ const MOST_NUMBERS: u64 = 1 << 24;
 pub(in crate::import) struct NumpyArrays {
     content: Content,
     /// Their names, empty of the only one of a file.
-    arrays: Vec<(String, Header)>,
+    arrays: Vec<(String, NpyHeader)>,
     is_archive: bool,
 }
 
@@ -34,7 +35,7 @@ impl NumpyArrays {
         }
         let content = Content::open(path, method)?;
         if (NPY.detect)(&content) {
-            let arrays = vec![(String::new(), Header::read(&content.path, &content.head)?)];
+            let arrays = vec![(String::new(), NpyHeader::read(&content.path, &content.head)?)];
             return Ok(Some(NumpyArrays { content, arrays, is_archive: false }));
         }
         if !(NPZ.detect)(&content) {
@@ -48,7 +49,7 @@ impl NumpyArrays {
             let mut head = Vec::new();
             // What is damaged shows when the samples are read.
             let _ = (&mut member).take(LONGEST_HEADER as u64).read_to_end(&mut head);
-            if let Ok(header) = Header::read(&content.path, &head) {
+            if let Ok(header) = NpyHeader::read(&content.path, &head) {
                 arrays.push((name.trim_end_matches(".npy").to_owned(), header));
             }
         }

@@ -10,6 +10,7 @@ use crate::import::bytes::Order;
 use crate::model::{Channel, Grid, SampleType};
 use png::{BitDepth, ColorType, Transformations};
 use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
+use std::path::Path;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
@@ -34,6 +35,18 @@ pub(super) const JPEG: GridFormat = GridFormat {
 
 /// The most of a compressed picture that is read, bytes.
 const MOST_BYTES: u64 = 1 << 32;
+
+/// The most that a picture may take where it is decoded in one piece, bytes.
+const MOST_DECODED: u64 = 1 << 32;
+
+/// Whether a picture that is decoded in one piece is small enough for that, before anything is allocated.
+fn check_one_piece(path: &Path, field: &str, grid: &Grid, bytes: u64, what: &str) -> Result<(), ImportError> {
+    if bytes <= MOST_DECODED {
+        return Ok(());
+    }
+    let (found, most) = (format!("{} ({} MiB)", grid.described(), bytes >> 20), MOST_DECODED >> 20);
+    Err(ImportError::malformed(path, field, found, format!("at most {most} MiB: {what} is decoded in one piece")))
+}
 
 /// A reader that can be told to go back.
 pub(super) trait SeekRead: Read + Seek {}
@@ -72,6 +85,7 @@ fn open_png(content: &Content) -> Result<GridSource, ImportError> {
     let bytes = checked(path, &grid, "IHDR", "IHDR")?;
     content.check_packed(content.most(), bytes, &grid)?;
     let storage = if is_interlaced {
+        check_one_piece(path, "IHDR", &grid, bytes, "an interlaced PNG")?;
         let size = reader.output_buffer_size().filter(|&size| size as u64 == bytes);
         let size = size.ok_or_else(|| ImportError::malformed(path, "IHDR", grid.described(), "less"))?;
         let mut pixels = vec![0; size];
@@ -118,6 +132,7 @@ fn open_jpeg(content: &Content) -> Result<GridSource, ImportError> {
     if most < bytes {
         return Err(too_few(path, &format!("at most {most} bytes"), bytes, &grid));
     }
+    check_one_piece(path, "frame", &grid, bytes, "a JPEG")?;
     let size = decoder.output_buffer_size().filter(|&size| size as u64 == bytes);
     let mut pixels = vec![0; size.ok_or_else(|| ImportError::malformed(path, "frame", grid.described(), "a picture"))?];
     decoder.decode_into(&mut pixels).map_err(|error| wrong(&error))?;

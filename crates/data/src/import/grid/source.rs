@@ -67,6 +67,14 @@ impl GridSource {
         &self.about.grid
     }
 
+    /// How many bytes of it are in memory as long as it is open.
+    pub fn memory_bytes(&self) -> u64 {
+        match &self.storage {
+            Storage::Memory(bytes) => bytes.len() as u64,
+            Storage::File(_) => 0,
+        }
+    }
+
     /// Reads the samples of a box into `out`: x fastest, then y, z; the channels of a sample side by side; bit for bit those of
     /// the file, in its type and this machine's byte order. `out` must hold exactly that many bytes.
     ///

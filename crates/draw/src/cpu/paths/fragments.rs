@@ -1,11 +1,11 @@
-//! What of paths is in each pixel: fragments from front to back.
+//! What of paths, or of measured surfaces, is in each pixel: fragments from front to back.
 
 use crate::color::Colors;
 use crate::color::colors::{to_encoded, to_linear};
 use crate::color::composite::Image;
 use rayon::prelude::*;
 
-/// A part of a path in a pixel.
+/// A part of a path or a surface in a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathFragment {
     /// Distance from the plane of the eye, world units.
@@ -60,6 +60,57 @@ impl PathFragments {
         }
     }
 
+    /// Both: in each pixel the fragments of one and of the other, from front to back; of equal ones those of this one first. Pictures have the
+    /// same size.
+    #[must_use]
+    pub fn merged(&self, other: &PathFragments) -> PathFragments {
+        let ([width, height], side) = (self.size, self.side.max(1));
+        let [across, down] = self.size.map(|pixels| pixels.div_ceil(side));
+        let tile = |index: usize| {
+            let (left, top) = (index % across * side, index / across * side);
+            let mut tile = TileFragments { starts: vec![0], fragments: Vec::new() };
+            for y in top..(top + side).min(height) {
+                for x in left..(left + side).min(width) {
+                    let (mut own, mut others) = (self.of(x, y), other.of(x, y));
+                    while let ([first, rest @ ..], [next, ..]) = (own, others) {
+                        if first.depth <= next.depth {
+                            tile.fragments.push(*first);
+                            own = rest;
+                        } else {
+                            tile.fragments.push(*next);
+                            others = &others[1..];
+                        }
+                    }
+                    tile.fragments.extend_from_slice(own);
+                    tile.fragments.extend_from_slice(others);
+                    tile.starts.push(tile.fragments.len() as u32);
+                }
+            }
+            tile
+        };
+        PathFragments { size: self.size, side, tiles: (0..across * down).into_par_iter().map(tile).collect() }
+    }
+
+    /// Their colours as far as what `hides` them lets them through: what is in front of each of them takes its share.
+    pub fn colors_behind(&self, hides: &PathFragments) -> Colors {
+        let [width, height] = self.size;
+        let pixel = |index: usize| {
+            let (x, y) = (index % width, index / width);
+            let hides = hides.of(x, y);
+            let mut sum = [0.0f32; 4];
+            for fragment in self.of(x, y) {
+                let share = (1.0 - sum[3]) * fragment.alpha * visible(hides, fragment.depth);
+                for (sum, color) in sum.iter_mut().zip(fragment.color) {
+                    *sum += share * color;
+                }
+                sum[3] += share;
+            }
+            sum
+        };
+        let rgba = (0..width * height).into_par_iter().map(pixel).collect();
+        Colors { width: width as u32, height: height as u32, rgba }
+    }
+
     /// The paths alone: each pixel's fragments over one another, before nothing.
     pub fn colors(&self) -> Colors {
         let [width, height] = self.size;
@@ -80,6 +131,13 @@ pub fn over(fragments: &[PathFragment]) -> [f32; 4] {
         sum[3] += share;
     }
     sum
+}
+
+/// The share of what is at a depth that these fragments, from front to back, let through.
+#[inline]
+pub fn visible(fragments: &[PathFragment], depth: f32) -> f32 {
+    let in_front = fragments.iter().take_while(|fragment| fragment.depth < depth);
+    in_front.fold(1.0, |through, fragment| through * (1.0 - fragment.alpha))
 }
 
 /// Lays paths over a picture in light of the same size.

@@ -23,6 +23,8 @@ pub enum Attribute {
     Plane(usize),
     /// Three colour planes as they are: red, green, blue.
     Texture([usize; 3]),
+    /// The photo that lies over the field.
+    Photo,
 }
 
 /// Where light comes from.
@@ -53,6 +55,8 @@ pub struct Contours {
     pub width: f64,
     /// Colour, linear light.
     pub color: [f32; 3],
+    /// Pixels of an em of the heights that are written along lines; `None`: none are.
+    pub labels: Option<f64>,
 }
 
 /// What a surface looks like.
@@ -143,6 +147,11 @@ impl Contours {
         ((height - self.base) / self.interval).round().mul_add(self.interval, self.base)
     }
 
+    /// Whether a line is a stronger one, as all are where none is.
+    pub fn is_major(&self, number: i64) -> bool {
+        self.major < 2 || number.rem_euclid(i64::from(self.major)) == 0
+    }
+
     /// How much of a sample is line: from the height of the line nearest to it, how far that is in pixels, how much the height changes within a
     /// pixel, and the sample's size in pixels. Lines that are closer than two of their widths fade to their mean.
     pub fn share(&self, nearest: f64, away: f64, change: f64, size: f64) -> f32 {
@@ -152,9 +161,7 @@ impl Contours {
         let number = ((nearest - self.base) / self.interval).round();
         let (strength, all) = match self.major {
             0 | 1 => (1.0, 1.0),
-            major if (number as i64).rem_euclid(i64::from(major)) == 0 => {
-                (1.0, MINOR + (1.0 - MINOR) / f64::from(major))
-            }
+            major if self.is_major(number as i64) => (1.0, MINOR + (1.0 - MINOR) / f64::from(major)),
             major => (MINOR, MINOR + (1.0 - MINOR) / f64::from(major)),
         };
         let apart = self.interval / change;

@@ -1,9 +1,9 @@
 //! The quadtree of a field in memory: what a page file holds, worked out at once. For tests, small sources, and as what page files are held
 //! against.
 
-use super::lattice::{CHUNK, Lattice, NodeKey};
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use crate::color::colors::to_linear;
+use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use deepfield_heights::model::{Cell, HeightError, HeightGrid, Heights, Window};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub struct MemorySurface {
     lattice: Lattice,
     levels: Vec<Level>,
-    facts: BTreeMap<NodeKey, NodeFacts>,
+    facts: BTreeMap<ChunkKey, NodeFacts>,
 }
 
 /// The samples of a level, row by row.
@@ -56,7 +56,7 @@ impl MemorySurface {
     /// Where the field cannot be read.
     pub fn new(field: &dyn Heights, ratio: f64) -> Result<MemorySurface, HeightError> {
         let grid = field.grid().clone();
-        let lattice = Lattice { samples: [grid.rows, grid.columns] };
+        let lattice = Lattice::new(grid.rows, grid.columns);
         let mut heights = vec![0.0; grid.samples() as usize];
         field.heights(Window::all(&grid), &mut heights)?;
         let mut planes = Vec::new();
@@ -72,16 +72,14 @@ impl MemorySurface {
         }
         let mut surface = MemorySurface { lattice, levels, facts: BTreeMap::new() };
         for level in 0..=lattice.top() {
-            let [rows, columns] = lattice.cells(level).map(|cells| cells.div_ceil(CHUNK) as u32);
-            let keys: Vec<NodeKey> =
-                (0..rows).flat_map(|row| (0..columns).map(move |column| NodeKey { level, row, column })).collect();
+            let keys: Vec<ChunkKey> = lattice.keys().filter(|key| key.level == level).collect();
             let found: Vec<NodeFacts> = keys.par_iter().map(|key| surface.work_out(*key)).collect();
             surface.facts.extend(keys.into_iter().zip(found));
         }
         Ok(surface)
     }
 
-    fn work_out(&self, key: NodeKey) -> NodeFacts {
+    fn work_out(&self, key: ChunkKey) -> NodeFacts {
         let (level, finest) = (&self.levels[usize::from(key.level)], &self.levels[0]);
         let [(row, rows), (column, columns)] = [0, 1].map(|axis| self.lattice.span(key, axis));
         let (row, column) = (row as usize, column as usize);
@@ -110,7 +108,7 @@ impl MemorySurface {
                 facts.step = facts.step.max((at(r + 1, c - 1) - height).abs());
             }
         }
-        let [row_places, column_places] = [0, 1].map(|axis| self.lattice.positions(key, axis));
+        let [row_places, column_places] = [0, 1].map(|axis| self.lattice.places(key, axis));
         let [last_row, last_column] = [&row_places, &column_places].map(|places| places[places.len() - 1] as usize);
         for (r, c) in (row_places[0] as usize..=last_row)
             .flat_map(|r| (column_places[0] as usize..=last_column).map(move |c| (r, c)))
@@ -148,7 +146,7 @@ impl MemorySurface {
             }
         }
         let finer = &self.levels[usize::from(key.level) - 1];
-        for child in key.children().into_iter().filter(|child| self.lattice.has(*child)) {
+        for child in self.lattice.children(key) {
             facts.deviation = facts.deviation.max(self.facts.get(&child).map_or(0.0, |facts| facts.deviation));
             let [(row, rows), (column, columns)] = [0, 1].map(|axis| self.lattice.span(child, axis));
             for r in row as usize..row as usize + rows {
@@ -199,7 +197,7 @@ impl Level {
 
     /// The next coarser level, number `level` of the field.
     fn coarser(&self, finest: &Level, lattice: &Lattice, level: u8) -> Level {
-        let [rows, columns] = lattice.cells(level).map(|cells| cells as usize + 1);
+        let [rows, columns] = lattice.samples_of(level.into()).map(|samples| samples as usize);
         let [row_parts, column_parts] = [(self.rows, rows), (self.columns, columns)]
             .map(|(fine, coarse)| (0..coarse).map(|index| parts(index, fine, coarse)).collect::<Vec<_>>());
         let each = |index: usize| {
@@ -226,7 +224,7 @@ impl Level {
                     planes.iter_mut().zip(&self.planes).for_each(|(sum, plane)| *sum += share * f64::from(plane[at]));
                 }
             }
-            let place = [(0, r), (1, c)].map(|(axis, index)| lattice.position(axis, level, index as u64) as usize);
+            let place = [(0, r), (1, c)].map(|(axis, index)| lattice.place(axis, level.into(), index as u64) as usize);
             let own = finest.heights[place[0] * finest.columns + place[1]];
             let height = match (own.is_nan(), weight > 0.0) {
                 (false, _) => own,
@@ -302,11 +300,11 @@ impl SurfaceNodes for MemorySurface {
         self.lattice
     }
 
-    fn facts(&self, key: NodeKey) -> Option<NodeFacts> {
+    fn facts(&self, key: ChunkKey) -> Option<NodeFacts> {
         self.facts.get(&key).copied()
     }
 
-    fn samples(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
+    fn samples(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
         let level = self.levels.get(usize::from(key.level)).filter(|_| self.lattice.has(key))?;
         let [(row, rows), (column, columns)] = [0, 1].map(|axis| self.lattice.span(key, axis));
         let indices = (row as usize..row as usize + rows)

@@ -1,14 +1,17 @@
 //! Measured height fields on the processor: points far away, triangles near by, rays as the reference, and what was not measured stays open.
 //!
 //! [`source`] is what is read, [`select`] chooses chunks for a view, [`stitch`] makes one surface of them, [`raster`] and [`rays`] find what each
-//! pixel shows, [`resolve`] where that is, and [`shade`] what it looks like; [`picture`] does it all.
+//! pixel shows, [`resolve`] where that is, [`shade`] what it looks like, and [`labels`] writes heights along lines; [`picture`] does it all, and
+//! [`fragments`] does it for what lies among other things.
 
+pub mod fragments;
+pub mod labels;
 pub mod lambert;
-pub mod lattice;
 pub mod look;
 #[cfg(test)]
 pub mod memory;
 pub mod paged;
+pub mod photo;
 pub mod picture;
 pub mod placed;
 pub mod raster;
@@ -23,4 +26,4 @@ pub mod stitch;
 #[cfg(test)]
 mod tests;
 
-pub use picture::{SurfaceOptions, SurfacePicture, SurfaceReport, draw};
+pub use picture::{SurfaceOptions, SurfacePicture, SurfaceReport, draw, draw_lettered};

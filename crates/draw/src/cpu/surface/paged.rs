@@ -2,29 +2,32 @@
 
 mod decode;
 mod leaf;
+mod photo;
 mod slopes;
 #[cfg(test)]
 mod tests;
 
-use super::lattice::{CHUNK, Lattice, NodeKey};
+use super::photo::PhotoTiles;
 use super::picture::{SurfaceOptions, chosen};
 use super::placed::Placed;
 use super::sight::Sight;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use decode::Decoder;
 use deepfield_data::store::error::Damage;
-use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage};
-use deepfield_heights::store::HeightFile;
+use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
+use deepfield_heights::hierarchy::photo::TileKey;
+use deepfield_heights::store::{HeightFile, Tile};
 use lru::LruCache;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
+use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// The largest distance between two unit normals.
 const FARTHEST: f32 = 2.0;
 
-/// A chunk's samples once somebody has decoded them; `None` where they cannot be read. Whoever asks meanwhile waits.
-type Slot = Arc<OnceLock<Option<Arc<NodeSamples>>>>;
+/// A chunk's samples, or a tile's texels, once somebody has decoded them; `None` where they cannot be read. Whoever asks meanwhile waits.
+type Slot<V> = Arc<OnceLock<Option<Arc<V>>>>;
 
 /// A page file's chunks as they are drawn. Several threads read and decode at once, a chunk one of them at a time.
 pub struct PagedSurface {
@@ -32,18 +35,21 @@ pub struct PagedSurface {
     lattice: Lattice,
     decoder: Decoder,
     budget_bytes: u64,
-    cache: Mutex<Cache>,
+    cache: Mutex<Cache<ChunkKey, NodeSamples>>,
+    /// Tiles of the photo, if there is one, with a budget of their own.
+    tile_budget_bytes: u64,
+    tiles: Mutex<Cache<TileKey, Tile>>,
     damaged: Mutex<Damaged>,
 }
 
-/// Chunks that are decoded or being decoded, by their last use.
-struct Cache {
-    entries: LruCache<NodeKey, Entry>,
+/// Chunks, or tiles, that are decoded or being decoded, by their last use.
+struct Cache<K: Hash + Eq, V> {
+    entries: LruCache<K, Entry<V>>,
     bytes: u64,
 }
 
-struct Entry {
-    slot: Slot,
+struct Entry<V> {
+    slot: Slot<V>,
     /// 0 until it is decoded.
     bytes: u64,
 }
@@ -51,24 +57,36 @@ struct Entry {
 /// Chunks that cannot be read, and why the first one could not.
 #[derive(Default)]
 struct Damaged {
-    keys: BTreeSet<NodeKey>,
+    keys: BTreeSet<ChunkKey>,
     first: Option<String>,
 }
 
 impl PagedSurface {
-    /// The chunks of a file. Of what is decoded `budget_bytes` are kept at most, beside what others hold. A file whose chunks are of another
+    /// The chunks of a file. Of what is decoded `budget_bytes` are kept at most, beside what others hold, a quarter of them for a photo's tiles
+    /// where there is one. A file whose chunks are of another
     /// size than is drawn has none, and [`PagedSurface::error`] says so.
     pub fn new(file: Arc<HeightFile>, budget_bytes: u64) -> PagedSurface {
         let about = file.about();
-        let lattice = Lattice { samples: [about.grid.rows, about.grid.columns] };
+        let lattice = Lattice::new(about.grid.rows, about.grid.columns);
         let decoder = Decoder::new(about, slopes::of_file(&about.grid));
-        let cache = Mutex::new(Cache { entries: LruCache::unbounded(), bytes: 0 });
+        let (cache, tiles) = (Mutex::new(Cache::new()), Mutex::new(Cache::new()));
+        let tile_budget_bytes = if about.photo.is_some() { budget_bytes / 4 } else { 0 };
+        let budget_bytes = budget_bytes - tile_budget_bytes;
         let mut damaged = Damaged::default();
-        if file.lattice().side() != CHUNK {
-            let expected = format!("{CHUNK} x {CHUNK} cells, found {0} x {0}", file.lattice().side());
+        if *file.lattice() != lattice {
+            let expected = format!("{0} x {0} cells, found {1} x {1}", lattice.side(), file.lattice().side());
             damaged.first = Some(Damage::new("chunks", expected).in_file(file.path()).to_string());
         }
-        PagedSurface { file, lattice, decoder, budget_bytes, cache, damaged: Mutex::new(damaged) }
+        PagedSurface {
+            file,
+            lattice,
+            decoder,
+            budget_bytes,
+            cache,
+            tile_budget_bytes,
+            tiles,
+            damaged: Mutex::new(damaged),
+        }
     }
 
     /// Turns normals to a world in which the field is placed so; exaggeration and base do not matter. Without this degrees are those of the
@@ -78,7 +96,7 @@ impl PagedSurface {
         let slopes = slopes::of_world(&about.grid, placed);
         if !slopes::is_same(slopes, self.decoder.slopes()) {
             self.decoder = Decoder::new(about, slopes);
-            *locked(&self.cache) = Cache { entries: LruCache::unbounded(), bytes: 0 };
+            *locked(&self.cache) = Cache::new();
         }
     }
 
@@ -92,20 +110,20 @@ impl PagedSurface {
         locked(&self.damaged).first.clone()
     }
 
-    /// Bytes of the decoded chunks that are kept.
+    /// Bytes of the decoded chunks and tiles that are kept.
     pub fn held_bytes(&self) -> u64 {
-        locked(&self.cache).bytes
+        locked(&self.cache).bytes + locked(&self.tiles).bytes
     }
 
     /// Reads and decodes chunks by as many threads as there are: of these the first that fit into the budget.
-    pub fn prefetch(&self, keys: &[NodeKey]) {
+    pub fn prefetch(&self, keys: &[ChunkKey]) {
         let mut left = self.budget_bytes;
-        let fits = |key: &NodeKey| {
+        let fits = |key: &ChunkKey| {
             let after = left.checked_sub(self.bytes_of(*key));
             left = after.unwrap_or(0);
             after.is_some()
         };
-        let fitting: Vec<NodeKey> = keys.iter().copied().filter(|key| self.has(*key)).take_while(fits).collect();
+        let fitting: Vec<ChunkKey> = keys.iter().copied().filter(|key| self.has(*key)).take_while(fits).collect();
         fitting.into_par_iter().for_each(|key| drop(self.samples(key)));
     }
 
@@ -133,17 +151,17 @@ impl PagedSurface {
     }
 
     /// About how many bytes a chunk takes when it is decoded.
-    fn bytes_of(&self, key: NodeKey) -> u64 {
+    fn bytes_of(&self, key: ChunkKey) -> u64 {
         let [rows, columns] = [0, 1].map(|axis| self.lattice.span(key, axis).1 as u64);
         rows * columns * (8 + 12 + 1 + 4 * self.file.about().grid.planes.len() as u64)
     }
 
-    fn has(&self, key: NodeKey) -> bool {
-        self.file.lattice().side() == CHUNK && self.file.lattice().has(chunk_key(key))
+    fn has(&self, key: ChunkKey) -> bool {
+        *self.file.lattice() == self.lattice && self.lattice.has(key)
     }
 
-    fn read(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
-        match self.file.chunk(chunk_key(key)) {
+    fn read(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
+        match self.file.chunk(key) {
             Ok(Some(chunk)) => Some(Arc::new(self.decoder.samples(chunk))),
             Ok(None) => Some(Arc::new(self.decoder.nothing([0, 1].map(|axis| self.lattice.span(key, axis).1)))),
             Err(error) => {
@@ -163,37 +181,56 @@ impl SurfaceNodes for PagedSurface {
         self.lattice
     }
 
-    fn facts(&self, key: NodeKey) -> Option<NodeFacts> {
-        let node = self.file.node(chunk_key(key)).filter(|_| self.has(key))?;
+    fn facts(&self, key: ChunkKey) -> Option<NodeFacts> {
+        let node = self.file.node(key).filter(|_| self.has(key))?;
         Some(facts(key, node))
     }
 
-    fn samples(&self, key: NodeKey) -> Option<Arc<NodeSamples>> {
+    fn samples(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
         if !self.has(key) || !self.is_there(key) {
             return None;
         }
-        let slot = locked(&self.cache).slot(key);
-        if let Some(found) = slot.get() {
-            return found.clone();
-        }
-        let found = slot.get_or_init(|| self.read(key)).clone();
-        locked(&self.cache).keep(key, &slot, found.as_deref().map(bytes_of), self.budget_bytes);
-        found
+        cached(&self.cache, key, self.budget_bytes, bytes_of, || self.read(key))
     }
 
-    fn is_there(&self, key: NodeKey) -> bool {
+    fn is_there(&self, key: ChunkKey) -> bool {
         !locked(&self.damaged).keys.contains(&key)
+    }
+
+    fn photo(&self) -> Option<&dyn PhotoTiles> {
+        self.file.photo().map(|_| self as &dyn PhotoTiles)
     }
 }
 
-impl Cache {
+/// What is kept under a key, or read and kept.
+fn cached<K: Hash + Eq + Copy, V>(
+    cache: &Mutex<Cache<K, V>>,
+    key: K,
+    budget: u64,
+    bytes_of: impl Fn(&V) -> u64,
+    read: impl FnOnce() -> Option<Arc<V>>,
+) -> Option<Arc<V>> {
+    let slot = locked(cache).slot(key);
+    if let Some(found) = slot.get() {
+        return found.clone();
+    }
+    let found = slot.get_or_init(read).clone();
+    locked(cache).keep(key, &slot, found.as_deref().map(bytes_of), budget);
+    found
+}
+
+impl<K: Hash + Eq + Copy, V> Cache<K, V> {
+    fn new() -> Cache<K, V> {
+        Cache { entries: LruCache::unbounded(), bytes: 0 }
+    }
+
     /// Where a chunk is, or will be.
-    fn slot(&mut self, key: NodeKey) -> Slot {
+    fn slot(&mut self, key: K) -> Slot<V> {
         self.entries.get_or_insert(key, || Entry { slot: Slot::default(), bytes: 0 }).slot.clone()
     }
 
     /// Counts a chunk that was decoded, and drops others until the budget holds; forgets one that could not be, so that it is read again.
-    fn keep(&mut self, key: NodeKey, slot: &Slot, bytes: Option<u64>, budget: u64) {
+    fn keep(&mut self, key: K, slot: &Slot<V>, bytes: Option<u64>, budget: u64) {
         // It may have been dropped while it was decoded, and others may have waited for it.
         let entry = self.entries.peek_mut(&key).filter(|entry| Arc::ptr_eq(&entry.slot, slot) && entry.bytes == 0);
         match (entry, bytes) {
@@ -215,10 +252,6 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn chunk_key(NodeKey { level, row, column }: NodeKey) -> ChunkKey {
-    ChunkKey { level, row, column }
-}
-
 fn bytes_of(samples: &NodeSamples) -> u64 {
     let NodeSamples { heights, coverage, normals, ranges, planes, .. } = samples;
     let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
@@ -237,7 +270,7 @@ fn bytes_of(samples: &NodeSamples) -> u64 {
 /// of level `k` a sample of full resolution stands for is the share `4^-k` of it, and if that is `d` away from the mean, the mean square is
 /// at least `4^-k d^2`: so no `d` is above `2^k` times the root. This is what it may be where all differs in one place, as a dot on a map;
 /// mostly it is far less, but a bound that is too large costs no more than samples a pixel apart.
-fn facts(key: NodeKey, node: &ChunkNode) -> NodeFacts {
+fn facts(key: ChunkKey, node: &ChunkNode) -> NodeFacts {
     let spread = node.normal_deviation.max(node.colour_deviation);
     NodeFacts {
         delta: node.delta,

@@ -1,5 +1,7 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
+use super::labels::{self, ContourLabel, Letters};
+use super::photo::PhotoLook;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
@@ -66,6 +68,8 @@ pub struct SurfacePicture {
     pub raw: Vec<[f64; CHANNELS]>,
     /// Depth at pixels' centres, row by row; infinite where nothing is. Of the first sample where only colours are wanted.
     pub depth: Vec<f32>,
+    /// The heights that are written along lines, where there are letters.
+    pub labels: Vec<ContourLabel>,
     /// What was drawn.
     pub report: SurfaceReport,
 }
@@ -95,6 +99,17 @@ pub fn parts(samples: u32) -> u32 {
 
 /// Draws a surface. The picture does not depend on the number of threads.
 pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> SurfacePicture {
+    draw_lettered(source, placed, sight, options, None)
+}
+
+/// As [`draw`], with heights written along lines where the look asks for them and there are letters.
+pub fn draw_lettered(
+    source: &dyn SurfaceNodes,
+    placed: &Placed,
+    sight: &Sight,
+    options: &SurfaceOptions,
+    letters: Option<&dyn Letters>,
+) -> SurfacePicture {
     let mut picture = SurfacePicture::default();
     if let Some(look) = &options.look {
         let parts = parts(options.samples);
@@ -103,8 +118,18 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
         let (seen, counts) = visible(&scene, &fine, options.technique, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
-        let shader = Shader::new(&scene, &fine, look, parts);
-        let (colors, depth) = shader.shade(&seen, [width as usize, height as usize]);
+        let photo = PhotoLook::of(source, look, placed);
+        let size = [width as usize, height as usize];
+        let mut shader = Shader::new(&scene, &fine, look, photo, parts);
+        let labelled = look.contours.and_then(|contours| Some((contours, contours.labels?, letters?)));
+        if let Some((contours, em, letters)) = &labelled {
+            picture.labels = labels::place(shader.resolver(), &seen, parts, (contours, *em), *letters);
+            shader = shader.sparing(size[0], labels::spared(&picture.labels, size));
+        }
+        let (mut colors, depth) = shader.shade(&seen, size);
+        if let Some((contours, _, letters)) = &labelled {
+            labels::paint(&mut colors, size, &picture.labels, contours, *letters);
+        }
         picture.report.covered = colors.iter().map(|color| f64::from(color[3])).sum();
         picture.colors = Colors { width, height, rgba: colors };
         picture.depth = depth;
@@ -146,7 +171,7 @@ pub fn draw(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: 
 
 /// What is seen in each sample of a picture with `parts` of them along a pixel's side, and how many samples, points and triangles were drawn.
 /// Points fill a sample where they are drawn since they leave no gap so, and else a pixel.
-fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
+pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
         Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => {

@@ -59,6 +59,15 @@ impl GridRay {
     pub fn at(&self, t: f64) -> [f64; 3] {
         std::array::from_fn(|axis| t.mul_add(self.direction[axis], self.origin[axis]))
     }
+
+    /// Where it meets a plane that has a height at a row and a column, and to which a column and a row add the two of `slope`: column, row and
+    /// height; `None` where it does not, or behind its origin.
+    pub fn on_plane(&self, [row, column]: [f64; 2], height: f64, slope: [f64; 2]) -> Option<[f64; 3]> {
+        let plane = height + slope[0] * (self.origin[0] - column) + slope[1] * (self.origin[1] - row);
+        let [right, down, up] = self.direction;
+        let t = (plane - self.origin[2]) / (up - slope[0] * right - slope[1] * down);
+        (t > 0.0 && t.is_finite()).then(|| self.at(t))
+    }
 }
 
 impl Placed {
@@ -139,12 +148,37 @@ impl Placed {
         })
     }
 
+    /// A ray of a flat world with x and y as the file has them, of the same parameter and z; `None` for a globe.
+    pub fn in_file(&self, origin: DVec3, direction: DVec3) -> Option<(DVec3, DVec3)> {
+        match self.map {
+            Map::Plate => Some((origin, direction)),
+            Map::Globe { .. } => None,
+            Map::Local { .. } => {
+                let [x, y] = [0, 1].map(|k| self.file_step[k] / self.step[k]);
+                let away = [0, 1].map(|k| origin[k] - self.origin[k]);
+                let place = DVec3::new(
+                    x.mul_add(away[0], self.file_origin[0]),
+                    y.mul_add(away[1], self.file_origin[1]),
+                    origin.z,
+                );
+                Some((place, DVec3::new(direction.x * x, direction.y * y, direction.z)))
+            }
+        }
+    }
+
     /// The longest distance between neighbours along rows and along columns, world units.
     pub fn spacing(&self) -> [f64; 2] {
         match self.map {
             Map::Globe { radius } => self.step.map(|degrees| degrees.abs().to_radians() * radius),
             _ => self.step.map(f64::abs),
         }
+    }
+
+    /// What a column and a row add to the height where the surface has a normal at true height.
+    pub fn slope(&self, normal: [f32; 3]) -> [f64; 2] {
+        let [x, y, z] = normal.map(f64::from);
+        let z = z.max(1e-6) * self.true_lift;
+        [-x / z * self.step[0], -y / z * self.step[1]]
     }
 
     /// How far a chord between places that are so many columns and rows apart sinks below a globe, at most: `s^2 / 8 R`; 0 for a flat field.
@@ -192,5 +226,36 @@ impl Vantage {
         let [x, y] = [(column, 0), (row, 1)]
             .map(|(index, k)| (index as f64 - self.anchor[k]).mul_add(self.placed.step[k], self.away[k]));
         DVec3::new(x, y, self.placed.lifted(height) - self.eye.z)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use deepfield_data::model::{SampleType, Unit};
+    use deepfield_heights::model::lengths::EARTH;
+
+    #[test]
+    fn rays_in_the_file_s_own_degrees_meet_the_same_places() {
+        let plain = HeightGrid::new(101, 201, SampleType::F32);
+        let grid = HeightGrid {
+            origin: [6.0, 50.5],
+            step: [0.01, -0.005],
+            xy_unit: Unit::new("deg"),
+            height_unit: Unit::new("m"),
+            ..plain
+        };
+        let placed = Placed::new(&grid, Map::Local { radius: EARTH }, 3.0, 100.0);
+        let eye = DVec3::new(2000.0, -70_000.0, 30_000.0);
+        for (row, column, height) in [(0.0, 0.0, 250.0), (200.0, 100.0, -3.0), (77.25, 31.5, 1000.0)] {
+            let (from, way) = placed.in_file(eye, placed.world(row, column, height) - eye).unwrap();
+            let [x, y] = grid.place(row, column);
+            let met = from + way;
+            assert!((met.x - x).abs() < 1e-12 && (met.y - y).abs() < 1e-12, "{met}");
+            assert!((met.z - placed.lifted(height)).abs() < 1e-9);
+        }
+        let flat = Placed::new(&grid, Map::Plate, 1.0, 0.0);
+        assert_eq!(flat.in_file(eye, DVec3::X), Some((eye, DVec3::X)));
+        assert_eq!(Placed::new(&grid, Map::Globe { radius: EARTH }, 1.0, 0.0).in_file(eye, DVec3::X), None);
     }
 }

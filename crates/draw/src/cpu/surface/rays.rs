@@ -9,6 +9,7 @@ use super::raster::{Shown, Visibility};
 use super::sight::Sight;
 use super::stitch::{Mesh, Scene};
 use crate::model::Bounds;
+use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::model::Triangle;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -130,7 +131,7 @@ impl<'a> Caster<'a> {
     }
 
     /// The part of the tree at a chunk; `meshes` are those in it.
-    fn branch(&mut self, key: super::lattice::NodeKey, meshes: &[usize]) -> Option<usize> {
+    fn branch(&mut self, key: ChunkKey, meshes: &[usize]) -> Option<usize> {
         if meshes.is_empty() {
             return None;
         }
@@ -140,7 +141,7 @@ impl<'a> Caster<'a> {
             Some(number) => (self.pyramids[*number].range(), Below::Mesh(*number)),
             None if key.level == 0 => return None,
             None => {
-                let parts = key.children().map(|child| {
+                let parts = key.quarters().map(|child| {
                     let is_in = |number: &&usize| {
                         let own = self.scene.meshes[**number].node.key;
                         own.level <= child.level && own.ancestor(child.level) == child

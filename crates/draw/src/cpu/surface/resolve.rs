@@ -1,13 +1,13 @@
 //! From what a pixel shows to the exact place: where the ray through its centre meets the triangle that is drawn there; of a point the place of
 //! its sample.
 
-use super::lattice::CHUNK;
 use super::placed::{GridRay, Vantage};
 use super::raster::Shown;
 use super::rays::{Caster, CellFrame};
 use super::sight::Sight;
 use super::source::NodeSamples;
 use super::stitch::{Mesh, Scene};
+use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
 use deepfield_heights::model::Triangle;
 use glam::DVec3;
 use std::sync::OnceLock;
@@ -110,7 +110,7 @@ impl<'a> Resolver<'a> {
             let (first, _) = lattice.span(key, axis);
             let index =
                 ((at / (1_u64 << level) as f64) as usize).saturating_sub(first as usize).min(count.saturating_sub(2));
-            let [from, to] = [0, 1].map(|next| lattice.position(axis, level, first + index as u64 + next));
+            let [from, to] = [0, 1].map(|next| lattice.place(axis, level.into(), first + index as u64 + next));
             (index, ((at - from as f64) / (to - from) as f64).clamp(0.0, 1.0), (to - from) as f64)
         };
         let (row, down, height) = place(0, row, samples.rows);
@@ -132,9 +132,7 @@ impl<'a> Resolver<'a> {
         let (_, depth) = self.sight.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
         let at = [mesh.rows[row] as f64, mesh.columns[column] as f64];
         let placed = &self.scene.placed;
-        let [nx, ny, nz] = mesh.samples.normals[index].map(f64::from);
-        let nz = nz.max(1e-6) * placed.true_lift;
-        let slope = [-nx / nz * placed.step[0], -ny / nz * placed.step[1]];
+        let slope = placed.slope(mesh.samples.normals[index]);
         let ray = self.sight.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
         let found = ray.and_then(|GridRay { origin, direction }| {
             let plane = height + slope[0] * (origin[0] - at[1]) + slope[1] * (origin[1] - at[0]);
@@ -444,4 +442,4 @@ fn place(corners: [usize; 3], weights: [f64; 3]) -> [f64; 2] {
     [sum(|corner| corner % 2), sum(|corner| corner / 2)]
 }
 
-const _: () = assert!(CHUNK == 256, "what a pixel shows is packed for chunks of 256 cells");
+const _: () = assert!(SIDE_BITS == 8, "what a pixel shows is packed for chunks of 256 cells");

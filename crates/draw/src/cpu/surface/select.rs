@@ -8,12 +8,13 @@
 //!
 //! The worst is refined first, so that what a budget leaves out is what shows least. A chunk whose finer ones are not there stands in for them.
 
-use super::lattice::{CHUNK, Lattice, NodeKey};
 use super::placed::Placed;
 use super::sight::Sight;
 use super::source::{NodeFacts, SurfaceNodes};
 use crate::model::Bounds;
 use crate::view::Extent;
+use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
+use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use glam::DVec3;
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
@@ -73,7 +74,7 @@ pub struct Choice {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutNode {
     /// Which one.
-    pub key: NodeKey,
+    pub key: ChunkKey,
     /// What it says of itself.
     pub facts: NodeFacts,
     /// The box that holds it in the world.
@@ -92,10 +93,10 @@ pub struct SurfaceCut {
     /// In the order of their keys.
     pub nodes: Vec<CutNode>,
     /// The number of each chunk.
-    index: HashMap<NodeKey, usize>,
+    index: HashMap<ChunkKey, usize>,
     levels: Vec<u8>,
     /// Chunks that would be drawn if they were there, the worst first: those that they would refine, and the error in pixels.
-    pub missing: Vec<(NodeKey, f64)>,
+    pub missing: Vec<(ChunkKey, f64)>,
     /// Whether nothing is missing and the budget sufficed.
     pub is_converged: bool,
 }
@@ -104,19 +105,19 @@ impl SurfaceCut {
     /// The chunk that holds a cell of full resolution.
     pub fn at(&self, row: u64, column: u64) -> Option<usize> {
         self.levels.iter().find_map(|&level| {
-            let shift = u32::from(level) + 8;
-            let key = NodeKey { level, row: (row >> shift) as u32, column: (column >> shift) as u32 };
+            let shift = u32::from(level) + SIDE_BITS;
+            let key = ChunkKey { level, row: (row >> shift) as u32, column: (column >> shift) as u32 };
             self.index.get(&key).copied()
         })
     }
 
     /// The number of a chunk that is drawn.
-    pub fn number(&self, key: NodeKey) -> Option<usize> {
+    pub fn number(&self, key: ChunkKey) -> Option<usize> {
         self.index.get(&key).copied()
     }
 
     /// The same without some chunks.
-    pub fn without(self, is_left_out: impl Fn(&NodeKey) -> bool) -> SurfaceCut {
+    pub fn without(self, is_left_out: impl Fn(&ChunkKey) -> bool) -> SurfaceCut {
         let SurfaceCut { nodes, missing, is_converged, .. } = self;
         let nodes = nodes.into_iter().filter(|node| !is_left_out(&node.key)).collect();
         SurfaceCut { missing, is_converged, ..SurfaceCut::new(nodes) }
@@ -169,7 +170,7 @@ pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice:
     let chooser = Chooser { source, placed, sight, padded, choice, lattice };
     let mut waiting = BinaryHeap::new();
     waiting.extend(chooser.visit(lattice.root()));
-    let (mut done, mut missing): (Vec<CutNode>, Vec<(NodeKey, f64)>) = (Vec::new(), Vec::new());
+    let (mut done, mut missing): (Vec<CutNode>, Vec<(ChunkKey, f64)>) = (Vec::new(), Vec::new());
     let most = choice.most.clamp(1, MOST_NODES);
     let mut is_within = true;
     while let Some(Waiting { want, node }) = waiting.pop() {
@@ -208,7 +209,7 @@ struct Chooser<'a> {
 
 impl Chooser<'_> {
     /// A chunk that something may be seen of, and how many times too coarse it is.
-    fn visit(&self, key: NodeKey) -> Option<Waiting> {
+    fn visit(&self, key: ChunkKey) -> Option<Waiting> {
         let facts = self.source.facts(key)?;
         if facts.is_empty() {
             return None;
@@ -240,7 +241,7 @@ impl Chooser<'_> {
         // A line on a gentle slope moves far for little. Where there are more lines than pixels none is seen.
         let lines = (facts.max - facts.min) / self.choice.lines;
         let moves_lines = facts.delta > LINES * self.choice.lines
-            && lines < sight.error_pixels(&extent, CHUNK as f64 * spacing[0].max(spacing[1]));
+            && lines < sight.error_pixels(&extent, f64::from(1 << SIDE_BITS) * spacing[0].max(spacing[1]));
         if self.choice.looks && facts.deviation > UNSEEN || moves_lines {
             want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), LOOKED));
         }
@@ -251,12 +252,11 @@ impl Chooser<'_> {
     }
 
     /// The finer chunks in the place of one that something may be seen of; `None` where one of them is not there.
-    fn finer(&self, key: NodeKey) -> Option<Vec<Waiting>> {
-        let children = key.children().into_iter().filter(|child| self.lattice.has(*child));
-        if key.level == 0 || children.clone().any(|child| !self.source.is_there(child)) {
+    fn finer(&self, key: ChunkKey) -> Option<Vec<Waiting>> {
+        if key.level == 0 || self.lattice.children(key).any(|child| !self.source.is_there(child)) {
             return None;
         }
-        Some(children.filter_map(|child| self.visit(child)).collect())
+        Some(self.lattice.children(key).filter_map(|child| self.visit(child)).collect())
     }
 
     fn world_delta(&self, facts: &NodeFacts, level: u8, added: f64) -> f64 {
@@ -296,7 +296,7 @@ impl Chooser<'_> {
         &self,
         mut nodes: Vec<CutNode>,
         most: usize,
-        missing: &mut Vec<(NodeKey, f64)>,
+        missing: &mut Vec<(ChunkKey, f64)>,
         is_within: &mut bool,
     ) -> SurfaceCut {
         loop {
@@ -340,7 +340,7 @@ impl Chooser<'_> {
             if refined.is_empty() {
                 return cut;
             }
-            let is_refined = |key: &NodeKey| refined.iter().any(|(refined, _)| refined == key);
+            let is_refined = |key: &ChunkKey| refined.iter().any(|(refined, _)| refined == key);
             nodes = cut.nodes.into_iter().filter(|node| !is_refined(&node.key)).map(reset).collect();
             nodes.extend(refined.into_iter().flat_map(|(_, finer)| finer).map(|waiting| waiting.node));
             // The error of what stays is worked out anew.

@@ -6,6 +6,7 @@
 
 use super::lambert::Facets;
 use super::look::{Attribute, Light, Ramp};
+use super::photo::{self, PhotoLook};
 use super::placed::Map;
 use super::raster::Visibility;
 use super::resolve::{Hit, Resolver};
@@ -24,6 +25,8 @@ const PLANES: usize = 4;
 /// small picture are nearest to the means of a large one with this.
 pub const FINER: f64 = 0.65;
 
+/// How many times as far as from above a sample may reach where the surface is seen from its edge.
+const MOST_LONGER: f64 = 16.0;
 /// Widths of a line from it within which a sample looks where it really is.
 pub const REACH: f64 = 1.2;
 /// Most steps to where a line is.
@@ -44,7 +47,8 @@ struct Texel {
 
 /// Shades a picture.
 pub struct Shader<'a> {
-    resolver: Resolver<'a>,
+    /// Where what is shown is.
+    pub(super) resolver: Resolver<'a>,
     look: &'a Look,
     ramp: Ramp,
     /// Samples along a pixel's side.
@@ -53,11 +57,20 @@ pub struct Shader<'a> {
     sun: Option<DVec3>,
     /// Which planes are read.
     planes: Vec<usize>,
+    photo: Option<PhotoLook<'a>>,
+    /// Pixels of a row, and which have no lines; empty where all have.
+    spared: (usize, Vec<bool>),
 }
 
 impl<'a> Shader<'a> {
-    /// For a picture whose pixels are its samples, of which there are `parts` along a pixel's side.
-    pub fn new(scene: &'a Scene, sight: &'a Sight, look: &'a Look, parts: u32) -> Shader<'a> {
+    /// For a picture whose pixels are its samples, of which there are `parts` along a pixel's side; with a photo, where one is to be seen.
+    pub fn new(
+        scene: &'a Scene,
+        sight: &'a Sight,
+        look: &'a Look,
+        photo: Option<PhotoLook<'a>>,
+        parts: u32,
+    ) -> Shader<'a> {
         let sun = match look.light {
             Light::Eye => None,
             Light::Sun { azimuth, altitude } => {
@@ -72,7 +85,24 @@ impl<'a> Shader<'a> {
             _ => Vec::new(),
         };
         let resolver = Resolver::new(scene, sight);
-        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes }
+        Shader { resolver, look, ramp: Ramp::new(&look.transfer), parts, sun, planes, photo, spared: (0, Vec::new()) }
+    }
+
+    /// What finds places.
+    pub fn resolver(&self) -> &Resolver<'a> {
+        &self.resolver
+    }
+
+    /// Without lines in some of the pixels; `width` are in a row.
+    pub fn sparing(self, width: usize, pixels: Vec<bool>) -> Shader<'a> {
+        Shader { spared: (width, pixels), ..self }
+    }
+
+    /// Whether a place of the picture's samples has no lines.
+    fn is_spared(&self, place: [f64; 2]) -> bool {
+        let (width, pixels) = &self.spared;
+        let [x, y] = place.map(|at| (at / f64::from(self.parts)) as usize);
+        pixels.get(y * width + x).copied().unwrap_or(false)
     }
 
     /// Colours in linear light, premultiplied with alpha, and depths: infinite where some sample of a pixel shows nothing. Where the surface
@@ -105,7 +135,7 @@ impl<'a> Shader<'a> {
     }
 
     /// Whether a surface without holes ends in a pixel or next to it.
-    fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
+    pub(super) fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
         let parts = self.parts as usize;
         let (mut hits, mut misses) = (false, false);
         for y in top.saturating_sub(1)..(top + parts + 1).min(seen.height) {
@@ -156,6 +186,10 @@ impl<'a> Shader<'a> {
             }
             Attribute::Plane(_) => self.ramp.at(self.place(f64::from(texel.planes[0]))),
             Attribute::Texture(_) => [texel.planes[0], texel.planes[1], texel.planes[2]],
+            Attribute::Photo => {
+                let reach = self.reach(hit, texel.normal, place);
+                self.photo.as_ref().map_or(photo::nothing(), |photo| photo.at([hit.under[0], hit.under[1]], reach))
+            }
         };
         let [row, column, height] = hit.under;
         let world = placed.world(row, column, height);
@@ -172,12 +206,33 @@ impl<'a> Shader<'a> {
         let lit = facets.lit(self.sun.unwrap_or(toward), toward) as f32;
         let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
         let mut color = plain.map(|color| color * light);
-        if let Some(contours) = &self.look.contours {
+        if let Some(contours) = &self.look.contours
+            && !self.is_spared(place)
+        {
             let share = self.line(contours, hit, place);
             (0..3).for_each(|k| color[k] += share * (contours.color[k] - color[k]));
         }
         let alpha = (hit.coverage * sight.cut().fade(hit.depth)) as f32;
         [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]
+    }
+
+    /// How many rows and columns a sample of the picture reaches over on a surface with a mean normal; on a globe as many as it would if it were
+    /// seen from above.
+    fn reach(&self, hit: &Hit, normal: [f32; 3], [x, y]: [f64; 2]) -> [f64; 2] {
+        let placed = &self.resolver.scene.placed;
+        let [across, along] = placed.spacing();
+        let size = self.resolver.level_at(hit.depth).exp2() * across.max(along);
+        let least = [size / along, size / across];
+        let ([row, column, height], slope) = (hit.under, placed.slope(normal));
+        let apart = |x: f64, y: f64| {
+            let (origin, direction) = self.resolver.sight.ray([x, y])?;
+            let [column_there, row_there, _] = placed.ray(origin, direction)?.on_plane([row, column], height, slope)?;
+            Some([(row_there - row).abs(), (column_there - column).abs()])
+        };
+        let (Some(beside), Some(below)) = (apart(x + 0.5, y), apart(x, y + 0.5)) else { return least };
+        std::array::from_fn(|axis| {
+            (2.0 * (beside[axis] + below[axis])).clamp(least[axis] / MOST_LONGER, least[axis] * MOST_LONGER)
+        })
     }
 
     fn place(&self, value: f64) -> f64 {
@@ -195,10 +250,7 @@ impl<'a> Shader<'a> {
         let height = |x: f64, y: f64| {
             let (origin, direction) = self.resolver.sight.ray([x, y])?;
             let ray = placed.ray(origin, direction)?;
-            let plane = here + slope[0] * (ray.origin[0] - column) + slope[1] * (ray.origin[1] - row);
-            let [right, down, up] = ray.direction;
-            let t = (plane - ray.origin[2]) / (up - slope[0] * right - slope[1] * down);
-            (t > 0.0 && t.is_finite()).then(|| t.mul_add(up, ray.origin[2]))
+            ray.on_plane([row, column], here, slope).map(|[_, _, height]| height)
         };
         const STEP: f64 = 0.25;
         let parts = f64::from(self.parts);

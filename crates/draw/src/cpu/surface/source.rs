@@ -1,6 +1,7 @@
 //! What drawing reads of a field: facts of chunks, which choose them, and their samples.
 
-use super::lattice::{Lattice, NodeKey};
+use super::photo::PhotoTiles;
+use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
 
 /// What a chunk says of itself before its samples are read. Lengths are in the field's unit of heights.
@@ -71,13 +72,18 @@ pub trait SurfaceNodes: Sync {
     fn lattice(&self) -> Lattice;
 
     /// What a chunk says of itself; `None` where it is not known yet.
-    fn facts(&self, key: NodeKey) -> Option<NodeFacts>;
+    fn facts(&self, key: ChunkKey) -> Option<NodeFacts>;
 
     /// A chunk's samples; `None` where they are not there (yet).
-    fn samples(&self, key: NodeKey) -> Option<Arc<NodeSamples>>;
+    fn samples(&self, key: ChunkKey) -> Option<Arc<NodeSamples>>;
 
     /// Whether a chunk's samples are there.
-    fn is_there(&self, _: NodeKey) -> bool {
+    fn is_there(&self, _: ChunkKey) -> bool {
         true
+    }
+
+    /// The photo that lies over it.
+    fn photo(&self) -> Option<&dyn PhotoTiles> {
+        None
     }
 }

@@ -9,10 +9,10 @@
 //! picture of the edge: so the coarser triangle has it as a corner, too, and is drawn as a fan ([`Mesh::extras`]). Then every edge of a
 //! drawn triangle is an edge of exactly two, or lies at a rim, and its ends come from the same operations on both sides.
 
-use super::lattice::{Lattice, NodeKey};
 use super::placed::Placed;
 use super::select::{CutNode, SurfaceCut};
 use super::source::{NodeSamples, SurfaceNodes};
+use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use deepfield_heights::model::Cell;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -165,7 +165,7 @@ pub struct Scene {
     /// The chosen chunks, in the cut's order.
     pub meshes: Vec<Mesh>,
     /// The chunks that these lie in, which say what they look like from afar.
-    pub ancestors: BTreeMap<NodeKey, Arc<NodeSamples>>,
+    pub ancestors: BTreeMap<ChunkKey, Arc<NodeSamples>>,
 }
 
 impl Scene {
@@ -175,13 +175,13 @@ impl Scene {
         let read: Vec<Option<Arc<NodeSamples>>> = cut.nodes.par_iter().map(|node| source.samples(node.key)).collect();
         if read.iter().any(Option::is_none) {
             let missing = cut.nodes.iter().zip(&read).filter(|(_, samples)| samples.is_none());
-            let missing: Vec<(NodeKey, f64)> = missing.map(|(node, _)| (node.key, f64::INFINITY)).collect();
+            let missing: Vec<(ChunkKey, f64)> = missing.map(|(node, _)| (node.key, f64::INFINITY)).collect();
             cut = cut.without(|key| missing.iter().any(|(missing, _)| missing == key));
             cut.missing.extend(missing);
             cut.is_converged = false;
         }
         let read: Vec<Arc<NodeSamples>> = read.into_iter().flatten().collect();
-        let mut above: Vec<NodeKey> = cut
+        let mut above: Vec<ChunkKey> = cut
             .nodes
             .iter()
             .flat_map(|node| (node.key.level + 1..=lattice.top()).map(|level| node.key.ancestor(level)))
@@ -193,8 +193,8 @@ impl Scene {
         let meshes = cut.nodes.iter().zip(read).map(|(node, samples)| Mesh {
             node: *node,
             samples,
-            rows: lattice.positions(node.key, 0),
-            columns: lattice.positions(node.key, 1),
+            rows: lattice.places(node.key, 0),
+            columns: lattice.places(node.key, 1),
             heights: None,
             extras: Default::default(),
             is_laid: [false; 4],
@@ -206,7 +206,7 @@ impl Scene {
     }
 
     /// The samples of a chunk that is drawn or that a drawn one lies in.
-    pub fn samples(&self, key: NodeKey) -> Option<&NodeSamples> {
+    pub fn samples(&self, key: ChunkKey) -> Option<&NodeSamples> {
         match self.ancestors.get(&key) {
             Some(samples) => Some(samples),
             None => self.cut.number(key).map(|number| &*self.meshes[number].samples),

@@ -4,7 +4,6 @@ mod cracks;
 mod levels;
 mod techniques;
 
-use super::lattice::NodeKey;
 use super::memory::MemorySurface;
 use super::placed::{Map, Placed};
 use super::select::{CutNode, Primitive, SurfaceCut};
@@ -12,15 +11,16 @@ use super::sight::Sight;
 use super::source::SurfaceNodes;
 use crate::model::Bounds;
 use crate::view::{Extent, Projection, View};
+use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::model::{Cell, HeightField};
 use glam::DVec3;
 use proptest::prelude::*;
 
 /// Random numbers from 0 to 1: a counter, well mixed.
-struct Random(u64);
+pub(super) struct Random(u64);
 
 impl Random {
-    fn new(seed: u64) -> Random {
+    pub(super) fn new(seed: u64) -> Random {
         Random(seed)
     }
 
@@ -31,13 +31,13 @@ impl Random {
         ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.next()
     }
 }
 
 /// Hills of several sizes; `holes` of the samples were not measured.
-fn hills(rows: usize, columns: usize, holes: f64, seed: u64) -> HeightField {
+pub(super) fn hills(rows: usize, columns: usize, holes: f64, seed: u64) -> HeightField {
     let mut random = Random::new(seed);
     let waves: Vec<[f64; 4]> = (0..9)
         .map(|k| {
@@ -56,7 +56,7 @@ fn hills(rows: usize, columns: usize, holes: f64, seed: u64) -> HeightField {
     HeightField::of(columns as u64, rows as u64, heights)
 }
 
-fn placed(field: &HeightField) -> Placed {
+pub(super) fn placed(field: &HeightField) -> Placed {
     Placed::new(&field.grid, Map::Plate, 1.0, 0.0)
 }
 
@@ -91,7 +91,7 @@ fn random_cut(source: &MemorySurface, placed: &Placed, sight: &Sight, random: &m
             continue;
         }
         if key.level > 0 && random.next() < 0.6 {
-            waiting.extend(key.children());
+            waiting.extend(key.quarters());
             continue;
         }
         nodes.push(cut_node(source, placed, sight, key, points));
@@ -99,7 +99,7 @@ fn random_cut(source: &MemorySurface, placed: &Placed, sight: &Sight, random: &m
     SurfaceCut::new(nodes)
 }
 
-fn cut_node(source: &MemorySurface, placed: &Placed, sight: &Sight, key: NodeKey, points: bool) -> CutNode {
+fn cut_node(source: &MemorySurface, placed: &Placed, sight: &Sight, key: ChunkKey, points: bool) -> CutNode {
     let facts = source.facts(key).unwrap();
     let [rows, columns] = source.lattice().rectangle(key);
     let corner = |k: usize| placed.world(rows[k] as f64, columns[k] as f64, [facts.min, facts.max][k]).to_array();
@@ -113,7 +113,7 @@ fn cut_node(source: &MemorySurface, placed: &Placed, sight: &Sight, key: NodeKey
 }
 
 /// A random camera above a field that looks onto it, so that nothing but the field is in the picture.
-fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 2]) -> View {
+pub(super) fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 2]) -> View {
     let (columns, rows) = ((field.grid.columns - 1) as f64, (field.grid.rows - 1) as f64);
     let high = field.stored.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     loop {

@@ -247,6 +247,8 @@ impl FieldSession {
             milliseconds: times.medians(),
             moment: None,
             paths: None,
+            ground: None,
+            told: None,
             points: Some(*report),
             surface: None,
         })

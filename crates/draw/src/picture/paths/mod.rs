@@ -284,6 +284,11 @@ impl PathLayer {
         self.canvas.colors()
     }
 
+    /// The same without what is behind surfaces.
+    pub fn colors_behind(&self, surfaces: Option<&PathFragments>) -> Colors {
+        surfaces.map_or_else(|| self.colors(), |surfaces| self.fragments().colors_behind(surfaces))
+    }
+
     /// The fragments of the paths that were gathered.
     pub fn fragments(&self) -> PathFragments {
         self.canvas.fragments()

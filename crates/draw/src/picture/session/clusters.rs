@@ -181,6 +181,9 @@ impl Session {
     ) -> Result<LevelReport, PictureError> {
         let (splats, has_clusters) = (selection.particles, has_clusters(&selection.nodes));
         let drawn = Drawn { splats, has_clusters, values };
+        if shown.ground.is_some() {
+            return Ok(self.plain_report(shown.depiction, drawn));
+        }
         let attempt = &mut |session: &mut Session, depiction: &Depiction| session.attempt_flat(tree, shown, depiction);
         let report = self.level_report(shown.depiction, drawn, attempt)?;
         let (Raw::Sums(sums, _), Purpose::Clusters) = (values, self.scene.purpose) else { return Ok(report) };
@@ -196,11 +199,16 @@ impl Session {
         drawn: Drawn<'_>,
         attempt: &mut Attempting<'_>,
     ) -> Result<LevelReport, PictureError> {
-        let (splats, budget, order) = (drawn.splats, depiction.choice.splats, depiction.choice.order.map(Order::name));
-        let report = LevelReport { levels: self.drawn_from(), splats, budget, order, ..LevelReport::default() };
+        let report = self.plain_report(depiction, drawn);
         let (Raw::Sums(..), Purpose::Clusters) = (drawn.values, self.scene.purpose) else { return Ok(report) };
         let error_estimate = self.estimate(depiction, drawn, attempt)?;
         Ok(LevelReport { error_estimate, ..report })
+    }
+
+    /// The same without errors: of a picture in which surfaces hide some of what there is, nothing tells them.
+    pub(super) fn plain_report(&self, depiction: &Depiction, drawn: Drawn<'_>) -> LevelReport {
+        let (splats, budget, order) = (drawn.splats, depiction.choice.splats, depiction.choice.order.map(Order::name));
+        LevelReport { levels: self.drawn_from(), splats, budget, order, ..LevelReport::default() }
     }
 
     /// By how much the sums of a picture are thought to be wrong; `None` where nothing tells.

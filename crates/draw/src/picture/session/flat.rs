@@ -7,8 +7,9 @@ use crate::cpu::overdraw::Overdraw;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::hierarchy::Purpose;
-use crate::mode::{Adapter, Depiction, LodBudget, Output, Plan, Raw};
+use crate::mode::{Adapter, Depiction, LightPicture, LodBudget, Output, Plan, Raw};
 use crate::picture::adapter::{AdapterJob, Passes, draw_on};
+use crate::picture::ground::among;
 use crate::picture::hiding::{self, Hiding};
 use crate::picture::left_out::LeftOut;
 use crate::picture::paths::PathLayer;
@@ -16,6 +17,7 @@ use crate::picture::times::Times;
 use crate::picture::{Picture, PictureError, Subject};
 use crate::store::{NodeRef, Tree};
 use crate::stream::SceneNode;
+use crate::view::perspective_grid::GridError;
 use crate::view::{Hidden, View};
 use std::sync::Arc;
 use std::time::Instant;
@@ -63,7 +65,8 @@ impl Session {
     fn draw_flat_as(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
         let Shown { view, depiction, transfer, .. } = *shown;
         let start = Instant::now();
-        let is_sure = matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);
+        let is_sure =
+            shown.ground.is_none() && matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);
         let mut known = match self.hiding.take() {
             _ if !is_sure => None,
             Some(hiding) if hiding.is_of(depiction) => Some(hiding),
@@ -186,24 +189,35 @@ impl Session {
         }
         let mut values = picture.values;
         let (mut counts, mut on_top) = (None, None);
+        let surfaces = shown.ground.map(|ground| times.measure("surfaces", || ground.fragments(&view)));
         if has_paths {
             // Everything is read before times are measured.
             self.gather_paths(shown)?;
         }
         for _ in 0..repeat {
             values = times.frame(|times| {
-                let mut among: Option<PathFragments> = None;
+                let mut paths: Option<PathFragments> = None;
                 if has_paths {
                     counts = Some(times.measure("paths", || self.gather_paths(shown))?);
                     times.measure("paths", || match takes_paths {
-                        true => among = self.paths.as_ref().map(PathLayer::fragments),
-                        false => on_top = self.paths.as_ref().map(|layer| Arc::new(layer.colors())),
+                        true => paths = self.paths.as_ref().map(PathLayer::fragments),
+                        false => {
+                            let colors = |layer: &PathLayer| Arc::new(layer.colors_behind(surfaces.as_ref()));
+                            on_top = self.paths.as_ref().map(colors);
+                        }
                     });
                 }
+                let among = among(paths, surfaces.as_ref());
                 let selection = times.measure("select", || self.scene.select(&seen, detail));
                 let nodes = times.measure("decode", || subject.decode(&view, &selection.nodes, &plan));
-                let drawn = || subject.draw_with_paths(&view, &nodes, &plan, among.as_ref());
-                let drawn = times.measure("draw", drawn)?;
+                let drawn = || subject.draw_with_paths(&view, &nodes, &plan, among.as_deref());
+                let drawn = match (times.measure("draw", drawn), &among) {
+                    // What nobody sees of particles is a picture of the rest.
+                    (Err(VolumeError::Grid(GridError::NothingInView)), Some(among)) if surfaces.is_some() => {
+                        Raw::Light(LightPicture::of(among.colors()))
+                    }
+                    (drawn, _) => drawn?,
+                };
                 let kept: u64 = nodes.iter().map(|node| node.len() as u64).sum();
                 left_out.thinned = Some(selection.particles - kept);
                 Ok::<_, PictureError>(drawn)
@@ -221,13 +235,14 @@ impl Session {
         }
         let moment = picture.moment.map(|moment| counts.map_or(moment, |counts| moment.with_paths(counts)));
         let level_report = self.flat_report(tree, shown, &selection, &values)?;
-        Ok((Picture { values, left_out, level_report, moment, paths: on_top, ..picture }, selection.hidden))
+        let ground = surfaces.filter(|_| !mode.is_light()).map(|surfaces| Arc::new(surfaces.colors()));
+        Ok((Picture { values, left_out, level_report, moment, paths: on_top, ground, ..picture }, selection.hidden))
     }
 
     /// The passes of an adapter that draw a picture: none where paths lie among what it shows.
     pub(super) fn passes_without_paths(&mut self, shown: &Shown<'_>) -> Result<Option<Passes>, PictureError> {
         let mode = shown.depiction.mode;
-        let passes = self.passes(mode)?;
+        let passes = self.passes(mode)?.filter(|_| shown.ground.is_none());
         if passes.is_some() && mode.technique.takes_paths() && self.has_paths(&shown.shot.look) {
             self.tell_of_paths("volumes with paths are drawn by the processor");
             return Ok(None);

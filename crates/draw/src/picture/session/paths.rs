@@ -1,6 +1,8 @@
 //! Paths of the run in a session's pictures.
 
 use super::{Session, Shown};
+use crate::cpu::paths::PathFragments;
+use crate::cpu::paths::fragments::lay_over_colors;
 use crate::look::LookPatch;
 use crate::mode::PathsOf;
 use crate::model::FamilyName;
@@ -97,6 +99,7 @@ impl Session {
         }
         let blank = self.blank(shown, shown.view)?;
         let (mut values, mut counts) = (blank.values, PathCounts::default());
+        let surfaces = shown.ground.map(|ground| ground.fragments(&shown.view));
         // Everything is read before times are measured.
         let start = Instant::now();
         self.gather_paths(shown)?;
@@ -104,7 +107,16 @@ impl Session {
         for _ in 0..self.options.repeat.max(1) {
             (values, counts) = times.frame(|times| {
                 let counts = times.measure("project", || self.gather_paths(shown))?;
-                let colors = times.measure("draw", || self.paths.as_ref().map(PathLayer::colors));
+                let colors = times.measure("draw", || {
+                    let colors = self.paths.as_ref().map(|layer| layer.colors_behind(surfaces.as_ref()));
+                    match (colors, surfaces.as_ref().map(PathFragments::colors)) {
+                        (Some(paths), Some(mut under)) => {
+                            lay_over_colors(&paths, &mut under);
+                            Some(under)
+                        }
+                        (paths, under) => paths.or(under),
+                    }
+                });
                 Ok::<_, PictureError>((modes::paths::picture(shown.view.width, shown.view.height, colors), counts))
             })?;
         }

@@ -3,6 +3,7 @@
 use super::clusters::{Attempt, Drawn};
 use super::{Session, Shown};
 use crate::color::transfer::TransferFunction;
+use crate::cpu::paths::fragments::lay_over_colors;
 use crate::cpu::volume::VolumeError;
 use crate::explore::SelectionSet;
 use crate::explore::selection::Show;
@@ -45,6 +46,7 @@ impl Session {
         }
         let drawn_as = depiction.blended();
         let passes = self.passes_without_paths(&Shown { depiction: &drawn_as, ..*shown })?;
+        let passes = passes.filter(|_| shown.ground.is_none());
         let passes = match (passes, projector.only_on_processor(&drawn_as), self.options.backend) {
             (Some(_), Some(why), Some(_)) => return asked(&format!("--backend: only cpu draws {why}")),
             (Some(_), Some(_), None) => None,
@@ -66,7 +68,8 @@ impl Session {
         let (tau, is_asked) = (shot.look.error_px(), self.options.backend.is_some());
         let adapter = passes.zip(self.adapter.as_deref_mut());
         let layer = self.paths.as_mut().zip(paths.as_mut());
-        let mut means = Means { scene: &mut self.scene, adapter, reporter: &*self.reporter, paths: layer };
+        let ground = shown.ground;
+        let mut means = Means { scene: &mut self.scene, adapter, reporter: &*self.reporter, paths: layer, ground };
         let drawn = times.measure("frame", || projector.draw(&mut means, &subject, tau));
         let (values, tally) = match drawn {
             Err(PictureError::Volume(VolumeError::Device(error))) if is_asked => return asked(&error),
@@ -81,6 +84,10 @@ impl Session {
             true => Some(Arc::new(times.measure("paths", || projector.paths(&mut means))?)),
             false => None,
         };
+        let under = match depiction.mode.is_light() {
+            true => None,
+            false => times.measure("surfaces", || projector.ground(&means))?.map(Arc::new),
+        };
         let on_processor = tally.drawn_by.is_none();
         let (outside, splats) = match depiction.mode.is_light() {
             true => (None, None),
@@ -88,7 +95,10 @@ impl Session {
             false => (on_processor.then_some(tally.counts.outside), Some(tally.counts.drawn)),
         };
         let drawn = Drawn { splats: tally.particles, has_clusters: tally.has_clusters, values: &values };
-        let level_report = self.level_report(depiction, drawn, attempt)?;
+        let level_report = match shown.ground {
+            Some(_) => self.plain_report(depiction, drawn),
+            None => self.level_report(depiction, drawn, attempt)?,
+        };
         let level_report = if on_processor { level_report } else { level_report.by_adapter() };
         let level_report = LevelReport { error_bound: tally.error_bound, ..level_report };
         let blank = self.blank(shown, projector.base)?;
@@ -107,6 +117,7 @@ impl Session {
             drawn_by: tally.drawn_by.unwrap_or(blank.drawn_by),
             level_report,
             paths: on_top,
+            ground: under,
             ..blank
         })
     }
@@ -156,8 +167,14 @@ impl Session {
         let blank = self.blank(shown, projector.base)?;
         let mut paths = paths.ok_or_else(|| self.no_paths())?;
         let layer = self.paths.as_mut().map(|layer| (layer, &mut paths));
-        let mut means = Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: layer };
-        let colors = times.measure("frame", || projector.paths(&mut means))?;
+        let ground = shown.ground;
+        let mut means =
+            Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: layer, ground };
+        let mut colors = times.measure("frame", || projector.paths(&mut means))?;
+        if let Some(mut under) = projector.ground(&means)? {
+            lay_over_colors(&colors, &mut under);
+            colors = under;
+        }
         let moment = blank.moment.map(|moment| moment.with_paths(paths.counts()));
         let values = modes::paths::picture(colors.width, colors.height, Some(colors));
         Ok(Picture { values, moment, milliseconds: times.medians(), ..blank })

@@ -1,8 +1,15 @@
-//! Pictures of measured heights: [`SurfaceSession`] opens a field and draws the shots that are asked for.
+//! Pictures of measured heights: [`SurfaceSession`] opens a field and draws the shots that are asked for, [`MixedSession`]
+//! several, and particles among them.
 
+mod letters;
+mod mixed;
+mod opened;
 mod painting;
+mod placement;
 mod raw;
 mod session;
 
+pub use mixed::MixedSession;
+pub use opened::OpenSurface;
 pub use raw::{SurfaceChannels, SurfaceShown};
-pub use session::SurfaceSession;
+pub use session::{SeenSurface, SurfaceSession};

@@ -1,11 +1,13 @@
 //! What draws surfaces: an adapter, where one is asked for or faster and knows how, else the processor.
 
+use super::letters::ProgramFont;
+use crate::cpu::surface::look::Attribute;
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::picture::{counted, parts, report, scene};
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::sight::Sight;
-use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw};
+use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw_lettered};
 use crate::cpu::volume::VolumeError;
 use crate::look::Backend;
 use crate::picture::adapter::{Adapter, AdapterSurface, AdapterValues, Passes, WITHOUT_ADAPTER};
@@ -53,7 +55,11 @@ fn not_yet(placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> Option<&
         Sight::Around { .. } => Some("pictures of all directions"),
         _ if options.raw => Some("raw channels"),
         _ if options.technique == Technique::Rays => Some("rays"),
-        _ => None,
+        _ => options.look.as_ref().and_then(|look| match (look.attribute, look.contours) {
+            (Attribute::Photo, _) => Some("photos"),
+            (_, Some(contours)) if contours.labels.is_some() => Some("labels of contours"),
+            _ => None,
+        }),
     }
 }
 
@@ -97,7 +103,8 @@ impl Painter {
                 },
             }
         }
-        Ok((draw(field.nodes, field.placed, sight, options), DrawnBy::default()))
+        let picture = draw_lettered(field.nodes, field.placed, sight, options, Some(&ProgramFont));
+        Ok((picture, DrawnBy::default()))
     }
 
     fn draw_on_adapter(

@@ -1,6 +1,7 @@
 //! What a surface's picture shows beside its colours.
 
 use crate::cpu::surface::SurfaceReport;
+use crate::cpu::surface::labels::ContourLabel;
 
 /// Depth, x, y, height, row, column and coverage at the middle of each pixel, row by row; NaN where nothing is.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,4 +21,6 @@ pub struct SurfaceShown {
     pub report: SurfaceReport,
     /// The channels, where they were asked for.
     pub channels: Option<SurfaceChannels>,
+    /// The heights that are written along lines; `None` where none are asked for.
+    pub labels: Option<Vec<ContourLabel>>,
 }

@@ -11,6 +11,23 @@ pub struct ChunkKey {
     pub column: u32,
 }
 
+impl ChunkKey {
+    /// The four chunks of the next finer level that lie where it does, row by row; some may be beyond the rim. Of a leaf its like.
+    pub fn quarters(self) -> [ChunkKey; 4] {
+        [[0, 0], [0, 1], [1, 0], [1, 1]].map(|[row, column]| ChunkKey {
+            level: self.level.saturating_sub(1),
+            row: 2 * self.row + row,
+            column: 2 * self.column + column,
+        })
+    }
+
+    /// The chunk of a coarser level that it lies in; itself where the level is none.
+    pub fn ancestor(self, level: u8) -> ChunkKey {
+        let up = level.saturating_sub(self.level);
+        ChunkKey { level: self.level.max(level), row: self.row >> up, column: self.column >> up }
+    }
+}
+
 /// The samples of a chunk among those of its level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
@@ -76,7 +93,12 @@ impl Lattice {
 
     /// The root.
     pub fn root(&self) -> ChunkKey {
-        ChunkKey { level: (self.levels() - 1) as u8, row: 0, column: 0 }
+        ChunkKey { level: self.top(), row: 0, column: 0 }
+    }
+
+    /// The coarsest level, which is one chunk.
+    pub fn top(&self) -> u8 {
+        (self.levels() - 1) as u8
     }
 
     /// The row (`axis` 0) or column (1) at full resolution of a level's sample.
@@ -107,10 +129,29 @@ impl Lattice {
 
     /// The samples of a chunk.
     pub fn part(&self, key: ChunkKey) -> Part {
-        let [rows, columns] = self.samples_of(key.level.into());
-        let (row, column) = (u64::from(key.row) << self.side_bits, u64::from(key.column) << self.side_bits);
-        let end = |first: u64, count: u64| ((first + self.side() + 1).min(count) - first) as usize;
-        Part { row, column, rows: end(row, rows), columns: end(column, columns) }
+        let ((row, rows), (column, columns)) = (self.span(key, 0), self.span(key, 1));
+        Part { row, column, rows, columns }
+    }
+
+    /// The first sample of a chunk in its level along an axis (0: rows), and the number of samples there.
+    pub fn span(&self, key: ChunkKey, axis: usize) -> (u64, usize) {
+        let first = u64::from([key.row, key.column][axis]) << self.side_bits;
+        let cells = (self.samples[axis] - 1).div_ceil(1 << key.level);
+        (first, cells.saturating_sub(first).min(self.side()) as usize + 1)
+    }
+
+    /// Where a chunk's samples are along an axis at full resolution.
+    pub fn places(&self, key: ChunkKey, axis: usize) -> Vec<u64> {
+        let (first, count) = self.span(key, axis);
+        (first..first + count as u64).map(|index| self.place(axis, key.level.into(), index)).collect()
+    }
+
+    /// A chunk's first and last row, and its first and last column, at full resolution.
+    pub fn rectangle(&self, key: ChunkKey) -> [[u64; 2]; 2] {
+        [0, 1].map(|axis| {
+            let (first, count) = self.span(key, axis);
+            [first, first + count as u64 - 1].map(|index| self.place(axis, key.level.into(), index))
+        })
     }
 
     /// The samples of a leaf, with those around it: a ring of one where the field has them.
@@ -138,12 +179,7 @@ impl Lattice {
     /// A chunk's children, in order of rows and columns; none of leaves.
     pub fn children(&self, key: ChunkKey) -> impl Iterator<Item = ChunkKey> + use<> {
         let lattice = *self;
-        let child = move |number: u32| {
-            let level = key.level.checked_sub(1)?;
-            let child = ChunkKey { level, row: 2 * key.row + number / 2, column: 2 * key.column + number % 2 };
-            lattice.has(child).then_some(child)
-        };
-        (0..4).filter_map(child)
+        key.quarters().into_iter().filter(move |child| key.level > 0 && lattice.has(*child))
     }
 
     /// A chunk's parent; none of the root.

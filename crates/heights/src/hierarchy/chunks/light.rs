@@ -5,6 +5,9 @@ use std::sync::LazyLock;
 /// Full light.
 pub const FULL: u32 = 65535;
 
+/// The value that stands where a surface is and no photo: half of full light.
+pub const NO_PHOTO: u8 = 188;
+
 /// Light of each of the 256 values.
 static LINEAR: LazyLock<[u32; 256]> =
     LazyLock::new(|| std::array::from_fn(|value| (linear(value as f64 / 255.0) * f64::from(FULL)).round() as u32));

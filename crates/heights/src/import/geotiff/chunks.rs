@@ -4,10 +4,10 @@ use super::coding::Coding;
 use super::directory::Directory;
 use super::tag;
 use crate::import::content::Content;
-use crate::import::raw::{ByteOrder, decode};
+use crate::import::raw::decode;
 use crate::import::source::Samples;
 use crate::model::Window;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::{ReadFile, SampleType};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
@@ -137,6 +137,16 @@ impl Chunks {
         rows * self.row_bytes()
     }
 
+    /// Bytes of the samples of all chunks that the file has, and of those that it leaves out.
+    pub(super) fn all_bytes(&self) -> [u64; 2] {
+        let mut bytes = [0_u64; 2];
+        for (index, count) in self.counts.iter().enumerate() {
+            let own = &mut bytes[usize::from(*count == 0)];
+            *own = own.saturating_add(self.bytes(index as u64));
+        }
+        bytes
+    }
+
     /// Where all samples lie in the file one behind the other.
     pub(super) fn in_place(&self) -> Option<u64> {
         let is_next = |index: usize| self.offsets[index] == self.offsets[index - 1] + self.bytes(index as u64 - 1);
@@ -167,7 +177,7 @@ impl Chunks {
         let unpacked = self.coding.unpack(packed, bytes as usize, self.row_bytes() as usize);
         unpacked
             .map(Some)
-            .map_err(|found| ImportError::malformed(&self.path, &*field, format!("{found} bytes"), format!("{bytes}")))
+            .map_err(|found| ImportError::malformed(&self.path, &*field, found, format!("{bytes} bytes of samples")))
     }
 }
 

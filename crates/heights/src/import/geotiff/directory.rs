@@ -3,8 +3,7 @@
 
 use super::tag;
 use crate::import::content::{Content, latin1, word};
-use crate::import::raw::ByteOrder;
-use deepfield_data::import::ImportError;
+use deepfield_data::import::{ByteOrder, ImportError};
 
 /// The most entries of a directory; one has some twenty.
 const MOST_ENTRIES: u64 = 4096;

@@ -19,8 +19,10 @@ struct Written {
     /// Columns and rows of tiles, else rows of strips.
     tile: Option<[usize; 2]>,
     strip: usize,
-    /// 1, 8 or 32773.
+    /// 1, 8, 32773, 50000 or 34887.
     compression: u16,
+    /// What packs LERC once more: 0, 1 or 2.
+    outer: u16,
     predictor: u16,
     kind: SampleType,
     size: [usize; 2],
@@ -39,6 +41,7 @@ impl Written {
             tile: None,
             strip: 5,
             compression: 1,
+            outer: 0,
             predictor: 1,
             kind,
             size,
@@ -94,17 +97,25 @@ impl Written {
                 _ => {}
             }
             for mut sample in samples {
-                if self.is_big_endian {
+                if self.is_big_endian && self.compression != 34887 {
                     sample.reverse();
                 }
                 out.append(&mut sample);
             }
         }
+        let deflated = |bytes: &[u8]| {
+            let mut packer = ZlibEncoder::new(Vec::new(), Compression::fast());
+            packer.write_all(bytes).unwrap();
+            packer.finish().unwrap()
+        };
+        let folded =
+            |bytes: &[u8]| ruzstd::encoding::compress_to_vec(bytes, ruzstd::encoding::CompressionLevel::Fastest);
         match self.compression {
-            8 => {
-                let mut packer = ZlibEncoder::new(Vec::new(), Compression::fast());
-                packer.write_all(&out).unwrap();
-                packer.finish().unwrap()
+            8 => deflated(&out),
+            50000 => folded(&out),
+            34887 => {
+                let blob = super::lerc::tests::plain(wide, high, self.kind, &out);
+                [|blob: &[u8]| blob.to_vec(), deflated, folded][usize::from(self.outer)](&blob)
             }
             32773 => {
                 let mut packed = Vec::new();
@@ -174,6 +185,9 @@ impl Written {
         whole(277, &[1], 2);
         whole(317, &[self.predictor.into()], 2);
         whole(339, &[format], 2);
+        if self.compression == 34887 {
+            whole(50674, &[4, self.outer.into()], 4);
+        }
         if self.tile.is_some() {
             whole(322, &[chunk[0] as u64], 2);
             whole(323, &[chunk[1] as u64], 2);
@@ -248,7 +262,7 @@ proptest! {
     /// Every window of every kind of file is what was written.
     #[test]
     fn files_of_every_kind_are_read(
-        is_big_endian: bool, is_big: bool, is_tiled: bool, compression in 0_usize..3, predictor in 1_u16..4, kind in 0_usize..10,
+        is_big_endian: bool, is_big: bool, is_tiled: bool, compression in 0_usize..5, outer in 0_u16..3, predictor in 1_u16..4, kind in 0_usize..10,
         columns in 2_usize..60, rows in 2_usize..60, tile in (1_usize..40, 1_usize..40), at in (0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0), seed: u64,
     ) {
         let kind = SampleType::ALL[kind];
@@ -259,8 +273,13 @@ proptest! {
             is_big,
             tile: is_tiled.then_some([tile.0, tile.1]),
             strip: tile.1.min(rows),
-            compression: [1, 8, 32773][compression],
-            predictor: if predictor == 3 && !kind.is_float() { 2 } else { predictor },
+            compression: [1, 8, 32773, 50000, 34887][compression],
+            outer,
+            predictor: match predictor {
+                _ if compression == 4 => 1,
+                3 if !kind.is_float() => 2,
+                predictor => predictor,
+            },
             ..Written::new(kind, [columns, rows], values.clone())
         };
         let (_folder, path) = file_of("a.tif", &written.bytes());
@@ -420,8 +439,8 @@ fn what_is_not_read_is_named() {
         (277, 3, "SamplesPerPixel: found 3"),
         (262, 2, "RGB"),
         (262, 3, "palette"),
-        (259, 50000, "ZSTD"),
-        (259, 34887, "LERC"),
+        (259, 34925, "LZMA"),
+        (259, 50001, "WebP"),
         (317, 3, "Predictor"),
         (339, 5, "complex"),
         (258, 12, "of 12 bits"),
@@ -465,11 +484,11 @@ fn real_files_are_as_stated() {
 
 #[test]
 fn damage_is_an_answer_or_one_line() {
-    for compression in [1, 8, 32773] {
+    for compression in [1, 8, 32773, 50000, 34887] {
         let values = values(SampleType::I16, 40 * 30, 9);
         let written = Written {
             compression,
-            predictor: 2,
+            predictor: if compression == 34887 { 1 } else { 2 },
             is_big: compression == 8,
             tile: (compression == 8).then_some([16, 16]),
             doubles: vec![(33550, vec![0.5, 0.25, 0.0]), (33922, vec![0.0; 6])],

@@ -1,11 +1,12 @@
 //! NumPy's archives: the largest array of two axes, and what the others say of its place.
 
 use super::axes::{Axes, is_axis};
-use super::header::Header;
+use super::{holds_heights, layout, numbers};
 use crate::import::archive::Archive;
 use crate::import::content::{Content, LONGEST_HEAD};
 use crate::import::{HeightDescription, HeightFormat, HeightSource, NoData};
 use deepfield_data::import::ImportError;
+use deepfield_data::import::grid::NpyHeader;
 
 /// `.npz`, compressed or not.
 pub(in crate::import) const NPZ: HeightFormat = HeightFormat {
@@ -29,7 +30,7 @@ const MOST_ARRAYS: usize = 1000;
 const LONGEST_AXIS: u64 = 1 << 21;
 
 /// An array of the archive: its name, without the ending, and its header.
-type Array = (String, Header);
+type Array = (String, NpyHeader);
 
 /// The arrays of an archive; those that hold no numbers are left out.
 fn arrays(content: &Content) -> Result<(Archive<'_>, Vec<Array>), ImportError> {
@@ -38,7 +39,7 @@ fn arrays(content: &Content) -> Result<(Archive<'_>, Vec<Array>), ImportError> {
     let mut arrays = Vec::new();
     for name in names {
         let head = archive.beginning(&name, LONGEST_HEAD as u64)?;
-        if let Ok(header) = Header::read(content, &head) {
+        if let Ok(header) = NpyHeader::read(&content.path, &head) {
             arrays.push((name.trim_end_matches(".npy").to_owned(), header));
         }
     }
@@ -55,26 +56,26 @@ fn largest(arrays: &[Array]) -> Option<&Array> {
 fn is_sure(arrays: &[Array]) -> bool {
     let heights = arrays.iter().filter(|(name, header)| header.sizes.len() == 2 && !is_axis(name)).count();
     let is_flat = arrays.iter().all(|(_, header)| header.sizes.len() <= 2);
-    is_flat && heights == 1 && largest(arrays).is_some_and(|(_, header)| header.holds_heights())
+    is_flat && heights == 1 && largest(arrays).is_some_and(|(_, header)| holds_heights(header))
 }
 
 fn open(content: &Content) -> Result<HeightSource, ImportError> {
     let (mut archive, arrays) = arrays(content)?;
     let Some((name, header)) = largest(&arrays) else {
         let shown: Vec<String> =
-            arrays.iter().take(8).map(|(name, header)| format!("{name} {}", header.shape())).collect();
+            arrays.iter().take(8).map(|(name, header)| format!("{name} {}", header.shape)).collect();
         let found = if shown.is_empty() { "none".to_owned() } else { shown.join(", ") };
         return Err(content.malformed("arrays", found, "one of 2 axes: rows and columns of heights"));
     };
     let mut grid = super::grid_of(content, name, header)?;
     let size = [grid.columns, grid.rows];
-    let bytes = header.start + grid.samples() * header.sample_type.size() as u64;
+    let bytes = header.start + grid.samples() * header.kind.size() as u64;
     let unpacked = archive.unpack(&format!("{name}.npy"), bytes, &grid.described(), |_| ())?;
-    let samples = unpacked.samples(content, name, header.layout(size, header.start))?;
+    let samples = unpacked.samples(content, name, layout(header, size, header.start))?;
 
     let mut notes = vec![format!("array {name}")];
     let others = arrays.iter().filter(|(own, header)| own != name && header.sizes.len() > 1);
-    let others: Vec<String> = others.take(8).map(|(name, header)| format!("{name} {}", header.shape())).collect();
+    let others: Vec<String> = others.take(8).map(|(name, header)| format!("{name} {}", header.shape)).collect();
     if !others.is_empty() {
         notes.push(format!("other arrays are left out: {}", others.join(", ")));
     }
@@ -84,8 +85,8 @@ fn open(content: &Content) -> Result<HeightSource, ImportError> {
         if !axes.wants(name, &header.sizes, size) || count > LONGEST_AXIS {
             continue;
         }
-        let bytes = header.start + count * header.sample_type.size() as u64;
-        let numbers = header.numbers(&archive.whole(&format!("{name}.npy"), bytes)?);
+        let bytes = header.start + count * header.kind.size() as u64;
+        let numbers = numbers(header, &archive.whole(&format!("{name}.npy"), bytes)?);
         if numbers.len() as u64 != count {
             return Err(content.malformed(name, format!("{} numbers", numbers.len()), format!("{count}")));
         }

@@ -82,7 +82,7 @@ fn what_is_no_field_is_named() {
         assert!(text.starts_with("a.npy: ") && expected.iter().all(|part| text.contains(part)), "{text}");
     };
     says(&npy("<f8", false, "(3, 4, 5)", &[0; 480]), &["3 axes (3, 4, 5)", "expected 2 axes"]);
-    says(&npy("<f8", false, "(9,)", &[0; 72]), &["1 axes (9)"]);
+    says(&npy("<f8", false, "(9,)", &[0; 72]), &["1 axes (9,)"]);
     says(&npy("<f8", false, "(1, 9)", &[0; 72]), &["9 x 1", "2 x 2"]);
     says(&npy("<i2", false, "(2147483648, 2147483648)", &[0; 64]), &["found", "expected"]);
     says(&npy("<i2", false, "(1000, 1000)", &[0; 64]), &["found 64 bytes", "2000000 (1000 x 1000 of int16)"]);

@@ -1,9 +1,10 @@
 //! Grids of other programs, written here byte by byte.
 
 use super::hostile::hostile;
-use super::{file_of, heights, open, refusal, same};
+use super::{file_of, heights, open, plane, refusal, same};
 use crate::import::{HeightOptions, open_heights};
 use crate::model::Heights;
+use std::io::Write;
 
 const NAN: f64 = f64::NAN;
 
@@ -111,8 +112,75 @@ fn gwyddion_fields_are_read() {
     assert_eq!(heights(&source), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
 }
 
+/// A topography of 3 x 2 with a picture.
+fn plu() -> Vec<u8> {
+    let mut file = vec![0; 508];
+    let mut put = |at: usize, bytes: &[u8]| file[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, b"Thu Oct 11 07:59:01 2007");
+    for (at, number) in [(388, 2_u32), (392, 3), (428, 3), (500, 2), (504, 3)] {
+        put(at, &number.to_le_bytes());
+    }
+    for (at, step) in [(404, 0.5_f32), (408, 0.25)] {
+        put(at, &step.to_le_bytes());
+    }
+    put(492, &[1]);
+    file.extend([1.0_f32, 2.0, 1_000_001.0, 4.0, 5.0, 6.5].iter().flat_map(|height| height.to_le_bytes()));
+    file.extend([6.5_f32, 1.0].iter().flat_map(|height| height.to_le_bytes()));
+    file.extend(0..18);
+    file
+}
+
+/// The same as a newer file.
+fn plux(index: &str, heights: &[f32]) -> Vec<u8> {
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let bytes: Vec<u8> = heights.iter().flat_map(|height| height.to_le_bytes()).collect();
+    for (name, bytes) in [("index.xml", index.as_bytes()), ("LAYER_0.raw", &bytes), ("LAYER_0.stack.raw", &[7; 18])] {
+        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
+        archive.write_all(bytes).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
+}
+
+const INDEX: &str = "<xml><GENERAL><IMAGE_SIZE_X>3</IMAGE_SIZE_X><IMAGE_SIZE_Y>2</IMAGE_SIZE_Y><FOV_X>0.5</FOV_X>\
+     <FOV_Y>0.25</FOV_Y></GENERAL><LAYER_0><FILENAME_Z>LAYER_0.raw</FILENAME_Z></LAYER_0></xml>";
+const PLUX: [f32; 6] = [1.0, 2.0, f32::NAN, 4.0, 5.0, 6.5];
+
+#[test]
+fn files_of_sensofar_are_read() {
+    // Told by what is in them.
+    for (bytes, format) in [(plu(), "plu"), (plux(INDEX, &PLUX), "plux")] {
+        let (_folder, path) = file_of("a.dat", &bytes);
+        let source = open(&path);
+        let grid = source.grid();
+        assert_eq!((source.description().format, grid.columns, grid.rows, grid.step), (format, 3, 2, [0.5, 0.25]));
+        assert_eq!((&*grid.xy_unit.0, &*grid.height_unit.0), ("um", "um"));
+        assert!(same(&heights(&source), &[1.0, 2.0, NAN, 4.0, 5.0, 6.5], 0.0));
+        if format == "plu" {
+            assert_eq!(grid.planes.iter().map(|plane| &*plane.name).collect::<Vec<_>>(), ["red", "green", "blue"]);
+            assert_eq!(plane(&source, 1), [1, 4, 7, 10, 13, 16]);
+        }
+    }
+    let said = |at: usize, number: u32| {
+        let mut bytes = plu();
+        bytes[at..at + 4].copy_from_slice(&number.to_le_bytes());
+        refusal("a.plu", &bytes, &HeightOptions::default())
+    };
+    assert!(said(428, 1).contains("found 1, a profile, expected 3, a topography"), "{}", said(428, 1));
+    assert!(said(500, 1 << 31).contains("heights: found 50 bytes, expected 25769803776"), "{}", said(500, 1 << 31));
+    assert!(said(504, 1).contains("1 x 2, expected at least 2 x 2"), "{}", said(504, 1));
+    assert!(said(404, 0).contains("step along x (byte 404): found 0"), "{}", said(404, 0));
+    let said = |index: &str, heights: &[f32]| refusal("a.plux", &plux(index, heights), &HeightOptions::default());
+    assert_eq!(said(INDEX, &PLUX[..5]), "a.plux: LAYER_0.raw: found 20 bytes, expected 24 (3 x 2 of float32)");
+    assert!(said(&INDEX.replace("<FOV_X>0.5", "<FOV_X>-1"), &PLUX).contains("GENERAL/FOV_X: found -1"));
+    assert!(said(&INDEX.replace("IMAGE_SIZE_Y>", "Y>"), &PLUX).contains("IMAGE_SIZE_Y"));
+    assert!(said("<xml>", &PLUX).contains("index.xml"));
+}
+
 #[test]
 fn damaged_grids() {
+    hostile("hostile.plu", &plu(), 508, true);
+    let plux = plux(INDEX, &PLUX);
+    hostile("hostile.plux", &plux, plux.len(), true);
     hostile("hostile.grd", DSAA.as_bytes(), 40, true);
     hostile("hostile.grd", &dsbb(), 56, true);
     hostile("hostile.grd", &dsrb(), 100, true);

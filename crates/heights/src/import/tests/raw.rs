@@ -2,11 +2,12 @@
 
 use super::super::content::Content;
 use super::super::in_memory::InMemory;
-use super::super::raw::{ByteOrder, Layout, RawSamples};
+use super::super::raw::{Layout, RawSamples};
 use super::super::source::Samples;
 use super::super::{HeightOptions, open_heights};
 use super::file_of;
 use crate::model::Window;
+use deepfield_data::import::ByteOrder;
 use deepfield_data::model::SampleType;
 use proptest::prelude::*;
 

@@ -5,6 +5,8 @@ use super::super::in_memory::InMemory;
 use super::super::source::MASKED;
 use super::super::{HeightDescription, HeightOptions, HeightSource, HeightSummary, NoData, summarize_heights};
 use super::file_of;
+use crate::OpenHeights;
+use crate::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use crate::model::{Cell, HeightGrid};
 use deepfield_data::model::{SampleType, Scale};
 use proptest::prelude::*;
@@ -110,6 +112,18 @@ fn values_that_look_like_no_data_are_noted() {
         );
         assert_eq!(found.notes, [expected]);
         assert_eq!(found.valid, 10_000);
+        // A page file keeps it, whatever is read at once, and one that is built from that tells it once.
+        let source = source(100, with(value, 99), NoData::Nothing, Scale::NONE);
+        let folder = tempfile::tempdir().unwrap();
+        for memory in [None, Some(64 << 20)] {
+            let (first, second) = (folder.path().join("a.df"), folder.path().join("b.df"));
+            let options = HeightBuildOptions { memory, threads: None };
+            let about = build_heights(&source, &HeightOrigin::of(&source), &options, &first, &()).unwrap();
+            assert_eq!(about.notes.last(), found.notes.first());
+            let open = OpenHeights::open(&first, &HeightOptions::default()).unwrap();
+            let again = open.build(&options, &second, &()).unwrap();
+            assert_eq!((open.summary().unwrap().notes, again.notes), (about.notes.clone(), about.notes));
+        }
         assert!(summary(100, with(value, 99), NoData::Value(value)).notes.is_empty());
         // Ten of ten thousand are too few.
         assert!(summary(100, with(value, 1000), NoData::Nothing).notes.is_empty());

@@ -1,5 +1,6 @@
 //! Tests of measuring.
 
+mod degrees;
 mod differences;
 mod filters;
 mod lines;

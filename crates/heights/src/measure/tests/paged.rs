@@ -71,6 +71,7 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
         area: 0,
         slopes: [1.0; 2],
         levels: Vec::new(),
+        photo: None,
     };
     writer.complete(about).unwrap().0.persist().unwrap();
     HeightFile::open(path, ReadMethod::default()).unwrap()

@@ -3,7 +3,7 @@
 use super::rays::{noisy, random};
 use super::truth::{assert_near, height, of, sines};
 use crate::measure::{Disc, Part, Profile, nearest, probe, probe_sample, profile, window_of};
-use crate::model::{HeightField, Heights, Window};
+use crate::model::{HeightField, Heights, Lengths, Window};
 use deepfield_data::model::Unit;
 use proptest::prelude::*;
 
@@ -114,18 +114,18 @@ fn places_tell_height_slope_and_what_is_nearest() {
             field.stored[(row * 300 + column) as usize] = f64::NAN;
         }
     }
-    let inside = probe_sample(&field, 40.2, 150.0).unwrap();
+    let inside = probe_sample(&field, &Lengths::of(&field.grid), 40.2, 150.0).unwrap();
     assert_eq!((inside.height, inside.nearest.unwrap().row, inside.nearest.unwrap().column), (None, 19, 150));
     assert_near(inside.nearest.unwrap().distance, 21.2, 1e-12, "distance");
     let beside = probe(&field, [400.0, 50.0]).unwrap();
     assert_eq!((beside.nearest.unwrap().row, beside.nearest.unwrap().column), (0, 299));
-    let corner = probe_sample(&field, 199.0, 299.0).unwrap();
+    let corner = probe_sample(&field, &Lengths::of(&field.grid), 199.0, 299.0).unwrap();
     assert_eq!(corner.height, Some(field.stored[200 * 300 - 1]));
     let alone = HeightField::of(3, 3, (0..9).map(|n| if n == 4 { 7.0 } else { f64::NAN }).collect());
-    assert_eq!(probe_sample(&alone, 1.0, 1.0).unwrap().height, Some(7.0));
+    assert_eq!(probe_sample(&alone, &Lengths::of(&alone.grid), 1.0, 1.0).unwrap().height, Some(7.0));
     let none = HeightField::of(3, 3, vec![f64::NAN; 9]);
-    assert_eq!(nearest(&none, 1e30, -5.0).unwrap(), None);
-    assert_eq!(nearest(&alone, f64::INFINITY, 0.0).unwrap(), None);
+    assert_eq!(nearest(&none, &Lengths::of(&none.grid), 1e30, -5.0).unwrap(), None);
+    assert_eq!(nearest(&alone, &Lengths::of(&alone.grid), f64::INFINITY, 0.0).unwrap(), None);
 }
 
 #[test]

@@ -68,3 +68,27 @@ fn a_folder_of_pictures_is_a_volume() {
     let text = open(path).unwrap_err().to_string();
     assert!(text.contains("folder: found 4 pictures and 6 other files, expected several PNG"), "{text}");
 }
+
+#[test]
+fn what_is_decoded_in_one_piece_is_bounded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.png");
+    let mut file = b"\x89PNG\r\n\x1a\n\0\0\0\x0d".to_vec();
+    let mut head = b"IHDR".to_vec();
+    [60_000_u32; 2].iter().for_each(|side| head.extend_from_slice(&side.to_be_bytes()));
+    // 8 bits, colours, interlaced.
+    head.extend_from_slice(&[8, 2, 0, 0, 1]);
+    let mut crc = flate2::Crc::new();
+    crc.update(&head);
+    file.extend_from_slice(&head);
+    file.extend_from_slice(&crc.sum().to_be_bytes());
+    // As much as could be all of it.
+    file.extend_from_slice(&(11_u32 << 20).to_be_bytes());
+    file.extend_from_slice(b"IDAT");
+    file.resize(12 << 20, 0);
+    std::fs::write(&path, file).unwrap();
+    let error = open(&path).unwrap_err().to_string();
+    let expected = "IHDR: found 60000 x 60000 of 3 uint8 (10299 MiB), expected at most 4096 MiB: \
+                    an interlaced PNG is decoded in one piece";
+    assert!(error.ends_with(expected), "{error}");
+}

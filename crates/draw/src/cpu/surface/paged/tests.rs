@@ -114,14 +114,6 @@ fn placed(field: &HeightField) -> Placed {
     Placed::new(&field.grid, Map::Plate, 1.0, 0.0)
 }
 
-fn keys(lattice: &Lattice) -> Vec<NodeKey> {
-    let of_level = |level: u8| {
-        let [rows, columns] = lattice.cells(level).map(|cells| cells.div_ceil(CHUNK) as u32);
-        (0..rows).flat_map(move |row| (0..columns).map(move |column| NodeKey { level, row, column }))
-    };
-    (0..=lattice.top()).flat_map(of_level).collect()
-}
-
 fn bits(heights: &[f64]) -> Vec<u64> {
     heights.iter().map(|height| if height.is_nan() { 1 } else { height.to_bits() }).collect()
 }
@@ -145,7 +137,7 @@ fn leaves_are_those_of_memory_to_the_bit() {
         let (memory, built) = (MemorySurface::new(&field, placed(&field).true_lift).unwrap(), Built::new(&field));
         let paged = built.surface(AMPLE);
         assert_eq!(paged.lattice(), memory.lattice());
-        for key in keys(&paged.lattice()).into_iter().filter(|key| key.level == 0) {
+        for key in paged.lattice().keys().filter(|key| key.level == 0) {
             let (own, expected) = (paged.samples(key).unwrap(), memory.samples(key).unwrap());
             assert_eq!((own.rows, own.columns), (expected.rows, expected.columns));
             assert_eq!(bits(&own.heights), bits(&expected.heights));
@@ -157,7 +149,7 @@ fn leaves_are_those_of_memory_to_the_bit() {
             assert_eq!(own.planes, expected.planes);
         }
         assert!(paged.error().is_none());
-        let beyond = NodeKey { level: 70, row: 0, column: 0 };
+        let beyond = ChunkKey { level: 70, row: 0, column: 0 };
         assert!(paged.samples(beyond).is_none() && paged.facts(beyond).is_none());
         paged.prefetch(&[beyond]);
     }
@@ -169,7 +161,7 @@ fn facts_are_those_of_memory() {
         let (memory, built) = (MemorySurface::new(&field, placed(&field).true_lift).unwrap(), Built::new(&field));
         let paged = built.surface(AMPLE);
         let is_whole = field.stored.iter().all(|height| !height.is_nan());
-        for key in keys(&paged.lattice()) {
+        for key in paged.lattice().keys() {
             let (own, expected) = (paged.facts(key).unwrap(), memory.facts(key).unwrap());
             let told = format!("{:?} {key:?}: {own:?}, in memory {expected:?}", field.grid.described());
             let small = 1e-9 * (expected.max - expected.min);
@@ -225,9 +217,9 @@ fn coarse_samples_are_means_over_cells() {
         let scale = field.grid.scale;
         let columns = field.grid.columns as usize;
         let height = |row: u64, column: u64| scale.value(field.stored[row as usize * columns + column as usize]);
-        for key in keys(&paged.lattice()).into_iter().filter(|key| key.level > 0) {
+        for key in paged.lattice().keys().filter(|key| key.level > 0) {
             let samples = paged.samples(key).unwrap();
-            let part = lattice.part(chunk_key(key));
+            let part = lattice.part(key);
             for (row, column) in (0..samples.rows).flat_map(|row| (0..samples.columns).map(move |column| (row, column)))
             {
                 let index = row * samples.columns + column;
@@ -271,7 +263,7 @@ fn coarse_samples_are_nearly_those_of_memory() {
         let field = field(700, 530, holes, 0.0, 2, SampleType::F32);
         let (memory, built) = (MemorySurface::new(&field, placed(&field).true_lift).unwrap(), Built::new(&field));
         let paged = built.surface(AMPLE);
-        for key in keys(&paged.lattice()).into_iter().filter(|key| key.level > 0) {
+        for key in paged.lattice().keys().filter(|key| key.level > 0) {
             let (own, expected) = (paged.samples(key).unwrap(), memory.samples(key).unwrap());
             let (mut share, mut expected_share) = (0.0, 0.0);
             for index in 0..own.heights.len() {
@@ -402,7 +394,7 @@ fn chunks_are_kept_within_the_budget_and_read_once_at_a_time() {
     let built = Built::new(&field(700, 1000, Holes::None, 3.0, 0, SampleType::F32));
     let chunk = 257 * 257 * 20 + size_of::<NodeSamples>() as u64;
     let (disk, paged) = watched(&built, 3 * chunk + 100);
-    let key = |column: u32| NodeKey { level: 0, row: 0, column };
+    let key = |column: u32| ChunkKey { level: 0, row: 0, column };
     let reads = || disk.reads.swap(0, Ordering::Relaxed);
     reads();
     // Four threads want the same.
@@ -416,7 +408,7 @@ fn chunks_are_kept_within_the_budget_and_read_once_at_a_time() {
     (1..3).for_each(|column| drop(paged.samples(key(column))));
     paged.samples(key(0)).unwrap();
     assert_eq!((reads(), paged.held_bytes()), (2, 3 * chunk));
-    paged.samples(NodeKey { level: 0, row: 1, column: 0 }).unwrap();
+    paged.samples(ChunkKey { level: 0, row: 1, column: 0 }).unwrap();
     assert_eq!((reads(), paged.held_bytes()), (1, 3 * chunk));
     paged.samples(key(0)).unwrap();
     assert_eq!(reads(), 0);
@@ -437,7 +429,7 @@ fn chunks_are_kept_within_the_budget_and_read_once_at_a_time() {
 fn any_number_of_threads_sees_the_same() {
     let built = Built::new(&field(700, 1000, Holes::Lakes, 1.0, 1, SampleType::I16));
     let (ample, scant) = (built.surface(AMPLE), built.surface(5_000_000));
-    let keys = keys(&ample.lattice());
+    let keys: Vec<ChunkKey> = ample.lattice().keys().collect();
     std::thread::scope(|scope| {
         for thread in 0..4 {
             let (keys, ample, scant) = (&keys, &ample, &scant);
@@ -469,8 +461,8 @@ fn stand_ins_for_damaged_pages() {
         look: Some(look(Attribute::Height, [0.0, 1.0])),
         ..SurfaceOptions::default()
     };
-    let key = NodeKey { level: 0, row: 1, column: 1 };
-    let page = paged.file().page_of(chunk_key(key)).unwrap();
+    let key = ChunkKey { level: 0, row: 1, column: 1 };
+    let page = paged.file().page_of(key).unwrap();
     let bytes = std::fs::read(built.path()).unwrap();
     let raw = paged.file().fetch(page).unwrap();
     let start = bytes.windows(raw.bytes.len()).position(|window| window == raw.bytes).unwrap();
@@ -498,7 +490,7 @@ fn normals_turn_to_the_world() {
     let built = Built::new(&field);
     let mut paged = built.surface(AMPLE);
     let radius = 6_371_008.8;
-    let (leaf, root) = (NodeKey { level: 0, row: 0, column: 0 }, paged.lattice().root());
+    let (leaf, root) = (ChunkKey { level: 0, row: 0, column: 0 }, paged.lattice().root());
     let earth = [leaf, root].map(|key| paged.samples(key).unwrap());
     for map in [Map::Globe { radius }, Map::Local { radius }] {
         paged.place(&Placed::new(&field.grid, map, 1.0, 0.0));

@@ -1,21 +1,7 @@
 //! What the levels say of T, against T itself.
 
-use super::super::lattice::Lattice;
 use super::super::source::{NodeFacts, NodeSamples};
 use super::*;
-
-fn keys(lattice: Lattice) -> Vec<NodeKey> {
-    let mut keys = vec![lattice.root()];
-    let mut next = 0;
-    while next < keys.len() {
-        if keys[next].level > 0 {
-            let children = keys[next].children().into_iter().filter(|child| lattice.has(*child));
-            keys.extend(children.collect::<Vec<_>>());
-        }
-        next += 1;
-    }
-    keys
-}
 
 fn height_of(samples: &NodeSamples, rows: &[u64], columns: &[u64], row: f64, column: f64) -> f64 {
     let index =
@@ -39,10 +25,10 @@ proptest! {
         let source = MemorySurface::new(&field, 1.0).unwrap();
         let lattice = source.lattice();
         let mut random = Random::new(seed);
-        for key in keys(lattice) {
+        for key in lattice.keys() {
             let facts: NodeFacts = source.facts(key).unwrap();
             let samples = source.samples(key).unwrap();
-            let [row_places, column_places] = [0, 1].map(|axis| lattice.positions(key, axis));
+            let [row_places, column_places] = [0, 1].map(|axis| lattice.places(key, axis));
             prop_assert!(row_places.len() == samples.rows && column_places.len() == samples.columns);
             prop_assert!(key.level > 0 || facts.delta == 0.0);
             for _ in 0..3000 {
@@ -72,9 +58,9 @@ proptest! {
         }
         for level in 0..=lattice.top() {
             let (mut sum, mut weights) = (0.0, 0.0);
-            for key in keys(lattice).into_iter().filter(|key| key.level == level) {
+            for key in lattice.keys().filter(|key| key.level == level) {
                 let samples = source.samples(key).unwrap();
-                let [row_places, column_places] = [0, 1].map(|axis| lattice.positions(key, axis));
+                let [row_places, column_places] = [0, 1].map(|axis| lattice.places(key, axis));
                 // What a sample of this chunk stands for within the chunk.
                 let half = |places: &[u64], k: usize| {
                     let before = if k > 0 { places[k] - places[k - 1] } else { 0 };

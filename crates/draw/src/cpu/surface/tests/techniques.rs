@@ -158,7 +158,7 @@ fn contours_keep_their_width() {
     let sight =
         view([100.0, 100.0, 500.0], [100.0, 100.0, 0.0], Projection::Orthographic { height: 180.0 }, [360, 360]);
     let lines = |interval: f64| {
-        let contours = Some(Contours { interval, base: 0.0, major: 0, width: 2.0, color: [0.0; 3] });
+        let contours = Some(Contours { interval, base: 0.0, major: 0, width: 2.0, color: [0.0; 3], labels: None });
         let look = Some(Look { ambient: 1.0, contours, ..look(Attribute::Height, Light::Eye) });
         let options = SurfaceOptions { look, ..SurfaceOptions::default() };
         let plain =

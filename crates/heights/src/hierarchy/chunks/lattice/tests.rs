@@ -34,9 +34,14 @@ proptest! {
             prop_assert_eq!(lattice.number(*key), number);
             let part = lattice.part(*key);
             prop_assert!(part.rows >= 2 && part.columns >= 2);
+            let [rows, columns] = [0, 1].map(|axis| lattice.places(*key, axis));
+            prop_assert_eq!([rows.len(), columns.len()], [part.rows, part.columns]);
+            let ends = |places: &[u64]| [places[0], places[places.len() - 1]];
+            prop_assert_eq!(lattice.rectangle(*key), [ends(&rows), ends(&columns)]);
             for child in lattice.children(*key) {
                 prop_assert_eq!(lattice.parent(child), Some(*key));
                 prop_assert!(lattice.number(child) < number);
+                prop_assert_eq!(child.ancestor(key.level), *key);
             }
             prop_assert_eq!(lattice.children(*key).count() == 0, key.level == 0);
         }

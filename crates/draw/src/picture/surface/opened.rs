@@ -1,0 +1,268 @@
+//! A built height field that is open: what its attributes are called, what its pictures mean, and a look at all of it at once.
+
+use crate::annotate::Units;
+use crate::color::transfer::TransferFunction;
+use crate::cpu::surface::look::Attribute as Coloured;
+use crate::cpu::surface::paged::PagedSurface;
+use crate::cpu::surface::placed::Placed;
+use crate::cpu::surface::sight::Sight;
+use crate::cpu::surface::source::{NodeSamples, SurfaceNodes};
+use crate::heights::measure::{Pick, Ray, Rise, pick_all};
+use crate::heights::model::HeightError;
+use crate::heights::store::HeightFile;
+use crate::look::{CameraConfig, Shot};
+use crate::mode::{Coloring, Depiction, LevelChoice, Mode, Settings};
+use crate::model::{Attribute, Bounds, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
+use crate::modes::surface::{self, SurfaceSettings};
+use crate::picture::PictureError;
+use crate::view::View;
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
+
+/// Memory for the chunk that all of a field is, bytes.
+const ONE_CHUNK: u64 = 16 << 20;
+
+/// A built height field.
+pub struct OpenSurface {
+    /// What the user named.
+    path: PathBuf,
+    file: Arc<HeightFile>,
+    /// The chunk that all of the field is.
+    coarse: Coarse,
+    /// Where its page file lies as long as anybody may read it.
+    folder: Option<TempDir>,
+}
+
+/// The chunk that all of a field is: its samples, where they are, and how far T is from it at most.
+struct Coarse {
+    samples: Arc<NodeSamples>,
+    /// Rows and columns of the field's samples.
+    positions: [Vec<u64>; 2],
+    delta: f64,
+}
+
+impl OpenSurface {
+    /// A page file, of a field that a user calls `path`.
+    ///
+    /// # Errors
+    /// When the chunk that all of it is cannot be read.
+    pub fn new(path: &Path, file: HeightFile) -> Result<OpenSurface, PictureError> {
+        let file = Arc::new(file);
+        let nodes = PagedSurface::new(Arc::clone(&file), ONE_CHUNK);
+        let root = nodes.lattice().root();
+        let (Some(samples), Some(facts)) = (nodes.samples(root), nodes.facts(root)) else {
+            let why = nodes.error().unwrap_or_else(|| "the coarsest level: missing".into());
+            return Err(PictureError::of(path, why));
+        };
+        let positions = [0, 1].map(|axis| nodes.lattice().places(root, axis));
+        let coarse = Coarse { samples, positions, delta: facts.delta };
+        Ok(OpenSurface { path: path.into(), file, coarse, folder: None })
+    }
+
+    /// The same with the folder that its page file lies in, which goes when nobody needs it any more.
+    #[must_use]
+    pub fn within(self, folder: TempDir) -> OpenSurface {
+        OpenSurface { folder: Some(folder), ..self }
+    }
+
+    /// What the user named.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its page file.
+    pub fn file(&self) -> &Arc<HeightFile> {
+        &self.file
+    }
+
+    /// Whether its page file goes with it.
+    pub fn is_temporary(&self) -> bool {
+        self.folder.is_some()
+    }
+
+    /// Whether a mode draws it.
+    pub fn is_drawn_by(&self, mode: &Mode) -> bool {
+        mode.takes_surfaces()
+    }
+
+    /// The names of what can colour its pictures.
+    pub fn attributes(&self) -> Vec<String> {
+        let grid = &self.file.about().grid;
+        let has_colors = surface::attribute_of(Some("texture"), self.file.about()).is_ok();
+        let planes = grid.planes.iter().map(|plane| plane.name.as_str());
+        surface::ATTRIBUTES
+            .into_iter()
+            .chain(has_colors.then_some("texture"))
+            .chain(planes)
+            .map(str::to_owned)
+            .collect()
+    }
+
+    /// What colours it where nothing is named.
+    pub fn usual_attribute(&self) -> &'static str {
+        match surface::attribute_of(None, self.file.about()) {
+            Ok(Coloured::Texture(_) | Coloured::Photo) => "texture",
+            _ => "height",
+        }
+    }
+
+    /// What a depiction colours.
+    fn coloured(&self, depiction: &Depiction) -> Coloured {
+        let name = depiction.attribute.as_ref().map(|coloring| coloring.name.as_str());
+        surface::attribute_of(name, self.file.about()).unwrap_or(Coloured::Height)
+    }
+
+    /// A mode of its pictures, coloured by an attribute where one is named.
+    ///
+    /// # Errors
+    /// The names of the attributes that there are.
+    pub fn depiction(
+        &self,
+        mode: &'static Mode,
+        settings: Settings,
+        attribute: Option<&str>,
+        choice: LevelChoice,
+    ) -> Result<Depiction, String> {
+        surface::attribute_of(attribute, self.file.about())?;
+        let coloring = |name: &str| Coloring { name: name.into(), fallback: 0.0, least: self.file.about().facts.min };
+        Ok(Depiction { mode, settings, attribute: attribute.map(coloring), choice })
+    }
+
+    /// The transfer function that a depiction of it has where none is chosen.
+    pub fn usual_transfer(&self, depiction: &Depiction) -> TransferFunction {
+        surface::usual_transfer(self.coloured(depiction))
+    }
+
+    /// What a legend calls the values of a depiction.
+    pub fn units(&self, depiction: &Depiction) -> Units {
+        self.units_of(self.coloured(depiction))
+    }
+
+    pub(super) fn units_of(&self, attribute: Coloured) -> Units {
+        let grid = &self.file.about().grid;
+        let value = surface::quantity_of(attribute)
+            .map(|(name, unit)| (name.to_owned(), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
+        Units { mass: Unit::default(), length: grid.xy_unit.clone(), attribute: Unit::default(), value }
+    }
+
+    /// How settings place it in the world.
+    ///
+    /// # Errors
+    /// A map that does not fit it.
+    pub fn placed(&self, settings: &Settings) -> Result<Placed, PictureError> {
+        let grid = &self.file.about().grid;
+        let settings = SurfaceSettings::new(settings, grid).map_err(|why| PictureError::of(&self.path, why))?;
+        Ok(Placed::new(grid, settings.map, settings.exaggeration, settings.base))
+    }
+
+    /// The box around it as settings place it.
+    ///
+    /// # Errors
+    /// As [`OpenSurface::placed`].
+    pub fn bounds(&self, settings: &Settings) -> Result<Bounds, PictureError> {
+        let facts = &self.file.about().facts;
+        Ok(super::session::bounds_of(&self.placed(settings)?, [facts.min, facts.max]))
+    }
+
+    /// The view that shows all of it, as pictures have it whose camera nobody has placed.
+    ///
+    /// # Errors
+    /// As [`OpenSurface::placed`], and sizes and fields of view that are none.
+    pub fn home(&self, settings: &Settings, fov_deg: f64, size: (u32, u32)) -> Result<View, PictureError> {
+        let camera = CameraConfig { fov: Some(fov_deg), ..CameraConfig::default() };
+        let shot = Shot { camera, size: Some(size), ..Shot::default() };
+        super::session::view_of(&shot, self.bounds(settings)?, &self.placed(settings)?)
+    }
+
+    /// The heights of an even share of its samples, and of its rims.
+    pub fn coarse_heights(&self) -> impl Iterator<Item = f64> {
+        self.coarse.samples.heights.iter().copied().filter(|height| !height.is_nan())
+    }
+
+    /// The height that T has at most about a place, rows and columns with fractions; `None` beside the field, and where nothing was measured
+    /// far and wide.
+    pub fn most_at(&self, row: f64, column: f64) -> Option<f64> {
+        let index = |axis: usize, at: f64| {
+            let positions = &self.coarse.positions[axis];
+            let is_in = at >= 0.0 && at <= *positions.last()? as f64;
+            is_in.then(|| positions.partition_point(|position| *position as f64 <= at).clamp(1, positions.len() - 1))
+        };
+        let (down, right) = (index(0, row)?, index(1, column)?);
+        let samples = &self.coarse.samples;
+        let corners = [[1, 1], [1, 0], [0, 1], [0, 0]]
+            .map(|[up, left]| samples.heights[(down - up) * samples.columns + right - left]);
+        let most = corners.into_iter().filter(|height| !height.is_nan()).reduce(f64::max)?;
+        Some(most + self.coarse.delta)
+    }
+
+    /// A few of its samples as particles, `most` about: what stands in for it where particles are asked for. The corners of the box around it are
+    /// among them.
+    pub fn sketch(&self, most: usize) -> Dataset {
+        let (coarse, grid) = (&self.coarse, &self.file.about().grid);
+        let NodeSamples { rows, columns, heights, .. } = &*coarse.samples;
+        let every = (((rows * columns) as f64 / most.max(1) as f64).sqrt().ceil() as usize).max(1);
+        // Settings that nobody has touched fit every field.
+        let placed = self
+            .placed(&Settings::default())
+            .unwrap_or_else(|_| Placed::new(grid, crate::cpu::surface::placed::Map::Plate, 1.0, 0.0));
+        let bounds = super::session::bounds_of(&placed, [self.file.about().facts.min, self.file.about().facts.max]);
+        let low = self.file.about().facts.min;
+        let (mut positions, mut shown) = (vec![bounds.min.to_array(), bounds.max.to_array()], vec![low as f32; 2]);
+        for row in (0..*rows).step_by(every) {
+            for column in (0..*columns).step_by(every) {
+                let height = heights[row * columns + column];
+                if !height.is_nan() {
+                    let [at_row, at_column] = [coarse.positions[0][row], coarse.positions[1][column]];
+                    positions.push(placed.world(at_row as f64, at_column as f64, height).to_array());
+                    shown.push(height as f32);
+                }
+            }
+        }
+        let apart = bounds.size().length() / (positions.len() as f64).sqrt();
+        let family = Family {
+            name: FamilyName::Gas,
+            mass: vec![1.0; positions.len()],
+            smoothing_length: vec![(2.0 * apart).max(1e-30) as f32; positions.len()],
+            density: vec![1.0; positions.len()],
+            attributes: vec![Attribute { name: "height".into(), unit: grid.height_unit.clone(), values: shown }],
+            positions,
+        };
+        Dataset {
+            families: vec![family],
+            length_unit: grid.xy_unit.clone(),
+            mass_unit: Unit::default(),
+            kernel: Kernel::default(),
+            skipped: Vec::new(),
+            provenance: Provenance { path: self.path.clone(), format: "heights".into(), ..Provenance::default() },
+        }
+    }
+
+    /// What is under a pixel of a flat picture, and where that is in the world. `None` where nothing can be seen.
+    ///
+    /// # Errors
+    /// When the field cannot be read; of globes, where nobody asks yet.
+    pub fn pick(
+        &self,
+        placed: &Placed,
+        sight: &Sight,
+        pixel: [f64; 2],
+    ) -> Result<Option<(Pick, Option<DVec3>)>, PictureError> {
+        let Some((origin, direction)) = sight.ray(pixel) else { return Ok(None) };
+        let Some((origin, direction)) = placed.in_file(origin, direction) else {
+            return Err(PictureError::of(&self.path, "what is under pixels of a globe is not known yet"));
+        };
+        let rise = Rise { zero: placed.zero, lift: placed.lift };
+        let ray = Ray::new(origin.to_array(), direction.to_array());
+        let told = |error: HeightError| PictureError::of(&self.path, error.to_string());
+        let found = pick_all(&self.path, &*self.file, Some(&self.file), rise, &[ray]).map_err(told)?;
+        Ok(found.into_iter().next().map(|pick| {
+            let place = match &pick {
+                Pick::Hit(hit) => Some(placed.world(hit.row, hit.column, hit.height)),
+                Pick::NotMeasured { .. } | Pick::Beside => None,
+            };
+            (pick, place)
+        }))
+    }
+}

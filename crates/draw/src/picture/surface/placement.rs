@@ -1,0 +1,57 @@
+//! A field that lies somewhere else than its own world: it is looked at from where the eye is in that world.
+
+use crate::cpu::surface::sight::Sight;
+use crate::model::Bounds;
+use crate::view::{Cut, Projection, View};
+use glam::DVec3;
+
+/// Where a field's world lies in a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FieldPlacement {
+    /// Where its origin is, lengths of the scene.
+    pub offset: DVec3,
+    /// Lengths of the scene for one of its own.
+    pub scale: f64,
+}
+
+impl FieldPlacement {
+    /// A view in the field's own lengths.
+    pub fn view(&self, view: &View) -> View {
+        if *self == (FieldPlacement { offset: DVec3::ZERO, scale: 1.0 }) {
+            return *view;
+        }
+        let projection = match view.projection {
+            Projection::Orthographic { height } => Projection::Orthographic { height: height / self.scale },
+            perspective => perspective,
+        };
+        View { eye: self.inside(view.eye), projection, cut: self.cut(&view.cut), ..*view }
+    }
+
+    /// A line of sight in the field's own lengths.
+    pub fn sight(&self, sight: &Sight) -> Sight {
+        match *sight {
+            Sight::Flat(view) => Sight::Flat(self.view(&view)),
+            Sight::Around { panorama, eye, cut } => {
+                Sight::Around { panorama, eye: self.inside(eye), cut: self.cut(&cut) }
+            }
+        }
+    }
+
+    /// A box of the field's world in the scene.
+    pub fn bounds(&self, own: Bounds) -> Bounds {
+        Bounds { min: self.offset + self.scale * own.min, max: self.offset + self.scale * own.max }
+    }
+
+    fn inside(&self, place: DVec3) -> DVec3 {
+        (place - self.offset) / self.scale
+    }
+
+    fn cut(&self, cut: &Cut) -> Cut {
+        Cut {
+            bounds: Bounds { min: self.inside(cut.bounds.min), max: self.inside(cut.bounds.max) },
+            fade_start: cut.fade_start / self.scale,
+            fade_rate: cut.fade_rate * self.scale,
+            ..*cut
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Degrees as lengths on a sphere, against integrals.
+
+use super::truth::{assert_near, of};
+use crate::measure::{probe, probe_on, roughness, volumes, volumes_on};
+use crate::model::lengths::EARTH;
+use crate::model::{HeightField, Lengths};
+use deepfield_data::model::Unit;
+
+/// Heights over longitude and latitude, every tenth of a degree from 10 E, 70 N down to 40 N.
+fn zone(height: impl Fn(f64, f64) -> f64) -> HeightField {
+    let mut field = of(201, 301, |row, column| height(10.0 + 0.1 * column, 70.0 - 0.1 * row));
+    (field.grid.origin, field.grid.step) = ([10.0, 70.0], [0.1, -0.1]);
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    field
+}
+
+/// From 40 to 70 degrees: the integrals of the cosine and of its inverse.
+fn integrals() -> [f64; 2] {
+    let inverse = |latitude: f64| {
+        let (sin, cos) = latitude.to_radians().sin_cos();
+        ((1.0 + sin) / cos).ln()
+    };
+    [70_f64.to_radians().sin() - 40_f64.to_radians().sin(), inverse(70.0) - inverse(40.0)]
+}
+
+#[test]
+fn volumes_are_over_zones_of_a_sphere() {
+    let mut field = zone(|_, _| 5.0);
+    let plan = EARTH * EARTH * 20_f64.to_radians() * integrals()[0];
+    let found = volumes(&field).unwrap();
+    assert_near(found.area, plan, 1e-12, "area");
+    assert_near(found.volume_above, 5.0 * plan, 1e-12, "volume");
+    field.grid.height_unit = Unit::new("km");
+    assert_near(volumes(&field).unwrap().volume_above, 5000.0 * plan, 1e-12, "of kilometres");
+    let moon = volumes_on(&field, &Lengths::on(&field.grid, 1_737_400.0)).unwrap();
+    assert_near(moon.area, plan * (1_737_400.0_f64 / EARTH).powi(2), 1e-12, "of the Moon");
+}
+
+#[test]
+fn slopes_are_by_metres() {
+    let degree = EARTH * std::f64::consts::PI / 180.0;
+    // 1 in 100 to the east at the equator, and to the north.
+    let (east, north) = (zone(|x, _| 0.01 * degree * x), zone(|_, y| 0.01 * degree * y));
+    let at = [20.04, 60.0];
+    assert_near(probe(&east, at).unwrap().slope.unwrap(), 0.02, 1e-9, "to the east at 60 degrees");
+    assert_near(probe(&east, at).unwrap().aspect.unwrap(), 270.0, 1e-9, "aspect");
+    assert_near(probe(&north, at).unwrap().slope.unwrap(), 0.01, 1e-9, "to the north");
+    let moon = Lengths::on(&north.grid, 1_737_400.0);
+    let steeper = EARTH / 1_737_400.0;
+    assert_near(probe_on(&north, &moon, at).unwrap().slope.unwrap(), 0.01 * steeper, 1e-9, "on the Moon");
+    assert_near(roughness(&north).unwrap().iso.sdq.unwrap(), 0.01, 1e-9, "Sdq to the north");
+    // The mean over the zone of (0.01 / cos)^2.
+    let [cosine, inverse] = integrals();
+    let found = roughness(&east).unwrap();
+    assert_near(found.iso.sdq.unwrap(), 0.01 * (inverse / cosine).sqrt(), 1e-6, "Sdq to the east");
+    assert_near(found.area, EARTH * EARTH * 20_f64.to_radians() * cosine, 1e-12, "area");
+}
+
+#[test]
+fn what_is_nearest_is_so_in_metres() {
+    // At 60 degrees a degree of longitude is half as long as one of latitude.
+    let mut field = zone(|x, y| if (50.0..67.0).contains(&y) && (12.0..26.0).contains(&x) { f64::NAN } else { 0.0 });
+    let found = probe(&field, [20.0, 60.0]).unwrap().nearest.unwrap();
+    assert_near(found.x, 26.0, 1e-12, "to the east");
+    assert_near(found.distance, 6_f64.to_radians() * EARTH * 60_f64.to_radians().cos(), 1e-9, "metres");
+    field.grid.xy_unit = Unit::new("km");
+    assert_near(probe(&field, [20.0, 60.0]).unwrap().nearest.unwrap().distance, 6.0, 1e-9, "as the field says");
+}

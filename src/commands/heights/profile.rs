@@ -1,0 +1,100 @@
+//! `deepfield probe --line`: the surface along a line, as a table and as a plot.
+
+use super::probe::{after, answer};
+use crate::annotate::plot::Curve;
+use crate::color::Image;
+use crate::color::output::{write_atomically, write_png};
+use crate::commands::CommandResult;
+use crate::commands::arguments::PictureSize;
+use crate::commands::probe::short;
+use crate::heights::OpenHeights;
+use crate::heights::measure::{Profile, profile};
+use crate::heights::model::{HeightGrid, Heights};
+use crate::model::Unit;
+use serde::Serialize;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Size of a plot unless it is set, pixels.
+const SIZE: [u32; 2] = [1200, 480];
+
+/// What `--line --json` writes.
+#[derive(Serialize)]
+struct LineAnswer {
+    length: f64,
+    valid_length: f64,
+    points: usize,
+    min: Option<f64>,
+    max: Option<f64>,
+}
+
+/// Tells a profile and writes it to `out`: as a table, or as a plot of this size.
+///
+/// # Errors
+/// When the field cannot be read, or the file cannot be written.
+pub fn run(
+    path: &Path,
+    open: &OpenHeights,
+    corners: &[[f64; 2]],
+    (out, size): (Option<&Path>, Option<PictureSize>),
+    json: Option<&Path>,
+) -> CommandResult {
+    let extension = |out: &Path| out.extension().map(|extension| extension.to_ascii_lowercase());
+    let is_plot = match out.map(|out| (out, extension(out))) {
+        None => false,
+        Some((_, Some(extension))) if extension == "csv" => false,
+        Some((_, Some(extension))) if extension == "png" => true,
+        Some((out, _)) => return Err(format!("{}: expected a name that ends in .csv or .png", out.display()).into()),
+    };
+    let found = profile(open, corners)?;
+    let grid = open.grid();
+    match out {
+        Some(out) if is_plot => write_png(out, &plot(path, grid, &found, size))?,
+        Some(out) => write_atomically(out, table(grid, &found)?.as_bytes())?,
+        None => {}
+    }
+    let known = || found.points.iter().map(|point| point.height).filter(|height| !height.is_nan());
+    let told = LineAnswer {
+        length: found.length,
+        valid_length: found.valid_length,
+        points: found.points.len(),
+        min: known().reduce(f64::min),
+        max: known().reduce(f64::max),
+    };
+    answer(json, &told, |text, told| {
+        let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
+        let (length, valid) = (short(told.length), short(told.valid_length));
+        writeln!(text, "{}: a line of {length}{places}, {valid}{places} of it over the surface", path.display())?;
+        if let (Some(min), Some(max)) = (told.min, told.max) {
+            writeln!(text, "heights: {} to {}{heights} at {} points", short(min), short(max), told.points)?;
+        }
+        Ok(())
+    })
+}
+
+/// A quantity's name with its unit.
+fn named(name: &str, unit: &Unit) -> String {
+    if unit.is_unknown() { name.to_owned() } else { format!("{name} [{unit}]") }
+}
+
+fn table(grid: &HeightGrid, found: &Profile) -> Result<String, std::fmt::Error> {
+    let heads = ["distance", "x", "y"].map(|name| named(name, &grid.xy_unit));
+    let mut text = format!("{},{}\n", heads.join(","), named("height", &grid.height_unit));
+    for point in &found.points {
+        let height = if point.height.is_nan() { String::new() } else { point.height.to_string() };
+        writeln!(text, "{},{},{},{height}", point.distance, point.x, point.y)?;
+    }
+    Ok(text)
+}
+
+fn plot(path: &Path, grid: &HeightGrid, found: &Profile, size: Option<PictureSize>) -> Image {
+    let points: Vec<[f64; 2]> = found.points.iter().map(|point| [point.distance, point.height]).collect();
+    let title = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let curve = Curve {
+        title: &title,
+        across: &named("distance", &grid.xy_unit),
+        up: &named("height", &grid.height_unit),
+        points: &points,
+    };
+    curve.picture(size.map_or(SIZE, |size| [size.width, size.height]))
+}

@@ -1,0 +1,150 @@
+//! Opening measured heights: a page file as it is, a source by way of the one that is built for it, of which every so many samples are shown as
+//! soon as these are read.
+
+use super::sketch::{PATIENCE, sketched};
+use super::{Opened, OpenedScene};
+use crate::heights::OpenHeights;
+use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
+use crate::heights::import::{HeightOptions, HeightSource};
+use crate::heights::model::{HeightField, HeightGrid, Heights, Window};
+use crate::heights::store::HeightFile;
+use crate::look::Member;
+use crate::model::progress::Progress;
+use crate::model::{ReadMethod, SampleType, Scale};
+use crate::picture::surface::OpenSurface;
+use crate::stream::first_frame;
+use crate::window::options::Opener;
+use crate::window::scene::{Sampled, SceneField};
+use std::path::Path;
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Samples of what is shown before all are there.
+const FEW: u64 = 1 << 18;
+/// Fields of fewer samples are there at once.
+const AT_ONCE: u64 = 1 << 22;
+/// Where reading a few samples takes longer than this, all of them are waited for.
+const LONG: Duration = Duration::from_secs(4);
+
+/// Opens heights. What stands in for them meanwhile goes to whoever listens at `early`.
+///
+/// # Errors
+/// When they cannot be read, or built.
+pub(super) fn open_heights(
+    members: Vec<Member>,
+    scene: Option<OpenedScene>,
+    read: ReadMethod,
+    opener: &Opener,
+    progress: &dyn Progress,
+    early: &Sender<Result<Opened, String>>,
+) -> Result<Opened, String> {
+    let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
+    let members = members.map_err(|error| error.to_string())?;
+    let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
+    let told = |error: &dyn std::fmt::Display| error.to_string();
+    let open = OpenHeights::open(&path, &HeightOptions { read, ..HeightOptions::default() });
+    let open = open.map_err(|error| told(&error))?;
+    let (file, keeps) = match open {
+        OpenHeights::Pages(file) => {
+            return opened(&path, &members, &scene, OpenSurface::new(&path, *file).map_err(|error| told(&error))?);
+        }
+        OpenHeights::Source(source) => {
+            let (first, state) = (early.clone(), Arc::new(Mutex::new(State::Begun)));
+            if source.grid().samples() > AT_ONCE {
+                let (known, path, members, scene) = (Arc::clone(&state), path.clone(), members.clone(), scene.clone());
+                let show = move || {
+                    std::thread::sleep(PATIENCE);
+                    let is_over = || *locked(&known) == State::Over;
+                    if let Some(few) = few_of(&path, &source, is_over)
+                        && let Ok(shown) = opened(&path, &members, &scene, few)
+                    {
+                        let mut state = locked(&known);
+                        // Nobody listens any more where another file was opened meanwhile.
+                        if *state == State::Begun && first.send(Ok(Opened { has_more: true, ..shown })).is_ok() {
+                            *state = State::Shown;
+                        }
+                    }
+                };
+                // Without a thread all of them are waited for.
+                drop(std::thread::Builder::new().name("deepfield heights".into()).spawn(show));
+            }
+            let built = opener(&path, progress);
+            let is_shown = std::mem::replace(&mut *locked(&state), State::Over) == State::Shown;
+            (HeightFile::open(&built?, read).map_err(|error| told(&error))?, is_shown)
+        }
+    };
+    let surface = OpenSurface::new(&path, file).map_err(|error| told(&error))?;
+    Ok(Opened { keeps, ..opened(&path, &members, &scene, surface)? })
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Begun,
+    Shown,
+    Over,
+}
+
+fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Every so many samples of a source, built; `None` where it is not worth while, or nobody waits for it any more.
+fn few_of(path: &Path, source: &HeightSource, is_over: impl Fn() -> bool) -> Option<OpenSurface> {
+    let (whole, begun) = (source.grid(), Instant::now());
+    let every = (whole.samples() as f64 / FEW as f64).sqrt().ceil().max(1.0) as u64;
+    let [rows, columns] = [whole.rows, whole.columns].map(|count| count.div_ceil(every));
+    if rows < 2 || columns < 2 {
+        return None;
+    }
+    let mut stored = Vec::with_capacity((rows * columns) as usize);
+    let mut line = vec![0.0; usize::try_from(whole.columns).ok()?];
+    for row in 0..rows {
+        if is_over() || begun.elapsed() > LONG {
+            return None;
+        }
+        source.stored(Window::rows(whole, row * every, 1), &mut line).ok()?;
+        stored.extend(line.iter().step_by(every as usize).map(|value| whole.scale.value(*value)));
+    }
+    let grid = HeightGrid {
+        columns,
+        rows,
+        step: whole.step.map(|step| step * every as f64),
+        sample_type: SampleType::F32,
+        scale: Scale::NONE,
+        planes: Vec::new(),
+        ..whole.clone()
+    };
+    let few = HeightField { grid, stored, planes: Vec::new() };
+    let folder = tempfile::Builder::new().prefix("deepfield-heights").tempdir().ok()?;
+    let built = folder.path().join("few.df");
+    build_heights(&few, &HeightOrigin::of(source), &HeightBuildOptions::default(), &built, &()).ok()?;
+    let surface = OpenSurface::new(path, HeightFile::open(&built, ReadMethod::default()).ok()?).ok()?;
+    Some(surface.within(folder))
+}
+
+/// An open field as the window takes it.
+fn opened(
+    path: &Path,
+    members: &[Member],
+    scene: &Option<OpenedScene>,
+    surface: OpenSurface,
+) -> Result<Opened, String> {
+    let sampled = Sampled::Heights(Arc::new(surface));
+    let (file, folder) = sketched(&sampled)?;
+    let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
+    let frame = first_frame(&file, &families, 0.0);
+    Ok(Opened {
+        path: path.into(),
+        members: members.to_vec(),
+        notes: Vec::new(),
+        run: None,
+        tracks: None,
+        field: Some(SceneField { sketch: Some(Arc::new(folder)), ..SceneField::new(sampled) }),
+        file: Arc::new(file),
+        frame,
+        scene: scene.clone().map(Arc::new),
+        keeps: false,
+        has_more: false,
+    })
+}

@@ -1,0 +1,230 @@
+//! What the section about tools shows where these are used on measured heights: the samples that were clicked, distances, a profile, and
+//! the roughness of a region.
+
+use super::{PanelState, theme};
+use crate::annotate::number;
+use crate::heights::measure::{FormKind, FormNumbers, Iso};
+use crate::heights::model::HeightGrid;
+use crate::window::looking::heights::{Found, Line, Numbers, OnHeights, world_unit};
+use crate::window::state::answer::Answer;
+use crate::window::state::tool::Tool;
+use bevy::prelude::DetectChangesMut;
+use bevy_egui::egui::{self, Align2, FontId, Rect, RichText, Sense, Stroke, Ui, pos2, vec2};
+
+/// Forms that can be taken off, and what they are called.
+const FORMS: [(&str, Option<FormKind>); 5] = [
+    ("none", None),
+    ("plane", Some(FormKind::Plane)),
+    ("quadric", Some(FormKind::Quadric)),
+    ("sphere", Some(FormKind::Sphere)),
+    ("cylinder", Some(FormKind::Cylinder)),
+];
+
+/// What the tool in hand has found, or what it does.
+pub(super) fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
+    let Some(scene) = &state.scene else { return };
+    let Some(opened) = scene.surface_for(state.settings.mode) else { return };
+    let grid = &opened.file().about().grid;
+    let tool = *state.looking.tool;
+    let heights = &*state.looking.heights;
+    let is_known = match tool {
+        Tool::Inspect => waited(ui, &heights.found, |ui, found| sample(ui, found, grid)),
+        Tool::Measure => distance(
+            ui,
+            heights,
+            opened
+                .placed(&state.settings.look.settings)
+                .ok()
+                .as_ref()
+                .map_or(grid.xy_unit.0.as_str(), |placed| world_unit(placed, grid)),
+            grid,
+        ),
+        Tool::Profile => waited(ui, &heights.profile, |ui, line| profile(ui, line, grid)),
+        Tool::Sphere | Tool::Cube => {
+            let known = waited(ui, &heights.numbers, |ui, numbers| roughness(ui, numbers, grid));
+            let heights = state.looking.heights.bypass_change_detection();
+            if known
+                && form(ui, heights)
+                && let Some(area) = heights.area
+            {
+                heights.ask(opened, &state.settings.look.settings, area);
+            }
+            known
+        }
+        Tool::Lasso => false,
+    };
+    if !is_known {
+        ui.add(egui::Label::new(RichText::new(tool.help_on_heights()).size(12.0).color(theme::LABEL)).wrap());
+    }
+}
+
+/// Shows an answer, or how it stands with it; whether anything was asked.
+fn waited<T: Send + 'static>(ui: &mut Ui, answer: &Answer<T>, show: impl FnOnce(&mut Ui, &T)) -> bool {
+    match answer {
+        Answer::Nothing => return false,
+        Answer::Coming(_) => {
+            theme::fact(ui, "Reading the samples", "");
+            ui.ctx().request_repaint();
+        }
+        Answer::Failed(why) => {
+            ui.add(egui::Label::new(RichText::new(why).size(12.0).color(theme::BAD)).wrap());
+        }
+        Answer::Here(found) => show(ui, found),
+    }
+    true
+}
+
+/// A sample with its unit, every digit of it.
+fn exact(value: f64, unit: &str) -> String {
+    format!("{value} {unit}").trim_end().to_owned()
+}
+
+/// A height between samples with its unit.
+fn between(value: f64, unit: &str) -> String {
+    // Three digits more than rounded numbers have.
+    let digits = (6.0 - value.abs().max(1e-300).log10().floor()).clamp(0.0, 15.0) as usize;
+    format!("{value:.digits$} {unit}").trim_end().to_owned()
+}
+
+/// A rounded number with its unit.
+fn about(value: f64, unit: &str) -> String {
+    format!("{} {unit}", number::quantity(value)).trim_end().to_owned()
+}
+
+fn sample(ui: &mut Ui, found: &Found, grid: &HeightGrid) {
+    let (places, heights) = (grid.xy_unit.0.as_str(), grid.height_unit.0.as_str());
+    let probe = &found.probe;
+    match probe.height {
+        Some(height) => theme::fact(ui, "Height", between(height, heights)),
+        None => theme::fact_colored(ui, "Height", "not measured", theme::BAD),
+    };
+    theme::fact(ui, "Row", number::quantity(probe.row)).on_hover_text("Counted as in the file, from 0.");
+    theme::fact(ui, "Column", number::quantity(probe.column));
+    theme::fact(ui, "x", about(probe.x, places));
+    theme::fact(ui, "y", about(probe.y, places));
+    if let Some(slope) = probe.slope {
+        theme::fact(ui, "Slope", format!("{:.2} degrees", slope.atan().to_degrees()));
+    }
+    if let Some(aspect) = probe.aspect {
+        theme::fact(ui, "Downhill", format!("{aspect:.1} degrees")).on_hover_text("Clockwise from y.");
+    }
+    if let Some(near) = &probe.nearest {
+        theme::fact(ui, "Nearest sample", exact(near.height, heights));
+        theme::fact(ui, "Away", about(near.distance, places));
+    }
+    for (row, column, height) in &found.samples {
+        theme::fact(ui, &format!("Row {row}, column {column}"), exact(*height, heights));
+    }
+}
+
+fn distance(ui: &mut Ui, heights: &OnHeights, unit: &str, grid: &HeightGrid) -> bool {
+    let Some([space, plan, rise, angle]) = heights.apart() else { return false };
+    theme::fact(ui, "Distance", about(space, unit)).on_hover_text("In space, at true heights.");
+    theme::fact(ui, "In plan", about(plan, unit));
+    theme::fact(ui, "Height difference", about(rise, grid.height_unit.0.as_str()));
+    theme::fact(ui, "Angle", format!("{angle:.2} degrees"))
+        .on_hover_text("Of the way from the first to the second place.");
+    true
+}
+
+/// The heights along a line; nothing where nothing was measured.
+fn profile(ui: &mut Ui, line: &Line, grid: &HeightGrid) {
+    let (places, unit) = (grid.xy_unit.0.as_str(), grid.height_unit.0.as_str());
+    let [length, measured] = line.lengths;
+    theme::fact(ui, "Length", about(length, places));
+    if measured < length * (1.0 - 1e-9) {
+        theme::fact(ui, "Measured", format!("{:.1} %", 100.0 * measured / length));
+    }
+    let known = line.points.iter().filter(|point| !point[1].is_nan());
+    let ends =
+        known.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], point| [low.min(point[1]), high.max(point[1])]);
+    if ends[0] > ends[1] {
+        return;
+    }
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 110.0), Sense::hover());
+    theme::register(ui, "heights:profile", rect);
+    let painter = ui.painter();
+    painter.rect_filled(rect, 3.0, theme::WELL);
+    let inner: Rect = rect.shrink(6.0);
+    let [bottom, top] = if ends[0] < ends[1] { ends } else { [ends[0] - 1.0, ends[1] + 1.0] };
+    let at = |[along, height]: [f64; 2]| {
+        let share = ((height - bottom) / (top - bottom)) as f32;
+        pos2(inner.left() + (along / length) as f32 * inner.width(), inner.bottom() - share * inner.height())
+    };
+    for piece in line.points.split(|point| point[1].is_nan()).filter(|piece| piece.len() > 1) {
+        let points = piece.iter().map(|point| at(*point)).collect();
+        painter.add(egui::Shape::line(points, Stroke::new(1.5, theme::ACCENT)));
+    }
+    let font = FontId::proportional(theme::SMALL);
+    painter.text(
+        rect.right_top() + vec2(-5.0, 2.0),
+        Align2::RIGHT_TOP,
+        about(ends[1], unit),
+        font.clone(),
+        theme::LABEL,
+    );
+    painter.text(
+        rect.right_bottom() + vec2(-5.0, -2.0),
+        Align2::RIGHT_BOTTOM,
+        about(ends[0], unit),
+        font,
+        theme::LABEL,
+    );
+    if let Some(pointer) = response.hover_pos() {
+        let away = |point: &&[f64; 2]| (at(**point).x - pointer.x).abs();
+        let nearest = line.points.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+        if let Some([along, height]) = nearest {
+            let height = if height.is_nan() { "not measured".to_owned() } else { about(*height, unit) };
+            response.on_hover_text(format!("{height} at {}", about(*along, places)));
+        }
+    }
+}
+
+/// What is to be taken off; whether another form was chosen.
+fn form(ui: &mut Ui, heights: &mut OnHeights) -> bool {
+    let before = heights.form;
+    let mut chosen = before;
+    let name = FORMS.iter().find(|(_, kind)| *kind == before).map_or("none", |(name, _)| name);
+    theme::combo(ui, "Form", name, |ui| {
+        for (name, kind) in FORMS {
+            let label = ui.selectable_value(&mut chosen, kind, name);
+            theme::register(ui, &format!("form:{name}"), label.rect);
+        }
+    })
+    .on_hover_text("What is fitted to the region and taken off before its numbers are found.");
+    heights.form = chosen;
+    chosen != before
+}
+
+fn roughness(ui: &mut Ui, numbers: &Numbers, grid: &HeightGrid) {
+    let (places, heights) = (grid.xy_unit.0.as_str(), grid.height_unit.0.as_str());
+    let found = &numbers.roughness;
+    theme::fact(ui, "Samples", number::count(found.samples));
+    theme::fact(ui, "Measured", format!("{:.2} %", 100.0 * found.valid_share));
+    if let Some(FormNumbers { radius: Some(radius), .. }) = &numbers.form {
+        theme::fact(ui, "Radius", about(*radius, places));
+    }
+    if let Some(mean) = found.mean {
+        theme::fact(ui, "Mean height", about(mean, heights));
+    }
+    let Iso { sa, sq, ssk, sku, sp, sv, sz, sdq, sdr, sk, spk, svk, .. } = &found.iso;
+    let rows = [
+        ("Sa", sa, heights, "Mean distance from the mean height."),
+        ("Sq", sq, heights, "Root of the mean square distance from it."),
+        ("Sz", sz, heights, "Highest peak and deepest pit together."),
+        ("Sp", sp, heights, "Highest peak above the mean height."),
+        ("Sv", sv, heights, "Deepest pit below it."),
+        ("Ssk", ssk, "", "Skewness."),
+        ("Sku", sku, "", "Kurtosis; 3 of a normal distribution."),
+        ("Sdq", sdq, "", "Root of the mean square slope."),
+        ("Sdr", sdr, "%", "What the surface has more than its plan."),
+        ("Sk", sk, heights, "Height of the core of the material ratio curve."),
+        ("Spk", spk, heights, "Peaks above the core."),
+        ("Svk", svk, heights, "Valleys below it."),
+    ];
+    for (name, value, unit, help) in rows {
+        if let Some(value) = value {
+            theme::fact(ui, name, about(*value, unit)).on_hover_text(format!("{help} ISO 25178-2."));
+        }
+    }
+}

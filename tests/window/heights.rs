@@ -1,0 +1,135 @@
+//! Measured heights in the window: drawn as `deepfield render` draws them, read, measured along and across, and never seen from below.
+
+use super::desktop::{Desktop, Program, Screen, columns, keep, middle, point, repeat};
+use serde_json::Value;
+use std::path::Path;
+use std::time::Duration;
+
+const SIZE: [u16; 2] = [640, 400];
+/// Columns and rows.
+const SAMPLES: [usize; 2] = [161, 121];
+/// Columns and rows where nothing was measured.
+const HOLE: [std::ops::Range<usize>; 2] = [100..120, 30..50];
+
+/// The height at a place: a plane, so that it is the same between samples.
+fn height(x: f64, y: f64) -> f64 {
+    0.25 * x - 0.125 * y + 3.0
+}
+
+/// A tilted plane with a hole.
+fn slope(path: &Path) {
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    let head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}", SAMPLES[1], SAMPLES[0]);
+    let head = format!("{head:<117}\n");
+    bytes.extend(u16::try_from(head.len()).unwrap().to_le_bytes());
+    bytes.extend(head.as_bytes());
+    for row in 0..SAMPLES[1] {
+        for column in 0..SAMPLES[0] {
+            let is_open = HOLE[0].contains(&column) && HOLE[1].contains(&row);
+            let value = if is_open { f64::NAN } else { height(column as f64, row as f64) };
+            bytes.extend(value.to_le_bytes());
+        }
+    }
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn heights_are_drawn_as_they_are_rendered() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    slope(&folder.join("slope.npy"));
+    for (number, more) in [
+        "",
+        ", attribute: named(\"slope\"), settings: {\"light\": \"eye\", \"contours\": 4.0, \"exaggeration\": 2.0}",
+        ", projection: dome(aperture: 180.0, tilt: 20.0)",
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let scene = folder.join("slope.scene.ron");
+        let text = format!(
+            "(version: 2, datasets: [(path: \"slope.npy\")], mode: \"surface\", size: ({}, {}), \
+             camera: (eye: (80.0, -90.0, 120.0), target: (80.0, 60.0, 10.0), up: (0.0, 0.0, 1.0), fov: 40.0), \
+             panels: (shown: false, closed: []), annotations: (legend: false, scale_bar: false){more})",
+            SIZE[0], SIZE[1]
+        );
+        std::fs::write(&scene, text).unwrap();
+        let expected = super::fields::render(folder, &scene);
+        let desktop = Desktop::with_screen(SIZE);
+        let mut program = Program::open(&desktop, folder, &scene, SIZE, &[]);
+        let status = program.wait("a converged picture", |status| status["converged"] == true);
+        assert_eq!((&status["mode"], &status["levels"]), (&"surface".into(), &"chunks".into()), "{status:#}");
+        keep(&desktop, &format!("heights-{number}.png"));
+        desktop.wait("the rendered picture", |screen| super::fields::difference(screen, &expected) < 0.01);
+        assert!(expected.iter().filter(|pixel| pixel.iter().any(|byte| *byte > 60)).count() > 3000, "{more}");
+    }
+}
+
+#[test]
+fn heights_are_read_and_measured_with_the_mouse() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let path = folder.join("slope.npy");
+    slope(&path);
+    let desktop = Desktop::with_screen([1280, 720]);
+    let mut program = Program::open(&desktop, folder, &path, [1280, 720], &[]);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!((&first["mode"], &first["levels"]), (&"surface".into(), &"chunks".into()), "{first:#}");
+    // It is seen from above and in front, with z up.
+    let [eye, target] = ["eye", "target"].map(|name| point(&first, name));
+    assert!(eye[2] > target[2] + 20.0 && eye[1] < target[1] && (eye[0] - target[0]).abs() < 1e-6, "{eye:?} {target:?}");
+    let lit = |screen: &Screen| screen.share(columns(&first), |pixel| pixel.iter().any(|&c| c > 40));
+    desktop.wait("the surface", |screen| lit(screen) > 0.2);
+    desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+    let at = middle(&first);
+    let key = |key: char| desktop.press(u32::from(key));
+    let number = |value: &Value| value.as_f64().unwrap();
+
+    // A click reads the height there.
+    let read = |place: [i16; 2], seen: &dyn Fn(&Value) -> bool| {
+        repeat(&program, "a sample", || desktop.click(place), |s| seen(&s["looking"]["heights"]["found"]))
+    };
+    let found = read(at, &|found| found[1].is_f64())["looking"]["heights"]["found"].clone();
+    let [row, column, x, y] = [0, 1, 2, 3].map(|k| number(&found[0][k]));
+    assert!((number(&found[1]) - height(x, y)).abs() < 1e-9 && [row, column] == [y, x], "{found:#}");
+    assert!((number(&found[2]) - 0.25_f64.hypot(0.125)).abs() < 1e-9, "{found:#}");
+    assert!((x - target[0]).hypot(y - target[1]) < 12.0, "what is in the middle is in the middle: {found:#}");
+    keep(&desktop, "heights-read.png");
+    // Two clicks measure in space and in plan.
+    let measured = || {
+        key('m');
+        desktop.click([at[0] - 80, at[1]]);
+        // A slow frame makes one place of two clicks.
+        std::thread::sleep(Duration::from_millis(400));
+        desktop.click([at[0] + 60, at[1] + 20]);
+    };
+    let apart = repeat(&program, "a distance", measured, |s| s["looking"]["heights"]["apart"][1].as_f64() > Some(10.0));
+    let [space, plan, rise, angle] = [0, 1, 2, 3].map(|k| number(&apart["looking"]["heights"]["apart"][k]));
+    assert!((space - plan.hypot(rise)).abs() < 1e-9 && (angle - rise.atan2(plan).to_degrees()).abs() < 1e-9);
+    assert!(rise.abs() > 1.0, "{plan} {rise}");
+
+    // A line becomes a profile, a rectangle the numbers of its samples.
+    let draw = |tool: char| {
+        key(tool);
+        desktop.stroke(&[[at[0] - 90, at[1] - 10], [at[0] - 20, at[1]], [at[0] + 40, at[1] + 30]]);
+    };
+    let line = repeat(&program, "a profile", || draw('g'), |s| s["looking"]["heights"]["profile"][0].is_u64());
+    let [length, valid] = [0, 1].map(|k| number(&line["looking"]["heights"]["profile"][1][k]));
+    assert!(length > 10.0 && valid > 0.0 && valid <= length * (1.0 + 1e-12), "{length} {valid}");
+    keep(&desktop, "heights-profile.png");
+    let region = repeat(&program, "a region", || draw('b'), |s| s["looking"]["heights"]["region"][3].is_f64());
+    let region = &region["looking"]["heights"]["region"];
+    assert!(region[0].as_u64() > Some(100) && number(&region[3]) > 0.1, "{region:#}");
+    keep(&desktop, "heights-region.png");
+    key('i');
+
+    // However far one turns, the eye stays above the ground.
+    for _ in 0..3 {
+        desktop.drag(at, [at[0], at[1] - 260]);
+    }
+    let low = repeat(&program, "a low eye", || desktop.drag(at, [at[0], at[1] - 60]), |s| point(s, "eye") != eye);
+    let low = point(&low, "eye");
+    let [x, y] = [low[0].clamp(0.0, 160.0), low[1].clamp(0.0, 120.0)];
+    let is_over = (x, y) == (low[0], low[1]);
+    assert!(!is_over || low[2] > height(x, y), "{low:?}");
+}
