@@ -70,6 +70,9 @@ struct SurfaceView {
     contour_width: f32,
     /// Deeper than all that is drawn.
     far: f32,
+    /// Where the tree of chunks begins, and the level of its root.
+    tree: u32,
+    top: u32,
 }
 
 /// A chunk that is drawn.
@@ -88,10 +91,14 @@ struct Draw {
     /// Where `lists` has the chunks that it lies in, itself first.
     chain: u32,
     chain_length: u32,
-    unused: vec2<u32>,
+    /// Between which heights it is, from the reference, and a little more.
+    low: f32,
+    high: f32,
 }
 
 const NONE: u32 = 0xffffffffu;
+/// A branch of the tree of chunks that is a chunk: its number follows from here.
+const LEAF: u32 = 0x80000000u;
 /// Flags of a chunk: drawn as points, has samples that are not whole; and from these bits on one for each side that lies on a coarser chunk's,
 /// and for each whose triangles are listed.
 const POINTS: u32 = 1u;
@@ -103,7 +110,8 @@ const FANNED: u32 = 8u;
 /// Samples of chunks: heights, then normals, then what is left of these and coverage, then colours.
 @group(0) @binding(1) var<storage, read> words: array<u32>;
 @group(0) @binding(2) var<storage, read> draws: array<Draw>;
-/// Numbers of chunks in the order in which they are drawn, heights of borders, chains and triangles.
+/// Numbers of chunks in the order in which they are drawn, heights of borders, chains, triangles, and a tree that finds chunks: of each branch the
+/// four below by row and column, where `lists` has the branch, a `LEAF`, or `NONE`.
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
 
 /// Where a chunk's sample is, row and column of the field.

@@ -1,9 +1,9 @@
 // What a surface looks like at each pixel: the places that its samples show (crates/draw/src/cpu/surface/resolve.rs), and their colours
 // (shade.rs there). One invocation for each pixel.
 //
-// Where the processor casts a ray through all of the surface, this walks along it over the cells about what the sample shows.
+// Where the processor casts a ray through all of the surface, this follows it over cells from a little before what the sample shows.
 #import deepfield::surface_constants::{CHUNK, FINER, SECANTS, ENDS, MINOR, EDGE, REACH}
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, height_of, is_lone, is_measured, camera_of, half_of, Half, NONE, POINTS, MIXED}
+#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, height_of, is_lone, is_measured, camera_of, half_of, Half, NONE, LEAF, POINTS, MIXED}
 
 /// What each sample shows, inverted: 0 is nothing.
 @group(1) @binding(0) var<storage, read> numbers: array<u32>;
@@ -16,6 +16,9 @@ const OUTSIDE: f32 = 1e-4;
 /// Cells before and behind what is shown that a ray is followed over, first and at last.
 const NEAR: f32 = 3.0;
 const WIDE: f32 = 40.0;
+const ENDLESS: f32 = 1e20;
+/// Most chunks that a ray is followed through.
+const CROSSED: u32 = 64u;
 
 /// A line of sight in columns, rows and heights.
 struct Ray {
@@ -45,7 +48,7 @@ struct Hit {
     slope: vec2<f32>,
     coverage: f32,
     exists: bool,
-    /// Where there is none: whether it may be in a chunk beside the one that was looked through.
+    /// Where there is none: whether there may be one all the same, beyond chunks that are not drawn.
     is_beside: bool,
 }
 
@@ -179,36 +182,60 @@ fn camera_at(first: vec2<u32>, within: vec2<f32>, height: f32) -> vec3<f32> {
     return camera_of(first, height) + within.y * surface.per_column + within.x * surface.per_row;
 }
 
-/// Where a ray first meets a chunk within so many of its cells before and behind a depth.
-fn walk(node: u32, ray: Ray, depth: f32, reach: f32) -> Hit {
+/// What has come of a ray in a chunk: a hit, or the depth at which it leaves for the cell of the field that lies beside.
+struct Passage {
+    hit: Hit,
+    leaves: bool,
+    depth: f32,
+    next: vec2<i32>,
+}
+
+/// Follows a ray through a chunk between two depths.
+fn pass_through(node: u32, ray: Ray, start: f32, end: f32) -> Passage {
     let draw = draws[node];
     let whole = f32(1u << draw.level);
-    let begin = vec2<f32>(vec2<i32>(sample_at(draw, vec2(0u)).yx) - surface.anchor);
-    // Columns and rows of the chunk's cells.
+    let corner = sample_at(draw, vec2(0u));
+    let begin = vec2<f32>(vec2<i32>(corner.yx) - surface.anchor);
+    // Columns and rows of the chunk's cells, of which the last ones of a field may be shorter.
     let origin = (ray.origin.xy - begin) / whole;
     let direction = ray.direction.xy / whole;
-    let speed = max(max(abs(direction.x), abs(direction.y)), 1e-30);
-    let last = vec2<f32>(vec2(draw.columns, draw.rows) - 1u);
-    let wanted = vec2(max(depth - reach / speed, 0.0), depth + reach / speed);
-    var start = wanted.x;
-    var end = wanted.y;
+    let cells = vec2<f32>(vec2(draw.columns, draw.rows) - 1u);
+    let far_corner = sample_at(draw, vec2(draw.rows, draw.columns) - 1u);
+    let size = vec2<f32>(far_corner.yx - corner.yx) / whole;
+    let forwards = vec2<i32>(direction >= vec2(0.0));
+    // Where it leaves the chunk, and through which sides.
+    var first = start;
+    var leave = vec2(1e30);
     for (var axis = 0u; axis < 2u; axis++) {
         if abs(direction[axis]) > 1e-30 {
-            let ends = (vec2(0.0, last[axis]) - origin[axis]) / direction[axis];
-            start = max(start, min(ends.x, ends.y));
-            end = min(end, max(ends.x, ends.y));
-        } else if origin[axis] < 0.0 || origin[axis] > last[axis] {
-            return no_hit(true);
+            let sides = (vec2(0.0, size[axis]) - origin[axis]) / direction[axis];
+            first = max(first, min(sides.x, sides.y));
+            leave[axis] = max(sides.x, sides.y);
         }
     }
-    let is_clipped = start > wanted.x || end < wanted.y;
-    if !(start <= end) {
-        return no_hit(true);
+    let side = select(1u, 0u, leave.x <= leave.y);
+    var last = min(end, leave[side]);
+    var passage = Passage(no_hit(false), leave[side] <= end, leave[side], vec2(0));
+    let there = ray.origin.xy + leave[side] * ray.direction.xy + vec2<f32>(surface.anchor);
+    passage.next = vec2<i32>(floor(there));
+    passage.next[side] = select(i32(corner.yx[side]) - 1, i32(far_corner.yx[side]), forwards[side] == 1);
+    // The other coordinate is in the chunk.
+    let other = 1u - side;
+    passage.next[other] = clamp(passage.next[other], i32(corner.yx[other]), i32(far_corner.yx[other]) - 1);
+    // Only where it is as high as what is in the chunk there is something to meet.
+    if abs(ray.direction.z) > 1e-30 {
+        let ends = (vec2(draw.low, draw.high) - ray.origin.z) / ray.direction.z;
+        first = max(first, min(ends.x, ends.y));
+        last = min(last, max(ends.x, ends.y));
+    } else if ray.origin.z < draw.low || ray.origin.z > draw.high {
+        return passage;
     }
-    var at = vec2<i32>(clamp(floor(origin + start * direction), vec2(0.0), last - 1.0));
-    let forwards = vec2<i32>(direction >= vec2(0.0));
+    if !(first <= last) {
+        return passage;
+    }
+    var at = vec2<i32>(clamp(floor(origin + first * direction), vec2(0.0), cells - 1.0));
     let steps = 2 * forwards - 1;
-    for (var count = 0u; count < 256u; count++) {
+    for (var count = 0u; count < 2u * CHUNK + 2u; count++) {
         let place = vec2<u32>(at.yx);
         let cell = cell_of(draw, place);
         var best = Meeting(vec2(0.0), 1e30, false);
@@ -224,7 +251,8 @@ fn walk(node: u32, ray: Ray, depth: f32, reach: f32) -> Hit {
             }
         }
         if best.is_met {
-            return hit_of(node, place, cell, best_half, best.at, best.depth);
+            passage.hit = hit_of(node, place, cell, best_half, best.at, best.depth);
+            return passage;
         }
         // To the cell behind the nearer of the two sides that the ray leaves through.
         var leaves = vec2(1e30);
@@ -234,13 +262,50 @@ fn walk(node: u32, ray: Ray, depth: f32, reach: f32) -> Hit {
             }
         }
         let axis = select(1u, 0u, leaves.x <= leaves.y);
-        if leaves[axis] > end {
-            return no_hit(is_clipped);
-        }
         at[axis] += steps[axis];
-        if at[axis] < 0 || f32(at[axis]) >= last[axis] {
+        if leaves[axis] > last || at[axis] < 0 || f32(at[axis]) >= cells[axis] {
+            return passage;
+        }
+    }
+    return passage;
+}
+
+/// The chunk that holds a cell of the field, column and row; `NONE` where none is drawn.
+fn chunk_at(cell: vec2<i32>) -> u32 {
+    var found = surface.tree;
+    for (var level = surface.top; found < LEAF; level--) {
+        let below = (vec2<u32>(cell.yx) / CHUNK >> vec2(level - 1u)) & vec2(1u);
+        found = lists[found + 2u * below.x + below.y];
+    }
+    return select(found - LEAF, NONE, found == NONE);
+}
+
+/// Where a ray first meets the surface from so many of a chunk's cells before a depth on, to so many behind it.
+fn walk(node: u32, ray: Ray, depth: f32, before: f32, behind: f32) -> Hit {
+    let whole = f32(1u << draws[node].level);
+    let speed = max(max(abs(ray.direction.x), abs(ray.direction.y)) / whole, 1e-30);
+    var start = max(depth - before / speed, 0.0);
+    let end = min(depth + behind / speed, 1e30);
+    var chunk = node;
+    let from_cell = vec2<i32>(floor(ray.origin.xy + start * ray.direction.xy)) + surface.anchor;
+    if all(from_cell >= vec2(0)) && all(from_cell < vec2<i32>(surface.last)) {
+        let found = chunk_at(from_cell);
+        chunk = select(found, node, found == NONE);
+    }
+    for (var count = 0u; count < CROSSED; count++) {
+        let passage = pass_through(chunk, ray, start, end);
+        if passage.hit.exists || !passage.leaves {
+            return passage.hit;
+        }
+        // Beyond the rim there is nothing.
+        if any(passage.next < vec2(0)) || any(passage.next >= vec2<i32>(surface.last)) {
+            return no_hit(false);
+        }
+        chunk = chunk_at(passage.next);
+        if chunk == NONE {
             return no_hit(true);
         }
+        start = passage.depth;
     }
     return no_hit(true);
 }
@@ -267,12 +332,12 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
     let height = height_of(draw, at);
     let depth = camera_of(first, height).z;
     if !is_lone(draw, at) {
-        var hit = walk(node, ray, depth, NEAR);
+        var hit = walk(node, ray, depth, NEAR, NEAR);
         if !hit.exists {
-            hit = walk(node, ray, depth, WIDE);
+            hit = walk(node, ray, depth, WIDE, ENDLESS);
         }
-        // Where there are holes the ray may pass through one; else it passes by what the point is of, and shows that.
-        if hit.exists || (draw.flags & MIXED) != 0u && !hit.is_beside {
+        // It may pass by what the point is of, and by all else; where that is not known the point is shown.
+        if hit.exists || !hit.is_beside {
             return hit;
         }
     }
@@ -582,7 +647,7 @@ fn line_at(hit: Hit, place: vec2<f32>) -> f32 {
         var last = vec2(0.0, hit.height);
         var is_found = false;
         for (var k = 0u; k < SECANTS; k++) {
-            let there = walk_from(hit, place + along * away);
+            let there = walk(hit.node, ray_at(place + along * away), hit.depth, WIDE, ENDLESS);
             if !there.exists {
                 break;
             }
@@ -603,27 +668,6 @@ fn line_at(hit: Hit, place: vec2<f32>) -> f32 {
         }
     }
     return line_share(number, away / parts, steep * parts);
-}
-
-/// The surface at a place of the picture that is near a hit: in the hit's chunk, or where its ray leaves that on the hit's plane.
-fn walk_from(hit: Hit, place: vec2<f32>) -> Hit {
-    let ray = ray_at(place);
-    let found = walk(hit.node, ray, hit.depth, WIDE);
-    if found.exists {
-        return found;
-    }
-    var other = hit;
-    let plane = plane_height(hit, place);
-    other.height = plane.x;
-    // What is within the chunk's own rows and columns has been looked for.
-    let depth = (plane.x - ray.origin.z) / ray.direction.z;
-    let at = ray.origin.xy + depth * ray.direction.xy + vec2<f32>(surface.anchor);
-    let draw = draws[hit.node];
-    let low = vec2<f32>(sample_at(draw, vec2(0u)).yx);
-    let high = vec2<f32>(sample_at(draw, vec2(draw.rows, draw.columns) - 1u).yx);
-    let is_beside = any(at < low) || any(at > high);
-    other.exists = plane.y > 0.0 && is_beside && all(at >= vec2(0.0)) && all(at <= vec2<f32>(surface.last));
-    return other;
 }
 
 /// The colour of a hit at a place of the picture: linear light, premultiplied.
@@ -708,7 +752,10 @@ fn end_of(corner: vec2<u32>) -> vec4<f32> {
             }
         }
         let near = look(number, at);
-        let hit = walk(near.node, ray_at(place), near.depth, WIDE);
+        if !near.exists {
+            continue;
+        }
+        let hit = walk(near.node, ray_at(place), near.depth, WIDE, ENDLESS);
         if hit.exists {
             sum += color_of(hit, place);
         }

@@ -391,6 +391,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             contour_base,
             contour_width,
             far,
+            tree,
+            top,
             unused,
         }),
         "draws" => layout!(Draw {
@@ -404,7 +406,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             border,
             chain,
             chain_length,
-            unused,
+            low,
+            high,
         }),
         "surface_step" => {
             layout!(SurfaceStep { is_second, first, count, counter, most, unused, unused_end })

@@ -1,8 +1,8 @@
 //! What Rust and the surface's shaders both need, written as a shader module: one source, and constants that a shader's compiler sees.
 
-use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
 use crate::cpu::surface::look::{EDGE, MINOR};
 use crate::cpu::surface::shade::{ENDS, FINER, REACH, SECANTS};
+use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
 
 /// Path of the module among the shaders.
 pub const PATH: &str = "lib/surface_constants.wgsl";
@@ -42,13 +42,8 @@ pub fn wgsl() -> String {
         ("SECANTS", SECANTS),
         ("ENDS", ENDS),
     ];
-    let shares = [
-        ("UNMEASURED", f64::from(UNMEASURED)),
-        ("FINER", FINER),
-        ("REACH", REACH),
-        ("MINOR", MINOR),
-        ("EDGE", EDGE),
-    ];
+    let shares =
+        [("UNMEASURED", f64::from(UNMEASURED)), ("FINER", FINER), ("REACH", REACH), ("MINOR", MINOR), ("EDGE", EDGE)];
     let mut text = String::from("#define_import_path deepfield::surface_constants\n");
     for (name, number) in numbers {
         text += &format!("const {name}: u32 = {number}u;\n");

@@ -3,17 +3,17 @@
 use super::arena::Held;
 use super::constants::{FAN, SMALL, UNMEASURED};
 use super::job::SurfaceJob;
-use crate::cpu::surface::look::{Attribute, Contours, Light};
-use crate::cpu::surface::select::{Primitive, Technique};
-use crate::cpu::surface::raster::Shown;
-use crate::cpu::surface::stitch::{Mesh, Scene};
 use crate::color::transfer::Scale;
+use crate::cpu::surface::look::{Attribute, Contours, Light};
+use crate::cpu::surface::raster::Shown;
+use crate::cpu::surface::select::{Primitive, Technique};
+use crate::cpu::surface::stitch::{Mesh, Scene};
 use crate::heights::hierarchy::chunks::ChunkKey;
 use crate::view::{Projection, View};
 use bevy::math::DVec3;
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 /// WGSL `SurfaceView`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -66,7 +66,9 @@ pub struct SurfaceUniform {
     pub contour_base: f32,
     pub contour_width: f32,
     pub far: f32,
-    pub unused: [u32; 3],
+    pub tree: u32,
+    pub top: u32,
+    pub unused: u32,
 }
 
 /// WGSL `Draw`.
@@ -93,8 +95,10 @@ pub struct Draw {
     pub chain: u32,
     /// How many these are, itself included.
     pub chain_length: u32,
-    /// Padding.
-    pub unused: [u32; 2],
+    /// Between which heights it is, from the reference.
+    pub low: f32,
+    /// The upper end of these.
+    pub high: f32,
 }
 
 /// WGSL `SurfaceStep`.
@@ -119,6 +123,8 @@ pub struct SurfaceStep {
 
 /// Nothing.
 pub const NONE: u32 = u32::MAX;
+/// A branch of the tree that is a chunk.
+const LEAF: u32 = 1 << 31;
 /// Flags of a chunk, as `surface_view.wgsl` has them.
 const POINTS: u32 = 1;
 const MIXED: u32 = 2;
@@ -137,6 +143,8 @@ pub struct DrawList {
     pub near: (u32, u32),
     /// Triangles whose corners are listed.
     pub fans: (u32, u32),
+    /// The tree that finds chunks.
+    pub tree: u32,
 }
 
 /// A height as shaders have it.
@@ -158,6 +166,11 @@ impl DrawList {
         for mesh in &scene.meshes {
             let key = mesh.node.key;
             let border = border_of(mesh, job.reference);
+            let (facts, added) = (&mesh.node.facts, mesh.node.added);
+            // Coarse samples are where fine ones are, or fitted, and those of borders as far from them as is reckoned with.
+            let hair =
+                facts.delta + added + 1e-5 * (facts.max - facts.min) + 1e-6 * facts.max.abs().max(facts.min.abs());
+            let [low, high] = [facts.min - hair, facts.max + hair].map(|end| (end - job.reference) as f32);
             let mut draw = Draw {
                 start: held.first_word(&mesh.samples).unwrap_or(NONE),
                 rows: mesh.samples.rows as u32,
@@ -166,6 +179,8 @@ impl DrawList {
                 key_row: key.row,
                 key_column: key.column,
                 flags: flags_of(mesh),
+                low,
+                high,
                 border: if border.is_empty() { NONE } else { lists.len() as u32 },
                 ..Draw::default()
             };
@@ -197,7 +212,41 @@ impl DrawList {
         let first = lists.len() as u32;
         lists.extend(fans.iter().flatten());
         let count = (lists.len() as u32 - first) / FAN;
-        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count) }
+        let tree = Tree::of(scene).branch(scene.lattice.root(), &mut lists);
+        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree }
+    }
+}
+
+/// The chunks that drawn ones lie in.
+struct Tree<'a> {
+    scene: &'a Scene,
+    inner: HashSet<ChunkKey>,
+}
+
+impl Tree<'_> {
+    fn of(scene: &Scene) -> Tree<'_> {
+        let above = |mesh: &Mesh| {
+            let key = mesh.node.key;
+            (key.level + 1..=scene.lattice.top()).map(move |level| key.ancestor(level))
+        };
+        Tree { scene, inner: scene.meshes.iter().flat_map(above).collect() }
+    }
+
+    /// What stands for a branch, with what is below it in the lists.
+    fn branch(&self, key: ChunkKey, lists: &mut Vec<u32>) -> u32 {
+        if let Some(number) = self.scene.cut.number(key) {
+            return LEAF + number as u32;
+        }
+        if !self.inner.contains(&key) {
+            return NONE;
+        }
+        let first = lists.len();
+        lists.extend([NONE; 4]);
+        for part in 0..4 {
+            let [row, column] = [2 * key.row + part / 2, 2 * key.column + part % 2];
+            lists[first + part as usize] = self.branch(ChunkKey { level: key.level - 1, row, column }, lists);
+        }
+        first as u32
     }
 }
 
@@ -237,9 +286,8 @@ fn border_of(mesh: &Mesh, reference: f64) -> Vec<u32> {
 fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
     let mut words = Vec::new();
     let [rows, columns] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
-    let is_fanned = |side: usize, row: usize, column: usize| {
-        !mesh.extras[side].is_empty() && mesh.is_along(side, row, column)
-    };
+    let is_fanned =
+        |side: usize, row: usize, column: usize| !mesh.extras[side].is_empty() && mesh.is_along(side, row, column);
     let is_points = mesh.node.primitive == Primitive::Points;
     for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
         let is_drawn = !is_points || mesh.is_strip(row, column);
@@ -256,8 +304,8 @@ fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
 }
 
 impl SurfaceUniform {
-    /// What a job's shaders need; rows of the picture are `stride` samples apart.
-    pub fn new(job: &SurfaceJob, stride: u32, ramp: u32) -> SurfaceUniform {
+    /// What a job's shaders need: rows of the picture are `stride` samples apart, there are `ramp` colours, and the tree begins at `tree`.
+    pub fn new(job: &SurfaceJob, stride: u32, ramp: u32, tree: u32) -> SurfaceUniform {
         let (scene, view, look) = (&*job.scene, &job.view, &job.look);
         let placed = &scene.placed;
         let anchor = anchor_of(scene, view.eye);
@@ -358,7 +406,9 @@ impl SurfaceUniform {
             contour_base: contour_base as f32,
             contour_width: contours.width as f32,
             far: far_of(scene, view) as f32,
-            unused: [0; 3],
+            tree,
+            top: u32::from(scene.lattice.top()),
+            unused: 0,
         }
     }
 }
@@ -382,7 +432,9 @@ fn far_of(scene: &Scene, view: &View) -> f64 {
     let corners = |mesh: &Mesh| {
         let bounds = mesh.node.extent.bounds;
         let pick = |corner: usize, axis: usize| [bounds.min, bounds.max][corner >> axis & 1][axis];
-        (0..8).map(|corner| view.to_camera(DVec3::new(pick(corner, 0), pick(corner, 1), pick(corner, 2))).z).fold(0.0, f64::max)
+        (0..8)
+            .map(|corner| view.to_camera(DVec3::new(pick(corner, 0), pick(corner, 1), pick(corner, 2))).z)
+            .fold(0.0, f64::max)
     };
     2.0 * scene.meshes.iter().map(corners).fold(0.0, f64::max).max(f64::MIN_POSITIVE)
 }

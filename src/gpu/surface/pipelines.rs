@@ -107,9 +107,8 @@ pub fn init_surface_pipelines(
     let sized = |bytes: usize, moves: bool| uniform_buffer_sized(moves, NonZeroU64::new(bytes as u64));
     let step = || sized(size_of::<SurfaceStep>(), true);
     let layout = |stages: ShaderStages, label: &'static str, entries: Vec<_>| {
-        let numbered = (0..).zip(entries).map(|(index, entry): (u32, BindGroupLayoutEntryBuilder)| {
-            entry.build(index, stages)
-        });
+        let numbered =
+            (0..).zip(entries).map(|(index, entry): (u32, BindGroupLayoutEntryBuilder)| entry.build(index, stages));
         BindGroupLayoutDescriptor::new(label, &numbered.collect::<Vec<_>>())
     };
     let everywhere = ShaderStages::COMPUTE | ShaderStages::VERTEX_FRAGMENT;

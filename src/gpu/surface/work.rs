@@ -166,7 +166,7 @@ impl SurfaceWork {
             queue.write_buffer(&buffer, 0, bytes);
             buffer
         };
-        let about = SurfaceUniform::new(job, stride, ramp.len() as u32);
+        let about = SurfaceUniform::new(job, stride, ramp.len() as u32, list.tree);
         let about = bytemuck::bytes_of(&about);
         let about = written(kept(|buffers| &mut buffers.view, about.len() as u64, uniform), about);
         let bytes_of_draws: &[u8] = bytemuck::cast_slice(&list.draws);
@@ -343,7 +343,8 @@ fn turns_of(list: &DrawList, most: u32) -> (Vec<u8>, Vec<Turn>, u32) {
     for is_second in [0, 1] {
         for (step, first, count) in &all {
             let (offset, counter) = (bytes.len() as u32, turns.len() as u32);
-            let about = SurfaceStep { is_second, first: *first, count: *count, counter, most, ..SurfaceStep::default() };
+            let about =
+                SurfaceStep { is_second, first: *first, count: *count, counter, most, ..SurfaceStep::default() };
             bytes.extend_from_slice(bytemuck::bytes_of(&about));
             bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
             turns.push(Turn { step: *step, offset, count: *count });

@@ -242,7 +242,10 @@ impl<'a> Raster<'a> {
                 if has_extras && (0..4).any(|side| mesh.is_along(side, row, column)) {
                     triangles += mesh.cell(row, column).triangles().count() as u64;
                     mesh.fan(at, |slot, corners| {
-                        self.triangle(corners.map(|(row, column, height)| self.corner(row, column, height)), shown(slot));
+                        self.triangle(
+                            corners.map(|(row, column, height)| self.corner(row, column, height)),
+                            shown(slot),
+                        );
                     });
                     continue;
                 }
