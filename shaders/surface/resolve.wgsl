@@ -13,8 +13,7 @@
 
 /// Rounding may leave a place so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f32 = 1e-4;
-/// Cells before and behind what is shown that a ray is followed over, first and at last.
-const NEAR: f32 = 3.0;
+/// Cells before what is shown from which on a ray is followed, and behind it: without end.
 const WIDE: f32 = 40.0;
 const ENDLESS: f32 = 1e20;
 /// Most chunks that a ray is followed through.
@@ -39,7 +38,7 @@ fn ray_at(place: vec2<f32>) -> Ray {
 struct Hit {
     node: u32,
     depth: f32,
-    /// The first sample of its cell, row and column of the field, and how many of them it is behind that.
+    /// The first sample of its cell, or a point's sample, row and column of the field, and how many of them it is behind that.
     first: vec2<u32>,
     within: vec2<f32>,
     /// From the reference.
@@ -310,6 +309,30 @@ fn walk(node: u32, ray: Ray, depth: f32, before: f32, behind: f32) -> Hit {
     return no_hit(true);
 }
 
+/// Where a ray first meets the triangles that a sample is in the cells of.
+fn around(node: u32, at: vec2<u32>, ray: Ray) -> Hit {
+    let draw = draws[node];
+    var hit = no_hit(false);
+    for (var k = 0u; k < 4u; k++) {
+        let place = at - vec2(1u - (k >> 1u), 1u - (k & 1u));
+        // What is before the first one is beyond all.
+        if any(place > at) || place.x + 1u >= draw.rows || place.y + 1u >= draw.columns {
+            continue;
+        }
+        let cell = cell_of(draw, place);
+        for (var slot = 0u; slot < 2u; slot++) {
+            let half = half_of(cell.heights, slot);
+            if half.exists {
+                let met = meeting_of(ray, cell, half);
+                if met.is_met && (!hit.exists || met.depth < hit.depth) {
+                    hit = hit_of(node, place, cell, half, met.at, met.depth);
+                }
+            }
+        }
+    }
+    return hit;
+}
+
 /// A number's sample or cell.
 fn at_of(number: u32) -> vec2<u32> {
     let within = number & 0x1ffffu;
@@ -332,7 +355,7 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
     let height = height_of(draw, at);
     let depth = camera_of(first, height).z;
     if !is_lone(draw, at) {
-        var hit = walk(node, ray, depth, NEAR, NEAR);
+        var hit = around(node, at, ray);
         if !hit.exists {
             hit = walk(node, ray, depth, WIDE, ENDLESS);
         }
@@ -343,6 +366,15 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
     }
     var hit = Hit(node, depth, first, vec2(0.0), height, vec2(0.0), 1.0, true, false);
     hit.slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, at.x * draw.columns + at.y));
+    // What lies under the middle of the sample of the picture, unless that plane is seen from its edge.
+    let place_of_sample = vec2<f32>(vec2<i32>(first.yx) - surface.anchor);
+    let plane = height + dot(hit.slope, ray.origin.xy - place_of_sample);
+    let along = (plane - ray.origin.z) / (ray.direction.z - dot(hit.slope, ray.direction.xy));
+    let beside = (ray.origin.xy + along * ray.direction.xy - place_of_sample).yx;
+    if all(abs(beside) <= vec2(2.0 * exp2(max(level_at(depth), 0.0)))) {
+        hit.within = beside;
+        hit.height = ray.origin.z + along * ray.direction.z;
+    }
     hit.coverage = point_coverage(hit, at);
     return hit;
 }
@@ -389,7 +421,7 @@ fn between(draw: Draw, level: u32, first: vec2<u32>, within: vec2<f32>) -> Betwe
     let size = vec2(lists[entry + 1u], lists[entry + 2u]);
     let begin = (vec2(draw.key_row, draw.key_column) >> vec2(up)) * CHUNK;
     let whole = floor(within);
-    let at = first + vec2<u32>(whole);
+    let at = vec2<u32>(max(vec2<i32>(first) + vec2<i32>(whole), vec2(0)));
     let index = min(max(at >> vec2(level), begin) - begin, size - 2u);
     let last = surface.last.yx;
     let low = min((begin + index) << vec2(level), last);
