@@ -202,17 +202,18 @@ fn what_no_adapter_draws_is_the_processors() {
     assert_eq!(found, rays.draw(&mut session(&path, Backend::Cpu)).1);
 }
 
-/// A random camera above a field that looks onto it, so that nothing but the field is in the picture.
+/// A random camera above a field that looks onto a place where chunks meet, so that nothing but the field is in the picture.
 fn camera_over(field: &HeightField, random: &mut Random) -> View {
     let [columns, rows] = [field.grid.columns, field.grid.rows].map(|count| (count - 1) as f64);
     let high = field.stored.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     loop {
         let mut between = |low: f64, high: f64| low + (high - low) * random.next();
-        let target = DVec3::new(columns * between(0.3, 0.7), rows * between(0.3, 0.7), 0.0);
-        let (angle, away, up) = (between(0.0, 6.3), between(1.0, 150.0), between(2.0, 400.0));
+        let border = |at: f64| (at / 256.0).round() * 256.0;
+        let target = DVec3::new(border(columns * between(0.1, 0.9)), border(rows * between(0.2, 0.8)), 0.0);
+        let (angle, away, up) = (between(0.0, 6.3), between(1.0, 150.0), between(2.0, 250.0));
         let eye = target + DVec3::new(away * angle.cos(), away * angle.sin(), high + up);
         let projection = match between(0.0, 1.0) < 0.3 {
-            true => Projection::Orthographic { height: between(3.0, 200.0) },
+            true => Projection::Orthographic { height: between(20.0, 300.0) },
             false => Projection::Perspective { fov_y: between(0.2, 1.0) },
         };
         let Ok(view) = View::look_at(eye, target, DVec3::Z, projection, 120, 90) else { continue };
@@ -222,7 +223,7 @@ fn camera_over(field: &HeightField, random: &mut Random) -> View {
             let from = view.at_depth(corner, 0.0);
             let along = view.at_depth(corner, 1.0) - from;
             let at = from + (low - from.z) / along.z * along;
-            along.z < 0.0 && at.x > 1.0 && at.y > 1.0 && at.x < columns - 1.0 && at.y < rows - 1.0
+            from.z > high && along.z < 0.0 && at.x > 1.0 && at.y > 1.0 && at.x < columns - 1.0 && at.y < rows - 1.0
         });
         if is_over {
             return view;
