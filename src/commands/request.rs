@@ -46,6 +46,8 @@ pub fn open_any<'a>(
         [only] if shots.iter().all(takes_surfaces) && said.is_some() => {
             let said = said.cloned().unwrap_or_default();
             let session = SurfaceSession::open(&only.path, &said, options, Arc::new(Terminal))?;
+            #[cfg(feature = "viewer")]
+            let session = session.with_adapter(Some(Box::new(crate::gpu::Offscreen::default())));
             AnySession::Surface(Box::new(session))
         }
         [only]

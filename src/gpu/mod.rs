@@ -10,7 +10,8 @@
 //!    unchanged picture is not accumulated again.
 //! 4. A camera with a [`LightView`] beside its [`SplatView`] shows the light that a mode's passes draw of these nodes.
 //! 5. A camera with an [`integrals::IntegralView`] accumulates line integrals of a sampled field in their place.
-//! 6. [`timing::PassTimer`] measures milliseconds of passes, [`ParticleScene::stats`] memory.
+//! 6. A camera with a [`surface::SurfaceView`] beside its [`LightView`] shows measured heights.
+//! 7. [`timing::PassTimer`] measures milliseconds of passes, [`ParticleScene::stats`] memory.
 //!
 //! [`render_headless`] does all that for one picture without a window.
 
@@ -44,6 +45,7 @@ pub mod shaders;
 pub mod sorted_splats;
 pub mod spheres;
 pub mod splat;
+pub mod surface;
 pub mod target;
 pub mod tile_passes;
 pub mod tiles;
@@ -85,6 +87,7 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(volume::VolumePlugin)
             .add(measure::MeasurePlugin)
             .add(integrals::IntegralPlugin)
+            .add(surface::SurfacePlugin)
             .add(tiles::TilePlugin::<SortedSplats>::default())
             .add(tiles::TilePlugin::<OverSplats>::default())
             .add(tiles::TilePlugin::<Spheres>::default())

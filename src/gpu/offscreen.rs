@@ -5,6 +5,7 @@ use super::device::GpuError;
 use super::headless::{HeadlessFrame, HeadlessRequest};
 use super::integrals::IntegralView;
 use super::renderer::HeadlessRenderer;
+use super::surface::{SurfaceJob, SurfaceView};
 use super::tile_passes::TilePasses;
 use super::timing::MeasuredPasses;
 use super::view::Backend;
@@ -15,7 +16,7 @@ use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::mode::{FieldPasses, LightPasses};
-use crate::picture::adapter::{Adapter, AdapterField, AdapterFrame, AdapterJob, AdapterValues, Passes};
+use crate::picture::adapter::{Adapter, AdapterField, AdapterFrame, AdapterJob, AdapterSurface, AdapterValues, Passes};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, View};
 use std::sync::Arc;
@@ -106,6 +107,21 @@ impl Adapter for Offscreen {
             let note = found.coarser.map(|(_, by)| coarser(by));
             let report = report_of((grid, planes), found, renderer);
             Ok(AdapterFrame { note, ..light_frame(colors, report, renderer, &passes, frame) })
+        });
+        drawn.map_err(device)
+    }
+
+    fn surface(&mut self, job: &AdapterSurface<'_>) -> Result<AdapterFrame, VolumeError> {
+        let is_raster = job.passes == Passes::Raster;
+        let surface = Arc::new(SurfaceJob::new(job, is_raster));
+        let [width, height] = surface.size();
+        let request = HeadlessRequest::without_particles(&job.view.resized(width, height), false);
+        let view = SurfaceView { number: self.next(), job: surface, memory: u64::MAX };
+        let drawn = self.with(move |slot| {
+            let renderer = loaded(slot, &request)?;
+            let (colors, (passes, frame)) = renderer.surface(view)?;
+            let backend = if is_raster { "raster" } else { "compute" };
+            Ok(AdapterFrame { backend, ..light_frame(colors, VolumeReport::default(), renderer, &passes, frame) })
         });
         drawn.map_err(device)
     }

@@ -11,6 +11,7 @@ use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
 use super::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatBuffers, SplatPipelines, pipeline_error};
+use super::surface::{SurfaceNews, SurfaceView};
 use super::tile_passes::TilePasses;
 use super::tiles::TileNews;
 use super::timing::{FrameTimes, MeasuredPasses, PassTimes, median};
@@ -178,6 +179,7 @@ impl HeadlessRenderer {
             VolumeView,
             CountOverdraw,
             IntegralView,
+            SurfaceView,
         )>();
         TilePasses::hide(&mut world.commands().entity(self.camera));
         world.flush();
@@ -303,6 +305,29 @@ impl HeadlessRenderer {
             self.check_shaders(start)?;
         };
         Ok((self.light()?, opaque, (passes, median(&mut frames))))
+    }
+
+    /// Draws measured heights: their light, and the milliseconds of the passes and of a frame.
+    ///
+    /// # Errors
+    /// As [`HeadlessRenderer::volume`].
+    pub fn surface(&mut self, surface: SurfaceView) -> Result<(Colors, (MeasuredPasses, f64)), GpuError> {
+        let (number, [width, height]) = (surface.number, surface.job.size());
+        self.insert((LightView::default(), surface));
+        let start = Instant::now();
+        let mut passes = MeasuredPasses::default();
+        self.pass_times();
+        loop {
+            self.frame()?;
+            passes.add(self.pass_times());
+            let found = self.app.world().resource::<SurfaceNews>().now();
+            match found.number == number {
+                true if found.no_room => return Err(GpuError::NoRoom(format!("{width}x{height} pixels of heights"))),
+                true if self.is_complete() => break,
+                _ => self.check_shaders(start)?,
+            }
+        }
+        Ok((self.light()?, (passes, 1e3 * start.elapsed().as_secs_f64())))
     }
 
     /// What has been found out about line integrals.

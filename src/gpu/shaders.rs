@@ -1,7 +1,7 @@
 //! The shaders, embedded in the program so that an installed one needs no folder beside it.
 
 use super::splat::constants;
-use super::{tiles, volume};
+use super::{surface, tiles, volume};
 use bevy::asset::io::embedded::EmbeddedAssetRegistry;
 use bevy::prelude::*;
 use bevy::shader::Shader;
@@ -108,6 +108,10 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("layered/plan.wgsl", include_str!("../../shaders/layered/plan.wgsl")),
     ("layered/project.wgsl", include_str!("../../shaders/layered/project.wgsl")),
     ("layered/blend.wgsl", include_str!("../../shaders/layered/blend.wgsl")),
+    ("lib/surface_view.wgsl", include_str!("../../shaders/lib/surface_view.wgsl")),
+    ("surface/visible.wgsl", include_str!("../../shaders/surface/visible.wgsl")),
+    ("surface/raster.wgsl", include_str!("../../shaders/surface/raster.wgsl")),
+    ("surface/resolve.wgsl", include_str!("../../shaders/surface/resolve.wgsl")),
     ("composite/composite.wgsl", include_str!("../../shaders/composite/composite.wgsl")),
 ];
 
@@ -116,7 +120,8 @@ pub fn sources() -> impl Iterator<Item = (&'static str, Cow<'static, str>)> {
     let files = SHADERS.iter().map(|&(path, text)| (path, Cow::Borrowed(text)));
     let volume = (volume::constants::PATH, Cow::Owned(volume::constants::wgsl()));
     let tiles = (tiles::constants::PATH, Cow::Owned(tiles::constants::wgsl()));
-    files.chain([(constants::PATH, Cow::Owned(constants::wgsl())), volume, tiles])
+    let surface = (surface::constants::PATH, Cow::Owned(surface::constants::wgsl()));
+    files.chain([(constants::PATH, Cow::Owned(constants::wgsl())), volume, tiles, surface])
 }
 
 /// The shaders that others import; held, or the imports would never resolve.

@@ -19,5 +19,6 @@ mod over;
 mod overdraw;
 mod pages;
 mod panoramas;
+mod surfaces;
 mod times;
 mod volumes;

@@ -67,6 +67,9 @@ pub fn variants() -> Vec<Variant> {
     for path in ["sorted/arrange.wgsl", "over/arrange.wgsl", "spheres/arrange.wgsl"] {
         all.push(plain(path, vec![], vec!["arrange"]));
     }
+    all.push(plain("surface/visible.wgsl", vec![], vec!["cells", "fans", "large"]));
+    all.push(plain("surface/raster.wgsl", vec![], vec!["cell", "fan", "point", "number"]));
+    all.push(plain("surface/resolve.wgsl", vec![], vec!["resolve"]));
     all.push(plain("spheres/surface.wgsl", vec![], vec!["smooth_hits", "shade"]));
     for is_software in [false, true] {
         all.push(plain("spheres/nearest.wgsl", walk_defs(is_software), vec!["nearest"]));

@@ -16,6 +16,7 @@ use crate::gpu::spheres::SphereUniform;
 use crate::gpu::splat::layout::{
     Block, Encoding, Level, Node, PATCH_BYTES, PLACE_BYTES, Pass, SPLAT_BYTES, SplatUniform,
 };
+use crate::gpu::surface::layout::{Draw, SurfaceStep, SurfaceUniform};
 use crate::gpu::target::FrameUniform;
 use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
 use crate::gpu::volume::field::layout::{FieldLine, FieldUniform};
@@ -343,6 +344,75 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             last_color,
             unused,
         }),
+        "surface" => layout!(SurfaceUniform {
+            origin,
+            focal,
+            per_column,
+            near,
+            per_row,
+            perspective,
+            per_height,
+            parts,
+            eye,
+            stride,
+            right,
+            spacing,
+            up,
+            fade_start,
+            forward,
+            fade_rate,
+            world_right,
+            clips,
+            world_up,
+            point_side,
+            world_forward,
+            lone_side,
+            clip_min,
+            colored_by,
+            clip_max,
+            ramp_last,
+            sun,
+            is_sun,
+            contour_color,
+            contour_major,
+            size,
+            middle,
+            anchor,
+            last,
+            step,
+            low,
+            per,
+            is_log,
+            reference,
+            ambient,
+            steeper,
+            true_lift,
+            contour_interval,
+            contour_base,
+            contour_width,
+            far,
+            tree,
+            top,
+            unused,
+        }),
+        "draws" => layout!(Draw {
+            start,
+            rows,
+            columns,
+            level,
+            key_row,
+            key_column,
+            flags,
+            border,
+            chain,
+            chain_length,
+            low,
+            high,
+        }),
+        "surface_step" => {
+            layout!(SurfaceStep { is_second, first, count, counter, most, unused, unused_end })
+        }
+        "ramp" => plain(16, ScalarKind::Float),
         "gradient" => plain(16, ScalarKind::Float),
         "portion" => layout!(Portion {
             origin,
@@ -514,7 +584,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 81, "{compared:?}");
+    assert_eq!(compared.len(), 91, "{compared:?}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::SettingValue;
 use deepfield::model::{FamilyName, Progress};
 use deepfield::modes;
-use deepfield::picture::adapter::AdapterField;
+use deepfield::picture::adapter::{AdapterField, AdapterSurface};
 use deepfield::picture::level_report::{LevelReport, ROUNDING};
 use deepfield::picture::ranges::Format;
 use deepfield::picture::{Adapter, AdapterFrame, AdapterJob, PictureError, Reporter, Session, SessionOptions};
@@ -138,6 +138,10 @@ impl Adapter for Broken {
 
     fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
         Broken::fails("volume")
+    }
+
+    fn surface(&mut self, _: &AdapterSurface<'_>) -> Result<AdapterFrame, VolumeError> {
+        Broken::fails("surface")
     }
 
     fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {

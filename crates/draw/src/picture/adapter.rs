@@ -5,6 +5,9 @@ use super::subject::Subject;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::field::Field;
 use crate::cpu::overdraw::Overdraw;
+use crate::cpu::surface::look::Look;
+use crate::cpu::surface::select::Technique;
+use crate::cpu::surface::stitch::Scene;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::look::Backend;
 use crate::mode;
@@ -31,6 +34,12 @@ pub trait Adapter: Send + Sync {
     /// # Errors
     /// As [`Adapter::draw`].
     fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError>;
+
+    /// Draws measured heights, seen by a camera that stands in a flat world.
+    ///
+    /// # Errors
+    /// [`VolumeError::Device`]: what is missing.
+    fn surface(&mut self, job: &AdapterSurface<'_>) -> Result<AdapterFrame, VolumeError>;
 
     /// Between which values the mass of the nodes' field lies.
     ///
@@ -81,7 +90,26 @@ pub struct AdapterField<'a> {
     pub repeat: u32,
 }
 
-/// Passes of an adapter that draw splats.
+/// What an adapter draws of measured heights.
+#[derive(Clone, Copy)]
+pub struct AdapterSurface<'a> {
+    /// The chunks that are drawn, and what they lie in. Samples of the picture before are on the adapter already.
+    pub scene: &'a Arc<Scene>,
+    /// The camera, whose pixels are the samples of the picture.
+    pub view: &'a View,
+    /// Samples along the side of a pixel of the picture.
+    pub parts: u32,
+    /// What it looks like.
+    pub look: &'a Look,
+    /// What it is drawn as: no rays.
+    pub technique: Technique,
+    /// A height in the middle of the field's, which others are counted from in 32 bits.
+    pub reference: f64,
+    /// By which passes.
+    pub passes: Passes,
+}
+
+/// Passes of an adapter that draw splats and surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passes {
     /// The best that it has.
@@ -143,7 +171,7 @@ pub fn draw_on(
 }
 
 /// Why nothing but the processor draws.
-const WITHOUT_ADAPTER: &str = "this deepfield was built without the feature `viewer`, so only --backend cpu draws";
+pub const WITHOUT_ADAPTER: &str = "this deepfield was built without the feature `viewer`, so only --backend cpu draws";
 
 /// Whether an adapter draws images and volumes of a mode for somebody who asks for `backend`; the processor draws all of them.
 ///

@@ -100,6 +100,11 @@ impl Ramp {
         Ramp { colors, sums }
     }
 
+    /// The colours, from the first place to the last.
+    pub fn colors(&self) -> &[[f32; 3]] {
+        &self.colors
+    }
+
     /// The colour at a place from 0 to 1.
     pub fn at(&self, place: f64) -> [f32; 3] {
         let last = self.colors.len() - 1;
@@ -171,6 +176,6 @@ impl Contours {
 }
 
 /// How opaque lines are that are not stronger ones.
-const MINOR: f64 = 0.92;
+pub const MINOR: f64 = 0.92;
 /// Half of a line's soft edge, samples.
-const EDGE: f64 = 0.3;
+pub const EDGE: f64 = 0.3;

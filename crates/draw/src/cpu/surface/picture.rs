@@ -7,11 +7,11 @@ use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
 use super::resolve::{CHANNELS, NOTHING, Resolver};
-use super::select::{Choice, MOST_NODES, SurfaceCut, Technique, choose};
+use super::select::{Choice, MOST_NODES, Primitive, SurfaceCut, Technique, choose};
 use super::shade::{Look, Shader};
 use super::sight::Sight;
 use super::source::SurfaceNodes;
-use super::stitch::Scene;
+use super::stitch::{Mesh, Scene};
 use crate::color::Colors;
 use deepfield_heights::measure::Form;
 use rayon::prelude::*;
@@ -132,7 +132,7 @@ pub(super) fn shader<'a>(plain: Shader<'a>, seen: &'a Visibility, options: &'a S
 }
 
 /// Samples along a pixel's side.
-pub(super) fn parts(samples: u32) -> u32 {
+pub fn parts(samples: u32) -> u32 {
     (1..8).find(|parts| parts * parts >= samples).unwrap_or(8)
 }
 
@@ -228,7 +228,30 @@ pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts:
     (seen, counts)
 }
 
-pub(super) fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
+/// How many samples, points and triangles a scene's chunks are, as they are drawn.
+pub fn counted(scene: &Scene) -> [u64; 3] {
+    let of = |mesh: &Mesh| {
+        let (rows, columns) = (mesh.samples.rows, mesh.samples.columns);
+        let is_points = mesh.node.primitive == Primitive::Points;
+        let has_holes = !mesh.samples.coverage.is_empty();
+        if !has_holes && !is_points {
+            return [rows * columns, 0, 2 * (rows - 1) * (columns - 1)].map(|count| count as u64);
+        }
+        let samples = || (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+        let is_point = |&(row, column): &(usize, usize)| {
+            is_points && !mesh.is_on_laid(row, column) && !mesh.heights()[row * columns + column].is_nan()
+                || mesh.is_lone(row, column)
+        };
+        let cells = samples().filter(|(row, column)| row + 1 < rows && column + 1 < columns);
+        let drawn = cells.filter(|(row, column)| !is_points || mesh.is_strip(*row, *column));
+        let triangles = drawn.map(|(row, column)| mesh.cell(row, column).triangles().count()).sum();
+        [rows * columns, samples().filter(is_point).count(), triangles].map(|count| count as u64)
+    };
+    scene.meshes.par_iter().map(of).reduce(|| [0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]))
+}
+
+/// What is said of a scene of which so many samples, points and triangles were drawn, whose error is in parts of pixels.
+pub fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
     let nodes = &scene.cut.nodes;
     let error = nodes.iter().map(|node| node.error_px).fold(0.0, f64::max);
     let level = |pick: fn(u8, u8) -> u8, first: u8| nodes.iter().map(|node| node.key.level).fold(first, pick);

@@ -14,7 +14,7 @@
 use super::placed::Vantage;
 use super::select::Primitive;
 use super::sight::Sight;
-use super::stitch::{Extra, Mesh, Scene};
+use super::stitch::{Mesh, Scene};
 use crate::view::{Projection, View};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -239,18 +239,23 @@ impl<'a> Raster<'a> {
                 if is_dotted && mesh.fill.is_none() {
                     continue;
                 }
+                let at = [row, column];
+                let shown = |slot: usize| Shown { node: number, at, slot: Some(slot) }.pack();
+                let is_fan = has_extras && !is_dotted && (0..4).any(|side| mesh.is_along(side, row, column));
+                if is_fan {
+                    mesh.fan(at, |slot, corners| {
+                        let corners = corners.map(|(row, column, height)| self.corner(row, column, height));
+                        self.triangle(corners, shown(slot));
+                    });
+                }
                 let corners = [above[column], above[column + 1], below[column], below[column + 1]];
                 for (slot, (triangle, is_membrane)) in mesh.triangles(row, column).enumerate() {
                     if is_dotted && !is_membrane {
                         continue;
                     }
                     triangles += u64::from(!is_membrane);
-                    let shown = Shown { node: number, at: [row, column], slot: Some(slot) };
-                    let own = triangle.corners.map(|corner| corners[corner]);
-                    if has_extras && !is_membrane && (0..4).any(|side| mesh.is_along(side, row, column)) {
-                        self.fan(mesh, [row, column], triangle.corners, own, shown.pack());
-                    } else {
-                        self.triangle(own, shown.pack());
+                    if is_membrane || !is_fan {
+                        self.triangle(triangle.corners.map(|corner| corners[corner]), shown(slot));
                     }
                 }
             }
@@ -271,42 +276,6 @@ impl<'a> Raster<'a> {
             }
         }
         self.picture.put_square(corner.place, side, corner.camera.z, shown.pack());
-    }
-
-    /// A triangle with the corners that finer neighbours add to its edges.
-    fn fan(&self, mesh: &Mesh, [row, column]: [usize; 2], corners: [usize; 3], own: [Corner; 3], number: u32) {
-        let mut outline: Vec<Corner> = Vec::new();
-        let mut apex = None;
-        for k in 0..3 {
-            let (from, to) = (corners[k], corners[(k + 1) % 3]);
-            outline.push(own[k]);
-            let side = match (from.min(to), from.max(to)) {
-                (0, 1) => 0,
-                (2, 3) => 1,
-                (0, 2) => 2,
-                (1, 3) => 3,
-                _ => continue,
-            };
-            let along = if side < 2 { column } else { row };
-            let Some(extras) =
-                mesh.extras[side].get(along).filter(|extras| mesh.is_along(side, row, column) && !extras.is_empty())
-            else {
-                continue;
-            };
-            // The corner that is not on this edge sees all of its parts.
-            apex.get_or_insert((k + 2) % 3);
-            let placed = |extra: &Extra| self.corner(extra.0, extra.1, extra.2);
-            match from < to {
-                true => outline.extend(extras.iter().map(placed)),
-                false => outline.extend(extras.iter().rev().map(placed)),
-            }
-        }
-        let Some(apex) = apex else { return self.triangle(own, number) };
-        let start = outline.iter().position(|corner| corner.camera == own[apex].camera).unwrap_or(0);
-        outline.rotate_left(start);
-        for pair in outline[1..].windows(2) {
-            self.triangle([outline[0], pair[0], pair[1]], number);
-        }
     }
 
     fn triangle(&self, corners: [Corner; 3], number: u32) {

@@ -28,14 +28,14 @@ const PLANES: usize = 4;
 
 /// How much finer than a pixel a level is taken: what is read between its samples is a mean over about twice their distance, and pixels of a
 /// small picture are nearest to the means of a large one with this.
-const FINER: f64 = 0.65;
+pub const FINER: f64 = 0.65;
 
 /// How many times as far as from above a sample may reach where the surface is seen from its edge.
 const MOST_LONGER: f64 = 16.0;
 /// Widths of a line from it within which a sample looks where it really is.
-const REACH: f64 = 1.2;
+pub const REACH: f64 = 1.2;
 /// Most steps to where a line is.
-const SECANTS: u32 = 8;
+pub const SECANTS: u32 = 8;
 /// From a stripe of the membrane to the next, pixels.
 const HATCH: f64 = 5.0;
 /// The colour of what a form is not over, linear light.
@@ -45,7 +45,7 @@ const WALL: [f32; 3] = [0.34, 0.29, 0.24];
 /// The colour of rims of holes, linear light.
 const RIM: [f32; 3] = [0.8, 0.08, 0.01];
 /// Rays along a pixel's side where a surface ends in it.
-pub(super) const ENDS: u32 = 4;
+pub const ENDS: u32 = 4;
 
 /// What a place looks like.
 #[derive(Clone, Copy, Debug, Default)]

@@ -50,6 +50,11 @@ impl Mesh {
         self.heights.as_deref().unwrap_or(&self.samples.heights)
     }
 
+    /// Whether all heights are its samples' own.
+    pub fn is_unchanged(&self) -> bool {
+        self.heights.is_none()
+    }
+
     /// The heights at a cell's corners.
     pub fn cell(&self, row: usize, column: usize) -> Cell {
         let first = row * self.samples.columns + column;
@@ -101,6 +106,47 @@ impl Mesh {
             let places = if axis == 0 { &self.rows } else { &self.columns };
             places.partition_point(|place| *place <= cell[axis]).clamp(1, places.len() - 1) - 1
         })
+    }
+
+    /// The triangles of a cell with the corners that finer neighbours add to its edges: of each the triangle of the cell that it is a part of,
+    /// and its corners.
+    pub fn fan(&self, [row, column]: [usize; 2], mut each: impl FnMut(usize, [Extra; 3])) {
+        let cell = self.cell(row, column);
+        let own = |corner: usize| (self.rows[row + corner / 2], self.columns[column + corner % 2], cell.0[corner]);
+        for (slot, triangle) in cell.triangles().enumerate() {
+            let corners = triangle.corners;
+            let mut outline: Vec<Extra> = Vec::new();
+            // Where the outline has each of the cell's corners, and which of these is not on the first edge that has more.
+            let (mut starts, mut apex) = ([0; 3], 0);
+            let mut is_plain = true;
+            for k in 0..3 {
+                let (from, to) = (corners[k], corners[(k + 1) % 3]);
+                starts[k] = outline.len();
+                outline.push(own(from));
+                let side = match (from.min(to), from.max(to)) {
+                    (0, 1) => 0,
+                    (2, 3) => 1,
+                    (0, 2) => 2,
+                    (1, 3) => 3,
+                    _ => continue,
+                };
+                let along = if side < 2 { column } else { row };
+                let extras = self.extras[side].get(along).filter(|_| self.is_along(side, row, column));
+                let Some(extras) = extras.filter(|extras| !extras.is_empty()) else { continue };
+                if std::mem::take(&mut is_plain) {
+                    // That corner sees all parts of the edge.
+                    apex = (k + 2) % 3;
+                }
+                match from < to {
+                    true => outline.extend(extras),
+                    false => outline.extend(extras.iter().rev()),
+                }
+            }
+            outline.rotate_left(starts[apex]);
+            for pair in outline[1..].windows(2) {
+                each(slot, [outline[0], pair[0], pair[1]]);
+            }
+        }
     }
 
     /// Whether a cell lies along a side.

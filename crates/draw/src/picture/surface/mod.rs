@@ -4,6 +4,7 @@
 mod letters;
 mod mixed;
 mod opened;
+mod painting;
 mod placement;
 mod raw;
 mod session;

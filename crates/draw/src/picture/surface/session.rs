@@ -2,13 +2,13 @@
 
 use super::letters::ProgramFont;
 use super::opened::OpenSurface;
+use super::painting::{DrawnBy, Field, Painter};
 use super::raw::{SurfaceChannels, SurfaceShown};
 use crate::annotate::{Annotations, Units};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Colors, Image};
 use crate::cpu::paths::PathFragments;
 use crate::cpu::surface::fragments::{Layer, fragments};
-use crate::cpu::surface::labels::Letters;
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::{Map, Placed};
@@ -26,6 +26,7 @@ use crate::mode::depiction::Coloring;
 use crate::mode::{Depiction, LightPicture, Mode, Raw};
 use crate::model::{Bounds, Unit};
 use crate::modes::surface::{self, SurfaceSettings};
+use crate::picture::adapter::Adapter;
 use crate::picture::annotation::Annotation;
 use crate::picture::drawn::CHUNKS;
 use crate::picture::left_out::LeftOut;
@@ -54,6 +55,7 @@ pub struct SurfaceSession {
     reporter: Arc<dyn Reporter>,
     opened: Arc<OpenSurface>,
     nodes: PagedSurface,
+    painter: Painter,
 }
 
 /// A picture of a view, and what is known of it.
@@ -125,7 +127,14 @@ impl SurfaceSession {
     pub fn of(opened: Arc<OpenSurface>, options: SessionOptions, reporter: Arc<dyn Reporter>) -> SurfaceSession {
         let memory = options.chunk_memory.unwrap_or(CHUNK_MEMORY);
         let nodes = PagedSurface::new(Arc::clone(opened.file()), memory);
-        SurfaceSession { options, reporter, opened, nodes }
+        SurfaceSession { options, reporter, opened, nodes, painter: Painter::default() }
+    }
+
+    /// The same with an adapter, which draws what it is asked for or is faster at.
+    #[must_use]
+    pub fn with_adapter(mut self, adapter: Option<Box<dyn Adapter>>) -> SurfaceSession {
+        self.painter.adapter = adapter;
+        self
     }
 
     /// The field, and what it is called.
@@ -255,9 +264,12 @@ impl SurfaceSession {
         let mut drawn = None;
         for _ in 0..self.options.repeat.max(1) {
             let draw = || self.draw_once(shot, &view, &prepared.placed, &options);
-            drawn = Some(times.frame(|times| times.measure("draw", draw))?);
+            let done = times.frame(|times| times.measure("draw", draw))?;
+            times.extend(done.1.milliseconds.clone().into_iter().filter(|(pass, _)| pass != "frame"));
+            drawn = Some(done);
         }
-        let Some(SurfacePicture { colors, raw, labels, report, .. }) = drawn else { return Err(PictureError::Stopped) };
+        let Some((picture, drawn_by)) = drawn else { return Err(PictureError::Stopped) };
+        let SurfacePicture { colors, raw, labels, report, .. } = picture;
         if let Some(error) = self.nodes.error() {
             self.reporter.tell(error);
         }
@@ -266,7 +278,8 @@ impl SurfaceSession {
         let is_labelled = prepared.look.contours.as_ref().is_some_and(|contours| contours.labels.is_some());
         let shown = SurfaceShown { report, channels, labels: is_labelled.then_some(labels) };
         let picture = self.pictured(shot, (view, bounds), prepared, colors, shown, times.medians())?;
-        Ok(Picture { converged: picture.converged && self.nodes.error().is_none(), ..picture })
+        let converged = picture.converged && self.nodes.error().is_none();
+        Ok(Picture { converged, drawn_by: drawn_by.names, ..picture })
     }
 
     /// What a legend tells of a look: the mode with its attribute, and units.
@@ -320,27 +333,31 @@ impl SurfaceSession {
 
     /// Draws a shot once: in one piece, also around the eye; two eyes are two pictures.
     fn draw_once(
-        &self,
+        &mut self,
         shot: &Shot,
         view: &View,
         placed: &Placed,
         options: &SurfaceOptions,
-    ) -> Result<SurfacePicture, PictureError> {
+    ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
         // A globe has no rays of its own: its panoramas are faces put together.
         if shot.stereo.is_none() && (placed.is_flat() || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
                 None => Sight::Flat(*view),
                 Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
             };
-            return Ok(self.drawn(placed, &sight, options, Some(&ProgramFont)));
+            return self.drawn(placed, &sight, options);
         }
         let projector = Projector::new(*view, shot.surround, shot.stereo)?;
-        let options = SurfaceOptions { raw: false, ..options.clone() };
-        let mut whole = SurfacePicture::default();
+        let mut options = SurfaceOptions { raw: false, ..options.clone() };
+        // What two eyes see, and faces that are put together, would each have heights at places of their own.
+        if let Some(contours) = options.look.as_mut().and_then(|look| look.contours.as_mut()) {
+            contours.labels = None;
+        }
+        let (mut whole, mut drawn_by) = (SurfacePicture::default(), DrawnBy::default());
         whole.report.is_converged = true;
         let values = projector.draw_each(true, |view| {
-            // What two eyes see, and faces that are put together, would each have heights at places of their own.
-            let one = self.drawn(placed, &Sight::Flat(*view), &options, None);
+            let one;
+            (one, drawn_by) = self.drawn(placed, &Sight::Flat(*view), &options)?;
             whole.report.add(&one.report);
             Ok(Some(Raw::Light(LightPicture::of(one.colors))))
         })?;
@@ -348,19 +365,18 @@ impl SurfaceSession {
             whole.colors = light.colors;
         }
         whole.report.covered = whole.colors.rgba.iter().map(|color| f64::from(color[3])).sum();
-        Ok(whole)
+        Ok((whole, drawn_by))
     }
 
-    /// Reads what a picture needs, all at once, and draws it.
+    /// Draws a picture with what is asked for, or best.
     fn drawn(
-        &self,
+        &mut self,
         placed: &Placed,
         sight: &Sight,
         options: &SurfaceOptions,
-        letters: Option<&dyn Letters>,
-    ) -> SurfacePicture {
-        self.nodes.prepare(placed, sight, options);
-        draw_lettered(&self.nodes, placed, sight, options, letters)
+    ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
+        let field = Field { nodes: &self.nodes, placed, extremes: self.extremes() };
+        Ok(self.painter.draw(&field, sight, options, self.options.backend, &*self.reporter)?)
     }
 
     /// The unit of lengths of the world that it is placed in.
@@ -412,7 +428,9 @@ impl SurfaceSession {
             ..SurfaceOptions::default()
         };
         self.nodes.place(&prepared.placed);
-        let picture = self.drawn(&prepared.placed, &Sight::Flat(*view), &options, Some(&ProgramFont));
+        let sight = Sight::Flat(*view);
+        self.nodes.prepare(&prepared.placed, &sight, &options);
+        let picture = draw_lettered(&self.nodes, &prepared.placed, &sight, &options, Some(&ProgramFont));
         Ok(SeenSurface { picture, attribute, transfer, levels, error: self.nodes.error() })
     }
 

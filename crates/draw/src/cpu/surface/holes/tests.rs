@@ -52,8 +52,9 @@ fn rims(field: &HeightField) -> Vec<[DVec3; 2]> {
             }
         }
     }
-    let is_border =
-        |at: usize| [at / columns == 0, at / columns == rows - 1, at % columns == 0, at % columns == columns - 1];
+    let is_border = |at: usize| {
+        [at / columns == 0, at / columns == rows - 1, at.is_multiple_of(columns), at % columns == columns - 1]
+    };
     let is_rim = |ends: &[usize; 2]| !is_border(ends[0]).iter().zip(is_border(ends[1])).any(|(a, b)| *a && b);
     let place = |at: usize| DVec3::new((at % columns) as f64, (at / columns) as f64, field.stored[at]);
     count.into_iter().filter(|(ends, n)| *n == 1 && is_rim(ends)).map(|(ends, _)| ends.map(place)).collect()

@@ -1,0 +1,154 @@
+//! What draws surfaces: an adapter, where one is asked for or faster and knows how, else the processor.
+
+use super::letters::ProgramFont;
+use crate::cpu::surface::holes::Holes;
+use crate::cpu::surface::look::Attribute;
+use crate::cpu::surface::paged::PagedSurface;
+use crate::cpu::surface::picture::{counted, parts, report, scene};
+use crate::cpu::surface::placed::Placed;
+use crate::cpu::surface::select::Technique;
+use crate::cpu::surface::sight::Sight;
+use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw_lettered};
+use crate::cpu::volume::VolumeError;
+use crate::look::Backend;
+use crate::picture::adapter::{Adapter, AdapterSurface, AdapterValues, Passes, WITHOUT_ADAPTER};
+use crate::picture::session::Reporter;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What may draw beside the processor, and what has been told of it.
+#[derive(Default)]
+pub(super) struct Painter {
+    /// An adapter.
+    pub(super) adapter: Option<Box<dyn Adapter>>,
+    told: Vec<String>,
+}
+
+/// What has drawn a picture.
+#[derive(Clone, Debug)]
+pub(super) struct DrawnBy {
+    /// The backend, and the adapter's name.
+    pub(super) names: [String; 2],
+    /// Of each of an adapter's passes.
+    pub(super) milliseconds: BTreeMap<String, f64>,
+}
+
+impl Default for DrawnBy {
+    fn default() -> DrawnBy {
+        DrawnBy { names: ["cpu".into(), String::new()], milliseconds: BTreeMap::new() }
+    }
+}
+
+/// What an adapter is to draw of a field.
+pub(super) struct Field<'a> {
+    /// Its chunks.
+    pub(super) nodes: &'a PagedSurface,
+    /// Where it stands.
+    pub(super) placed: &'a Placed,
+    /// The least and the largest height.
+    pub(super) extremes: [f64; 2],
+}
+
+/// What of a picture no adapter draws yet.
+fn not_yet(placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> Option<&'static str> {
+    match sight {
+        _ if !placed.is_flat() => Some("a globe"),
+        Sight::Around { .. } => Some("pictures of all directions"),
+        _ if options.raw => Some("raw channels"),
+        _ if options.technique == Technique::Rays => Some("rays"),
+        _ if options.holes != Holes::Open => Some("outlined and filled holes"),
+        _ if options.walls.is_some() => Some("walls"),
+        _ => options.look.as_ref().and_then(|look| match (look.attribute, look.contours) {
+            (Attribute::Photo, _) => Some("photos"),
+            (Attribute::Residual, _) => Some("residuals"),
+            (_, Some(contours)) if contours.labels.is_some() => Some("labels of contours"),
+            _ => None,
+        }),
+    }
+}
+
+impl Painter {
+    /// Draws a picture for somebody who asks for `backend`.
+    ///
+    /// # Errors
+    /// Where an adapter is asked for and there is none, or it fails.
+    pub(super) fn draw(
+        &mut self,
+        field: &Field<'_>,
+        sight: &Sight,
+        options: &SurfaceOptions,
+        backend: Option<Backend>,
+        reporter: &dyn Reporter,
+    ) -> Result<(SurfacePicture, DrawnBy), VolumeError> {
+        field.nodes.prepare(field.placed, sight, options);
+        let passes = match backend {
+            Some(Backend::Compute) => Some(Passes::Compute),
+            Some(Backend::Raster) => Some(Passes::Raster),
+            Some(Backend::Cpu) => None,
+            None => Some(Passes::Best).filter(|_| self.adapter.as_mut().is_some_and(|adapter| adapter.is_card())),
+        };
+        if let Some(passes) = passes {
+            if backend.is_some() && self.adapter.is_none() {
+                return Err(VolumeError::Device(WITHOUT_ADAPTER.into()));
+            }
+            match not_yet(field.placed, sight, options) {
+                Some(what) if backend.is_some() => {
+                    self.tell(format!("--backend: the processor draws {what} of heights"), reporter);
+                }
+                Some(_) => {}
+                None => match self.draw_on_adapter(field, sight, options, passes, reporter) {
+                    Ok(Some(drawn)) => return Ok(drawn),
+                    Ok(None) => {}
+                    Err(VolumeError::Device(error)) if backend.is_none() => {
+                        self.tell(format!("{error}; drawing with the CPU instead"), reporter);
+                        self.adapter = None;
+                    }
+                    Err(error) => return Err(error),
+                },
+            }
+        }
+        let picture = draw_lettered(field.nodes, field.placed, sight, options, Some(&ProgramFont));
+        Ok((picture, DrawnBy::default()))
+    }
+
+    fn draw_on_adapter(
+        &mut self,
+        field: &Field<'_>,
+        sight: &Sight,
+        options: &SurfaceOptions,
+        passes: Passes,
+        reporter: &dyn Reporter,
+    ) -> Result<Option<(SurfacePicture, DrawnBy)>, VolumeError> {
+        let (Some(adapter), Some(look)) = (self.adapter.as_mut(), &options.look) else { return Ok(None) };
+        let parts = parts(options.samples);
+        let Sight::Flat(view) = sight.refined(parts) else { return Ok(None) };
+        let scene = Arc::new(scene(field.nodes, field.placed, sight, options));
+        let job = AdapterSurface {
+            scene: &scene,
+            view: &view,
+            parts,
+            look,
+            technique: options.technique,
+            reference: 0.5 * (field.extremes[0] + field.extremes[1]),
+            passes,
+        };
+        let frame = adapter.surface(&job)?;
+        let AdapterValues::Light(colors, _) = frame.values else {
+            return Err(VolumeError::Device("the adapter does not draw surfaces".into()));
+        };
+        let mut report = report(&scene, counted(&scene), f64::from(parts));
+        report.covered = colors.rgba.iter().map(|color| f64::from(color[3])).sum();
+        let names = [frame.backend.to_owned(), frame.adapter];
+        frame.note.into_iter().for_each(|note| self.tell(note, reporter));
+        let picture = SurfacePicture { colors, report, ..SurfacePicture::default() };
+        Ok(Some((picture, DrawnBy { names, milliseconds: frame.milliseconds })))
+    }
+
+    /// Tells something once.
+    fn tell(&mut self, message: String, reporter: &dyn Reporter) {
+        if !self.told.contains(&message) {
+            reporter.tell(message.clone());
+            self.told.push(message);
+        }
+    }
+}

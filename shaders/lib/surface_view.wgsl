@@ -1,0 +1,242 @@
+// Measured heights as src/gpu/surface/layout.rs hands them over: who looks, which chunks are drawn, and their samples.
+//
+// Places count from an anchor sample near the eye, heights from a reference: both are whole or exact in 32 bits, and what is far away from
+// either is far from the eye as well. A corner's place comes out of `camera_of` and `snapped` whoever asks, by its row, column and height
+// alone, so that chunks share their borders to the bit.
+#define_import_path deepfield::surface_view
+#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION}
+
+struct SurfaceView {
+    /// The anchor at the reference height, and what a column, a row and a unit of height add, in the camera's coordinates.
+    origin: vec3<f32>,
+    focal: f32,
+    per_column: vec3<f32>,
+    near: f32,
+    per_row: vec3<f32>,
+    perspective: u32,
+    per_height: vec3<f32>,
+    /// Samples along a pixel's side.
+    parts: u32,
+    /// The eye and the camera's axes in columns, rows and heights.
+    eye: vec3<f32>,
+    /// Samples from a row of the picture to the next.
+    stride: u32,
+    right: vec3<f32>,
+    /// The longest distance between neighbours along rows and columns, world units.
+    spacing: f32,
+    up: vec3<f32>,
+    fade_start: f32,
+    forward: vec3<f32>,
+    fade_rate: f32,
+    /// The camera's axes in the world.
+    world_right: vec3<f32>,
+    clips: u32,
+    world_up: vec3<f32>,
+    /// Samples of the picture along the side of a point, and of that of one in no triangle.
+    point_side: u32,
+    world_forward: vec3<f32>,
+    lone_side: u32,
+    /// What is left out, from the eye.
+    clip_min: vec3<f32>,
+    colored_by: u32,
+    clip_max: vec3<f32>,
+    ramp_last: u32,
+    /// Towards the sun.
+    sun: vec3<f32>,
+    is_sun: u32,
+    contour_color: vec3<f32>,
+    contour_major: u32,
+    /// Samples of the picture.
+    size: vec2<u32>,
+    middle: vec2<f32>,
+    /// Column and row of the anchor, and the last ones of the field.
+    anchor: vec2<i32>,
+    last: vec2<u32>,
+    /// World length of a column and of a row.
+    step: vec2<f32>,
+    /// Where values lie in the range of colours.
+    low: f32,
+    per: f32,
+    is_log: u32,
+    /// The height that others count from.
+    reference: f32,
+    ambient: f32,
+    /// By how much steeper than its normals say the surface stands, and world units of a unit of height without that.
+    steeper: f32,
+    true_lift: f32,
+    contour_interval: f32,
+    /// A height with a line, from the reference.
+    contour_base: f32,
+    contour_width: f32,
+    /// Deeper than all that is drawn.
+    far: f32,
+    /// Where the tree of chunks begins, and the level of its root.
+    tree: u32,
+    top: u32,
+}
+
+/// A chunk that is drawn.
+struct Draw {
+    /// Its first word among the samples.
+    start: u32,
+    rows: u32,
+    columns: u32,
+    level: u32,
+    /// Row and column among the chunks of its level.
+    key_row: u32,
+    key_column: u32,
+    flags: u32,
+    /// Where `lists` has its heights along the four sides; `NONE`: they are its own.
+    border: u32,
+    /// Where `lists` has the chunks that it lies in, itself first.
+    chain: u32,
+    chain_length: u32,
+    /// Between which heights it is, from the reference, and a little more.
+    low: f32,
+    high: f32,
+}
+
+const NONE: u32 = 0xffffffffu;
+/// A branch of the tree of chunks that is a chunk: its number follows from here.
+const LEAF: u32 = 0x80000000u;
+/// Flags of a chunk: drawn as points, has samples that are not whole; and from these bits on one for each side that lies on a coarser chunk's,
+/// and for each whose triangles are listed.
+const POINTS: u32 = 1u;
+const MIXED: u32 = 2u;
+const LAID: u32 = 4u;
+const FANNED: u32 = 8u;
+
+@group(0) @binding(0) var<uniform> surface: SurfaceView;
+/// Samples of chunks: heights, then normals, then what is left of these and coverage, then colours.
+@group(0) @binding(1) var<storage, read> words: array<u32>;
+@group(0) @binding(2) var<storage, read> draws: array<Draw>;
+/// Numbers of chunks in the order in which they are drawn, heights of borders, chains, triangles, and a tree that finds chunks: of each branch the
+/// four below by row and column, where `lists` has the branch, a `LEAF`, or `NONE`.
+@group(0) @binding(3) var<storage, read> lists: array<u32>;
+
+/// Where a chunk's sample is, row and column of the field.
+fn sample_at(draw: Draw, at: vec2<u32>) -> vec2<u32> {
+    let index = vec2(draw.key_row, draw.key_column) * CHUNK + at;
+    return min(index << vec2(draw.level), surface.last.yx);
+}
+
+/// The height of a chunk's sample as it is drawn.
+fn height_of(draw: Draw, at: vec2<u32>) -> f32 {
+    if draw.border != NONE {
+        if at.x == 0u {
+            return bitcast<f32>(lists[draw.border + at.y]);
+        }
+        if at.x == draw.rows - 1u {
+            return bitcast<f32>(lists[draw.border + draw.columns + at.y]);
+        }
+        if at.y == 0u {
+            return bitcast<f32>(lists[draw.border + 2u * draw.columns + at.x]);
+        }
+        if at.y == draw.columns - 1u {
+            return bitcast<f32>(lists[draw.border + 2u * draw.columns + draw.rows + at.x]);
+        }
+    }
+    return bitcast<f32>(words[draw.start + at.x * draw.columns + at.y]);
+}
+
+fn is_measured(height: f32) -> bool {
+    return height < UNMEASURED;
+}
+
+/// Whether a measured sample is in no triangle of its chunk; at full resolution in none at all.
+fn is_lone(draw: Draw, at: vec2<u32>) -> bool {
+    if (draw.flags & MIXED) == 0u {
+        return false;
+    }
+    let index = at.x * draw.columns + at.y;
+    if draw.level == 0u {
+        return (words[draw.start + 2u * draw.rows * draw.columns + index] >> 16u) == 1u;
+    }
+    for (var k = 0u; k < 4u; k++) {
+        let first = at - vec2(k >> 1u, k & 1u);
+        // What is before the first one is beyond all.
+        if first.x + 1u < draw.rows && first.y + 1u < draw.columns && first.x <= at.x && first.y <= at.y {
+            var count = 0u;
+            for (var corner = 0u; corner < 4u; corner++) {
+                count += u32(is_measured(height_of(draw, first + vec2(corner >> 1u, corner & 1u))));
+            }
+            if count > 2u {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+
+/// A sample in the camera's coordinates. Nothing of this is left to a compiler to fuse in one place and not in another.
+fn camera_of(position: vec2<u32>, height: f32) -> vec3<f32> {
+    let away = vec2<f32>(vec2<i32>(position.yx) - surface.anchor);
+    let along = fma(vec3(away.x), surface.per_column, surface.origin);
+    return fma(vec3(height), surface.per_height, fma(vec3(away.y), surface.per_row, along));
+}
+
+/// A corner in the picture: x and y in parts of its samples, the bits of what is interpolated to its depth, and what it is.
+struct Corner {
+    place: vec2<i32>,
+    linear: f32,
+    state: u32,
+}
+
+/// Not measured; behind the near plane; in front of it.
+const NOTHING: u32 = 0u;
+const BEHIND: u32 = 1u;
+const AHEAD: u32 = 2u;
+
+fn snapped(camera: vec3<f32>) -> Corner {
+    if !(camera.z >= surface.near) {
+        return Corner(vec2(0), 0.0, BEHIND);
+    }
+    var scale = surface.focal;
+    var linear = camera.z;
+    if surface.perspective != 0u {
+        scale = surface.focal / camera.z;
+        linear = 1.0 / camera.z;
+    }
+    let pixels = fma(vec2(camera.x, -camera.y), vec2(scale), surface.middle);
+    let part = clamp(round(pixels * f32(1u << FRACTION)), vec2(-2.68e8), vec2(2.68e8));
+    return Corner(vec2<i32>(part), linear, AHEAD);
+}
+
+/// From the eye to a place of the picture at a depth.
+fn from_eye(place: vec2<f32>, depth: f32) -> vec3<f32> {
+    var across = vec2(place.x - surface.middle.x, surface.middle.y - place.y) / surface.focal;
+    if surface.perspective != 0u {
+        across *= depth;
+    }
+    return across.x * surface.world_right + across.y * surface.world_up + depth * surface.world_forward;
+}
+
+/// Whether what is so far from the eye is drawn.
+fn is_kept(away: vec3<f32>) -> bool {
+    return all(away >= surface.clip_min) && all(away <= surface.clip_max);
+}
+
+/// The corners of a cell, of 0 to 3, that make a triangle of it, and whether there is one.
+struct Half {
+    corners: vec3<u32>,
+    exists: bool,
+}
+
+/// One of the triangles of a cell of these heights: two, one or none (`Cell::triangles`).
+fn half_of(heights: vec4<f32>, slot: u32) -> Half {
+    let measured = heights < vec4(UNMEASURED);
+    if all(measured) {
+        return Half(select(vec3(0u, 2u, 3u), vec3(0u, 1u, 3u), slot == 0u), true);
+    }
+    let count = dot(select(vec4(0u), vec4(1u), measured), vec4(1u));
+    if count < 3u || slot > 0u {
+        return Half(vec3(0u), false);
+    }
+    if !measured.x {
+        return Half(vec3(1u, 2u, 3u), true);
+    }
+    if !measured.y {
+        return Half(vec3(0u, 2u, 3u), true);
+    }
+    return Half(select(vec3(0u, 1u, 2u), vec3(0u, 1u, 3u), !measured.z), true);
+}

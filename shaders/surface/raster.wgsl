@@ -1,0 +1,120 @@
+// Which triangle or point of a surface is seen at each sample of the picture, by the adapter's rasteriser: what visible.wgsl finds but for
+// how finely corners are rounded. Their places come from the same operations whatever they belong to.
+#import deepfield::surface_constants::{FAN}
+#import deepfield::surface_view::{surface, draws, lists, Draw, sample_at, height_of, is_lone, is_measured, camera_of, from_eye, is_kept, half_of, POINTS, LAID, FANNED}
+
+/// What is drawn at a time.
+struct SurfaceStep {
+    is_second: u32,
+    /// Where `lists` has the chunks' numbers, or the triangles.
+    first: u32,
+    count: u32,
+    counter: u32,
+    most: u32,
+    unused: u32,
+    unused_end: vec2<u32>,
+}
+
+@group(1) @binding(0) var<uniform> surface_step: SurfaceStep;
+
+struct Vertex {
+    @invariant @builtin(position) place: vec4<f32>,
+    /// From the eye.
+    @location(0) away: vec3<f32>,
+    @location(1) @interpolate(flat) number: u32,
+}
+
+/// What is not drawn.
+fn nowhere() -> Vertex {
+    return Vertex(vec4(0.0, 0.0, -1.0, 1.0), vec3(0.0), 0u);
+}
+
+fn corner_at(camera: vec3<f32>, number: u32) -> Vertex {
+    let size = vec2<f32>(surface.size);
+    let middle = vec2(2.0, -2.0) * surface.middle / size + vec2(-1.0, 1.0);
+    let scale = 2.0 * surface.focal / size;
+    var place: vec4<f32>;
+    if surface.perspective != 0u {
+        place = vec4(fma(camera.xy, scale, middle * camera.z), surface.near, camera.z);
+    } else {
+        // Near is 1, and what is behind the eye above that.
+        place = vec4(fma(camera.xy, scale, middle), 1.0 - camera.z / surface.far, 1.0);
+    }
+    let away = camera.x * surface.world_right + camera.y * surface.world_up + camera.z * surface.world_forward;
+    return Vertex(place, away, number);
+}
+
+@vertex
+fn cell(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Vertex {
+    let node = lists[surface_step.first + instance];
+    let draw = draws[node];
+    let slot = index / 3u % 2u;
+    let at = vec2(index / 6u / 256u, index / 6u % 256u);
+    if any(at + 1u >= vec2(draw.rows, draw.columns)) {
+        return nowhere();
+    }
+    let sides = u32(at.x == 0u) | u32(at.x + 2u == draw.rows) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 2u == draw.columns) << 3u;
+    if (draw.flags & POINTS) != 0u && (sides & (draw.flags >> LAID & 15u)) == 0u || (sides & (draw.flags >> FANNED)) != 0u {
+        return nowhere();
+    }
+    var heights: vec4<f32>;
+    for (var k = 0u; k < 4u; k++) {
+        heights[k] = height_of(draw, at + vec2(k >> 1u, k & 1u));
+    }
+    let half = half_of(heights, slot);
+    if !half.exists {
+        return nowhere();
+    }
+    let corner = half.corners[index % 3u];
+    let camera = camera_of(sample_at(draw, at + vec2(corner >> 1u, corner & 1u)), heights[corner]);
+    return corner_at(camera, node << 18u | 2u * (at.x * 256u + at.y) + slot);
+}
+
+@vertex
+fn fan(@builtin(vertex_index) index: u32) -> Vertex {
+    let source = surface_step.first + FAN * (index / 3u);
+    let at = source + 1u + 3u * (index % 3u);
+    return corner_at(camera_of(vec2(lists[at], lists[at + 1u]), bitcast<f32>(lists[at + 2u])), lists[source]);
+}
+
+@vertex
+fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Vertex {
+    let node = lists[surface_step.first + instance];
+    let draw = draws[node];
+    // Those of a larger square come one after the other.
+    let square = index % (surface.parts * surface.parts);
+    let sample = index / (surface.parts * surface.parts);
+    let at = vec2(sample / 257u, sample % 257u);
+    let size = vec2(draw.rows, draw.columns);
+    if any(at >= size) {
+        return nowhere();
+    }
+    let height = height_of(draw, at);
+    if !is_measured(height) {
+        return nowhere();
+    }
+    let on = u32(at.x == 0u) | u32(at.x + 1u == size.x) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 1u == size.y) << 3u;
+    let is_alone = is_lone(draw, at);
+    let is_point = (draw.flags & POINTS) != 0u && (on & (draw.flags >> LAID)) == 0u;
+    let side = select(surface.point_side, surface.lone_side, is_alone);
+    if !is_alone && !is_point || square >= side * side {
+        return nowhere();
+    }
+    let camera = camera_of(sample_at(draw, at), height);
+    var corner = corner_at(camera, node << 18u | (1u << 17u) + at.x * 257u + at.y);
+    // To the middle of the sample of the picture that it is in.
+    let pixels = vec2<f32>(surface.size);
+    let place = (corner.place.xy / corner.place.w * vec2(0.5, -0.5) + 0.5) * pixels;
+    let shift = vec2(f32(square % side), f32(square / side)) - 0.5 * f32(side - 1u);
+    let middle = floor(place + shift) + 0.5;
+    corner.place = vec4((middle / pixels * vec2(2.0, -2.0) + vec2(-1.0, 1.0)) * corner.place.w, corner.place.zw);
+    return corner;
+}
+
+@fragment
+fn number(corner: Vertex) -> @location(0) u32 {
+    if surface.clips != 0u && !is_kept(corner.away) {
+        discard;
+    }
+    return ~corner.number;
+}

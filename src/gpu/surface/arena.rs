@@ -1,0 +1,223 @@
+//! Samples of chunks on the adapter: one buffer of equal slots. A chunk is copied once while it stays; those that have not been drawn for
+//! longest make room.
+
+use super::constants::{CHUNK, UNMEASURED};
+use super::layout::counted;
+use crate::color::colors::to_encoded;
+use crate::cpu::surface::look::Attribute;
+use crate::cpu::surface::source::NodeSamples;
+use bevy::prelude::Resource;
+use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::tasks::block_on;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::{Arc, Weak};
+use wgpu::ErrorFilter;
+
+/// Samples of a slot: of the largest chunk.
+const SLOT: u64 = ((CHUNK + 1) * (CHUNK + 1)) as u64;
+/// Chunks that are handed over at once: each time the driver holds a copy of them.
+const PORTION: usize = 64;
+
+/// What the words of a slot mean.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Meaning {
+    /// Words of a sample.
+    words: u64,
+    /// The colour planes of the last one.
+    planes: Vec<usize>,
+    /// The height that others are counted from.
+    reference: f64,
+}
+
+/// The chunk in a slot.
+#[derive(Debug, Default)]
+struct Slot {
+    /// As long as this is kept no other chunk has its address.
+    samples: Weak<NodeSamples>,
+    /// The picture that it was drawn in last.
+    used: u64,
+}
+
+/// Samples on the adapter (render world).
+#[derive(Resource, Debug, Default)]
+pub struct SurfaceArena {
+    buffer: Option<Buffer>,
+    meaning: Meaning,
+    slots: Vec<Slot>,
+    /// Slots by the addresses of what is in them.
+    known: HashMap<usize, usize>,
+    /// Counts pictures.
+    picture: u64,
+}
+
+/// Where the chunks of a picture are.
+pub struct Held {
+    /// All slots.
+    pub buffer: Buffer,
+    slots: HashMap<usize, usize>,
+    slot_words: u64,
+}
+
+impl Held {
+    /// The first word of a chunk.
+    pub fn first_word(&self, samples: &Arc<NodeSamples>) -> Option<u32> {
+        self.slots.get(&address(samples)).map(|slot| (*slot as u64 * self.slot_words) as u32)
+    }
+}
+
+fn address(samples: &Arc<NodeSamples>) -> usize {
+    Arc::as_ptr(samples).addr()
+}
+
+/// The planes that an attribute is read from.
+fn planes_of(attribute: Attribute) -> Vec<usize> {
+    match attribute {
+        Attribute::Plane(plane) => vec![plane],
+        Attribute::Texture(planes) => planes.to_vec(),
+        _ => Vec::new(),
+    }
+}
+
+impl SurfaceArena {
+    /// Bytes of the buffer.
+    pub fn bytes(&self) -> u64 {
+        self.buffer.as_ref().map_or(0, |buffer| buffer.size())
+    }
+
+    /// Holds chunks for a picture whose colours are an attribute's; `None` where there is no room for all of them in so much memory.
+    pub fn hold(
+        &mut self,
+        chunks: &[&Arc<NodeSamples>],
+        attribute: Attribute,
+        reference: f64,
+        memory: u64,
+        (device, queue): (&RenderDevice, &RenderQueue),
+    ) -> Option<Held> {
+        let planes = planes_of(attribute);
+        let words = if planes.is_empty() { 3 } else { 4 };
+        let meaning = Meaning { words, planes, reference };
+        if meaning != self.meaning {
+            *self = SurfaceArena { picture: self.picture, meaning, ..SurfaceArena::default() };
+        }
+        self.picture += 1;
+        let slot_words = self.meaning.words * SLOT;
+        let limits = device.limits();
+        let most = memory.min(limits.max_buffer_size).min(limits.max_storage_buffer_binding_size);
+        let most = most.min(4 * u64::from(u32::MAX)) / (4 * slot_words);
+        if chunks.len() as u64 > most {
+            return None;
+        }
+        let mut missing = Vec::new();
+        for chunk in chunks {
+            match self.known.get(&address(chunk)) {
+                Some(slot) => self.slots[*slot].used = self.picture,
+                None => missing.push(*chunk),
+            }
+        }
+        let free = self.slots.iter().filter(|slot| slot.used < self.picture).count();
+        if missing.len() > free {
+            let needed = self.slots.len() + missing.len() - free;
+            self.grow(needed.max((2 * self.slots.len()).min(most as usize)), (device, queue))?;
+        }
+        self.copy(&missing, queue);
+        let found = |chunk: &&Arc<NodeSamples>| Some((address(chunk), *self.known.get(&address(chunk))?));
+        let slots = chunks.iter().filter_map(found).collect();
+        Some(Held { buffer: self.buffer.clone()?, slots, slot_words })
+    }
+
+    /// Makes room for so many chunks; `None` where the adapter has none.
+    fn grow(&mut self, slots: usize, (device, queue): (&RenderDevice, &RenderQueue)) -> Option<()> {
+        let size = 4 * self.meaning.words * SLOT * slots as u64;
+        let scope = device.wgpu_device().push_error_scope(ErrorFilter::OutOfMemory);
+        let buffer = device.create_buffer(&BufferDescriptor {
+            label: Some("deepfield surface samples"),
+            size,
+            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+            mapped_at_creation: false,
+        });
+        if block_on(scope.pop()).is_some() {
+            return None;
+        }
+        if let Some(before) = &self.buffer {
+            let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
+            encoder.copy_buffer_to_buffer(before, 0, &buffer, 0, before.size());
+            queue.submit([encoder.finish()]);
+        }
+        self.buffer = Some(buffer);
+        self.slots.resize_with(slots, Slot::default);
+        Some(())
+    }
+
+    /// Copies chunks into slots that this picture does not need.
+    fn copy(&mut self, missing: &[&Arc<NodeSamples>], queue: &RenderQueue) {
+        let Some(buffer) = self.buffer.clone() else { return };
+        let mut free: Vec<usize> = (0..self.slots.len()).filter(|slot| self.slots[*slot].used < self.picture).collect();
+        free.sort_by_key(|slot| self.slots[*slot].used);
+        let mut free = free.into_iter();
+        for portion in missing.chunks(PORTION) {
+            let packed: Vec<Vec<u32>> = portion.par_iter().map(|chunk| self.meaning.packed(chunk)).collect();
+            for (chunk, words) in portion.iter().zip(packed) {
+                let Some(slot) = free.next() else { return };
+                let before = self.slots[slot].samples.as_ptr().addr();
+                if self.known.get(&before) == Some(&slot) {
+                    self.known.remove(&before);
+                }
+                self.slots[slot] = Slot { samples: Arc::downgrade(chunk), used: self.picture };
+                self.known.insert(address(chunk), slot);
+                let first = 4 * self.meaning.words * SLOT * slot as u64;
+                queue.write_buffer(&buffer, first, bytemuck::cast_slice(&words));
+            }
+            // Or all copies would be there at the same time.
+            queue.submit([]);
+        }
+    }
+}
+
+impl Meaning {
+    /// A chunk's words: heights; x and y of normals; their z, and coverage; colours.
+    fn packed(&self, samples: &NodeSamples) -> Vec<u32> {
+        let count = samples.heights.len();
+        let mut words = Vec::with_capacity(self.words as usize * count);
+        words.extend(samples.heights.iter().map(|height| counted(*height, self.reference).min(UNMEASURED).to_bits()));
+        let signed = |part: f32| u32::from((part.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
+        words.extend(samples.normals.iter().map(|[x, y, _]| signed(*x) | signed(*y) << 16));
+        let up = |[_, _, z]: &[f32; 3]| (z.clamp(0.0, 1.0) * 65535.0).round() as u32;
+        let normals = samples.normals.iter().enumerate();
+        words.extend(normals.map(|(index, normal)| up(normal) | u32::from(samples.coverage_at(index)) << 16));
+        if !self.planes.is_empty() {
+            let byte = |plane: usize, index: usize| {
+                let light = samples.planes.get(plane).and_then(|plane| plane.get(index)).copied().unwrap_or(0.0);
+                (255.0 * to_encoded(light.clamp(0.0, 1.0))).round() as u32
+            };
+            let color = |index| {
+                let bytes = self.planes.iter().take(4).enumerate();
+                bytes.fold(0, |color, (place, plane)| color | byte(*plane, index) << (8 * place))
+            };
+            words.extend((0..count).map(color));
+        }
+        words
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_packed_as_shaders_read_them() {
+        let samples = NodeSamples {
+            rows: 1,
+            columns: 2,
+            heights: vec![1001.5, f64::NAN],
+            coverage: vec![7, 0],
+            normals: vec![[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]],
+            ranges: Vec::new(),
+            planes: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
+        };
+        let meaning = Meaning { words: 4, planes: vec![1, 0], reference: 1000.0 };
+        let expected = [1.5_f32.to_bits(), UNMEASURED.to_bits(), 0x8001_7fff, 0, 7 << 16, 0xffff, 0xff00, 0x00ff];
+        assert_eq!(meaning.packed(&samples), expected);
+    }
+}

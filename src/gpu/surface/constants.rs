@@ -1,0 +1,65 @@
+//! What Rust and the surface's shaders both need, written as a shader module: one source, and constants that a shader's compiler sees.
+
+use crate::cpu::surface::look::{EDGE, MINOR};
+use crate::cpu::surface::shade::{ENDS, FINER, REACH, SECANTS};
+use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
+
+/// Path of the module among the shaders.
+pub const PATH: &str = "lib/surface_constants.wgsl";
+
+/// Cells along a chunk's side.
+pub const CHUNK: u32 = 1 << SIDE_BITS;
+/// Heights from here on were not measured.
+pub const UNMEASURED: f32 = 3e38;
+/// Bits of a part of one of the picture's samples.
+const FRACTION: u32 = 8;
+/// Cells along the side of what a workgroup draws.
+pub const TILE: u32 = 16;
+/// Triangles that are at most so many samples wide and high are drawn by one invocation, others by workgroups.
+pub const SMALL: u32 = 16;
+/// Workgroups among which the rows of a large triangle are dealt out.
+const SLICES: u32 = 8;
+/// Workgroups that draw large triangles.
+pub const SCANNERS: u32 = 1024;
+/// Words of a large triangle: its number, where its corners are listed, and their places.
+pub const ENTRY: u32 = 8;
+/// Words of a triangle whose corners are listed: its number, and row, column and height of each.
+pub const FAN: u32 = 10;
+/// Invocations of a workgroup.
+pub const GROUP: u32 = 256;
+
+/// The module `deepfield::surface_constants`.
+pub fn wgsl() -> String {
+    let numbers = [
+        ("CHUNK", CHUNK),
+        ("FRACTION", FRACTION),
+        ("TILE", TILE),
+        ("SMALL", SMALL),
+        ("SLICES", SLICES),
+        ("SCANNERS", SCANNERS),
+        ("ENTRY", ENTRY),
+        ("FAN", FAN),
+        ("SECANTS", SECANTS),
+        ("ENDS", ENDS),
+    ];
+    let shares =
+        [("UNMEASURED", f64::from(UNMEASURED)), ("FINER", FINER), ("REACH", REACH), ("MINOR", MINOR), ("EDGE", EDGE)];
+    let mut text = String::from("#define_import_path deepfield::surface_constants\n");
+    for (name, number) in numbers {
+        text += &format!("const {name}: u32 = {number}u;\n");
+    }
+    for (name, share) in shares {
+        text += &format!("const {name}: f32 = {share:e};\n");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chunk_is_whole_tiles() {
+        assert!(CHUNK.is_multiple_of(TILE) && TILE * TILE == GROUP);
+    }
+}

@@ -1,0 +1,440 @@
+//! What shaders are told of a surface: who looks and what it looks like, its chunks, and lists of numbers, heights and triangles.
+
+use super::arena::Held;
+use super::constants::{FAN, SMALL, UNMEASURED};
+use super::job::SurfaceJob;
+use crate::color::transfer::Scale;
+use crate::cpu::surface::look::{Attribute, Contours, Light};
+use crate::cpu::surface::raster::Shown;
+use crate::cpu::surface::select::{Primitive, Technique};
+use crate::cpu::surface::stitch::{Mesh, Scene};
+use crate::heights::hierarchy::chunks::ChunkKey;
+use crate::view::{Projection, View};
+use bevy::math::DVec3;
+use bytemuck::{Pod, Zeroable};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashSet};
+
+/// WGSL `SurfaceView`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "shaders/lib/surface_view.wgsl says what each is")]
+pub struct SurfaceUniform {
+    pub origin: [f32; 3],
+    pub focal: f32,
+    pub per_column: [f32; 3],
+    pub near: f32,
+    pub per_row: [f32; 3],
+    pub perspective: u32,
+    pub per_height: [f32; 3],
+    pub parts: u32,
+    pub eye: [f32; 3],
+    pub stride: u32,
+    pub right: [f32; 3],
+    pub spacing: f32,
+    pub up: [f32; 3],
+    pub fade_start: f32,
+    pub forward: [f32; 3],
+    pub fade_rate: f32,
+    pub world_right: [f32; 3],
+    pub clips: u32,
+    pub world_up: [f32; 3],
+    pub point_side: u32,
+    pub world_forward: [f32; 3],
+    pub lone_side: u32,
+    pub clip_min: [f32; 3],
+    pub colored_by: u32,
+    pub clip_max: [f32; 3],
+    pub ramp_last: u32,
+    pub sun: [f32; 3],
+    pub is_sun: u32,
+    pub contour_color: [f32; 3],
+    pub contour_major: u32,
+    pub size: [u32; 2],
+    pub middle: [f32; 2],
+    pub anchor: [i32; 2],
+    pub last: [u32; 2],
+    pub step: [f32; 2],
+    pub low: f32,
+    pub per: f32,
+    pub is_log: u32,
+    pub reference: f32,
+    pub ambient: f32,
+    pub steeper: f32,
+    pub true_lift: f32,
+    pub contour_interval: f32,
+    pub contour_base: f32,
+    pub contour_width: f32,
+    pub far: f32,
+    pub tree: u32,
+    pub top: u32,
+    pub unused: u32,
+}
+
+/// WGSL `Draw`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Draw {
+    /// Its first word among the samples.
+    pub start: u32,
+    /// Rows of samples.
+    pub rows: u32,
+    /// Samples of a row.
+    pub columns: u32,
+    /// Its level.
+    pub level: u32,
+    /// Its row among the chunks of its level.
+    pub key_row: u32,
+    /// Its column among them.
+    pub key_column: u32,
+    /// Whether it is points, has holes, and which of its sides are special.
+    pub flags: u32,
+    /// Where its heights along its sides are listed, or [`NONE`].
+    pub border: u32,
+    /// Where the chunks that it lies in are listed.
+    pub chain: u32,
+    /// How many these are, itself included.
+    pub chain_length: u32,
+    /// Between which heights it is, from the reference.
+    pub low: f32,
+    /// The upper end of these.
+    pub high: f32,
+}
+
+/// WGSL `SurfaceStep`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SurfaceStep {
+    /// Whether numbers are found, and not depths.
+    pub is_second: u32,
+    /// Where the chunks' numbers, or the triangles, are listed.
+    pub first: u32,
+    /// How many there are.
+    pub count: u32,
+    /// Which counter the list of large triangles has.
+    pub counter: u32,
+    /// How many that list has room for.
+    pub most: u32,
+    /// Padding.
+    pub unused: u32,
+    /// Padding.
+    pub unused_end: [u32; 2],
+}
+
+/// Nothing.
+pub const NONE: u32 = u32::MAX;
+/// A branch of the tree that is a chunk.
+const LEAF: u32 = 1 << 31;
+/// Flags of a chunk, as `surface_view.wgsl` has them.
+const POINTS: u32 = 1;
+const MIXED: u32 = 2;
+const LAID: u32 = 2;
+const FANNED: u32 = 6;
+
+/// What is drawn of a scene.
+pub struct DrawList {
+    /// The chunks, in the order of their numbers.
+    pub draws: Vec<Draw>,
+    /// Numbers, heights of borders, chains and triangles.
+    pub lists: Vec<u32>,
+    /// Chunks of which all triangles are small: where their numbers are listed, and how many.
+    pub far: (u32, u32),
+    /// Others.
+    pub near: (u32, u32),
+    /// Triangles whose corners are listed.
+    pub fans: (u32, u32),
+    /// The tree that finds chunks.
+    pub tree: u32,
+}
+
+/// A height as shaders have it.
+pub fn counted(height: f64, reference: f64) -> f32 {
+    if height.is_nan() { UNMEASURED } else { (height - reference) as f32 }
+}
+
+impl DrawList {
+    /// Of a scene whose samples are where `held` says.
+    pub fn new(job: &SurfaceJob, held: &Held) -> DrawList {
+        let scene = &*job.scene;
+        let is_far = |mesh: &Mesh| largest(job, mesh) < f64::from(SMALL) - 1.0;
+        let (far, near): (Vec<usize>, Vec<usize>) =
+            (0..scene.meshes.len()).partition(|number| is_far(&scene.meshes[*number]));
+        let mut lists: Vec<u32> = far.iter().chain(&near).map(|number| *number as u32).collect();
+        let (far, near) = (far.len() as u32, near.len() as u32);
+        let mut chains: BTreeMap<ChunkKey, u32> = BTreeMap::new();
+        let mut draws = Vec::with_capacity(scene.meshes.len());
+        for mesh in &scene.meshes {
+            let key = mesh.node.key;
+            let border = border_of(mesh, job.reference);
+            let (facts, added) = (&mesh.node.facts, mesh.node.added);
+            // Coarse samples are where fine ones are, or fitted, and those of borders as far from them as is reckoned with.
+            let hair =
+                facts.delta + added + 1e-5 * (facts.max - facts.min) + 1e-6 * facts.max.abs().max(facts.min.abs());
+            let [low, high] = [facts.min - hair, facts.max + hair].map(|end| (end - job.reference) as f32);
+            let mut draw = Draw {
+                start: held.first_word(&mesh.samples).unwrap_or(NONE),
+                rows: mesh.samples.rows as u32,
+                columns: mesh.samples.columns as u32,
+                level: u32::from(key.level),
+                key_row: key.row,
+                key_column: key.column,
+                flags: flags_of(mesh),
+                low,
+                high,
+                border: if border.is_empty() { NONE } else { lists.len() as u32 },
+                ..Draw::default()
+            };
+            lists.extend(border);
+            let top = scene.lattice.top();
+            draw.chain_length = u32::from(top - key.level) + 1;
+            draw.chain = *chains.entry(key).or_insert_with(|| {
+                let first = lists.len() as u32;
+                for level in key.level..=top {
+                    let (samples, own) = match level == key.level {
+                        true => (Some(&mesh.samples), key),
+                        false => (scene.ancestors.get(&key.ancestor(level)), key.ancestor(level)),
+                    };
+                    let size = [0, 1].map(|axis| scene.lattice.span(own, axis).1 as u32);
+                    let word = samples.and_then(|samples| held.first_word(samples)).unwrap_or(NONE);
+                    lists.extend([word, size[0], size[1]]);
+                }
+                first
+            });
+            draws.push(draw);
+        }
+        let fans: Vec<Vec<u32>> = scene
+            .meshes
+            .par_iter()
+            .enumerate()
+            .filter(|(_, mesh)| mesh.extras.iter().any(|side| !side.is_empty()))
+            .map(|(number, mesh)| fans_of(mesh, number, job.reference))
+            .collect();
+        let first = lists.len() as u32;
+        lists.extend(fans.iter().flatten());
+        let count = (lists.len() as u32 - first) / FAN;
+        let tree = Tree::of(scene).branch(scene.lattice.root(), &mut lists);
+        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree }
+    }
+}
+
+/// The chunks that drawn ones lie in.
+struct Tree<'a> {
+    scene: &'a Scene,
+    inner: HashSet<ChunkKey>,
+}
+
+impl Tree<'_> {
+    fn of(scene: &Scene) -> Tree<'_> {
+        let above = |mesh: &Mesh| {
+            let key = mesh.node.key;
+            (key.level + 1..=scene.lattice.top()).map(move |level| key.ancestor(level))
+        };
+        Tree { scene, inner: scene.meshes.iter().flat_map(above).collect() }
+    }
+
+    /// What stands for a branch, with what is below it in the lists.
+    fn branch(&self, key: ChunkKey, lists: &mut Vec<u32>) -> u32 {
+        if let Some(number) = self.scene.cut.number(key) {
+            return LEAF + number as u32;
+        }
+        if !self.inner.contains(&key) {
+            return NONE;
+        }
+        let first = lists.len();
+        lists.extend([NONE; 4]);
+        for part in 0..4 {
+            let [row, column] = [2 * key.row + part / 2, 2 * key.column + part % 2];
+            lists[first + part as usize] = self.branch(ChunkKey { level: key.level - 1, row, column }, lists);
+        }
+        first as u32
+    }
+}
+
+/// The longest edge of a chunk's triangles that there may be in the picture, in its samples.
+fn largest(job: &SurfaceJob, mesh: &Mesh) -> f64 {
+    let (node, placed) = (&mesh.node, &job.scene.placed);
+    let [x, y] = placed.spacing().map(|step| step * (1_u64 << node.key.level) as f64);
+    let apart = x.hypot(y).hypot((node.facts.step + 2.0 * node.added) * placed.lift);
+    let added = DVec3::Z * (node.added * placed.lift).abs();
+    let mut extent = node.extent;
+    (extent.bounds.min, extent.bounds.max) = (extent.bounds.min - added, extent.bounds.max + added);
+    job.view.error_pixels(&extent, apart)
+}
+
+fn flags_of(mesh: &Mesh) -> u32 {
+    let mut flags = if mesh.node.primitive == Primitive::Points { POINTS } else { 0 };
+    flags |= if mesh.samples.coverage.is_empty() { 0 } else { MIXED };
+    for side in 0..4 {
+        flags |= u32::from(mesh.is_laid[side]) << (LAID + side as u32);
+        flags |= u32::from(!mesh.extras[side].is_empty()) << (FANNED + side as u32);
+    }
+    flags
+}
+
+/// The heights along a chunk's first and last row and its first and last column, where they are not its samples' own.
+fn border_of(mesh: &Mesh, reference: f64) -> Vec<u32> {
+    if mesh.is_unchanged() {
+        return Vec::new();
+    }
+    let (rows, columns, heights) = (mesh.samples.rows, mesh.samples.columns, mesh.heights());
+    let along = [0, rows - 1].into_iter().flat_map(|row| (0..columns).map(move |column| row * columns + column));
+    let down = [0, columns - 1].into_iter().flat_map(|column| (0..rows).map(move |row| row * columns + column));
+    along.chain(down).map(|index| counted(heights[index], reference).to_bits()).collect()
+}
+
+/// The triangles of the cells along sides of a chunk that finer ones add corners to.
+fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
+    let mut words = Vec::new();
+    let [rows, columns] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
+    let is_fanned =
+        |side: usize, row: usize, column: usize| !mesh.extras[side].is_empty() && mesh.is_along(side, row, column);
+    let is_points = mesh.node.primitive == Primitive::Points;
+    for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+        let is_drawn = !is_points || mesh.is_strip(row, column);
+        if is_drawn && (0..4).any(|side| is_fanned(side, row, column)) {
+            mesh.fan([row, column], |slot, corners| {
+                words.push(Shown { node: number, at: [row, column], slot: Some(slot) }.pack());
+                for (row, column, height) in corners {
+                    words.extend([row as u32, column as u32, counted(height, reference).to_bits()]);
+                }
+            });
+        }
+    }
+    words
+}
+
+impl SurfaceUniform {
+    /// What a job's shaders need: rows of the picture are `stride` samples apart, there are `ramp` colours, and the tree begins at `tree`.
+    pub fn new(job: &SurfaceJob, stride: u32, ramp: u32, tree: u32) -> SurfaceUniform {
+        let (scene, view, look) = (&*job.scene, &job.view, &job.look);
+        let placed = &scene.placed;
+        let anchor = anchor_of(scene, view.eye);
+        let at_anchor = placed.world(anchor[1] as f64, anchor[0] as f64, job.reference) - view.eye;
+        let camera = |away: DVec3| DVec3::new(away.dot(view.right), away.dot(view.up), away.dot(view.forward));
+        let camera = |away: DVec3| camera(away).as_vec3().to_array();
+        // Of world lengths the columns, rows and heights.
+        let per = DVec3::new(placed.step[0], placed.step[1], placed.lift);
+        let grid = |away: DVec3| (away / per).as_vec3().to_array();
+        let focal = view.focal_pixels();
+        let is_perspective = matches!(view.projection, Projection::Perspective { .. });
+        let [x, y] = placed.spacing();
+        let cut = &view.cut;
+        let sun = match look.light {
+            Light::Eye => None,
+            Light::Sun { azimuth, altitude } => {
+                let (up, level) = altitude.to_radians().sin_cos();
+                let (east, north) = azimuth.to_radians().sin_cos();
+                Some(DVec3::new(level * east, level * north, up))
+            }
+        };
+        let [low, high] = look.range;
+        let base = if look.attribute == Attribute::Height { job.reference } else { 0.0 };
+        let (low, per_value, is_log) = match look.transfer.scale {
+            Scale::Linear => (low - base, 1.0 / (high - low), 0),
+            Scale::Log => (low.ln(), 1.0 / (high / low).ln(), 1),
+        };
+        let contours = look.contours.unwrap_or(Contours {
+            interval: 0.0,
+            base: 0.0,
+            major: 0,
+            width: 1.0,
+            color: [0.0; 3],
+            labels: None,
+        });
+        // Another line with the same strength, near the reference.
+        let period = contours.interval * f64::from(contours.major.max(1));
+        let contour_base = match period > 0.0 {
+            true => (contours.base - job.reference) - ((contours.base - job.reference) / period).round() * period,
+            false => 0.0,
+        };
+        SurfaceUniform {
+            origin: camera(at_anchor),
+            focal: focal as f32,
+            per_column: camera(DVec3::X * placed.step[0]),
+            // A thousandth of a sample before the eye.
+            near: if is_perspective { (1e-3 * x.min(y)) as f32 } else { 0.0 },
+            per_row: camera(DVec3::Y * placed.step[1]),
+            perspective: u32::from(is_perspective),
+            per_height: camera(DVec3::Z * placed.lift),
+            parts: job.parts,
+            eye: grid(-at_anchor),
+            stride,
+            right: grid(view.right),
+            spacing: x.max(y) as f32,
+            up: grid(view.up),
+            fade_start: cut.fade_start as f32,
+            forward: grid(view.forward),
+            fade_rate: cut.fade_rate as f32,
+            world_right: view.right.as_vec3().to_array(),
+            clips: u32::from(cut.clips()),
+            world_up: view.up.as_vec3().to_array(),
+            point_side: if job.technique == Technique::Points { job.parts } else { 1 },
+            world_forward: view.forward.as_vec3().to_array(),
+            lone_side: job.parts,
+            clip_min: (cut.bounds.min - view.eye).max(DVec3::splat(-1e37)).as_vec3().to_array(),
+            colored_by: match look.attribute {
+                Attribute::Height => 0,
+                Attribute::Slope => 1,
+                Attribute::Aspect => 2,
+                Attribute::Curvature => 3,
+                Attribute::Level => 4,
+                Attribute::Primitive => 5,
+                Attribute::Plane(_) => 6,
+                Attribute::Texture(_) => 7,
+                // Asked for of the processor.
+                Attribute::Photo | Attribute::Residual => 0,
+            },
+            clip_max: (cut.bounds.max - view.eye).min(DVec3::splat(1e37)).as_vec3().to_array(),
+            ramp_last: ramp.saturating_sub(1),
+            sun: sun.unwrap_or_default().as_vec3().to_array(),
+            is_sun: u32::from(sun.is_some()),
+            contour_color: contours.color,
+            contour_major: contours.major,
+            size: [view.width, view.height],
+            middle: view.middle().map(|pixels| pixels as f32),
+            anchor: anchor.map(|at| at as i32),
+            last: placed.samples.map(|samples| (samples - 1) as u32),
+            step: placed.step.map(|step| step as f32),
+            low: low as f32,
+            per: per_value as f32,
+            is_log,
+            reference: job.reference as f32,
+            ambient: look.ambient,
+            steeper: (placed.lift / placed.true_lift) as f32,
+            true_lift: placed.true_lift as f32,
+            contour_interval: contours.interval as f32,
+            contour_base: contour_base as f32,
+            contour_width: contours.width as f32,
+            far: far_of(scene, view) as f32,
+            tree,
+            top: u32::from(scene.lattice.top()),
+            unused: 0,
+        }
+    }
+}
+
+/// Column and row of the sample that is nearest to an eye among those of the drawn chunks.
+fn anchor_of(scene: &Scene, eye: DVec3) -> [u64; 2] {
+    let placed = &scene.placed;
+    let ends = |places: fn(&Mesh) -> &[u64], samples: u64| {
+        let ends = scene.meshes.iter().filter_map(|mesh| Some([*places(mesh).first()?, *places(mesh).last()?]));
+        ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0, samples - 1])
+    };
+    let ends = [ends(|mesh| &mesh.columns, placed.samples[0]), ends(|mesh| &mesh.rows, placed.samples[1])];
+    std::array::from_fn(|axis| {
+        let nearest = ((eye[axis] - placed.origin[axis]) / placed.step[axis]).round();
+        nearest.clamp(ends[axis][0] as f64, ends[axis][1] as f64) as u64
+    })
+}
+
+/// A depth beyond all chunks.
+fn far_of(scene: &Scene, view: &View) -> f64 {
+    let corners = |mesh: &Mesh| {
+        let bounds = mesh.node.extent.bounds;
+        let pick = |corner: usize, axis: usize| [bounds.min, bounds.max][corner >> axis & 1][axis];
+        (0..8)
+            .map(|corner| view.to_camera(DVec3::new(pick(corner, 0), pick(corner, 1), pick(corner, 2))).z)
+            .fold(0.0, f64::max)
+    };
+    2.0 * scene.meshes.iter().map(corners).fold(0.0, f64::max).max(f64::MIN_POSITIVE)
+}

@@ -1,0 +1,298 @@
+//! Measured heights by an adapter's passes: the processor's pictures, without cracks, and the same bits each time.
+
+use crate::support::Random;
+use deepfield::color::Image;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::surface::look::{Attribute, Light, Look};
+use deepfield::cpu::surface::paged::PagedSurface;
+use deepfield::cpu::surface::placed::{Map, Placed};
+use deepfield::cpu::surface::select::{CutNode, Primitive, SurfaceCut, Technique};
+use deepfield::cpu::surface::source::SurfaceNodes;
+use deepfield::cpu::surface::stitch::Scene;
+use deepfield::gpu::Offscreen;
+use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
+use deepfield::heights::hierarchy::chunks::ChunkKey;
+use deepfield::heights::import::HeightOptions;
+use deepfield::heights::model::{HeightField, Plane};
+use deepfield::heights::store::HeightFile;
+use deepfield::look::{self, Backend, CameraConfig, LookPatch, Shot};
+use deepfield::mode::{SettingValue, Settings};
+use deepfield::model::{Bounds, ReadMethod};
+use deepfield::picture::adapter::{Adapter as _, AdapterSurface, AdapterValues, Passes};
+use deepfield::picture::surface::SurfaceSession;
+use deepfield::picture::{Picture, SessionOptions};
+use deepfield::view::{Extent, Projection, View};
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Columns and rows of the fields: no multiples of a chunk's.
+const SIZE: [usize; 2] = [620, 530];
+
+/// How a field is broken.
+#[derive(Clone, Copy, PartialEq)]
+enum Holes {
+    None,
+    /// Lakes of several sizes.
+    Lakes,
+    /// A third of all samples.
+    Random,
+}
+
+/// Hills of several sizes, with roughness from sample to sample.
+fn hills([columns, rows]: [usize; 2], holes: Holes) -> HeightField {
+    let mut random = Random(columns as u64);
+    let waves: Vec<[f64; 4]> = (0..9)
+        .map(|k| {
+            let (size, angle) = (400.0 / 1.9_f64.powi(k), 6.3 * random.next());
+            [angle.cos() / size, angle.sin() / size, 6.3 * random.next(), 0.12 * size]
+        })
+        .collect();
+    let lakes: Vec<[f64; 3]> = (0..8)
+        .map(|k| [columns as f64 * random.next(), rows as f64 * random.next(), 50.0 / (1.0 + f64::from(k))])
+        .collect();
+    let height = |index: usize| {
+        let (x, y) = ((index % columns) as f64, (index / columns) as f64);
+        let height: f64 = waves.iter().map(|[a, b, phase, size]| size * (a * x + b * y + phase).sin()).sum();
+        let height = height + 0.3 * random.next();
+        let is_hole = match holes {
+            Holes::None => false,
+            Holes::Lakes => lakes.iter().any(|[cx, cy, size]| (x - cx).hypot(y - cy) < *size),
+            Holes::Random => random.next() < 0.33,
+        };
+        if is_hole { f64::NAN } else { height }
+    };
+    let heights = (0..rows * columns).map(height).collect();
+    let mut field = HeightField::of(columns as u64, rows as u64, heights);
+    field.grid.planes = ["red", "green", "blue"].map(|name| Plane { name: name.into() }).into();
+    let shade = |plane: usize, index: usize| {
+        let (x, y) = ((index % columns) as f64, (index / columns) as f64);
+        (128.0 + 120.0 * (x / (40.0 + 20.0 * plane as f64) + (y / 70.0).cos()).sin()) as u8
+    };
+    field.planes = (0..3).map(|plane| (0..rows * columns).map(|index| shade(plane, index)).collect()).collect();
+    field
+}
+
+fn built(folder: &Path, field: &HeightField) -> PathBuf {
+    let path = folder.join("field.df");
+    build_heights(field, &HeightOrigin::default(), &HeightBuildOptions::default(), &path, &()).unwrap();
+    path
+}
+
+/// A picture and what it looks like.
+struct Wanted<'a> {
+    eye: Option<[f64; 3]>,
+    target: Option<[f64; 3]>,
+    ortho: Option<f64>,
+    attribute: Option<&'a str>,
+    settings: &'a [(&'a str, SettingValue)],
+}
+
+const PLAIN: Wanted<'static> = Wanted { eye: None, target: None, ortho: None, attribute: None, settings: &[] };
+
+fn number(value: f64) -> SettingValue {
+    SettingValue::Number(value)
+}
+
+fn name(value: &str) -> SettingValue {
+    SettingValue::Name(value.into())
+}
+
+impl Wanted<'_> {
+    fn shot(&self) -> Shot {
+        let settings = self.settings.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+        let look = LookPatch {
+            settings: Settings(settings.collect()),
+            attribute: self.attribute.map(|name| look::Attribute::Named(name.into())),
+            ..LookPatch::default()
+        };
+        let camera = CameraConfig { eye: self.eye, target: self.target, ortho: self.ortho, ..CameraConfig::default() };
+        Shot { look, camera, size: Some((300, 200)), ..Shot::default() }
+    }
+
+    fn draw(&self, session: &mut SurfaceSession) -> (Picture, Image) {
+        let shot = self.shot();
+        let picture = session.draw(&shot).unwrap();
+        let image = picture.image(&shot).unwrap();
+        (picture, image)
+    }
+}
+
+fn session(path: &Path, backend: Backend) -> SurfaceSession {
+    let options = SessionOptions { backend: Some(backend), ..SessionOptions::default() };
+    let session = SurfaceSession::open(path, &HeightOptions::default(), options, Arc::new(())).unwrap();
+    session.with_adapter(Some(Box::new(Offscreen::preferred())))
+}
+
+/// How many of a picture's pixels differ from another's by more than 4 of 255, and the mean of all.
+fn differences(found: &Image, expected: &Image) -> (f64, f64) {
+    assert_eq!((found.width, found.height), (expected.width, expected.height));
+    let pairs = found.rgba.iter().zip(&expected.rgba);
+    let apart: Vec<u8> = pairs.map(|(a, b)| (0..3).map(|k| a[k].abs_diff(b[k])).max().unwrap()).collect();
+    let many = apart.iter().filter(|difference| **difference > 4).count();
+    let count = apart.len() as f64;
+    (many as f64 / count, apart.iter().map(|difference| f64::from(*difference)).sum::<f64>() / count)
+}
+
+#[test]
+fn an_adapter_draws_what_the_processor_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    let near = Wanted { eye: Some([310.0, 200.0, 40.0]), target: Some([500.0, 350.0, -20.0]), ..PLAIN };
+    let pictures: &[(Holes, &[(&str, Wanted<'_>)])] = &[
+        (
+            Holes::None,
+            &[
+                ("colours", Wanted { ..PLAIN }),
+                ("lines", Wanted { attribute: Some("height"), settings: &[("contours", number(8.0))], ..PLAIN }),
+                (
+                    "slopes by a lamp at the eye",
+                    Wanted { attribute: Some("slope"), settings: &[("light", name("eye"))], ..near },
+                ),
+                ("lines near by", Wanted { attribute: Some("height"), settings: &[("contours", number(2.0))], ..near }),
+                (
+                    "from above",
+                    Wanted {
+                        eye: Some([310.0, 265.0, 900.0]),
+                        target: Some([310.0, 265.5, 0.0]),
+                        ortho: Some(300.0),
+                        attribute: Some("aspect"),
+                        settings: &[("technique", name("triangles"))],
+                    },
+                ),
+            ],
+        ),
+        (
+            Holes::Lakes,
+            &[
+                ("lakes", Wanted { attribute: Some("height"), ..PLAIN }),
+                (
+                    "thrice as high",
+                    Wanted { attribute: Some("red"), settings: &[("exaggeration", number(3.0))], ..PLAIN },
+                ),
+            ],
+        ),
+        (Holes::Random, &[("a third is missing", Wanted { attribute: Some("height"), ..PLAIN })]),
+    ];
+    for (holes, wanted) in pictures {
+        let path = built(folder.path(), &hills(SIZE, *holes));
+        let mut processor = session(&path, Backend::Cpu);
+        for (backend, passes) in [(Backend::Compute, "compute"), (Backend::Raster, "raster")] {
+            let mut adapter = session(&path, backend);
+            for (what, wanted) in *wanted {
+                let (_, expected) = wanted.draw(&mut processor);
+                let (picture, found) = wanted.draw(&mut adapter);
+                assert_eq!(picture.drawn_by[0], passes, "{what}");
+                let (share, mean) = differences(&found, &expected);
+                println!("{what}, {passes}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}");
+                assert!(share <= 0.01 && mean < 0.5, "{what}, {passes}: {share} {mean}");
+                // The same picture twice is the same bits.
+                assert_eq!(wanted.draw(&mut adapter).1, found, "{what}, {passes}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_no_adapter_draws_is_the_processors() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = built(folder.path(), &hills([60, 50], Holes::None));
+    let rays = Wanted { settings: &[("technique", name("rays"))], ..PLAIN };
+    let (picture, found) = rays.draw(&mut session(&path, Backend::Compute));
+    assert_eq!(picture.drawn_by[0], "cpu");
+    assert_eq!(found, rays.draw(&mut session(&path, Backend::Cpu)).1);
+}
+
+/// A random camera above a field that looks onto a place where chunks meet, so that nothing but the field is in the picture.
+fn camera_over(field: &HeightField, random: &mut Random) -> View {
+    let [columns, rows] = [field.grid.columns, field.grid.rows].map(|count| (count - 1) as f64);
+    let high = field.stored.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    loop {
+        let mut between = |low: f64, high: f64| low + (high - low) * random.next();
+        let border = |at: f64| (at / 256.0).round() * 256.0;
+        let target = DVec3::new(border(columns * between(0.1, 0.9)), border(rows * between(0.2, 0.8)), 0.0);
+        let (angle, away, up) = (between(0.0, 6.3), between(1.0, 150.0), between(2.0, 250.0));
+        let eye = target + DVec3::new(away * angle.cos(), away * angle.sin(), high + up);
+        let projection = match between(0.0, 1.0) < 0.3 {
+            true => Projection::Orthographic { height: between(20.0, 300.0) },
+            false => Projection::Perspective { fov_y: between(0.2, 1.0) },
+        };
+        let Ok(view) = View::look_at(eye, target, DVec3::Z, projection, 120, 90) else { continue };
+        // Where rays through the corners meet the lowest ground there may be.
+        let low = field.stored.iter().copied().fold(f64::INFINITY, f64::min);
+        let is_over = [[0.0, 0.0], [120.0, 0.0], [0.0, 90.0], [120.0, 90.0]].into_iter().all(|corner| {
+            let from = view.at_depth(corner, 0.0);
+            let along = view.at_depth(corner, 1.0) - from;
+            let at = from + (low - from.z) / along.z * along;
+            from.z > high && along.z < 0.0 && at.x > 1.0 && at.y > 1.0 && at.x < columns - 1.0 && at.y < rows - 1.0
+        });
+        if is_over {
+            return view;
+        }
+    }
+}
+
+/// Random chunks of all levels that cover a field, as points where these leave no gap.
+fn random_cut(nodes: &PagedSurface, placed: &Placed, view: &View, random: &mut Random) -> SurfaceCut {
+    let lattice = nodes.lattice();
+    let (mut waiting, mut chosen) = (vec![lattice.root()], Vec::new());
+    while let Some(key) = waiting.pop() {
+        if key.level > 0 && random.next() < 0.6 {
+            let finer = [[0, 0], [0, 1], [1, 0], [1, 1]].map(|[row, column]| ChunkKey {
+                level: key.level - 1,
+                row: 2 * key.row + row,
+                column: 2 * key.column + column,
+            });
+            waiting.extend(finer.into_iter().filter(|key| lattice.has(*key)));
+            continue;
+        }
+        let facts = nodes.facts(key).unwrap();
+        let ends = [0, 1].map(|axis| {
+            let places = lattice.places(key, axis);
+            [places[0], *places.last().unwrap()]
+        });
+        let corner = |k: usize| placed.world(ends[0][k] as f64, ends[1][k] as f64, [facts.min, facts.max][k]);
+        let extent = Extent { bounds: Bounds::of([0, 1].map(|k| corner(k).to_array())), margin: 0.0 };
+        let whole = f64::from(1_u32 << key.level);
+        let apart = view.error_pixels(&extent, whole.hypot(whole).hypot(facts.step));
+        let primitive = if apart <= 0.999 { Primitive::Points } else { Primitive::Triangles };
+        // What borders add is reckoned with by those who choose.
+        let added = facts.max - facts.min;
+        chosen.push(CutNode { key, facts, extent, primitive, error_px: 0.0, added });
+    }
+    SurfaceCut::new(chosen)
+}
+
+#[test]
+fn nothing_shows_through_where_levels_meet() {
+    let folder = tempfile::tempdir().unwrap();
+    // Six levels.
+    let field = hills([9000, 600], Holes::None);
+    let file = HeightFile::open(&built(folder.path(), &field), ReadMethod::default()).unwrap();
+    let nodes = PagedSurface::new(Arc::new(file), u64::MAX);
+    let placed = Placed::new(&field.grid, Map::Plate, 1.0, 0.0);
+    let look = Look {
+        attribute: Attribute::Level,
+        transfer: TransferFunction::preset("grey").unwrap(),
+        range: [-1.0, 6.0],
+        light: Light::Eye,
+        ambient: 1.0,
+        contours: None,
+    };
+    let mut random = Random(7);
+    let mut adapter = Offscreen::preferred();
+    let mut joined = 0;
+    for round in 0..24 {
+        let view = camera_over(&field, &mut random);
+        let cut = random_cut(&nodes, &placed, &view, &mut random);
+        let scene = Arc::new(Scene::new(&nodes, &placed, cut));
+        joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
+        let passes = [Passes::Compute, Passes::Raster][round % 2];
+        let technique = Technique::Hybrid;
+        let job =
+            AdapterSurface { scene: &scene, view: &view, parts: 1, look: &look, technique, reference: 0.0, passes };
+        let AdapterValues::Light(colors, _) = adapter.surface(&job).unwrap().values else { panic!("sums") };
+        let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
+        assert_eq!(open, 0, "{passes:?}, round {round}: {view:?}");
+    }
+    assert!(joined > 100, "{joined} borders of levels");
+}
