@@ -116,10 +116,7 @@ pub fn run(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&
 }
 
 /// From where the pixels are seen, and where the field stands.
-fn seen(
-    open: &OpenHeights,
-    asked: &HeightsProbe,
-) -> Result<(Sight, Placed), Box<dyn std::error::Error + Send + Sync>> {
+fn seen(open: &OpenHeights, asked: &HeightsProbe) -> Result<(Sight, Placed), Box<dyn std::error::Error + Send + Sync>> {
     let config = asked.config.as_deref().map(PictureConfig::read).transpose()?.unwrap_or_default();
     let [eye, target, up] = [asked.eye, asked.target, asked.up].map(|at| at.map(|at| at.to_array()));
     let mut shot = Shot {

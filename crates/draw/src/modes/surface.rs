@@ -298,7 +298,8 @@ impl SurfaceSettings {
 fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
     let is_degrees = units::is_degrees(&grid.xy_unit);
     let unit = units::metres(&grid.height_unit).unwrap_or(1.0);
-    let radius = |body: &str| BODIES.iter().find(|(name, _)| *name == body).map_or(BODIES[0].1, |(_, metres)| *metres) / unit;
+    let radius =
+        |body: &str| BODIES.iter().find(|(name, _)| *name == body).map_or(BODIES[0].1, |(_, metres)| *metres) / unit;
     let ellipsoid = |body: &str| ELLIPSOIDS.iter().find(|(name, _, _)| *name == body);
     let globe = |body: &str| match ellipsoid(body) {
         Some((_, globe, _)) => globe.in_unit(unit),
@@ -306,7 +307,8 @@ fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
     };
     // The one that the reference system of a file is of.
     let of_file = || {
-        let found = ELLIPSOIDS.iter().find(|(_, _, systems)| grid.crs.as_deref().is_some_and(|crs| systems.contains(&crs)));
+        let found =
+            ELLIPSOIDS.iter().find(|(_, _, systems)| grid.crs.as_deref().is_some_and(|crs| systems.contains(&crs)));
         found.map(|(name, _, _)| globe(name))
     };
     let extent = grid.step[0].abs() * (grid.columns - 1) as f64;
@@ -315,7 +317,9 @@ fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
         ("plate", _) => Ok(Map::Plate),
         ("automatic", _) if !is_degrees => Ok(Map::Plate),
         ("automatic", _) if extent.max(down) < GLOBE_FROM => Ok(Map::Local { radius: radius("earth") }),
-        ("automatic" | "globe", _) if is_degrees && !name.contains(':') => Ok(Map::Globe(of_file().unwrap_or(globe("earth")))),
+        ("automatic" | "globe", _) if is_degrees && !name.contains(':') => {
+            Ok(Map::Globe(of_file().unwrap_or(globe("earth"))))
+        }
         (kind, _) if !is_degrees => {
             let unit = if grid.xy_unit.is_unknown() { "no unit" } else { &grid.xy_unit.0 };
             Err(format!("map {kind}: found x and y in {unit}, expected degrees (--xy-unit deg), or map plate"))

@@ -212,11 +212,8 @@ impl<'a> Course<'a> {
         let ends = span.map(|t| self.place(t));
         let (low, high) = (heights[0], heights[1]);
         let hair = HAIR * (high - low) + 1e-12 * low.abs().max(high.abs()) + 1e-14 * self.spread.globe.reach();
-        let boxes = [
-            [rows[0] - HAIR, rows[1] + HAIR],
-            [columns[0] - HAIR, columns[1] + HAIR],
-            [low - hair, high + hair],
-        ];
+        let boxes =
+            [[rows[0] - HAIR, rows[1] + HAIR], [columns[0] - HAIR, columns[1] + HAIR], [low - hair, high + hair]];
         let passes = |axis: usize| {
             let (a, b) = (ends[0][axis], ends[1][axis]);
             a.max(b) >= boxes[axis][0] && a.min(b) <= boxes[axis][1]

@@ -104,15 +104,14 @@ impl Placed {
         }
         let around = grid.around().filter(|_| matches!(map, Map::Globe(_)));
         // A column more is a chunk more where these are full: it is not there then.
-        let closing = around.filter(|around| *around == grid.columns && !(grid.columns - 1).is_multiple_of(1 << SIDE_BITS));
+        let closing =
+            around.filter(|around| *around == grid.columns && !(grid.columns - 1).is_multiple_of(1 << SIDE_BITS));
         let around = around.filter(|around| *around < grid.columns).or(closing);
         // How many spacings the poles are beyond the first and the last row.
         let ways = [(0, -grid.step[1]), (grid.rows - 1, grid.step[1])];
         let beyond = ways.map(|(row, way)| (90.0_f64.copysign(way) - grid.place(row as f64, 0.0)[1]) / way);
         let is_near = |beyond: f64| around.is_some() && beyond.abs() < 1.0 + SAME;
-        let pole = |end: usize| {
-            (is_near(beyond[end]) && beyond[end] > POLE).then_some(90.0_f64.copysign(ways[end].1))
-        };
+        let pole = |end: usize| (is_near(beyond[end]) && beyond[end] > POLE).then_some(90.0_f64.copysign(ways[end].1));
         Placed {
             samples: [grid.columns + u64::from(closing.is_some()), grid.rows],
             around,

@@ -365,8 +365,7 @@ pub fn curved_hit(
     let [p, q, s] = triangle.at;
     let plane = [placed.lifted(p), placed.lift * q, placed.lift * s];
     course.meets(frame.first, frame.size, plane, span).into_iter().flatten().find_map(|found| {
-        let [u, v] =
-            [(found.column - frame.first[1]) / frame.size[1], (found.row - frame.first[0]) / frame.size[0]];
+        let [u, v] = [(found.column - frame.first[1]) / frame.size[1], (found.row - frame.first[0]) / frame.size[0]];
         let [k, m, n] = triangle.edge;
         let is_in = u.min(v) >= -HAIR && u.max(v) <= 1.0 + HAIR && k + m * u + n * v >= -HAIR;
         is_in.then_some((found.t, [u, v]))

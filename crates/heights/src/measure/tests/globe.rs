@@ -9,9 +9,7 @@ use proptest::prelude::*;
 /// A field on a globe whose heights are a few hundredths of the radius; `holes` of its samples were not measured.
 fn field(columns: u64, rows: u64, origin: [f64; 2], step: [f64; 2], holes: f64, seed: u64) -> HeightField {
     let mut next = random(seed);
-    let heights = (0..columns * rows)
-        .map(|_| if next() < holes { f64::NAN } else { 0.05 * next() - 0.01 })
-        .collect();
+    let heights = (0..columns * rows).map(|_| if next() < holes { f64::NAN } else { 0.05 * next() - 0.01 }).collect();
     let grid = HeightGrid {
         origin,
         step,

@@ -218,7 +218,10 @@ fn clones_share_leaves_and_threads_change_nothing() {
     let paged = PagedPyramid::new(&file);
     for threads in [1, 4] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(|| pick_all(file.path(), &file, Some(&file), &Stands::Flat(rise), &all)).unwrap(), wanted);
+        assert_eq!(
+            pool.install(|| pick_all(file.path(), &file, Some(&file), &Stands::Flat(rise), &all)).unwrap(),
+            wanted
+        );
         let mut hits = vec![None; all.len()];
         pool.install(|| cast_all(|| paged.clone(), rise, |number| all[number], &mut hits)).unwrap();
         for (hit, pick) in hits.iter().zip(&wanted) {
@@ -273,7 +276,8 @@ fn large_sources_are_refused_before_they_are_read() {
     }
     let rise = Rise { zero: 0.0, lift: 1.0 };
     for grid in [HeightGrid::new(40_000, 40_000, SampleType::I16), HeightGrid::new(1 << 40, 1 << 40, SampleType::F64)] {
-        let error = pick_all(Path::new("large.tif"), &Large(grid), None, &Stands::Flat(rise), &[]).unwrap_err().to_string();
+        let error =
+            pick_all(Path::new("large.tif"), &Large(grid), None, &Stands::Flat(rise), &[]).unwrap_err().to_string();
         assert!(error.starts_with("large.tif: samples: found ") && error.contains("build"), "{error}");
     }
 }
