@@ -11,7 +11,7 @@ use crate::heights::OpenHeights;
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
 use crate::heights::import::summary::short_name;
-use crate::heights::measure::{Ray, Rise, contours, levels, pick_all};
+use crate::heights::measure::{Ray, contours, levels, pick_all};
 use crate::heights::model::Heights;
 use crate::heights::store::HeightFile;
 use crate::heights::synth::{SurfaceOptions as Ground, SurfaceShape, write_surface};
@@ -381,14 +381,13 @@ impl<'a> Bench<'a> {
         Ok(Some(flown))
     }
 
-    /// Asks what is under many pixels of the usual picture of a flat field, all over it.
+    /// Asks what is under many pixels of the usual picture of a field, all over it.
     fn picks(&self) -> Result<Option<f64>, Failure> {
         let Sight::Flat(view) = self.sight(CameraConfig::default())? else { return Ok(None) };
-        let rise = Rise { zero: self.placed.zero, lift: self.placed.lift };
         let rays: Option<Vec<Ray>> = (0..PICKS).map(|number| self.ray(&view, number)).collect();
         let Some(rays) = rays else { return Ok(None) };
         let start = Instant::now();
-        pick_all(&self.path, &*self.file, Some(&self.file), rise, &rays)?;
+        pick_all(&self.path, &*self.file, Some(&self.file), &self.placed.stands(), &rays)?;
         let each = milliseconds(start.elapsed()) / PICKS as f64;
         eprintln!("pick: {each:.3} ms");
         Ok(Some(each))
@@ -399,7 +398,7 @@ impl<'a> Bench<'a> {
         let share = [0.754_877_666_246_692_8, 0.569_840_290_998_053_2].map(|step| (0.5 + step * number as f64).fract());
         let pixel = [share[0] * f64::from(view.width), share[1] * f64::from(view.height)];
         let (origin, direction) = Sight::Flat(*view).ray(pixel)?;
-        let (origin, direction) = self.placed.in_file(origin, direction)?;
+        let (origin, direction) = self.placed.in_file(origin, direction);
         Some(Ray::new(origin.to_array(), direction.to_array()))
     }
 

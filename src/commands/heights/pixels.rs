@@ -6,7 +6,7 @@ use crate::commands::probe::short;
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::heights::OpenHeights;
-use crate::heights::measure::{Pick, Ray, Rise, pick_all};
+use crate::heights::measure::{Pick, Ray, pick_all};
 use crate::heights::model::Heights;
 use crate::look::{CameraConfig, PictureConfig, Shot};
 use crate::mode::SettingValue;
@@ -71,8 +71,7 @@ pub fn run(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&
     if let Some(list) = &asked.pixels {
         pixels.extend(read_pixels(list)?);
     }
-    let (sight, placed) = seen(path, open, asked)?;
-    let rise = Rise { zero: placed.zero, lift: placed.lift };
+    let (sight, placed) = seen(open, asked)?;
     let [width, height] = sight.size();
     if let Some([x, y]) = pixels.iter().find(|[x, y]| *x >= width || *y >= height) {
         return Err(format!("--pixel: found {x},{y}, expected one of {width} x {height}").into());
@@ -82,7 +81,7 @@ pub fn run(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&
         .iter()
         .map(|pixel| {
             let (origin, direction) = through(*pixel)?;
-            let (origin, direction) = placed.in_file(origin, direction)?;
+            let (origin, direction) = placed.in_file(origin, direction);
             Some(Ray::new(origin.to_array(), direction.to_array()))
         })
         .collect();
@@ -91,7 +90,7 @@ pub fn run(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&
         OpenHeights::Pages(file) => Some(&**file),
         OpenHeights::Source(_) => None,
     };
-    let mut found = pick_all(path, open, file, rise, &there)?.into_iter();
+    let mut found = pick_all(path, open, file, &placed.stands(), &there)?.into_iter();
     // Beside a dome's circle nothing is seen.
     let picks = rays.iter().map(|ray| ray.and_then(|_| found.next()).and_then(Under::of)).collect();
     answer(json, &PixelsAnswer { picks }, |text, told| {
@@ -117,11 +116,7 @@ pub fn run(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&
 }
 
 /// From where the pixels are seen, and where the field stands.
-fn seen(
-    path: &Path,
-    open: &OpenHeights,
-    asked: &HeightsProbe,
-) -> Result<(Sight, Placed), Box<dyn std::error::Error + Send + Sync>> {
+fn seen(open: &OpenHeights, asked: &HeightsProbe) -> Result<(Sight, Placed), Box<dyn std::error::Error + Send + Sync>> {
     let config = asked.config.as_deref().map(PictureConfig::read).transpose()?.unwrap_or_default();
     let [eye, target, up] = [asked.eye, asked.target, asked.up].map(|at| at.map(|at| at.to_array()));
     let mut shot = Shot {
@@ -136,11 +131,7 @@ fn seen(
         shot.look.settings.0.insert("map".into(), SettingValue::Name(map.clone()));
     }
     let summary = open.summary()?;
-    let (sight, placed) = SurfaceSession::sight(open.grid(), [summary.min, summary.max], &shot)?;
-    if !placed.is_flat() {
-        return Err(format!("{}: --pixel: globes are not asked by pixels yet", path.display()).into());
-    }
-    Ok((sight, placed))
+    Ok(SurfaceSession::sight(open.grid(), [summary.min, summary.max], &shot)?)
 }
 
 /// Pixels of a CSV file with the columns x and y.

@@ -253,7 +253,7 @@ impl Place {
 pub fn world_unit<'a>(placed: &Placed, grid: &'a HeightGrid) -> &'a str {
     match placed.map {
         Map::Plate => grid.xy_unit.0.as_str(),
-        Map::Local { .. } | Map::Globe { .. } => grid.height_unit.0.as_str(),
+        Map::Local { .. } | Map::Globe(_) => grid.height_unit.0.as_str(),
     }
 }
 

@@ -7,7 +7,7 @@ use crate::cpu::surface::placed::Map;
 use crate::cpu::surface::select::Technique as How;
 use crate::cpu::volume::VolumeError;
 use crate::heights::measure::FormKind;
-use crate::heights::model::{Facts, HeightGrid, units};
+use crate::heights::model::{Facts, Globe, HeightGrid, units};
 use crate::heights::store::HeightAbout;
 use crate::mode::{Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
 
@@ -171,12 +171,14 @@ const FORMS: [&str; 14] = [
     "polynomial-12",
 ];
 
-const MAPS: [&str; 13] = [
+const MAPS: [&str; 15] = [
     "automatic",
     "plate",
     "local",
     "globe",
     "globe:earth",
+    "globe:wgs84",
+    "globe:grs80",
     "globe:moon",
     "globe:mars",
     "globe:mercury",
@@ -198,6 +200,12 @@ const BODIES: [(&str, f64); 9] = [
     ("ganymede", 2_631_200.0),
     ("ceres", 469_700.0),
     ("pluto", 1_188_300.0),
+];
+
+/// Ellipsoids, metres (EPSG 7030, 7019), and reference systems of longitude and latitude on them.
+const ELLIPSOIDS: [(&str, Globe, &[&str]); 2] = [
+    ("wgs84", Globe { equator: 6_378_137.0, pole: 6_356_752.314_245_179 }, &["EPSG:4326", "EPSG:4979"]),
+    ("grs80", Globe { equator: 6_378_137.0, pole: 6_356_752.314_140_356 }, &["EPSG:4258", "EPSG:4269", "EPSG:4283"]),
 ];
 
 /// Fields in degrees that are at least so wide are a globe unless they are told otherwise.
@@ -289,9 +297,19 @@ impl SurfaceSettings {
 /// How a grid's places become places in the world, where a setting says `name`.
 fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
     let is_degrees = units::is_degrees(&grid.xy_unit);
-    let radius = |body: &str| {
-        let metres = BODIES.iter().find(|(name, _)| *name == body).map_or(BODIES[0].1, |(_, metres)| *metres);
-        metres / units::metres(&grid.height_unit).unwrap_or(1.0)
+    let unit = units::metres(&grid.height_unit).unwrap_or(1.0);
+    let radius =
+        |body: &str| BODIES.iter().find(|(name, _)| *name == body).map_or(BODIES[0].1, |(_, metres)| *metres) / unit;
+    let ellipsoid = |body: &str| ELLIPSOIDS.iter().find(|(name, _, _)| *name == body);
+    let globe = |body: &str| match ellipsoid(body) {
+        Some((_, globe, _)) => globe.in_unit(unit),
+        None => Globe::sphere(radius(body)),
+    };
+    // The one that the reference system of a file is of.
+    let of_file = || {
+        let found =
+            ELLIPSOIDS.iter().find(|(_, _, systems)| grid.crs.as_deref().is_some_and(|crs| systems.contains(&crs)));
+        found.map(|(name, _, _)| globe(name))
     };
     let extent = grid.step[0].abs() * (grid.columns - 1) as f64;
     let down = grid.step[1].abs() * (grid.rows - 1) as f64;
@@ -299,13 +317,15 @@ fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
         ("plate", _) => Ok(Map::Plate),
         ("automatic", _) if !is_degrees => Ok(Map::Plate),
         ("automatic", _) if extent.max(down) < GLOBE_FROM => Ok(Map::Local { radius: radius("earth") }),
-        ("automatic", body) => Ok(Map::Globe { radius: radius(body) }),
+        ("automatic" | "globe", _) if is_degrees && !name.contains(':') => {
+            Ok(Map::Globe(of_file().unwrap_or(globe("earth"))))
+        }
         (kind, _) if !is_degrees => {
             let unit = if grid.xy_unit.is_unknown() { "no unit" } else { &grid.xy_unit.0 };
             Err(format!("map {kind}: found x and y in {unit}, expected degrees (--xy-unit deg), or map plate"))
         }
         ("local", body) => Ok(Map::Local { radius: radius(body) }),
-        (_, body) => Ok(Map::Globe { radius: radius(body) }),
+        (_, body) => Ok(Map::Globe(globe(body))),
     }
 }
 
@@ -317,9 +337,11 @@ pub fn radius_of(name: &str, grid: &HeightGrid) -> Result<Option<f64>, String> {
     if !MAPS.contains(&name) {
         return Err(format!("map: found {name}, expected one of {}", MAPS.join(", ")));
     }
+    let metres = units::metres(&grid.height_unit).unwrap_or(1.0);
     Ok(match map_of(name, grid)? {
         Map::Plate => None,
-        Map::Local { radius } | Map::Globe { radius } => Some(radius * units::metres(&grid.height_unit).unwrap_or(1.0)),
+        Map::Local { radius } => Some(radius * metres),
+        Map::Globe(globe) => Some((2.0 * globe.equator + globe.pole) / 3.0 * metres),
     })
 }
 
@@ -471,8 +493,8 @@ mod tests {
         };
         assert_eq!(map_of("automatic", &grid(30, "m")), Ok(Map::Plate));
         assert_eq!(map_of("automatic", &grid(10, "deg")), Ok(Map::Local { radius: 6371.0088 }));
-        assert_eq!(map_of("automatic", &grid(21, "deg")), Ok(Map::Globe { radius: 6371.0088 }));
-        assert_eq!(map_of("globe:moon", &grid(4, "deg")), Ok(Map::Globe { radius: 1737.4 }));
+        assert_eq!(map_of("automatic", &grid(21, "deg")), Ok(Map::Globe(Globe::sphere(6371.0088))));
+        assert_eq!(map_of("globe:moon", &grid(4, "deg")), Ok(Map::Globe(Globe::sphere(1737.4))));
         assert!(map_of("globe", &grid(4, "")).unwrap_err().contains("no unit, expected degrees"));
         assert!(MAPS.iter().all(|name| map_of(name, &grid(4, "deg")).is_ok()));
     }

@@ -1,6 +1,8 @@
 //! A page file as the ray caster reads it: ranges of blocks as large as chunks are those of the file's nodes; finer ones are made from leaves,
 //! the ones used last of which are kept.
 
+use super::course::Spread;
+use super::on_globe::pick_on_globe;
 use super::pick::{Pick, pick};
 use super::pyramid::{Level, NOTHING, Pyramid, coarser, top_of};
 use super::ray::{MinMax, Ray, Rise};
@@ -312,6 +314,15 @@ const MOST: u64 = 2 << 30;
 /// Picks that one task makes, one after the other.
 const TOGETHER: usize = 64;
 
+/// How a field stands in the world that rays are of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stands {
+    /// On a plane, with x and y as the file has them.
+    Flat(Rise),
+    /// On a globe about the world's origin.
+    Globe(Spread),
+}
+
 /// What rays find, one for each, in their order; several are followed at a time. A source is read into memory; a page file (`pages`, of which
 /// `heights` are not asked then) is read where rays go. `path` is what messages call the field.
 ///
@@ -321,15 +332,18 @@ pub fn pick_all(
     path: &Path,
     heights: &dyn Heights,
     pages: Option<&HeightFile>,
-    rise: Rise,
+    stands: &Stands,
     rays: &[Ray],
 ) -> Result<Vec<Pick>, HeightError> {
     if let Some(file) = pages {
         let mut field = PagedPyramid::new(file);
         // Here, where none waits for another.
         let range = field.heights()?;
-        let order = by_leaf(file.lattice(), field.grid(), rise, range, rays);
-        return picks(|| field.clone(), rise, rays, &order);
+        let order = match stands {
+            Stands::Flat(rise) => by_leaf(file.lattice(), field.grid(), *rise, range, rays),
+            Stands::Globe(_) => (0..rays.len()).collect(),
+        };
+        return picks(|| field.clone(), stands, rays, &order);
     }
     let (grid, bytes) = (heights.grid(), Pyramid::memory(heights.grid()));
     if bytes > MOST {
@@ -339,18 +353,22 @@ pub fn pick_all(
     }
     let field = Pyramid::read(heights)?;
     let order: Vec<usize> = (0..rays.len()).collect();
-    picks(|| &field, rise, rays, &order).map_err(|error| match error {})
+    picks(|| &field, stands, rays, &order).map_err(|error| match error {})
 }
 
 /// Follows rays in an order, and gives what they find in their own.
 fn picks<M: MinMax>(
     open: impl Fn() -> M + Send + Sync,
-    rise: Rise,
+    stands: &Stands,
     rays: &[Ray],
     order: &[usize],
 ) -> Result<Vec<Pick>, M::Error> {
     let some = |field: &mut M, some: &[usize]| -> Vec<(usize, Result<Pick, M::Error>)> {
-        some.iter().map(|number| (*number, pick(field, rise, &rays[*number]))).collect()
+        let mut one = |number: usize| match stands {
+            Stands::Flat(rise) => pick(field, *rise, &rays[number]),
+            Stands::Globe(spread) => pick_on_globe(field, spread, &rays[number]),
+        };
+        some.iter().copied().map(|number| (number, one(number))).collect()
     };
     let mut found: Vec<(usize, Result<Pick, M::Error>)> =
         order.par_chunks(TOGETHER).map_init(open, |field, numbers| some(field, numbers)).flatten_iter().collect();

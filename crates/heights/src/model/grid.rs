@@ -1,5 +1,6 @@
 //! Where the samples of a height field are, and what they mean.
 
+use super::units;
 use deepfield_data::model::{SampleType, Scale, Unit};
 
 /// A colour plane beside the heights: one value of 8 bits a sample.
@@ -60,6 +61,17 @@ impl HeightGrid {
     /// Where a sample, or a place between samples, is: x and y.
     pub fn place(&self, row: f64, column: f64) -> [f64; 2] {
         [self.step[0].mul_add(column, self.origin[0]), self.step[1].mul_add(row, self.origin[1])]
+    }
+
+    /// Of a grid in degrees that goes round a globe: the number of the column that is at the place of the first one again. It is the last one
+    /// where the first is repeated, and one that there is not where a spacing is left between the last and the first.
+    pub fn around(&self) -> Option<u64> {
+        // Steps are written with few digits now and then.
+        const SAME: f64 = 0.05;
+        let step = self.step[0].abs();
+        let column = (360.0 / step).round();
+        let is_round = units::is_degrees(&self.xy_unit) && (column * step - 360.0).abs() < SAME * step;
+        [self.columns - 1, self.columns].into_iter().find(|around| is_round && column == *around as f64)
     }
 
     /// The row and the column, with fractions, at a place.

@@ -3,6 +3,7 @@
 
 pub mod cell;
 pub mod facts;
+pub mod globe;
 pub mod grid;
 pub mod lengths;
 pub mod light;
@@ -12,6 +13,7 @@ pub mod units;
 
 pub use cell::{Cell, Triangle};
 pub use facts::{Facts, Invalid, facts_of};
+pub use globe::Globe;
 pub use grid::{HeightGrid, Plane};
 pub use lengths::Lengths;
 pub use photo::{PhotoAbout, PhotoPlace, PhotoRows};

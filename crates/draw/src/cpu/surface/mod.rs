@@ -4,8 +4,10 @@
 //! pixel shows, [`resolve`] where that is, [`shade`] what it looks like, and [`labels`] writes heights along lines; [`picture`] does it all, and
 //! [`fragments`] does it for what lies among other things.
 
+mod closed;
 pub mod fragments;
 pub mod holes;
+mod horizon;
 pub mod labels;
 pub mod lambert;
 pub mod look;

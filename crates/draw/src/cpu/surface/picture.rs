@@ -1,5 +1,6 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
+use super::closed::Closed;
 use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
 use super::photo::PhotoLook;
@@ -108,14 +109,22 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         walls: options.walls.filter(|_| options.look.is_some() && placed.is_flat()),
         most: options.most_nodes,
     };
+    let closed = Closed::of(source, placed);
+    let source = closed.as_ref().map_or(source, |closed| closed as &dyn SurfaceNodes);
     choose(source, placed, &sight.refined(parts), &choice)
 }
 
 /// What a picture shows, for a view in its own pixels: chunks as [`draw`] draws them.
 pub fn scene(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> Scene {
+    let cut = chosen(source, placed, sight, options);
+    let closed = Closed::of(source, placed);
+    let source = closed.as_ref().map_or(source, |closed| closed as &dyn SurfaceNodes);
     let grown = Grown(source);
     let source = if options.holes_grow { &grown } else { source };
-    let mut scene = Scene::new(source, placed, chosen(source, placed, sight, options));
+    let mut scene = Scene::new(source, placed, cut);
+    if options.look.is_some() {
+        scene.close_poles();
+    }
     if options.look.is_some() && matches!(options.holes, Holes::Filled(_)) {
         scene.fill(source, options.holes.spans(placed));
     }
@@ -214,13 +223,16 @@ pub fn draw_lettered(
 pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
-        Sight::Flat(view) if technique != Technique::Rays || !scene.placed.is_flat() => {
+        Sight::Flat(view) if technique != Technique::Rays => {
             let side = if technique == Technique::Points { parts } else { 1 };
             raster::draw(scene, view, &seen, [side, parts])
         }
         _ => {
             Caster::new(scene).draw(sight, &seen);
             let points = raster::draw_lone(scene, sight, &seen, parts);
+            if let Sight::Flat(view) = sight {
+                raster::draw_poles(scene, view, &seen);
+            }
             let samples = scene.meshes.iter().map(|mesh| mesh.samples.heights.len() as u64).sum();
             [samples, points, 0]
         }

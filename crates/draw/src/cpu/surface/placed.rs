@@ -1,6 +1,8 @@
 //! A height field in the world: where its samples stand, and rays in its own coordinates.
 
-use deepfield_heights::model::{HeightGrid, units};
+use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
+use deepfield_heights::measure::{Rise, Spread, Stands};
+use deepfield_heights::model::{Globe, HeightGrid, units};
 use glam::DVec3;
 
 /// How rows and columns become places.
@@ -14,19 +16,28 @@ pub enum Map {
         /// Radius of the body, in the unit of heights.
         radius: f64,
     },
-    /// On a sphere about the world's origin: `(radius + height)` times the direction of a longitude and latitude; `x` is longitude 0,
-    /// `y` 90 degrees east, `z` north.
-    Globe {
-        /// Radius of the body, in the unit of heights.
-        radius: f64,
-    },
+    /// On a body about the world's origin, with lengths in the unit of heights: `x` is towards longitude 0, `y` 90 degrees east, `z` north.
+    Globe(Globe),
 }
+
+/// Poles that are nearer to a row than this part of a spacing are in it.
+const POLE: f64 = 1e-6;
+/// And spacings are the same whose difference is such a part of them.
+const SAME: f64 = 1e-3;
 
 /// A field in the world: `z = base + exaggeration (height - base)`, in the unit of `x` and `y` where both are lengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placed {
-    /// Samples along rows (columns) and along columns (rows).
+    /// Samples along rows (columns) and along columns (rows). On a globe there is one column more where a spacing is left between the last and
+    /// the first: the first column again.
     pub samples: [u64; 2],
+    /// On a globe: the number of the column that is the first one again.
+    pub around: Option<u64>,
+    /// On a globe that the field goes round: the latitudes of poles that are beyond the first and the last row by no more than a spacing, and
+    /// are closed in pictures.
+    pub poles: [Option<f64>; 2],
+    /// On a globe: whether the field goes round it and from pole to pole.
+    pub is_whole: bool,
     /// Where sample (0, 0) is in the file's coordinates.
     pub file_origin: [f64; 2],
     /// From a column and from a row to the next in the file's coordinates.
@@ -88,11 +99,24 @@ impl Placed {
                     origin = std::array::from_fn(|k| (origin[k] - middle[k]) * length[k]);
                     step = std::array::from_fn(|k| step[k] * length[k]);
                 }
-                Map::Globe { .. } | Map::Plate => ratio = 1.0,
+                Map::Globe(_) | Map::Plate => ratio = 1.0,
             }
         }
+        let around = grid.around().filter(|_| matches!(map, Map::Globe(_)));
+        // A column more is a chunk more where these are full: it is not there then.
+        let closing =
+            around.filter(|around| *around == grid.columns && !(grid.columns - 1).is_multiple_of(1 << SIDE_BITS));
+        let around = around.filter(|around| *around < grid.columns).or(closing);
+        // How many spacings the poles are beyond the first and the last row.
+        let ways = [(0, -grid.step[1]), (grid.rows - 1, grid.step[1])];
+        let beyond = ways.map(|(row, way)| (90.0_f64.copysign(way) - grid.place(row as f64, 0.0)[1]) / way);
+        let is_near = |beyond: f64| around.is_some() && beyond.abs() < 1.0 + SAME;
+        let pole = |end: usize| (is_near(beyond[end]) && beyond[end] > POLE).then_some(90.0_f64.copysign(ways[end].1));
         Placed {
-            samples: [grid.columns, grid.rows],
+            samples: [grid.columns + u64::from(closing.is_some()), grid.rows],
+            around,
+            poles: [pole(0), pole(1)],
+            is_whole: beyond.into_iter().all(is_near),
             file_origin: grid.origin,
             file_step: grid.step,
             origin,
@@ -106,7 +130,7 @@ impl Placed {
 
     /// Whether rows, columns and heights are straight axes of the world.
     pub fn is_flat(&self) -> bool {
-        !matches!(self.map, Map::Globe { .. })
+        !matches!(self.map, Map::Globe(_))
     }
 
     /// World `z` of a height, or what stands above a globe's radius.
@@ -119,7 +143,7 @@ impl Placed {
         let x = column.mul_add(self.step[0], self.origin[0]);
         let y = row.mul_add(self.step[1], self.origin[1]);
         match self.map {
-            Map::Globe { radius } => (radius + self.lifted(height)) * Placed::direction(x, y),
+            Map::Globe(globe) => DVec3::from(globe.place(x, y, self.lifted(height))),
             _ => DVec3::new(x, y, self.lifted(height)),
         }
     }
@@ -130,11 +154,19 @@ impl Placed {
         [self.world(0.0, 0.0, 0.0), self.world(rows, columns, 0.0)]
     }
 
-    /// The direction of a longitude and a latitude, degrees.
-    pub fn direction(longitude: f64, latitude: f64) -> DVec3 {
-        let (sin, cos) = longitude.to_radians().sin_cos();
-        let (up, level) = latitude.to_radians().sin_cos();
-        DVec3::new(level * cos, level * sin, up)
+    /// Where a height stands at a pole of a globe.
+    pub fn pole(&self, latitude: f64, height: f64) -> DVec3 {
+        match self.map {
+            Map::Globe(globe) => DVec3::from(globe.place(0.0, latitude, self.lifted(height))),
+            _ => DVec3::ZERO,
+        }
+    }
+
+    /// A globe's field, for rays.
+    pub fn spread(&self) -> Option<Spread> {
+        let Map::Globe(globe) = self.map else { return None };
+        let last = self.samples.map(|count| (count - 1) as f64);
+        Some(Spread { globe, origin: self.origin, step: self.step, last, lift: [self.zero, self.lift] })
     }
 
     /// `x` and `y` of a place in the file's coordinates.
@@ -154,11 +186,15 @@ impl Placed {
         })
     }
 
-    /// A ray of a flat world with x and y as the file has them, of the same parameter and z; `None` for a globe.
-    pub fn in_file(&self, origin: DVec3, direction: DVec3) -> Option<(DVec3, DVec3)> {
+    /// How the field stands for rays as [`Placed::in_file`] gives them.
+    pub fn stands(&self) -> Stands {
+        self.spread().map_or(Stands::Flat(Rise { zero: self.zero, lift: self.lift }), Stands::Globe)
+    }
+
+    /// A ray of a flat world with x and y as the file has them, of the same parameter and z; that of a globe as it is.
+    pub fn in_file(&self, origin: DVec3, direction: DVec3) -> (DVec3, DVec3) {
         match self.map {
-            Map::Plate => Some((origin, direction)),
-            Map::Globe { .. } => None,
+            Map::Plate | Map::Globe(_) => (origin, direction),
             Map::Local { .. } => {
                 let [x, y] = [0, 1].map(|k| self.file_step[k] / self.step[k]);
                 let away = [0, 1].map(|k| origin[k] - self.origin[k]);
@@ -167,7 +203,7 @@ impl Placed {
                     y.mul_add(away[1], self.file_origin[1]),
                     origin.z,
                 );
-                Some((place, DVec3::new(direction.x * x, direction.y * y, direction.z)))
+                (place, DVec3::new(direction.x * x, direction.y * y, direction.z))
             }
         }
     }
@@ -175,7 +211,7 @@ impl Placed {
     /// The longest distance between neighbours along rows and along columns, world units.
     pub fn spacing(&self) -> [f64; 2] {
         match self.map {
-            Map::Globe { radius } => self.step.map(|degrees| degrees.abs().to_radians() * radius),
+            Map::Globe(globe) => self.step.map(|degrees| degrees.abs().to_radians() * globe.curvature()[1]),
             _ => self.step.map(f64::abs),
         }
     }
@@ -190,10 +226,10 @@ impl Placed {
     /// How far a chord between places that are so many columns and rows apart sinks below a globe, at most: `s^2 / 8 R`; 0 for a flat field.
     pub fn sag(&self, columns: f64, rows: f64) -> f64 {
         match self.map {
-            Map::Globe { radius } => {
+            Map::Globe(globe) => {
                 let [x, y] = self.spacing();
                 let length = (x * columns).hypot(y * rows);
-                (length * length / (8.0 * radius)).min(2.0 * radius)
+                (length * length / (8.0 * globe.curvature()[0])).min(2.0 * globe.reach())
             }
             _ => 0.0,
         }
@@ -227,6 +263,8 @@ impl Vantage {
     /// Where a sample is from the eye.
     pub fn relative(&self, row: u64, column: u64, height: f64) -> DVec3 {
         if !self.placed.is_flat() {
+            // The same place to the last bit on both sides of the seam.
+            let column = if self.placed.around == Some(column) { 0 } else { column };
             return self.placed.world(row as f64, column as f64, height) - self.eye;
         }
         let [x, y] = [(column, 0), (row, 1)]
@@ -254,14 +292,13 @@ mod tests {
         let placed = Placed::new(&grid, Map::Local { radius: EARTH }, 3.0, 100.0);
         let eye = DVec3::new(2000.0, -70_000.0, 30_000.0);
         for (row, column, height) in [(0.0, 0.0, 250.0), (200.0, 100.0, -3.0), (77.25, 31.5, 1000.0)] {
-            let (from, way) = placed.in_file(eye, placed.world(row, column, height) - eye).unwrap();
+            let (from, way) = placed.in_file(eye, placed.world(row, column, height) - eye);
             let [x, y] = grid.place(row, column);
             let met = from + way;
             assert!((met.x - x).abs() < 1e-12 && (met.y - y).abs() < 1e-12, "{met}");
             assert!((met.z - placed.lifted(height)).abs() < 1e-9);
         }
         let flat = Placed::new(&grid, Map::Plate, 1.0, 0.0);
-        assert_eq!(flat.in_file(eye, DVec3::X), Some((eye, DVec3::X)));
-        assert_eq!(Placed::new(&grid, Map::Globe { radius: EARTH }, 1.0, 0.0).in_file(eye, DVec3::X), None);
+        assert_eq!(flat.in_file(eye, DVec3::X), (eye, DVec3::X));
     }
 }

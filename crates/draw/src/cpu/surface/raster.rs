@@ -38,15 +38,22 @@ pub struct Shown {
     pub node: usize,
     /// Row and column of the cell or the sample in it.
     pub at: [usize; 2],
-    /// Which of the cell's triangles; `None` for a point.
+    /// Which of the cell's triangles; `None` for a point. [`POLE`] and the next one: the triangle between a column of cells and the pole beyond
+    /// the chunk's first or last row; `at` then has no row.
     pub slot: Option<usize>,
 }
+
+/// The first slot of triangles to poles.
+pub const POLE: usize = 2;
+/// Numbers before those of triangles to poles.
+const BEFORE_POLES: u32 = (1 << 17) + 257 * 257;
 
 impl Shown {
     /// As a number of 14 bits for the chunk and 18 for what is in it.
     pub fn pack(self) -> u32 {
         let [row, column] = self.at.map(|at| at as u32);
         let within = match self.slot {
+            Some(slot) if slot >= POLE => BEFORE_POLES + 256 * (slot - POLE) as u32 + column,
             Some(slot) => 2 * (row * 256 + column) + slot as u32,
             None => (1 << 17) + row * 257 + column,
         };
@@ -59,6 +66,10 @@ impl Shown {
         if within >> 17 == 0 {
             let cell = (within / 2) as usize;
             return Shown { node, at: [cell / 256, cell % 256], slot: Some((within % 2) as usize) };
+        }
+        if within >= BEFORE_POLES {
+            let pole = (within - BEFORE_POLES) as usize;
+            return Shown { node, at: [0, pole % 256], slot: Some(POLE + pole / 256) };
         }
         let sample = (within - (1 << 17)) as usize;
         Shown { node, at: [sample / 257, sample % 257], slot: None }
@@ -143,8 +154,35 @@ pub fn draw(scene: &Scene, view: &View, picture: &Visibility, sides: [u32; 2]) -
         .enumerate()
         .flat_map(|(number, mesh)| (0..mesh.samples.rows - 1).step_by(BAND).map(move |row| (number, row)))
         .collect();
+    draw_poles(scene, view, picture);
     let counts = bands.par_iter().map(|(number, row)| raster.band(&scene.meshes[*number], *number, *row));
     counts.reduce(|| [0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]))
+}
+
+/// Draws the triangles that close a globe's poles.
+pub fn draw_poles(scene: &Scene, view: &View, picture: &Visibility) {
+    if scene.poles == [None; 2] {
+        return;
+    }
+    let raster = Raster::new(scene, view, picture);
+    scene.meshes.par_iter().enumerate().for_each(|(number, mesh)| {
+        for end in 0..2 {
+            let Some(pole) = scene.pole_beside(mesh, end) else { continue };
+            let row = if end == 0 { 0 } else { mesh.samples.rows - 1 };
+            let relative = scene.placed.pole(pole.latitude, pole.height) - view.eye;
+            let top = raster.seen(relative);
+            let corner = |column: usize| {
+                let height = mesh.heights()[row * mesh.samples.columns + column];
+                (!height.is_nan()).then(|| raster.corner(mesh.rows[row], mesh.columns[column], height))
+            };
+            for column in 0..mesh.samples.columns - 1 {
+                if let (Some(a), Some(b)) = (corner(column), corner(column + 1)) {
+                    let shown = Shown { node: number, at: [0, column], slot: Some(POLE + end) };
+                    raster.triangle([top, a, b], shown.pack());
+                }
+            }
+        }
+    });
 }
 
 /// Draws the measured samples that are in no triangle as points of `side` pixels, into any picture: rays miss them.
@@ -185,7 +223,11 @@ impl<'a> Raster<'a> {
     }
 
     fn corner(&self, row: u64, column: u64, height: f64) -> Corner {
-        let relative = self.vantage.relative(row, column, height);
+        self.seen(self.vantage.relative(row, column, height))
+    }
+
+    /// A place that is so far from the eye.
+    fn seen(&self, relative: DVec3) -> Corner {
         let View { right, up, forward, .. } = self.view;
         self.placed(DVec3::new(relative.dot(*right), relative.dot(*up), relative.dot(*forward)))
     }

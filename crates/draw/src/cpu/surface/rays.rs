@@ -4,12 +4,13 @@
 //! From the whole field down to cells, a box of rows, columns and heights is entered only where the ray passes through it, the nearer ones first.
 //! Boxes and cells are closed and a hair wider than they are, so that no ray slips between two of them.
 
-use super::placed::GridRay;
+use super::placed::{GridRay, Placed};
 use super::raster::{Shown, Visibility};
 use super::sight::{Lens, Sight};
 use super::stitch::{Mesh, Scene};
 use crate::model::Bounds;
 use deepfield_heights::hierarchy::chunks::ChunkKey;
+use deepfield_heights::measure::{Course, Spread};
 use deepfield_heights::model::Triangle;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -117,13 +118,16 @@ pub struct Caster<'a> {
     pyramids: Vec<Pyramid>,
     branches: Vec<Branch>,
     root: Option<usize>,
+    /// A globe's field.
+    spread: Option<Spread>,
 }
 
 impl<'a> Caster<'a> {
     /// Prepares a scene.
     pub fn new(scene: &'a Scene) -> Caster<'a> {
         let pyramids = scene.meshes.par_iter().map(Pyramid::new).collect();
-        let mut caster = Caster { scene, pyramids, branches: Vec::new(), root: None };
+        let spread = scene.placed.spread();
+        let mut caster = Caster { scene, pyramids, branches: Vec::new(), root: None, spread };
         let root = scene.lattice.root();
         caster.root =
             caster.branch(root, &scene.meshes.iter().enumerate().map(|(number, _)| number).collect::<Vec<_>>());
@@ -238,8 +242,79 @@ impl<'a> Caster<'a> {
     /// The first hit of a picture's ray at a place.
     pub fn cast_pixel(&self, sight: &Sight, lens: &Lens, pixel: [f64; 2]) -> Option<RayHit> {
         let (origin, direction) = sight.ray_through(lens, pixel)?;
-        let ray = self.scene.placed.ray(origin, direction)?;
-        self.cast(&ray, kept(&sight.cut().bounds, origin, direction)?)
+        let part = kept(&sight.cut().bounds, origin, direction)?;
+        match &self.spread {
+            Some(spread) => self.cast_curved(spread, origin, direction, part),
+            None => self.cast(&self.scene.placed.ray(origin, direction)?, part),
+        }
+    }
+
+    /// The first hit of a ray on a globe.
+    fn cast_curved(&self, spread: &Spread, origin: DVec3, direction: DVec3, part: [f64; 2]) -> Option<RayHit> {
+        let root = self.root?;
+        let [_, top] = spread.lifted(self.branches[root].range);
+        let courses = spread.courses(origin.to_array(), direction.to_array(), part, top);
+        let mut best = None;
+        for course in courses.iter() {
+            self.curved_branch(root, &Curved { course, spread }, course.span, &mut best);
+        }
+        best
+    }
+
+    fn curved_branch(&self, number: usize, curved: &Curved<'_>, span: [f64; 2], best: &mut Option<RayHit>) {
+        let branch = &self.branches[number];
+        let [rows, columns] = branch.rectangle.map(|ends| ends.map(|end| end as f64));
+        let Some(span) = curved.within(rows, columns, branch.range, span, best) else { return };
+        match &branch.below {
+            Below::Mesh(mesh) => self.curved_square(*mesh, self.pyramids[*mesh].top(), [0, 0], curved, span, best),
+            Below::Parts(parts) => {
+                parts.iter().flatten().for_each(|part| self.curved_branch(*part, curved, span, best));
+            }
+        }
+    }
+
+    fn curved_square(
+        &self,
+        number: usize,
+        level: usize,
+        [row, column]: [usize; 2],
+        curved: &Curved<'_>,
+        span: [f64; 2],
+        best: &mut Option<RayHit>,
+    ) {
+        let mesh = &self.scene.meshes[number];
+        let last = [mesh.rows.len() - 1, mesh.columns.len() - 1];
+        if row << level >= last[0] || column << level >= last[1] {
+            return;
+        }
+        let ends = |places: &[u64], index: usize| {
+            let last = places.len() - 1;
+            [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
+        };
+        let range = self.pyramids[number].range_of(level, [row, column]);
+        let range = range.unwrap_or_else(|| match level {
+            0 => {
+                let heights = mesh.surface_cell(row, column).0.into_iter().filter(|height| !height.is_nan());
+                heights.fold(EMPTY, |range, height| joined(range, [height; 2]))
+            }
+            _ => [f64::NEG_INFINITY, f64::INFINITY],
+        });
+        let Some(span) = curved.within(ends(&mesh.rows, row), ends(&mesh.columns, column), range, span, best) else {
+            return;
+        };
+        if level > 0 {
+            for (r, c) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                self.curved_square(number, level - 1, [2 * row + r, 2 * column + c], curved, span, best);
+            }
+            return;
+        }
+        for (slot, (triangle, _)) in mesh.triangles(row, column).enumerate() {
+            if let Some((t, _)) = curved_hit(&self.scene.placed, mesh, [row, column], &triangle, curved.course, span)
+                && best.is_none_or(|best| t < best.t)
+            {
+                *best = Some(RayHit { t, shown: Shown { node: number, at: [row, column], slot: Some(slot) } });
+            }
+        }
     }
 
     /// Casts a ray for each pixel of a picture.
@@ -253,6 +328,48 @@ impl<'a> Caster<'a> {
             }
         });
     }
+}
+
+/// A part of a ray on a globe.
+struct Curved<'a> {
+    course: &'a Course<'a>,
+    spread: &'a Spread,
+}
+
+impl Curved<'_> {
+    /// The stretch of a span in a box, before what was hit already.
+    fn within(
+        &self,
+        rows: [f64; 2],
+        columns: [f64; 2],
+        range: Range,
+        [from, to]: [f64; 2],
+        best: &Option<RayHit>,
+    ) -> Option<[f64; 2]> {
+        let to = best.map_or(to, |best| to.min(best.t));
+        (range[0] <= range[1] && from <= to)
+            .then(|| self.course.within(rows, columns, self.spread.lifted(range), [from, to]))?
+    }
+}
+
+/// Where a stretch of a ray on a globe meets a triangle of a chunk's cell: the parameter, and the place in the cell.
+pub fn curved_hit(
+    placed: &Placed,
+    mesh: &Mesh,
+    at: [usize; 2],
+    triangle: &Triangle,
+    course: &Course<'_>,
+    span: [f64; 2],
+) -> Option<(f64, [f64; 2])> {
+    let frame = CellFrame::of(mesh, at);
+    let [p, q, s] = triangle.at;
+    let plane = [placed.lifted(p), placed.lift * q, placed.lift * s];
+    course.meets(frame.first, frame.size, plane, span).into_iter().flatten().find_map(|found| {
+        let [u, v] = [(found.column - frame.first[1]) / frame.size[1], (found.row - frame.first[0]) / frame.size[0]];
+        let [k, m, n] = triangle.edge;
+        let is_in = u.min(v) >= -HAIR && u.max(v) <= 1.0 + HAIR && k + m * u + n * v >= -HAIR;
+        is_in.then_some((found.t, [u, v]))
+    })
 }
 
 /// A cell's place in its field.

@@ -2,12 +2,13 @@
 //! its sample.
 
 use super::placed::{GridRay, Vantage};
-use super::raster::Shown;
-use super::rays::{Caster, CellFrame};
+use super::raster::{POLE, Shown};
+use super::rays::{Caster, CellFrame, curved_hit};
 use super::sight::{Lens, Sight};
 use super::source::NodeSamples;
 use super::stitch::{Mesh, Scene};
 use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
+use deepfield_heights::measure::Spread;
 use deepfield_heights::model::Triangle;
 use glam::DVec3;
 use std::sync::OnceLock;
@@ -29,6 +30,8 @@ pub struct Hit {
     pub coverage: f64,
     /// Whether it is of the membrane over a hole, and no data.
     pub is_membrane: bool,
+    /// Whether it is between the field and a pole of its globe, and no data.
+    pub is_pole: bool,
     /// What a column and a row add to the height there: on the triangle, or as a point's mean normal says.
     pub slope: [f64; 2],
     /// Row, column and height of what lies under the pixel's centre: of a point on the plane of its mean normal; else the same place.
@@ -64,6 +67,8 @@ pub struct Resolver<'a> {
     /// Samples as the eye has them.
     pub vantage: Vantage,
     lens: Lens,
+    /// A globe's field.
+    spread: Option<Spread>,
     /// For each chunk its samples and those of the chunks that it lies in, from its level up.
     chains: Vec<Vec<Option<&'a NodeSamples>>>,
     /// For the few pixels of points whose centre is beside what their samples belong to.
@@ -121,7 +126,8 @@ impl<'a> Resolver<'a> {
         };
         let chains = scene.meshes.iter().map(chain).collect();
         let vantage = Vantage::new(&scene.placed, sight.eye());
-        Resolver { scene, sight, vantage, lens: sight.lens(), chains, caster: OnceLock::new() }
+        let spread = scene.placed.spread();
+        Resolver { scene, sight, vantage, lens: sight.lens(), spread, chains, caster: OnceLock::new() }
     }
 
     /// The ray of a place in the picture.
@@ -207,7 +213,8 @@ impl<'a> Resolver<'a> {
         });
         let under = found.unwrap_or([at[0], at[1], height]);
         let coverage = self.point_coverage(mesh, shown, depth, [under[0], under[1]]);
-        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane: false, slope, under })
+        let (is_membrane, is_pole) = (false, false);
+        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane, is_pole, slope, under })
     }
 
     /// The share of a pixel that is covered where a point is drawn: as much as is valid around the pixel's centre at the size of a pixel, and
@@ -340,21 +347,24 @@ impl<'a> Resolver<'a> {
         let mesh = self.scene.meshes.get(shown.node)?;
         let [row, column] = shown.at;
         let Some(slot) = shown.slot else { return self.point(shown, mesh, pixel) };
-        let (mut triangle, is_membrane) = mesh.triangles(row, column).nth(slot)?;
         let (origin, direction) = self.ray(pixel)?;
+        if slot >= POLE {
+            return self.pole(shown, mesh, slot - POLE, origin, direction);
+        }
+        let (mut triangle, is_membrane) = mesh.triangles(row, column).nth(slot)?;
         let (mut mesh, mut at) = (mesh, shown.at);
         let [u, v] = match self.scene.placed.ray(origin, direction) {
             Some(ray) => self.flat(mesh, at, &triangle, &CellFrame::of(mesh, at), &ray, pixel),
-            None => {
+            None => self.exact(mesh, at, &triangle, origin, direction).unwrap_or_else(|| {
                 let mut place = self.curved(mesh, at, &triangle, origin, direction);
-                // The flat triangle that was drawn lies below the sphere, so the ray may meet the surface beside it.
+                // The flat triangle that was drawn lies below the globe, so the ray may meet the surface beside it.
                 for _ in 0..4 {
                     let Some(beside) = self.beside(mesh, at, &triangle, place) else { break };
                     (mesh, at, triangle) = beside;
                     place = self.curved(mesh, at, &triangle, origin, direction);
                 }
                 place
-            }
+            }),
         };
         let frame = CellFrame::of(mesh, at);
         let [p, q, s] = triangle.at;
@@ -367,7 +377,38 @@ impl<'a> Resolver<'a> {
         };
         let coverage = if is_membrane { 1.0 } else { self.coverage(mesh, at, &triangle, [u, v]) };
         let slope = [q / frame.size[1], s / frame.size[0]];
-        Some(Hit { shown, depth, row, column, height, coverage, is_membrane, slope, under: [row, column, height] })
+        let under = [row, column, height];
+        Some(Hit { shown, depth, row, column, height, coverage, is_membrane, is_pole: false, slope, under })
+    }
+
+    /// The place of a triangle between the first or last row and the pole: rows beyond the field, and heights between both.
+    fn pole(&self, shown: Shown, mesh: &Mesh, end: usize, origin: DVec3, direction: DVec3) -> Option<Hit> {
+        let (placed, pole) = (&self.scene.placed, self.scene.pole_beside(mesh, end)?);
+        let (at, column) = (if end == 0 { 0 } else { mesh.samples.rows - 1 }, shown.at[1]);
+        let columns = [column, column + 1].map(|column| mesh.columns[column] as f64);
+        let heights = [column, column + 1].map(|column| mesh.heights()[at * mesh.samples.columns + column]);
+        let row = mesh.rows[at] as f64;
+        let [a, b] = [0, 1].map(|k| placed.world(row, columns[k], heights[k]) - origin);
+        let top = placed.pole(pole.latitude, pole.height) - origin;
+        // What each corner counts where the ray meets their plane, or passes by a hair.
+        let shares = [direction.dot(a.cross(b)), direction.dot(b.cross(top)), direction.dot(top.cross(a))];
+        let sum: f64 = shares.iter().sum();
+        let [up, left, right] = shares.map(|share| if sum == 0.0 { 1.0 / 3.0 } else { (share / sum).clamp(0.0, 1.0) });
+        let all = up + left + right;
+        let along = if left + right > 0.0 { right / (left + right) } else { 0.5 };
+        let rows = (pole.latitude - placed.origin[1]) / placed.step[1] - row;
+        let rim = along.mul_add(heights[1] - heights[0], heights[0]);
+        let height = rim + up / all * (pole.height - rim);
+        let (column, row) = (along.mul_add(columns[1] - columns[0], columns[0]), (up / all).mul_add(rows, row));
+        let relative = (up * top + left * a + right * b) / all;
+        let depth = match self.sight {
+            Sight::Flat(view) => relative.dot(view.forward),
+            Sight::Around { .. } => relative.length(),
+        };
+        let slope = [(heights[1] - heights[0]) / (columns[1] - columns[0]), (pole.height - rim) / rows];
+        let under = [row, column, height];
+        let (is_membrane, is_pole) = (false, true);
+        Some(Hit { shown, depth, row, column, height, coverage: 1.0, is_membrane, is_pole, slope, under })
     }
 
     fn flat(
@@ -427,6 +468,29 @@ impl<'a> Resolver<'a> {
         best.0.is_finite().then(|| place(triangle.corners, best.1))
     }
 
+    /// On a globe: where the ray first meets the curved triangle itself; `None` where it passes by.
+    fn exact(
+        &self,
+        mesh: &Mesh,
+        at: [usize; 2],
+        triangle: &Triangle,
+        origin: DVec3,
+        direction: DVec3,
+    ) -> Option<[f64; 2]> {
+        let spread = self.spread.as_ref()?;
+        let frame = CellFrame::of(mesh, at);
+        let ends = |axis: usize| [frame.first[axis], frame.first[axis] + frame.size[axis]];
+        let heights = mesh.surface_cell(at[0], at[1]).0.into_iter().filter(|height| !height.is_nan());
+        let range = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
+        let heights = spread.lifted(range);
+        let part = [0.0, f64::INFINITY];
+        let courses = spread.courses(origin.to_array(), direction.to_array(), part, heights[1]);
+        courses.iter().find_map(|course| {
+            let span = course.within(ends(0), ends(1), heights, course.span)?;
+            curved_hit(&self.scene.placed, mesh, at, triangle, course, span).map(|(_, place)| place)
+        })
+    }
+
     /// On a globe: first where the ray meets the flat triangle, then, by Newton's steps, where heights above the sphere agree.
     fn curved(&self, mesh: &Mesh, at: [usize; 2], triangle: &Triangle, origin: DVec3, direction: DVec3) -> [f64; 2] {
         let (rows, columns) = ([at[0], at[0] + 1].map(|r| mesh.rows[r]), [at[1], at[1] + 1].map(|c| mesh.columns[c]));
@@ -438,18 +502,15 @@ impl<'a> Resolver<'a> {
         let mut t = normal.dot(corners[0] - origin) / normal.dot(direction);
         let (origin_place, step) = (self.scene.placed.origin, self.scene.placed.step);
         let middle = origin_place[0] + step[0] * 0.5 * (columns[0] + columns[1]) as f64;
-        let super::placed::Map::Globe { radius } = self.scene.placed.map else { return [0.5; 2] };
+        let super::placed::Map::Globe(globe) = self.scene.placed.map else { return [0.5; 2] };
         let local = |t: f64| {
-            let place = origin + t * direction;
-            let length = place.length();
-            let mut longitude = place.y.atan2(place.x).to_degrees();
+            let [mut longitude, latitude, height] = globe.geodetic((origin + t * direction).to_array());
             longitude += 360.0 * ((middle - longitude) / 360.0).round();
-            let latitude = place.z.atan2(place.x.hypot(place.y)).to_degrees();
             let column = (longitude - origin_place[0]) / step[0];
             let row = (latitude - origin_place[1]) / step[1];
             let u = (column - columns[0] as f64) / (columns[1] - columns[0]) as f64;
             let v = (row - rows[0] as f64) / (rows[1] - rows[0]) as f64;
-            ([u, v], length - radius)
+            ([u, v], height)
         };
         let [p, q, s] = triangle.at;
         let above = |t: f64| {

@@ -8,6 +8,7 @@
 //!
 //! The worst is refined first, so that what a budget leaves out is what shows least. A chunk whose finer ones are not there stands in for them.
 
+use super::horizon::Horizon;
 use super::placed::Placed;
 use super::sight::Sight;
 use super::source::{NodeFacts, SurfaceNodes};
@@ -172,7 +173,11 @@ pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice:
         Sight::Flat(view) => Sight::Flat(view.padded((choice.tau.min(64.0)).ceil() as u32 + 2)),
         around => *around,
     };
-    let chooser = Chooser { source, placed, sight, padded, choice, lattice };
+    // Through holes, and where the field ends, the far side is seen.
+    let closed = source.facts(lattice.root()).filter(|root| placed.is_whole && root.coverage == [u8::MAX; 2]);
+    let lowest = closed.map(|root| placed.lifted(root.min).min(placed.lifted(root.max)));
+    let horizon = lowest.and_then(|lowest| Horizon::new(placed, sight, lowest));
+    let chooser = Chooser { source, placed, sight, padded, choice, lattice, horizon };
     let mut waiting = BinaryHeap::new();
     waiting.extend(chooser.visit(lattice.root()));
     let (mut done, mut missing): (Vec<CutNode>, Vec<(ChunkKey, f64)>) = (Vec::new(), Vec::new());
@@ -210,6 +215,8 @@ struct Chooser<'a> {
     padded: Sight,
     choice: &'a Choice,
     lattice: Lattice,
+    /// Where a globe hides its own far side.
+    horizon: Option<Horizon>,
 }
 
 impl Chooser<'_> {
@@ -218,6 +225,10 @@ impl Chooser<'_> {
         let mut facts = self.source.facts(key)?;
         if facts.is_empty() {
             facts = self.spanned(key, facts)?;
+        }
+        let highest = self.placed.lifted(facts.min).max(self.placed.lifted(facts.max));
+        if self.horizon.is_some_and(|horizon| horizon.hides(self.lattice.rectangle(key), highest)) {
+            return None;
         }
         let mut extent = self.extent(self.lattice.rectangle(key), &facts, key.level);
         if let Some(base) = self.choice.walls {

@@ -18,6 +18,7 @@ use super::sight::Sight;
 use super::stitch::Scene;
 use super::walls::{WallHit, Walls};
 use deepfield_heights::measure::Form;
+use deepfield_heights::model::Globe;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -302,11 +303,11 @@ impl<'a> Shader<'a> {
         let [row, column, height] = hit.under;
         let world = placed.world(row, column, height);
         let mut toward = sight.toward_eye(world - sight.eye());
-        if let Map::Globe { .. } = placed.map {
+        if let Map::Globe(_) = placed.map {
             let [longitude, latitude] =
                 [column.mul_add(placed.step[0], placed.origin[0]), row.mul_add(placed.step[1], placed.origin[1])];
-            let up = super::placed::Placed::direction(longitude, latitude);
-            let east = super::placed::Placed::direction(longitude + 90.0, 0.0);
+            let up = DVec3::from(Globe::up(longitude, latitude));
+            let east = DVec3::from(Globe::up(longitude + 90.0, 0.0));
             let north = up.cross(east);
             toward = DVec3::new(toward.dot(east), toward.dot(north), toward.dot(up));
         }
@@ -337,7 +338,7 @@ impl<'a> Shader<'a> {
 
     /// How much of a hit is covered by what was measured.
     fn alpha(&self, hit: &Hit) -> f32 {
-        match hit.is_membrane {
+        match hit.is_membrane || hit.is_pole {
             true => 0.0,
             false => (hit.coverage * self.resolver.sight.cut().fade(hit.depth)) as f32,
         }

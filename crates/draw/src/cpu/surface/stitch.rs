@@ -213,6 +213,17 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// The chunks that these lie in, which say what they look like from afar.
     pub ancestors: BTreeMap<ChunkKey, Arc<NodeSamples>>,
+    /// Heights of a globe's poles beyond the first and the last row, where they are closed.
+    pub poles: [Option<Pole>; 2],
+}
+
+/// A pole of a globe that is beyond the field by no more than a spacing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pole {
+    /// 90 or -90 degrees.
+    pub latitude: f64,
+    /// The mean height of the field's row next to it.
+    pub height: f64,
 }
 
 impl Scene {
@@ -248,9 +259,28 @@ impl Scene {
             fill: None,
         });
         let meshes = meshes.collect();
-        let mut scene = Scene { placed: *placed, lattice, cut, meshes, ancestors };
+        let mut scene = Scene { placed: *placed, lattice, cut, meshes, ancestors, poles: [None; 2] };
         scene.join();
         scene
+    }
+
+    /// Closes the poles of a globe that the field goes round: with triangles from its first or last row to the mean of that row.
+    pub fn close_poles(&mut self) {
+        let Some(root) = self.samples(self.lattice.root()) else { return };
+        let rows = [0, root.rows - 1].map(|row| &root.heights[row * root.columns..(row + 1) * root.columns]);
+        let pole = |end: usize| {
+            let latitude = self.placed.poles[end]?;
+            let measured = || rows[end].iter().filter(|height| !height.is_nan());
+            (measured().count() > 0)
+                .then(|| Pole { latitude, height: measured().sum::<f64>() / measured().count() as f64 })
+        };
+        self.poles = [pole(0), pole(1)];
+    }
+
+    /// The pole beyond a chunk's first (0) or last (1) row, if it is closed there.
+    pub fn pole_beside(&self, mesh: &Mesh, end: usize) -> Option<Pole> {
+        let is_last = mesh.rows.last().copied() == Some(self.lattice.samples[0] - 1);
+        self.poles[end].filter(|_| if end == 0 { mesh.rows[0] == 0 } else { is_last })
     }
 
     /// The samples of a chunk that is drawn or that a drawn one lies in.

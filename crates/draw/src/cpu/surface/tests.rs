@@ -1,6 +1,7 @@
 //! The bounds that the surface is drawn within, against brute force.
 
 mod cracks;
+mod globes;
 mod levels;
 mod techniques;
 

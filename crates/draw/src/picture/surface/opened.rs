@@ -7,7 +7,7 @@ use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::{NodeSamples, SurfaceNodes};
-use crate::heights::measure::{FittedForm, FormKind, Pick, Ray, Rise, fitted, pick_all};
+use crate::heights::measure::{FittedForm, FormKind, Pick, Ray, fitted, pick_all};
 use crate::heights::model::HeightError;
 use crate::heights::store::HeightFile;
 use crate::look::{CameraConfig, Shot};
@@ -272,7 +272,7 @@ impl OpenSurface {
     /// What is under a pixel of a flat picture, and where that is in the world. `None` where nothing can be seen.
     ///
     /// # Errors
-    /// When the field cannot be read; of globes, where nobody asks yet.
+    /// When the field cannot be read.
     pub fn pick(
         &self,
         placed: &Placed,
@@ -280,13 +280,10 @@ impl OpenSurface {
         pixel: [f64; 2],
     ) -> Result<Option<(Pick, Option<DVec3>)>, PictureError> {
         let Some((origin, direction)) = sight.ray(pixel) else { return Ok(None) };
-        let Some((origin, direction)) = placed.in_file(origin, direction) else {
-            return Err(PictureError::of(&self.path, "what is under pixels of a globe is not known yet"));
-        };
-        let rise = Rise { zero: placed.zero, lift: placed.lift };
+        let (origin, direction) = placed.in_file(origin, direction);
         let ray = Ray::new(origin.to_array(), direction.to_array());
         let told = |error: HeightError| PictureError::of(&self.path, error.to_string());
-        let found = pick_all(&self.path, &*self.file, Some(&self.file), rise, &[ray]).map_err(told)?;
+        let found = pick_all(&self.path, &*self.file, Some(&self.file), &placed.stands(), &[ray]).map_err(told)?;
         Ok(found.into_iter().next().map(|pick| {
             let place = match &pick {
                 Pick::Hit(hit) => Some(placed.world(hit.row, hit.column, hit.height)),

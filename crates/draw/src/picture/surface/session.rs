@@ -245,10 +245,8 @@ impl SurfaceSession {
             return Err(PictureError::of(self.opened.path(), "--overdraw: heights have no splats"));
         }
         let mut prepared = self.prepare(&shot.look)?;
-        let is_globe = !prepared.placed.is_flat();
-        if self.options.raw && (shot.stereo.is_some() || is_globe && !shot.surround.is_flat()) {
-            let why =
-                "--raw: expected one picture with rays of its own: no pair for two eyes, and no globe around the eye";
+        if self.options.raw && shot.stereo.is_some() {
+            let why = "--raw: expected one picture, not a pair for two eyes";
             return Err(PictureError::of(self.opened.path(), why));
         }
         let bounds = bounds_of(&prepared.placed, self.extremes());
@@ -339,7 +337,7 @@ impl SurfaceSession {
         placed: &Placed,
         options: &SurfaceOptions,
     ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
-        // A globe has no rays of its own: its panoramas are faces put together.
+        // Colours of a globe are sooner drawn on faces that are put together than by rays.
         if shot.stereo.is_none() && (placed.is_flat() || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
                 None => Sight::Flat(*view),
@@ -364,6 +362,14 @@ impl SurfaceSession {
         if let Raw::Light(light) = values {
             whole.colors = light.colors;
         }
+        if let (true, Some(panorama)) = (self.options.raw, Panorama::around(view, shot.surround)?) {
+            let sight = Sight::Around { panorama, eye: view.eye, cut: view.cut };
+            let channels = SurfaceOptions { look: None, raw: true, ..options };
+            let one = self.drawn(placed, &sight, &channels)?.0;
+            whole.report.error_px = whole.report.error_px.max(one.report.error_px);
+            whole.report.is_converged &= one.report.is_converged;
+            (whole.raw, whole.depth) = (one.raw, one.depth);
+        }
         whole.report.covered = whole.colors.rgba.iter().map(|color| f64::from(color[3])).sum();
         Ok((whole, drawn_by))
     }
@@ -383,7 +389,7 @@ impl SurfaceSession {
     pub(super) fn length_unit(&self, placed: &Placed) -> Unit {
         let grid = &self.file().about().grid;
         match (units::is_degrees(&grid.xy_unit), placed.map) {
-            (true, Map::Globe { .. } | Map::Local { .. }) => grid.height_unit.clone(),
+            (true, Map::Globe(_) | Map::Local { .. }) => grid.height_unit.clone(),
             _ => grid.xy_unit.clone(),
         }
     }
@@ -450,8 +456,8 @@ impl SurfaceSession {
 pub(super) fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
     let ends = heights.map(|height| placed.lifted(height));
     let top = ends[0].max(ends[1]);
-    if let Map::Globe { radius } = placed.map {
-        let reach = DVec3::splat(radius + top);
+    if let Map::Globe(globe) = placed.map {
+        let reach = DVec3::splat(globe.reach() + top);
         return Bounds { min: -reach, max: reach };
     }
     let [columns, rows] = placed.samples.map(|count| (count - 1) as f64);

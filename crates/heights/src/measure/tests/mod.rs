@@ -3,6 +3,7 @@
 mod degrees;
 mod differences;
 mod filters;
+mod globe;
 mod lines;
 mod numbers;
 mod paged;

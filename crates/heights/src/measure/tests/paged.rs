@@ -4,7 +4,7 @@ use super::rays::{noisy, random, rays};
 use crate::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use crate::hierarchy::chunks::{ChunkNode, Coverage, Lattice, Part};
 use crate::measure::ray::MinMax;
-use crate::measure::{PagedPyramid, Pick, Pyramid, Ray, Rise, cast_all, pick, pick_all};
+use crate::measure::{PagedPyramid, Pick, Pyramid, Ray, Rise, Stands, cast_all, pick, pick_all};
 use crate::model::{Cell, HeightError, HeightField, HeightGrid, Heights, Invalid, Plane, Window, facts_of};
 use crate::store::{HeightAbout, HeightFile, HeightFileWriter, chunk};
 use deepfield_data::model::{ReadMethod, SampleType, Scale};
@@ -151,8 +151,8 @@ fn check_ranges(field: &HeightField, file: &HeightFile) -> Result<(), TestCaseEr
 
 fn check_picks(field: &HeightField, file: &HeightFile, rise: Rise, rays: &[Ray]) -> Result<usize, TestCaseError> {
     let pyramid = Pyramid::read(field).unwrap();
-    let all = pick_all(file.path(), file, Some(file), rise, rays).unwrap();
-    let read = pick_all(file.path(), field, None, rise, rays).unwrap();
+    let all = pick_all(file.path(), file, Some(file), &Stands::Flat(rise), rays).unwrap();
+    let read = pick_all(file.path(), field, None, &Stands::Flat(rise), rays).unwrap();
     let mut paged = PagedPyramid::new(file);
     let mut hits = 0;
     for ((ray, all), read) in rays.iter().zip(&all).zip(&read) {
@@ -214,11 +214,14 @@ fn clones_share_leaves_and_threads_change_nothing() {
     let file = built(&field, &folder.path().join("field.df"));
     let rise = Rise::new(&field.grid, 1.0, 0.0);
     let all = rays(&field, rise, 3000, 12);
-    let wanted = pick_all(file.path(), &file, Some(&file), rise, &all).unwrap();
+    let wanted = pick_all(file.path(), &file, Some(&file), &Stands::Flat(rise), &all).unwrap();
     let paged = PagedPyramid::new(&file);
     for threads in [1, 4] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        assert_eq!(pool.install(|| pick_all(file.path(), &file, Some(&file), rise, &all)).unwrap(), wanted);
+        assert_eq!(
+            pool.install(|| pick_all(file.path(), &file, Some(&file), &Stands::Flat(rise), &all)).unwrap(),
+            wanted
+        );
         let mut hits = vec![None; all.len()];
         pool.install(|| cast_all(|| paged.clone(), rise, |number| all[number], &mut hits)).unwrap();
         for (hit, pick) in hits.iter().zip(&wanted) {
@@ -245,11 +248,11 @@ fn damaged_pages_are_errors() {
         std::fs::write(&path, &damaged).unwrap();
         let Ok(file) = HeightFile::open(&path, ReadMethod::default()) else { continue };
         opened += 1;
-        if let Err(error) = pick_all(&path, &file, Some(&file), rise, &all) {
+        if let Err(error) = pick_all(&path, &file, Some(&file), &Stands::Flat(rise), &all) {
             let message = error.to_string();
             assert!(message.contains("field.df") && message.contains("page"), "{message}");
             // The same ray's error whatever is read first.
-            let again = pick_all(&path, &file, Some(&file), rise, &all).unwrap_err();
+            let again = pick_all(&path, &file, Some(&file), &Stands::Flat(rise), &all).unwrap_err();
             assert_eq!(again.to_string(), message);
             errors += 1;
         }
@@ -273,7 +276,8 @@ fn large_sources_are_refused_before_they_are_read() {
     }
     let rise = Rise { zero: 0.0, lift: 1.0 };
     for grid in [HeightGrid::new(40_000, 40_000, SampleType::I16), HeightGrid::new(1 << 40, 1 << 40, SampleType::F64)] {
-        let error = pick_all(Path::new("large.tif"), &Large(grid), None, rise, &[]).unwrap_err().to_string();
+        let error =
+            pick_all(Path::new("large.tif"), &Large(grid), None, &Stands::Flat(rise), &[]).unwrap_err().to_string();
         assert!(error.starts_with("large.tif: samples: found ") && error.contains("build"), "{error}");
     }
 }

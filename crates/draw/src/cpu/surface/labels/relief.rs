@@ -199,7 +199,7 @@ impl<'r, 'a> Relief<'r, 'a> {
 /// Height, row and column at a sample of the picture.
 fn sample(resolver: &Resolver<'_>, seen: &Visibility, [x, y]: [usize; 2]) -> Option<Node> {
     let shown = seen.at(y * seen.width + x)?;
-    let hit = resolver.look(shown, [x as f64 + 0.5, y as f64 + 0.5]).filter(|hit| !hit.is_membrane)?;
+    let hit = resolver.look(shown, [x as f64 + 0.5, y as f64 + 0.5]).filter(|hit| !hit.is_membrane && !hit.is_pole)?;
     let [row, column, height] = hit.under;
     Some([height, row, column])
 }

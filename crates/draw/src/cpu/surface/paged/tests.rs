@@ -492,7 +492,7 @@ fn normals_turn_to_the_world() {
     let radius = 6_371_008.8;
     let (leaf, root) = (ChunkKey { level: 0, row: 0, column: 0 }, paged.lattice().root());
     let earth = [leaf, root].map(|key| paged.samples(key).unwrap());
-    for map in [Map::Globe { radius }, Map::Local { radius }] {
+    for map in [Map::Globe(deepfield_heights::model::Globe::sphere(radius)), Map::Local { radius }] {
         paged.place(&Placed::new(&field.grid, map, 1.0, 0.0));
         assert!(
             [leaf, root].iter().zip(&earth).all(|(key, earth)| paged.samples(*key).unwrap().normals == earth.normals)

@@ -187,7 +187,7 @@ fn lines_are_drawn_on_globes() {
     });
     (field.grid.origin, field.grid.step) = ([-40.0, -30.0], [0.2, 0.2]);
     field.grid.xy_unit = crate::model::Unit::new("deg");
-    let placed = Placed::new(&field.grid, Map::Globe { radius: 1000.0 }, 2.0, 0.0);
+    let placed = Placed::new(&field.grid, Map::Globe(deepfield_heights::model::Globe::sphere(1000.0)), 2.0, 0.0);
     let source = MemorySurface::new(&field, 1.0).unwrap();
     let size = [220, 160];
     for (height, technique) in

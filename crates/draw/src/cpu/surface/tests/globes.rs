@@ -1,0 +1,158 @@
+//! Globes: what each technique and each kind of picture finds, the seam, the poles and the horizon.
+
+use super::super::look::{Attribute, Light, Look};
+use super::super::memory::MemorySurface;
+use super::super::placed::{Map, Placed};
+use super::super::select::Technique;
+use super::super::sight::Sight;
+use super::super::{SurfaceOptions, SurfacePicture, draw};
+use super::{Random, hills};
+use crate::color::transfer::TransferFunction;
+use crate::model::Unit;
+use crate::view::{Cut, Panorama, Projection, Surround, View};
+use deepfield_heights::model::{Globe, HeightField};
+use glam::DVec3;
+
+/// The whole globe, with samples in the middles of cells: half a spacing is left at each pole, and one at the seam.
+fn world(columns: usize, seed: u64) -> HeightField {
+    let rows = columns / 2;
+    let mut field = hills(rows, columns, 0.0, seed);
+    let step = 360.0 / columns as f64;
+    field.grid.step = [step, -step];
+    field.grid.origin = [-180.0 + 0.5 * step, 90.0 - 0.5 * step];
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    field
+}
+
+fn globes() -> [Globe; 2] {
+    [Globe::sphere(20_000.0), Globe { equator: 20_000.0, pole: 19_000.0 }]
+}
+
+/// Heights along the row, the first column after the last.
+fn t_height(field: &HeightField, row: f64, column: f64) -> f64 {
+    let (columns, rows) = (field.grid.columns as usize, field.grid.rows as usize);
+    let (r, c) = ((row as usize).min(rows - 2), (column as usize).min(columns - 1));
+    let at = |row: usize, column: usize| field.stored[row * columns + column % columns];
+    let cell = deepfield_heights::model::Cell([at(r, c), at(r, c + 1), at(r + 1, c), at(r + 1, c + 1)]);
+    cell.height(column - c as f64, row - r as f64)
+}
+
+/// That each hit is on T, with the radius and at the place that it says, to a part of the globe's radius.
+fn check_hits(field: &HeightField, globe: &Globe, sight: &Sight, picture: &SurfacePicture, most: f64) -> usize {
+    let [width, _] = sight.size();
+    let mut hits = 0;
+    for (index, raw) in picture.raw.iter().enumerate() {
+        let [depth, x, y, height, row, column, coverage] = *raw;
+        if depth.is_nan() {
+            continue;
+        }
+        hits += 1;
+        let pixel = [index as f64 % f64::from(width), (index / width as usize) as f64].map(|at: f64| at.floor() + 0.5);
+        let (origin, direction) = sight.ray(pixel).unwrap();
+        let place = origin + depth * direction;
+        let found = globe.place(x, y, height);
+        let away = (DVec3::from(found) - place).length() / globe.equator;
+        assert!(away < most, "{away} at {pixel:?}: {raw:?}");
+        let off = (t_height(field, row, column) - height).abs() / globe.equator;
+        assert!(off < most && coverage == 1.0, "{off} of {raw:?}");
+    }
+    hits
+}
+
+#[test]
+fn rays_and_triangles_find_t_everywhere() {
+    let field = world(96, 3);
+    let source = MemorySurface::new(&field, 1.0).unwrap();
+    let mut random = Random::new(8);
+    for round in 0..12 {
+        let globe = globes()[round % 2];
+        let placed = Placed::new(&field.grid, Map::Globe(globe), 1.0, 0.0);
+        let (longitude, latitude) = match round {
+            // The seam, and each pole.
+            0 | 1 => (180.0, 20.0),
+            2 | 3 => (30.0, 89.0),
+            4 | 5 => (30.0, -89.5),
+            _ => (random.between(-180.0, 180.0), random.between(-90.0, 90.0)),
+        };
+        let away = random.between(1.3, 3.0) * globe.equator;
+        let eye = away * DVec3::from(Globe::up(longitude, latitude));
+        let projection = Projection::Perspective { fov_y: 0.7 };
+        let view = View::look_at(eye, DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0), projection, 96, 72).unwrap();
+        let sight = Sight::Flat(view);
+        let of = |technique: Technique| {
+            let options = SurfaceOptions { technique, tau: 0.0, raw: true, look: None, ..SurfaceOptions::default() };
+            draw(&source, &placed, &sight, &options)
+        };
+        let (rays, triangles) = (of(Technique::Rays), of(Technique::Triangles));
+        let hits = check_hits(&field, &globe, &sight, &rays, 1e-9);
+        check_hits(&field, &globe, &sight, &triangles, 1e-9);
+        assert!(hits > 500);
+        // They differ at the limb alone, and where a pole is open.
+        let differ = rays.raw.iter().zip(&triangles.raw).filter(|(a, b)| a[0].is_nan() != b[0].is_nan()).count();
+        assert!(differ < 40, "{differ} of {hits} in round {round}");
+    }
+}
+
+#[test]
+fn raw_channels_around_the_eye() {
+    let field = world(96, 4);
+    let source = MemorySurface::new(&field, 1.0).unwrap();
+    for globe in globes() {
+        let placed = Placed::new(&field.grid, Map::Globe(globe), 1.0, 0.0);
+        let eye = 1.2 * globe.equator * DVec3::from(Globe::up(175.0, 40.0));
+        let view = View::look_at(eye, DVec3::ZERO, DVec3::Z, Projection::Perspective { fov_y: 0.7 }, 120, 60).unwrap();
+        let panorama = Panorama::around(&view, Surround::Equirectangular).unwrap().unwrap();
+        let sight = Sight::Around { panorama, eye, cut: Cut::NONE };
+        let options = SurfaceOptions { raw: true, ..SurfaceOptions::default() };
+        let picture = draw(&source, &placed, &sight, &SurfaceOptions { tau: 0.0, ..options });
+        let hits = check_hits(&field, &globe, &sight, &picture, 1e-9);
+        // Nothing of what is well within the globe's outline is missing.
+        let missed = picture.raw.iter().enumerate().filter(|(index, raw)| {
+            let pixel = [(index % 120) as f64 + 0.5, (index / 120) as f64 + 0.5];
+            let (origin, direction) = sight.ray(pixel).unwrap();
+            let nearest = origin - origin.dot(direction) / direction.length_squared() * direction;
+            raw[0].is_nan() && origin.dot(direction) < 0.0 && nearest.length() < 0.93 * globe.equator
+        });
+        assert!(hits > 1000 && missed.count() == 0, "{hits}");
+    }
+}
+
+/// From wherever one looks there is no gap, neither at the seam nor at poles nor anywhere else, and the far side is not read.
+#[test]
+fn no_gap_is_seen() {
+    let fields = [world(96, 5), world(700, 6)];
+    let sources = fields.each_ref().map(|field| MemorySurface::new(field, 1.0).unwrap());
+    let mut random = Random::new(2);
+    let mut fewer = 0;
+    for round in 0..60 {
+        let (field, source) = (&fields[round % 2], &sources[round % 2]);
+        let globe = globes()[round / 2 % 2];
+        let placed = Placed::new(&field.grid, Map::Globe(globe), 1.0, 0.0);
+        assert!(placed.is_whole && placed.poles.iter().all(Option::is_some));
+        let (longitude, latitude) = match round % 3 {
+            0 => (180.0 + random.between(-3.0, 3.0), random.between(-80.0, 80.0)),
+            1 => (random.between(-180.0, 180.0), 90.0 - random.between(0.0, 2.0)),
+            _ => (random.between(-180.0, 180.0), -90.0 + random.between(0.0, 2.0)),
+        };
+        let eye = (1.1 + random.between(0.0, 1.0)) * globe.equator * DVec3::from(Globe::up(longitude, latitude));
+        let projection = Projection::Perspective { fov_y: 0.3 };
+        let up = DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3);
+        let view = View::look_at(eye, DVec3::ZERO, up, projection, 160, 120).unwrap();
+        let look = Look {
+            attribute: Attribute::Height,
+            transfer: TransferFunction::default(),
+            range: [-100.0, 100.0],
+            light: Light::Eye,
+            ambient: 0.5,
+            contours: None,
+        };
+        let technique = [Technique::Hybrid, Technique::Triangles, Technique::Rays][round / 4 % 3];
+        let tau = [0.8, 8.0][round / 12 % 2];
+        let options = SurfaceOptions { technique, tau, look: Some(look), samples: 1, ..SurfaceOptions::default() };
+        let picture = draw(source, &placed, &Sight::Flat(view), &options);
+        let gaps = picture.colors.rgba.iter().filter(|color| color[3] < 0.999).count();
+        assert_eq!(gaps, 0, "round {round}, {technique:?}: from {longitude} {latitude}");
+        fewer += usize::from(picture.report.samples_drawn < field.stored.len() as u64);
+    }
+    assert!(fewer > 5, "{fewer}");
+}
