@@ -64,8 +64,10 @@ fn particles(folder: &Path, name: &str, of: &[(DVec3, f64, f64)], unit: &str, ma
 
 fn open(members: &[Member], unit: &str, options: SessionOptions) -> MixedSession {
     let said =
-        HeightOptions { xy_unit: Some(Unit::new(unit)), height_unit: Some(Unit::new("m")), ..HeightOptions::default() };
-    MixedSession::open(members, &said, options, [], |path| Ok(path.to_owned()), Arc::new(())).unwrap()
+        HeightsSaid { xy_unit: Some(Unit::new(unit)), height_unit: Some(Unit::new("m")), ..HeightsSaid::default() };
+    let mut members = members.to_vec();
+    say(&mut members, &said);
+    MixedSession::open(&members, options, [], |path| Ok(path.to_owned()), Arc::new(())).unwrap()
 }
 
 fn shot(mode: Option<&str>, settings: &str, eye: [f64; 3], ortho: Option<f64>) -> Shot {
