@@ -41,7 +41,10 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         }
         request.shot.look.annotations = None;
     }
-    let Request { mut members, mut shot, options } = request;
+    let Request { mut members, mut shot, mut options } = request;
+    // Heights have numbers in an EXR picture, where they have any.
+    let has_numbers = shot.surround.is_flat() && shot.stereo.is_none();
+    options.raw |= is_exr && has_numbers && members.iter().any(Member::is_of_heights);
     if !members.iter().any(Member::is_of_heights) {
         arguments.texture.refuse()?;
     }

@@ -67,3 +67,68 @@ pub(super) fn open_mixed(
         has_more: false,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build_source};
+    use crate::heights::OpenHeights;
+    use crate::heights::build::HeightBuildOptions;
+    use crate::import::LoadOptions;
+    use crate::look::say;
+    use crate::window::facts::Facts;
+    use std::path::PathBuf;
+
+    /// A field of text, and a file of particles.
+    fn data(folder: &Path) -> [PathBuf; 2] {
+        let [field, particles] = ["field.asc", "demo.df"].map(|name| folder.join(name));
+        let head = "ncols 3\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 10\n";
+        std::fs::write(&field, format!("{head}1 2 3\n4 5 -1\n")).unwrap();
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &particles, &()).unwrap();
+        [field, particles]
+    }
+
+    #[test]
+    fn heights_are_opened_among_particles_with_what_is_said_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let [field, particles] = data(folder.path());
+        let built = folder.path().join("built.df");
+        let opener: Opener = Arc::new(move |path, said, progress| {
+            if path.extension().is_some_and(|extension| extension == "df") {
+                return Ok(path.to_owned());
+            }
+            let heights = OpenHeights::open(path, &said.options(ReadMethod::default()));
+            let heights = heights.map_err(|error| error.to_string())?;
+            let done = heights.build(&HeightBuildOptions::default(), &built, progress);
+            done.map(|_| built.clone()).map_err(|error| error.to_string())
+        });
+        let open = |paths: [&PathBuf; 2], map: Option<&str>| {
+            let mut members = paths.map(Member::new).to_vec();
+            say(&mut members, &HeightsSaid { nodata: Some(-1.0), ..HeightsSaid::default() });
+            let seen = Seen { scene: None, map: map.map(str::to_owned) };
+            open_mixed(members, &seen, (ReadMethod::default(), None), &opener, &())
+        };
+        for (paths, index) in [([&field, &particles], 0), ([&particles, &field], 1)] {
+            let opened = open(paths, None).unwrap();
+            let mixed = opened.field.as_ref().unwrap().opened.mixed().cloned().unwrap();
+            let fields = mixed.fields();
+            assert_eq!((fields.len(), fields[0].index, opened.members.len()), (1, index, 2));
+            assert_eq!(fields[0].opened.file().about().facts.valid, 5, "what is said goes into the file");
+            assert_eq!(opened.file.metadata().particles(), mixed.particles().unwrap().metadata().particles());
+            assert_eq!(mixed.begins_with_heights(), index == 0);
+            // The panel tells both.
+            let sampled = &opened.field.as_ref().unwrap().opened;
+            let facts = Facts::of(&opened.file, &sampled.of_particles(&opened.members)).with_samples(sampled);
+            assert_eq!((facts.heights.len(), facts.heights[0].index, &*facts.heights[0].name), (1, index, "field.asc"));
+            assert!(facts.rows.contains(&("Datasets", "2".to_owned())) && !facts.families.is_empty());
+        }
+        // Fields alone: a few of their samples stand in for particles.
+        let opened = open([&field, &field], None).unwrap();
+        let sampled = &opened.field.as_ref().unwrap().opened;
+        let facts = Facts::of(&opened.file, &sampled.of_particles(&opened.members)).with_samples(sampled);
+        assert!(facts.families.is_empty() && facts.heights.len() == 2 && sampled.has_z_up());
+        let refused = open([&field, &particles], Some("globe")).err().unwrap();
+        assert!(refused.starts_with(&format!("{}: ", field.display())) && refused.contains("globe"), "{refused}");
+    }
+}

@@ -13,5 +13,5 @@ mod session;
 pub use mixed::{MixedSession, ParticlesSeen, SeenMixed};
 pub use open_mixed::{OpenField, OpenMixed};
 pub use opened::OpenSurface;
-pub use raw::{SurfaceChannels, SurfaceShown};
+pub use raw::{CHANNELS, SurfaceChannels, SurfaceShown};
 pub use session::{SeenSurface, SurfaceSession};
