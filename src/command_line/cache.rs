@@ -4,13 +4,12 @@
 use super::arguments::bytes;
 use crate::build::{BuildOptions, FEW_PARTICLES, build_source};
 use crate::heights::build::HeightBuildOptions;
-use crate::heights::import::HeightOptions;
 use crate::heights::store::HeightFile;
 use crate::heights::{OpenHeights, is_heights};
 use crate::hierarchy::Kinds;
 use crate::hierarchy::kind::{OCTREE, PCA};
 use crate::import::{LoadOptions, file_of_step};
-use crate::look::{DataKind, data_file};
+use crate::look::{DataKind, HeightsSaid, data_file};
 use crate::model::{Progress, ReadMethod};
 use crate::store::PageFile;
 use crate::store::temporary::free_bytes;
@@ -32,19 +31,34 @@ pub fn folder(name: &str) -> Result<PathBuf, std::io::Error> {
     Ok(folder)
 }
 
+/// As [`page_file_with`], where nothing is said of heights.
+///
+/// # Errors
+/// As [`page_file_with`].
+pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
+    page_file_with(path, &HeightsSaid::default(), progress)
+}
+
 /// The path of a page file for `path`: itself if it is one or a run of them, else one in the cache, built first unless it is
-/// there already.
+/// there already. What is said of heights goes into theirs, and each way to say it has a file of its own.
 ///
 /// # Errors
 /// When the source cannot be read or the page file not be written.
-pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
+pub fn page_file_with(
+    path: &Path,
+    said: &HeightsSaid,
+    progress: &dyn Progress,
+) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
     let path = &data_file(path)?;
     if DataKind::of(path)? != DataKind::Source {
         return Ok(path.to_owned());
     }
     let folder = folder("pages")?;
-    let cached = folder.join(cached_name(path)?);
-    let of_heights = is_heights(path);
+    let of_heights = said.is_heights.unwrap_or_else(|| is_heights(path));
+    let cached = folder.join(match of_heights {
+        true => cached_name_of_heights(path, said)?,
+        false => cached_name(path)?,
+    });
     let is_there = match of_heights {
         true => HeightFile::open(&cached, ReadMethod::default()).is_ok(),
         false => PageFile::open(&cached).is_ok(),
@@ -55,7 +69,7 @@ pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box
     }
     let stated = stated_budget()?;
     if of_heights {
-        let heights = OpenHeights::open(path, &HeightOptions::default())?;
+        let heights = OpenHeights::open(path, &said.options(ReadMethod::default()))?;
         heights.build(&HeightBuildOptions::default(), &cached, progress)?;
     } else {
         build_source(path, &LoadOptions::default(), &build_options(), &cached, progress)?;
@@ -210,9 +224,29 @@ pub(super) fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
 }
 
+/// The same of heights: it changes with what is said of them as well, and with the photo over them.
+fn cached_name_of_heights(path: &Path, said: &HeightsSaid) -> Result<String, std::io::Error> {
+    let name = cached_name(path)?;
+    if *said == HeightsSaid::default() {
+        return Ok(name);
+    }
+    let mut hasher = DefaultHasher::new();
+    let HeightsSaid { is_heights, nodata, spacing, xy_unit, height_unit, texture } = said;
+    let numbers = (nodata.map(f64::to_bits), spacing.map(|spacing| spacing.map(f64::to_bits)));
+    let units = [xy_unit, height_unit].map(|unit| unit.as_ref().map(|unit| unit.0.as_str()));
+    let photo = texture.as_ref().map(|photo| Ok::<_, std::io::Error>((cached_name(&photo.path)?, photo.rectangle)));
+    let photo = photo.transpose()?.map(|(name, place)| (name, place.map(|place| place.map(f64::to_bits))));
+    (is_heights, numbers, units, photo).hash(&mut hasher);
+    let stem = name.strip_suffix(".df").unwrap_or(&name);
+    Ok(format!("{stem}-{:016x}.df", hasher.finish()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::heights::import::PhotoChoice;
+    use crate::model::Unit;
+    use std::collections::BTreeSet;
 
     /// A file of so many bytes, used so many seconds ago.
     fn file(folder: &Path, name: &str, bytes: usize, seconds: u64) -> PathBuf {
@@ -254,6 +288,39 @@ mod tests {
         assert_eq!(prune(folder, 1, &made).unwrap().unwrap().files, 1);
         assert_eq!(names(folder), ["growing.df.tmp2", "made.df", "notes.txt"]);
         assert!(prune(&folder.join("absent"), 1, &made).unwrap_err().to_string().contains("absent"));
+    }
+
+    #[test]
+    fn each_way_to_say_what_heights_are_has_a_file_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let [source, photo] = ["dem.tif", "photo.png"].map(|name| file(folder.path(), name, 10, 5));
+        let nothing = HeightsSaid::default();
+        let laid = |rectangle| HeightsSaid {
+            texture: Some(PhotoChoice { path: photo.clone(), rectangle }),
+            ..nothing.clone()
+        };
+        let ways = [
+            nothing.clone(),
+            HeightsSaid { is_heights: Some(true), ..nothing.clone() },
+            HeightsSaid { nodata: Some(0.0), ..nothing.clone() },
+            HeightsSaid { nodata: Some(-9999.0), ..nothing.clone() },
+            HeightsSaid { spacing: Some([1.0, 2.0]), ..nothing.clone() },
+            HeightsSaid { xy_unit: Some(Unit::new("mm")), ..nothing.clone() },
+            HeightsSaid { height_unit: Some(Unit::new("mm")), ..nothing.clone() },
+            laid(None),
+            laid(Some([0.0, 0.0, 1.0, 1.0])),
+        ];
+        let names =
+            || -> BTreeSet<String> { ways.iter().map(|said| cached_name_of_heights(&source, said).unwrap()).collect() };
+        let before = names();
+        assert!(before.len() == ways.len() && before == names());
+        assert!(before.contains(&cached_name(&source).unwrap()));
+        assert!(before.iter().all(|name| name.starts_with("dem-") && name.ends_with(".df")));
+        // Another photo under the same name is another file.
+        std::fs::write(&photo, [1; 11]).unwrap();
+        assert_eq!(before.intersection(&names()).count(), ways.len() - 2);
+        std::fs::remove_file(&photo).unwrap();
+        assert!(cached_name_of_heights(&source, &laid(None)).unwrap_err().to_string().contains("photo.png"));
     }
 
     #[test]

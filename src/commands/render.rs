@@ -7,10 +7,9 @@ use super::request::{Request, open_any};
 use super::statistics;
 use crate::color::{Image, output};
 use crate::import::step_at;
-use crate::look::{DataKind, one_snapshot};
+use crate::look::{DataKind, Member, one_snapshot};
 use crate::picture::Picture;
 use crate::picture::field::FieldSession;
-use crate::picture::surface::SurfaceSession;
 use crate::view::{CubeLayout, Side, Surround};
 
 /// Renders the picture and writes it.
@@ -42,15 +41,16 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         }
         request.shot.look.annotations = None;
     }
-    let Request { mut members, mut shot, options } = request;
-    let said = members.iter().any(|member| arguments.heights.takes(&member.path));
-    let said = said.then(|| arguments.texture.with(arguments.heights.import(&[], options.read)));
-    if said.is_none() {
+    let Request { mut members, mut shot, mut options } = request;
+    // Heights have numbers in an EXR picture, where they have any.
+    let has_numbers = shot.surround.is_flat() && shot.stereo.is_none();
+    options.raw |= is_exr && has_numbers && members.iter().any(Member::is_of_heights);
+    if !members.iter().any(Member::is_of_heights) {
         arguments.texture.refuse()?;
     }
     let is_field = match &members[..] {
-        [only] => said.is_some() || FieldSession::is_field(&only.path),
-        all => all.iter().all(|member| SurfaceSession::is_surface(&member.path)),
+        [only] => only.is_of_heights() || FieldSession::is_field(&only.path),
+        all => all.iter().all(Member::is_of_heights),
     };
     if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
         && matches!(DataKind::of(&first.path), Ok(DataKind::Source))
@@ -67,7 +67,7 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
             None => eprintln!("deepfield: {why}; the scene's time is left out"),
         }
     }
-    let mut session = open_any(&members, said.as_ref(), options, [&shot])?;
+    let mut session = open_any(&members, options, [&shot])?;
     let picture = session.draw(&shot)?;
     if shot.surround != (Surround::Cube { layout: CubeLayout::Files }) {
         return write(arguments, &picture, is_exr, || Ok(session.finished(&shot, &picture)?));

@@ -2,7 +2,7 @@
 
 use super::annotate::AnnotateOptions;
 use super::arguments::{PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
-use super::heights::{HeightsOptions, TextureOptions};
+use super::heights::{HeightsOptions, SpacingOptions, TextureOptions};
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
 use crate::color::composite::Background;
@@ -11,7 +11,7 @@ use crate::cpu::Method;
 use crate::heights::is_heights;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{
-    Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file,
+    Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file, say,
 };
 use crate::mode::{Mode, PathsOf, SettingValue, Settings, levels, lod_budget};
 use crate::model::{FamilyName, ReadMethod, When};
@@ -179,6 +179,9 @@ pub struct Arguments {
     /// What is said of heights.
     #[command(flatten)]
     pub heights: HeightsOptions,
+    /// How far their samples are apart.
+    #[command(flatten)]
+    pub spacing: SpacingOptions,
     /// A photo over them.
     #[command(flatten)]
     pub texture: TextureOptions,
@@ -206,6 +209,7 @@ impl Arguments {
         for member in &self.with {
             members.push(member.resolved()?);
         }
+        say(&mut members, &self.texture.with(self.heights.said(&self.spacing.spacing)));
         let mut shot = self.over(config.clone(), base)?;
         self.set_values(&mut shot.look)?;
         if let Some(map) = &self.map {

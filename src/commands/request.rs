@@ -2,7 +2,6 @@
 
 use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
-use crate::heights::import::HeightOptions;
 use crate::look::{DataKind, Member, Shot};
 use crate::mode::Mode;
 use crate::picture::field::FieldSession;
@@ -22,15 +21,13 @@ pub struct Request {
     pub options: SessionOptions,
 }
 
-/// Opens datasets for pictures of these shots: heights, an image or a volume that is alone as what it is (`said` is what the user says where it
-/// is taken for heights), unless a mode draws particles alone, which
+/// Opens datasets for pictures of these shots: heights, an image or a volume that is alone as what it is, unless a mode draws particles alone, which
 /// are a source's pixels or voxels then; heights with others as a scene of all of them; everything else as particles.
 ///
 /// # Errors
 /// As [`open`], [`FieldSession::open`], [`SurfaceSession::open`] and [`MixedSession::open`].
 pub fn open_any<'a>(
     members: &[Member],
-    said: Option<&HeightOptions>,
     options: SessionOptions,
     shots: impl IntoIterator<Item = &'a Shot>,
 ) -> Result<AnySession, PictureError> {
@@ -38,13 +35,12 @@ pub fn open_any<'a>(
     let takes_surfaces = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_surfaces);
     let takes_fields = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_fields);
     Ok(match members {
-        _ if said.is_some_and(|said| is_mixed(members, said)) => {
-            let said = said.cloned().unwrap_or_default();
-            let session = MixedSession::open(members, &said, options, shots, page_file, Arc::new(Terminal))?;
+        _ if MixedSession::is_for(members) => {
+            let session = MixedSession::open(members, options, shots, page_file, Arc::new(Terminal))?;
             AnySession::Mixed(Box::new(session))
         }
-        [only] if shots.iter().all(takes_surfaces) && said.is_some() => {
-            let said = said.cloned().unwrap_or_default();
+        [only] if shots.iter().all(takes_surfaces) && only.is_of_heights() => {
+            let said = only.said.options(options.read);
             let session = SurfaceSession::open(&only.path, &said, options, Arc::new(Terminal))?;
             #[cfg(feature = "viewer")]
             let session = session.with_adapter(Some(Box::new(crate::gpu::Offscreen::default())));
@@ -66,12 +62,6 @@ pub fn open_any<'a>(
         }
         _ => AnySession::Particles(Box::new(open(members, options, shots)?)),
     })
-}
-
-/// Whether there are heights among several datasets, or heights that lie elsewhere than by themselves.
-fn is_mixed(members: &[Member], said: &HeightOptions) -> bool {
-    let is_alone = matches!(members, [only] if only.is_in_place());
-    !is_alone && (said.is_asked || members.iter().any(|member| SurfaceSession::is_surface(&member.path)))
 }
 
 /// The page file of what a user names.

@@ -2,9 +2,12 @@
 
 use super::arguments::PictureSize;
 use super::cached_run::{CachedRun, Grown};
+use super::heights::{HeightsOptions, SpacingOptions, TextureOptions};
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
 use crate::import::{file_of_step, sources_of, steps_in};
+#[cfg(feature = "viewer")]
+use crate::look::HeightsSaid;
 use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
 use crate::model::When;
 use crate::tour::TourFile;
@@ -30,6 +33,8 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view 'snapshot_*.hdf5'                  a run of snapshots, built in the cache while its first step is shown
   deepfield view output/ --follow-folder           a run that is still being written
   deepfield view surface.sur                       measured heights: I reads samples, G draws profiles
+  deepfield view dem.tif --nodata -32768 --texture photo.jpg       what is said of a source goes into its file in the cache
+  deepfield view moon.tif --map globe:moon --with stars.csv        heights among particles: depth decides
   deepfield view movie.xyz                         a file of many steps
   deepfield view run.df --time step:12             a run: T plays it, comma and full stop go from step to step
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
@@ -117,6 +122,18 @@ pub struct WindowArguments {
     /// For a follower: the output that it displays.
     #[arg(long, value_name = "FILE.ron#NAME", requires = "follow", value_parser = named_output)]
     pub output: Option<(PathBuf, String)>,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub heights: HeightsOptions,
+    /// How far their samples are apart.
+    #[command(flatten)]
+    pub spacing: SpacingOptions,
+    /// A photo over them.
+    #[command(flatten)]
+    pub texture: TextureOptions,
+    /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
+    #[arg(long, value_name = "MAP")]
+    pub map: Option<String>,
     /// What the picture is of all directions, or for two eyes.
     #[command(flatten)]
     pub projection: ProjectionOptions,
@@ -135,6 +152,14 @@ pub struct WindowArguments {
     /// Where the picture goes when there is no display [default: the source's name with .png].
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
+}
+
+#[cfg(feature = "viewer")]
+impl WindowArguments {
+    /// What is said of heights.
+    fn said(&self) -> HeightsSaid {
+        self.texture.with(self.heights.said(&self.spacing.spacing))
+    }
 }
 
 /// Milliseconds that the preset's field takes, too.
@@ -294,6 +319,10 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         time: settings.time,
         with: settings.with.clone(),
         projection: settings.projection.clone(),
+        heights: settings.heights.clone(),
+        spacing: settings.spacing.clone(),
+        texture: settings.texture.clone(),
+        map: settings.map.clone(),
         annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
         path: path.to_owned(),
         output: output.clone(),
@@ -323,8 +352,8 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run:
         supervised: settings.supervised.as_deref().map(RunFolder::at),
     };
     let projection = projection_of(path, settings)?;
-    let opener = Arc::new(|path: &Path, progress: &dyn crate::model::Progress| {
-        super::cache::page_file_of(path, progress).map_err(|error| error.to_string())
+    let opener = Arc::new(|path: &Path, said: &HeightsSaid, progress: &dyn crate::model::Progress| {
+        super::cache::page_file_with(path, said, progress).map_err(|error| error.to_string())
     });
     let request = OpenRequest {
         members: (!path.as_os_str().is_empty())
@@ -335,6 +364,8 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run:
         scene: settings.scene.clone(),
         projection: Some(projection),
         time: settings.time,
+        said: settings.said(),
+        map: settings.map.clone(),
     };
     // A follower opens what the leader says.
     let is_named = settings.follow.is_none() && (run.is_none() || !path.as_os_str().is_empty());

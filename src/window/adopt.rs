@@ -12,7 +12,7 @@ use super::state::choices::Choices;
 use super::state::notices::Notices;
 use crate::color::transfer::Range;
 use crate::look::{Attribute, shown_families};
-use crate::mode::Mode;
+use crate::mode::{Mode, SettingValue};
 use crate::model::FamilyName;
 use crate::modes;
 use crate::view::CutSettings;
@@ -35,7 +35,7 @@ pub(crate) fn adopt_opened(
     mut transfer_kept: MessageWriter<TransferKept>,
     camera: Single<(Entity, &mut Viewpoint, &mut Anchor, &mut PanOrbitCamera), With<DataCamera>>,
 ) {
-    let Some(Opened { path, members, notes, run, tracks, field, file, frame, scene: opened, keeps, .. }) =
+    let Some(Opened { path, members, notes, run, tracks, field, file, frame, scene: opened, map, keeps, .. }) =
         opened.read().last().cloned()
     else {
         return;
@@ -52,15 +52,13 @@ pub(crate) fn adopt_opened(
             choices.attributes.push(name);
         }
     }
-    let heights = field.as_ref().and_then(|field| match &field.opened {
-        Sampled::Heights(opened) => Some(Arc::clone(opened)),
-        Sampled::Field(_) => None,
-    });
+    let heights = field.as_ref().map(|field| field.opened.clone()).filter(Sampled::has_z_up);
     let is_image = field.as_ref().is_some_and(|field| match &field.opened {
         Sampled::Field(opened) => opened.grid().dimensions == 2,
-        Sampled::Heights(_) => false,
+        Sampled::Heights(_) | Sampled::Mixed(_) => false,
     });
-    let (shown, missing) = shown_families(&file, &members);
+    let of_particles = field.as_ref().map_or_else(|| members.clone(), |field| field.opened.of_particles(&members));
+    let (shown, missing) = shown_families(&file, &of_particles);
     if let Some(families) = kept {
         if settings.families != families {
             settings.families = families;
@@ -96,8 +94,10 @@ pub(crate) fn adopt_opened(
         {
             settings.attribute = Attribute::Automatic;
         }
-        let is_drawn =
-            |mode: &Mode| mode.takes_particles() || field.as_ref().is_some_and(|field| field.opened.is_drawn_by(mode));
+        let is_mixed = field.as_ref().is_some_and(|field| field.opened.mixed().is_some());
+        let is_drawn = |mode: &Mode| {
+            mode.takes_particles() && !is_mixed || field.as_ref().is_some_and(|field| field.opened.is_drawn_by(mode))
+        };
         if !settings.mode_chosen || !is_drawn(settings.mode) {
             if settings.mode_chosen {
                 notices.error(format!("mode {} does not draw {}", settings.mode.name, path.display()));
@@ -116,12 +116,23 @@ pub(crate) fn adopt_opened(
         let camera = (entity, &mut *viewpoint, &mut *anchor, &mut *orbit);
         let attributes = &choices.attributes;
         let opened = opened.as_deref();
+        let own_camera = opened.is_some_and(|opened| opened.scene.camera.is_some());
         scene_io::apply(opened, attributes, &mut settings, camera, &mut parts, &mut commands, &mut notices);
+        if let Some(map) = map.filter(|_| settings.mode.takes_surfaces()) {
+            settings.look.settings.0.insert("map".into(), SettingValue::Name(map));
+            // A globe is seen from elsewhere than a plane.
+            if let Some(opened) = heights.as_ref().filter(|_| !own_camera && !follows)
+                && let Ok(home) = home_of(opened, &settings.look.settings, viewpoint.fov_y, &picture)
+            {
+                *viewpoint = home;
+                *anchor = anchor.adopt(&home, &mut orbit);
+            }
+        }
         if opened.is_some_and(|opened| opened.scene.look.transfer.is_some()) {
             transfer_kept.write(TransferKept);
         }
     }
-    let facts = Facts::of(&file, &members);
+    let facts = Facts::of(&file, &of_particles);
     let facts = match &field {
         Some(field) => facts.with_samples(&field.opened),
         None => facts,

@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn a_dropped_file_is_opened_and_a_failure_is_reported() {
-        let opener: Opener = Arc::new(|path, _| Err(format!("{}: not readable", path.display())));
+        let opener: Opener = Arc::new(|path, _, _| Err(format!("{}: not readable", path.display())));
         let (mut app, window) = app_with(opener);
         app.world_mut().write_message(FileDragAndDrop::HoveredFile { window, path_buf: "dragged.hdf5".into() });
         app.update();
@@ -111,7 +111,7 @@ mod tests {
         let options = (crate::import::LoadOptions::default(), crate::build::BuildOptions::default());
         crate::build::build_source(&source, &options.0, &options.1, &page_file, &()).unwrap();
         let built = page_file.clone();
-        let opener: Opener = Arc::new(move |_, _| Ok(built.clone()));
+        let opener: Opener = Arc::new(move |_, _, _| Ok(built.clone()));
         let file = Arc::new(PageFile::open(&page_file).unwrap());
         let bounds = file.metadata().bounds();
         let (mut app, window) = app_with(opener);

@@ -8,7 +8,7 @@ use crate::color::transfer::{Levels, Scale, TransferFunction};
 use crate::cpu::surface::look::Attribute;
 use crate::picture::Subject;
 use crate::picture::field::PreparedField;
-use crate::picture::surface::{OpenSurface, SeenSurface};
+use crate::picture::surface::OpenSurface;
 use bevy::prelude::*;
 
 /// What was measured in the present picture.
@@ -103,13 +103,12 @@ impl Exposure {
     }
 
     /// Measures heights: an even share of their samples, where these are what colours show.
-    pub fn of_heights(opened: &OpenSurface, seen: &SeenSurface) -> Exposure {
-        let SeenSurface { attribute, transfer, levels, .. } = seen;
+    pub fn of_heights(opened: &OpenSurface, attribute: Attribute, scale: Scale, levels: Levels) -> Exposure {
         let brightness = match attribute {
-            Attribute::Height => histogram(opened.coarse_heights().map(|height| height as f32), transfer.scale, 1e-9),
+            Attribute::Height => histogram(opened.coarse_heights().map(|height| height as f32), scale, 1e-9),
             _ => None,
         };
-        Exposure { brightness, levels: Some(*levels), ..Exposure::default() }
+        Exposure { brightness, levels: Some(levels), ..Exposure::default() }
     }
 
     /// Measures a picture.

@@ -3,7 +3,7 @@
 use crate::annotate::number;
 use crate::look::Member;
 use crate::picture::field::OpenField;
-use crate::picture::surface::OpenSurface;
+use crate::picture::surface::{OpenField as HeightsAmong, OpenMixed, OpenSurface};
 use crate::store::{Metadata, PageFile, PartInfo};
 use crate::window::sampled::Sampled;
 use bevy::math::DVec3;
@@ -29,6 +29,8 @@ pub struct DatasetFact {
     pub details: String,
     /// Index of its first family.
     pub first_family: usize,
+    /// Which of the datasets it is.
+    pub index: usize,
 }
 
 /// A dataset in words.
@@ -38,6 +40,8 @@ pub struct Facts {
     pub rows: Vec<(&'static str, String)>,
     /// The datasets, where there are several.
     pub datasets: Vec<DatasetFact>,
+    /// The heights among other things.
+    pub heights: Vec<DatasetFact>,
     /// The families.
     pub families: Vec<FamilyFact>,
     /// What the import assumed or left out, one sentence each.
@@ -71,13 +75,15 @@ impl Facts {
             .iter()
             .map(|skipped| format!("{} particles left out: {}", number::count(skipped.count), skipped.reason));
         let told = file.parts().flat_map(|part| part.metadata.provenance.notes.clone());
-        let datasets = file.parts().zip(members).filter(|_| file.is_joined()).map(|(part, member)| DatasetFact {
-            name: member.path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned()),
+        let parts = file.parts().zip(members).enumerate().filter(|_| file.is_joined());
+        let datasets = parts.map(|(index, (part, member))| DatasetFact {
+            name: name_of(&member.path),
             details: part_details(&part, &member.path),
             first_family: part.families.start,
+            index,
         });
-        let families = Facts::families_of(metadata);
-        Facts { rows, datasets: datasets.collect(), families, notes: told.chain(skipped).collect() }
+        let (heights, families) = (Vec::new(), Facts::families_of(metadata));
+        Facts { rows, datasets: datasets.collect(), heights, families, notes: told.chain(skipped).collect() }
     }
 
     /// The same of what the particles are samples of.
@@ -86,7 +92,29 @@ impl Facts {
         match opened {
             Sampled::Field(opened) => self.with_field(opened),
             Sampled::Heights(opened) => self.with_heights(opened),
+            Sampled::Mixed(opened) => self.among(opened),
         }
+    }
+
+    /// Of particles, where there are some, and heights among them.
+    fn among(mut self, opened: &OpenMixed) -> Facts {
+        let has_particles = opened.particles().is_some();
+        let is_field = |index: &usize| opened.fields().iter().any(|field| field.index == *index);
+        let own: Vec<usize> = (0..).filter(|index| !is_field(index)).take(self.datasets.len()).collect();
+        self.datasets.iter_mut().zip(own).for_each(|(dataset, index)| dataset.index = index);
+        self.heights = opened.fields().iter().map(field_among).collect();
+        if !has_particles {
+            (self.rows, self.families) = (Vec::new(), Vec::new());
+        }
+        let all = opened.fields().len() + if has_particles { self.datasets.len().max(1) } else { 0 };
+        self.rows.retain(|(label, _)| *label != "Datasets");
+        self.rows.insert(0, ("Datasets", all.to_string()));
+        let notes = |field: &HeightsAmong| {
+            let (name, notes) = (name_of(&field.member.path), field.opened.file().about().notes.clone());
+            notes.into_iter().map(move |note| format!("{name}: {note}"))
+        };
+        self.notes.extend(opened.fields().iter().flat_map(notes));
+        self
     }
 
     /// Of measured heights.
@@ -145,6 +173,32 @@ impl Facts {
         });
         families.collect()
     }
+}
+
+/// What a file is called.
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+/// What is said of heights among other things.
+fn field_among(field: &HeightsAmong) -> DatasetFact {
+    let HeightsAmong { index, member, opened } = field;
+    let about = opened.file().about();
+    let (grid, facts) = (&about.grid, &about.facts);
+    let [low, high] = [facts.min, facts.max].map(number::quantity);
+    let range = format!("heights {low} to {high} {}", grid.height_unit);
+    let mut lines = vec![member.path.display().to_string(), grid.described(), range.trim_end().to_owned()];
+    if facts.valid < grid.samples() {
+        lines.push(format!("{} samples were not measured", number::count(grid.samples() - facts.valid)));
+    }
+    if member.offset != DVec3::ZERO {
+        let [x, y, z] = member.offset.to_array().map(number::quantity);
+        lines.push(format!("its origin at {x}, {y}, {z}"));
+    }
+    if let Some(scale) = member.scale {
+        lines.push(format!("lengths times {}", number::quantity(scale)));
+    }
+    DatasetFact { name: name_of(&member.path), details: lines.join("\n"), first_family: 0, index: *index }
 }
 
 /// When in the history of its universe or its run a snapshot was taken.

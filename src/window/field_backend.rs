@@ -12,9 +12,10 @@ use super::live::LiveParticles;
 use super::look::{Held, Look};
 use super::pages::ViewSelection;
 use super::picture::{Letterbox, Picture, to_image};
-use super::picture_sizes::moving_size;
+use super::picture_sizes::{moving_size, volume_limit};
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
+use super::scene_io::families_of;
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
@@ -22,12 +23,13 @@ use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::VolumeError;
-use crate::look::{LookPatch, Shot};
-use crate::mode::Raw;
+use crate::look::{LookPatch, Member, Shot};
+use crate::mode::{Depiction, Raw};
+use crate::model::FamilyName;
 use crate::picture::fade::faded;
 use crate::picture::field::{FieldSession, PointsReport};
-use crate::picture::surface::SurfaceSession;
-use crate::picture::{AnySession, PictureError};
+use crate::picture::surface::{MixedSession, OpenMixed, SurfaceSession};
+use crate::picture::{AnySession, PictureError, Subject};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
 use bevy::prelude::*;
@@ -45,6 +47,8 @@ struct Content {
     transfer: Option<TransferFunction>,
     /// How far heights may be from where they are, pixels.
     error_px: f64,
+    /// Of particles among heights: which families of each dataset are drawn.
+    families: Vec<Option<Vec<FamilyName>>>,
 }
 
 /// A picture.
@@ -177,13 +181,16 @@ pub(super) fn draw_field(
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
     let Some(open) = scene.field_for(look.depiction.mode) else { return };
-    let is_light = look.depiction.mode.is_light();
+    // Sums among heights are coloured where these are drawn.
+    let is_mixed = open.opened.mixed().is_some();
+    let is_light = look.depiction.mode.is_light() || is_mixed;
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| is_light && levels.p[0] < levels.p[1]);
     let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
     let (dataset, depiction) = (scene.dataset, look.depiction_revision);
-    let content =
-        Content { dataset, depiction, view, transfer: is_light.then(|| transfer.clone()), error_px: settings.error_px };
+    let families = if is_mixed { families_of(&scene, &settings) } else { Vec::new() };
+    let (transfer_of_light, error_px) = (is_light.then(|| transfer.clone()), settings.error_px);
+    let content = Content { dataset, depiction, view, transfer: transfer_of_light, error_px, families };
     if field.moved.as_ref().is_none_or(|(before, _)| *before != content) {
         field.moved = Some((content.clone(), Instant::now()));
     }
@@ -203,14 +210,31 @@ pub(super) fn draw_field(
         return;
     }
     let reused = drawn.map(|drawn| drawn.values.clone());
+    let shown = look.depiction.clone();
     let look = LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() };
     let (session, wanted) = (Arc::clone(&open.session), key.clone());
+    let among = open.opened.mixed().cloned().map(|opened| {
+        let members = scene.members.iter().cloned().zip(&wanted.content.families);
+        let members: Vec<Member> =
+            members.map(|(member, families)| Member { families: families.clone(), ..member }).collect();
+        Among {
+            members: opened.of_particles(&members),
+            opened,
+            depiction: shown.clone(),
+            diameter: scene.frame.size().length(),
+            limit: volume_limit(!rests, false, scene.metadata().particles(), motion),
+        }
+    });
     let task = AsyncComputeTaskPool::get().spawn(async move {
         let mut session = session.lock().unwrap_or_else(PoisonError::into_inner);
         match &mut *session {
             AnySession::Field(session) => draw(session, &Shot { look, ..Shot::default() }, wanted, reused, colored),
             AnySession::Surface(session) => draw_surface(session, &look, wanted, colored),
-            AnySession::Particles(_) | AnySession::Mixed(_) => Err("particles are drawn elsewhere".to_owned()),
+            AnySession::Mixed(session) => match among {
+                Some(among) => draw_mixed(session, &look, wanted, colored, among),
+                None => Err("there are no heights".to_owned()),
+            },
+            AnySession::Particles(_) => Err("particles are drawn elsewhere".to_owned()),
         }
     });
     field.task = Some((key, task));
@@ -271,7 +295,7 @@ fn draw_surface(
     let start = Instant::now();
     let (width, height) = (key.size.x, key.size.y);
     let seen = session.seen(look, &key.content.view.resized(width, height), None).map_err(|error| error.to_string())?;
-    let exposure = Exposure::of_heights(session.opened(), &seen);
+    let exposure = Exposure::of_heights(session.opened(), seen.attribute, seen.transfer.scale, seen.levels);
     let report = &seen.picture.report;
     let report = Report {
         points: None,
@@ -283,6 +307,55 @@ fn draw_surface(
     };
     let image = Arc::new(seen.picture.colors.image());
     let milliseconds = Some(1e3 * start.elapsed().as_secs_f64());
+    Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, milliseconds })
+}
+
+/// What is drawn of heights among other things.
+struct Among {
+    opened: Arc<OpenMixed>,
+    /// The particles, with the families that are drawn.
+    members: Vec<Member>,
+    depiction: Depiction,
+    /// How large they are.
+    diameter: f64,
+    /// How many particles there is time for.
+    limit: u64,
+}
+
+/// Draws a picture of heights among other things.
+fn draw_mixed(
+    session: &mut MixedSession,
+    look: &LookPatch,
+    key: Key,
+    colored: (Levels, TransferFunction),
+    among: Among,
+) -> Result<Drawn, String> {
+    let start = Instant::now();
+    let Among { opened, members, depiction, diameter, limit } = among;
+    if let Some(particles) = session.particles() {
+        particles.show_members(members);
+    }
+    let view = key.content.view.resized(key.size.x, key.size.y);
+    let seen = session.seen(look, &view, None, (diameter, limit)).map_err(|error| error.to_string())?;
+    let exposure = match (&seen.colored, &seen.particles.sums, opened.particles(), seen.levels) {
+        (Some((attribute, transfer)), _, _, Some(levels)) => {
+            Exposure::of_heights(opened.first(), *attribute, transfer.scale, levels)
+        }
+        (None, Some(sums), ..) => Exposure::of(sums, &colored.1),
+        (None, None, Some(file), Some(levels)) => {
+            Exposure::of_codebooks(&Subject::new(file.metadata(), &depiction, &colored.1, diameter), levels)
+        }
+        _ => Exposure::default(),
+    };
+    let report = Report {
+        points: None,
+        nodes: seen.heights.nodes_drawn + seen.particles.nodes as u64,
+        samples: seen.heights.samples_drawn + seen.particles.taken,
+        error_px: seen.heights.error_px,
+        drawn_from: "chunks",
+        is_complete: seen.heights.is_converged && seen.error.is_none(),
+    };
+    let (image, milliseconds) = (Arc::new(seen.image), Some(1e3 * start.elapsed().as_secs_f64()));
     Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, milliseconds })
 }
 

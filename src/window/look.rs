@@ -1,6 +1,7 @@
 //! How the picture looks: the mode applied to the open data, and the transfer function with the ranges in use.
 
 use super::exposure::Exposure;
+use super::sampled::Sampled;
 use super::scene::{Scene, Settings, TransferKept};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
@@ -8,7 +9,7 @@ use super::transfer_presets::TransferPresets;
 use crate::annotate::Legend;
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::look::Attribute;
-use crate::mode::{Depiction, LevelChoice, LodBudget, over};
+use crate::mode::{Depiction, LevelChoice, LodBudget, Mode, over};
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 use std::sync::Arc;
@@ -44,7 +45,7 @@ impl Look {
     pub fn told(&self, scene: &Scene) -> Option<Legend> {
         let mode = self.depiction.mode;
         let is_own = || mode.technique.own_colors(&self.depiction.settings, &self.transfer).is_some();
-        if scene.field_for(mode).is_some() && is_own() {
+        if scene.samples_for(mode).is_some() && is_own() {
             return None;
         }
         let units = scene.units(&self.depiction);
@@ -120,7 +121,7 @@ pub(crate) fn follow_settings(
                     || look.depiction.attribute.is_some() != depiction.attribute.is_some();
                 let other_attribute = look.depiction.attribute != depiction.attribute;
                 // What was kept came with the mode and the attribute. Heights and slopes have colours of their own.
-                let other_colors = other_attribute && scene.surface_for(depiction.mode).is_some();
+                let other_colors = other_attribute && is_of_heights(&scene, depiction.mode);
                 if (other_kind || other_colors) && !kept {
                     settings.transfer = initial_transfer(&scene, &depiction, &mut presets);
                 } else if other_attribute
@@ -164,7 +165,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
         Attribute::Named(name) => Some(name.as_str()),
         Attribute::Automatic | Attribute::None => None,
     };
-    if let Some(field) = scene.field_for(settings.mode) {
+    if let Some(field) = scene.samples_for(settings.mode) {
         let opened = &field.opened;
         // Of the voxels there are other attributes.
         let name = name.filter(|name| opened.attributes().iter().any(|own| own == name));
@@ -182,6 +183,11 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
     Ok(depiction.blended())
 }
 
+/// Whether a mode's pictures are about heights.
+fn is_of_heights(scene: &Scene, mode: &Mode) -> bool {
+    scene.samples_for(mode).is_some_and(|field| !matches!(field.opened, Sampled::Field(_)))
+}
+
 /// Which levels of the data the settings choose.
 fn choice_of(scene: &Scene, settings: &Settings) -> LevelChoice {
     let choice = settings.budget.level_choice();
@@ -190,7 +196,7 @@ fn choice_of(scene: &Scene, settings: &Settings) -> LevelChoice {
 
 /// The transfer function that a depiction begins with.
 fn initial_transfer(scene: &Scene, depiction: &Depiction, presets: &mut TransferPresets) -> TransferFunction {
-    if let Some(field) = scene.field_for(depiction.mode) {
+    if let Some(field) = scene.samples_for(depiction.mode) {
         return field.opened.usual_transfer(depiction);
     }
     let [plain, colored] = depiction.mode.transfer;

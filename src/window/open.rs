@@ -2,6 +2,7 @@
 //! a file cannot be read.
 
 mod heights;
+mod mixed;
 mod sketch;
 
 use super::options::{OpenRequest, Opener};
@@ -10,11 +11,11 @@ use super::scene::SceneField;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;
-use crate::look::{Member, OpenData, SceneFile, is_scene_file};
+use crate::look::{HeightsSaid, Member, OpenData, SceneFile, is_scene_file, say};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Moment, ReadMethod, When};
 use crate::picture::field::FieldSession;
-use crate::picture::surface::SurfaceSession;
+use crate::picture::surface::MixedSession;
 use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
@@ -57,6 +58,15 @@ pub struct OpenedScene {
     pub notes: Vec<String>,
 }
 
+/// How what is opened is to be seen.
+#[derive(Clone)]
+struct Seen {
+    /// The scene that names it.
+    scene: Option<OpenedScene>,
+    /// How degrees of heights become places, in place of what the scene says.
+    map: Option<String>,
+}
+
 /// A file has arrived.
 #[derive(bevy::ecs::message::Message, Clone)]
 pub struct Opened {
@@ -78,6 +88,8 @@ pub struct Opened {
     pub frame: Bounds,
     /// The scene that names it.
     pub scene: Option<Arc<OpenedScene>>,
+    /// How degrees of heights become places, in place of what the scene says.
+    pub map: Option<String>,
     /// Whether it is more of what is open, so that the view of it stays as it is.
     pub keeps: bool,
     /// Whether more of it will come.
@@ -100,11 +112,17 @@ impl Openings {
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let (early, failed) = (send.clone(), send.clone());
         let open = move || {
+            let map = request.map.clone();
             let (members, scene) = data_of(request)?;
             if let [only] = &members[..]
-                && SurfaceSession::is_surface(&only.path)
+                && only.is_of_heights()
+                && only.is_in_place()
             {
-                return heights::open_heights(members, scene, read, &opener, shared.as_ref(), &early);
+                let seen = Seen { scene, map };
+                return heights::open_heights(members, &seen, read, &opener, shared.as_ref(), &early);
+            }
+            if MixedSession::is_for(&members) {
+                return mixed::open_mixed(members, &Seen { scene, map }, (read, time), &opener, shared.as_ref());
             }
             let sketch = match &members[..] {
                 [only] if FieldSession::is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
@@ -150,7 +168,7 @@ pub(super) fn open_members(
     let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
     let members = members.map_err(|error| error.to_string())?;
     let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
-    let built = |path: &Path| opener(path, progress).map_err(Failure);
+    let built = |path: &Path| opener(path, &HeightsSaid::default(), progress).map_err(Failure);
     let data = OpenData::open(&members, read, built).map_err(|Failure(why)| why)?;
     let when = time.or(scene.as_ref().and_then(|opened| opened.scene.look.time));
     // A time that the data does not have is told, and the beginning is shown.
@@ -178,6 +196,7 @@ pub(super) fn open_members(
         file: Arc::new(file),
         frame,
         scene: scene.map(Arc::new),
+        map: None,
         keeps: false,
         has_more: false,
     })
@@ -210,8 +229,19 @@ impl From<StoreError> for Failure {
     }
 }
 
-/// The datasets to open: what is named, or what the scene that is named says; its own data where both are.
+/// The datasets to open: what is named, or what the scene that is named says; its own data where both are. What is said of heights among them is
+/// over what the scene says.
 fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), String> {
+    let said = request.said.clone();
+    let (mut members, scene) = data_and_scene(request)?;
+    say(&mut members, &said);
+    if let Some(photo) = said.texture.filter(|_| !members.iter().any(Member::is_of_heights)) {
+        return Err(format!("{}: --texture: found no heights to lay it over, expected some", photo.path.display()));
+    }
+    Ok((members, scene))
+}
+
+fn data_and_scene(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), String> {
     let mut own = request.members;
     let path = match request.scene {
         Some(scene) => scene,

@@ -1,7 +1,7 @@
 //! What a caller hands to the window, and the errors that keep it from opening.
 
 use super::preset::{Backend, Preset, PresetError};
-use crate::look::Member;
+use crate::look::{HeightsSaid, Member};
 use crate::model::When;
 use crate::model::progress::Progress;
 use crate::view::{Stereo, Surround};
@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Turns something that a user named (a snapshot, a catalogue, a page file) into a page file and returns its path. Runs
-/// on a background thread; the error is one line that names the file and the cause.
-pub type Opener = Arc<dyn Fn(&Path, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
+/// Turns something that a user named (a snapshot, a catalogue, a page file), and what he says of heights in it, into a page file and returns its
+/// path. Runs on a background thread; the error is one line that names the file and the cause.
+pub type Opener = Arc<dyn Fn(&Path, &HeightsSaid, &dyn Progress) -> Result<PathBuf, String> + Send + Sync>;
 
 /// Gives more of a run that is being built, or that a simulation is writing, what is nearest to the time that is shown first: the path of
 /// a run file that has more than the one before, [`More::Later`] where there is none yet, [`More::Done`] where there will be none. Runs on
@@ -46,6 +46,10 @@ pub struct OpenRequest {
     pub projection: Option<(Surround, Option<Stereo>)>,
     /// The moment of a run, in place of the one that the scene says.
     pub time: Option<When>,
+    /// What is said of heights among the data, over what the scene says.
+    pub said: HeightsSaid,
+    /// How degrees of heights become places, in place of what the scene says.
+    pub map: Option<String>,
 }
 
 impl OpenRequest {

@@ -115,7 +115,7 @@ mod tests {
             .insert_resource(Settings::new(&Preset::default(), None))
             .add_systems(Update, apply_preset);
         let handle = app.world().resource::<AssetServer>().load("configs://desktop.ron");
-        let options = WindowOptions::new(None, Arc::new(|_, _| Err("nothing is opened here".to_owned())));
+        let options = WindowOptions::new(None, Arc::new(|_, _, _| Err("nothing is opened here".to_owned())));
         app.insert_resource(PresetFile { handle, options });
         let error_px = |world: &World| world.resource::<Settings>().error_px;
         wait(&mut app, "the preset at the start", |world| error_px(world) == 2.0);

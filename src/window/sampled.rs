@@ -1,4 +1,4 @@
-//! What is open in place of particles: an image, a volume or measured heights.
+//! What is open in place of particles: an image, a volume, measured heights, or these among other things.
 
 use crate::annotate::Units;
 use crate::color::transfer::TransferFunction;
@@ -6,17 +6,19 @@ use crate::mode::{Depiction, LevelChoice, Mode, Settings};
 use crate::model::Dataset;
 use crate::modes;
 use crate::picture::field::{FieldSession, OpenField};
-use crate::picture::surface::{OpenSurface, SurfaceSession};
+use crate::picture::surface::{OpenMixed, OpenSurface, SurfaceSession};
 use crate::picture::{AnySession, Reporter, SessionOptions};
 use std::sync::Arc;
 
-/// Samples on a grid.
+/// Samples on a grid, and what is drawn with them.
 #[derive(Clone)]
 pub enum Sampled {
     /// An image or a volume.
     Field(Arc<OpenField>),
     /// Measured heights.
     Heights(Arc<OpenSurface>),
+    /// Heights with particles, or with other heights.
+    Mixed(Arc<OpenMixed>),
 }
 
 impl Sampled {
@@ -28,7 +30,47 @@ impl Sampled {
                 let options = SessionOptions::default();
                 AnySession::Surface(Box::new(SurfaceSession::of(Arc::clone(opened), options, reporter)))
             }
+            Sampled::Mixed(opened) => AnySession::Mixed(Box::new(opened.session(&reporter))),
         }
+    }
+
+    /// Whether a mode's pictures are about its samples: of particles among heights they are not.
+    pub fn is_told_by(&self, mode: &Mode) -> bool {
+        match self {
+            Sampled::Field(_) | Sampled::Heights(_) => true,
+            Sampled::Mixed(opened) => opened.is_about_heights(mode),
+        }
+    }
+
+    /// The heights whose height is z in the window's world.
+    pub fn ground(&self) -> Option<&Arc<OpenSurface>> {
+        match self {
+            Sampled::Field(_) => None,
+            Sampled::Heights(opened) => Some(opened),
+            Sampled::Mixed(opened) => opened.asked(),
+        }
+    }
+
+    /// Whether z is up.
+    pub fn has_z_up(&self) -> bool {
+        match self {
+            Sampled::Field(_) => false,
+            Sampled::Heights(_) => true,
+            Sampled::Mixed(opened) => opened.begins_with_heights(),
+        }
+    }
+
+    /// What it is of heights among other things.
+    pub fn mixed(&self) -> Option<&Arc<OpenMixed>> {
+        match self {
+            Sampled::Field(_) | Sampled::Heights(_) => None,
+            Sampled::Mixed(opened) => Some(opened),
+        }
+    }
+
+    /// Those of what is said of all datasets that is said of particles.
+    pub fn of_particles<T: Clone>(&self, all: &[T]) -> Vec<T> {
+        self.mixed().map_or_else(|| all.to_vec(), |opened| opened.of_particles(all))
     }
 
     /// Whether a mode draws it.
@@ -36,6 +78,7 @@ impl Sampled {
         match self {
             Sampled::Field(opened) => opened.is_drawn_by(mode),
             Sampled::Heights(opened) => opened.is_drawn_by(mode),
+            Sampled::Mixed(opened) => opened.is_drawn_by(mode),
         }
     }
 
@@ -44,6 +87,7 @@ impl Sampled {
         match self {
             Sampled::Field(opened) => modes::of_fields(opened.grid().dimensions),
             Sampled::Heights(_) => &modes::surface::MODE,
+            Sampled::Mixed(opened) => opened.usual_mode(),
         }
     }
 
@@ -52,6 +96,7 @@ impl Sampled {
         match self {
             Sampled::Field(opened) => opened.attributes(),
             Sampled::Heights(opened) => opened.attributes(),
+            Sampled::Mixed(opened) => opened.first().attributes(),
         }
     }
 
@@ -69,6 +114,7 @@ impl Sampled {
         match self {
             Sampled::Field(opened) => opened.depiction(mode, settings, attribute, choice),
             Sampled::Heights(opened) => opened.depiction(mode, settings, attribute, choice),
+            Sampled::Mixed(opened) => opened.first().depiction(mode, settings, attribute, choice),
         }
     }
 
@@ -77,6 +123,7 @@ impl Sampled {
         match self {
             Sampled::Field(opened) => opened.usual_transfer(depiction),
             Sampled::Heights(opened) => opened.usual_transfer(depiction),
+            Sampled::Mixed(opened) => opened.first().usual_transfer(depiction),
         }
     }
 
@@ -85,6 +132,7 @@ impl Sampled {
         match self {
             Sampled::Field(opened) => opened.units(depiction),
             Sampled::Heights(opened) => opened.units(depiction),
+            Sampled::Mixed(opened) => opened.first().units(depiction),
         }
     }
 
@@ -93,6 +141,7 @@ impl Sampled {
         match self {
             Sampled::Field(opened) => opened.sketch(most),
             Sampled::Heights(opened) => opened.sketch(most),
+            Sampled::Mixed(opened) => opened.first().sketch(most),
         }
     }
 }

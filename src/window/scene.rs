@@ -122,12 +122,24 @@ impl Scene {
         self.field.as_ref().filter(|field| field.opened.is_drawn_by(mode))
     }
 
-    /// The heights, where they are open and a mode draws them.
+    /// The same where a mode's pictures are about them, not about particles among them.
+    pub fn samples_for(&self, mode: &Mode) -> Option<&SceneField> {
+        self.field_for(mode).filter(|field| field.opened.is_told_by(mode))
+    }
+
+    /// The heights that tools ask, where they are open and a mode's pictures are about them.
     pub fn surface_for(&self, mode: &Mode) -> Option<&Arc<OpenSurface>> {
-        match &self.field_for(mode)?.opened {
-            Sampled::Heights(opened) => Some(opened),
-            Sampled::Field(_) => None,
-        }
+        self.samples_for(mode)?.opened.ground()
+    }
+
+    /// The members that are particles.
+    pub fn members_of_particles(&self) -> Vec<Member> {
+        self.of_particles(&self.members)
+    }
+
+    /// Those of what is said of all members that is said of particles.
+    pub fn of_particles<T: Clone>(&self, all: &[T]) -> Vec<T> {
+        self.field.as_ref().map_or_else(|| all.to_vec(), |field| field.opened.of_particles(all))
     }
 
     /// The viewpoint that shows all of what is drawn with these settings.
@@ -135,15 +147,16 @@ impl Scene {
     /// # Errors
     /// Why there is none, in a line.
     pub fn home(&self, settings: &Settings, fov_y: f64, picture: &Picture) -> Result<Viewpoint, String> {
-        match self.surface_for(settings.mode) {
-            Some(opened) => home_of(opened, &settings.look.settings, fov_y, picture),
+        match self.field_for(settings.mode).filter(|field| field.opened.has_z_up()) {
+            Some(field) => home_of(&field.opened, &settings.look.settings, fov_y, picture),
             None => home(self.frame, fov_y, picture).map_err(|error| error.to_string()),
         }
     }
 
     /// Whether a mode draws what is open.
     pub fn takes(&self, mode: &Mode) -> bool {
-        mode.takes_particles() || self.field_for(mode).is_some()
+        let is_mixed = self.field.as_ref().is_some_and(|field| field.opened.mixed().is_some());
+        mode.takes_particles() && !is_mixed || self.field_for(mode).is_some()
     }
 
     /// What a look comes to on what is open.
@@ -151,7 +164,7 @@ impl Scene {
     /// # Errors
     /// The names of its attributes, where it has none that the look names.
     pub fn depict(&self, look: &LookPatch) -> Result<Depiction, String> {
-        match look.mode.and_then(|mode| Some((mode, self.field_for(mode)?))) {
+        match look.mode.and_then(|mode| Some((mode, self.samples_for(mode)?))) {
             Some((mode, field)) => {
                 let choice = look.budget.level_choice();
                 field.opened.depiction(mode, look.settings.clone(), look.attribute_name(), choice)
@@ -162,7 +175,7 @@ impl Scene {
 
     /// The units of what a depiction shows.
     pub fn units(&self, depiction: &Depiction) -> Units {
-        match self.field_for(depiction.mode) {
+        match self.samples_for(depiction.mode) {
             Some(field) => field.opened.units(depiction),
             None => Units::of(self.metadata(), depiction),
         }
@@ -329,18 +342,26 @@ pub fn home(bounds: Bounds, fov_y: f64, picture: &Picture) -> Result<Viewpoint, 
     Ok(viewpoint)
 }
 
-/// The viewpoint that shows all of a height field in the picture.
+/// The viewpoint that shows all of heights in the picture, or of the first of them where there are particles, too.
 ///
 /// # Errors
 /// Why there is none, in a line.
 pub fn home_of(
-    opened: &OpenSurface,
+    opened: &Sampled,
     settings: &crate::mode::Settings,
     fov_y: f64,
     picture: &Picture,
 ) -> Result<Viewpoint, String> {
     let (size, told) = (picture.size(), |error: PictureError| error.to_string());
-    let view = opened.home(settings, fov_y.to_degrees(), (size.x, size.y)).map_err(told)?;
-    let target = opened.bounds(settings).map_err(told)?.center();
+    let (fov_deg, size) = (fov_y.to_degrees(), (size.x, size.y));
+    let found = match opened {
+        Sampled::Field(_) => None,
+        Sampled::Heights(opened) => {
+            let view = opened.home(settings, fov_deg, size).map_err(told)?;
+            Some((view, opened.bounds(settings).map_err(told)?.center()))
+        }
+        Sampled::Mixed(opened) => opened.home(settings, fov_deg, size).map_err(told)?,
+    };
+    let (view, target) = found.ok_or("there are no heights")?;
     Ok(Viewpoint { eye: view.eye, target, up: view.up, fov_y })
 }

@@ -74,6 +74,7 @@ impl ShownData {
                 families: None,
                 offset: member.offset.to_array(),
                 scale: member.scale,
+                said: member.said.clone(),
             };
             (self.dataset, self.datasets) = (scene.dataset, scene.members.iter().map(of).collect());
         }
@@ -121,7 +122,16 @@ pub(crate) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<
         let names: Vec<FamilyName> = part.families.filter(shown).filter_map(|i| Some(all.get(i)?.name)).collect();
         (names.len() < count).then_some(names)
     };
-    scene.file.parts().map(of).collect()
+    let mut parts = scene.file.parts().map(of);
+    // Heights have no families.
+    match scene.field.as_ref().and_then(|field| field.opened.mixed()) {
+        None => parts.collect(),
+        Some(mixed) => {
+            let is_field = |index: usize| mixed.fields().iter().any(|field| field.index == index);
+            let own = |index| if is_field(index) { None } else { parts.next().flatten() };
+            (0..scene.members.len()).map(own).collect()
+        }
+    }
 }
 
 /// The scene that the window shows of these datasets, to be saved at `path`.
@@ -178,10 +188,7 @@ pub(crate) fn save_scene(
     }
     let Some(scene) = scene else { return };
     let path = parts.files.path.clone().unwrap_or_else(|| first_path(&scene.path));
-    let dataset = |(member, families): (&Member, _)| {
-        let (offset, scale) = (member.offset.to_array(), member.scale);
-        DatasetRef { families, offset, scale, ..DatasetRef::of(&member.path, &path) }
-    };
+    let dataset = |(member, families): (&Member, _)| DatasetRef { families, ..DatasetRef::of_member(member, &path) };
     let datasets = scene.members.iter().zip(families_of(&scene, &settings)).map(dataset).collect();
     let mut file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
     file.look.time = scene.when();

@@ -299,7 +299,8 @@ impl Shown<'_, '_> {
         let content = Content {
             dataset: scene.dataset,
             backend: self.preset.drawing.backend,
-            members: members.map(|(member, families)| Member { families, ..member }).collect(),
+            members: scene
+                .of_particles(&members.map(|(member, families)| Member { families, ..member }).collect::<Vec<_>>()),
             shot: Shot {
                 look: LookPatch {
                     transfer: shot.look.transfer.clone().filter(|_| is_light),

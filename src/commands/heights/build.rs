@@ -19,7 +19,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> CommandResult {
             return Err(format!("{}: hierarchy {kinds}: found heights, {expected}", path.display()).into());
         }
     }
-    let said = arguments.texture.with(arguments.heights.import(&arguments.raw.spacing, arguments.read));
+    let said = arguments.texture.with(arguments.heights.said(&arguments.raw.spacing)).options(arguments.read);
     let open = OpenHeights::open(path, &said)?;
     let options = HeightBuildOptions { memory: arguments.memory, threads: arguments.threads.map(usize::from) };
     let built = open.build(&options, &arguments.output, &TerminalProgress::new())?;

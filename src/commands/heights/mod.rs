@@ -12,5 +12,5 @@ pub mod select;
 pub mod synth;
 pub mod texture;
 
-pub use options::HeightsOptions;
+pub use options::{HeightsOptions, SpacingOptions};
 pub use texture::TextureOptions;

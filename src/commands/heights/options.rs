@@ -1,8 +1,8 @@
 //! What the user says of a height field in place of its file, and which files are height fields.
 
-use crate::heights::import::HeightOptions;
 use crate::heights::model::{HeightError, HeightGrid, Lengths};
 use crate::heights::{OpenHeights, is_heights};
+use crate::look::HeightsSaid;
 use crate::model::{ReadMethod, Unit};
 use crate::modes::surface::radius_of;
 use std::path::Path;
@@ -37,6 +37,15 @@ pub struct HeightsOptions {
     pub height_unit: Option<String>,
 }
 
+/// Distances of samples, of commands that read no other files without a header.
+#[derive(clap::Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Height fields")]
+pub struct SpacingOptions {
+    /// Distances of columns and of rows, above 0 [default: the file's].
+    #[arg(long, value_name = "DX,DY", value_delimiter = ',')]
+    pub spacing: Vec<f64>,
+}
+
 impl HeightsOptions {
     /// Whether the file at `path` is taken for heights, built or not.
     pub fn takes(&self, path: &Path) -> bool {
@@ -47,8 +56,8 @@ impl HeightsOptions {
         }
     }
 
-    /// What importers are told; `spacing` is what `--spacing` says.
-    pub fn import(&self, spacing: &[f64], read: ReadMethod) -> HeightOptions {
+    /// What is said; `spacing` is what `--spacing` says.
+    pub fn said(&self, spacing: &[f64]) -> HeightsSaid {
         let unit = |name: &Option<String>| name.clone().map(Unit::new);
         // What is not two numbers is refused with the option's name.
         let spacing = match *spacing {
@@ -56,14 +65,13 @@ impl HeightsOptions {
             [x, y] => Some([x, y]),
             _ => Some([f64::NAN; 2]),
         };
-        HeightOptions {
-            is_asked: self.kind == Some(Kind::Heights),
-            no_data: self.nodata,
+        HeightsSaid {
+            is_heights: self.kind.map(|kind| kind == Kind::Heights),
+            nodata: self.nodata,
             spacing,
             xy_unit: unit(&self.xy_unit),
             height_unit: unit(&self.height_unit),
             texture: None,
-            read,
         }
     }
 
@@ -72,7 +80,7 @@ impl HeightsOptions {
     /// # Errors
     /// When it cannot be read, or what is said of it cannot be.
     pub fn open(&self, path: &Path, spacing: &[f64], read: ReadMethod) -> Result<OpenHeights, HeightError> {
-        OpenHeights::open(path, &self.import(spacing, read))
+        OpenHeights::open(path, &self.said(spacing).options(read))
     }
 }
 

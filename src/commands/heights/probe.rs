@@ -39,7 +39,7 @@ pub struct HeightsProbe {
     /// Take this form off, fitted to the region after the S-filter and before the L-filter: plane, quadric, sphere, cylinder or polynomial-N.
     #[arg(long, value_name = "FORM", value_parser = form)]
     pub form: Option<FormKind>,
-    /// Leave out waves shorter than this, in the unit of x and y (Gaussian, ISO 16610-61).
+    /// Leave out waves shorter than this, in the unit of x and y, of degrees in metres (Gaussian, ISO 16610-61).
     #[arg(long, value_name = "LENGTH", value_parser = positive)]
     pub s_filter: Option<f64>,
     /// Leave out waves longer than this.
@@ -129,7 +129,7 @@ pub fn run(
         return answer(json, &found, |text, found| write_point(text, path, open.grid(), found));
     }
     if let Some(Polyline(corners)) = &asked.line {
-        return profile::run(path, &open, corners, (out, asked.size), json);
+        return profile::run(path, &open, corners, asked.map.as_deref(), (out, asked.size), json);
     }
     if out.is_some() {
         return Err("-o: expected --line beside it".into());
@@ -207,13 +207,14 @@ fn numbers_of(
     };
     // ISO 25178-3: first the S-filter, then the form is taken off, then the L-filter. Filters see the whole field.
     let all = Window::all(grid);
-    let smooth = asked.s_filter.map(|length| Filtered::new(open, Filter::Short(length), all)).transpose()?;
+    let on = options::lengths(path, asked.map.as_deref(), grid)?;
+    let smooth = asked.s_filter.map(|length| Filtered::on(open, on, Filter::Short(length), all)).transpose()?;
     let first: &dyn Heights = smooth.as_ref().map_or(open as &dyn Heights, |filtered| filtered);
     let form = asked.form.map(|kind| fit(&region(first)?, kind).map_err(|error| told(&error))).transpose()?;
     let numbers = form.as_ref().map(|form| form.numbers());
     let rest = form.map(|form| Residual::new(first, form));
     let second: &dyn Heights = rest.as_ref().map_or(first, |rest| rest);
-    let rough = asked.l_filter.map(|length| Filtered::new(second, Filter::Long(length), all)).transpose()?;
+    let rough = asked.l_filter.map(|length| Filtered::on(second, on, Filter::Long(length), all)).transpose()?;
     let third: &dyn Heights = rough.as_ref().map_or(second, |filtered| filtered);
     let region = region(third)?;
     let lengths = options::lengths(path, asked.map.as_deref(), region.grid())?;

@@ -1,5 +1,6 @@
 //! `deepfield probe --line`: the surface along a line, as a table and as a plot.
 
+use super::options::lengths;
 use super::probe::{after, answer};
 use crate::annotate::plot::Curve;
 use crate::color::Image;
@@ -8,8 +9,8 @@ use crate::commands::CommandResult;
 use crate::commands::arguments::PictureSize;
 use crate::commands::probe::short;
 use crate::heights::OpenHeights;
-use crate::heights::measure::{Profile, profile};
-use crate::heights::model::{HeightGrid, Heights};
+use crate::heights::measure::{Profile, profile_on};
+use crate::heights::model::{HeightGrid, Heights, Lengths};
 use crate::model::Unit;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -36,6 +37,7 @@ pub fn run(
     path: &Path,
     open: &OpenHeights,
     corners: &[[f64; 2]],
+    map: Option<&str>,
     (out, size): (Option<&Path>, Option<PictureSize>),
     json: Option<&Path>,
 ) -> CommandResult {
@@ -46,8 +48,9 @@ pub fn run(
         Some((_, Some(extension))) if extension == "png" => true,
         Some((out, _)) => return Err(format!("{}: expected a name that ends in .csv or .png", out.display()).into()),
     };
-    let found = profile(open, corners)?;
     let grid = open.grid();
+    let lengths = lengths(path, map, grid)?;
+    let found = profile_on(open, &lengths, corners)?;
     match out {
         Some(out) if is_plot => write_png(out, &plot(path, grid, &found, size))?,
         Some(out) => write_atomically(out, table(grid, &found)?.as_bytes())?,
@@ -62,7 +65,7 @@ pub fn run(
         max: known().reduce(f64::max),
     };
     answer(json, &told, |text, told| {
-        let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
+        let (places, heights) = (after(&Lengths::unit(grid)), after(&grid.height_unit));
         let (length, valid) = (short(told.length), short(told.valid_length));
         writeln!(text, "{}: a line of {length}{places}, {valid}{places} of it over the surface", path.display())?;
         if let (Some(min), Some(max)) = (told.min, told.max) {
@@ -78,7 +81,8 @@ fn named(name: &str, unit: &Unit) -> String {
 }
 
 fn table(grid: &HeightGrid, found: &Profile) -> Result<String, std::fmt::Error> {
-    let heads = ["distance", "x", "y"].map(|name| named(name, &grid.xy_unit));
+    let [along, unit] = [&Lengths::unit(grid), &grid.xy_unit];
+    let heads = [("distance", along), ("x", unit), ("y", unit)].map(|(name, unit)| named(name, unit));
     let mut text = format!("{},{}\n", heads.join(","), named("height", &grid.height_unit));
     for point in &found.points {
         let height = if point.height.is_nan() { String::new() } else { point.height.to_string() };
@@ -92,7 +96,7 @@ fn plot(path: &Path, grid: &HeightGrid, found: &Profile, size: Option<PictureSiz
     let title = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let curve = Curve {
         title: &title,
-        across: &named("distance", &grid.xy_unit),
+        across: &named("distance", &Lengths::unit(grid)),
         up: &named("height", &grid.height_unit),
         points: &points,
     };

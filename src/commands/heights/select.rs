@@ -3,6 +3,7 @@
 use super::HeightsOptions;
 use crate::commands::CommandResult;
 use crate::commands::progress_bar::TerminalProgress;
+use crate::heights::OpenHeights;
 use crate::heights::export::{ExportOptions, export_heights};
 use crate::heights::measure::window_of;
 use crate::heights::model::{HeightGrid, Heights, Window};
@@ -56,6 +57,9 @@ pub fn run(path: &Path, options: &HeightsOptions, part: Option<Corners>, out: &P
     let written = export_heights(&open, window, out, &ExportOptions { all_valid }, &TerminalProgress::new())?;
     for note in &written.notes {
         eprintln!("note: {note}");
+    }
+    if matches!(&open, OpenHeights::Pages(file) if file.about().photo.is_some()) {
+        eprintln!("note: the photo over the field is left out");
     }
     println!("{} of {} samples in {} were measured", written.valid, written.samples, out.display());
     Ok(())

@@ -1,6 +1,7 @@
 //! A photo over heights, as the user names it.
 
-use crate::heights::import::{HeightOptions, PhotoChoice};
+use crate::heights::import::PhotoChoice;
+use crate::look::HeightsSaid;
 
 /// A photo over heights.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -13,9 +14,9 @@ pub struct TextureOptions {
 }
 
 impl TextureOptions {
-    /// What importers are told, with the photo.
-    pub fn with(&self, said: HeightOptions) -> HeightOptions {
-        HeightOptions { texture: self.texture.clone(), ..said }
+    /// What is said of heights, with the photo.
+    pub fn with(&self, said: HeightsSaid) -> HeightsSaid {
+        HeightsSaid { texture: self.texture.clone(), ..said }
     }
 
     /// Refuses a photo where there are no heights.

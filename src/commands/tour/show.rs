@@ -5,10 +5,8 @@ use crate::annotate::overlay::Overlay;
 use crate::color::{Image, output};
 use crate::commands::CommandResult;
 use crate::commands::request;
-use crate::heights::import::HeightOptions;
 use crate::look::{Backend, Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
 use crate::picture::ranges::Format;
-use crate::picture::surface::SurfaceSession;
 use crate::picture::{AnySession, Picture, Session, SessionOptions};
 use crate::tour::exposure::is_searched;
 use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile, play_along};
@@ -53,8 +51,7 @@ impl Show {
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
         let backend = Some(arguments.backend.unwrap_or(Backend::Cpu));
         let options = SessionOptions { backend, ..SessionOptions::default() };
-        let said = SurfaceSession::is_surface(&data).then(HeightOptions::default);
-        let mut session = request::open_any(&[Member::new(data.clone())], said.as_ref(), options, [])?;
+        let mut session = request::open_any(&[Member::new(data.clone())], options, [])?;
         if session.has_z_up() {
             tour.up = tour.up.or(Some([0.0, 0.0, 1.0]));
         }

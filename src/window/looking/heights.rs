@@ -4,11 +4,14 @@
 use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
 use crate::heights::measure::{
-    Disc, FormKind, FormNumbers, Part, Pick, Probe, ProfilePoint, Residual, Roughness, fit, probe, profile, roughness,
+    Disc, FormKind, FormNumbers, Part, Pick, Probe, Profile, ProfilePoint, Residual, Roughness, fit, great_circle,
+    probe, probe_on, profile_on, roughness_on,
 };
-use crate::heights::model::{HeightGrid, Heights};
+use crate::heights::model::lengths::EARTH;
+use crate::heights::model::{HeightError, HeightGrid, Heights, Lengths};
 use crate::heights::store::HeightFile;
-use crate::mode::Settings;
+use crate::mode::{SettingValue, Settings};
+use crate::modes::surface::radius_of;
 use crate::picture::surface::OpenSurface;
 use crate::view::View;
 use crate::window::state::answer::Answer;
@@ -55,6 +58,8 @@ pub struct Place {
     pub height: f64,
     /// The world without exaggeration.
     pub true_world: DVec3,
+    /// On a globe: how far the height 0 is from its middle here.
+    pub radius: Option<f64>,
 }
 
 /// What a click has found.
@@ -171,8 +176,8 @@ impl OnHeights {
         }
         match tool {
             Tool::Profile => {
-                let file = Arc::clone(asked.opened.file());
-                self.profile = Answer::ask("profile", move |_| line_of(&file, &placed, ends));
+                let (file, radius) = (Arc::clone(asked.opened.file()), radius(asked.opened, asked.settings));
+                self.profile = Answer::ask("profile", move |_| line_of(&file, &placed, radius, ends));
             }
             Tool::Sphere => self.ask(asked.opened, asked.settings, Area::Disc(Disc { center: from, radius: reach })),
             _ => self.ask(asked.opened, asked.settings, Area::Rectangle(ends)),
@@ -182,7 +187,7 @@ impl OnHeights {
     /// Asks for the numbers of a region.
     pub fn ask(&mut self, opened: &OpenSurface, settings: &Settings, area: Area) {
         self.area = Some(area);
-        let (file, form) = (Arc::clone(opened.file()), self.form);
+        let (file, form, on) = (Arc::clone(opened.file()), self.form, radius(opened, settings));
         let placed = match opened.placed(settings) {
             Ok(placed) => placed,
             Err(error) => {
@@ -190,7 +195,7 @@ impl OnHeights {
                 return;
             }
         };
-        self.numbers = Answer::ask("region", move |_| numbers_of(&file, &placed, area, form));
+        self.numbers = Answer::ask("region", move |_| numbers_of(&file, &placed, on, area, form));
     }
 
     /// Takes what has been found out.
@@ -200,13 +205,25 @@ impl OnHeights {
         self.numbers.receive();
     }
 
-    /// The two places' distance in space, in plan, the second one's height above the first, and the angle of the way from the horizontal,
-    /// degrees: in the unit of the world without exaggeration but the height.
+    /// The two places' distance in space, in plan (on a globe along the great circle at the height 0), the second one's height above the first,
+    /// and the angle of the way from the horizontal (on a globe of that along the circle), degrees: in the unit of the world without exaggeration
+    /// but the height.
     pub fn apart(&self) -> Option<[f64; 4]> {
         let [from, to] = self.places[..] else { return None };
         let way = to.true_world - from.true_world;
-        let plan = way.x.hypot(way.y);
-        Some([way.length(), plan, to.height - from.height, way.z.atan2(plan).to_degrees()])
+        let (plan, rise) = match (from.radius, to.radius) {
+            (Some(one), Some(other)) => {
+                let rise = (to.true_world.length() - other) - (from.true_world.length() - one);
+                (0.5 * (one + other) * from.true_world.angle_between(to.true_world), rise)
+            }
+            _ => (way.x.hypot(way.y), way.z),
+        };
+        Some([way.length(), plan, to.height - from.height, rise.atan2(plan).to_degrees()])
+    }
+
+    /// Whether the places are on a globe.
+    pub fn is_on_globe(&self) -> bool {
+        self.places.iter().any(|place| place.radius.is_some())
     }
 }
 
@@ -229,9 +246,11 @@ impl Asked<'_> {
             Pick::Hit(hit) => Some(placed.world(hit.row, hit.column, hit.height)),
             Pick::NotMeasured { .. } | Pick::Beside => None,
         };
-        let file = Arc::clone(self.opened.file());
+        let (file, radius) = (Arc::clone(self.opened.file()), radius(self.opened, self.settings));
         Answer::ask("sample", move |_| {
-            probe(&*file, at).map(|probe| Found { probe, world, samples }).map_err(|error| error.to_string())
+            probe_on(&*file, &Lengths::on(file.grid(), radius), at)
+                .map(|probe| Found { probe, world, samples })
+                .map_err(|error| error.to_string())
         })
     }
 }
@@ -240,11 +259,13 @@ impl Place {
     fn of(placed: &Placed, grid: &HeightGrid, pick: Pick) -> Option<Place> {
         let Pick::Hit(hit) = pick else { return None };
         let flat = Placed { zero: 0.0, lift: placed.true_lift, ..*placed };
+        let radius = || flat.world(hit.row, hit.column, 0.0).length();
         Some(Place {
             world: placed.world(hit.row, hit.column, hit.height),
             at: grid.place(hit.row, hit.column),
             height: hit.height,
             true_world: flat.world(hit.row, hit.column, hit.height),
+            radius: (!placed.is_flat()).then(radius),
         })
     }
 }
@@ -253,7 +274,7 @@ impl Place {
 pub fn world_unit<'a>(placed: &Placed, grid: &'a HeightGrid) -> &'a str {
     match placed.map {
         Map::Plate => grid.xy_unit.0.as_str(),
-        Map::Local { .. } | Map::Globe(_) => grid.height_unit.0.as_str(),
+        _ => grid.height_unit.0.as_str(),
     }
 }
 
@@ -266,9 +287,42 @@ fn on_surface(file: &HeightFile, placed: &Placed, places: &[[f64; 2]]) -> Result
     places.iter().map(found).collect()
 }
 
-fn line_of(file: &HeightFile, placed: &Placed, ends: [[f64; 2]; 2]) -> Result<Line, String> {
+/// Radius in metres of the body that a field's degrees are on as settings place it: that which they name, else the Earth's.
+fn radius(opened: &OpenSurface, settings: &Settings) -> f64 {
+    let radius = match settings.0.get("map") {
+        Some(SettingValue::Name(map)) => radius_of(map, &opened.file().about().grid).ok().flatten(),
+        _ => None,
+    };
+    radius.unwrap_or(EARTH)
+}
+
+/// The profile between two places: along a straight line, on a globe along the great circle.
+fn profile_between(
+    file: &HeightFile,
+    lengths: &Lengths,
+    is_flat: bool,
+    ends: [[f64; 2]; 2],
+) -> Result<Profile, HeightError> {
+    if is_flat {
+        return profile_on(file, lengths, &ends);
+    }
+    let mut whole = Profile { points: Vec::new(), length: 0.0, valid_length: 0.0 };
+    for piece in great_circle(file.grid(), ends) {
+        let found = profile_on(file, lengths, &piece)?;
+        let before = whole.length;
+        whole
+            .points
+            .extend(found.points.into_iter().map(|point| ProfilePoint { distance: before + point.distance, ..point }));
+        whole.length += found.length;
+        whole.valid_length += found.valid_length;
+    }
+    Ok(whole)
+}
+
+fn line_of(file: &HeightFile, placed: &Placed, radius: f64, ends: [[f64; 2]; 2]) -> Result<Line, String> {
     let grid = file.grid();
-    let found = profile(file, &ends).map_err(|error| error.to_string())?;
+    let lengths = Lengths::on(grid, radius);
+    let found = profile_between(file, &lengths, placed.is_flat(), ends).map_err(|error| error.to_string())?;
     let every = found.points.len().div_ceil(MOST_POINTS).max(1);
     // Gaps and ends stay, however many points there are.
     let last = found.points.len().saturating_sub(1);
@@ -283,7 +337,13 @@ fn line_of(file: &HeightFile, placed: &Placed, ends: [[f64; 2]; 2]) -> Result<Li
     Ok(Line { points, drawn, lengths: [found.length, found.valid_length] })
 }
 
-fn numbers_of(file: &HeightFile, placed: &Placed, area: Area, form: Option<FormKind>) -> Result<Numbers, String> {
+fn numbers_of(
+    file: &HeightFile,
+    placed: &Placed,
+    radius: f64,
+    area: Area,
+    form: Option<FormKind>,
+) -> Result<Numbers, String> {
     let few = || "the region has fewer than 2 x 2 samples".to_owned();
     let part = |heights| match area {
         Area::Rectangle(corners) => Part::of_rectangle(heights, corners),
@@ -300,10 +360,10 @@ fn numbers_of(file: &HeightFile, placed: &Placed, area: Area, form: Option<FormK
     let form = form.map(|kind| fit(&region, kind).map_err(|error| told(&error))).transpose()?;
     let taken = form.as_ref().map(|form| form.numbers());
     let roughness = match form {
-        None => roughness(&region),
+        None => roughness_on(&region, &Lengths::on(region.grid(), radius)),
         Some(form) => {
             let rest = Residual::new(file, form);
-            part(&rest).ok_or_else(few).map(|region| roughness(&region))?
+            part(&rest).ok_or_else(few).map(|region| roughness_on(&region, &Lengths::on(region.grid(), radius)))?
         }
     };
     let outline = on_surface(file, placed, &edge(area))?;

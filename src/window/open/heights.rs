@@ -2,15 +2,16 @@
 //! soon as these are read.
 
 use super::sketch::{PATIENCE, sketched};
-use super::{Opened, OpenedScene};
+use super::{Opened, Seen};
 use crate::heights::OpenHeights;
 use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
-use crate::heights::import::{HeightOptions, HeightSource};
+use crate::heights::import::HeightSource;
 use crate::heights::model::{HeightField, HeightGrid, Heights, Window};
 use crate::heights::store::HeightFile;
 use crate::look::Member;
 use crate::model::progress::Progress;
 use crate::model::{ReadMethod, SampleType, Scale};
+use crate::modes::surface::radius_of;
 use crate::picture::surface::OpenSurface;
 use crate::stream::first_frame;
 use crate::window::options::Opener;
@@ -34,7 +35,7 @@ const LONG: Duration = Duration::from_secs(4);
 /// When they cannot be read, or built.
 pub(super) fn open_heights(
     members: Vec<Member>,
-    scene: Option<OpenedScene>,
+    seen: &Seen,
     read: ReadMethod,
     opener: &Opener,
     progress: &dyn Progress,
@@ -42,23 +43,23 @@ pub(super) fn open_heights(
 ) -> Result<Opened, String> {
     let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
     let members = members.map_err(|error| error.to_string())?;
-    let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
+    let Some(Member { path, said, .. }) = members.first().cloned() else { return Err("no heights".into()) };
     let told = |error: &dyn std::fmt::Display| error.to_string();
-    let open = OpenHeights::open(&path, &HeightOptions { read, ..HeightOptions::default() });
-    let open = open.map_err(|error| told(&error))?;
+    let open = OpenHeights::open(&path, &said.options(read)).map_err(|error| told(&error))?;
+    check_map(&path, open.grid(), seen)?;
     let (file, keeps) = match open {
         OpenHeights::Pages(file) => {
-            return opened(&path, &members, &scene, OpenSurface::new(&path, *file).map_err(|error| told(&error))?);
+            return opened(&path, &members, seen, OpenSurface::new(&path, *file).map_err(|error| told(&error))?);
         }
         OpenHeights::Source(source) => {
             let (first, state) = (early.clone(), Arc::new(Mutex::new(State::Begun)));
             if source.grid().samples() > AT_ONCE {
-                let (known, path, members, scene) = (Arc::clone(&state), path.clone(), members.clone(), scene.clone());
+                let (known, path, members, seen) = (Arc::clone(&state), path.clone(), members.clone(), seen.clone());
                 let show = move || {
                     std::thread::sleep(PATIENCE);
                     let is_over = || *locked(&known) == State::Over;
                     if let Some(few) = few_of(&path, &source, is_over)
-                        && let Ok(shown) = opened(&path, &members, &scene, few)
+                        && let Ok(shown) = opened(&path, &members, &seen, few)
                     {
                         let mut state = locked(&known);
                         // Nobody listens any more where another file was opened meanwhile.
@@ -70,13 +71,19 @@ pub(super) fn open_heights(
                 // Without a thread all of them are waited for.
                 drop(std::thread::Builder::new().name("deepfield heights".into()).spawn(show));
             }
-            let built = opener(&path, progress);
+            let built = opener(&path, &said, progress);
             let is_shown = std::mem::replace(&mut *locked(&state), State::Over) == State::Shown;
             (HeightFile::open(&built?, read).map_err(|error| told(&error))?, is_shown)
         }
     };
     let surface = OpenSurface::new(&path, file).map_err(|error| told(&error))?;
-    Ok(Opened { keeps, ..opened(&path, &members, &scene, surface)? })
+    Ok(Opened { keeps, ..opened(&path, &members, seen, surface)? })
+}
+
+/// Refuses a map that does not fit.
+pub(super) fn check_map(path: &Path, grid: &HeightGrid, seen: &Seen) -> Result<(), String> {
+    let fits = seen.map.as_deref().map(|map| radius_of(map, grid)).transpose();
+    fits.map(drop).map_err(|why| format!("{}: {why}", path.display()))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,12 +132,7 @@ fn few_of(path: &Path, source: &HeightSource, is_over: impl Fn() -> bool) -> Opt
 }
 
 /// An open field as the window takes it.
-fn opened(
-    path: &Path,
-    members: &[Member],
-    scene: &Option<OpenedScene>,
-    surface: OpenSurface,
-) -> Result<Opened, String> {
+fn opened(path: &Path, members: &[Member], seen: &Seen, surface: OpenSurface) -> Result<Opened, String> {
     let sampled = Sampled::Heights(Arc::new(surface));
     let (file, folder) = sketched(&sampled)?;
     let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
@@ -144,7 +146,8 @@ fn opened(
         field: Some(SceneField { sketch: Some(Arc::new(folder)), ..SceneField::new(sampled) }),
         file: Arc::new(file),
         frame,
-        scene: scene.clone().map(Arc::new),
+        scene: seen.scene.clone().map(Arc::new),
+        map: seen.map.clone(),
         keeps: false,
         has_more: false,
     })

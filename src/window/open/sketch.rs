@@ -82,6 +82,7 @@ impl Sketch {
             file: Arc::new(file),
             frame,
             scene: scene.clone().map(Arc::new),
+            map: None,
             keeps: false,
             has_more: true,
         };

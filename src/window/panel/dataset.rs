@@ -38,7 +38,7 @@ pub static SECTION: Section = Section {
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &mut bool) -> Option<usize> {
     let scene = state.scene.as_ref()?;
     // Of several datasets each has its name above its families.
-    if !scene.file.is_joined() {
+    if !scene.file.is_joined() && scene.facts.heights.is_empty() {
         let name = scene.path.file_name().map_or_else(|| scene.path.to_string_lossy(), |name| name.to_string_lossy());
         ui.add(egui::Label::new(RichText::new(name).color(theme::TEXT).size(14.0)).truncate())
             .on_hover_text(scene.path.display().to_string());
@@ -59,6 +59,13 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &m
     }
     ui.add_space(3.0);
     let mut removed = None;
+    for field in &scene.facts.heights {
+        // The last dataset stays.
+        if heading_of(ui, field) && scene.members.len() > 1 {
+            removed = Some(field.index);
+        }
+        theme::fact(ui, "Heights", field.details.lines().nth(1).unwrap_or_default());
+    }
     let described = scene.facts.families.iter().zip(&scene.metadata().families).zip(families);
     for (i, ((fact, family), visible)) in described.enumerate() {
         let heading = scene.facts.datasets.iter().position(|dataset| dataset.first_family == i);
@@ -66,9 +73,9 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &m
         // Names of controls tell families of several datasets apart.
         let name = if number > 1 { format!("{}:{number}", fact.name) } else { fact.name.clone() };
         if let Some(dataset) = heading
-            && heading_of(ui, &scene.facts.datasets[dataset], dataset)
+            && heading_of(ui, &scene.facts.datasets[dataset])
         {
-            removed = Some(dataset);
+            removed = Some(scene.facts.datasets[dataset].index);
         }
         let color = if *visible { theme::TEXT } else { theme::LABEL };
         ui.allocate_ui_with_layout(
@@ -93,11 +100,11 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &m
 }
 
 /// The name of a dataset of several, and a button; whether it is to be removed.
-fn heading_of(ui: &mut Ui, dataset: &DatasetFact, number: usize) -> bool {
+fn heading_of(ui: &mut Ui, dataset: &DatasetFact) -> bool {
     ui.add_space(4.0);
     let row = vec2(ui.available_width(), theme::ROW);
     let shown = ui.allocate_ui_with_layout(row, Layout::right_to_left(Align::Center), |ui| {
-        let name = format!("dataset:{number}:remove");
+        let name = format!("dataset:{}:remove", dataset.index);
         let remove = theme::button(ui, &name, "\u{d7}", true, "Closes this dataset; the others stay.");
         ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
             ui.add(egui::Label::new(RichText::new(&dataset.name).color(theme::TEXT)).truncate());

@@ -4,7 +4,7 @@
 use super::{PanelState, theme};
 use crate::annotate::number;
 use crate::heights::measure::{FormKind, FormNumbers, Iso};
-use crate::heights::model::HeightGrid;
+use crate::heights::model::{HeightGrid, Lengths, units};
 use crate::window::looking::heights::{Found, Line, Numbers, OnHeights, world_unit};
 use crate::window::state::answer::Answer;
 use crate::window::state::tool::Tool;
@@ -100,8 +100,9 @@ fn sample(ui: &mut Ui, found: &Found, grid: &HeightGrid) {
     };
     theme::fact(ui, "Row", number::quantity(probe.row)).on_hover_text("Counted as in the file, from 0.");
     theme::fact(ui, "Column", number::quantity(probe.column));
-    theme::fact(ui, "x", about(probe.x, places));
-    theme::fact(ui, "y", about(probe.y, places));
+    let [x, y] = if units::is_degrees(&grid.xy_unit) { ["Longitude", "Latitude"] } else { ["x", "y"] };
+    theme::fact(ui, x, about(probe.x, places));
+    theme::fact(ui, y, about(probe.y, places));
     if let Some(slope) = probe.slope {
         theme::fact(ui, "Slope", format!("{:.2} degrees", slope.atan().to_degrees()));
     }
@@ -110,7 +111,7 @@ fn sample(ui: &mut Ui, found: &Found, grid: &HeightGrid) {
     }
     if let Some(near) = &probe.nearest {
         theme::fact(ui, "Nearest sample", exact(near.height, heights));
-        theme::fact(ui, "Away", about(near.distance, places));
+        theme::fact(ui, "Away", about(near.distance, Lengths::unit(grid).0.as_str()));
     }
     for (row, column, height) in &found.samples {
         theme::fact(ui, &format!("Row {row}, column {column}"), exact(*height, heights));
@@ -120,7 +121,7 @@ fn sample(ui: &mut Ui, found: &Found, grid: &HeightGrid) {
 fn distance(ui: &mut Ui, heights: &OnHeights, unit: &str, grid: &HeightGrid) -> bool {
     let Some([space, plan, rise, angle]) = heights.apart() else { return false };
     theme::fact(ui, "Distance", about(space, unit)).on_hover_text("In space, at true heights.");
-    theme::fact(ui, "In plan", about(plan, unit));
+    theme::fact(ui, if heights.is_on_globe() { "Great circle" } else { "In plan" }, about(plan, unit));
     theme::fact(ui, "Height difference", about(rise, grid.height_unit.0.as_str()));
     theme::fact(ui, "Angle", format!("{angle:.2} degrees"))
         .on_hover_text("Of the way from the first to the second place.");
@@ -129,7 +130,8 @@ fn distance(ui: &mut Ui, heights: &OnHeights, unit: &str, grid: &HeightGrid) -> 
 
 /// The heights along a line; nothing where nothing was measured.
 fn profile(ui: &mut Ui, line: &Line, grid: &HeightGrid) {
-    let (places, unit) = (grid.xy_unit.0.as_str(), grid.height_unit.0.as_str());
+    let (along, unit) = (Lengths::unit(grid), grid.height_unit.0.as_str());
+    let places = along.0.as_str();
     let [length, measured] = line.lengths;
     theme::fact(ui, "Length", about(length, places));
     if measured < length * (1.0 - 1e-9) {

@@ -73,6 +73,26 @@ pub fn write_exr_colors(path: &Path, colors: &Colors) -> Result<(), OutputError>
     write_channels(path, "colors", [colors.width, colors.height], channels)
 }
 
+/// The same with further channels of numbers, each with a value for each pixel; these are rounded to single precision.
+///
+/// # Errors
+/// [`OutputError`] with the file named.
+pub fn write_exr_with<const N: usize>(
+    path: &Path,
+    colors: &Colors,
+    names: [&'static str; N],
+    values: &[[f64; N]],
+) -> Result<(), OutputError> {
+    let color = |(k, name): (usize, &'static str)| {
+        AnyChannel::new(name, FlatSamples::F32(colors.rgba.iter().map(|pixel| pixel[k]).collect()))
+    };
+    let number = |(k, name): (usize, &'static str)| {
+        AnyChannel::new(name, FlatSamples::F32(values.iter().map(|pixel| pixel[k] as f32).collect()))
+    };
+    let all = ["R", "G", "B", "A"].into_iter().enumerate().map(color).chain(names.into_iter().enumerate().map(number));
+    write_channels(path, "colors", [colors.width, colors.height], all)
+}
+
 fn write_channels(
     path: &Path,
     name: &str,

@@ -1,30 +1,103 @@
 //! A scene's data: by path, and by a fingerprint that tells whether it is still the same.
 
-use super::{Member, SceneError, SceneFile, data_file};
-use crate::model::FamilyName;
+use super::{HeightsSaid, Member, SceneError, SceneFile, data_file};
+use crate::heights::import::PhotoChoice;
+use crate::model::{FamilyName, Unit};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// A dataset that a scene shows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "DatasetText", into = "DatasetText")]
 pub struct DatasetRef {
     /// The source or page file; where it is relative, from the scene file's folder.
     pub path: PathBuf,
     /// What the file was when the scene was saved.
-    #[serde(default)]
     pub fingerprint: Option<Fingerprint>,
     /// The families that are drawn; all where it is `None`.
-    #[serde(default)]
     pub families: Option<Vec<FamilyName>>,
     /// Where its origin lies in the scene, the length unit of the scene's first dataset.
-    #[serde(default)]
     pub offset: [f64; 3],
     /// Scene lengths for one of its own; what the units say, and else 1, where it is `None`.
-    #[serde(default)]
     pub scale: Option<f64>,
+    /// What is said of it where it is a source of heights; a photo's path is as the dataset's.
+    pub said: HeightsSaid,
+}
+
+/// A dataset as files have it.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DatasetText {
+    path: PathBuf,
+    #[serde(default)]
+    fingerprint: Option<Fingerprint>,
+    #[serde(default)]
+    families: Option<Vec<FamilyName>>,
+    #[serde(default)]
+    offset: [f64; 3],
+    #[serde(default)]
+    scale: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    kind: Option<DatasetKind>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    nodata: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    spacing: Option<[f64; 2]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    xy_unit: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    height_unit: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    texture: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    texture_at: Option<[f64; 4]>,
+}
+
+/// What a file is taken for, where its content leaves that open.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum DatasetKind {
+    Heights,
+    Other,
+}
+
+impl From<DatasetText> for DatasetRef {
+    fn from(text: DatasetText) -> DatasetRef {
+        let rectangle = text.texture_at;
+        let said = HeightsSaid {
+            is_heights: text.kind.map(|kind| matches!(kind, DatasetKind::Heights)),
+            nodata: text.nodata,
+            spacing: text.spacing,
+            xy_unit: text.xy_unit.map(Unit::new),
+            height_unit: text.height_unit.map(Unit::new),
+            texture: text.texture.map(|path| PhotoChoice { path, rectangle }),
+        };
+        let DatasetText { path, fingerprint, families, offset, scale, .. } = text;
+        DatasetRef { path, fingerprint, families, offset, scale, said }
+    }
+}
+
+impl From<DatasetRef> for DatasetText {
+    fn from(dataset: DatasetRef) -> DatasetText {
+        let DatasetRef { path, fingerprint, families, offset, scale, said } = dataset;
+        let kind = |is_heights: bool| if is_heights { DatasetKind::Heights } else { DatasetKind::Other };
+        DatasetText {
+            path,
+            fingerprint,
+            families,
+            offset,
+            scale,
+            kind: said.is_heights.map(kind),
+            nodata: said.nodata,
+            spacing: said.spacing,
+            xy_unit: said.xy_unit.map(|unit| unit.0),
+            height_unit: said.height_unit.map(|unit| unit.0),
+            texture_at: said.texture.as_ref().and_then(|photo| photo.rectangle),
+            texture: said.texture.map(|photo| photo.path),
+        }
+    }
 }
 
 /// What tells one file from another without reading all of it.
@@ -69,7 +142,16 @@ impl DatasetRef {
     /// The data at `path` as a scene beside it, or anywhere else, names it: relative where it lies in the scene's folder or below.
     pub fn of(path: &Path, scene: &Path) -> DatasetRef {
         let fingerprint = Fingerprint::of(path).ok();
-        DatasetRef { path: relative_to(path, scene), fingerprint, families: None, offset: [0.0; 3], scale: None }
+        DatasetRef { path: relative_to(path, scene), fingerprint, ..DatasetRef::default() }
+    }
+
+    /// The same for what a user says of a member: where it lies, and its heights.
+    #[must_use]
+    pub fn of_member(member: &Member, scene: &Path) -> DatasetRef {
+        let photo = |photo: PhotoChoice| PhotoChoice { path: relative_to(&photo.path, scene), ..photo };
+        let said = HeightsSaid { texture: member.said.texture.clone().map(photo), ..member.said.clone() };
+        let (offset, scale) = (member.offset.to_array(), member.scale);
+        DatasetRef { offset, scale, said, ..DatasetRef::of(&member.path, scene) }
     }
 
     /// Finds the data of the scene file `scene`: where it says, else beside the scene file.
@@ -110,7 +192,9 @@ impl DatasetRef {
             ));
         }
         let (offset, scale, families) = (DVec3::from(self.offset), self.scale, self.families.clone());
-        Ok(Located { members: vec![Member { path, offset, scale, families }], notes })
+        let photo = |photo: PhotoChoice| PhotoChoice { path: located(&photo.path, scene), ..photo };
+        let said = HeightsSaid { texture: self.said.texture.clone().map(photo), ..self.said.clone() };
+        Ok(Located { members: vec![Member { path, offset, scale, families, said }], notes })
     }
 }
 

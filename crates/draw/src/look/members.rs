@@ -1,6 +1,7 @@
 //! The datasets of a scene: where each lies, and which of its families are drawn.
 
-use super::data_file;
+use super::{HeightsSaid, data_file};
+use crate::heights::is_heights;
 use crate::import::ImportError;
 use crate::model::{FamilyName, Placement, Unit};
 use crate::store::PageFile;
@@ -19,12 +20,19 @@ pub struct Member {
     pub scale: Option<f64>,
     /// The families that are drawn; all where it is `None`.
     pub families: Option<Vec<FamilyName>>,
+    /// What the user says of it where it is of heights.
+    pub said: HeightsSaid,
 }
 
 impl Member {
     /// A whole dataset where it is.
     pub fn new(path: impl Into<PathBuf>) -> Member {
         Member { path: path.into(), ..Member::default() }
+    }
+
+    /// Whether it is taken for measured heights, built or not: as the user says, else as its content tells.
+    pub fn is_of_heights(&self) -> bool {
+        self.said.is_heights.unwrap_or_else(|| is_heights(&self.path))
     }
 
     /// Where it lies: its own unit of lengths and of masses are given, and those of the scene.
@@ -47,6 +55,15 @@ impl Member {
     /// As [`data_file`].
     pub fn resolved(&self) -> Result<Member, ImportError> {
         Ok(Member { path: data_file(&self.path)?, ..self.clone() })
+    }
+}
+
+/// Says of datasets what a user says of all heights among them; what a file is taken for, of the first alone. What was said of them before holds
+/// where he says nothing.
+pub fn say(members: &mut [Member], said: &HeightsSaid) {
+    for (index, member) in members.iter_mut().enumerate() {
+        let own = HeightsSaid { is_heights: said.is_heights.filter(|_| index == 0), ..said.clone() };
+        member.said = own.or(&member.said);
     }
 }
 

@@ -13,17 +13,19 @@ mod mix;
 mod open_data;
 mod patch;
 pub mod picture_config;
+mod said;
 mod shot;
 mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located};
 pub use film::Film;
-pub use members::{Member, shown_families};
+pub use members::{Member, say, shown_families};
 pub use mix::{mix, mix_time};
 pub use open_data::{DataKind, OpenData, data_file, one_snapshot};
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
 pub(crate) use patch::{define_look_text, with_look_fields};
 pub use picture_config::{Backend, CameraConfig, PictureConfig};
+pub use said::HeightsSaid;
 pub use shot::Shot;
 pub use text::{SceneError, is_scene_file};
 

@@ -7,7 +7,7 @@ use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
 use super::level_report::LevelReport;
 use super::paths::PathCounts;
-use super::surface::SurfaceShown;
+use super::surface::{CHANNELS, SurfaceShown};
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Colors, Image, composite, output};
@@ -217,7 +217,10 @@ impl Picture {
     pub fn write_exr(&self, path: &Path) -> Result<(), output::OutputError> {
         match &self.values {
             Raw::Sums(sums, _) => output::write_exr(path, sums),
-            Raw::Light(painted) => output::write_exr_colors(path, &painted.colors),
+            Raw::Light(painted) => match self.surface.as_ref().and_then(|surface| surface.channels.as_ref()) {
+                Some(channels) => output::write_exr_with(path, &painted.colors, CHANNELS, &channels.values),
+                None => output::write_exr_colors(path, &painted.colors),
+            },
         }
     }
 

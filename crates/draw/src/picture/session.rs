@@ -22,9 +22,9 @@ use super::projected::Means;
 use super::source::{self, Wanted};
 use super::subject::{self, Subject};
 use crate::annotate::Units;
-use crate::color::Image;
 use crate::color::composite::{composite_at, composite_over};
 use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::{Accumulation, Image};
 use crate::cpu::Method;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
@@ -90,6 +90,20 @@ pub struct SessionOptions {
     pub repeat: u32,
     /// What messages about settings name: the file that has them; the data where it is empty.
     pub named: PathBuf,
+}
+
+/// A picture of a view, and what is known of it.
+pub struct SeenParticles {
+    /// Its colours.
+    pub image: Image,
+    /// How many particles it took.
+    pub taken: u64,
+    /// Nodes drawn.
+    pub nodes: usize,
+    /// The ranges of its colours; `None` of a view without particles.
+    pub levels: Option<Levels>,
+    /// What was added up, in modes that add up.
+    pub sums: Option<Accumulation>,
 }
 
 /// What the data is.
@@ -378,9 +392,25 @@ impl Session {
         look: &LookPatch,
         view: &View,
         levels: Option<Levels>,
-        (diameter, limit): (f64, u64),
+        limits: (f64, u64),
         ground: Option<&dyn Ground>,
     ) -> Result<(Image, u64), PictureError> {
+        let seen = self.seen_among(look, view, levels, limits, ground)?;
+        Ok((seen.image, seen.taken))
+    }
+
+    /// The same with what is known of it.
+    ///
+    /// # Errors
+    /// As [`Session::draw_among`].
+    pub fn seen_among(
+        &mut self,
+        look: &LookPatch,
+        view: &View,
+        levels: Option<Levels>,
+        (diameter, limit): (f64, u64),
+        ground: Option<&dyn Ground>,
+    ) -> Result<SeenParticles, PictureError> {
         let (tree, depiction, mut transfer) = self.show(look)?;
         let depiction = depiction.blended();
         if let Some(levels) = levels.filter(|_| depiction.mode.is_light()) {
@@ -398,22 +428,26 @@ impl Session {
         }
         let surfaces = ground.map(|ground| ground.fragments(view));
         let nodes = subject.decode(view, &selection.nodes, &plan);
-        let image = match subject.draw_with_paths(view, &nodes, &plan, surfaces.as_ref()) {
+        let (image, levels, sums) = match subject.draw_with_paths(view, &nodes, &plan, surfaces.as_ref()) {
             Ok(Raw::Sums(sums, _)) => {
                 let levels = levels.unwrap_or_else(|| transfer.levels(&sums));
-                match &surfaces {
+                let image = match &surfaces {
                     None => composite_at(&sums, &transfer, &levels),
                     Some(surfaces) => composite_over(&sums, &transfer, &levels, &surfaces.colors().image()),
-                }
+                };
+                (image, Some(levels), Some(sums))
             }
-            Ok(Raw::Light(painted)) => painted.colors.image(),
+            Ok(Raw::Light(painted)) => {
+                let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
+                (painted.colors.image(), Some(levels), None)
+            }
             Err(VolumeError::Grid(GridError::NothingInView)) => match &surfaces {
-                None => Image::black(view.width, view.height),
-                Some(surfaces) => surfaces.colors().image(),
+                None => (Image::black(view.width, view.height), None, None),
+                Some(surfaces) => (surfaces.colors().image(), None, None),
             },
             Err(error) => return Err(error.into()),
         };
-        Ok((image, taken))
+        Ok(SeenParticles { image, taken, nodes: selection.nodes.len(), levels, sums })
     }
 
     /// What messages about settings name.

@@ -71,6 +71,19 @@ fn is_sure(content: &Content) -> bool {
     Directory::first(content).is_ok_and(|directory| says(&directory))
 }
 
+/// Where the pixels of a picture are, as its entries say: its size, place, unit and reference system. `None` where they say no place.
+///
+/// # Errors
+/// Where entries are damaged, or pixels are turned.
+pub(super) fn place_of(content: &Content) -> Result<Option<HeightGrid>, ImportError> {
+    let directory = Directory::first(content)?;
+    let size = |tag: u16, name: &str| directory.needed(tag, name);
+    let (width, length) = (size(tag::WIDTH, "ImageWidth")?, size(tag::LENGTH, "ImageLength")?);
+    let mut grid = HeightGrid::new(width, length, SampleType::U8);
+    let is_placed = Geo::read(&directory, SampleType::U8)?.apply(&mut grid, &mut Vec::new());
+    Ok(is_placed.then_some(grid))
+}
+
 fn open(content: &Content) -> Result<HeightSource, ImportError> {
     let directory = Directory::first(content)?;
     let kind = sample_type(&directory)?;

@@ -1,10 +1,15 @@
 //! Photos that are laid over a field: any picture of 8 or 16 bits, read as images are.
 
+mod orientation;
+
+use super::content::Content;
+use super::{HeightOptions, geotiff};
 use crate::model::light;
 use crate::model::photo::{PhotoAbout, PhotoPlace, PhotoRows};
 use crate::model::{HeightError, HeightGrid, units};
 use deepfield_data::import::{GridOptions, GridSource, ImportError, open_grid};
 use deepfield_data::model::{ReadMethod, SampleType};
+use orientation::Orientation;
 use std::path::{Path, PathBuf};
 
 /// The most pixels of a photo: sums over all of them stay exact enough for its means.
@@ -24,6 +29,8 @@ pub struct PhotoChoice {
 pub struct Photo {
     about: PhotoAbout,
     source: GridSource,
+    /// Whether its rows are stored as columns.
+    is_transposed: bool,
     /// Whether its rows, and its columns, are read from the last to the first.
     is_turned: [bool; 2],
     has_alpha: bool,
@@ -31,12 +38,16 @@ pub struct Photo {
 
 impl Photo {
     /// Opens a picture and lays it over a field. Its rows and columns run as the field's do, as in a photo that the instrument took. On a map,
-    /// that is where places are degrees or there is a reference system, its top is north and its right side east.
+    /// that is where places are degrees or there is a reference system, its top is north and its right side east, or it lies where a GeoTIFF says
+    /// by itself. A JPEG is turned as its camera was held.
     ///
     /// # Errors
     /// [`ImportError`] where it cannot be read, is no picture, or would lie beside the field.
     pub fn open(choice: &PhotoChoice, grid: &HeightGrid, read: ReadMethod) -> Result<Photo, ImportError> {
-        let place = place(choice, grid)?;
+        let is_map = units::is_degrees(&grid.xy_unit) || grid.crs.is_some();
+        let own = if is_map && choice.rectangle.is_none() { place_of_tags(&choice.path, grid, read)? } else { None };
+        let rectangle = choice.rectangle.or(own.as_ref().map(edges));
+        let place = place(&PhotoChoice { rectangle, ..choice.clone() }, grid)?;
         let source = open_grid(&choice.path, &GridOptions { read, ..GridOptions::default() })?;
         let (about, picture) = (source.description(), source.grid());
         let is_picture = picture.dimensions == 2
@@ -53,21 +64,54 @@ impl Photo {
             return Err(ImportError::malformed(&choice.path, "--texture", picture.described(), expected));
         }
         let channels = picture.channels.len();
-        let is_map = units::is_degrees(&grid.xy_unit) || grid.crs.is_some();
+        let held = if about.format == "jpeg" { Orientation::of_file(&choice.path) } else { Orientation::default() };
+        let size = if held.is_transposed { [columns, rows] } else { [rows, columns] };
+        // On a map rows go down from the north, and columns from the west on, unless the photo says otherwise.
+        let [across, down] = own.map_or([1.0, -1.0], |own| own.step);
+        let turns = [is_map && grid.step[1] * down < 0.0, is_map && grid.step[0] * across < 0.0];
         Ok(Photo {
             about: PhotoAbout {
                 path: about.path.clone(),
                 format: about.format.clone(),
                 bytes: about.bytes,
-                size: [rows, columns],
+                size,
                 is_grey: channels < 3,
                 place,
             },
-            is_turned: [is_map && grid.step[1] > 0.0, is_map && grid.step[0] < 0.0],
+            is_transposed: held.is_transposed,
+            is_turned: [0, 1].map(|axis| turns[axis] != held.is_turned[axis]),
             has_alpha: channels % 2 == 0,
             source,
         })
     }
+}
+
+/// Where a GeoTIFF's pixels are, in the unit of a field on a map; `None` of other pictures, and where it does not say.
+fn place_of_tags(path: &Path, grid: &HeightGrid, read: ReadMethod) -> Result<Option<HeightGrid>, ImportError> {
+    let content = Content::open(path, &HeightOptions { read, ..HeightOptions::default() })?;
+    if ![b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|start| content.head.starts_with(*start)) {
+        return Ok(None);
+    }
+    let Some(mut own) = geotiff::place_of(&content)? else { return Ok(None) };
+    let told = |grid: &HeightGrid| grid.crs.clone().unwrap_or_else(|| format!("places in {}", grid.xy_unit));
+    let same_system = own.crs.as_ref().zip(grid.crs.as_ref()).is_none_or(|(own, other)| own == other);
+    let [is_degrees, in_degrees] = [&own, grid].map(|grid| units::is_degrees(&grid.xy_unit));
+    if !same_system || is_degrees != in_degrees {
+        let expected = format!("{}, or the photo's edges: PHOTO@X0,Y0,X1,Y1", told(grid));
+        return Err(ImportError::malformed(path, "--texture", told(&own), expected));
+    }
+    if let Some((own_metres, metres)) = units::metres(&own.xy_unit).zip(units::metres(&grid.xy_unit)) {
+        let ratio = own_metres / metres;
+        (own.origin, own.step) = (own.origin.map(|axis| ratio * axis), own.step.map(|step| ratio * step));
+    }
+    Ok(Some(own))
+}
+
+/// The outer edges of pixels whose middles are samples of a grid.
+fn edges(grid: &HeightGrid) -> [f64; 4] {
+    let [x0, y0] = grid.place(-0.5, -0.5);
+    let [x1, y1] = grid.place(grid.rows as f64 - 0.5, grid.columns as f64 - 0.5);
+    [x0, y0, x1, y1]
 }
 
 /// Where a photo's edges are.
@@ -120,15 +164,17 @@ impl PhotoRows for Photo {
         let grid = self.source.grid();
         let [rows, columns] = self.about.size;
         let from = if self.is_turned[0] { rows.saturating_sub(first + count) } else { first };
-        let region = grid.region().with(1, from..from + count);
+        let region = grid.region().with(usize::from(!self.is_transposed), from..from + count);
         let (width, planes, channels) = (columns as usize, self.about.planes(), grid.channels.len());
         let mut read = vec![0; count as usize * width * grid.sample_bytes() as usize];
         self.source.read(&region, &mut read)?;
         if grid.sample_type == SampleType::U16 {
             read = read.chunks_exact(2).map(of_16_bits).collect();
         }
-        let pixels = read.chunks_exact(channels).zip(out.chunks_exact_mut(planes));
-        for (from, to) in pixels {
+        let high = count.max(1) as usize;
+        for (index, from) in read.chunks_exact(channels).enumerate() {
+            let at = if self.is_transposed { index % high * width + index / high } else { index };
+            let Some(to) = out.get_mut(at * planes..(at + 1) * planes) else { continue };
             to.copy_from_slice(&from[..planes]);
             if self.has_alpha && from[planes] != u8::MAX {
                 to.iter_mut().for_each(|value| *value = covering(*value, from[planes]));

@@ -1,9 +1,10 @@
 //! Gaussian S- and L-filters of surfaces (ISO 16610-61): a mean weighted by `exp(-pi (r / (alpha cut-off))^2)` over measured samples.
 
 use super::fourier::Transform;
-use crate::model::{HeightError, HeightGrid, Heights, Window};
+use crate::model::{HeightError, HeightGrid, Heights, Lengths, Window};
 use deepfield_data::model::{SampleType, Scale};
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::{LN_2, PI};
 
 /// What a filter keeps. At the cut-off half of a wave's height passes.
@@ -16,7 +17,7 @@ pub enum Filter {
 }
 
 impl Filter {
-    /// The cut-off wavelength, in the unit of x and y.
+    /// The cut-off wavelength, in the unit of x and y; of places in degrees in metres.
     pub fn cutoff(self) -> f64 {
         let (Filter::Short(cutoff) | Filter::Long(cutoff)) = self;
         cutoff
@@ -38,29 +39,52 @@ pub struct Filtered<'a> {
     filter: Filter,
     window: Window,
     grid: HeightGrid,
-    /// Weights of samples 0, 1, 2, ... to either side, along columns and along rows.
-    weights: [Vec<f64>; 2],
+    /// Weights of samples 0, 1, 2, ... above and below.
+    down: Vec<f64>,
+    /// The same to either side, of rows that are as wide as these; only on a sphere there are several.
+    across: BTreeMap<i32, Vec<f64>>,
+    lengths: Lengths,
     kept: Option<Vec<f64>>,
 }
 
 impl<'a> Filtered<'a> {
-    /// Filters a window, of at least 2 x 2 samples. A cut-off that is not above 0 keeps, or takes away, everything.
+    /// Filters a window, of at least 2 x 2 samples. A cut-off that is not above 0 keeps, or takes away, everything. Degrees are the Earth's.
     ///
     /// # Errors
     /// Where the field cannot be read.
     pub fn new(heights: &'a dyn Heights, filter: Filter, window: Window) -> Result<Filtered<'a>, HeightError> {
+        let lengths = Lengths::of(heights.grid());
+        Filtered::on(heights, lengths, filter, window)
+    }
+
+    /// The same where the grid has these lengths, in which the cut-off is.
+    ///
+    /// # Errors
+    /// As [`Filtered::new`].
+    pub fn on(
+        heights: &'a dyn Heights,
+        lengths: Lengths,
+        filter: Filter,
+        window: Window,
+    ) -> Result<Filtered<'a>, HeightError> {
         let whole = heights.grid();
         let origin = whole.place(window.row as f64, window.column as f64);
         let (rows, columns) = (window.rows, window.columns);
         let grid =
             HeightGrid { rows, columns, origin, sample_type: SampleType::F64, scale: Scale::NONE, ..whole.clone() };
-        let weights = [(whole.step[0], whole.columns), (whole.step[1], whole.rows)]
-            .map(|(step, count)| weights(filter.cutoff() / step.abs(), count));
-        let mut filtered = Filtered { heights, filter, window, grid, weights, kept: None };
+        let cutoff = filter.cutoff();
+        let down = weights(cutoff / lengths.steps(0.0)[1].abs(), whole.rows);
+        let widest = lengths.steps(middle(whole))[0].abs();
+        let mut across = BTreeMap::new();
+        for row in 0..whole.rows {
+            let width = class(&lengths, whole, row);
+            across.entry(width).or_insert_with(|| weights(cutoff / (widest * share(width)), whole.columns));
+        }
+        let mut filtered = Filtered { heights, filter, window, grid, down, across, lengths, kept: None };
         if window.samples() <= KEPT {
             let mut kept = vec![0.0; window.samples() as usize];
             // Enough rows at once that those read beside them count little.
-            let together = (4 * filtered.weights[1].len()).max(64);
+            let together = (4 * filtered.down.len()).max(64);
             for (number, part) in kept.chunks_mut(together * columns as usize).enumerate() {
                 let row = (number * together) as u64;
                 filtered.compute(Window { row, column: 0, rows: part.len() as u64 / columns, columns }, part)?;
@@ -78,9 +102,17 @@ impl<'a> Filtered<'a> {
             let from = first.saturating_sub(reach as u64 - 1);
             (from, (first + count + reach as u64 - 1).min(all) - from)
         };
-        let (first, rows) = around(row, part.rows, self.weights[1].len(), whole.rows);
-        let (left, columns) = around(column, part.columns, self.weights[0].len(), whole.columns);
-        let lines = Lines::new(&self.weights[0], columns as usize, (column - left) as usize, part.columns as usize);
+        let (first, rows) = around(row, part.rows, self.down.len(), whole.rows);
+        let widths: Vec<i32> = (first..first + rows).map(|row| class(&self.lengths, whole, row)).collect();
+        let weights = |width: &i32| self.across.get(width).map_or(&[][..], Vec::as_slice);
+        let reach = widths.iter().map(|width| weights(width).len()).max().unwrap_or(1);
+        let (left, columns) = around(column, part.columns, reach, whole.columns);
+        let mut lines = BTreeMap::new();
+        for width in &widths {
+            let new = || Lines::new(weights(width), columns as usize, (column - left) as usize, part.columns as usize);
+            lines.entry(*width).or_insert_with(new);
+        }
+        let room = lines.values().map(|lines| lines.size).max().unwrap_or(0);
         let (width, wide) = (part.columns as usize, columns as usize);
         // Of every sample the weighted heights and the weights, summed up.
         let mut sums = vec![[0.0; 2]; out.len()];
@@ -92,15 +124,24 @@ impl<'a> Filtered<'a> {
             values.resize((count * columns) as usize, 0.0);
             self.heights.heights(Window { row: at, column: left, rows: count, columns }, &mut values)?;
             across.resize(count as usize * width, [0.0; 2]);
-            across
-                .par_chunks_mut(width)
-                .zip(values.par_chunks(wide))
-                .for_each_init(|| lines.scratch(), |scratch, (across, values)| lines.apply(values, across, scratch));
+            let own = &widths[(at - first) as usize..];
+            across.par_chunks_mut(width).zip(values.par_chunks(wide)).zip(own.par_iter()).for_each_init(
+                || vec![[0.0; 2]; room],
+                |scratch, ((across, values), width)| {
+                    let Some(lines) = lines.get(width) else { return };
+                    lines.apply(values, across, &mut scratch[..lines.size]);
+                    // Samples of a narrow row stand for less.
+                    let area = share(*width);
+                    if area != 1.0 {
+                        across.iter_mut().for_each(|sum| *sum = sum.map(|part| area * part));
+                    }
+                },
+            );
             sums.par_chunks_mut(width).enumerate().for_each(|(number, sums)| {
                 let here = row + number as u64;
                 for (other, across) in across.chunks_exact(width).enumerate() {
                     let apart = (at + other as u64).abs_diff(here) as usize;
-                    if let Some(weight) = self.weights[1].get(apart) {
+                    if let Some(weight) = self.down.get(apart) {
                         for (sum, across) in sums.iter_mut().zip(across) {
                             *sum = [sum[0] + weight * across[0], sum[1] + weight * across[1]];
                         }
@@ -116,6 +157,24 @@ impl<'a> Filtered<'a> {
         }
         Ok(())
     }
+}
+
+/// Rows of a sphere whose widths differ by less than this share have the same weights.
+const ALIKE: f64 = 0.01;
+
+/// A row's width among those of a grid: 0 of the middle row, and of all rows where places are no degrees.
+fn class(lengths: &Lengths, grid: &HeightGrid, row: u64) -> i32 {
+    let [own, middle] = [row as f64, middle(grid)].map(|row| lengths.steps(row)[0].abs());
+    (libm::log(own / middle) / ALIKE).round() as i32
+}
+
+/// How wide rows are to the middle one.
+fn share(width: i32) -> f64 {
+    libm::exp(ALIKE * f64::from(width))
+}
+
+fn middle(grid: &HeightGrid) -> f64 {
+    0.5 * (grid.rows - 1) as f64
 }
 
 /// Weights of samples 0, 1, 2, ... away up to the cut-off, in samples; beyond it they are below a millionth.
@@ -153,10 +212,6 @@ impl<'a> Lines<'a> {
         transform.apply(&mut line, false);
         let own = line.iter().map(|[re, _]| re / size as f64).collect();
         Lines { weights, first, count, fast: Some((transform, own)), size }
-    }
-
-    fn scratch(&self) -> Vec<[f64; 2]> {
-        vec![[0.0; 2]; self.size]
     }
 
     fn apply(&self, values: &[f64], out: &mut [[f64; 2]], scratch: &mut [[f64; 2]]) {

@@ -5,7 +5,7 @@ use super::bands::map_bands;
 use super::form::{Form, FormKind, Local, Polynomial, Round, Shape, legendre, terms};
 use super::ray::height_ratio;
 use super::solve::{Dual, Normal};
-use crate::model::{HeightError, Heights};
+use crate::model::{HeightError, Heights, units};
 
 /// Why there is no form.
 #[derive(Debug, thiserror::Error)]
@@ -21,6 +21,14 @@ pub enum FormError {
         /// Measured samples.
         valid: u64,
     },
+    /// A form with a radius over places that are no lengths.
+    #[error(
+        "--form {kind}: found x and y in degrees, expected lengths; plane, quadric and polynomial-N are fitted to heights alone"
+    )]
+    Degrees {
+        /// What was to be fitted.
+        kind: FormKind,
+    },
 }
 
 /// Fits a form to all measured samples of a field. Samples are read twice for polynomials, some ten times for spheres and cylinders.
@@ -30,6 +38,7 @@ pub enum FormError {
 pub fn fit(heights: &dyn Heights, kind: FormKind) -> Result<Form, FormError> {
     let shape = match kind.degree() {
         Some(degree) => Shape::Polynomial(polynomial(heights, kind, degree)?),
+        None if units::is_degrees(&heights.grid().xy_unit) => return Err(FormError::Degrees { kind }),
         None => Shape::Round(round(heights, kind)?),
     };
     Ok(Form { kind, shape })

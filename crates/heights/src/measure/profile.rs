@@ -1,7 +1,8 @@
 //! T along a polyline: exact, as T is linear between two crossings of its edges.
 
 use super::tiles::{Tiles, height_in};
-use crate::model::{HeightError, HeightGrid, Heights};
+use crate::model::{HeightError, HeightGrid, Heights, Lengths, units};
+use rayon::prelude::*;
 
 /// A point of a profile.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +50,43 @@ pub fn profile(heights: &dyn Heights, polyline: &[[f64; 2]]) -> Result<Profile, 
     }
     let valid_length = drawn.valid.value();
     Ok(Profile { points: drawn.finish(), length: length.value(), valid_length })
+}
+
+/// The same with distances that are these lengths: of places in degrees, of the line that is straight in them.
+///
+/// # Errors
+/// As [`profile`].
+pub fn profile_on(heights: &dyn Heights, lengths: &Lengths, polyline: &[[f64; 2]]) -> Result<Profile, HeightError> {
+    let mut found = profile(heights, polyline)?;
+    if !units::is_degrees(&heights.grid().xy_unit) {
+        return Ok(found);
+    }
+    let corners: Vec<[f64; 2]> = polyline.iter().copied().filter(|[x, y]| x.is_finite() && y.is_finite()).collect();
+    // Where each leg begins and ends: by the profile's own distance, and by length.
+    let mut legs = Vec::new();
+    let (mut before, mut way) = (Sum::default(), Sum::default());
+    for leg in corners.windows(2) {
+        let part = (leg[1][0] - leg[0][0]).hypot(leg[1][1] - leg[0][1]);
+        if part > 0.0 {
+            legs.push((before.value(), part, way.value(), [leg[0], leg[1]]));
+            before.add(part);
+            way.add(lengths.along(leg[0], leg[1]));
+        }
+    }
+    let length = way.value();
+    let at = |distance: f64| {
+        let next = legs.partition_point(|(begin, ..)| *begin <= distance);
+        let Some((begin, part, way, [from, to])) = legs.get(next.saturating_sub(1)) else { return 0.0 };
+        let share = ((distance - begin) / part).clamp(0.0, 1.0);
+        let place = std::array::from_fn(|axis| from[axis] + share * (to[axis] - from[axis]));
+        way + lengths.along(*from, place)
+    };
+    found.points.par_iter_mut().for_each(|point| point.distance = at(point.distance));
+    let mut valid = Sum::default();
+    for pair in found.points.windows(2).filter(|pair| pair.iter().all(|point| !point.height.is_nan())) {
+        valid.add(pair[1].distance - pair[0].distance);
+    }
+    Ok(Profile { length, valid_length: valid.value(), ..found })
 }
 
 /// A sum with what rounding took from it (Neumaier).

@@ -9,6 +9,15 @@ pub const EARTH: f64 = 6_371_008.8;
 /// Cosines of latitudes are not below this: next to a pole a degree of longitude has no length.
 const NARROWEST: f64 = 1e-6;
 
+/// Places in [-1, 1] and weights of Gauss's rule with five places.
+const GAUSS: [[f64; 2]; 5] = [
+    [-0.906_179_845_938_664, 0.236_926_885_056_189_08],
+    [-0.538_469_310_105_683_1, 0.478_628_670_499_366_47],
+    [0.0, 0.568_888_888_888_888_9],
+    [0.538_469_310_105_683_1, 0.478_628_670_499_366_47],
+    [0.906_179_845_938_664, 0.236_926_885_056_189_08],
+];
+
 /// Lengths of a grid's steps in one unit for places and heights. Places in degrees are on a sphere, and lengths are metres; heights are metres,
 /// too, where their unit is not known. Elsewhere lengths are in the unit of x and y, and so are heights where both are known lengths.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +59,25 @@ impl Lengths {
         let latitude = row.mul_add(self.y[1], self.y[0]).to_radians();
         let [across, along] = self.step.map(|degrees| degrees.to_radians() * radius);
         [across * libm::cos(latitude).abs().max(NARROWEST), along]
+    }
+
+    /// The length of the line between two places that is straight in x and y: of degrees on the sphere, where it is no shortest way.
+    pub fn along(&self, from: [f64; 2], to: [f64; 2]) -> f64 {
+        let apart = [to[0] - from[0], to[1] - from[1]];
+        if self.radius.is_none() {
+            return apart[0].hypot(apart[1]);
+        }
+        // Gauss's rule in pieces of a degree of latitude: what is left out is less than rounding.
+        let pieces = apart[1].abs().ceil().clamp(1.0, 1e4);
+        let speed = |part: f64| {
+            let row = (part.mul_add(apart[1], from[1]) - self.y[0]) / self.y[1];
+            let steps = self.steps(row);
+            (steps[0] / self.step[0] * apart[0]).hypot(steps[1] / self.step[1] * apart[1])
+        };
+        let piece = |number: f64| -> f64 {
+            GAUSS.iter().map(|[place, weight]| weight * speed((number + 0.5 + 0.5 * place) / pieces)).sum()
+        };
+        (0..pieces as u32).map(|number| piece(f64::from(number))).sum::<f64>() * 0.5 / pieces
     }
 
     /// What makes slopes of differences of heights along columns and along rows, in the middle between a row and the next.
@@ -97,12 +125,35 @@ mod tests {
     }
 
     #[test]
+    fn lines_have_their_length_on_the_sphere() {
+        let grid = grid("deg", "m", [-10.0, 80.0], [0.5, -0.25], [100, 600]);
+        let lengths = Lengths::on(&grid, 1000.0);
+        let degree = 1000.0 * std::f64::consts::PI / 180.0;
+        let near = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+        near(lengths.along([0.0, -50.0], [0.0, 70.0]), 120.0 * degree);
+        near(lengths.along([5.0, 60.0], [35.0, 60.0]), 15.0 * degree);
+        // Many short ones, each level at its middle.
+        let (from, to) = ([-10.0, 75.0], [30.0, -40.0]);
+        let at = |part: f64| [0, 1].map(|axis| from[axis] + part * (to[axis] - from[axis]));
+        let count = 200_000;
+        let sum: f64 = (0..count)
+            .map(|number| {
+                let narrow = libm::cos(at((f64::from(number) + 0.5) / f64::from(count))[1].to_radians());
+                (narrow * (to[0] - from[0])).hypot(to[1] - from[1]) * degree / f64::from(count)
+            })
+            .sum();
+        assert!((lengths.along(from, to) / sum - 1.0).abs() < 1e-9);
+        near(lengths.along(from, at(0.3)) + lengths.along(at(0.3), to), lengths.along(from, to));
+    }
+
+    #[test]
     fn lengths_stay_as_they_are() {
         for (places, heights, lift) in [("mm", "um", 1e-3), ("m", "", 1.0), ("", "m", 1.0), ("km", "m", 1e-3)] {
             let grid = grid(places, heights, [5.0, 1e6], [0.5, -0.25], [10, 10]);
             let lengths = Lengths::of(&grid);
             assert_eq!((lengths.steps(3.5), lengths.cell(7), lengths.lift), ([0.5, -0.25], 0.125, lift));
             assert_eq!(lengths.slopes(2), [lift / 0.5, lift / -0.25]);
+            assert_eq!(lengths.along([1.0, 2.0], [4.0, -2.0]), 5.0);
             assert_eq!(Lengths::unit(&grid), grid.xy_unit);
         }
     }

@@ -23,7 +23,7 @@ pub fn find(datasets: &[DatasetRef], named: &[PathBuf]) -> Result<Found, String>
     for (i, dataset) in datasets.iter().enumerate() {
         let path = one(dataset, named.get(i), named, &mut found.notes)?;
         let (offset, scale) = (DVec3::from(dataset.offset), dataset.scale);
-        found.members.push(Member { offset, scale, ..Member::new(path) });
+        found.members.push(Member { offset, scale, said: dataset.said.clone(), ..Member::new(path) });
     }
     Ok(found)
 }
@@ -86,6 +86,7 @@ mod tests {
             families: None,
             offset: [1.0, 2.0, 3.0],
             scale: Some(2.0),
+            ..DatasetRef::default()
         };
         let of = |named: &[PathBuf]| find(std::slice::from_ref(&dataset), named);
         let found = of(&[]).unwrap();

@@ -214,7 +214,11 @@ fn show_scene(file: &SceneFile, scene: &Scene, choices: &Choices, settings: &mut
     let with =
         |(member, dataset): (&Member, &DatasetRef)| Member { families: dataset.families.clone(), ..member.clone() };
     let members: Vec<Member> = scene.members.iter().zip(&file.datasets).map(with).collect();
-    settings.families = families_of(scene.file.metadata(), &shown_families(&scene.file, &members).0, scene.metadata());
+    settings.families = families_of(
+        scene.file.metadata(),
+        &shown_families(&scene.file, &scene.of_particles(&members)).0,
+        scene.metadata(),
+    );
 }
 
 /// Colours are for the leader's ranges: those of this part of the picture are others.

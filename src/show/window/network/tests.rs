@@ -58,7 +58,7 @@ fn window() -> App {
         .insert_resource(Settings::new(&preset, None))
         .insert_resource(preset)
         .insert_resource(picture)
-        .insert_resource(Openings::new(Arc::new(|path, _| Ok(path.to_owned()))))
+        .insert_resource(Openings::new(Arc::new(|path, _, _| Ok(path.to_owned()))))
         .insert_resource(Choices::of_program())
         .init_resource::<Notices>()
         .init_resource::<Objects>()

@@ -273,6 +273,7 @@ mod tests {
                 file: Arc::clone(&file),
                 frame,
                 scene: Some(Arc::new(scene)),
+                map: None,
                 keeps: false,
                 has_more: false,
             });

@@ -5,10 +5,11 @@ use crate::annotate::Annotations;
 use crate::annotate::overlay::{Corner, Overlay};
 use crate::color::transfer::{Hue, Range, TransferFunction};
 use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
+use crate::heights::import::PhotoChoice;
 use crate::look::Film;
-use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Panels, VERSION_TIME};
+use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, HeightsSaid, LookPatch, Panels, VERSION_TIME};
 use crate::mode::{Focus, PathSettings, PathShape, PathsOf, SettingValue, Settings, Span};
-use crate::model::When;
+use crate::model::{Unit, When};
 use crate::modes::volume_isosurface;
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
 use glam::DVec3;
@@ -39,6 +40,14 @@ fn full() -> SceneFile {
         families: Some(vec![crate::model::FamilyName::Gas, crate::model::FamilyName::BlackHoles]),
         offset: [0.5, -1.0, 1e3],
         scale: Some(0.25),
+        said: HeightsSaid {
+            is_heights: Some(true),
+            nodata: Some(-9999.0),
+            spacing: Some([0.5, 2.0]),
+            xy_unit: Some(Unit::new("um")),
+            height_unit: Some(Unit::new("nm")),
+            texture: Some(PhotoChoice { path: "photo.jpg".into(), rectangle: Some([-1.0, 0.0, 1.0, 2.5]) }),
+        },
     };
     SceneFile {
         version: VERSION_TIME,
@@ -140,8 +149,7 @@ fn a_full_scene_and_an_empty_one_come_back_as_they_were() {
     let scene = full();
     assert_eq!(parse(&text(&scene)).unwrap(), scene, "{}", text(&scene));
     let little = parse("(version: 1, datasets: [(path: \"box.df\")])").unwrap();
-    let dataset =
-        DatasetRef { path: "box.df".into(), fingerprint: None, families: None, offset: [0.0; 3], scale: None };
+    let dataset = DatasetRef { path: "box.df".into(), ..DatasetRef::default() };
     assert_eq!(little, SceneFile::new(vec![dataset]));
     assert_eq!(parse(&text(&little)).unwrap(), little);
     let folder = tempfile::tempdir().unwrap();

@@ -15,7 +15,6 @@ use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::{SurfaceOptions, SurfaceReport, draw};
-use crate::heights::import::HeightOptions;
 use crate::heights::model::units;
 use crate::import;
 use crate::look::{Attribute, Camera, DataKind, LookPatch, Member, Shot};
@@ -138,44 +137,40 @@ impl Ground for Fields<'_> {
 }
 
 impl MixedSession {
-    /// Opens datasets, of which one at least is of heights. `said` is what the user says of heights, and `page_file` turns what he names into a
-    /// page file of particles; these are read as the shots that will be drawn need them.
+    /// Whether it draws datasets: where there are heights among several, or heights that lie elsewhere than by themselves.
+    pub fn is_for(members: &[Member]) -> bool {
+        let is_alone = matches!(members, [only] if only.is_in_place());
+        !is_alone && members.iter().any(Member::is_of_heights)
+    }
+
+    /// Opens datasets, of which one at least is of heights. `page_file` turns what the user names into a page file of particles; these are read as
+    /// the shots that will be drawn need them.
     ///
     /// # Errors
     /// As [`SurfaceSession::open`] and [`Session::open`].
     pub fn open<'a>(
         members: &[Member],
-        said: &HeightOptions,
         options: SessionOptions,
         shots: impl IntoIterator<Item = &'a Shot>,
         mut page_file: impl FnMut(&Path) -> Result<PathBuf, PictureError>,
         reporter: Arc<dyn Reporter>,
     ) -> Result<MixedSession, PictureError> {
-        let (mut of_heights, mut others, mut begins_with_heights) = (Vec::new(), Vec::new(), false);
-        for (index, member) in members.iter().enumerate() {
-            // What a user says a file is taken for is said of the first one.
-            if SurfaceSession::is_surface(&member.path) || index == 0 && said.is_asked {
-                of_heights.push(member);
-                begins_with_heights |= index == 0;
-            } else {
-                others.push(member.clone());
-            }
-        }
+        let (of_heights, others): (Vec<&Member>, Vec<&Member>) =
+            members.iter().partition(|member| member.is_of_heights());
+        let mut others: Vec<Member> = others.into_iter().cloned().collect();
+        let begins_with_heights = members.first().is_some_and(Member::is_of_heights);
         let mut fields = Vec::new();
-        for (index, member) in of_heights.into_iter().enumerate() {
-            let said = &HeightOptions { is_asked: said.is_asked && index == 0, ..said.clone() };
-            let session = SurfaceSession::open(&member.path, said, options.clone(), Arc::clone(&reporter))?;
+        for member in of_heights {
+            let said = member.said.options(options.read);
+            let session = SurfaceSession::open(&member.path, &said, options.clone(), Arc::clone(&reporter))?;
             fields.push((member.clone(), session));
         }
         let Some((_, first)) = fields.first() else { return Err(PictureError::Asked("no heights".into())) };
         let shots: Vec<&Shot> = shots.into_iter().collect();
         if begins_with_heights {
             let look = shots.first().map(|shot| of_mode(&shot.look, &surface::MODE)).unwrap_or_default();
-            let unit = first.length_unit(&first.prepare(&look)?.placed);
-            for member in others.iter_mut().filter(|member| member.scale.is_none()) {
-                let own = unit_of(&member.path, options.read, &mut page_file)?;
-                member.scale = ratio(&own, &unit).filter(|ratio| (ratio - 1.0).abs() > 1e-12);
-            }
+            let unit = first.opened().length_unit(&first.prepare(&look)?.placed);
+            in_lengths_of(&unit, &mut others, options.read, &mut page_file)?;
         }
         let is_raw = options.raw;
         let particles = match others.is_empty() {
@@ -193,6 +188,16 @@ impl MixedSession {
             }
         };
         Ok(MixedSession { fields, particles, begins_with_heights, is_raw, reporter })
+    }
+
+    /// What is open: fields, one at least, each as a member, and what draws the particles.
+    pub(super) fn of(
+        fields: Vec<(Member, SurfaceSession)>,
+        particles: Option<Session>,
+        begins_with_heights: bool,
+        reporter: Arc<dyn Reporter>,
+    ) -> MixedSession {
+        MixedSession { fields, particles, begins_with_heights, is_raw: false, reporter }
     }
 
     /// What draws the particles, where there are some.
@@ -239,7 +244,7 @@ impl MixedSession {
     fn unit(&self, prepared: &[Prepared]) -> Unit {
         match (&self.particles, self.fields.first().zip(prepared.first())) {
             (Some(session), _) if !self.begins_with_heights => session.tree().metadata().length_unit.clone(),
-            (_, Some(((_, session), prepared))) => session.length_unit(&prepared.placed),
+            (_, Some(((_, session), prepared))) => session.opened().length_unit(&prepared.placed),
             (_, None) => Unit::default(),
         }
     }
@@ -248,11 +253,7 @@ impl MixedSession {
     fn placements(&self, prepared: &[Prepared]) -> Vec<FieldPlacement> {
         let scene = self.unit(prepared);
         let each = self.fields.iter().zip(prepared).map(|((member, session), prepared)| {
-            let own = session.length_unit(&prepared.placed);
-            let scale = member.scale.or_else(|| ratio(&own, &scene)).unwrap_or(1.0);
-            // A ratio of units that are the same may differ from 1 by rounding.
-            let scale = if (scale - 1.0).abs() < 1e-12 { 1.0 } else { scale };
-            FieldPlacement { offset: member.offset, scale }
+            placement_of(member, &session.opened().length_unit(&prepared.placed), &scene)
         });
         each.collect()
     }
@@ -391,20 +392,8 @@ impl MixedSession {
         diameter: f64,
         limit: u64,
     ) -> Result<(Image, u64), PictureError> {
-        let Looks { heights, particles: of_particles, is_of_heights } = self.looks(look)?;
-        let mut prepared = self.prepare(&heights)?;
-        if let (Some(levels), true) = (levels, is_of_heights) {
-            prepared.iter_mut().for_each(|prepared| prepared.look.range = levels.p);
-        }
-        let placements = self.placements(&prepared);
-        let ground = Fields::new(&mut self.fields, &prepared, placements, &heights);
-        match &mut self.particles {
-            None => Ok((ground.fragments(view).colors().image(), 0)),
-            Some(session) => {
-                let levels = levels.filter(|_| !is_of_heights);
-                session.image_among(&of_particles, view, levels, (diameter, limit), Some(&ground))
-            }
-        }
+        let seen = self.seen(look, view, levels, (diameter, limit))?;
+        Ok((seen.image, seen.particles.taken))
     }
 
     /// What is known of a look's picture from a camera: the ranges of what it is about.
@@ -419,6 +408,28 @@ impl MixedSession {
             (_, None) => Err(PictureError::Stopped),
         }
     }
+}
+
+/// Where a field lies that has lengths of its own.
+pub(super) fn placement_of(member: &Member, own: &Unit, scene: &Unit) -> FieldPlacement {
+    let scale = member.scale.or_else(|| ratio(own, scene)).unwrap_or(1.0);
+    // A ratio of units that are the same may differ from 1 by rounding.
+    let scale = if (scale - 1.0).abs() < 1e-12 { 1.0 } else { scale };
+    FieldPlacement { offset: member.offset, scale }
+}
+
+/// Says of particles how long their lengths are in a world of heights, where both units are known and nobody has said it.
+pub(super) fn in_lengths_of(
+    unit: &Unit,
+    particles: &mut [Member],
+    read: ReadMethod,
+    page_file: &mut dyn FnMut(&Path) -> Result<PathBuf, PictureError>,
+) -> Result<(), PictureError> {
+    for member in particles.iter_mut().filter(|member| member.scale.is_none()) {
+        let own = unit_of(&member.path, read, page_file)?;
+        member.scale = ratio(&own, unit).filter(|ratio| (ratio - 1.0).abs() > 1e-12);
+    }
+    Ok(())
 }
 
 /// The line of sight of each pixel of a picture.
@@ -474,5 +485,8 @@ fn unit_of(
     })
 }
 
+mod seen;
 #[cfg(test)]
 mod tests;
+
+pub use seen::{ParticlesSeen, SeenMixed};

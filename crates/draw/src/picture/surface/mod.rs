@@ -3,13 +3,15 @@
 
 mod letters;
 mod mixed;
+mod open_mixed;
 mod opened;
 mod painting;
 mod placement;
 mod raw;
 mod session;
 
-pub use mixed::MixedSession;
+pub use mixed::{MixedSession, ParticlesSeen, SeenMixed};
+pub use open_mixed::{OpenField, OpenMixed};
 pub use opened::OpenSurface;
-pub use raw::{SurfaceChannels, SurfaceShown};
+pub use raw::{CHANNELS, SurfaceChannels, SurfaceShown};
 pub use session::{SeenSurface, SurfaceSession};

@@ -4,11 +4,11 @@ use crate::annotate::Units;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::surface::look::Attribute as Coloured;
 use crate::cpu::surface::paged::PagedSurface;
-use crate::cpu::surface::placed::Placed;
+use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::{NodeSamples, SurfaceNodes};
 use crate::heights::measure::{FittedForm, FormKind, Pick, Ray, fitted, pick_all};
-use crate::heights::model::HeightError;
+use crate::heights::model::{HeightError, units};
 use crate::heights::store::HeightFile;
 use crate::look::{CameraConfig, Shot};
 use crate::mode::{Coloring, Depiction, LevelChoice, Mode, Settings};
@@ -175,6 +175,15 @@ impl OpenSurface {
         }
         forms.push(fitted.clone());
         Ok(fitted)
+    }
+
+    /// The unit of lengths of the world that it is placed in.
+    pub fn length_unit(&self, placed: &Placed) -> Unit {
+        let grid = &self.file.about().grid;
+        match (units::is_degrees(&grid.xy_unit), placed.map) {
+            (true, Map::Globe(_) | Map::Local { .. }) => grid.height_unit.clone(),
+            _ => grid.xy_unit.clone(),
+        }
     }
 
     /// How settings place it in the world.

@@ -14,6 +14,9 @@ pub struct SurfaceChannels {
     pub values: Vec<[f64; 7]>,
 }
 
+/// What the channels are called in files.
+pub const CHANNELS: [&str; 7] = ["depth", "x", "y", "height", "row", "column", "coverage"];
+
 /// What was drawn of a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SurfaceShown {

@@ -15,16 +15,16 @@ use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
 use crate::cpu::volume::VolumeLevels;
+use crate::heights::OpenHeights;
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
 use crate::heights::measure::Form;
-use crate::heights::model::{HeightGrid, units};
+use crate::heights::model::HeightGrid;
 use crate::heights::store::HeightFile;
-use crate::heights::{OpenHeights, is_heights};
-use crate::look::{Camera, DataKind, LookPatch, Shot};
+use crate::look::{Camera, LookPatch, Shot};
 use crate::mode::depiction::Coloring;
 use crate::mode::{Depiction, LightPicture, Mode, Raw};
-use crate::model::{Bounds, Unit};
+use crate::model::Bounds;
 use crate::modes::surface::{self, SurfaceSettings};
 use crate::picture::adapter::Adapter;
 use crate::picture::annotation::Annotation;
@@ -84,11 +84,6 @@ pub(super) struct Prepared {
 }
 
 impl SurfaceSession {
-    /// Whether a file is of heights, built or not.
-    pub fn is_surface(path: &Path) -> bool {
-        matches!(DataKind::of(path), Ok(DataKind::Heights)) || is_heights(path)
-    }
-
     /// Opens a field; a source's page file is built for it first, and kept as long as the session is.
     ///
     /// # Errors
@@ -383,15 +378,6 @@ impl SurfaceSession {
     ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
         let field = Field { nodes: &self.nodes, placed, extremes: self.extremes() };
         Ok(self.painter.draw(&field, sight, options, self.options.backend, &*self.reporter)?)
-    }
-
-    /// The unit of lengths of the world that it is placed in.
-    pub(super) fn length_unit(&self, placed: &Placed) -> Unit {
-        let grid = &self.file().about().grid;
-        match (units::is_degrees(&grid.xy_unit), placed.map) {
-            (true, Map::Globe(_) | Map::Local { .. }) => grid.height_unit.clone(),
-            _ => grid.xy_unit.clone(),
-        }
     }
 
     /// A drawn picture in colours, with what the shot's film does to it.

@@ -1,6 +1,8 @@
 //! Pictures of all kinds, laid over fields and maps.
 
 use super::*;
+use crate::export::{ExportOptions, export_heights};
+use crate::model::{HeightField, Window};
 use deepfield_data::model::Unit;
 
 fn png(path: &Path, size: [u32; 2], color: png::ColorType, depth: png::BitDepth, values: &[u8]) {
@@ -85,6 +87,75 @@ fn places_are_two_corners() {
     let globe = HeightGrid { origin: [350.0, 10.0], step: [2.0, -1.0], xy_unit: Unit::new("deg"), ..grid() };
     assert!(opened(&path, Some([-5.0, 0.0, 5.0, 10.0]), &globe).is_ok());
     assert!(opened(&path, Some([15.0, 0.0, 25.0, 10.0]), &globe).is_err());
+}
+
+#[test]
+fn photos_are_turned_as_the_camera_was_held() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    // Three columns, two rows.
+    png(&path, [3, 2], png::ColorType::Grayscale, png::BitDepth::Eight, &[0, 1, 2, 3, 4, 5]);
+    let expected: [&[u8]; 8] = [
+        &[0, 1, 2, 3, 4, 5],
+        &[2, 1, 0, 5, 4, 3],
+        &[5, 4, 3, 2, 1, 0],
+        &[3, 4, 5, 0, 1, 2],
+        &[0, 3, 1, 4, 2, 5],
+        &[3, 0, 4, 1, 5, 2],
+        &[5, 2, 4, 1, 3, 0],
+        &[2, 5, 1, 4, 0, 3],
+    ];
+    for (number, expected) in (1..).zip(expected) {
+        let own = folder.path().join("head.jpg");
+        std::fs::write(&own, orientation::tests::head(number, number % 2 == 0)).unwrap();
+        let Orientation { is_transposed, is_turned } = Orientation::of_file(&own);
+        let mut photo = opened(&path, None, &grid()).unwrap();
+        (photo.is_transposed, photo.is_turned) = (is_transposed, is_turned);
+        photo.about.size = if is_transposed { [3, 2] } else { [2, 3] };
+        assert_eq!(pixels(&photo), expected, "{number}");
+    }
+    assert_eq!(Orientation::of_file(&path), Orientation::default());
+    assert_eq!(Orientation::of_file(&folder.path().join("none.jpg")), Orientation::default());
+}
+
+#[test]
+fn a_geotiff_lies_where_it_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ortho.tif");
+    let utm = |grid: HeightGrid| HeightGrid { crs: Some("EPSG:32632".into()), xy_unit: Unit::new("m"), ..grid };
+    // Four columns and three rows of half a metre, from north to south.
+    let plain = HeightGrid { origin: [103.25, 47.75], step: [0.5, -0.5], ..HeightGrid::new(4, 3, SampleType::U8) };
+    let stored: Vec<f64> = (0..12).map(f64::from).collect();
+    let write = |grid: HeightGrid| {
+        let field = HeightField { grid, stored: stored.clone(), planes: Vec::new() };
+        let all = Window::all(&field.grid);
+        export_heights(&field, all, &path, &ExportOptions { all_valid: Some(true) }, &()).unwrap();
+    };
+    write(utm(plain.clone()));
+    let field = utm(HeightGrid { origin: [100.0, 50.0], step: [1.0, -1.0], ..grid() });
+    let photo = opened(&path, None, &field).unwrap();
+    // Its edges are half of its own pixels beside the middles of the outer ones.
+    assert_eq!(photo.about().place, PhotoPlace { rows: [2.0, 3.5], columns: [3.0, 5.0] });
+    assert_eq!(pixels(&photo), (0..12).collect::<Vec<u8>>());
+    // The field's rows go from south to north, and its lengths are others.
+    let other = HeightGrid { origin: [0.1, 0.03], step: [1e-3, 1e-3], xy_unit: Unit::new("km"), ..field.clone() };
+    let photo = opened(&path, None, &other).unwrap();
+    let PhotoPlace { rows, columns } = photo.about().place;
+    for (found, expected) in rows.iter().chain(&columns).zip([16.5, 18.0, 3.0, 5.0]) {
+        assert!((found - expected).abs() < 1e-9, "{rows:?} {columns:?}");
+    }
+    assert_eq!(pixels(&photo)[..4], [8, 9, 10, 11]);
+    // Where it is said it lies there, and over a field that is no map all of it.
+    assert_eq!(
+        opened(&path, Some([100.0, 30.0, 110.0, 50.0]), &field).unwrap().about().place,
+        PhotoPlace { rows: [0.0, 20.0], columns: [0.0, 10.0] }
+    );
+    assert_eq!(opened(&path, None, &grid()).unwrap().about().place, PhotoPlace::whole(&grid()));
+    let degrees = HeightGrid { crs: Some("EPSG:4326".into()), xy_unit: Unit::new("deg"), ..field.clone() };
+    let error = opened(&path, None, &degrees).unwrap_err();
+    assert!(error.contains("--texture: found EPSG:32632, expected EPSG:4326, or the photo's edges"), "{error}");
+    let far = HeightGrid { origin: [500.0, 50.0], ..field };
+    assert!(opened(&path, None, &far).unwrap_err().contains("--texture: found a rectangle from 103, 48 to 105, 46.5"));
 }
 
 #[test]

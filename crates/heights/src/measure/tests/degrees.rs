@@ -1,7 +1,7 @@
 //! Degrees as lengths on a sphere, against integrals.
 
 use super::truth::{assert_near, of};
-use crate::measure::{probe, probe_on, roughness, volumes, volumes_on};
+use crate::measure::{FormKind, fit, probe, probe_on, profile, profile_on, roughness, volumes, volumes_on};
 use crate::model::lengths::EARTH;
 use crate::model::{HeightField, Lengths};
 use deepfield_data::model::Unit;
@@ -65,4 +65,38 @@ fn what_is_nearest_is_so_in_metres() {
     assert_near(found.distance, 6_f64.to_radians() * EARTH * 60_f64.to_radians().cos(), 1e-9, "metres");
     field.grid.xy_unit = Unit::new("km");
     assert_near(probe(&field, [20.0, 60.0]).unwrap().nearest.unwrap().distance, 6.0, 1e-9, "as the field says");
+}
+
+#[test]
+fn profiles_go_by_metres() {
+    let mut field = zone(|x, y| x + y);
+    // What is open between 13 and 14 degrees east.
+    let columns = field.grid.columns as usize;
+    for (index, value) in field.stored.iter_mut().enumerate() {
+        if (30..=40).contains(&(index % columns)) {
+            *value = f64::NAN;
+        }
+    }
+    let lengths = Lengths::on(&field.grid, 1_737_400.0);
+    let line = [[11.0, 50.0], [11.0, 60.0], [20.0, 60.0]];
+    let (plain, found) = (profile(&field, &line).unwrap(), profile_on(&field, &lengths, &line).unwrap());
+    let degree = 1_737_400.0 * std::f64::consts::PI / 180.0;
+    assert_near(found.length, (10.0 + 0.5 * 9.0) * degree, 1e-12, "length");
+    assert_near(found.valid_length, (10.0 + 0.5 * (9.0 - 1.2)) * degree, 1e-9, "over T");
+    assert_eq!(plain.points.len(), found.points.len());
+    for (one, other) in plain.points.iter().zip(&found.points) {
+        let along = if one.distance <= 10.0 { one.distance } else { 10.0 + 0.5 * (one.distance - 10.0) };
+        assert_near(other.distance, along * degree, 1e-12, "distance");
+        assert_eq!((one.x, one.y, one.height.to_bits()), (other.x, other.y, other.height.to_bits()));
+    }
+}
+
+#[test]
+fn forms_with_a_radius_need_lengths() {
+    let field = zone(|x, y| x * x - y);
+    for kind in [FormKind::Sphere, FormKind::Cylinder] {
+        let told = fit(&field, kind).err().unwrap().to_string();
+        assert!(told.starts_with(&format!("--form {kind}: found x and y in degrees, expected lengths")), "{told}");
+    }
+    assert!(fit(&field, FormKind::Plane).is_ok());
 }

@@ -2,7 +2,8 @@
 
 use super::truth::{assert_near, of, sines, with_holes};
 use crate::measure::{Filter, Filtered, Part, roughness};
-use crate::model::{HeightField, Heights, Window};
+use crate::model::{HeightField, Heights, Lengths, Window};
+use deepfield_data::model::Unit;
 use std::f64::consts::PI;
 
 fn read(heights: &dyn Heights, window: Window) -> Vec<f64> {
@@ -75,4 +76,34 @@ fn half_of_a_wave_of_the_cutoff_passes() {
     assert_near(short, 0.125, 1e-4, "both axes");
     let none = roughness(&Filtered::new(&waves, Filter::Short(0.0), window).unwrap()).unwrap();
     assert_eq!(none, roughness(&Part::of_window(&waves, window).unwrap()).unwrap());
+}
+
+#[test]
+fn of_degrees_the_cutoff_is_in_metres() {
+    // Rows from 70 degrees north to the equator; a degree on a sphere of this radius is 1 metre.
+    let radius = 180.0 / PI;
+    let mut field = with_holes(of(60, 71, |row, column| (row * 0.3).sin() + (column * column * 0.01).cos()), 0.2, 2);
+    (field.grid.origin, field.grid.step) = ([10.0, 70.0], [1.0, -1.0]);
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    let (lengths, cutoff, all) = (Lengths::on(&field.grid, radius), 6.0, Window::all(&field.grid));
+    let found = read(&Filtered::on(&field, lengths, Filter::Short(cutoff), all).unwrap(), all);
+    let alpha = (std::f64::consts::LN_2 / PI).sqrt();
+    for n in (0..60 * 71).step_by(61).filter(|n| !field.stored[*n].is_nan()) {
+        let (row, column) = (n / 60, n % 60);
+        let mut sums = [0.0; 2];
+        for other in 0..71 {
+            let narrow = (70.0 - other as f64).to_radians().cos();
+            for beside in 0..60 {
+                let height = field.stored[other * 60 + beside];
+                let apart = [narrow * column.abs_diff(beside) as f64, row.abs_diff(other) as f64];
+                if !height.is_nan() && apart.iter().all(|apart| *apart <= cutoff) {
+                    let square = apart[0].powi(2) + apart[1].powi(2);
+                    let weight = narrow * (-PI * square / (alpha * cutoff).powi(2)).exp();
+                    sums = [sums[0] + weight * height, sums[1] + weight];
+                }
+            }
+        }
+        // Rows whose widths differ by less than a hundredth are alike.
+        assert!((found[n] - sums[0] / sums[1]).abs() < 5e-3, "{n}: {}, not {}", found[n], sums[0] / sums[1]);
+    }
 }

@@ -64,7 +64,7 @@ proptest! {
         for _ in 0..40 {
             let direction = |next: &mut dyn FnMut() -> f64| {
                 let z = 2.0 * next() - 1.0;
-                let (sin, cos) = (6.283_185 * next()).sin_cos();
+                let (sin, cos) = (std::f64::consts::TAU * next()).sin_cos();
                 let level = (1.0 - z * z).sqrt();
                 [level * cos, level * sin, z]
             };

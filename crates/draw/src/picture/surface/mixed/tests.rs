@@ -4,8 +4,13 @@
 
 use super::*;
 use crate::build::{BuildOptions, build};
-use crate::look::CameraConfig;
+use crate::heights::build::HeightBuildOptions;
+use crate::heights::import::HeightOptions;
+use crate::heights::{OpenHeights, is_heights};
+use crate::look::{CameraConfig, HeightsSaid, say};
+use crate::mode::Settings;
 use crate::model::{Attribute as Field, Dataset, Family, FamilyName, Kernel, Provenance};
+use crate::picture::surface::OpenMixed;
 use crate::synth::random::Random;
 use crate::view::{Eyes, Stereo, StereoKind, Surround};
 use glam::DVec3;
@@ -64,8 +69,10 @@ fn particles(folder: &Path, name: &str, of: &[(DVec3, f64, f64)], unit: &str, ma
 
 fn open(members: &[Member], unit: &str, options: SessionOptions) -> MixedSession {
     let said =
-        HeightOptions { xy_unit: Some(Unit::new(unit)), height_unit: Some(Unit::new("m")), ..HeightOptions::default() };
-    MixedSession::open(members, &said, options, [], |path| Ok(path.to_owned()), Arc::new(())).unwrap()
+        HeightsSaid { xy_unit: Some(Unit::new(unit)), height_unit: Some(Unit::new("m")), ..HeightsSaid::default() };
+    let mut members = members.to_vec();
+    say(&mut members, &said);
+    MixedSession::open(&members, options, [], |path| Ok(path.to_owned()), Arc::new(())).unwrap()
 }
 
 fn shot(mode: Option<&str>, settings: &str, eye: [f64; 3], ortho: Option<f64>) -> Shot {
@@ -255,4 +262,68 @@ fn settings_are_those_of_both_modes_and_no_others() {
     let prepared = session.prepare(&LookPatch::default()).unwrap();
     assert_eq!(session.placements(&prepared)[0].scale, 1e-3);
     assert!(session.framed(&LookPatch::default()).unwrap().size().length() < 0.01);
+}
+
+/// The page file of heights that a user names, with what he says of them; particles are built.
+fn built(folder: &Path) -> impl FnMut(&Path, &HeightsSaid) -> Result<PathBuf, PictureError> {
+    move |path, said| {
+        if !is_heights(path) {
+            return Ok(path.to_owned());
+        }
+        let out = folder.join(path.file_name().unwrap()).with_extension("df");
+        let heights = OpenHeights::open(path, &said.options(ReadMethod::default())).unwrap();
+        heights.build(&HeightBuildOptions::default(), &out, &()).unwrap();
+        Ok(out)
+    }
+}
+
+#[test]
+fn sessions_of_what_is_open_draw_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut members = plane_in_a_cloud(folder, &cloud());
+    let metres =
+        HeightsSaid { xy_unit: Some(Unit::new("m")), height_unit: Some(Unit::new("m")), ..HeightsSaid::default() };
+    say(&mut members, &metres);
+    let read = (ReadMethod::default(), None);
+    let (opened, notes) = OpenMixed::open(&members, read, &Settings::default(), built(folder)).unwrap();
+    assert!(notes.is_empty() && opened.begins_with_heights() && opened.fields().len() == 1, "{notes:?}");
+    let reporter: Arc<dyn Reporter> = Arc::new(());
+    let (mut one, mut other) = (opened.session(&reporter), open(&members, "m", SessionOptions::default()));
+    for mode in [None, Some("column-density"), Some("points"), Some("volume")] {
+        let shot = shot(mode, "{}", [2.0, -4.0, 3.0], None);
+        let view = other.draw(&shot).unwrap().annotation.view;
+        let (image, taken) = other.image(&shot.look, &view, None, 4.0, u64::MAX).unwrap();
+        let seen = one.seen(&shot.look, &view, None, (4.0, u64::MAX)).unwrap();
+        assert!(seen.image == image && seen.particles.taken == taken && taken > 0, "{mode:?}");
+        assert!(seen.heights.is_converged && seen.heights.samples_drawn > 0 && seen.error.is_none());
+        assert_eq!((seen.colored.is_some(), seen.particles.sums.is_some()), (mode.is_none(), mode != Some("volume")));
+        assert!(seen.levels.is_some(), "{mode:?}");
+    }
+    // From above and in front, with z up, as pictures whose camera nobody has placed.
+    let (view, target) = opened.home(&Settings::default(), 45.0, (160, 120)).unwrap().unwrap();
+    let bare = Shot { size: Some((160, 120)), ..Shot::default() };
+    let same = other.draw(&bare).unwrap().annotation.view;
+    assert!((view.eye - same.eye).length() < 1e-9 && view.eye.z > 1.0 && target.length() < 1e-9, "{view:?} {same:?}");
+    assert_eq!(opened.bounds(&Settings::default()).unwrap(), other.framed(&LookPatch::default()).unwrap());
+    // What is drawn, and what is asked: the first field lies elsewhere.
+    let draws = |name: &str| opened.is_drawn_by(modes::find(name).unwrap());
+    assert!(draws("surface") && draws("points") && draws("volume") && !draws("cartesian"));
+    assert!(opened.asked().is_none() && opened.is_about_heights(&surface::MODE));
+    assert_eq!((opened.of_particles(&["plane", "cloud"]), opened.usual_mode().name), (vec!["cloud"], "surface"));
+    // What is said of a file that was built is refused, and particles that come first have the world.
+    let [plane, cloud] = members;
+    let page_file = plane.path.with_extension("df");
+    let again = [Member::new(&page_file), cloud.clone()];
+    let (first, _) = OpenMixed::open(&again, read, &Settings::default(), built(folder)).unwrap();
+    assert!(first.asked().is_some());
+    let mut wrong = again.clone();
+    say(&mut wrong, &HeightsSaid { nodata: Some(0.0), ..HeightsSaid::default() });
+    let refused = OpenMixed::open(&wrong, read, &Settings::default(), built(folder)).err().unwrap();
+    assert!(refused.to_string().contains("--nodata: found a page file"), "{refused}");
+    let last = [cloud, Member { scale: None, ..plane }];
+    let (last, _) = OpenMixed::open(&last, read, &Settings::default(), built(folder)).unwrap();
+    assert!(!last.begins_with_heights() && last.asked().is_none());
+    assert_eq!((last.usual_mode().name, last.fields()[0].index), ("column-density", 1));
+    assert!(last.home(&Settings::default(), 45.0, (160, 120)).unwrap().is_none());
 }

@@ -1,0 +1,54 @@
+//! What a user says of a dataset of heights in place of its file.
+
+use crate::heights::import::{HeightOptions, PhotoChoice};
+use crate::model::{ReadMethod, Unit};
+
+/// What is said of heights; of a page file it is in it already.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HeightsSaid {
+    /// Whether the file is taken for heights; as its content tells where it is `None`.
+    pub is_heights: Option<bool>,
+    /// The stored value of samples that were not measured.
+    pub nodata: Option<f64>,
+    /// Distances of columns and of rows.
+    pub spacing: Option<[f64; 2]>,
+    /// Unit of x and y.
+    pub xy_unit: Option<Unit>,
+    /// Unit of heights.
+    pub height_unit: Option<Unit>,
+    /// A photo that is laid over them.
+    pub texture: Option<PhotoChoice>,
+}
+
+impl HeightsSaid {
+    /// The same as importers are told, who read files in a way.
+    pub fn options(&self, read: ReadMethod) -> HeightOptions {
+        HeightOptions {
+            is_asked: self.is_heights == Some(true),
+            no_data: self.nodata,
+            spacing: self.spacing,
+            xy_unit: self.xy_unit.clone(),
+            height_unit: self.height_unit.clone(),
+            texture: self.texture.clone(),
+            read,
+        }
+    }
+
+    /// What others say where this one says nothing.
+    #[must_use]
+    pub fn or(self, other: &HeightsSaid) -> HeightsSaid {
+        HeightsSaid {
+            is_heights: self.is_heights.or(other.is_heights),
+            nodata: self.nodata.or(other.nodata),
+            spacing: self.spacing.or(other.spacing),
+            xy_unit: self.xy_unit.or(other.xy_unit.clone()),
+            height_unit: self.height_unit.or(other.height_unit.clone()),
+            texture: self.texture.or(other.texture.clone()),
+        }
+    }
+
+    /// Whether the only thing that is said, if any, is what the file is taken for.
+    pub fn is_silent(&self) -> bool {
+        HeightsSaid { is_heights: self.is_heights, ..HeightsSaid::default() } == *self
+    }
+}

@@ -1,0 +1,134 @@
+//! Opening heights with particles or with other heights: as one scene, which the processor draws.
+
+use super::heights::check_map;
+use super::sketch::sketched;
+use super::{Opened, Seen};
+use crate::look::{HeightsSaid, Member};
+use crate::mode::{SettingValue, Settings};
+use crate::model::progress::Progress;
+use crate::model::{ReadMethod, When};
+use crate::picture::PictureError;
+use crate::picture::surface::OpenMixed;
+use crate::stream::first_frame;
+use crate::window::options::Opener;
+use crate::window::sampled::Sampled;
+use crate::window::scene::SceneField;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Opens datasets of which one at least is of heights.
+///
+/// # Errors
+/// When they cannot be read, or built, or do not fit together.
+pub(super) fn open_mixed(
+    members: Vec<Member>,
+    seen: &Seen,
+    (read, time): (ReadMethod, Option<When>),
+    opener: &Opener,
+    progress: &dyn Progress,
+) -> Result<Opened, String> {
+    let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
+    let members = members.map_err(|error| error.to_string())?;
+    let look = seen.scene.as_ref().map(|opened| &opened.scene.look);
+    let map = seen.map.clone().map(SettingValue::Name);
+    let map = map.or_else(|| look.and_then(|look| look.settings.0.get("map").cloned()));
+    let settings = Settings(map.map(|map| ("map".to_owned(), map)).into_iter().collect());
+    let built = |path: &Path, said: &HeightsSaid| opener(path, said, progress).map_err(PictureError::Asked);
+    let when = time.or(look.and_then(|look| look.time));
+    let opened = OpenMixed::open(&members, (read, when), &settings, built);
+    let (opened, notes) = opened.map_err(|error| error.to_string())?;
+    for field in opened.fields() {
+        check_map(&field.member.path, &field.opened.file().about().grid, seen)?;
+    }
+    let sampled = Sampled::Mixed(Arc::new(opened));
+    let particles = sampled.mixed().and_then(|opened| opened.particles().cloned());
+    // Where there are none, a few samples of the first field stand in.
+    let (file, folder) = match particles {
+        Some(file) => (file, None),
+        None => {
+            let (file, folder) = sketched(&sampled)?;
+            (Arc::new(file), Some(Arc::new(folder)))
+        }
+    };
+    let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
+    let frame = first_frame(&*file, &families, 0.0);
+    Ok(Opened {
+        path: members.first().map(|member| member.path.clone()).unwrap_or_default(),
+        members,
+        notes,
+        run: None,
+        tracks: None,
+        field: Some(SceneField { sketch: folder, ..SceneField::new(sampled) }),
+        file,
+        frame,
+        scene: seen.scene.clone().map(Arc::new),
+        map: seen.map.clone(),
+        keeps: false,
+        has_more: false,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build_source};
+    use crate::heights::OpenHeights;
+    use crate::heights::build::HeightBuildOptions;
+    use crate::import::LoadOptions;
+    use crate::look::say;
+    use crate::window::facts::Facts;
+    use std::path::PathBuf;
+
+    /// A field of text, and a file of particles.
+    fn data(folder: &Path) -> [PathBuf; 2] {
+        let [field, particles] = ["field.asc", "demo.df"].map(|name| folder.join(name));
+        let head = "ncols 3\nnrows 2\nxllcenter 0\nyllcenter 0\ncellsize 10\n";
+        std::fs::write(&field, format!("{head}1 2 3\n4 5 -1\n")).unwrap();
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &particles, &()).unwrap();
+        [field, particles]
+    }
+
+    #[test]
+    fn heights_are_opened_among_particles_with_what_is_said_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let [field, particles] = data(folder.path());
+        let built = folder.path().join("built.df");
+        let opener: Opener = Arc::new(move |path, said, progress| {
+            if path.extension().is_some_and(|extension| extension == "df") {
+                return Ok(path.to_owned());
+            }
+            let heights = OpenHeights::open(path, &said.options(ReadMethod::default()));
+            let heights = heights.map_err(|error| error.to_string())?;
+            let done = heights.build(&HeightBuildOptions::default(), &built, progress);
+            done.map(|_| built.clone()).map_err(|error| error.to_string())
+        });
+        let open = |paths: [&PathBuf; 2], map: Option<&str>| {
+            let mut members = paths.map(Member::new).to_vec();
+            say(&mut members, &HeightsSaid { nodata: Some(-1.0), ..HeightsSaid::default() });
+            let seen = Seen { scene: None, map: map.map(str::to_owned) };
+            open_mixed(members, &seen, (ReadMethod::default(), None), &opener, &())
+        };
+        for (paths, index) in [([&field, &particles], 0), ([&particles, &field], 1)] {
+            let opened = open(paths, None).unwrap();
+            let mixed = opened.field.as_ref().unwrap().opened.mixed().cloned().unwrap();
+            let fields = mixed.fields();
+            assert_eq!((fields.len(), fields[0].index, opened.members.len()), (1, index, 2));
+            assert_eq!(fields[0].opened.file().about().facts.valid, 5, "what is said goes into the file");
+            assert_eq!(opened.file.metadata().particles(), mixed.particles().unwrap().metadata().particles());
+            assert_eq!(mixed.begins_with_heights(), index == 0);
+            // The panel tells both.
+            let sampled = &opened.field.as_ref().unwrap().opened;
+            let facts = Facts::of(&opened.file, &sampled.of_particles(&opened.members)).with_samples(sampled);
+            assert_eq!((facts.heights.len(), facts.heights[0].index, &*facts.heights[0].name), (1, index, "field.asc"));
+            assert!(facts.rows.contains(&("Datasets", "2".to_owned())) && !facts.families.is_empty());
+        }
+        // Fields alone: a few of their samples stand in for particles.
+        let opened = open([&field, &field], None).unwrap();
+        let sampled = &opened.field.as_ref().unwrap().opened;
+        let facts = Facts::of(&opened.file, &sampled.of_particles(&opened.members)).with_samples(sampled);
+        assert!(facts.families.is_empty() && facts.heights.len() == 2 && sampled.has_z_up());
+        let refused = open([&field, &particles], Some("globe")).err().unwrap();
+        assert!(refused.starts_with(&format!("{}: ", field.display())) && refused.contains("globe"), "{refused}");
+    }
+}
