@@ -28,6 +28,23 @@ pub const FAN: u32 = 10;
 /// Invocations of a workgroup.
 pub const GROUP: u32 = 256;
 
+/// What a surface is coloured by.
+pub const BY_HEIGHT: u32 = 0;
+/// By how steep it is.
+pub const BY_SLOPE: u32 = 1;
+/// By the way down.
+pub const BY_ASPECT: u32 = 2;
+/// By how it is curved.
+pub const BY_CURVATURE: u32 = 3;
+/// By the level that is drawn.
+pub const BY_LEVEL: u32 = 4;
+/// By what it is drawn as.
+pub const BY_PRIMITIVE: u32 = 5;
+/// By a plane's values.
+pub const BY_PLANE: u32 = 6;
+/// As three planes have it.
+pub const BY_TEXTURE: u32 = 7;
+
 /// The module `deepfield::surface_constants`.
 pub fn wgsl() -> String {
     let numbers = [
@@ -41,6 +58,14 @@ pub fn wgsl() -> String {
         ("FAN", FAN),
         ("SECANTS", SECANTS),
         ("ENDS", ENDS),
+        ("BY_HEIGHT", BY_HEIGHT),
+        ("BY_SLOPE", BY_SLOPE),
+        ("BY_ASPECT", BY_ASPECT),
+        ("BY_CURVATURE", BY_CURVATURE),
+        ("BY_LEVEL", BY_LEVEL),
+        ("BY_PRIMITIVE", BY_PRIMITIVE),
+        ("BY_PLANE", BY_PLANE),
+        ("BY_TEXTURE", BY_TEXTURE),
     ];
     let shares =
         [("UNMEASURED", f64::from(UNMEASURED)), ("FINER", FINER), ("REACH", REACH), ("MINOR", MINOR), ("EDGE", EDGE)];

@@ -1,7 +1,7 @@
 //! What shaders are told of a surface: who looks and what it looks like, its chunks, and lists of numbers, heights and triangles.
 
 use super::arena::Held;
-use super::constants::{FAN, SMALL, UNMEASURED};
+use super::constants::{self, FAN, SMALL, UNMEASURED};
 use super::job::SurfaceJob;
 use crate::color::transfer::Scale;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
@@ -373,16 +373,15 @@ impl SurfaceUniform {
             lone_side: job.parts,
             clip_min: (cut.bounds.min - view.eye).max(DVec3::splat(-1e37)).as_vec3().to_array(),
             colored_by: match look.attribute {
-                Attribute::Height => 0,
-                Attribute::Slope => 1,
-                Attribute::Aspect => 2,
-                Attribute::Curvature => 3,
-                Attribute::Level => 4,
-                Attribute::Primitive => 5,
-                Attribute::Plane(_) => 6,
-                Attribute::Texture(_) => 7,
-                // Asked for of the processor.
-                Attribute::Photo | Attribute::Residual => 0,
+                // What is of photos and forms is asked for of the processor.
+                Attribute::Height | Attribute::Photo | Attribute::Residual => constants::BY_HEIGHT,
+                Attribute::Slope => constants::BY_SLOPE,
+                Attribute::Aspect => constants::BY_ASPECT,
+                Attribute::Curvature => constants::BY_CURVATURE,
+                Attribute::Level => constants::BY_LEVEL,
+                Attribute::Primitive => constants::BY_PRIMITIVE,
+                Attribute::Plane(_) => constants::BY_PLANE,
+                Attribute::Texture(_) => constants::BY_TEXTURE,
             },
             clip_max: (cut.bounds.max - view.eye).min(DVec3::splat(1e37)).as_vec3().to_array(),
             ramp_last: ramp.saturating_sub(1),
