@@ -16,6 +16,7 @@ use crate::hierarchy::chunks::leaf::{self, Leaf};
 use crate::hierarchy::chunks::rows::LevelRows;
 use crate::hierarchy::chunks::sums::{WideLight, WideSum};
 use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
+use crate::import::proportions;
 use crate::model::{Facts, HeightGrid};
 use crate::store::chunk::{self, Code};
 use crate::store::{HeightAbout, HeightFileWriter};
@@ -381,12 +382,16 @@ impl Pass<'_> {
             mean: self.grid.scale.value(self.sum / self.valid as f64),
         };
         debug_assert!(self.writer.node(root).is_some_and(|node| node.min <= min && node.max >= max));
+        let found = [seen.suspects.note(self.grid), proportions::note(self.grid, [min, max])];
+        // A page file that this is built from has told it.
+        let found = found.into_iter().flatten().filter(|note| !origin.notes.contains(note));
+        let notes = origin.notes.iter().cloned().chain(found).collect();
         let about = HeightAbout {
             source: origin.path.clone(),
             format: origin.format.clone(),
             source_bytes: origin.bytes,
             has_spacing: origin.has_spacing,
-            notes: origin.notes.iter().cloned().chain(seen.suspects.note(self.grid)).collect(),
+            notes,
             grid: self.grid.clone(),
             facts,
             invalid: seen.invalid,

@@ -21,6 +21,7 @@ pub mod photo;
 mod plu;
 mod plux;
 mod png16;
+pub mod proportions;
 mod raw;
 mod source;
 pub mod summary;

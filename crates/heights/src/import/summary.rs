@@ -1,5 +1,6 @@
 //! What a field holds: the content of `info --json`.
 
+use super::proportions;
 use super::source::is_masked;
 use super::suspects::Suspects;
 use super::{HeightDescription, HeightSource};
@@ -137,6 +138,7 @@ pub fn summarize_heights(source: &HeightSource) -> Result<HeightSummary, ImportE
         return Err(ImportError::malformed(&path, "valid samples", format!("0 of {}", grid.samples()), expected));
     }
     notes.extend(suspects.note(&grid));
+    notes.extend(proportions::note(&grid, [facts.min, facts.max]));
     Ok(HeightSummary {
         kind: "heights",
         path: path.display().to_string(),
