@@ -62,10 +62,12 @@ fn splats_lie_over_each_other_as_on_the_processor() {
         ("parallel", "column-density", camera([40.0, 60.0, 120.0], Some(60.0))),
         ("squared", "density-squared", camera([70.0, 40.0, 90.0], None)),
     ] {
-        for attribute in [None, Some("density")] {
+        // Colours by an attribute are found in the same way from everywhere.
+        let attributes: &[Option<&str>] = if name == "from outside" { &[None, Some("density")] } else { &[None] };
+        for attribute in attributes.iter().copied() {
             let mut look = look(mode, "exact");
             look.attribute = attribute.map(|name| Attribute::Named(name.into()));
-            let shot = Shot { look, camera, size: Some((240, 180)), ..Shot::default() };
+            let shot = Shot { look, camera, size: Some((160, 120)), ..Shot::default() };
             // Each finds the ranges of its own sums.
             let [first, own] = [by_processor.draw(&shot).unwrap(), by_adapter.draw(&shot).unwrap()];
             let [low, high] = [0, 1].map(|end| levels(&own).p[end] / levels(&first).p[end] - 1.0);
@@ -77,7 +79,7 @@ fn splats_lie_over_each_other_as_on_the_processor() {
             let lit = colors(&first).rgba.iter().filter(|pixel| pixel[3] > 0.1).count();
             let apart = apart(colors(&found), colors(&first));
             println!("{name}, {attribute:?}: {apart:.2e}, {lit} pixels");
-            assert!(lit > 300 && apart < 1e-3, "{name}, {attribute:?}: {apart}, {lit} pixels");
+            assert!(lit > 130 && apart < 1e-3, "{name}, {attribute:?}: {apart}, {lit} pixels");
         }
     }
 }

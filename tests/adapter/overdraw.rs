@@ -1,6 +1,6 @@
 //! How many splats lie over each pixel, counted by an adapter and by the processor.
 
-use crate::support::{Built, Random, built, demo, sum_nodes, view_of};
+use crate::support::{Built, Random, alone, built, demo, sum_nodes, view_of};
 use deepfield::annotate::overlay::read_png;
 use deepfield::codec::VqBits;
 use deepfield::cpu::overdraw::Overdraw;
@@ -82,39 +82,41 @@ fn random_view(random: &mut Random, bounds: Bounds, orthographic: bool) -> View 
 
 #[test]
 fn an_adapter_counts_what_the_processor_counts() {
-    let mut adapters = [Passes::Compute, Passes::Raster].map(|passes| (passes, Offscreen::default()));
-    let mut random = Random(12);
-    let mut dropped = 0;
-    for mode in ["column-density", "density-squared", "points"] {
-        let data = Data::new(mode);
-        let bounds = data.built.dataset.bounds();
-        for (number, orthographic) in [false, true, true, false, false, false].into_iter().enumerate() {
-            let view = random_view(&mut random, bounds, orthographic);
-            let nodes = data.nodes(&view);
-            let sums = sum_nodes(&view, &data.depiction, data.built.file.metadata(), &nodes);
-            let faintest = 3e-4 * sums.p.iter().copied().fold(0.0, f32::max);
-            let all = Plan::default();
-            let everything = data.by_processor(&view, &nodes, &all).mean();
-            for (plan, of) in [
-                (all, "all"),
-                (Plan { culling: false, ..all }, "without culling"),
-                (Plan { faintest, ..all }, "without faint ones"),
-                (Plan { keep: 0.1, ..all }, "thinned by importance"),
-                (Plan { share: 0.3, faintest, ..all }, "a share without faint ones"),
-            ] {
-                let expected = data.by_processor(&view, &nodes, &plan);
-                let some = 0.0 < expected.mean() && expected.mean() < 0.9 * everything;
-                dropped += u32::from(plan.share == 1.0 && plan.faintest > 0.0 && some);
-                let before = decoded_nodes();
-                let (passes, adapter) = &mut adapters[number % 2];
-                let found = adapter.overdraw(&data.job(&view, &nodes, &plan, *passes)).unwrap();
-                assert_eq!(decoded_nodes(), before, "the adapter alone loads particles");
-                let lens = if orthographic { "orthographic" } else { "perspective" };
-                compare(&found, &expected, &format!("{mode}, {lens} {number}, {of}"));
+    alone("overdraw::an_adapter_counts_what_the_processor_counts", || {
+        let mut adapters = [Passes::Compute, Passes::Raster].map(|passes| (passes, Offscreen::default()));
+        let mut random = Random(12);
+        let mut dropped = 0;
+        for mode in ["column-density", "density-squared", "points"] {
+            let data = Data::new(mode);
+            let bounds = data.built.dataset.bounds();
+            for (number, orthographic) in [false, true, true, false, false, false].into_iter().enumerate() {
+                let view = random_view(&mut random, bounds, orthographic);
+                let nodes = data.nodes(&view);
+                let sums = sum_nodes(&view, &data.depiction, data.built.file.metadata(), &nodes);
+                let faintest = 3e-4 * sums.p.iter().copied().fold(0.0, f32::max);
+                let all = Plan::default();
+                let everything = data.by_processor(&view, &nodes, &all).mean();
+                for (plan, of) in [
+                    (all, "all"),
+                    (Plan { culling: false, ..all }, "without culling"),
+                    (Plan { faintest, ..all }, "without faint ones"),
+                    (Plan { keep: 0.1, ..all }, "thinned by importance"),
+                    (Plan { share: 0.3, faintest, ..all }, "a share without faint ones"),
+                ] {
+                    let expected = data.by_processor(&view, &nodes, &plan);
+                    let some = 0.0 < expected.mean() && expected.mean() < 0.9 * everything;
+                    dropped += u32::from(plan.share == 1.0 && plan.faintest > 0.0 && some);
+                    let before = decoded_nodes();
+                    let (passes, adapter) = &mut adapters[number % 2];
+                    let found = adapter.overdraw(&data.job(&view, &nodes, &plan, *passes)).unwrap();
+                    assert_eq!(decoded_nodes(), before, "the adapter alone loads particles");
+                    let lens = if orthographic { "orthographic" } else { "perspective" };
+                    compare(&found, &expected, &format!("{mode}, {lens} {number}, {of}"));
+                }
             }
         }
-    }
-    assert!(dropped >= 10, "only {dropped} pictures without their faint particles");
+        assert!(dropped >= 10, "only {dropped} pictures without their faint particles");
+    });
 }
 
 #[test]
@@ -179,28 +181,30 @@ fn drawn(file: &Path, mode: &str, backend: look::Backend, overdraw: &Path) -> Re
 
 #[test]
 fn a_session_has_its_adapter_count() {
-    let built = built(&demo(), VqBits::Eight);
-    let folder = tempfile::tempdir().unwrap();
-    let counted = |backend: look::Backend| {
-        let path = folder.path().join(format!("{backend:?}.png"));
-        let before = decoded_nodes();
-        let picture = drawn(built.file.path(), "column-density", backend, &path).unwrap();
-        assert_eq!(decoded_nodes() > before, backend == look::Backend::Cpu, "{backend:?}");
-        (picture.left_out.overdraw.unwrap(), read_png(&path).unwrap())
-    };
-    let ((mean, most), expected) = counted(look::Backend::Cpu);
-    for backend in [look::Backend::Compute, look::Backend::Raster] {
-        let ((found, highest), image) = counted(backend);
-        assert!(
-            (found - mean).abs() <= MEAN * mean && highest.abs_diff(most) <= MOST,
-            "{found} {mean} {highest} {most}"
-        );
-        let differ = image.rgba.iter().zip(&expected.rgba).filter(|(a, b)| a != b).count();
-        assert!(differ as f64 <= DIFFER * expected.rgba.len() as f64, "{differ} pixels of {backend:?}");
-    }
-    for backend in [look::Backend::Cpu, look::Backend::Compute] {
-        let refused = drawn(built.file.path(), "volume", backend, &folder.path().join("none.png")).err().unwrap();
-        assert_eq!(refused.to_string(), "--overdraw: the mode volume has no splats");
-    }
-    assert!(!folder.path().join("none.png").exists());
+    alone("overdraw::a_session_has_its_adapter_count", || {
+        let built = built(&demo(), VqBits::Eight);
+        let folder = tempfile::tempdir().unwrap();
+        let counted = |backend: look::Backend| {
+            let path = folder.path().join(format!("{backend:?}.png"));
+            let before = decoded_nodes();
+            let picture = drawn(built.file.path(), "column-density", backend, &path).unwrap();
+            assert_eq!(decoded_nodes() > before, backend == look::Backend::Cpu, "{backend:?}");
+            (picture.left_out.overdraw.unwrap(), read_png(&path).unwrap())
+        };
+        let ((mean, most), expected) = counted(look::Backend::Cpu);
+        for backend in [look::Backend::Compute, look::Backend::Raster] {
+            let ((found, highest), image) = counted(backend);
+            assert!(
+                (found - mean).abs() <= MEAN * mean && highest.abs_diff(most) <= MOST,
+                "{found} {mean} {highest} {most}"
+            );
+            let differ = image.rgba.iter().zip(&expected.rgba).filter(|(a, b)| a != b).count();
+            assert!(differ as f64 <= DIFFER * expected.rgba.len() as f64, "{differ} pixels of {backend:?}");
+        }
+        for backend in [look::Backend::Cpu, look::Backend::Compute] {
+            let refused = drawn(built.file.path(), "volume", backend, &folder.path().join("none.png")).err().unwrap();
+            assert_eq!(refused.to_string(), "--overdraw: the mode volume has no splats");
+        }
+        assert!(!folder.path().join("none.png").exists());
+    });
 }

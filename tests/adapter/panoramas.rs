@@ -21,7 +21,7 @@ fn shot(mode: &str, surround: Surround) -> Shot {
     let mode = modes::find(mode);
     let camera =
         CameraConfig { eye: Some([25.0, 25.0, 24.0]), target: Some([25.0, 26.0, 0.0]), ..CameraConfig::default() };
-    Shot { look: LookPatch { mode, ..LookPatch::default() }, camera, size: Some((96, 96)), surround, ..Shot::default() }
+    Shot { look: LookPatch { mode, ..LookPatch::default() }, camera, size: Some((64, 64)), surround, ..Shot::default() }
 }
 
 fn with(shot: Shot, name: &str, value: f64) -> Shot {
@@ -84,7 +84,7 @@ fn panoramas_and_pairs_are_those_of_the_processor() {
             let (l1, l2) = relative_error(&values(&found), &values(&expected));
             println!("{what} by {name}: L1 {l1}, L2 {l2}");
             assert!(l1 < bound && l2 < bound, "{what} by {name}: L1 {l1}, L2 {l2}");
-            assert!(values(&expected).iter().filter(|value| **value > 0.0).count() > 2000, "{what}: nothing to see");
+            assert!(values(&expected).iter().filter(|value| **value > 0.0).count() > 900, "{what}: nothing to see");
         }
     }
 }

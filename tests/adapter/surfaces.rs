@@ -107,7 +107,7 @@ impl Wanted<'_> {
             ..LookPatch::default()
         };
         let camera = CameraConfig { eye: self.eye, target: self.target, ortho: self.ortho, ..CameraConfig::default() };
-        Shot { look, camera, size: Some((300, 200)), ..Shot::default() }
+        Shot { look, camera, size: Some((210, 140)), ..Shot::default() }
     }
 
     fn draw(&self, session: &mut SurfaceSession) -> (Picture, Image) {
@@ -281,7 +281,7 @@ fn nothing_shows_through_where_levels_meet() {
     let mut random = Random(7);
     let mut adapter = Offscreen::preferred();
     let mut joined = 0;
-    for round in 0..24 {
+    for round in 0..12 {
         let view = camera_over(&field, &mut random);
         let cut = random_cut(&nodes, &placed, &view, &mut random);
         let scene = Arc::new(Scene::new(&nodes, &placed, cut));
@@ -294,5 +294,5 @@ fn nothing_shows_through_where_levels_meet() {
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
         assert_eq!(open, 0, "{passes:?}, round {round}: {view:?}");
     }
-    assert!(joined > 100, "{joined} borders of levels");
+    assert!(joined > 50, "{joined} borders of levels");
 }

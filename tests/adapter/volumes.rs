@@ -1,6 +1,6 @@
 //! Volumes and isosurfaces by compute passes against the CPU ray caster: the same particles, grid and settings.
 
-use crate::support::{built, demo, view_from};
+use crate::support::{alone, built, demo, view_from};
 use deepfield::codec::VqBits;
 use deepfield::codec::clusters::NO_CLASS;
 use deepfield::color::Colors;
@@ -542,57 +542,59 @@ fn what_is_hidden_is_left_out_and_changes_nothing() {
 
 #[test]
 fn the_demo_data_look_as_on_the_cpu() {
-    let built = built(&demo(), VqBits::Eight);
-    let metadata = built.file.metadata();
-    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 120, 80);
-    let mut adapter = Offscreen::default();
-    for mode in modes::all().into_iter().filter(|mode| mode.technique.adapter() == Adapter::Light) {
-        let mut settings = Settings::default();
-        // A driver without a card takes a minute for 128 layers.
-        for (name, fewer) in [("layers", 8.0), ("cells", 96.0)] {
-            if mode.own_settings().any(|setting| setting.name == name) {
-                settings.0.insert(name.into(), SettingValue::Number(fewer));
+    alone("volumes::the_demo_data_look_as_on_the_cpu", || {
+        let built = built(&demo(), VqBits::Eight);
+        let metadata = built.file.metadata();
+        let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 120, 80);
+        let mut adapter = Offscreen::default();
+        for mode in modes::all().into_iter().filter(|mode| mode.technique.adapter() == Adapter::Light) {
+            let mut settings = Settings::default();
+            // A driver without a card takes a minute for 128 layers.
+            for (name, fewer) in [("layers", 8.0), ("cells", 96.0)] {
+                if mode.own_settings().any(|setting| setting.name == name) {
+                    settings.0.insert(name.into(), SettingValue::Number(fewer));
+                }
             }
-        }
-        let depiction = Depiction::new(mode, settings, None, metadata).unwrap();
-        let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
-        let transfer = transfer_of(&LookPatch::default(), &depiction);
-        let subject = Subject::new(metadata, &depiction, &transfer, metadata.bounds().size().length());
-        let (plan, nodes) = (Plan::default(), &selection.nodes);
-        let before = decoded_nodes();
-        let job = AdapterJob {
-            view: &view,
-            depiction: &depiction,
-            metadata,
-            nodes,
-            plan: &plan,
-            passes: Passes::Compute,
-            light: None,
-            repeat: 1,
-        };
-        let light = subject.light(&view, &mut |options| adapter.ranges(&job, options)).unwrap().unwrap();
-        let frame = adapter.draw(&AdapterJob { light: Some(&light), ..job }).unwrap();
-        assert_eq!(decoded_nodes(), before, "{}: the adapter alone loads particles", mode.name);
-        let AdapterValues::Light(found, _) = frame.values else { panic!("{}: no light", mode.name) };
-        let drawn = subject.draw_nodes(&view, nodes, &plan).unwrap().light(mode).unwrap();
-        // Ranges are those of the processor's sketch but for rounding at the borders of its classes.
-        for (found, expected) in
-            [(light.levels.density, drawn.levels.density), (light.levels.attribute, drawn.levels.attribute)]
-        {
-            for (a, b) in found.iter().zip(expected) {
-                assert!((a - b).abs() <= 0.02 * b.abs(), "{}: {found:?} {expected:?}", mode.name);
+            let depiction = Depiction::new(mode, settings, None, metadata).unwrap();
+            let selection = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap();
+            let transfer = transfer_of(&LookPatch::default(), &depiction);
+            let subject = Subject::new(metadata, &depiction, &transfer, metadata.bounds().size().length());
+            let (plan, nodes) = (Plan::default(), &selection.nodes);
+            let before = decoded_nodes();
+            let job = AdapterJob {
+                view: &view,
+                depiction: &depiction,
+                metadata,
+                nodes,
+                plan: &plan,
+                passes: Passes::Compute,
+                light: None,
+                repeat: 1,
+            };
+            let light = subject.light(&view, &mut |options| adapter.ranges(&job, options)).unwrap().unwrap();
+            let frame = adapter.draw(&AdapterJob { light: Some(&light), ..job }).unwrap();
+            assert_eq!(decoded_nodes(), before, "{}: the adapter alone loads particles", mode.name);
+            let AdapterValues::Light(found, _) = frame.values else { panic!("{}: no light", mode.name) };
+            let drawn = subject.draw_nodes(&view, nodes, &plan).unwrap().light(mode).unwrap();
+            // Ranges are those of the processor's sketch but for rounding at the borders of its classes.
+            for (found, expected) in
+                [(light.levels.density, drawn.levels.density), (light.levels.attribute, drawn.levels.attribute)]
+            {
+                for (a, b) in found.iter().zip(expected) {
+                    assert!((a - b).abs() <= 0.02 * b.abs(), "{}: {found:?} {expected:?}", mode.name);
+                }
             }
+            let (l2, most) = difference(&found, &drawn.colors);
+            println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);
+            // On the silhouettes of spheres a pixel may show one or the other.
+            let Needs { purpose, of_data, .. } = mode.technique.needs(&Settings::default());
+            let bound = match purpose == Purpose::Samples || of_data {
+                true => 5e-5,
+                false => 2e-2,
+            };
+            assert!(l2 < bound, "{}: {l2} {most}", mode.name);
         }
-        let (l2, most) = difference(&found, &drawn.colors);
-        println!("{}: L2 {l2:.2e}, at most {most:.2e}", mode.name);
-        // On the silhouettes of spheres a pixel may show one or the other.
-        let Needs { purpose, of_data, .. } = mode.technique.needs(&Settings::default());
-        let bound = match purpose == Purpose::Samples || of_data {
-            true => 5e-5,
-            false => 2e-2,
-        };
-        assert!(l2 < bound, "{}: {l2} {most}", mode.name);
-    }
+    });
 }
 
 #[test]

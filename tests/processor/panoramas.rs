@@ -151,7 +151,7 @@ fn sampling_error(panorama: &Panorama, cloud: &Cloud) -> [f64; 2] {
 /// which falls with the square of a pixel's size: where faces meet, too.
 #[test]
 fn panoramas_are_sums_along_rays_and_have_no_seams() {
-    let cloud = Cloud::random(150, [0.1, 0.6], 1);
+    let cloud = Cloud::random(60, [0.1, 0.6], 1);
     for (surround, [width, height]) in [
         (Surround::Dome { aperture: 180.0, tilt: 25.0 }, [96, 96]),
         (Surround::Dome { aperture: 320.0, tilt: -10.0 }, [128, 128]),
@@ -303,7 +303,7 @@ fn slicing_error(circle: &Omnidirectional, cloud: &Cloud) -> f64 {
 /// slices too, falls with their number.
 #[test]
 fn omnidirectional_stereo_is_that_of_each_pixels_own_eye() {
-    let cloud = Cloud::random(60, [0.15, 0.5], 4);
+    let cloud = Cloud::random(25, [0.15, 0.5], 4);
     let splats = cloud.splats();
     for surround in [Surround::Dome { aperture: 180.0, tilt: 0.0 }, Surround::Equirectangular] {
         let panorama = panorama(surround, 96, 64);

@@ -106,11 +106,17 @@ fn test(arguments: &[String]) -> Result<u8, String> {
         if has_data {
             command.args(["--run-ignored", "all"]);
         }
-    } else {
-        command.args(["test", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
-        if has_data {
-            command.args(["--", "--include-ignored"]);
+        let tested = run(&mut command)?;
+        if !arguments.is_empty() {
+            return Ok(tested);
         }
+        // Nextest leaves the documentation's examples out.
+        let documented = run(cargo().args(["test", "--locked", "--workspace", "--doc"]))?;
+        return Ok(tested.max(documented));
+    }
+    command.args(["test", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
+    if has_data {
+        command.args(["--", "--include-ignored"]);
     }
     run(&mut command)
 }
