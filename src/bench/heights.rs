@@ -227,11 +227,11 @@ impl<'a> Bench<'a> {
         let file = Arc::new(HeightFile::open(path, arguments.read)?);
         let about = file.about();
         let settings = SurfaceSettings::new(&Settings::default(), &about.grid)?;
-        let attribute = attribute_of(None, about)?;
+        let attribute = attribute_of(None, about, false)?;
         let transfer = usual_transfer(attribute);
         let range = range_of(&transfer, attribute, &about.facts, about.levels.len() as u32, 1.0);
         let look = settings.look(attribute, transfer, range);
-        let (_, placed) = SurfaceSession::sight(&about.grid, [about.facts.min, about.facts.max], &Shot::default())?;
+        let (_, placed) = SurfaceSession::sight(&*file, [about.facts.min, about.facts.max], &Shot::default())?;
         Ok(Bench { path: path.into(), placed, look, arguments, file })
     }
 
@@ -268,7 +268,7 @@ impl<'a> Bench<'a> {
     fn sight(&self, camera: CameraConfig) -> Result<Sight, Failure> {
         let (about, size) = (self.file.about(), self.arguments.flight.picture_size());
         let shot = Shot { camera, size: Some((size.width, size.height)), ..Shot::default() };
-        Ok(SurfaceSession::sight(&about.grid, [about.facts.min, about.facts.max], &shot)?.0)
+        Ok(SurfaceSession::sight(&*self.file, [about.facts.min, about.facts.max], &shot)?.0)
     }
 
     fn options(&self) -> SurfaceOptions {

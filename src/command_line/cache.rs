@@ -227,11 +227,12 @@ pub(super) fn cached_name(path: &Path) -> Result<String, std::io::Error> {
 /// The same of heights: it changes with what is said of them as well, and with the photo over them.
 fn cached_name_of_heights(path: &Path, said: &HeightsSaid) -> Result<String, std::io::Error> {
     let name = cached_name(path)?;
-    if *said == HeightsSaid::default() {
+    // What they are compared with is in no file of theirs.
+    if *said == (HeightsSaid { before: said.before.clone(), ..HeightsSaid::default() }) {
         return Ok(name);
     }
     let mut hasher = DefaultHasher::new();
-    let HeightsSaid { is_heights, nodata, spacing, xy_unit, height_unit, texture } = said;
+    let HeightsSaid { is_heights, nodata, spacing, xy_unit, height_unit, texture, before: _ } = said;
     let numbers = (nodata.map(f64::to_bits), spacing.map(|spacing| spacing.map(f64::to_bits)));
     let units = [xy_unit, height_unit].map(|unit| unit.as_ref().map(|unit| unit.0.as_str()));
     let photo = texture.as_ref().map(|photo| Ok::<_, std::io::Error>((cached_name(&photo.path)?, photo.rectangle)));

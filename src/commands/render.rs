@@ -47,6 +47,7 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
     options.raw |= is_exr && has_numbers && members.iter().any(Member::is_of_heights);
     if !members.iter().any(Member::is_of_heights) {
         arguments.texture.refuse()?;
+        arguments.before.refuse()?;
     }
     let is_field = match &members[..] {
         [only] => only.is_of_heights() || FieldSession::is_field(&only.path),

@@ -2,7 +2,7 @@
 
 use super::annotate::AnnotateOptions;
 use super::arguments::{PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
-use super::heights::{HeightsOptions, SpacingOptions, TextureOptions};
+use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptions};
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
 use crate::color::composite::Background;
@@ -40,6 +40,8 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield render run.df --time step:12 --mode volume --paths all -o both.png
   deepfield render dem.tif -o hill.png --set contours=20.0   measured heights, with a line every 20
   deepfield render dem.df -o slope.png --attribute slope --set exaggeration=3.0
+  deepfield render after.df --before before.tif -o change.png          what has changed, over the later surface
+  deepfield render dem.df -o low.png --eye 100,200,0 --target 900,200,0 --set clearance=2.0    2 above the ground at least
   deepfield render moon.tif --map globe:moon --with stars.csv -o moon.png    heights among particles: depth decides
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
@@ -185,6 +187,9 @@ pub struct Arguments {
     /// A photo over them.
     #[command(flatten)]
     pub texture: TextureOptions,
+    /// Earlier heights.
+    #[command(flatten)]
+    pub before: BeforeOptions,
     /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,
@@ -209,7 +214,7 @@ impl Arguments {
         for member in &self.with {
             members.push(member.resolved()?);
         }
-        say(&mut members, &self.texture.with(self.heights.said(&self.spacing.spacing)));
+        say(&mut members, &self.before.with(self.texture.with(self.heights.said(&self.spacing.spacing))));
         let mut shot = self.over(config.clone(), base)?;
         self.set_values(&mut shot.look)?;
         if let Some(map) = &self.map {

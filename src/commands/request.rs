@@ -40,8 +40,7 @@ pub fn open_any<'a>(
             AnySession::Mixed(Box::new(session))
         }
         [only] if shots.iter().all(takes_surfaces) && only.is_of_heights() => {
-            let said = only.said.options(options.read);
-            let session = SurfaceSession::open(&only.path, &said, options, Arc::new(Terminal))?;
+            let session = SurfaceSession::open(&only.path, &only.said, options, Arc::new(Terminal))?;
             #[cfg(feature = "viewer")]
             let session = session.with_adapter(Some(Box::new(crate::gpu::Offscreen::default())));
             AnySession::Surface(Box::new(session))

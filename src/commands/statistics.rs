@@ -100,12 +100,15 @@ struct Surface {
     triangles: u64,
     /// The sum of alpha, pixels.
     covered: f64,
+    /// Where the eye was lifted to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    eye: Option<[f64; 3]>,
 }
 
 impl Surface {
-    fn of(SurfaceShown { report, .. }: &SurfaceShown) -> Surface {
+    fn of(SurfaceShown { report, lifted, .. }: &SurfaceShown) -> Surface {
         let SurfaceReport { levels, samples_drawn, points, triangles, covered, .. } = *report;
-        Surface { levels, samples_drawn, points, triangles, covered }
+        Surface { levels, samples_drawn, points, triangles, covered, eye: *lifted }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::arguments::PictureSize;
 use super::cached_run::{CachedRun, Grown};
-use super::heights::{HeightsOptions, SpacingOptions, TextureOptions};
+use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptions};
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
 use crate::import::{file_of_step, sources_of, steps_in};
@@ -34,6 +34,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view output/ --follow-folder           a run that is still being written
   deepfield view surface.sur                       measured heights: I reads samples, G draws profiles
   deepfield view dem.tif --nodata -32768 --texture photo.jpg       what is said of a source goes into its file in the cache
+  deepfield view after.df --before before.tif      what has changed, over the later surface
   deepfield view moon.tif --map globe:moon --with stars.csv        heights among particles: depth decides
   deepfield view movie.xyz                         a file of many steps
   deepfield view run.df --time step:12             a run: T plays it, comma and full stop go from step to step
@@ -131,6 +132,9 @@ pub struct WindowArguments {
     /// A photo over them.
     #[command(flatten)]
     pub texture: TextureOptions,
+    /// Earlier heights.
+    #[command(flatten)]
+    pub before: BeforeOptions,
     /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,
@@ -158,7 +162,7 @@ pub struct WindowArguments {
 impl WindowArguments {
     /// What is said of heights.
     fn said(&self) -> HeightsSaid {
-        self.texture.with(self.heights.said(&self.spacing.spacing))
+        self.before.with(self.texture.with(self.heights.said(&self.spacing.spacing)))
     }
 }
 
@@ -322,6 +326,7 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         heights: settings.heights.clone(),
         spacing: settings.spacing.clone(),
         texture: settings.texture.clone(),
+        before: settings.before.clone(),
         map: settings.map.clone(),
         annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
         path: path.to_owned(),

@@ -235,8 +235,12 @@ fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), S
     let said = request.said.clone();
     let (mut members, scene) = data_and_scene(request)?;
     say(&mut members, &said);
-    if let Some(photo) = said.texture.filter(|_| !members.iter().any(Member::is_of_heights)) {
+    let has_heights = members.iter().any(Member::is_of_heights);
+    if let Some(photo) = said.texture.filter(|_| !has_heights) {
         return Err(format!("{}: --texture: found no heights to lay it over, expected some", photo.path.display()));
+    }
+    if let Some(before) = said.before.filter(|_| !has_heights) {
+        return Err(format!("{}: --before: found no heights to compare it with, expected some", before.display()));
     }
     Ok((members, scene))
 }

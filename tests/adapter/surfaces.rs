@@ -12,10 +12,9 @@ use deepfield::cpu::surface::stitch::Scene;
 use deepfield::gpu::Offscreen;
 use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use deepfield::heights::hierarchy::chunks::ChunkKey;
-use deepfield::heights::import::HeightOptions;
 use deepfield::heights::model::{HeightField, Plane};
 use deepfield::heights::store::HeightFile;
-use deepfield::look::{self, Backend, CameraConfig, LookPatch, Shot};
+use deepfield::look::{self, Backend, CameraConfig, HeightsSaid, LookPatch, Shot};
 use deepfield::mode::{SettingValue, Settings};
 use deepfield::model::{Bounds, ReadMethod};
 use deepfield::picture::adapter::{Adapter as _, AdapterSurface, AdapterValues, Passes};
@@ -120,7 +119,7 @@ impl Wanted<'_> {
 
 fn session(path: &Path, backend: Backend) -> SurfaceSession {
     let options = SessionOptions { backend: Some(backend), ..SessionOptions::default() };
-    let session = SurfaceSession::open(path, &HeightOptions::default(), options, Arc::new(())).unwrap();
+    let session = SurfaceSession::open(path, &HeightsSaid::default(), options, Arc::new(())).unwrap();
     session.with_adapter(Some(Box::new(Offscreen::preferred())))
 }
 

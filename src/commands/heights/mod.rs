@@ -1,5 +1,6 @@
 //! What the commands do with measured height fields: each command hands them on to its file here.
 
+pub mod before;
 pub mod build;
 pub mod contours;
 pub mod difference;
@@ -12,5 +13,6 @@ pub mod select;
 pub mod synth;
 pub mod texture;
 
+pub use before::BeforeOptions;
 pub use options::{HeightsOptions, SpacingOptions};
 pub use texture::TextureOptions;

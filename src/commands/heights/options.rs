@@ -72,6 +72,7 @@ impl HeightsOptions {
             xy_unit: unit(&self.xy_unit),
             height_unit: unit(&self.height_unit),
             texture: None,
+            before: None,
         }
     }
 

@@ -131,7 +131,7 @@ fn seen(open: &OpenHeights, asked: &HeightsProbe) -> Result<(Sight, Placed), Box
         shot.look.settings.0.insert("map".into(), SettingValue::Name(map.clone()));
     }
     let summary = open.summary()?;
-    Ok(SurfaceSession::sight(open.grid(), [summary.min, summary.max], &shot)?)
+    Ok(SurfaceSession::sight(open, [summary.min, summary.max], &shot)?)
 }
 
 /// Pixels of a CSV file with the columns x and y.

@@ -44,11 +44,11 @@ impl Manifest {
     /// When the data cannot be read.
     pub fn new(show: &Show, frames: &Frames, arguments: &Arguments) -> Result<Manifest, std::io::Error> {
         let name =
-            |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", show.data.display()));
+            |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", show.data.path.display()));
         Ok(Manifest {
             deepfield: env!("CARGO_PKG_VERSION").to_owned(),
             tour: crc32c::crc32c(show.tour.to_ron().as_bytes()),
-            data: Fingerprint::of(&show.data).map_err(name)?,
+            data: Fingerprint::of(&show.data.path).map_err(name)?,
             size: show.tour.size,
             rate: frames.rate,
             offset: arguments.offset,

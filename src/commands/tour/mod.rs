@@ -12,7 +12,7 @@ mod video;
 use super::CommandResult;
 use super::arguments::{PictureSize, not_negative, positive};
 use super::projection_options::ProjectionOptions;
-use crate::look::{Backend, Shot, data_file};
+use crate::look::{Backend, Member, Shot, data_file};
 use crate::tour::{TourFile, around_data};
 use crate::view::{CubeLayout, Surround};
 use frames::{Frames, Pattern};
@@ -170,16 +170,17 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
             let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
             tour.size = (1280, 720);
             tour.keyframes[0].look.mode = arguments.mode;
-            (tour, None, data_file(data)?)
+            (tour, None, Member::new(data_file(data)?))
         }
         (None, Some(path)) => {
             let tour = TourFile::read(path)?;
             let data = match (&arguments.data, &tour.dataset) {
-                (Some(data), _) => data_file(data)?,
+                (Some(data), _) => Member::new(data_file(data)?),
                 (None, Some(dataset)) => {
                     let located = dataset.locate(path)?;
                     located.notes.iter().for_each(|note| eprintln!("deepfield: {note}"));
-                    located.members.into_iter().next().map(|member| member.path).unwrap_or_default()
+                    let first = located.members.into_iter().next().unwrap_or_default();
+                    Member { said: first.said, ..Member::new(first.path) }
                 }
                 (None, None) => {
                     let path = path.display();

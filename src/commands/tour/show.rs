@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 pub(super) struct Show {
     /// What was read, with what the command line says.
     pub tour: TourFile,
-    /// Where the data is.
-    pub data: PathBuf,
+    /// The data, and what is said of it where it is of heights.
+    pub data: Member,
     /// When what is shown.
     pub timeline: Timeline,
     session: AnySession,
@@ -46,12 +46,12 @@ impl Show {
     pub fn open(
         mut tour: TourFile,
         file: Option<PathBuf>,
-        data: PathBuf,
+        data: Member,
         arguments: &Arguments,
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
         let backend = Some(arguments.backend.unwrap_or(Backend::Cpu));
         let options = SessionOptions { backend, ..SessionOptions::default() };
-        let mut session = request::open_any(&[Member::new(data.clone())], options, [])?;
+        let mut session = request::open_any(std::slice::from_ref(&data), options, [])?;
         if session.has_z_up() {
             tour.up = tour.up.or(Some([0.0, 0.0, 1.0]));
         }
@@ -72,7 +72,7 @@ impl Show {
             play_along(&mut tour, times);
         }
         if surroundings.times.is_none() && tour.keyframes.iter().any(|keyframe| keyframe.look.time.is_some()) {
-            eprintln!("deepfield: {}: is one snapshot, so the tour's times are left out", data.display());
+            eprintln!("deepfield: {}: is one snapshot, so the tour's times are left out", data.path.display());
         }
         let timeline = Timeline::new(&tour, &surroundings)?;
         Ok(Show {
@@ -98,7 +98,7 @@ impl Show {
 
     /// The scene of a look from a camera, as a file in `place` names the data.
     fn scene(&self, look: &LookPatch, camera: Camera, place: &Path) -> SceneFile {
-        let dataset = DatasetRef::of(&self.data, place);
+        let dataset = DatasetRef::of_member(&self.data, place);
         let TourFile { size, projection, stereo, .. } = self.tour;
         let look = look.clone();
         SceneFile { look, size: Some(size), camera: Some(camera), projection, stereo, ..SceneFile::new(vec![dataset]) }
@@ -175,7 +175,7 @@ impl Show {
         let shot = Shot::of_scene(shot.clone(), Path::new(""));
         let picture = self.session.draw(&shot)?;
         if !picture.converged {
-            return Err(format!("{}: pages that the frame needs cannot be read", self.data.display()).into());
+            return Err(format!("{}: pages that the frame needs cannot be read", self.data.path.display()).into());
         }
         let image = self.session.finished(&shot, &picture)?;
         Ok(Take { image, picture })

@@ -215,6 +215,7 @@ mod tests {
             normals: vec![[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]],
             ranges: Vec::new(),
             planes: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
+            changes: Vec::new(),
         };
         let meaning = Meaning { words: 4, planes: vec![1, 0], reference: 1000.0 };
         let expected = [1.5_f32.to_bits(), UNMEASURED.to_bits(), 0x8001_7fff, 0, 7 << 16, 0xffff, 0xff00, 0x00ff];

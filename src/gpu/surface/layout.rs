@@ -373,8 +373,10 @@ impl SurfaceUniform {
             lone_side: job.parts,
             clip_min: (cut.bounds.min - view.eye).max(DVec3::splat(-1e37)).as_vec3().to_array(),
             colored_by: match look.attribute {
-                // What is of photos and forms is asked for of the processor.
-                Attribute::Height | Attribute::Photo | Attribute::Residual => constants::BY_HEIGHT,
+                // What is of photos, forms and earlier fields is asked for of the processor.
+                Attribute::Height | Attribute::Photo | Attribute::Residual | Attribute::Difference => {
+                    constants::BY_HEIGHT
+                }
                 Attribute::Slope => constants::BY_SLOPE,
                 Attribute::Aspect => constants::BY_ASPECT,
                 Attribute::Curvature => constants::BY_CURVATURE,

@@ -8,7 +8,7 @@ use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use crate::heights::import::HeightSource;
 use crate::heights::model::{HeightField, HeightGrid, Heights, Window};
 use crate::heights::store::HeightFile;
-use crate::look::Member;
+use crate::look::{HeightsSaid, Member};
 use crate::model::progress::Progress;
 use crate::model::{ReadMethod, SampleType, Scale};
 use crate::modes::surface::radius_of;
@@ -49,7 +49,8 @@ pub(super) fn open_heights(
     check_map(&path, open.grid(), seen)?;
     let (file, keeps) = match open {
         OpenHeights::Pages(file) => {
-            return opened(&path, &members, seen, OpenSurface::new(&path, *file).map_err(|error| told(&error))?);
+            let surface = OpenSurface::new(&path, *file).map_err(|error| told(&error))?;
+            return opened(&path, &members, seen, compared(surface, &said, read, opener, progress)?);
         }
         OpenHeights::Source(source) => {
             let (first, state) = (early.clone(), Arc::new(Mutex::new(State::Begun)));
@@ -77,7 +78,27 @@ pub(super) fn open_heights(
         }
     };
     let surface = OpenSurface::new(&path, file).map_err(|error| told(&error))?;
+    let surface = compared(surface, &said, read, opener, progress)?;
     Ok(Opened { keeps, ..opened(&path, &members, seen, surface)? })
+}
+
+/// Compares heights with the earlier ones that are named, if any.
+fn compared(
+    surface: OpenSurface,
+    said: &HeightsSaid,
+    read: ReadMethod,
+    opener: &Opener,
+    progress: &dyn Progress,
+) -> Result<OpenSurface, String> {
+    let Some(before) = &said.before else { return Ok(surface) };
+    let own = said.of_before();
+    let file = match OpenHeights::open(before, &own.options(read)).map_err(|error| error.to_string())? {
+        OpenHeights::Pages(file) => *file,
+        OpenHeights::Source(_) => {
+            HeightFile::open(&opener(before, &own, progress)?, read).map_err(|error| error.to_string())?
+        }
+    };
+    surface.since(before, file, None).map_err(|error| error.to_string())
 }
 
 /// Refuses a map that does not fit.

@@ -22,7 +22,7 @@ pub struct DatasetRef {
     pub offset: [f64; 3],
     /// Scene lengths for one of its own; what the units say, and else 1, where it is `None`.
     pub scale: Option<f64>,
-    /// What is said of it where it is a source of heights; a photo's path is as the dataset's.
+    /// What is said of it where it is a source of heights; paths of a photo and of an earlier state are as the dataset's.
     pub said: HeightsSaid,
 }
 
@@ -53,6 +53,8 @@ struct DatasetText {
     texture: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     texture_at: Option<[f64; 4]>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    before: Option<PathBuf>,
 }
 
 /// What a file is taken for, where its content leaves that open.
@@ -73,6 +75,7 @@ impl From<DatasetText> for DatasetRef {
             xy_unit: text.xy_unit.map(Unit::new),
             height_unit: text.height_unit.map(Unit::new),
             texture: text.texture.map(|path| PhotoChoice { path, rectangle }),
+            before: text.before,
         };
         let DatasetText { path, fingerprint, families, offset, scale, .. } = text;
         DatasetRef { path, fingerprint, families, offset, scale, said }
@@ -96,6 +99,7 @@ impl From<DatasetRef> for DatasetText {
             height_unit: said.height_unit.map(|unit| unit.0),
             texture_at: said.texture.as_ref().and_then(|photo| photo.rectangle),
             texture: said.texture.map(|photo| photo.path),
+            before: said.before,
         }
     }
 }
@@ -149,7 +153,8 @@ impl DatasetRef {
     #[must_use]
     pub fn of_member(member: &Member, scene: &Path) -> DatasetRef {
         let photo = |photo: PhotoChoice| PhotoChoice { path: relative_to(&photo.path, scene), ..photo };
-        let said = HeightsSaid { texture: member.said.texture.clone().map(photo), ..member.said.clone() };
+        let before = member.said.before.as_ref().map(|before| relative_to(before, scene));
+        let said = HeightsSaid { texture: member.said.texture.clone().map(photo), before, ..member.said.clone() };
         let (offset, scale) = (member.offset.to_array(), member.scale);
         DatasetRef { offset, scale, said, ..DatasetRef::of(&member.path, scene) }
     }
@@ -193,7 +198,8 @@ impl DatasetRef {
         }
         let (offset, scale, families) = (DVec3::from(self.offset), self.scale, self.families.clone());
         let photo = |photo: PhotoChoice| PhotoChoice { path: located(&photo.path, scene), ..photo };
-        let said = HeightsSaid { texture: self.said.texture.clone().map(photo), ..self.said.clone() };
+        let before = self.said.before.as_ref().map(|before| located(before, scene));
+        let said = HeightsSaid { texture: self.said.texture.clone().map(photo), before, ..self.said.clone() };
         Ok(Located { members: vec![Member { path, offset, scale, families, said }], notes })
     }
 }

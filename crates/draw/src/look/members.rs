@@ -58,11 +58,12 @@ impl Member {
     }
 }
 
-/// Says of datasets what a user says of all heights among them; what a file is taken for, of the first alone. What was said of them before holds
+/// Says of datasets what a user says of all heights among them; what a file is taken for, and what it is compared with, of the first alone. What was said of them before holds
 /// where he says nothing.
 pub fn say(members: &mut [Member], said: &HeightsSaid) {
     for (index, member) in members.iter_mut().enumerate() {
-        let own = HeightsSaid { is_heights: said.is_heights.filter(|_| index == 0), ..said.clone() };
+        let (is_heights, before) = if index == 0 { (said.is_heights, said.before.clone()) } else { (None, None) };
+        let own = HeightsSaid { is_heights, before, ..said.clone() };
         member.said = own.or(&member.said);
     }
 }

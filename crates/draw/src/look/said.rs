@@ -2,6 +2,7 @@
 
 use crate::heights::import::{HeightOptions, PhotoChoice};
 use crate::model::{ReadMethod, Unit};
+use std::path::PathBuf;
 
 /// What is said of heights; of a page file it is in it already.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,6 +19,8 @@ pub struct HeightsSaid {
     pub height_unit: Option<Unit>,
     /// A photo that is laid over them.
     pub texture: Option<PhotoChoice>,
+    /// An earlier state of them that they are compared with: a source or a page file, of which the same is said.
+    pub before: Option<PathBuf>,
 }
 
 impl HeightsSaid {
@@ -44,11 +47,13 @@ impl HeightsSaid {
             xy_unit: self.xy_unit.or(other.xy_unit.clone()),
             height_unit: self.height_unit.or(other.height_unit.clone()),
             texture: self.texture.or(other.texture.clone()),
+            before: self.before.or(other.before.clone()),
         }
     }
 
-    /// Whether the only thing that is said, if any, is what the file is taken for.
-    pub fn is_silent(&self) -> bool {
-        HeightsSaid { is_heights: self.is_heights, ..HeightsSaid::default() } == *self
+    /// What of it is said of the earlier heights as well.
+    #[must_use]
+    pub fn of_before(&self) -> HeightsSaid {
+        HeightsSaid { texture: None, before: None, ..self.clone() }
     }
 }

@@ -116,6 +116,14 @@ pub static WALLS: Setting = Setting {
     kind: SettingKind::Flag { default: false },
     help: "draw the sides of the field, and of what a clip box or a slab leaves of it, down or up to base; not of a globe",
 };
+/// How high the eye stands.
+pub static CLEARANCE: Setting = Setting {
+    name: "clearance",
+    unit: "",
+    kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
+    help: "how high the eye stands at least above the surface below it, in the picture's lengths: it is lifted, and looks the same way; \
+           0: anywhere",
+};
 /// What is shown where nothing was measured.
 pub static HOLES: Setting = Setting {
     name: "holes",
@@ -241,6 +249,8 @@ pub struct SurfaceSettings {
     pub form: FormKind,
     /// Whether it has sides down or up to the base.
     pub walls: bool,
+    /// How high the eye stands above the surface at least; 0: anywhere.
+    pub clearance: f64,
 }
 
 impl SurfaceSettings {
@@ -290,6 +300,7 @@ impl SurfaceSettings {
             holes_grow: settings.name(&HOLES_FAR) == "grow",
             form: FormKind::named(&settings.name(&FORM)).unwrap_or(FormKind::Plane),
             walls: settings.flag(&WALLS),
+            clearance: settings.number(&CLEARANCE),
         })
     }
 }
@@ -346,22 +357,28 @@ pub fn radius_of(name: &str, grid: &HeightGrid) -> Result<Option<f64>, String> {
 }
 
 /// What colours a surface, by the name of an attribute: those that every surface has, the field's colour planes, or (`texture`) the photo that
-/// lies over it, without one the three colours among its planes as they are.
+/// lies over it, without one the three colours among its planes as they are. Of one that is compared with an earlier field the difference is what
+/// is seen where nothing is named.
 ///
 /// # Errors
 /// The names that there are.
-pub fn attribute_of(name: Option<&str>, about: &HeightAbout) -> Result<Attribute, String> {
+pub fn attribute_of(name: Option<&str>, about: &HeightAbout, is_compared: bool) -> Result<Attribute, String> {
     let grid = &about.grid;
     let plane = |wanted: &str| grid.planes.iter().position(|plane| plane.name == wanted);
     let colors = || Some(Attribute::Texture([plane("red")?, plane("green")?, plane("blue")?]));
     let texture = || about.photo.as_ref().map(|_| Attribute::Photo).or_else(colors);
     match name {
+        None if is_compared => Ok(Attribute::Difference),
         None => Ok(texture().unwrap_or(Attribute::Height)),
         Some("height") => Ok(Attribute::Height),
         Some("slope") => Ok(Attribute::Slope),
         Some("aspect") => Ok(Attribute::Aspect),
         Some("curvature") => Ok(Attribute::Curvature),
         Some("residual") => Ok(Attribute::Residual),
+        Some("difference") if is_compared => Ok(Attribute::Difference),
+        Some("difference") => {
+            Err("attribute difference: found no earlier heights to compare with, expected some (--before FILE)".into())
+        }
         Some("level") => Ok(Attribute::Level),
         Some("primitive") => Ok(Attribute::Primitive),
         Some("texture") => texture().ok_or_else(|| {
@@ -386,6 +403,7 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
         Attribute::Aspect => Some(("aspect", Some("degrees"))),
         Attribute::Curvature => Some(("curvature", Some(""))),
         Attribute::Residual => Some(("residual", None)),
+        Attribute::Difference => Some(("difference", None)),
         Attribute::Level => Some(("level", Some(""))),
         Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => None,
     }
@@ -394,15 +412,15 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
 /// The transfer function of an attribute that nobody has chosen one for.
 pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
     let name = match attribute {
-        Attribute::Curvature | Attribute::Residual => "signed",
+        Attribute::Curvature | Attribute::Residual | Attribute::Difference => "signed",
         Attribute::Plane(_) => "grey",
         _ => MODE.transfer[0],
     };
     TransferFunction::preset(name).unwrap_or_default()
 }
 
-/// The range that colours are spread over: the transfer function's own, or what suits the attribute. Of curvatures and residuals `most` is the
-/// largest that matters.
+/// The range that colours are spread over: the transfer function's own, or what suits the attribute. Of curvatures, residuals and
+/// differences `most` is the largest that matters.
 pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts, levels: u32, most: f64) -> [f64; 2] {
     if let Range::Fixed(low, high) = transfer.range {
         return [low, high];
@@ -411,7 +429,7 @@ pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts
         Attribute::Height => [facts.min, facts.max],
         Attribute::Slope => [0.0, 60.0],
         Attribute::Aspect => [0.0, 360.0],
-        Attribute::Curvature | Attribute::Residual => [-most, most],
+        Attribute::Curvature | Attribute::Residual | Attribute::Difference => [-most, most],
         Attribute::Level => [0.0, f64::from(levels.max(2) - 1)],
         Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => [0.0, 1.0],
     };
@@ -472,6 +490,7 @@ pub static MODE: Mode = Mode {
         &LARGEST_GAP,
         &GAP_UNIT,
         &WALLS,
+        &CLEARANCE,
     ]],
     technique: &OfSurfaces,
     quantity: "height",

@@ -1,9 +1,10 @@
 //! The difference of two fields on the first one's grid, and the volumes between them.
 
+use super::alignment::{Alignment, ON_SAMPLE};
 use super::bands::map_bands;
 use super::tiles::triangle_at;
-use crate::model::{Cell, HeightError, HeightGrid, Heights, Lengths, Window, units};
-use deepfield_data::model::{SampleType, Scale, Unit};
+use crate::model::{Cell, HeightError, HeightGrid, Heights, Lengths, Window};
+use deepfield_data::model::{SampleType, Scale};
 use serde::Serialize;
 
 /// Why two fields have no difference.
@@ -28,12 +29,6 @@ pub enum DifferenceError {
     },
 }
 
-/// Places in samples that differ by less are one: grids that coincide.
-const SAME: f64 = 1e-9;
-
-/// Next to a sample in no triangle a place is on it.
-const ON_SAMPLE: f64 = 1e-6;
-
 /// So many samples of the later field are read at once.
 const AT_ONCE: f64 = 262_144.0;
 
@@ -43,29 +38,13 @@ pub struct Difference<'a> {
     before: &'a dyn Heights,
     after: &'a dyn Heights,
     grid: HeightGrid,
-    /// Row and column in the later field of the earlier one's first sample.
-    first: [f64; 2],
-    /// What a row and a column of the earlier field are there.
-    step: [f64; 2],
-    /// From the later field's unit of heights to the earlier one's.
-    factor: f64,
+    /// Where the earlier field's samples are in the later one.
+    alignment: Alignment,
     /// How far rows and columns are shifted, where the grids coincide.
     shift: Option<[i64; 2]>,
 }
 
 impl crate::build::Measured for Difference<'_> {}
-
-/// What one unit is in another; `None` where this is not known.
-fn factor(from: &Unit, to: &Unit) -> Option<f64> {
-    if from == to {
-        return Some(1.0);
-    }
-    Some(units::metres(from)? / units::metres(to)?)
-}
-
-fn named(unit: &Unit) -> &str {
-    if unit.is_unknown() { "no unit" } else { &unit.0 }
-}
 
 impl<'a> Difference<'a> {
     /// Of an earlier and a later field, with names for messages.
@@ -73,67 +52,13 @@ impl<'a> Difference<'a> {
     /// # Errors
     /// Where units are not known to be lengths of both, or reference systems differ, or the fields have nothing in common.
     pub fn new(
-        [before_name, after_name]: [&str; 2],
+        names: [&str; 2],
         before: &'a dyn Heights,
         after: &'a dyn Heights,
     ) -> Result<Difference<'a>, DifferenceError> {
         let (a, b) = (before.grid(), after.grid());
-        let unlike = |field, found, expected: &str| DifferenceError::Unlike {
-            before: before_name.into(),
-            after: after_name.into(),
-            field,
-            found,
-            expected: expected.into(),
-        };
-        let units = |one: &Unit, other: &Unit| format!("{} and {}", named(one), named(other));
-        let Some(place) = factor(&a.xy_unit, &b.xy_unit) else {
-            return Err(unlike(
-                "unit of x and y",
-                units(&a.xy_unit, &b.xy_unit),
-                "lengths in both, or degrees in both (--xy-unit)",
-            ));
-        };
-        let Some(factor) = factor(&b.height_unit, &a.height_unit) else {
-            return Err(unlike(
-                "unit of heights",
-                units(&a.height_unit, &b.height_unit),
-                "lengths in both (--height-unit)",
-            ));
-        };
-        if let (Some(one), Some(other)) = (&a.crs, &b.crs)
-            && one != other
-        {
-            let expected = "one reference system in both: reproject one of them first, or export it without its system (select -o FILE.asc)";
-            return Err(unlike("CRS", format!("{one} and {other}"), expected));
-        }
-        let first = b.row_column([a.origin[0] * place, a.origin[1] * place]);
-        let step = [a.step[1] * place / b.step[1], a.step[0] * place / b.step[0]];
-        let last = [(a.rows, 0), (a.columns, 1)].map(|(count, axis)| first[axis] + (count - 1) as f64 * step[axis]);
-        let size = [(b.rows - 1) as f64, (b.columns - 1) as f64];
-        let meets = |axis: usize| {
-            let (low, high) = (first[axis].min(last[axis]), first[axis].max(last[axis]));
-            low <= size[axis] + SAME && high >= -SAME
-        };
-        if !meets(0) || !meets(1) {
-            let extent = |grid: &HeightGrid, factor: f64| {
-                let end = grid.place((grid.rows - 1) as f64, (grid.columns - 1) as f64);
-                let span = |axis: usize| {
-                    let (one, other) = (grid.origin[axis] * factor, end[axis] * factor);
-                    format!("{} to {}", one.min(other), one.max(other))
-                };
-                format!("x {}, y {}", span(0), span(1))
-            };
-            let found = format!("{} and {}", extent(a, 1.0), extent(b, 1.0 / place));
-            return Err(unlike(
-                "places",
-                found,
-                "fields that overlap (--spacing and --xy-unit say how far samples are apart)",
-            ));
-        }
-        let is_whole = |axis: usize, count: u64| {
-            (first[axis] - first[axis].round()).abs() <= SAME && (step[axis] - 1.0).abs() * count as f64 <= SAME
-        };
-        let shift = (is_whole(0, a.rows) && is_whole(1, a.columns)).then(|| first.map(|place| place.round() as i64));
+        let alignment = Alignment::new(names, a, b)?;
+        let shift = alignment.shift([a.rows, a.columns]);
         let grid = HeightGrid {
             sample_type: SampleType::F64,
             scale: Scale::NONE,
@@ -141,7 +66,7 @@ impl<'a> Difference<'a> {
             crs: a.crs.clone().or_else(|| b.crs.clone()),
             ..a.clone()
         };
-        Ok(Difference { before, after, grid, first, step, factor, shift })
+        Ok(Difference { before, after, grid, alignment, shift })
     }
 
     /// Takes samples from the later field where grids coincide.
@@ -174,7 +99,7 @@ impl<'a> Difference<'a> {
                 .then(|| &values[(number - first_row) * inner.columns as usize..][..inner.columns as usize]);
             for (column, height) in row.iter_mut().enumerate() {
                 let other = here.and_then(|here| here.get(column.wrapping_sub(skip))).copied().unwrap_or(f64::NAN);
-                *height = self.factor * other - *height;
+                *height = self.alignment.factor * other - *height;
             }
         }
         Ok(())
@@ -183,7 +108,7 @@ impl<'a> Difference<'a> {
     /// Takes T of the later field at the places of some rows of a window.
     fn sampled(&self, window: Window, rows: std::ops::Range<usize>, out: &mut [f64]) -> Result<(), HeightError> {
         let b = self.after.grid();
-        let place = |axis: usize, number: u64| self.first[axis] + number as f64 * self.step[axis];
+        let place = |axis: usize, number: u64| self.alignment.place(axis, number);
         // What is needed of the later field, with a neighbour on all sides.
         let span = |axis: usize, first: u64, count: u64, all: u64| {
             let (one, other) = (place(axis, first), place(axis, first + count - 1));
@@ -226,7 +151,7 @@ impl<'a> Difference<'a> {
                     }
                     None => f64::NAN,
                 };
-                *height = self.factor * other - *height;
+                *height = self.alignment.factor * other - *height;
             }
         }
         Ok(())
@@ -245,7 +170,7 @@ impl Heights for Difference<'_> {
         }
         let width = window.columns as usize;
         // Of a finer field many rows stand for one.
-        let a_row = (window.columns as f64 * self.step[1].abs() + 4.0) * (self.step[0].abs() + 1.0);
+        let a_row = (window.columns as f64 * self.alignment.step[1].abs() + 4.0) * (self.alignment.step[0].abs() + 1.0);
         let together = (AT_ONCE / a_row).clamp(1.0, window.rows as f64) as usize;
         for (number, part) in out.chunks_mut(together * width).enumerate() {
             let start = number * together;

@@ -9,6 +9,7 @@ mod material;
 mod solve;
 mod tiles;
 
+pub mod alignment;
 pub mod contours;
 pub mod course;
 pub mod difference;
@@ -31,6 +32,7 @@ pub mod residuals;
 #[cfg(test)]
 mod tests;
 
+pub use alignment::Alignment;
 pub use autocorrelation::{Correlation, Texture, correlation};
 pub use contours::{Contour, ContourError, contours, levels};
 pub use course::{Course, Courses, Spread};
@@ -51,4 +53,4 @@ pub use profile::{Profile, ProfilePoint, profile, profile_on};
 pub use pyramid::Pyramid;
 pub use ray::{Hit, MinMax, Ray, Rise, cast, cast_all, height_ratio};
 pub use residuals::{FittedForm, fitted};
-pub use tiles::{OnSurface, Tiles};
+pub use tiles::{OnSurface, Tiles, height_between};

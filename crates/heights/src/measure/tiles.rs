@@ -1,6 +1,7 @@
 //! T anywhere in a field, with the tiles that were read last kept in memory: for what goes along lines and looks at places.
 
 use crate::model::{Cell, HeightError, HeightGrid, Heights, Triangle, Window};
+use std::convert::Infallible;
 
 /// Cells along an edge of a tile.
 const EDGE: u64 = 256;
@@ -81,6 +82,21 @@ impl<'a> Tiles<'a> {
         let grid = self.grid();
         triangle_at([grid.rows, grid.columns], row, column, |row, column| self.cell(row, column))
     }
+
+    /// The same of a field whose first column follows a spacing after the last one, as of a globe.
+    ///
+    /// # Errors
+    /// As [`Tiles::triangle`].
+    pub fn triangle_around(&mut self, row: f64, column: f64) -> Result<Option<OnSurface>, HeightError> {
+        let grid = self.grid();
+        triangle_at([grid.rows, grid.columns + 1], row, column, |row, column| {
+            if column + 1 < grid.columns {
+                return self.cell(row, column);
+            }
+            let [before, first] = [self.cell(row, column - 1)?, self.cell(row, 0)?];
+            Ok(Cell([before.0[1], first.0[0], before.0[3], first.0[2]]))
+        })
+    }
 }
 
 /// The triangle of T at a place between samples, in a grid of so many rows and columns whose cells are asked for. Neighbours of a cell are
@@ -115,6 +131,17 @@ pub(crate) fn triangle_at<E>(
         }
     }
     Ok(None)
+}
+
+/// T's height at a place between samples, in a grid of so many rows and columns whose cells are asked for; `None` where there is no surface.
+pub fn height_between(
+    size: [u64; 2],
+    row: f64,
+    column: f64,
+    mut cell_at: impl FnMut(u64, u64) -> Cell,
+) -> Option<f64> {
+    let cell_at = |row: u64, column: u64| Ok::<Cell, Infallible>(cell_at(row, column));
+    triangle_at(size, row, column, cell_at).ok().flatten().map(|on| on.height())
 }
 
 /// Where the cell of a place is looked for: there, and a little aside.

@@ -55,6 +55,7 @@ impl SurfaceNodes for Closed<'_> {
             max,
             coverage: [own.coverage[0].min(first.coverage[0]), own.coverage[1].max(first.coverage[1])],
             deviation: one.deviation.max(other.deviation),
+            change: one.change.max(other.change),
         })
     }
 
@@ -101,6 +102,7 @@ impl SurfaceNodes for Closed<'_> {
                 .zip(&first.planes)
                 .map(|(own, first)| joined([own, first], widths, rows, None))
                 .collect(),
+            changes: joined([&own.changes, &first.changes], widths, rows, None),
         }))
     }
 

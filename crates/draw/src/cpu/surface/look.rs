@@ -17,6 +17,8 @@ pub enum Attribute {
     Curvature,
     /// What a form leaves of the height.
     Residual,
+    /// How much higher it is than an earlier field was there.
+    Difference,
     /// Level of the chunk.
     Level,
     /// 0 for points, 1 for triangles.

@@ -91,6 +91,7 @@ impl MemorySurface {
             max: f64::NEG_INFINITY,
             coverage: [u8::MAX, 0],
             deviation: 0.0,
+            change: 0.0,
         };
         for (r, c) in (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))) {
             let coverage = level.coverage[(row + r) * level.columns + column + c];
@@ -321,6 +322,7 @@ impl SurfaceNodes for MemorySurface {
                 _ => indices.clone().map(|at| level.stands[at].range).collect(),
             },
             planes: level.planes.iter().map(|plane| indices.clone().map(|at| plane[at]).collect()).collect(),
+            changes: Vec::new(),
         }))
     }
 }

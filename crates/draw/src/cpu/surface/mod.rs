@@ -25,6 +25,7 @@ mod rims;
 pub mod select;
 pub mod shade;
 pub mod sight;
+pub mod since;
 pub mod source;
 pub mod stitch;
 mod walls;

@@ -11,6 +11,7 @@ use super::photo::PhotoTiles;
 use super::picture::{SurfaceOptions, chosen};
 use super::placed::Placed;
 use super::sight::Sight;
+use super::since::Since;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use decode::Decoder;
 use deepfield_data::store::error::Damage;
@@ -40,6 +41,8 @@ pub struct PagedSurface {
     tile_budget_bytes: u64,
     tiles: Mutex<Cache<TileKey, Tile>>,
     damaged: Mutex<Damaged>,
+    /// The earlier field that changes are counted from, where they are asked for.
+    since: Option<Arc<Since>>,
 }
 
 /// Chunks, or tiles, that are decoded or being decoded, by their last use.
@@ -86,6 +89,7 @@ impl PagedSurface {
             tile_budget_bytes,
             tiles,
             damaged: Mutex::new(damaged),
+            since: None,
         }
     }
 
@@ -100,6 +104,18 @@ impl PagedSurface {
         }
     }
 
+    /// Counts changes since an earlier field, or none. What is decoded is decoded again where that is another one.
+    pub fn compare(&mut self, since: Option<&Arc<Since>>) {
+        let is_same = match (&self.since, since) {
+            (Some(own), Some(other)) => Arc::ptr_eq(own, other),
+            (own, other) => own.is_none() && other.is_none(),
+        };
+        if !is_same {
+            self.since = since.cloned();
+            *locked(&self.cache) = Cache::new();
+        }
+    }
+
     /// The file.
     pub fn file(&self) -> &HeightFile {
         &self.file
@@ -107,7 +123,8 @@ impl PagedSurface {
 
     /// Why a chunk could not be read: of the first one that could not. Coarser chunks stand in for such.
     pub fn error(&self) -> Option<String> {
-        locked(&self.damaged).first.clone()
+        let own = locked(&self.damaged).first.clone();
+        own.or_else(|| self.since.as_ref().and_then(|since| since.error()))
     }
 
     /// Bytes of the decoded chunks and tiles that are kept.
@@ -153,7 +170,8 @@ impl PagedSurface {
     /// About how many bytes a chunk takes when it is decoded.
     fn bytes_of(&self, key: ChunkKey) -> u64 {
         let [rows, columns] = [0, 1].map(|axis| self.lattice.span(key, axis).1 as u64);
-        rows * columns * (8 + 12 + 1 + 4 * self.file.about().grid.planes.len() as u64)
+        let singles = self.file.about().grid.planes.len() as u64 + u64::from(self.since.is_some());
+        rows * columns * (8 + 12 + 1 + 4 * singles)
     }
 
     fn has(&self, key: ChunkKey) -> bool {
@@ -162,7 +180,13 @@ impl PagedSurface {
 
     fn read(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
         match self.file.chunk(key) {
-            Ok(Some(chunk)) => Some(Arc::new(self.decoder.samples(chunk))),
+            Ok(Some(chunk)) => {
+                let mut samples = self.decoder.samples(chunk);
+                if let Some(since) = &self.since {
+                    samples.changes = since.changes(&self.lattice, key, &samples.heights);
+                }
+                Some(Arc::new(samples))
+            }
             Ok(None) => Some(Arc::new(self.decoder.nothing([0, 1].map(|axis| self.lattice.span(key, axis).1)))),
             Err(error) => {
                 let mut damaged = locked(&self.damaged);
@@ -183,7 +207,11 @@ impl SurfaceNodes for PagedSurface {
 
     fn facts(&self, key: ChunkKey) -> Option<NodeFacts> {
         let node = self.file.node(key).filter(|_| self.has(key))?;
-        Some(facts(key, node))
+        let mut facts = facts(key, node);
+        if let Some(since) = &self.since {
+            facts.change = facts.delta + since.unseen(&self.lattice, key);
+        }
+        Some(facts)
     }
 
     fn samples(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
@@ -253,13 +281,14 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn bytes_of(samples: &NodeSamples) -> u64 {
-    let NodeSamples { heights, coverage, normals, ranges, planes, .. } = samples;
+    let NodeSamples { heights, coverage, normals, ranges, planes, changes, .. } = samples;
     let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
     let others = [
         size_of_val(heights.as_slice()),
         coverage.len(),
         size_of_val(normals.as_slice()),
         size_of_val(ranges.as_slice()),
+        size_of_val(changes.as_slice()),
     ];
     (others.into_iter().sum::<usize>() + planes + size_of::<NodeSamples>()) as u64
 }
@@ -283,5 +312,6 @@ fn facts(key: ChunkKey, node: &ChunkNode) -> NodeFacts {
             Coverage::Whole => [u8::MAX; 2],
         },
         deviation: (spread * f32::from(key.level).exp2()).min(FARTHEST),
+        change: 0.0,
     }
 }

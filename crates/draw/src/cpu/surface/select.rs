@@ -68,6 +68,8 @@ pub struct Choice {
     pub looks: bool,
     /// The interval between lines of equal height, in units of height; infinite where there are none.
     pub lines: f64,
+    /// The largest difference of changes since an earlier field that does not show; infinite where they are not shown.
+    pub change: f64,
     /// Most cells that a membrane over holes spans along rows or columns; 0: there is none.
     pub spans: f64,
     /// The height that walls at the field's border, and where it is cut, go down or up to.
@@ -262,7 +264,8 @@ impl Chooser<'_> {
         let lines = (facts.max - facts.min) / self.choice.lines;
         let moves_lines = facts.delta > LINES * self.choice.lines
             && lines < sight.error_pixels(&extent, f64::from(1 << SIDE_BITS) * spacing[0].max(spacing[1]));
-        if self.choice.looks && facts.deviation > UNSEEN || moves_lines {
+        let looks_different = self.choice.looks && facts.deviation > UNSEEN || facts.change > self.choice.change;
+        if looks_different || moves_lines {
             want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), LOOKED));
         }
         if key.level == 0 || facts.is_empty() {

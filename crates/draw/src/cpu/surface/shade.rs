@@ -39,7 +39,7 @@ pub const REACH: f64 = 1.2;
 pub const SECANTS: u32 = 8;
 /// From a stripe of the membrane to the next, pixels.
 const HATCH: f64 = 5.0;
-/// The colour of what a form is not over, linear light.
+/// The colour of what a form or an earlier field is not over, linear light.
 const BESIDE: [f32; 3] = [0.2; 3];
 /// The colour of walls, linear light.
 const WALL: [f32; 3] = [0.34, 0.29, 0.24];
@@ -57,6 +57,8 @@ struct Texel {
     range: [f64; 2],
     curvature: f32,
     planes: [f32; PLANES],
+    /// How much higher it is than an earlier field; NaN where that is not known.
+    change: f32,
 }
 
 /// Shades a picture.
@@ -286,6 +288,8 @@ impl<'a> Shader<'a> {
                     false => self.ramp.mean(texel.range.map(|height| self.place(height - form))),
                 }
             }
+            Attribute::Difference if texel.change.is_nan() => BESIDE,
+            Attribute::Difference => self.ramp.at(self.place(f64::from(texel.change))),
             Attribute::Slope => self.ramp.at(self.place(x.hypot(y).atan2(z).to_degrees())),
             Attribute::Aspect => self.ramp.at(self.place(x.atan2(y).to_degrees().rem_euclid(360.0))),
             Attribute::Curvature => self.ramp.at(self.place(f64::from(texel.curvature))),
@@ -466,7 +470,8 @@ impl<'a> Shader<'a> {
     fn texel(&self, hit: &Hit) -> Texel {
         let wanted = self.resolver.level_at(hit.depth) - FINER;
         let (first, share) = self.resolver.levels(hit.shown.node, wanted);
-        let nothing = Texel { normal: [0.0, 0.0, 1.0], range: [hit.under[2]; 2], ..Texel::default() };
+        let nothing =
+            Texel { normal: [0.0, 0.0, 1.0], range: [hit.under[2]; 2], change: f32::NAN, ..Texel::default() };
         let mut texel = self.texel_at(hit, first).unwrap_or(nothing);
         if share > 0.0
             && let Some(coarse) = self.texel_at(hit, first + 1)
@@ -474,6 +479,10 @@ impl<'a> Shader<'a> {
             let mix = |a: f32, b: f32| a + share as f32 * (b - a);
             texel.normal = std::array::from_fn(|k| mix(texel.normal[k], coarse.normal[k]));
             texel.curvature = mix(texel.curvature, coarse.curvature);
+            // What is known of finer samples alone is theirs.
+            if !coarse.change.is_nan() {
+                texel.change = mix(texel.change, coarse.change);
+            }
             texel.planes = std::array::from_fn(|k| mix(texel.planes[k], coarse.planes[k]));
             texel.range = std::array::from_fn(|k| texel.range[k] + share * (coarse.range[k] - texel.range[k]));
         }
@@ -495,6 +504,7 @@ impl<'a> Shader<'a> {
         let mut normal = [0.0_f64; 3];
         let mut planes = [0.0_f64; PLANES];
         let mut leans = [[0.0_f64; 2]; 4];
+        let (mut change, mut known) = (0.0_f64, 0.0_f64);
         for ((index, weight), lean) in between.indices.into_iter().zip(between.weights).zip(&mut leans) {
             let weight = weight * f64::from(samples.coverage_at(index)) / 255.0;
             let found = samples.normals[index].map(f64::from);
@@ -509,12 +519,17 @@ impl<'a> Shader<'a> {
             for (value, plane) in planes.iter_mut().zip(&self.planes) {
                 *value += weight * samples.planes.get(*plane).map_or(0.0, |plane| f64::from(plane[index]));
             }
+            if let Some(own) = samples.changes.get(index).filter(|own| !own.is_nan()) {
+                known += weight;
+                change += weight * f64::from(*own);
+            }
         }
         if sum <= 0.0 {
             return None;
         }
         texel.normal = normal.map(|value| (value / sum) as f32);
         texel.planes = planes.map(|value| (value / sum) as f32);
+        texel.change = if 2.0 * known >= sum { (change / known) as f32 } else { f32::NAN };
         texel.range = match level {
             0 => [hit.under[2]; 2],
             _ => texel.range.map(|end| end / sum),

@@ -20,6 +20,9 @@ pub struct NodeFacts {
     /// How far what it looks like may differ from what finer levels look like: the largest difference of mean normals, or of colour
     /// planes from 0 to 1.
     pub deviation: f32,
+    /// How far changes since an earlier field may be from what lies between those of its samples; infinite where some are not known, 0 where
+    /// none are asked for.
+    pub change: f64,
 }
 
 impl NodeFacts {
@@ -52,6 +55,9 @@ pub struct NodeSamples {
     pub ranges: Vec<[f32; 2]>,
     /// Means of the colour planes over the valid area, in linear light from 0 to 1.
     pub planes: Vec<Vec<f32>>,
+    /// How much higher each sample is than an earlier field was there, in the unit of heights; NaN where that is not known. Empty where nobody
+    /// asks for it.
+    pub changes: Vec<f32>,
 }
 
 impl NodeSamples {

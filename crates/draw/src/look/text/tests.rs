@@ -47,6 +47,7 @@ fn full() -> SceneFile {
             xy_unit: Some(Unit::new("um")),
             height_unit: Some(Unit::new("nm")),
             texture: Some(PhotoChoice { path: "photo.jpg".into(), rectangle: Some([-1.0, 0.0, 1.0, 2.5]) }),
+            before: Some("before.df".into()),
         },
     };
     SceneFile {

@@ -5,7 +5,8 @@
 
 use super::placement::FieldPlacement;
 use super::raw::{SurfaceChannels, SurfaceShown};
-use super::session::{Prepared, SurfaceSession, standing};
+use super::session::{Prepared, SurfaceSession};
+use super::standing::standing;
 use crate::annotate::Units;
 use crate::color::transfer::Levels;
 use crate::color::{Colors, Image};
@@ -83,7 +84,7 @@ impl<'a> Fields<'a> {
         let each = fields.iter_mut().zip(prepared).zip(placements).map(|(((_, session), prepared), placement)| {
             let options = SurfaceOptions { raw: false, ..session.surface_options(prepared, look) };
             let placed = prepared.placed;
-            Standing { nodes: session.nodes(&placed), placed, placement, options }
+            Standing { nodes: session.nodes(prepared), placed, placement, options }
         });
         let report = Mutex::new(SurfaceReport { is_converged: true, ..SurfaceReport::default() });
         Fields { fields: each.collect(), report }
@@ -161,8 +162,7 @@ impl MixedSession {
         let begins_with_heights = members.first().is_some_and(Member::is_of_heights);
         let mut fields = Vec::new();
         for member in of_heights {
-            let said = member.said.options(options.read);
-            let session = SurfaceSession::open(&member.path, &said, options.clone(), Arc::clone(&reporter))?;
+            let session = SurfaceSession::open(&member.path, &member.said, options.clone(), Arc::clone(&reporter))?;
             fields.push((member.clone(), session));
         }
         let Some((_, first)) = fields.first() else { return Err(PictureError::Asked("no heights".into())) };
@@ -296,10 +296,14 @@ impl MixedSession {
         let prepared = self.prepare(&looks.heights)?;
         let (unit, bounds, placements) = (self.unit(&prepared), self.bounds(&prepared), self.placements(&prepared));
         self.check(shot, &prepared)?;
-        let shot = &match prepared.first() {
-            Some(first) if self.begins_with_heights => standing(shot, bounds, &first.placed)?,
-            _ => shot.clone(),
-        };
+        let (mut shot, mut lifted) = (shot.clone(), None);
+        if let Some(first) = prepared.first().filter(|_| self.begins_with_heights) {
+            shot = standing(&shot, bounds, &first.placed)?;
+            for (((_, session), prepared), placement) in self.fields.iter().zip(&prepared).zip(&placements) {
+                lifted = session.keep_above(&mut shot, prepared, placement)?.or(lifted);
+            }
+        }
+        let shot = &shot;
         let ground = Fields::new(&mut self.fields, &prepared, placements, &looks.heights);
         let mut times = Times::default();
         let (drawn, view) = match &mut self.particles {
@@ -319,7 +323,7 @@ impl MixedSession {
             false => None,
         };
         let (report, error) = (ground.report(), ground.error());
-        let shown = SurfaceShown { report, channels, labels: None };
+        let shown = SurfaceShown { report, channels, labels: None, lifted };
         drop(ground);
         if let Some(error) = &error {
             self.reporter.tell(error.clone());

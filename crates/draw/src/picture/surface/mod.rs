@@ -1,6 +1,8 @@
 //! Pictures of measured heights: [`SurfaceSession`] opens a field and draws the shots that are asked for, [`MixedSession`]
 //! several, and particles among them.
 
+mod clearance;
+mod earlier;
 mod letters;
 mod mixed;
 mod open_mixed;
@@ -9,7 +11,9 @@ mod painting;
 mod placement;
 mod raw;
 mod session;
+mod standing;
 
+pub use earlier::Earlier;
 pub use mixed::{MixedSession, ParticlesSeen, SeenMixed};
 pub use open_mixed::{OpenField, OpenMixed};
 pub use opened::OpenSurface;

@@ -2,9 +2,11 @@
 
 use super::mixed::{MixedSession, in_lengths_of, placement_of};
 use super::opened::OpenSurface;
-use super::session::{SurfaceSession, standing};
+use super::session::SurfaceSession;
+use super::standing::standing;
 use crate::heights::OpenHeights;
 use crate::heights::import::HeightOptions;
+use crate::heights::store::HeightFile;
 use crate::look::{CameraConfig, DataKind, HeightsSaid, Member, OpenData, Shot};
 use crate::mode::{Mode, Settings};
 use crate::model::{Bounds, Moment, ReadMethod, Unit, When};
@@ -57,20 +59,12 @@ impl OpenMixed {
                 others.push(member.clone());
                 continue;
             }
-            let told = |error: &dyn std::fmt::Display| PictureError::Asked(error.to_string());
-            let file = match DataKind::of(&member.path) {
-                // What is said of a file that was built is refused there.
-                Ok(DataKind::Heights) => OpenHeights::open(&member.path, &member.said.options(read)),
-                _ => {
-                    let built = page_file(&member.path, &member.said)?;
-                    OpenHeights::open(&built, &HeightOptions { read, ..HeightOptions::default() })
-                }
-            };
-            let OpenHeights::Pages(file) = file.map_err(|error| told(&error))? else {
-                return Err(PictureError::of(&member.path, "the file that was built of it holds no heights"));
-            };
-            let file = *file;
-            let opened = Arc::new(OpenSurface::new(&member.path, file)?);
+            let mut file = |path: &Path, said: &HeightsSaid| built_file(path, said, read, &mut page_file);
+            let mut opened = OpenSurface::new(&member.path, file(&member.path, &member.said)?)?;
+            if let Some(before) = &member.said.before {
+                opened = opened.since(before, file(before, &member.said.of_before())?, None)?;
+            }
+            let opened = Arc::new(opened);
             fields.push(OpenField { index, member: member.clone(), opened });
         }
         let Some(first) = fields.first() else { return Err(PictureError::Asked("no heights".into())) };
@@ -210,5 +204,26 @@ impl OpenMixed {
         let bounds = self.bounds(settings)?;
         let view = standing(&shot, bounds, &self.first().placed(settings)?)?.view(bounds, None)?;
         Ok(Some((view, bounds.center())))
+    }
+}
+
+/// The page file of heights that a user names and says something of.
+fn built_file(
+    path: &Path,
+    said: &HeightsSaid,
+    read: ReadMethod,
+    page_file: &mut dyn FnMut(&Path, &HeightsSaid) -> Result<PathBuf, PictureError>,
+) -> Result<HeightFile, PictureError> {
+    let file = match DataKind::of(path) {
+        // What is said of a file that was built is refused there.
+        Ok(DataKind::Heights) => OpenHeights::open(path, &said.options(read)),
+        _ => {
+            let built = page_file(path, said)?;
+            OpenHeights::open(&built, &HeightOptions { read, ..HeightOptions::default() })
+        }
+    };
+    match file.map_err(|error| PictureError::Asked(error.to_string()))? {
+        OpenHeights::Pages(file) => Ok(*file),
+        OpenHeights::Source(_) => Err(PictureError::of(path, "the file that was built of it holds no heights")),
     }
 }

@@ -1,5 +1,7 @@
 //! A built height field that is open: what its attributes are called, what its pictures mean, and a look at all of it at once.
 
+use super::clearance::Ground;
+use super::earlier::Earlier;
 use crate::annotate::Units;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::surface::look::Attribute as Coloured;
@@ -34,6 +36,8 @@ pub struct OpenSurface {
     coarse: Coarse,
     /// Forms that were fitted to it.
     forms: Mutex<Vec<FittedForm>>,
+    /// The field that it is compared with.
+    pub(super) earlier: Option<Earlier>,
     /// Where its page file lies as long as anybody may read it.
     folder: Option<TempDir>,
 }
@@ -61,7 +65,7 @@ impl OpenSurface {
         };
         let positions = [0, 1].map(|axis| nodes.lattice().places(root, axis));
         let coarse = Coarse { samples, positions, delta: facts.delta };
-        Ok(OpenSurface { path: path.into(), file, coarse, forms: Mutex::default(), folder: None })
+        Ok(OpenSurface { path: path.into(), file, coarse, forms: Mutex::default(), earlier: None, folder: None })
     }
 
     /// The same with the folder that its page file lies in, which goes when nobody needs it any more.
@@ -90,13 +94,22 @@ impl OpenSurface {
         mode.takes_surfaces()
     }
 
+    /// What colours it, by the name of an attribute.
+    ///
+    /// # Errors
+    /// The names that there are.
+    pub(super) fn attribute(&self, name: Option<&str>) -> Result<Coloured, String> {
+        surface::attribute_of(name, self.file.about(), self.earlier.is_some())
+    }
+
     /// The names of what can colour its pictures.
     pub fn attributes(&self) -> Vec<String> {
         let grid = &self.file.about().grid;
-        let has_colors = surface::attribute_of(Some("texture"), self.file.about()).is_ok();
+        let has_colors = self.attribute(Some("texture")).is_ok();
         let planes = grid.planes.iter().map(|plane| plane.name.as_str());
         surface::ATTRIBUTES
             .into_iter()
+            .chain(self.earlier.as_ref().map(|_| "difference"))
             .chain(has_colors.then_some("texture"))
             .chain(planes)
             .map(str::to_owned)
@@ -105,7 +118,8 @@ impl OpenSurface {
 
     /// What colours it where nothing is named.
     pub fn usual_attribute(&self) -> &'static str {
-        match surface::attribute_of(None, self.file.about()) {
+        match self.attribute(None) {
+            Ok(Coloured::Difference) => "difference",
             Ok(Coloured::Texture(_) | Coloured::Photo) => "texture",
             _ => "height",
         }
@@ -114,7 +128,7 @@ impl OpenSurface {
     /// What a depiction colours.
     fn coloured(&self, depiction: &Depiction) -> Coloured {
         let name = depiction.attribute.as_ref().map(|coloring| coloring.name.as_str());
-        surface::attribute_of(name, self.file.about()).unwrap_or(Coloured::Height)
+        self.attribute(name).unwrap_or(Coloured::Height)
     }
 
     /// A mode of its pictures, coloured by an attribute where one is named.
@@ -128,7 +142,7 @@ impl OpenSurface {
         attribute: Option<&str>,
         choice: LevelChoice,
     ) -> Result<Depiction, String> {
-        surface::attribute_of(attribute, self.file.about())?;
+        self.attribute(attribute)?;
         let coloring = |name: &str| Coloring { name: name.into(), fallback: 0.0, least: self.file.about().facts.min };
         Ok(Depiction { mode, settings, attribute: attribute.map(coloring), choice })
     }
@@ -202,7 +216,7 @@ impl OpenSurface {
     /// As [`OpenSurface::placed`].
     pub fn bounds(&self, settings: &Settings) -> Result<Bounds, PictureError> {
         let facts = &self.file.about().facts;
-        Ok(super::session::bounds_of(&self.placed(settings)?, [facts.min, facts.max]))
+        Ok(super::standing::bounds_of(&self.placed(settings)?, [facts.min, facts.max]))
     }
 
     /// The view that shows all of it, as pictures have it whose camera nobody has placed.
@@ -212,7 +226,7 @@ impl OpenSurface {
     pub fn home(&self, settings: &Settings, fov_deg: f64, size: (u32, u32)) -> Result<View, PictureError> {
         let camera = CameraConfig { fov: Some(fov_deg), ..CameraConfig::default() };
         let shot = Shot { camera, size: Some(size), ..Shot::default() };
-        super::session::view_of(&shot, self.bounds(settings)?, &self.placed(settings)?)
+        super::standing::view_of(&shot, self.bounds(settings)?, &self.placed(settings)?)
     }
 
     /// The heights of an even share of its samples, and of its rims.
@@ -236,6 +250,11 @@ impl OpenSurface {
         Some(most + self.coarse.delta)
     }
 
+    /// What is added to an eye so that it stands so high above the surface; `None` where it does, or there is no surface that can be read.
+    pub fn lift(&self, placed: &Placed, eye: DVec3, clearance: f64) -> Option<DVec3> {
+        Ground { heights: &*self.file, placed }.lift(eye, clearance).ok().flatten()
+    }
+
     /// A few of its samples as particles, `most` about: what stands in for it where particles are asked for. The corners of the box around it are
     /// among them.
     pub fn sketch(&self, most: usize) -> Dataset {
@@ -246,7 +265,7 @@ impl OpenSurface {
         let placed = self
             .placed(&Settings::default())
             .unwrap_or_else(|_| Placed::new(grid, crate::cpu::surface::placed::Map::Plate, 1.0, 0.0));
-        let bounds = super::session::bounds_of(&placed, [self.file.about().facts.min, self.file.about().facts.max]);
+        let bounds = super::standing::bounds_of(&placed, [self.file.about().facts.min, self.file.about().facts.max]);
         let low = self.file.about().facts.min;
         let (mut positions, mut shown) = (vec![bounds.min.to_array(), bounds.max.to_array()], vec![low as f32; 2]);
         for row in (0..*rows).step_by(every) {

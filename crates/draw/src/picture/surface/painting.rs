@@ -61,6 +61,7 @@ fn not_yet(placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> Option<&
         _ => options.look.as_ref().and_then(|look| match (look.attribute, look.contours) {
             (Attribute::Photo, _) => Some("photos"),
             (Attribute::Residual, _) => Some("residuals"),
+            (Attribute::Difference, _) => Some("differences"),
             (_, Some(contours)) if contours.labels.is_some() => Some("labels of contours"),
             _ => None,
         }),

@@ -15,9 +15,12 @@ pub(super) struct FieldPlacement {
 }
 
 impl FieldPlacement {
+    /// Of a field in its own world.
+    pub const NONE: FieldPlacement = FieldPlacement { offset: DVec3::ZERO, scale: 1.0 };
+
     /// A view in the field's own lengths.
     pub fn view(&self, view: &View) -> View {
-        if *self == (FieldPlacement { offset: DVec3::ZERO, scale: 1.0 }) {
+        if *self == FieldPlacement::NONE {
             return *view;
         }
         let projection = match view.projection {
@@ -42,7 +45,8 @@ impl FieldPlacement {
         Bounds { min: self.offset + self.scale * own.min, max: self.offset + self.scale * own.max }
     }
 
-    fn inside(&self, place: DVec3) -> DVec3 {
+    /// A place of the scene in the field's own world.
+    pub fn inside(&self, place: DVec3) -> DVec3 {
         (place - self.offset) / self.scale
     }
 

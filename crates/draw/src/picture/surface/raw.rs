@@ -26,4 +26,6 @@ pub struct SurfaceShown {
     pub channels: Option<SurfaceChannels>,
     /// The heights that are written along lines; `None` where none are asked for.
     pub labels: Option<Vec<ContourLabel>>,
+    /// Where the eye was lifted to, where it would have been too near to the ground.
+    pub lifted: Option<[f64; 3]>,
 }

@@ -1,9 +1,12 @@
 //! An open height field, of which pictures are drawn.
 
+use super::clearance::{Ground, raise};
 use super::letters::ProgramFont;
 use super::opened::OpenSurface;
 use super::painting::{DrawnBy, Field, Painter};
+use super::placement::FieldPlacement;
 use super::raw::{SurfaceChannels, SurfaceShown};
+use super::standing::{bounds_of, standing};
 use crate::annotate::{Annotations, Units};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Colors, Image};
@@ -11,17 +14,18 @@ use crate::cpu::paths::PathFragments;
 use crate::cpu::surface::fragments::{Layer, fragments};
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
-use crate::cpu::surface::placed::{Map, Placed};
+use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
+use crate::cpu::surface::since::Since;
 use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
 use crate::cpu::volume::VolumeLevels;
 use crate::heights::OpenHeights;
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::import::HeightOptions;
 use crate::heights::measure::Form;
-use crate::heights::model::HeightGrid;
+use crate::heights::model::{HeightError, Heights};
 use crate::heights::store::HeightFile;
-use crate::look::{Camera, LookPatch, Shot};
+use crate::look::{Camera, HeightsSaid, LookPatch, Shot};
 use crate::mode::depiction::Coloring;
 use crate::mode::{Depiction, LightPicture, Mode, Raw};
 use crate::model::Bounds;
@@ -41,6 +45,7 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use tempfile::TempDir;
 
 /// Memory for decoded chunks unless it is set, bytes.
 const CHUNK_MEMORY: u64 = 512 << 20;
@@ -55,6 +60,8 @@ pub struct SurfaceSession {
     reporter: Arc<dyn Reporter>,
     opened: Arc<OpenSurface>,
     nodes: PagedSurface,
+    /// What changes are counted from.
+    since: Option<Arc<Since>>,
     painter: Painter,
 }
 
@@ -84,45 +91,37 @@ pub(super) struct Prepared {
 }
 
 impl SurfaceSession {
-    /// Opens a field; a source's page file is built for it first, and kept as long as the session is.
+    /// Opens a field, and the earlier one that it is compared with if one is named; a source's page file is built for it first, and kept as long as
+    /// the session is.
     ///
     /// # Errors
-    /// When it cannot be read.
+    /// When it cannot be read, or both do not fit together.
     pub fn open(
         path: &Path,
-        said: &HeightOptions,
+        said: &HeightsSaid,
         options: SessionOptions,
         reporter: Arc<dyn Reporter>,
     ) -> Result<SurfaceSession, PictureError> {
-        let told = |error: &dyn std::fmt::Display| PictureError::Asked(error.to_string());
-        let open = OpenHeights::open(path, said).map_err(|error| told(&error))?;
-        let (file, folder) = match open {
-            OpenHeights::Pages(file) => (*file, None),
-            OpenHeights::Source(source) => {
-                let progress = reporter.progress();
-                let folder = tempfile::tempdir().map_err(|error| told(&error))?;
-                let built = folder.path().join("heights.df");
-                let open = OpenHeights::Source(source);
-                let about = open.build(&HeightBuildOptions::default(), &built, &*progress);
-                drop(progress);
-                about.map_err(|error| told(&error))?;
-                (HeightFile::open(&built, options.read).map_err(|error| told(&error))?, Some(folder))
-            }
-        };
-        file.about().notes.iter().for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
-        let opened = OpenSurface::new(path, file)?;
-        let opened = match folder {
-            Some(folder) => opened.within(folder),
-            None => opened,
-        };
+        let (file, folder) = page_file(path, &said.options(options.read), &*reporter)?;
+        let mut opened = OpenSurface::new(path, file)?;
+        if let Some(folder) = folder {
+            opened = opened.within(folder);
+        }
+        if let Some(before) = &said.before {
+            let (file, folder) = page_file(before, &said.of_before().options(options.read), &*reporter)?;
+            opened = opened.since(before, file, folder)?;
+        }
         Ok(SurfaceSession::of(Arc::new(opened), options, reporter))
     }
 
     /// A field that is open.
     pub fn of(opened: Arc<OpenSurface>, options: SessionOptions, reporter: Arc<dyn Reporter>) -> SurfaceSession {
         let memory = options.chunk_memory.unwrap_or(CHUNK_MEMORY);
-        let nodes = PagedSurface::new(Arc::clone(opened.file()), memory);
-        SurfaceSession { options, reporter, opened, nodes, painter: Painter::default() }
+        // Of both fields about as many samples are read.
+        let since = opened.earlier().map(|earlier| earlier.since(memory / 2));
+        let own = if since.is_some() { memory / 2 } else { memory };
+        let nodes = PagedSurface::new(Arc::clone(opened.file()), own);
+        SurfaceSession { options, reporter, opened, nodes, since, painter: Painter::default() }
     }
 
     /// The same with an adapter, which draws what it is asked for or is faster at.
@@ -175,7 +174,7 @@ impl SurfaceSession {
         })?;
         let about = self.file().about();
         let settings = SurfaceSettings::new(&look.settings, &about.grid).map_err(refuse)?;
-        let attribute = surface::attribute_of(look.attribute_name(), about).map_err(refuse)?;
+        let attribute = self.opened.attribute(look.attribute_name()).map_err(refuse)?;
         let placed = self.placed(&settings);
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
         let [x, y] = placed.spacing();
@@ -186,7 +185,9 @@ impl SurfaceSession {
             _ => None,
         };
         // A few that are far off do not hide all others.
-        let most = fitted.as_ref().map_or(curvature, |fitted| fitted.most.min(OUTLIERS * fitted.root_mean_square));
+        let residual = fitted.as_ref().map(|fitted| fitted.most.min(OUTLIERS * fitted.root_mean_square));
+        let change = self.opened.earlier().filter(|_| attribute == Attribute::Difference).map(|earlier| earlier.most);
+        let most = residual.or(change).unwrap_or(curvature);
         let range = surface::range_of(&transfer, attribute, &about.facts, levels, most);
         let look = settings.look(attribute, transfer, range);
         let form = fitted.map(|fitted| Arc::new(fitted.form));
@@ -217,10 +218,26 @@ impl SurfaceSession {
         self.opened.path()
     }
 
-    /// The chunks, placed as a look has it.
-    pub(super) fn nodes(&mut self, placed: &Placed) -> &PagedSurface {
-        self.nodes.place(placed);
+    /// The chunks, placed and compared as a look has it.
+    pub(super) fn nodes(&mut self, prepared: &Prepared) -> &PagedSurface {
+        self.nodes.place(&prepared.placed);
+        self.nodes.compare(self.since.as_ref().filter(|_| prepared.attribute == Attribute::Difference));
         &self.nodes
+    }
+
+    /// Keeps the eye of a shot above the surface, which lies somewhere in the shot's world; tells where it stands then, if it was lifted.
+    pub(super) fn keep_above(
+        &self,
+        shot: &mut Shot,
+        prepared: &Prepared,
+        placement: &FieldPlacement,
+    ) -> Result<Option<[f64; 3]>, PictureError> {
+        let (clearance, scale) = (prepared.settings.clearance, placement.scale);
+        let Some(eye) = shot.camera.eye.filter(|_| clearance > 0.0).map(DVec3::from) else { return Ok(None) };
+        let ground = Ground { heights: self.file(), placed: &prepared.placed };
+        let lift = ground.lift(placement.inside(eye), clearance / scale);
+        let lift = lift.map_err(|error| PictureError::Asked(error.to_string()))?;
+        Ok(lift.map(|lift| raise(shot, eye, scale * lift)))
     }
 
     /// The box around the surface as it is placed.
@@ -245,8 +262,11 @@ impl SurfaceSession {
             return Err(PictureError::of(self.opened.path(), why));
         }
         let bounds = bounds_of(&prepared.placed, self.extremes());
-        let view = view_of(shot, bounds, &prepared.placed)?;
-        self.nodes.place(&prepared.placed);
+        let mut shot = standing(shot, bounds, &prepared.placed)?;
+        let lifted = self.keep_above(&mut shot, &prepared, &FieldPlacement::NONE)?;
+        let shot = &shot;
+        let view = shot.view(bounds, None)?;
+        self.nodes(&prepared);
         if let Some(em) = prepared.look.contours.as_mut().and_then(|contours| contours.labels.as_mut()) {
             let scale = |annotations: &Annotations| annotations.scale_for(view.width, view.height);
             let scale = shot.look.annotations.as_ref().map_or_else(|| scale(&Annotations::NONE), scale);
@@ -269,7 +289,7 @@ impl SurfaceSession {
         let [width, height] = [colors.width, colors.height];
         let channels = (!raw.is_empty()).then_some(SurfaceChannels { width, height, values: raw });
         let is_labelled = prepared.look.contours.as_ref().is_some_and(|contours| contours.labels.is_some());
-        let shown = SurfaceShown { report, channels, labels: is_labelled.then_some(labels) };
+        let shown = SurfaceShown { report, channels, labels: is_labelled.then_some(labels), lifted };
         let picture = self.pictured(shot, (view, bounds), prepared, colors, shown, times.medians())?;
         let converged = picture.converged && self.nodes.error().is_none();
         Ok(Picture { converged, drawn_by: drawn_by.names, ..picture })
@@ -405,6 +425,7 @@ impl SurfaceSession {
         if let Some(levels) = levels {
             prepared.look.range = levels.p;
         }
+        self.nodes(&prepared);
         let Prepared { look: own, attribute, .. } = &prepared;
         let (transfer, attribute) = (own.transfer.clone(), *attribute);
         let levels = Levels { p: own.range, s: [0.0, 1.0] };
@@ -419,7 +440,6 @@ impl SurfaceSession {
             look: Some(prepared.look),
             ..SurfaceOptions::default()
         };
-        self.nodes.place(&prepared.placed);
         let sight = Sight::Flat(*view);
         self.nodes.prepare(&prepared.placed, &sight, &options);
         let picture = draw_lettered(&self.nodes, &prepared.placed, &sight, &options, Some(&ProgramFont));
@@ -438,84 +458,6 @@ impl SurfaceSession {
     }
 }
 
-/// The box around a surface whose heights are between these.
-pub(super) fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
-    let ends = heights.map(|height| placed.lifted(height));
-    let top = ends[0].max(ends[1]);
-    if let Map::Globe(globe) = placed.map {
-        let reach = DVec3::splat(globe.reach() + top);
-        return Bounds { min: -reach, max: reach };
-    }
-    let [columns, rows] = placed.samples.map(|count| (count - 1) as f64);
-    let corners = [(0.0, 0.0), (rows, columns)].map(|(row, column)| placed.world(row, column, heights[0]));
-    let (low, high) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
-    Bounds { min: DVec3::new(low.x, low.y, ends[0].min(ends[1])), max: DVec3::new(high.x, high.y, top) }
-}
-
-/// The least distance from a target, of those up to twice `away`, at which all of a box is in the picture with a little room around it.
-fn nearest(shot: &Shot, bounds: Bounds, target: DVec3, from: DVec3, away: f64) -> Result<f64, PictureError> {
-    let Bounds { min, max } = bounds;
-    let corner = |number: usize| DVec3::from_array([0, 1, 2].map(|axis| [min, max][number >> axis & 1][axis]));
-    let fits = |distance: f64| -> Result<bool, PictureError> {
-        let mut shot = shot.clone();
-        (shot.camera.eye, shot.camera.target) = (Some((target + distance * from).to_array()), Some(target.to_array()));
-        let view = shot.view(bounds, None)?;
-        let [width, height] = [view.width, view.height].map(f64::from);
-        let is_in = |at: [f64; 2]| {
-            (ROOM..=1.0 - ROOM).contains(&(at[0] / width)) && (ROOM..=1.0 - ROOM).contains(&(at[1] / height))
-        };
-        Ok((0..8).all(|number| view.to_pixels(view.to_camera(corner(number))).is_some_and(is_in)))
-    };
-    let (mut near, mut far) = (0.1 * away, 2.0 * away);
-    if !fits(far)? {
-        return Ok(0.72 * away);
-    }
-    for _ in 0..12 {
-        let middle = 0.5 * (near + far);
-        if fits(middle)? { far = middle } else { near = middle }
-    }
-    Ok(far)
-}
-
-/// The share of a picture that is left free at each of its sides around a surface.
-const ROOM: f64 = 0.04;
-
-/// From where a shot is seen.
-pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<View, PictureError> {
-    Ok(standing(shot, bounds, placed)?.view(bounds, None)?)
-}
-
-/// A shot with a camera that stands, unless it says otherwise, above and in front of the surface, with z up.
-pub(super) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Shot, PictureError> {
-    let mut shot = shot.clone();
-    let camera = &mut shot.camera;
-    camera.up = Some(camera.up.unwrap_or([0.0, 0.0, 1.0]));
-    if camera.eye.is_none() {
-        let target = camera.target.map_or(bounds.center(), DVec3::from);
-        let mut free = shot.clone();
-        (free.camera.up, free.surround) = (None, crate::view::Surround::Flat);
-        let away = (free.view(bounds, None)?.eye - target).length();
-        let from = if placed.is_flat() { DVec3::new(0.0, -1.0, 0.9) } else { DVec3::new(1.0, -0.4, 0.5) };
-        let eye = match shot.surround.is_flat() {
-            true => target + nearest(&shot, bounds, target, from.normalize(), away)? * from.normalize(),
-            // Around the eye there is nothing to see from within the surface.
-            false => DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()),
-        };
-        shot.camera.eye = Some(eye.to_array());
-        if !shot.surround.is_flat() && shot.camera.target.is_none() {
-            shot.camera.target = Some((eye + DVec3::Y * bounds.size().length().max(1e-30)).to_array());
-        }
-    }
-    if shot.camera.target.is_none() {
-        let center = bounds.center();
-        // Around an eye in the middle there is no other way to look than ahead.
-        let is_there = shot.camera.eye.is_some_and(|eye| DVec3::from(eye) == center);
-        let ahead = if is_there { DVec3::Z * bounds.size().length().max(1e-30) } else { DVec3::ZERO };
-        shot.camera.target = Some((center - ahead).to_array());
-    }
-    Ok(shot)
-}
-
 impl SurfaceSession {
     /// What each pixel of a view shows of a look, from front to back: colours in linear light, and depths in the view's lengths. For whoever
     /// draws something else in the same view, or asks what hides what.
@@ -526,7 +468,7 @@ impl SurfaceSession {
         let prepared = self.prepare(look)?;
         let options = SurfaceOptions { raw: false, ..self.surface_options(&prepared, look) };
         let (placed, sight) = (prepared.placed, Sight::Flat(*view));
-        let source = self.nodes(&placed);
+        let source = self.nodes(&prepared);
         source.prepare(&placed, &sight, &options);
         Ok(fragments(&[Layer { source, placed: &placed, sight: &sight, options: &options, scale: 1.0 }]))
     }
@@ -535,15 +477,48 @@ impl SurfaceSession {
     ///
     /// # Errors
     /// Settings that do not fit the field, and cameras that cannot see anything.
-    pub fn sight(grid: &HeightGrid, heights: [f64; 2], shot: &Shot) -> Result<(Sight, Placed), PictureError> {
+    pub fn sight(
+        heights: &dyn Heights,
+        extremes: [f64; 2],
+        shot: &Shot,
+    ) -> Result<(Sight, Placed), PictureError> {
+        let grid = heights.grid();
         let settings = SurfaceSettings::new(&shot.look.settings, grid).map_err(PictureError::Asked)?;
         let placed = Placed::new(grid, settings.map, settings.exaggeration, settings.base);
-        let bounds = bounds_of(&placed, heights);
-        let view = view_of(shot, bounds, &placed)?;
+        let bounds = bounds_of(&placed, extremes);
+        let mut shot = standing(shot, bounds, &placed)?;
+        let ground = Ground { heights, placed: &placed };
+        let told = |error: HeightError| PictureError::Asked(error.to_string());
+        ground.keep_above(&mut shot, settings.clearance).map_err(told)?;
+        let view = shot.view(bounds, None)?;
         let sight = match Panorama::around(&view, shot.surround)? {
             None => Sight::Flat(view),
             Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
         };
         Ok((sight, placed))
     }
+}
+
+/// The page file of what a user names; a source's is built in a folder that goes when nobody needs it any more.
+fn page_file(
+    path: &Path,
+    said: &HeightOptions,
+    reporter: &dyn Reporter,
+) -> Result<(HeightFile, Option<TempDir>), PictureError> {
+    let told = |error: &dyn std::fmt::Display| PictureError::Asked(error.to_string());
+    let open = OpenHeights::open(path, said).map_err(|error| told(&error))?;
+    let (file, folder) = match open {
+        OpenHeights::Pages(file) => (*file, None),
+        open @ OpenHeights::Source(_) => {
+            let progress = reporter.progress();
+            let folder = tempfile::tempdir().map_err(|error| told(&error))?;
+            let built = folder.path().join("heights.df");
+            let about = open.build(&HeightBuildOptions::default(), &built, &*progress);
+            drop(progress);
+            about.map_err(|error| told(&error))?;
+            (HeightFile::open(&built, said.read).map_err(|error| told(&error))?, Some(folder))
+        }
+    };
+    file.about().notes.iter().for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
+    Ok((file, folder))
 }

@@ -69,6 +69,7 @@ impl Decoder {
                 normals,
                 ranges: Vec::new(),
                 planes,
+                changes: Vec::new(),
             };
         }
         let normals = match normals.is_empty() {
@@ -81,7 +82,7 @@ impl Decoder {
                 }
             }
         };
-        NodeSamples { rows, columns, heights: stored, coverage, normals, ranges: Vec::new(), planes }
+        NodeSamples { rows, columns, heights: stored, coverage, normals, ranges: Vec::new(), planes, changes: Vec::new() }
     }
 
     /// A chunk that nothing is in.
@@ -95,6 +96,7 @@ impl Decoder {
             normals: vec![[0.0, 0.0, 1.0]; count],
             ranges: Vec::new(),
             planes: vec![vec![0.0; count]; self.planes],
+            changes: Vec::new(),
         }
     }
 }

@@ -5,7 +5,6 @@
 use super::*;
 use crate::build::{BuildOptions, build};
 use crate::heights::build::HeightBuildOptions;
-use crate::heights::import::HeightOptions;
 use crate::heights::{OpenHeights, is_heights};
 use crate::look::{CameraConfig, HeightsSaid, say};
 use crate::mode::Settings;
@@ -139,7 +138,7 @@ fn every_technique_hides_what_is_behind_and_shows_what_is_before() {
     let members = [Member::new(&plane), Member::new(cloud)];
     let mut alone = SurfaceSession::open(
         &plane,
-        &HeightOptions { xy_unit: Some(Unit::new("m")), height_unit: Some(Unit::new("m")), ..HeightOptions::default() },
+        &HeightsSaid { xy_unit: Some(Unit::new("m")), height_unit: Some(Unit::new("m")), ..HeightsSaid::default() },
         SessionOptions::default(),
         Arc::new(()),
     )
