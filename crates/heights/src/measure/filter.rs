@@ -33,7 +33,8 @@ const DIRECT: usize = 48;
 /// Rows that are read at once are about so many samples.
 const AT_ONCE: u64 = 1 << 18;
 
-/// A window of a field, filtered; what was not measured stays so. Samples beside the window count where they are near.
+/// A window of a field, filtered; what was not measured stays so. Samples beside the window count where they are near, of a field that goes round
+/// a globe also those beyond its first and its last column.
 pub struct Filtered<'a> {
     heights: &'a dyn Heights,
     filter: Filter,
@@ -44,6 +45,8 @@ pub struct Filtered<'a> {
     /// The same to either side, of rows that are as wide as these; only on a sphere there are several.
     across: BTreeMap<i32, Vec<f64>>,
     lengths: Lengths,
+    /// Of a field that goes round a globe: after so many columns the first one comes again.
+    around: Option<u64>,
     kept: Option<Vec<f64>>,
 }
 
@@ -75,12 +78,17 @@ impl<'a> Filtered<'a> {
         let cutoff = filter.cutoff();
         let down = weights(cutoff / lengths.steps(0.0)[1].abs(), whole.rows);
         let widest = lengths.steps(middle(whole))[0].abs();
+        let around = whole.around();
         let mut across = BTreeMap::new();
         for row in 0..whole.rows {
             let width = class(&lengths, whole, row);
-            across.entry(width).or_insert_with(|| weights(cutoff / (widest * share(width)), whole.columns));
+            across.entry(width).or_insert_with(|| {
+                let cutoff = cutoff / (widest * share(width));
+                around
+                    .map_or_else(|| weights(cutoff, whole.columns), |columns| weights_around(cutoff, columns as usize))
+            });
         }
-        let mut filtered = Filtered { heights, filter, window, grid, down, across, lengths, kept: None };
+        let mut filtered = Filtered { heights, filter, window, grid, down, across, lengths, around, kept: None };
         if window.samples() <= KEPT {
             let mut kept = vec![0.0; window.samples() as usize];
             // Enough rows at once that those read beside them count little.
@@ -98,18 +106,25 @@ impl<'a> Filtered<'a> {
     fn compute(&self, part: Window, out: &mut [f64]) -> Result<(), HeightError> {
         let whole = self.heights.grid();
         let (row, column) = (self.window.row + part.row, self.window.column + part.column);
-        let around = |first: u64, count: u64, reach: usize, all: u64| {
+        let near = |first: u64, count: u64, reach: usize, all: u64| {
             let from = first.saturating_sub(reach as u64 - 1);
             (from, (first + count + reach as u64 - 1).min(all) - from)
         };
-        let (first, rows) = around(row, part.rows, self.down.len(), whole.rows);
+        let (first, rows) = near(row, part.rows, self.down.len(), whole.rows);
         let widths: Vec<i32> = (first..first + rows).map(|row| class(&self.lengths, whole, row)).collect();
         let weights = |width: &i32| self.across.get(width).map_or(&[][..], Vec::as_slice);
         let reach = widths.iter().map(|width| weights(width).len()).max().unwrap_or(1);
-        let (left, columns) = around(column, part.columns, reach, whole.columns);
+        // Columns around a globe are counted on beyond its seam.
+        let (before, columns) = match self.around {
+            None => {
+                let (left, columns) = near(column, part.columns, reach, whole.columns);
+                (column - left, columns)
+            }
+            Some(_) => (reach as u64 - 1, part.columns + 2 * (reach as u64 - 1)),
+        };
         let mut lines = BTreeMap::new();
         for width in &widths {
-            let new = || Lines::new(weights(width), columns as usize, (column - left) as usize, part.columns as usize);
+            let new = || Lines::new(weights(width), columns as usize, before as usize, part.columns as usize);
             lines.entry(*width).or_insert_with(new);
         }
         let room = lines.values().map(|lines| lines.size).max().unwrap_or(0);
@@ -122,7 +137,7 @@ impl<'a> Filtered<'a> {
         while at < first + rows {
             let count = together.min(first + rows - at);
             values.resize((count * columns) as usize, 0.0);
-            self.heights.heights(Window { row: at, column: left, rows: count, columns }, &mut values)?;
+            self.read([at, count], [column, before], &mut values)?;
             across.resize(count as usize * width, [0.0; 2]);
             let own = &widths[(at - first) as usize..];
             across.par_chunks_mut(width).zip(values.par_chunks(wide)).zip(own.par_iter()).for_each_init(
@@ -157,6 +172,27 @@ impl<'a> Filtered<'a> {
         }
         Ok(())
     }
+
+    /// Heights of some rows, from so many columns before one on.
+    fn read(&self, [row, rows]: [u64; 2], [column, before]: [u64; 2], values: &mut [f64]) -> Result<(), HeightError> {
+        let columns = values.len() as u64 / rows;
+        let Some(all) = self.around else {
+            return self.heights.heights(Window { row, column: column - before, rows, columns }, values);
+        };
+        let (mut done, mut piece) = (0, Vec::new());
+        while done < columns {
+            let column = (column + done + before.div_ceil(all) * all - before) % all;
+            let count = (all - column).min(columns - done);
+            piece.resize((rows * count) as usize, 0.0);
+            self.heights.heights(Window { row, column, rows, columns: count }, &mut piece)?;
+            let own = done as usize..(done + count) as usize;
+            for (to, from) in values.chunks_exact_mut(columns as usize).zip(piece.chunks_exact(count as usize)) {
+                to[own.clone()].copy_from_slice(from);
+            }
+            done += count;
+        }
+        Ok(())
+    }
 }
 
 /// Rows of a sphere whose widths differ by less than this share have the same weights.
@@ -184,6 +220,37 @@ fn weights(cutoff: f64, count: u64) -> Vec<f64> {
     (0..=reach)
         .map(|apart| if apart == 0 { 1.0 } else { libm::exp(-PI * (apart as f64 / (alpha * cutoff)).powi(2)) })
         .collect()
+}
+
+/// Cut-offs of more rounds than this see all of a row alike, to the last digits.
+const ROUNDS: f64 = 6.0;
+
+/// The same of a row that closes after so many samples, each of which counts as often as it is met on the way round and round. Samples are those
+/// up to half a row away to either side: the one on the other side of an even number is met on both ways and has half its weight on each.
+fn weights_around(cutoff: f64, samples: usize) -> Vec<f64> {
+    let half = samples / 2;
+    let mut around = if cutoff > ROUNDS * samples as f64 {
+        vec![1.0; half + 1]
+    } else {
+        let line = weights(cutoff, u64::MAX);
+        let mut around = vec![0.0; (line.len() - 1).min(half) + 1];
+        for (apart, weight) in line.iter().enumerate() {
+            let (one, other) = (apart % samples, (samples - apart % samples) % samples);
+            let ways = if apart == 0 { &[one][..] } else { &[one, other] };
+            for way in ways {
+                if let Some(sum) = around.get_mut(*way) {
+                    *sum += weight;
+                }
+            }
+        }
+        around
+    };
+    if samples.is_multiple_of(2)
+        && let Some(opposite) = around.get_mut(half)
+    {
+        *opposite *= 0.5;
+    }
+    around
 }
 
 /// Weighted sums along rows.

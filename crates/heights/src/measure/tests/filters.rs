@@ -107,3 +107,56 @@ fn of_degrees_the_cutoff_is_in_metres() {
         assert!((found[n] - sums[0] / sums[1]).abs() < 5e-3, "{n}: {}, not {}", found[n], sums[0] / sums[1]);
     }
 }
+
+#[test]
+fn a_field_that_goes_round_a_globe_has_no_seam() {
+    // Plain sums, transforms, and cut-offs of more than a round; with the first column once more at the end, and without.
+    for (columns, again, degrees) in [
+        (72_u64, false, 12.0),
+        (72, true, 12.0),
+        (71, false, 90.0),
+        (360, true, 80.0),
+        (36, true, 500.0),
+        (36, false, 4e4),
+    ] {
+        let width = columns + u64::from(again);
+        let height = |row: u64, column: u64, turned: u64| {
+            let turn = 2.0 * PI * ((column + turned) % columns) as f64 / columns as f64;
+            100.0 + (3.0 * turn).cos() + 0.3 * (5.0 * turn + row as f64).sin()
+        };
+        let turned = |by: u64| {
+            let values = (0..width * 25).map(|n| height(n / width, n % width, by)).collect();
+            let mut field = HeightField::of(width, 25, values);
+            field.grid.step = [360.0 / columns as f64, 3.0];
+            field.grid.origin = [-180.0, -36.0];
+            field.grid.xy_unit = Unit::new("deg");
+            field.grid.height_unit = Unit::new("m");
+            field
+        };
+        let cutoff = degrees / 180.0 * PI * crate::model::lengths::EARTH;
+        let filtered = |by: u64| {
+            let field = turned(by);
+            let all = Window::all(&field.grid);
+            read(&Filtered::new(&field, Filter::Short(cutoff), all).unwrap(), all)
+        };
+        let (whole, half) = (filtered(0), filtered(columns / 2));
+        for n in 0..width * 25 {
+            let (row, column) = (n / width, n % width);
+            let wanted = whole[(row * width + (column + columns / 2) % columns) as usize];
+            assert!((half[n as usize] - wanted).abs() < 1e-9, "{columns} {degrees}: {row} {column}");
+        }
+        // A wave of one row alone keeps its shape: the same share of it passes everywhere.
+        let mut field = turned(0);
+        field.stored = (0..width * 25).map(|n| (6.0 * PI * (n % width) as f64 / columns as f64).cos()).collect();
+        let all = Window::all(&field.grid);
+        let waves = read(&Filtered::new(&field, Filter::Short(cutoff), all).unwrap(), all);
+        for (found, own) in waves.chunks(width as usize).zip(field.stored.chunks(width as usize)) {
+            let share = found[0];
+            assert!((0.0..1.0 + 1e-12).contains(&share.abs()) && share > -1e-4, "{share}");
+            assert!(
+                found.iter().zip(own).all(|(found, own)| (found - share * own).abs() < 1e-9),
+                "{columns} {degrees}"
+            );
+        }
+    }
+}
