@@ -55,6 +55,7 @@ fn chosen_cuts_have_none_within_any_budget() {
             technique,
             looks: round % 3 == 0,
             lines: f64::INFINITY,
+            change: f64::INFINITY,
             spans: 0.0,
             walls: None,
             most: [1 << 14, 9][round / 20],
