@@ -1,6 +1,6 @@
 //! `deepfield contours`: the lines of equal height of a surface, as vectors.
 
-use super::heights::{self, HeightsOptions};
+use super::heights::{self, StatedOptions};
 use super::{CommandResult, arguments::positive};
 use std::path::PathBuf;
 
@@ -8,7 +8,8 @@ use std::path::PathBuf;
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield contours dem.df --interval 10 -o lines.geojson
-  deepfield contours surface.sur --interval 0.0001 --base 0.009 -o lines.svg")]
+  deepfield contours surface.sur --interval 0.0001 --base 0.009 -o lines.svg
+  deepfield contours heights.npy --spacing 0.5,0.5 --xy-unit um --interval 0.1 -o lines.csv")]
 pub struct Arguments {
     /// The heights: a source or a page file.
     pub path: PathBuf,
@@ -20,7 +21,7 @@ pub struct Arguments {
     pub base: f64,
     /// What is said of heights.
     #[command(flatten)]
-    pub heights: HeightsOptions,
+    pub heights: StatedOptions,
     /// The lines: .geojson, .csv or .svg.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,

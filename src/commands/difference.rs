@@ -1,7 +1,7 @@
 //! `deepfield difference`: how a surface has changed.
 
 use super::CommandResult;
-use super::heights::{self, HeightsOptions};
+use super::heights::{self, StatedOptions};
 use std::path::PathBuf;
 
 /// Subtracts an earlier surface from a later one on the earlier one's grid, and says what volumes were added and taken away.
@@ -19,7 +19,7 @@ pub struct Arguments {
     pub after: PathBuf,
     /// What is said of both.
     #[command(flatten)]
-    pub heights: HeightsOptions,
+    pub heights: StatedOptions,
     /// On which body degrees are lengths: globe:BODY such as globe:moon [default: the Earth].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,

@@ -2,7 +2,7 @@
 
 use super::frame_option::{FrameName, unknown};
 use super::heights::probe::HeightsProbe;
-use super::heights::{self, HeightsOptions};
+use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
@@ -90,7 +90,7 @@ pub struct Arguments {
     pub read: ReadMethod,
     /// What is said of heights.
     #[command(flatten)]
-    pub said: HeightsOptions,
+    pub said: StatedOptions,
     /// What is asked of heights.
     #[command(flatten)]
     pub heights: HeightsProbe,

@@ -2,7 +2,7 @@
 
 use super::frame_option::{FrameName, unknown};
 use super::heights::select::{Corners, rectangle};
-use super::heights::{self, HeightsOptions};
+use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress};
@@ -44,7 +44,7 @@ pub struct Arguments {
     pub rectangle: Option<Corners>,
     /// What is said of heights.
     #[command(flatten)]
-    pub heights: HeightsOptions,
+    pub heights: StatedOptions,
     /// The table, .csv, .parquet or .ply, or the list of ids, .ids; of heights .npy, .tif, .asc, .x3p, .png or .csv.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,

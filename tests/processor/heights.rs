@@ -169,6 +169,94 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
     refused(folder, &["render", "waves.df", "-o", "x.png", "--attribute", "mass"], "attribute mass is not in the data");
 }
 
+/// What has changed since an earlier field is the colour of the later one, and nothing else of it changes.
+#[test]
+fn differences_lie_over_the_later_surface() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rise = |column: usize| match column {
+        0..100 => 4.0,
+        100..230 => 0.0,
+        _ => -4.0,
+    };
+    written(&folder.join("after.npy"), SIZE, |column, row| height(column, row) + rise(column));
+    written(&folder.join("before.npy"), SIZE, |column, row| {
+        let away = (column as f64 - 280.0).hypot(row as f64 - 60.0);
+        if away < 20.0 { f64::NAN } else { height(column, row) }
+    });
+    for name in ["before", "after"] {
+        let built = format!("{name}.df");
+        ok(folder, &["build", &format!("{name}.npy"), "-o", &built, "--spacing", "1,1"]);
+    }
+    let camera =
+        ["--eye", "165,145,400", "--target", "165,145,0", "--up", "0,1,0", "--ortho", "260", "--size", "240x160"];
+    let drawn = |more: &[&str]| {
+        let arguments = ["-o", "top.png", "--raw", "top.npy", "--json", "top.json", "--set", "ambient=1.0"];
+        ok(folder, &[&["render"], more, &arguments, &camera].concat());
+        let told: Value = serde_json::from_slice(&std::fs::read(folder.join("top.json")).unwrap()).unwrap();
+        (picture_at(&folder.join("top.png")).rgba, std::fs::read(folder.join("top.npy")).unwrap(), told)
+    };
+    let (own, raw, _) = drawn(&["after.df"]);
+    let (changed, same_raw, told) = drawn(&["after.df", "--before", "before.df"]);
+    assert!(raw == same_raw && own != changed);
+    assert_eq!(told["range"], serde_json::json!([-4.0, 4.0]));
+    let at = |[column, row]: [f64; 2]| {
+        let [x, y] = [120.0 + (column - 165.0) * 160.0 / 260.0, 80.0 - (row - 145.0) * 160.0 / 260.0];
+        changed[y as usize * 240 + x as usize]
+    };
+    let ([higher, _, low, _], [blue, _, lower, _]) = (at([50.0, 145.0]), at([290.0, 145.0]));
+    assert!(higher > low.saturating_add(60) && lower > blue.saturating_add(60), "{higher} {low}, {blue} {lower}");
+    let [red, green, blue, _] = at([165.0, 145.0]);
+    assert!(red.min(green).min(blue) > 200, "{red} {green} {blue}");
+    let [red, green, blue, _] = at([280.0, 60.0]);
+    assert!(red == green && green == blue && red < 180, "not known: {red} {green} {blue}");
+    // A source, a scene and the attribute's name say the same.
+    let scene = "(version: 1, datasets: [(path: \"after.df\", before: \"before.df\")])";
+    std::fs::write(folder.join("change.scene.ron"), scene).unwrap();
+    assert!(drawn(&["after.npy", "--before", "before.npy"]).0 == changed);
+    assert!(drawn(&["after.df", "--before", "before.df", "--attribute", "difference"]).0 == changed);
+    assert!(drawn(&["change.scene.ron"]).0 == changed);
+    assert!(drawn(&["after.df", "--before", "before.df", "--attribute", "height"]).0 == own);
+    refused(
+        folder,
+        &["render", "after.df", "-o", "x.png", "--attribute", "difference"],
+        "after.df: attribute difference: found no earlier heights to compare with, expected some (--before FILE)",
+    );
+    ok(folder, &["build", "before.npy", "-o", "degrees.df", "--xy-unit", "deg", "--spacing", "1,1"]);
+    refused(
+        folder,
+        &["render", "after.df", "-o", "x.png", "--before", "degrees.df"],
+        "after.df and degrees.df: unit of x and y: found no unit and deg",
+    );
+    // Spacings count in probes and lines as they do in builds.
+    let told = answer(folder, &["probe", "after.npy", "--spacing", "2,3", "--point", "40,30", "--json", "-"]);
+    assert_eq!(told["height"].as_f64(), Some(height(20, 10) + 4.0));
+}
+
+/// An eye below ground is lifted and looks the same way, and one that is high enough stays.
+#[test]
+fn eyes_stay_above_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    written(&folder.join("flat.npy"), [40, 30], |_, _| 7.0);
+    ok(folder, &["build", "flat.npy", "-o", "flat.df", "--spacing", "1,1"]);
+    let eye = |z: &str, settings: &[&str]| {
+        let (eye, target) = (format!("20,15,{z}"), format!("20,25,{z}"));
+        let arguments = ["render", "flat.df", "-o", "x.png", "--json", "-", "--eye", &eye, "--target", &target];
+        answer(folder, &[&arguments[..], &["--size", "60x40"], settings].concat())["eye"].clone()
+    };
+    assert_eq!(eye("-5", &["--set", "clearance=2.0"]), serde_json::json!([20.0, 15.0, 9.0]));
+    let twice = ["--set", "clearance=2.0", "--set", "exaggeration=2.0"];
+    assert_eq!(eye("-5", &twice), serde_json::json!([20.0, 15.0, 16.0]));
+    assert!(eye("9.5", &["--set", "clearance=2.0"]).is_null() && eye("-5", &[]).is_null());
+    // What is under a pixel is so of the same eye.
+    let pixels =
+        ["probe", "flat.df", "--pixel", "30,30", "--eye", "20,15,-5", "--target", "20,25,-5", "--size", "60x40"];
+    std::fs::write(folder.join("c.ron"), "(settings: {\"clearance\": 2.0})").unwrap();
+    let told = answer(folder, &[&pixels[..], &["--config", "c.ron", "--json", "-"]].concat());
+    assert_eq!(told["picks"][0]["height"].as_f64(), Some(7.0), "{told:#}");
+}
+
 #[test]
 fn photos_lie_over_surfaces() {
     let folder = tempfile::tempdir().unwrap();

@@ -5,7 +5,7 @@ use crate::commands::contours::Arguments;
 use crate::heights::OpenHeights;
 use crate::heights::measure::{Contour, GeoJson, contours, levels};
 use crate::heights::model::{HeightGrid, Heights};
-use crate::model::{ReadMethod, new_file};
+use crate::model::new_file;
 use std::io::{BufWriter, Write};
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -16,7 +16,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 /// When the heights cannot be read, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, interval, base, heights, output } = arguments;
-    let open = heights.open(path, &[], ReadMethod::default())?;
+    let open = heights.open(path)?;
     let summary = open.summary()?;
     let wanted = levels([summary.min, summary.max], *interval, *base)?;
     let ending = output.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();

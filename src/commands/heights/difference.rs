@@ -10,7 +10,6 @@ use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use crate::heights::export::{ExportOptions, export_heights};
 use crate::heights::measure::{Difference, Volumes, volumes_on};
 use crate::heights::model::{Heights, Lengths, Window};
-use crate::model::ReadMethod;
 
 /// Subtracts, writes and tells.
 ///
@@ -18,7 +17,7 @@ use crate::model::ReadMethod;
 /// When the heights cannot be read or do not fit together, or the file cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { before, after, heights, map, output, json } = arguments;
-    let open = |path| heights.open(path, &[], ReadMethod::default());
+    let open = |path| heights.open(path);
     let names = [before, after].map(|path| path.display().to_string());
     let (earlier, later) = (open(before)?, open(after)?);
     let difference = Difference::new([&names[0], &names[1]], &earlier, &later)?;

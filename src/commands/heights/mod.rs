@@ -14,5 +14,5 @@ pub mod synth;
 pub mod texture;
 
 pub use before::BeforeOptions;
-pub use options::{HeightsOptions, SpacingOptions};
+pub use options::{HeightsOptions, SpacingOptions, StatedOptions};
 pub use texture::TextureOptions;

@@ -85,6 +85,32 @@ impl HeightsOptions {
     }
 }
 
+/// All that is said of heights where nothing is drawn or built.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct StatedOptions {
+    /// What they are.
+    #[command(flatten)]
+    pub heights: HeightsOptions,
+    /// How far their samples are apart.
+    #[command(flatten)]
+    pub spacing: SpacingOptions,
+}
+
+impl StatedOptions {
+    /// Whether the file at `path` is taken for heights, built or not.
+    pub fn takes(&self, path: &Path) -> bool {
+        self.heights.takes(path)
+    }
+
+    /// Opens the file.
+    ///
+    /// # Errors
+    /// As [`HeightsOptions::open`].
+    pub fn open(&self, path: &Path) -> Result<OpenHeights, HeightError> {
+        self.heights.open(path, &self.spacing.spacing, ReadMethod::default())
+    }
+}
+
 /// Lengths of a grid whose degrees are those of the body that `--map` names, else of the Earth.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! `deepfield probe` of a height field: places, profiles, what is under pixels, and numbers of regions.
 
-use super::HeightsOptions;
+use super::StatedOptions;
 use super::select::{Corners, numbers, rectangle, window_in};
 use super::{options, pixels, profile};
 use crate::commands::CommandResult;
@@ -13,7 +13,7 @@ use crate::heights::measure::{
     Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Probe, Residual, Roughness, fit, probe_on, roughness_on,
 };
 use crate::heights::model::{HeightGrid, Heights, Lengths, Window};
-use crate::model::{ReadMethod, Unit};
+use crate::model::Unit;
 use glam::DVec3;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -117,12 +117,12 @@ fn form(text: &str) -> Result<FormKind, String> {
 /// When the file cannot be read, or what is asked does not fit it.
 pub fn run(
     path: &Path,
-    options: &HeightsOptions,
+    options: &StatedOptions,
     asked: &HeightsProbe,
     out: Option<&Path>,
     json: Option<&Path>,
 ) -> CommandResult {
-    let open = options.open(path, &[], ReadMethod::default())?;
+    let open = options.open(path)?;
     if let Some(place) = asked.point {
         let lengths = options::lengths(path, asked.map.as_deref(), open.grid())?;
         let found = probe_on(&open, &lengths, place)?;

@@ -1,13 +1,12 @@
 //! `deepfield select` of a height field: a rectangle of its samples as another file.
 
-use super::HeightsOptions;
+use super::StatedOptions;
 use crate::commands::CommandResult;
 use crate::commands::progress_bar::TerminalProgress;
 use crate::heights::OpenHeights;
 use crate::heights::export::{ExportOptions, export_heights};
 use crate::heights::measure::window_of;
 use crate::heights::model::{HeightGrid, Heights, Window};
-use crate::model::ReadMethod;
 use std::path::Path;
 
 /// Two opposite corners of a rectangle in x and y.
@@ -46,8 +45,8 @@ pub fn window_in(path: &Path, grid: &HeightGrid, corners: Corners) -> Result<Win
 ///
 /// # Errors
 /// When the data cannot be read, or the file not be written.
-pub fn run(path: &Path, options: &HeightsOptions, part: Option<Corners>, out: &Path) -> CommandResult {
-    let open = options.open(path, &[], ReadMethod::default())?;
+pub fn run(path: &Path, options: &StatedOptions, part: Option<Corners>, out: &Path) -> CommandResult {
+    let open = options.open(path)?;
     let grid = open.grid();
     let window = match part {
         None => Window::all(grid),

@@ -134,12 +134,7 @@ pub(crate) fn triangle_at<E>(
 }
 
 /// T's height at a place between samples, in a grid of so many rows and columns whose cells are asked for; `None` where there is no surface.
-pub fn height_between(
-    size: [u64; 2],
-    row: f64,
-    column: f64,
-    mut cell_at: impl FnMut(u64, u64) -> Cell,
-) -> Option<f64> {
+pub fn height_between(size: [u64; 2], row: f64, column: f64, mut cell_at: impl FnMut(u64, u64) -> Cell) -> Option<f64> {
     let cell_at = |row: u64, column: u64| Ok::<Cell, Infallible>(cell_at(row, column));
     triangle_at(size, row, column, cell_at).ok().flatten().map(|on| on.height())
 }

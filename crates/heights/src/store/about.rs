@@ -67,7 +67,7 @@ pub struct LevelAbout {
 impl HeightAbout {
     /// The levels of its grid.
     pub fn lattice_of(grid: &HeightGrid, side_bits: u32) -> Lattice {
-        Lattice { samples: [grid.rows, grid.columns], side_bits }
+        Lattice { side_bits, ..Lattice::new(grid.rows, grid.columns) }
     }
 }
 

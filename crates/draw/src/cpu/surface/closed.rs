@@ -1,4 +1,7 @@
 //! A globe's field whose first column follows a spacing after its last one: as it is drawn it has the first column once more.
+//!
+//! Of every level the last column and the first one again are samples next to each other, so that what lies between them, a cell wide, is of
+//! full resolution along rows. The chunks that have the last column have it, a cell more than others.
 
 use super::photo::PhotoTiles;
 use super::placed::Placed;
@@ -12,22 +15,64 @@ pub struct Closed<'a> {
     lattice: Lattice,
 }
 
+/// The heights of the last column and of the first, at the rows of a chunk.
+struct Sides {
+    last: Vec<f64>,
+    first: Vec<f64>,
+    /// The least and the largest coverage in the first column.
+    coverage: [u8; 2],
+}
+
 impl<'a> Closed<'a> {
     /// Of a field that is placed with a column more than it has; `None` where it is placed as it is.
     pub fn of(source: &'a dyn SurfaceNodes, placed: &Placed) -> Option<Closed<'a>> {
-        let mut lattice = source.lattice();
+        let lattice = source.lattice();
         let [rows, columns] = lattice.samples;
-        if placed.around != Some(columns) || placed.samples != [columns + 1, rows] {
-            return None;
-        }
-        lattice.samples[1] += 1;
-        Some(Closed { source, lattice })
+        let is_open = placed.around == Some(columns) && placed.samples == [columns + 1, rows];
+        is_open.then(|| Closed { source, lattice: lattice.closed() })
     }
 
     /// The first chunk of the row of one that has the seam.
     fn first(&self, key: ChunkKey) -> Option<ChunkKey> {
         let [_, columns] = self.lattice.chunks_of(key.level.into());
         (key.column + 1 == columns).then_some(ChunkKey { column: 0, ..key })
+    }
+
+    fn sides(&self, key: ChunkKey, first: ChunkKey) -> Option<Sides> {
+        let (own, first) = (self.source.samples(key)?, self.source.samples(first)?);
+        let (mut last_column, mut first_column, mut coverage) = (Vec::new(), Vec::new(), [u8::MAX, 0]);
+        for row in 0..own.rows {
+            let at = row * first.columns;
+            last_column.push(own.heights[(row + 1) * own.columns - 1]);
+            first_column.push(*first.heights.get(at)?);
+            let share = first.coverage_at(at);
+            coverage = [coverage[0].min(share), coverage[1].max(share)];
+        }
+        Some(Sides { last: last_column, first: first_column, coverage })
+    }
+}
+
+impl Sides {
+    /// The least and the largest height of the first column.
+    fn range(&self) -> [f64; 2] {
+        self.first.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], height| {
+            // What is not measured is neither.
+            [low.min(*height), high.max(*height)]
+        })
+    }
+
+    /// The largest step from the last column to the first, diagonals included.
+    fn step(&self) -> f64 {
+        let across = self.first.iter().zip(&self.last);
+        let down = self.first.iter().skip(1).zip(&self.last);
+        let up = self.first.iter().zip(self.last.iter().skip(1));
+        across.chain(down).chain(up).map(|(first, last)| (first - last).abs()).fold(0.0, f64::max)
+    }
+
+    /// By how much that step changes from a row to the next at most.
+    fn turn(&self) -> f64 {
+        let across: Vec<f64> = self.first.iter().zip(&self.last).map(|(first, last)| first - last).collect();
+        across.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max)
     }
 }
 
@@ -38,24 +83,38 @@ impl SurfaceNodes for Closed<'_> {
 
     fn facts(&self, key: ChunkKey) -> Option<NodeFacts> {
         let own = self.source.facts(key)?;
-        let Some(first) = self.first(key) else { return Some(own) };
-        let first = self.source.facts(first)?;
-        let (one, other) = match (own.is_empty(), first.is_empty()) {
-            (true, true) => return Some(own),
-            (true, false) => (first, first),
-            (false, true) => (own, own),
-            (false, false) => (own, first),
+        let Some(first_key) = self.first(key).filter(|_| !own.is_empty()) else { return Some(own) };
+        let first = self.source.facts(first_key)?;
+        if first.is_empty() {
+            return Some(NodeFacts { coverage: [0, own.coverage[1]], ..own });
+        }
+        let Some(sides) = self.sides(key, first_key) else {
+            // Nothing is known of what lies between.
+            let (min, max) = (own.min.min(first.min), own.max.max(first.max));
+            let delta = if key.level == 0 { 0.0 } else { max - min };
+            return Some(NodeFacts { delta, step: max - min, min, max, ..own });
         };
-        let (min, max) = (one.min.min(other.min), one.max.max(other.max));
+        let [low, high] = sides.range();
+        let coverage = [own.coverage[0].min(sides.coverage[0]), own.coverage[1].max(sides.coverage[1])];
+        // Between full rows T is next to the first column as far from it as the first chunk's surface is.
+        let (min, max) = ((low - first.delta).max(first.min), (high + first.delta).min(first.max));
+        let (min, max) = (own.min.min(min), own.max.max(max));
+        let delta = match key.level {
+            0 => own.delta,
+            // Who is open somewhere has edges elsewhere than T.
+            _ if coverage != [u8::MAX; 2] => own.delta.max(first.delta).max(max - min),
+            // On both sides it is as far from T as they are; on the diagonal of a cell between them the sides' own changes along rows come to
+            // at most a quarter of what they differ by.
+            _ => own.delta.max(first.delta) + 0.25 * sides.turn(),
+        };
         Some(NodeFacts {
-            // Between the last sample that a coarse level has and the first column T may be anywhere between the heights of both.
-            delta: if key.level == 0 { one.delta } else { max - min },
-            step: max - min,
+            delta,
+            step: own.step.max(sides.step()),
             min,
             max,
-            coverage: [own.coverage[0].min(first.coverage[0]), own.coverage[1].max(first.coverage[1])],
-            deviation: one.deviation.max(other.deviation),
-            change: one.change.max(other.change),
+            coverage,
+            deviation: own.deviation.max(first.deviation),
+            change: own.change.max(first.change),
         })
     }
 
@@ -63,35 +122,25 @@ impl SurfaceNodes for Closed<'_> {
         let own = self.source.samples(key)?;
         let Some(first) = self.first(key) else { return Some(own) };
         let first = self.source.samples(first)?;
-        let (_, columns) = self.lattice.span(key, 1);
-        // A coarse level has the first column in the place of the last one, unless that is a sample of its own.
-        let kept = own.columns.min(columns - 1);
-        let (rows, own_width, first_width) = (own.rows, own.columns, first.columns);
-        fn joined<T: Copy>(
-            [own, first]: [&[T]; 2],
-            [own_width, first_width, kept]: [usize; 3],
-            rows: usize,
-            missing: Option<T>,
-        ) -> Vec<T> {
+        let (rows, widths) = (own.rows, [own.columns, first.columns]);
+        fn joined<T: Copy>([own, first]: [&[T]; 2], widths: [usize; 2], rows: usize, missing: Option<T>) -> Vec<T> {
             if own.is_empty() && first.is_empty() {
                 return Vec::new();
             }
-            let mut all = Vec::with_capacity(rows * (kept + 1));
+            let mut all = Vec::with_capacity(rows * (widths[0] + 1));
             for row in 0..rows {
-                let own = own.get(row * own_width..row * own_width + kept);
-                match (own, missing) {
+                match (own.get(row * widths[0]..(row + 1) * widths[0]), missing) {
                     (Some(own), _) => all.extend_from_slice(own),
-                    (None, Some(missing)) => all.extend(std::iter::repeat_n(missing, kept)),
+                    (None, Some(missing)) => all.extend(std::iter::repeat_n(missing, widths[0])),
                     (None, None) => return Vec::new(),
                 }
-                all.extend(first.get(row * first_width).copied().or(missing));
+                all.extend(first.get(row * widths[1]).copied().or(missing));
             }
             all
         }
-        let widths = [own_width, first_width, kept];
         Some(Arc::new(NodeSamples {
             rows,
-            columns,
+            columns: own.columns + 1,
             heights: joined([&own.heights, &first.heights], widths, rows, None),
             coverage: joined([&own.coverage, &first.coverage], widths, rows, Some(u8::MAX)),
             normals: joined([&own.normals, &first.normals], widths, rows, None),

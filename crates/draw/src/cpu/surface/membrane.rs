@@ -102,7 +102,8 @@ impl Scene {
 fn between(lattice: &Lattice, key: ChunkKey, heights: &[f64], place: [u64; 2]) -> f64 {
     let [(row, down), (column, right)] = [0, 1].map(|axis| {
         let (first, count) = lattice.span(key, axis);
-        let index = (place[axis] >> key.level).saturating_sub(first).min(count.saturating_sub(2) as u64);
+        let cell = lattice.cell_at(axis, key.level.into(), place[axis] as f64);
+        let index = cell.saturating_sub(first).min(count.saturating_sub(2) as u64);
         let [from, to] = [0, 1].map(|next| lattice.place(axis, key.level.into(), first + index + next));
         (index as usize, (place[axis].saturating_sub(from)) as f64 / (to - from) as f64)
     });

@@ -3,12 +3,12 @@
 use super::closed::Closed;
 use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
+use super::look::Attribute;
 use super::photo::PhotoLook;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
 use super::resolve::{CHANNELS, NOTHING, Resolver};
-use super::look::Attribute;
 use super::select::{Choice, MOST_NODES, Primitive, SurfaceCut, Technique, UNSEEN, choose};
 use super::shade::{Look, Shader};
 use super::sight::Sight;
@@ -106,10 +106,11 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
         technique: options.technique,
         looks: options.look.is_some(),
         lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
-        change: options.look.as_ref().filter(|look| look.attribute == Attribute::Difference).map_or(
-            f64::INFINITY,
-            |look| f64::from(UNSEEN) * (look.range[1] - look.range[0]),
-        ),
+        change: options
+            .look
+            .as_ref()
+            .filter(|look| look.attribute == Attribute::Difference)
+            .map_or(f64::INFINITY, |look| f64::from(UNSEEN) * (look.range[1] - look.range[0])),
         spans: if options.look.is_some() { options.holes.spans(placed).into_iter().fold(0.0, f64::max) } else { 0.0 },
         walls: options.walls.filter(|_| options.look.is_some() && placed.is_flat()),
         most: options.most_nodes,

@@ -1,6 +1,5 @@
 //! A height field in the world: where its samples stand, and rays in its own coordinates.
 
-use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
 use deepfield_heights::measure::{Rise, Spread, Stands};
 use deepfield_heights::model::{Globe, HeightGrid, units};
 use glam::DVec3;
@@ -103,10 +102,7 @@ impl Placed {
             }
         }
         let around = grid.around().filter(|_| matches!(map, Map::Globe(_)));
-        // A column more is a chunk more where these are full: it is not there then.
-        let closing =
-            around.filter(|around| *around == grid.columns && !(grid.columns - 1).is_multiple_of(1 << SIDE_BITS));
-        let around = around.filter(|around| *around < grid.columns).or(closing);
+        let closing = around.filter(|around| *around == grid.columns);
         // How many spacings the poles are beyond the first and the last row.
         let ways = [(0, -grid.step[1]), (grid.rows - 1, grid.step[1])];
         let beyond = ways.map(|(row, way)| (90.0_f64.copysign(way) - grid.place(row as f64, 0.0)[1]) / way);

@@ -45,17 +45,24 @@ pub struct Shown {
 
 /// The first slot of triangles to poles.
 pub const POLE: usize = 2;
+/// Numbers before those of points: of triangles, two in each of 256 x 256 cells.
+const BEFORE_POINTS: u32 = 1 << 17;
 /// Numbers before those of triangles to poles.
-const BEFORE_POLES: u32 = (1 << 17) + 257 * 257;
+const BEFORE_POLES: u32 = BEFORE_POINTS + 257 * 257;
+/// Numbers before those of the triangles, and then of the points, of the one column more that a chunk has which closes a globe.
+const BEFORE_SEAM: u32 = BEFORE_POLES + 2 * 257;
+const BEFORE_LAST: u32 = BEFORE_SEAM + 2 * 256;
 
 impl Shown {
-    /// As a number of 14 bits for the chunk and 18 for what is in it.
+    /// As a number of 14 bits for the chunk and 18 for what is in it; shaders have the same.
     pub fn pack(self) -> u32 {
         let [row, column] = self.at.map(|at| at as u32);
         let within = match self.slot {
-            Some(slot) if slot >= POLE => BEFORE_POLES + 256 * (slot - POLE) as u32 + column,
+            Some(slot) if slot >= POLE => BEFORE_POLES + 257 * (slot - POLE) as u32 + column,
+            Some(slot) if column == 256 => BEFORE_SEAM + 2 * row + slot as u32,
             Some(slot) => 2 * (row * 256 + column) + slot as u32,
-            None => (1 << 17) + row * 257 + column,
+            None if column == 257 => BEFORE_LAST + row,
+            None => BEFORE_POINTS + row * 257 + column,
         };
         (self.node as u32) << 18 | within
     }
@@ -63,16 +70,23 @@ impl Shown {
     /// From its number.
     pub fn unpack(number: u32) -> Shown {
         let (node, within) = ((number >> 18) as usize, number & ((1 << 18) - 1));
-        if within >> 17 == 0 {
-            let cell = (within / 2) as usize;
-            return Shown { node, at: [cell / 256, cell % 256], slot: Some((within % 2) as usize) };
+        let split = |number: u32, by: u32| [(number / by) as usize, (number % by) as usize];
+        if within < BEFORE_POINTS {
+            let [cell, slot] = split(within, 2);
+            return Shown { node, at: [cell / 256, cell % 256], slot: Some(slot) };
         }
-        if within >= BEFORE_POLES {
-            let pole = (within - BEFORE_POLES) as usize;
-            return Shown { node, at: [0, pole % 256], slot: Some(POLE + pole / 256) };
+        if within < BEFORE_POLES {
+            return Shown { node, at: split(within - BEFORE_POINTS, 257), slot: None };
         }
-        let sample = (within - (1 << 17)) as usize;
-        Shown { node, at: [sample / 257, sample % 257], slot: None }
+        if within < BEFORE_SEAM {
+            let [end, column] = split(within - BEFORE_POLES, 257);
+            return Shown { node, at: [0, column], slot: Some(POLE + end) };
+        }
+        if within < BEFORE_LAST {
+            let [row, slot] = split(within - BEFORE_SEAM, 2);
+            return Shown { node, at: [row, 256], slot: Some(slot) };
+        }
+        Shown { node, at: [(within - BEFORE_LAST) as usize, 257], slot: None }
     }
 }
 

@@ -155,8 +155,8 @@ impl<'a> Resolver<'a> {
         let key = own.ancestor(level);
         let place = |axis: usize, at: f64, count: usize| {
             let (first, _) = lattice.span(key, axis);
-            let index =
-                ((at / (1_u64 << level) as f64) as usize).saturating_sub(first as usize).min(count.saturating_sub(2));
+            let cell = lattice.cell_at(axis, level.into(), at);
+            let index = (cell.saturating_sub(first) as usize).min(count.saturating_sub(2));
             let [from, to] = [0, 1].map(|next| lattice.place(axis, level.into(), first + index as u64 + next));
             (index, ((at - from as f64) / (to - from) as f64).clamp(0.0, 1.0), (to - from) as f64)
         };

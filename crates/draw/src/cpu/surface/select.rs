@@ -103,6 +103,8 @@ pub struct SurfaceCut {
     /// The number of each chunk.
     index: HashMap<ChunkKey, usize>,
     levels: Vec<u8>,
+    /// The last column of cells that has a chunk of its own: that after it, which closes a globe, is in the same one.
+    last_column: Option<u64>,
     /// Chunks that would be drawn if they were there, the worst first: those that they would refine, and the error in pixels.
     pub missing: Vec<(ChunkKey, f64)>,
     /// Whether nothing is missing and the budget sufficed.
@@ -112,6 +114,7 @@ pub struct SurfaceCut {
 impl SurfaceCut {
     /// The chunk that holds a cell of full resolution.
     pub fn at(&self, row: u64, column: u64) -> Option<usize> {
+        let column = self.last_column.map_or(column, |last| column.min(last));
         self.levels.iter().find_map(|&level| {
             let shift = u32::from(level) + SIDE_BITS;
             let key = ChunkKey { level, row: (row >> shift) as u32, column: (column >> shift) as u32 };
@@ -126,9 +129,15 @@ impl SurfaceCut {
 
     /// The same without some chunks.
     pub fn without(self, is_left_out: impl Fn(&ChunkKey) -> bool) -> SurfaceCut {
-        let SurfaceCut { nodes, missing, is_converged, .. } = self;
+        let SurfaceCut { nodes, missing, is_converged, last_column, .. } = self;
         let nodes = nodes.into_iter().filter(|node| !is_left_out(&node.key)).collect();
-        SurfaceCut { missing, is_converged, ..SurfaceCut::new(nodes) }
+        SurfaceCut { missing, is_converged, last_column, ..SurfaceCut::new(nodes) }
+    }
+
+    /// The same of a field that may be closed.
+    #[must_use]
+    pub fn of(self, lattice: &Lattice) -> SurfaceCut {
+        SurfaceCut { last_column: lattice.is_closed.then(|| lattice.samples[1].saturating_sub(3)), ..self }
     }
 
     /// A cut of these chunks, of which none lies in another, in any order.
@@ -344,7 +353,7 @@ impl Chooser<'_> {
         is_within: &mut bool,
     ) -> SurfaceCut {
         loop {
-            let mut cut = SurfaceCut::new(nodes);
+            let mut cut = SurfaceCut::new(nodes).of(&self.lattice);
             let mut coarse = Vec::new();
             // Coarser ones first: what their own borders add counts for those that lie on them.
             for number in (0..cut.nodes.len()).rev() {
@@ -403,11 +412,10 @@ impl Chooser<'_> {
         for (axis, is_last) in [(0, false), (0, true), (1, false), (1, true)] {
             // A coarser neighbour is beside the whole side, and at the rim there is none.
             let [first, last] = rectangle[axis];
-            let place = match is_last {
-                false if first == 0 => continue,
-                false => first - 1,
-                true if last + 1 >= self.lattice.samples[axis] => continue,
-                true => last,
+            let Some(place) =
+                beside(&self.lattice, self.placed.around, axis, if is_last { last } else { first }, is_last)
+            else {
+                continue;
             };
             let cell = if axis == 0 { [place, columns[0]] } else { [rows[0], place] };
             let Some(other) = cut.at(cell[0], cell[1]) else { continue };
@@ -422,6 +430,19 @@ impl Chooser<'_> {
             }
         }
         found
+    }
+}
+
+/// The row (axis 0) or column (1) of cells on the other side of a chunk's first or last row or column; `None` at a rim. Where the field goes round,
+/// and its last column is the first one again, the seam is no rim.
+pub(super) fn beside(lattice: &Lattice, around: Option<u64>, axis: usize, line: u64, is_last: bool) -> Option<u64> {
+    let last = lattice.samples[axis] - 1;
+    let goes_round = axis == 1 && around == Some(last);
+    match is_last {
+        false if line == 0 => goes_round.then(|| last - 1),
+        false => Some(line - 1),
+        true if line >= last => goes_round.then_some(0),
+        true => Some(line),
     }
 }
 

@@ -470,8 +470,7 @@ impl<'a> Shader<'a> {
     fn texel(&self, hit: &Hit) -> Texel {
         let wanted = self.resolver.level_at(hit.depth) - FINER;
         let (first, share) = self.resolver.levels(hit.shown.node, wanted);
-        let nothing =
-            Texel { normal: [0.0, 0.0, 1.0], range: [hit.under[2]; 2], change: f32::NAN, ..Texel::default() };
+        let nothing = Texel { normal: [0.0, 0.0, 1.0], range: [hit.under[2]; 2], change: f32::NAN, ..Texel::default() };
         let mut texel = self.texel_at(hit, first).unwrap_or(nothing);
         if share > 0.0
             && let Some(coarse) = self.texel_at(hit, first + 1)

@@ -40,6 +40,10 @@ impl Since {
 
     /// The level of the earlier field whose samples are at least as close as those of a level of the later one.
     fn level(&self, own: u8) -> u8 {
+        // Of full resolution changes are those of T.
+        if own == 0 {
+            return 0;
+        }
         let [down, across] = self.alignment.step.map(f64::abs);
         let level = (down.min(across).log2() + f64::from(own) + SAME).floor();
         level.clamp(0.0, f64::from(self.earlier.lattice().top())) as u8
@@ -89,7 +93,8 @@ impl Since {
             if low < -SAME || high > last + SAME {
                 return f64::INFINITY;
             }
-            let apart = self.alignment.step[axis].abs() * f64::from(key.level).exp2();
+            // Backwards diagonals do not meet.
+            let apart = self.alignment.step[axis] * f64::from(key.level).exp2();
             is_on_samples &= ends == ends.map(f64::round) && (apart - f64::from(level).exp2()).abs() <= SAME * apart;
             // The last sample of a chunk is the next one's first.
             let cells = [low.max(0.0).floor() as u64, (high.ceil() as u64).max(1) - 1];
@@ -97,7 +102,8 @@ impl Since {
         }
         let [rows, columns] = ranges;
         let (mut most, mut is_known, mut is_open) = (0.0_f64, false, false);
-        for (row, column) in (rows[0]..=rows[1]).flat_map(|row| (columns[0]..=columns[1]).map(move |column| (row, column)))
+        for (row, column) in
+            (rows[0]..=rows[1]).flat_map(|row| (columns[0]..=columns[1]).map(move |column| (row, column)))
         {
             let Some(facts) = self.earlier.facts(ChunkKey { level, row, column }) else { return f64::INFINITY };
             is_known |= !facts.is_empty();
@@ -124,6 +130,8 @@ impl<'a> Level<'a> {
         let number = match self.known.iter().position(|(known, _)| *known == key) {
             Some(number) => number,
             None => {
+                // Rows are passed one after the other.
+                self.known.retain(|(known, _)| known.row.abs_diff(row) < 2);
                 self.known.push((key, self.nodes.samples(key)));
                 self.known.len() - 1
             }

@@ -10,7 +10,7 @@
 //! drawn triangle is an edge of exactly two, or lies at a rim, and its ends come from the same operations on both sides.
 
 use super::placed::Placed;
-use super::select::{CutNode, SurfaceCut};
+use super::select::{CutNode, SurfaceCut, beside};
 use super::source::{NodeSamples, SurfaceNodes};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use deepfield_heights::model::{Cell, Triangle};
@@ -230,6 +230,7 @@ impl Scene {
     /// Reads the chosen chunks and joins them. Chunks whose samples are not there are left out, and the cut is not converged.
     pub fn new(source: &dyn SurfaceNodes, placed: &Placed, mut cut: SurfaceCut) -> Scene {
         let lattice = source.lattice();
+        cut = cut.of(&lattice);
         let read: Vec<Option<Arc<NodeSamples>>> = cut.nodes.par_iter().map(|node| source.samples(node.key)).collect();
         if read.iter().any(Option::is_none) {
             let missing = cut.nodes.iter().zip(&read).filter(|(_, samples)| samples.is_none());
@@ -293,7 +294,9 @@ impl Scene {
 
     /// Lays finer borders upon coarser ones.
     fn join(&mut self) {
-        let is_uniform = self.cut.nodes.windows(2).all(|pair| pair[0].key.level == pair[1].key.level);
+        // Both sides of a seam may say different heights.
+        let is_uniform =
+            self.seam().is_none() && self.cut.nodes.windows(2).all(|pair| pair[0].key.level == pair[1].key.level);
         if is_uniform {
             return;
         }
@@ -327,12 +330,7 @@ impl Scene {
         for (side, (axis, is_last)) in SIDES.into_iter().enumerate() {
             let lines = [&mesh.rows, &mesh.columns];
             let line = if is_last { lines[axis][lines[axis].len() - 1] } else { lines[axis][0] };
-            let beyond = match is_last {
-                false if line == 0 => continue,
-                false => line - 1,
-                true if line + 1 >= self.lattice.samples[axis] => continue,
-                true => line,
-            };
+            let Some(beyond) = beside(&self.lattice, self.placed.around, axis, line, is_last) else { continue };
             let along = lines[1 - axis];
             let neighbour = |place: u64| {
                 let cell = if axis == 0 { [beyond, place] } else { [place, beyond] };
@@ -390,11 +388,19 @@ impl Scene {
         self.cut.at(row, column).filter(|number| !self.cut.nodes[*number].facts.is_empty())
     }
 
-    /// The height of a border at a sample of full resolution: of the coarsest chunk there that has one; NaN where none has.
+    /// The column that is the first one again, of a field that goes round.
+    fn seam(&self) -> Option<u64> {
+        self.placed.around.filter(|around| around + 1 == self.lattice.samples[1])
+    }
+
+    /// The height of a border at a sample of full resolution: of the coarsest chunk there that has one; NaN where none has. On a seam the chunks of
+    /// both sides are there, whichever of its two columns is asked for.
     pub fn border(&self, row: u64, column: u64) -> f64 {
-        let mut around = [usize::MAX; 4];
+        let seam = self.seam().filter(|seam| column == 0 || column == *seam);
+        let mut around = [(usize::MAX, 0); 4];
         let cells = [(1, 1), (1, 0), (0, 1), (0, 0)];
         for (slot, (up, left)) in around.iter_mut().zip(cells) {
+            let column = seam.map_or(column, |seam| if left == 1 { seam } else { 0 });
             if row < up
                 || column < left
                 || row - up + 1 >= self.lattice.samples[0]
@@ -402,12 +408,12 @@ impl Scene {
             {
                 continue;
             }
-            *slot = self.measured_at(row - up, column - left).unwrap_or(usize::MAX);
+            *slot = (self.measured_at(row - up, column - left).unwrap_or(usize::MAX), column);
         }
         // Chunks are sorted by their level.
         around.sort_unstable_by(|a, b| b.cmp(a));
-        for (position, &number) in around.iter().enumerate() {
-            if number == usize::MAX || position > 0 && around[position - 1] == number {
+        for (position, &(number, column)) in around.iter().enumerate() {
+            if number == usize::MAX || position > 0 && around[position - 1] == (number, column) {
                 continue;
             }
             let height = self.border_of(&self.meshes[number], [row, column]);
@@ -420,24 +426,24 @@ impl Scene {
 
     /// The height of a chunk's border at a place.
     fn border_of(&self, mesh: &Mesh, place: [u64; 2]) -> f64 {
-        let key = mesh.node.key;
-        let whole = 1_u64 << key.level;
-        let last = self.lattice.samples.map(|samples| samples - 1);
-        let is_on = |axis: usize| place[axis].is_multiple_of(whole) || place[axis] == last[axis];
-        match (is_on(0), is_on(1)) {
-            (true, true) => {
-                let index = |axis: usize| place[axis].div_ceil(whole) as usize;
-                let (first_row, _) = self.lattice.span(key, 0);
-                let (first_column, _) = self.lattice.span(key, 1);
-                let (row, column) = (index(0) - first_row as usize, index(1) - first_column as usize);
+        let (key, lattice) = (mesh.node.key, &self.lattice);
+        let level = u32::from(key.level);
+        let index = [0, 1].map(|axis| lattice.sample_at(axis, level, place[axis]));
+        match index {
+            [Some(row), Some(column)] => {
+                let ((first_row, _), (first_column, _)) = (lattice.span(key, 0), lattice.span(key, 1));
+                let (row, column) = ((row - first_row) as usize, (column - first_column) as usize);
                 mesh.samples.heights[row * mesh.samples.columns + column]
             }
-            (false, false) => f64::NAN,
-            (on_row, _) => {
-                let axis = usize::from(on_row);
-                let before = place[axis] / whole * whole;
-                let after = (before + whole).min(last[axis]);
-                let end = |at: u64| if on_row { self.border(place[0], at) } else { self.border(at, place[1]) };
+            [None, None] => f64::NAN,
+            [on_row, _] => {
+                let axis = usize::from(on_row.is_some());
+                let cell = lattice.cell_at(axis, level, place[axis] as f64);
+                let [before, after] = [cell, cell + 1].map(|index| lattice.place(axis, level, index));
+                let end = |at: u64| match axis {
+                    1 => self.border(place[0], at),
+                    _ => self.border(at, place[1]),
+                };
                 let share = (place[axis] - before) as f64 / (after - before) as f64;
                 let (from, to) = (end(before), end(after));
                 share.mul_add(to - from, from)

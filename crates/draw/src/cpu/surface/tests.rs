@@ -84,7 +84,13 @@ fn t_height(field: &HeightField, row: f64, column: f64) -> f64 {
 }
 
 /// A random set of chunks that covers the field: the same for the same numbers.
-fn random_cut(source: &MemorySurface, placed: &Placed, sight: &Sight, random: &mut Random, points: bool) -> SurfaceCut {
+fn random_cut(
+    source: &dyn SurfaceNodes,
+    placed: &Placed,
+    sight: &Sight,
+    random: &mut Random,
+    points: bool,
+) -> SurfaceCut {
     let lattice = source.lattice();
     let (mut waiting, mut nodes) = (vec![lattice.root()], Vec::new());
     while let Some(key) = waiting.pop() {
@@ -100,7 +106,7 @@ fn random_cut(source: &MemorySurface, placed: &Placed, sight: &Sight, random: &m
     SurfaceCut::new(nodes)
 }
 
-fn cut_node(source: &MemorySurface, placed: &Placed, sight: &Sight, key: ChunkKey, points: bool) -> CutNode {
+fn cut_node(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, key: ChunkKey, points: bool) -> CutNode {
     let facts = source.facts(key).unwrap();
     let [rows, columns] = source.lattice().rectangle(key);
     let corner = |k: usize| placed.world(rows[k] as f64, columns[k] as f64, [facts.min, facts.max][k]).to_array();

@@ -71,9 +71,8 @@ fn most(later: &Arc<HeightFile>, earlier: &Earlier) -> Result<f64, String> {
     let samples = |level: u8| lattice.samples_of(level.into()).iter().product::<u64>();
     let level = (0..lattice.top()).find(|level| samples(*level) <= MOST).unwrap_or(lattice.top());
     let [rows, columns] = lattice.chunks_of(level.into());
-    let keys: Vec<ChunkKey> = (0..rows)
-        .flat_map(|row| (0..columns).map(move |column| ChunkKey { level, row, column }))
-        .collect();
+    let keys: Vec<ChunkKey> =
+        (0..rows).flat_map(|row| (0..columns).map(move |column| ChunkKey { level, row, column })).collect();
     let each = keys.par_iter().map(|key| {
         let samples = nodes.samples(*key);
         let changes = samples.iter().flat_map(|samples| &samples.changes).filter(|change| !change.is_nan());

@@ -477,11 +477,7 @@ impl SurfaceSession {
     ///
     /// # Errors
     /// Settings that do not fit the field, and cameras that cannot see anything.
-    pub fn sight(
-        heights: &dyn Heights,
-        extremes: [f64; 2],
-        shot: &Shot,
-    ) -> Result<(Sight, Placed), PictureError> {
+    pub fn sight(heights: &dyn Heights, extremes: [f64; 2], shot: &Shot) -> Result<(Sight, Placed), PictureError> {
         let grid = heights.grid();
         let settings = SurfaceSettings::new(&shot.look.settings, grid).map_err(PictureError::Asked)?;
         let placed = Placed::new(grid, settings.map, settings.exaggeration, settings.base);

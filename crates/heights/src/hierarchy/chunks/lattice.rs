@@ -60,6 +60,9 @@ pub struct Lattice {
     pub samples: [u64; 2],
     /// A chunk has `2^side_bits` cells a side.
     pub side_bits: u32,
+    /// Whether the last of the columns is the first one again. It is a sample of every level then, and the chunks that have the column before it
+    /// have it as well, a cell more: so chunks are those of the field without it.
+    pub is_closed: bool,
 }
 
 /// Cells of a chunk's side are 2 to this.
@@ -68,7 +71,23 @@ pub const SIDE_BITS: u32 = 8;
 impl Lattice {
     /// Of a field, with chunks of 256 x 256 cells.
     pub fn new(rows: u64, columns: u64) -> Lattice {
-        Lattice { samples: [rows, columns], side_bits: SIDE_BITS }
+        Lattice { samples: [rows, columns], side_bits: SIDE_BITS, is_closed: false }
+    }
+
+    /// The same with the first column behind the last one again.
+    #[must_use]
+    pub fn closed(self) -> Lattice {
+        Lattice { samples: [self.samples[0], self.samples[1] + 1], is_closed: true, ..self }
+    }
+
+    /// Cells along an axis that are there more than chunks are made of.
+    fn more(&self, axis: usize) -> u64 {
+        u64::from(self.is_closed && axis == 1)
+    }
+
+    /// Cells of a level along an axis that chunks are made of.
+    fn cells_of(&self, axis: usize, level: u32) -> u64 {
+        (self.samples[axis] - self.more(axis) - 1).div_ceil(1 << level)
     }
 
     /// Cells of a chunk's side.
@@ -78,12 +97,12 @@ impl Lattice {
 
     /// Samples of a level: every `2^level`-th, and the last.
     pub fn samples_of(&self, level: u32) -> [u64; 2] {
-        self.samples.map(|samples| (samples - 1).div_ceil(1 << level) + 1)
+        [0, 1].map(|axis| self.cells_of(axis, level) + self.more(axis) + 1)
     }
 
     /// Chunks of a level.
     pub fn chunks_of(&self, level: u32) -> [u32; 2] {
-        self.samples_of(level).map(|samples| (samples - 1).div_ceil(self.side()) as u32)
+        [0, 1].map(|axis| self.cells_of(axis, level).div_ceil(self.side()) as u32)
     }
 
     /// Number of levels: the last one has one chunk.
@@ -103,7 +122,28 @@ impl Lattice {
 
     /// The row (`axis` 0) or column (1) at full resolution of a level's sample.
     pub fn place(&self, axis: usize, level: u32, index: u64) -> u64 {
-        (index << level).min(self.samples[axis] - 1)
+        match index > self.cells_of(axis, level) {
+            true => self.samples[axis] - 1,
+            false => (index << level).min(self.samples[axis] - self.more(axis) - 1),
+        }
+    }
+
+    /// The number of the cell of a level that a place at full resolution is in; places beyond the rim count as in what is next to them.
+    pub fn cell_at(&self, axis: usize, level: u32, place: f64) -> u64 {
+        let cells = self.cells_of(axis, level);
+        match self.more(axis) > 0 && place >= (self.samples[axis] - 2) as f64 {
+            true => cells,
+            false => ((place.max(0.0) / (1_u64 << level) as f64) as u64).min(cells - 1),
+        }
+    }
+
+    /// The number in a level of the sample at a place at full resolution; `None` where the level has none there.
+    pub fn sample_at(&self, axis: usize, level: u32, place: u64) -> Option<u64> {
+        let last = self.samples[axis] - self.more(axis) - 1;
+        match place > last {
+            true => Some(self.cells_of(axis, level) + 1),
+            false => (place == last || place.is_multiple_of(1 << level)).then(|| place.div_ceil(1 << level)),
+        }
     }
 
     /// The index of a level's sample in the level below it.
@@ -136,8 +176,9 @@ impl Lattice {
     /// The first sample of a chunk in its level along an axis (0: rows), and the number of samples there.
     pub fn span(&self, key: ChunkKey, axis: usize) -> (u64, usize) {
         let first = u64::from([key.row, key.column][axis]) << self.side_bits;
-        let cells = (self.samples[axis] - 1).div_ceil(1 << key.level);
-        (first, cells.saturating_sub(first).min(self.side()) as usize + 1)
+        let left = self.cells_of(axis, key.level.into()).saturating_sub(first);
+        let more = if left <= self.side() { self.more(axis) } else { 0 };
+        (first, (left.min(self.side()) + more) as usize + 1)
     }
 
     /// Where a chunk's samples are along an axis at full resolution.

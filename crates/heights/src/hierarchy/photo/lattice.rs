@@ -19,7 +19,10 @@ pub struct PhotoLattice {
 impl PhotoLattice {
     /// Of rows and columns of pixels, at least 1 of each.
     pub fn new(size: [u64; 2]) -> PhotoLattice {
-        PhotoLattice { size, tiles: Lattice { samples: size.map(|count| count + 1), side_bits: TILE.ilog2() } }
+        PhotoLattice {
+            size,
+            tiles: Lattice { samples: size.map(|count| count + 1), side_bits: TILE.ilog2(), is_closed: false },
+        }
     }
 
     /// Rows and columns of pixels.

@@ -14,7 +14,7 @@ use std::path::Path;
 /// A file of a field with chunks of any size, whose coarse chunks have no samples.
 fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
     let grid = &field.grid;
-    let lattice = Lattice { samples: [grid.rows, grid.columns], side_bits };
+    let lattice = Lattice { side_bits, ..Lattice::new(grid.rows, grid.columns) };
     let mut writer = HeightFileWriter::create(path, lattice, grid.planes.len()).unwrap();
     for key in lattice.keys() {
         let part = lattice.part(key);

@@ -82,7 +82,16 @@ impl Decoder {
                 }
             }
         };
-        NodeSamples { rows, columns, heights: stored, coverage, normals, ranges: Vec::new(), planes, changes: Vec::new() }
+        NodeSamples {
+            rows,
+            columns,
+            heights: stored,
+            coverage,
+            normals,
+            ranges: Vec::new(),
+            planes,
+            changes: Vec::new(),
+        }
     }
 
     /// A chunk that nothing is in.

@@ -72,7 +72,9 @@ fn samples_of_full_resolution_have_the_difference_of_both_fields() {
 fn levels_are_subtracted_from_levels_and_what_lies_between_is_within_the_bound() {
     let folder = tempfile::tempdir().unwrap();
     let later = hills(600, 700, 0.0, 5);
-    for (place, every, size) in [([0.0, 0.0], 1.0, [600, 700]), ([0.0, 0.0], 2.0, [301, 351]), ([-1.5, -2.5], 1.0, [610, 710])] {
+    for (place, every, size) in
+        [([0.0, 0.0], 1.0, [600, 700]), ([0.0, 0.0], 2.0, [301, 351]), ([-1.5, -2.5], 1.0, [610, 710])]
+    {
         let mut earlier = hills(size[0], size[1], 0.0, 9);
         earlier.grid.origin = [0, 1].map(|axis| later.grid.origin[axis] + place[axis] * later.grid.step[axis]);
         earlier.grid.step = later.grid.step.map(|step| every * step);
@@ -86,9 +88,8 @@ fn levels_are_subtracted_from_levels_and_what_lies_between_is_within_the_bound()
             assert_eq!(bound, nodes.facts(key).unwrap().delta + since.unseen(&lattice, key));
             for (r, row) in rows.windows(2).enumerate() {
                 for (c, column) in columns.windows(2).enumerate() {
-                    let corner = |down: usize, right: usize| {
-                        f64::from(samples.changes[(r + down) * columns.len() + c + right])
-                    };
+                    let corner =
+                        |down: usize, right: usize| f64::from(samples.changes[(r + down) * columns.len() + c + right]);
                     let middle = [row[0].midpoint(row[1]), column[0].midpoint(column[1])];
                     let share = [
                         (middle[0] - row[0]) as f64 / (row[1] - row[0]) as f64,

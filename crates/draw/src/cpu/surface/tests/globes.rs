@@ -1,12 +1,15 @@
 //! Globes: what each technique and each kind of picture finds, the seam, the poles and the horizon.
 
+use super::super::closed::Closed;
 use super::super::look::{Attribute, Light, Look};
 use super::super::memory::MemorySurface;
 use super::super::placed::{Map, Placed};
+use super::super::raster::{self, POLE, Shown, Visibility};
 use super::super::select::Technique;
 use super::super::sight::Sight;
+use super::super::stitch::Scene;
 use super::super::{SurfaceOptions, SurfacePicture, draw};
-use super::{Random, hills};
+use super::{Random, hills, random_cut};
 use crate::color::transfer::TransferFunction;
 use crate::model::Unit;
 use crate::view::{Cut, Panorama, Projection, Surround, View};
@@ -155,4 +158,78 @@ fn no_gap_is_seen() {
         fewer += usize::from(picture.report.samples_drawn < field.stored.len() as u64);
     }
     assert!(fewer > 5, "{fewer}");
+}
+
+/// The middle of a globe around which columns go, as many chunks as there are.
+fn belt(columns: usize, seed: u64) -> HeightField {
+    let rows = columns / 3;
+    let mut field = hills(rows, columns, 0.0, seed);
+    let step = 360.0 / columns as f64;
+    field.grid.step = [step, -step];
+    field.grid.origin = [-180.0 + 0.5 * step, 0.5 * step * (rows - 1) as f64];
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    field
+}
+
+/// From above a place near the seam, whole of the picture filled.
+fn over_the_seam(globe: &Globe, random: &mut Random) -> View {
+    let up = |longitude: f64, latitude: f64| DVec3::from(Globe::up(longitude, latitude));
+    let (longitude, latitude) = (180.0 + random.between(-2.0, 2.0), random.between(-25.0, 25.0));
+    let eye = (1.08 + random.between(0.0, 0.3)) * globe.equator * up(longitude, latitude);
+    let target = globe.equator * up(180.0 + random.between(-1.0, 1.0), latitude + random.between(-1.0, 1.0));
+    let aside = DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3);
+    View::look_at(eye, target, aside, Projection::Perspective { fov_y: 0.4 }, 120, 90).unwrap()
+}
+
+/// The seam is closed whatever number of columns there is, and whatever levels meet at it.
+#[test]
+fn no_gap_is_seen_across_the_seam() {
+    let mut random = Random::new(12);
+    let mut joined = 0;
+    for columns in [257_usize, 513, 500, 1537] {
+        let field = belt(columns, 6);
+        let memory = MemorySurface::new(&field, 1.0).unwrap();
+        let globe = globes()[columns % 2];
+        let placed = Placed::new(&field.grid, Map::Globe(globe), 1.0, 0.0);
+        let closed = Closed::of(&memory, &placed).unwrap();
+        for round in 0..40 {
+            let view = over_the_seam(&globe, &mut random);
+            let sight = Sight::Flat(view);
+            let technique = [Technique::Hybrid, Technique::Triangles, Technique::Rays][round % 3];
+            let options = SurfaceOptions {
+                technique,
+                tau: [0.8, 8.0][round / 3 % 2],
+                most_nodes: [1 << 14, 3, 9][round / 6 % 3],
+                raw: true,
+                ..SurfaceOptions::default()
+            };
+            let picture = draw(&memory, &placed, &sight, &options);
+            let gaps = picture.raw.iter().filter(|raw| raw[0].is_nan()).count();
+            assert_eq!(gaps, 0, "{columns} columns, round {round}, {technique:?}: {view:?}");
+            let cut = random_cut(&closed, &placed, &sight, &mut random, false);
+            let scene = Scene::new(&closed, &placed, cut);
+            joined += scene.meshes.iter().filter(|mesh| mesh.is_laid[2] && mesh.columns[0] == 0).count();
+            let picture = Visibility::new([view.width, view.height]);
+            raster::draw(&scene, &view, &picture, [1; 2]);
+            let gaps = (0..picture.width * picture.height).filter(|index| picture.at(*index).is_none()).count();
+            assert_eq!(gaps, 0, "{columns} columns, random cut {round}: {view:?}");
+        }
+    }
+    assert!(joined > 20, "{joined}");
+}
+
+#[test]
+fn what_a_pixel_shows_has_a_number_of_its_own() {
+    let mut known = std::collections::HashSet::new();
+    let mut check = |at: [usize; 2], slot: Option<usize>| {
+        let shown = Shown { node: 9_000, at, slot };
+        assert!(Shown::unpack(shown.pack()) == shown && known.insert(shown.pack()), "{shown:?}");
+    };
+    for column in 0..258 {
+        (0..257).for_each(|row| check([row, column], None));
+    }
+    for column in 0..257 {
+        (0..256).for_each(|row| (0..2).for_each(|slot| check([row, column], Some(slot))));
+        (0..2).for_each(|end| check([0, column], Some(POLE + end)));
+    }
 }

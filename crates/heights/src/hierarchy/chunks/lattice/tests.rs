@@ -6,7 +6,7 @@ use proptest::prelude::*;
 proptest! {
     #[test]
     fn levels_nest_and_samples_stand_for_the_field(rows in 2_u64..200, columns in 2_u64..200, side_bits in 1_u32..4) {
-        let lattice = Lattice { samples: [rows, columns], side_bits };
+        let lattice = Lattice { samples: [rows, columns], side_bits, is_closed: false };
         for axis in 0..2 {
             for level in 0..lattice.levels() {
                 let count = lattice.samples_of(level)[axis];
