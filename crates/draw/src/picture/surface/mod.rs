@@ -1,6 +1,10 @@
 //! Pictures of measured heights: [`SurfaceSession`] opens a field and draws the shots that are asked for, [`MixedSession`]
 //! several, and particles among them.
 
+mod depths;
+#[cfg(test)]
+mod fixtures;
+mod in_scene;
 mod letters;
 mod mixed;
 mod open_mixed;
@@ -10,6 +14,8 @@ mod placement;
 mod raw;
 mod session;
 
+pub use depths::{Piece, SurfaceDepths, pieces};
+pub use in_scene::{FieldInScene, nearest};
 pub use mixed::{MixedSession, ParticlesSeen, SeenMixed};
 pub use open_mixed::{OpenField, OpenMixed};
 pub use opened::OpenSurface;

@@ -178,6 +178,7 @@ impl SurfaceSession {
         let attribute = surface::attribute_of(look.attribute_name(), about).map_err(refuse)?;
         let placed = self.placed(&settings);
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
+        let transfer = surface::with_shore(transfer, attribute, about);
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
         let levels = about.levels.len() as u32;
@@ -547,3 +548,6 @@ impl SurfaceSession {
         Ok((sight, placed))
     }
 }
+
+#[cfg(test)]
+mod tests;
