@@ -11,7 +11,8 @@ const CLEARANCE: f64 = 1e-3;
 /// Tells the camera of the heights that are open, as high as they stand now; of a globe nothing is told.
 pub(super) fn follow_ground(scene: Option<Res<Scene>>, settings: Res<Settings>, mut ground: ResMut<Ground>) {
     let Some(scene) = scene.filter(|scene| scene.is_changed() || settings.is_changed()) else { return };
-    let heights = scene.surface_for(settings.mode).and_then(|opened| {
+    let heights = scene.samples_for(settings.mode).and_then(|field| {
+        let opened = field.opened.ground()?;
         let placed = opened.placed(&settings.look.settings).ok().filter(|placed| placed.is_flat())?;
         let clearance = CLEARANCE * opened.bounds(&settings.look.settings).ok()?.size().length();
         Some((Arc::clone(opened), placed, clearance))
