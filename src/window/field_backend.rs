@@ -10,6 +10,7 @@ use self::on_adapter::FieldOnAdapter;
 use super::exposure::Exposure;
 use super::live::LiveParticles;
 use super::look::{Held, Look};
+use super::looking::hidden::Hiding;
 use super::pages::ViewSelection;
 use super::picture::{Letterbox, Picture, to_image};
 use super::picture_sizes::{moving_size, volume_limit};
@@ -28,7 +29,7 @@ use crate::mode::{Depiction, Raw};
 use crate::model::FamilyName;
 use crate::picture::fade::faded;
 use crate::picture::field::{FieldSession, PointsReport};
-use crate::picture::surface::{MixedSession, OpenMixed, SurfaceSession};
+use crate::picture::surface::{MixedSession, OpenMixed, SurfaceDepths, SurfaceSession};
 use crate::picture::{AnySession, PictureError, Subject};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
@@ -74,6 +75,8 @@ struct Drawn {
     image: Arc<Colors>,
     exposure: Exposure,
     report: Report,
+    /// How far heights are away.
+    depths: Option<Arc<SurfaceDepths>>,
     /// How long it took, where it was drawn anew.
     milliseconds: Option<f64>,
 }
@@ -136,13 +139,14 @@ pub(super) fn draw_field(
     (scene, look, selection): (Option<Res<Scene>>, Option<Res<Look>>, Res<ViewSelection>),
     (settings, held): (Res<Settings>, Res<Held>),
     (picture, preset): (Res<Picture>, Res<Preset>),
-    (mut exposure, mut statistics): (ResMut<Exposure>, ResMut<Statistics>),
+    (mut exposure, mut statistics, mut hiding): (ResMut<Exposure>, ResMut<Statistics>, ResMut<Hiding>),
     (mut converged, mut notices): (ResMut<Converged>, ResMut<Notices>),
 ) {
     let field = field.bypass_change_detection();
     if *backend != ActiveBackend::Field {
         if field.drawn.is_some() || field.task.is_some() {
             statistics.points = None;
+            hiding.0 = None;
             *field = FieldPicture::default();
         }
         return;
@@ -158,6 +162,7 @@ pub(super) fn draw_field(
         match outcome {
             Ok(drawn) => {
                 exposure.set_if_neq(drawn.exposure.clone());
+                hiding.0.clone_from(&drawn.depths);
                 if let Some(milliseconds) = drawn.milliseconds {
                     field.cost = Some((drawn.key.size, milliseconds));
                 }
@@ -186,7 +191,8 @@ pub(super) fn draw_field(
     let is_light = look.depiction.mode.is_light() || is_mixed;
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| is_light && levels.p[0] < levels.p[1]);
-    let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
+    // Each field has it in its own way.
+    let transfer = given.map_or_else(|| look.chosen.clone(), |levels| look.chosen.clone().with_levels(&levels));
     let (dataset, depiction) = (scene.dataset, look.depiction_revision);
     let families = if is_mixed { families_of(&scene, &settings) } else { Vec::new() };
     let (transfer_of_light, error_px) = (is_light.then(|| transfer.clone()), settings.error_px);
@@ -281,6 +287,7 @@ fn draw(
             drawn_from: prepared.drawn_from(),
             is_complete: true,
         },
+        depths: None,
         milliseconds: is_new.then(|| 1e3 * start.elapsed().as_secs_f64()),
     })
 }
@@ -294,7 +301,8 @@ fn draw_surface(
 ) -> Result<Drawn, String> {
     let start = Instant::now();
     let (width, height) = (key.size.x, key.size.y);
-    let seen = session.seen(look, &key.content.view.resized(width, height), None).map_err(|error| error.to_string())?;
+    let view = key.content.view.resized(width, height);
+    let seen = session.seen(look, &view, None).map_err(|error| error.to_string())?;
     let exposure = Exposure::of_heights(session.opened(), seen.attribute, seen.transfer.scale, seen.levels);
     let report = &seen.picture.report;
     let report = Report {
@@ -306,8 +314,9 @@ fn draw_surface(
         is_complete: report.is_converged && seen.error.is_none(),
     };
     let image = Arc::new(seen.picture.colors.image());
+    let depths = SurfaceDepths::new(view, seen.picture.depth).map(Arc::new);
     let milliseconds = Some(1e3 * start.elapsed().as_secs_f64());
-    Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, milliseconds })
+    Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, depths, milliseconds })
 }
 
 /// What is drawn of heights among other things.
@@ -355,8 +364,9 @@ fn draw_mixed(
         drawn_from: "chunks",
         is_complete: seen.heights.is_converged && seen.error.is_none(),
     };
+    let depths = seen.depths.map(Arc::new);
     let (image, milliseconds) = (Arc::new(seen.image), Some(1e3 * start.elapsed().as_secs_f64()));
-    Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, milliseconds })
+    Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, depths, milliseconds })
 }
 
 /// Shows the finished picture, where a tour says so blended with the one before it.

@@ -14,8 +14,8 @@ const CLEARANCE: f64 = 1e-3;
 pub(super) fn follow_ground(scene: Option<Res<Scene>>, settings: Res<Settings>, mut ground: ResMut<Ground>) {
     let Some(scene) = scene.filter(|scene| scene.is_changed() || settings.is_changed()) else { return };
     let own = &settings.look.settings;
-    let heights =
-        scene.surface_for(settings.mode).and_then(|opened| Some((Arc::clone(opened), opened.placed(own).ok()?)));
+    let opened = scene.samples_for(settings.mode).and_then(|field| field.opened.ground());
+    let heights = opened.and_then(|opened| Some((Arc::clone(opened), opened.placed(own).ok()?)));
     let Some((opened, placed)) = heights else {
         *ground = Ground::default();
         return;

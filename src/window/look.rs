@@ -27,8 +27,10 @@ pub struct Look {
     pub depiction_revision: u64,
     /// The baked transfer function.
     pub lut: Arc<Lut>,
-    /// Its settings.
+    /// Its settings, as the data has them.
     pub transfer: TransferFunction,
+    /// Its settings as they are chosen.
+    pub chosen: TransferFunction,
     /// What the picture may leave undrawn.
     pub lod_budget: LodBudget,
     /// The ranges in use; automatic ones glide to those of the present view.
@@ -89,12 +91,14 @@ pub(crate) fn follow_settings(
                 if !kept {
                     settings.transfer = initial_transfer(&scene, &depiction, &mut presets);
                 }
-                let lut = Arc::new(bake(&depiction, &settings.transfer));
+                let transfer = shown(&scene, &depiction, &settings.transfer);
+                let lut = Arc::new(bake(&depiction, &transfer));
                 commands.insert_resource(Look {
                     depiction,
                     depiction_revision: 1,
                     lut,
-                    transfer: settings.transfer.clone(),
+                    transfer,
+                    chosen: settings.transfer.clone(),
                     lod_budget: settings.budget.lod_budget(),
                     levels: Levels { p: [1e-6, 1.0], s: [0.0, 1.0] },
                     settled: false,
@@ -147,10 +151,19 @@ pub(crate) fn follow_settings(
         }
     }
     // Opacity darkens splats and not a volume's colours, so that another mode has another table of the same function.
-    if depicted || look.transfer != settings.transfer {
-        look.transfer = settings.transfer.clone();
-        look.lut = Arc::new(bake(&look.depiction, &settings.transfer));
+    if depicted || look.chosen != settings.transfer {
+        look.chosen = settings.transfer.clone();
+        look.transfer = shown(&scene, &look.depiction, &settings.transfer);
+        look.lut = Arc::new(bake(&look.depiction, &look.transfer));
         look.settled = false;
+    }
+}
+
+/// A transfer function as the data has it that a depiction is about.
+fn shown(scene: &Scene, depiction: &Depiction, transfer: &TransferFunction) -> TransferFunction {
+    match scene.samples_for(depiction.mode) {
+        Some(field) => field.opened.shown_transfer(depiction, transfer),
+        None => transfer.clone(),
     }
 }
 

@@ -6,8 +6,8 @@ use crate::mode::{Depiction, LevelChoice, Mode, Settings};
 use crate::model::Dataset;
 use crate::modes;
 use crate::picture::field::{FieldSession, OpenField};
-use crate::picture::surface::{OpenMixed, OpenSurface, SurfaceSession};
-use crate::picture::{AnySession, Reporter, SessionOptions};
+use crate::picture::surface::{FieldInScene, OpenMixed, OpenSurface, SurfaceSession};
+use crate::picture::{AnySession, PictureError, Reporter, SessionOptions};
 use std::sync::Arc;
 
 /// Samples on a grid, and what is drawn with them.
@@ -48,6 +48,27 @@ impl Sampled {
             Sampled::Field(_) => None,
             Sampled::Heights(opened) => Some(opened),
             Sampled::Mixed(opened) => opened.asked(),
+        }
+    }
+
+    /// The first of its heights.
+    pub fn heights(&self) -> Option<&Arc<OpenSurface>> {
+        match self {
+            Sampled::Field(_) => None,
+            Sampled::Heights(opened) => Some(opened),
+            Sampled::Mixed(opened) => Some(opened.first()),
+        }
+    }
+
+    /// Its heights where settings place them.
+    ///
+    /// # Errors
+    /// A map that does not fit.
+    pub fn fields(&self, settings: &Settings) -> Result<Vec<FieldInScene>, PictureError> {
+        match self {
+            Sampled::Field(_) => Ok(Vec::new()),
+            Sampled::Heights(opened) => Ok(vec![FieldInScene::alone(opened, settings)?]),
+            Sampled::Mixed(opened) => opened.in_scene(settings),
         }
     }
 
@@ -124,6 +145,14 @@ impl Sampled {
             Sampled::Field(opened) => opened.usual_transfer(depiction),
             Sampled::Heights(opened) => opened.usual_transfer(depiction),
             Sampled::Mixed(opened) => opened.first().usual_transfer(depiction),
+        }
+    }
+
+    /// A transfer function as a depiction of it has it.
+    pub fn shown_transfer(&self, depiction: &Depiction, transfer: &TransferFunction) -> TransferFunction {
+        match self.heights() {
+            Some(opened) => opened.shown_transfer(depiction, transfer),
+            None => transfer.clone(),
         }
     }
 

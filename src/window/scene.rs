@@ -15,7 +15,7 @@ use crate::mode::{Depiction, Mode, Output, SettingValue, over};
 use crate::model::{Bounds, Moment, PeriodicBox, StepTimes, When};
 use crate::modes;
 use crate::picture::look::depict;
-use crate::picture::surface::OpenSurface;
+use crate::picture::surface::{FieldInScene, OpenSurface};
 use crate::picture::{AnySession, PictureError, Session};
 use crate::store::run::RunTree;
 use crate::store::{Metadata, PageFile, Tree};
@@ -127,9 +127,20 @@ impl Scene {
         self.field_for(mode).filter(|field| field.opened.is_told_by(mode))
     }
 
-    /// The heights that tools ask, where they are open and a mode's pictures are about them.
+    /// The first of the heights, where they are open and a mode's pictures are about them.
     pub fn surface_for(&self, mode: &Mode) -> Option<&Arc<OpenSurface>> {
-        self.samples_for(mode)?.opened.ground()
+        self.samples_for(mode)?.opened.heights()
+    }
+
+    /// Whether a mode's pictures are about heights.
+    pub fn is_about_heights(&self, mode: &Mode) -> bool {
+        self.surface_for(mode).is_some()
+    }
+
+    /// The fields of heights that are drawn, where settings place them; a map that does not fit is told where pictures are drawn.
+    pub fn fields(&self, settings: &Settings) -> Vec<FieldInScene> {
+        let fields = self.field_for(settings.mode).map(|field| field.opened.fields(&settings.look.settings));
+        fields.and_then(Result::ok).unwrap_or_default()
     }
 
     /// The members that are particles.

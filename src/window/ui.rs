@@ -132,9 +132,9 @@ pub(super) fn draw_window(
     if let (Some(view), Some(scene)) = (view, &panel.scene) {
         let time = playhead.as_ref().map_or_else(String::new, |playhead| playhead.times().words(playhead.time()));
         draw_annotations(&painter, rect, (&panel, scene, &time), &picture, (&view, camera.0));
-        let on_heights = scene.surface_for(panel.settings.mode).is_some();
-        let places = Looking::of(&panel.looking, &stroke, on_heights);
-        places.draw(&painter, rect, &picture, view, &scene.length_unit);
+        let (fields, is_about_heights) = (scene.fields(&panel.settings), scene.is_about_heights(panel.settings.mode));
+        let places = Looking::of(&panel.looking, &stroke);
+        places.draw(&painter, rect, (&picture, view), (&fields, is_about_heights), &scene.length_unit);
     }
     if *camera.1 == Navigation::Fly && panel.scene.is_some() {
         overlay::draw_hint(&painter, rect, "flying      W A S D  Q E      drag to look      F to orbit");

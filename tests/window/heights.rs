@@ -16,21 +16,25 @@ fn height(x: f64, y: f64) -> f64 {
     0.25 * x - 0.125 * y + 3.0
 }
 
-/// A tilted plane with a hole.
-fn slope(path: &Path) {
+/// A field of float64 whose heights are those of places.
+fn field(path: &Path, [columns, rows]: [usize; 2], height: impl Fn(usize, usize) -> f64) {
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    let head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}", SAMPLES[1], SAMPLES[0]);
+    let head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
     let head = format!("{head:<117}\n");
     bytes.extend(u16::try_from(head.len()).unwrap().to_le_bytes());
     bytes.extend(head.as_bytes());
-    for row in 0..SAMPLES[1] {
-        for column in 0..SAMPLES[0] {
-            let is_open = HOLE[0].contains(&column) && HOLE[1].contains(&row);
-            let value = if is_open { f64::NAN } else { height(column as f64, row as f64) };
-            bytes.extend(value.to_le_bytes());
-        }
+    for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+        bytes.extend(height(column, row).to_le_bytes());
     }
     std::fs::write(path, bytes).unwrap();
+}
+
+/// A tilted plane with a hole.
+fn slope(path: &Path) {
+    field(path, SAMPLES, |column, row| {
+        let is_open = HOLE[0].contains(&column) && HOLE[1].contains(&row);
+        if is_open { f64::NAN } else { height(column as f64, row as f64) }
+    });
 }
 
 #[test]
@@ -132,4 +136,43 @@ fn heights_are_read_and_measured_with_the_mouse() {
     let [x, y] = [low[0].clamp(0.0, 160.0), low[1].clamp(0.0, 120.0)];
     let is_over = (x, y) == (low[0], low[1]);
     assert!(!is_over || low[2] > height(x, y), "{low:?}");
+}
+
+#[test]
+fn of_two_fields_the_one_in_front_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let [ground, table] = ["ground.npy", "table.npy"].map(|name| folder.join(name));
+    slope(&ground);
+    // A level table over the middle of the ground.
+    field(&table, [61, 61], |_, _| 45.0);
+    let desktop = Desktop::with_screen([1280, 720]);
+    let with = format!("{}@50,20,0", table.display());
+    let mut program = Program::open(&desktop, folder, &ground, [1280, 720], &["--with", &with]);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    assert_eq!(first["mode"], "surface", "{first:#}");
+    desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+    let at = middle(&first);
+    let read = |place: [i16; 2], field: u64| {
+        let seen = |s: &Value| s["looking"]["heights"]["field"].as_u64() == Some(field);
+        let status = repeat(&program, "a sample", || desktop.click(place), seen);
+        let found = &status["looking"]["heights"]["found"];
+        let [x, y] = [2, 3].map(|k| found[0][k].as_f64().unwrap());
+        (x, y, found[1].as_f64().unwrap())
+    };
+    let (x, y, found) = read(at, 1);
+    assert!(found == 45.0 && (0.0..=60.0).contains(&x) && (0.0..=60.0).contains(&y), "{x} {y} {found}");
+    keep(&desktop, "heights-two-fields.png");
+    let (x, y, found) = read([at[0] - 170, at[1]], 0);
+    assert!((found - height(x, y)).abs() < 1e-9 && x < 50.0, "{x} {y} {found}");
+    // Between both fields distances are those of the scene, at true heights.
+    let measured = || {
+        desktop.press(u32::from('m'));
+        desktop.click(at);
+        std::thread::sleep(Duration::from_millis(400));
+        desktop.click([at[0] - 170, at[1]]);
+    };
+    let apart = repeat(&program, "a distance", measured, |s| s["looking"]["heights"]["apart"][1].as_f64() > Some(10.0));
+    let rise = apart["looking"]["heights"]["apart"][2].as_f64().unwrap().abs();
+    assert!((rise - (45.0 - found)).abs() < 1e-6, "{rise} {found}");
 }

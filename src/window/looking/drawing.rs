@@ -1,10 +1,12 @@
 //! What looking closer draws over the picture: the inspected particle, measured distances, regions and strokes.
 
-use super::heights::OnHeights;
+use super::heights::{OnHeights, Spot};
+use super::hidden::Hiding;
 use super::prober::Prober;
 use super::{Inspector, LookingState, Measure};
 use crate::annotate::number;
 use crate::explore::{Lasso, Members, Region, Shape};
+use crate::picture::surface::{FieldInScene, Piece};
 use crate::view::{Projection, View};
 use crate::window::picture::Picture;
 use crate::window::state::tool::{Stroke, Tool};
@@ -17,11 +19,15 @@ pub struct Looking<'a> {
     inspector: &'a Inspector,
     measure: &'a Measure,
     prober: &'a Prober,
-    /// What was found out about heights, where these are shown.
-    heights: Option<&'a OnHeights>,
+    /// What was found out about heights.
+    heights: &'a OnHeights,
+    hiding: &'a Hiding,
     stroke: &'a Stroke,
     tool: Tool,
 }
+
+/// The share of its colour that a hidden line has.
+const FAINT: f32 = 0.35;
 
 /// Where places of a picture are in the window.
 struct Frame<'a> {
@@ -29,6 +35,7 @@ struct Frame<'a> {
     view: View,
     corner: egui::Pos2,
     scale: f32,
+    hiding: &'a Hiding,
 }
 
 impl Frame<'_> {
@@ -48,26 +55,76 @@ impl Frame<'_> {
         self.painter.add(egui::Shape::line(points, Line::new(1.4, color)));
     }
 
-    /// The edge between two places, as far as it is in front of the eye.
-    fn edge(&self, from: DVec3, to: DVec3, color: Color32) {
-        if let (Some(a), Some(b)) = (self.at(from), self.at(to)) {
-            self.line(vec![a, b], color);
+    /// Parts of a line, as far as they are in front of the eye: faint where a surface hides them.
+    fn pieces(&self, pieces: Vec<Piece>, color: Color32) {
+        for Piece { is_hidden, places } in pieces {
+            let points: Vec<egui::Pos2> = places.iter().filter_map(|place| self.at(*place)).collect();
+            if points.len() < 2 {
+                continue;
+            }
+            if is_hidden {
+                self.painter.add(egui::Shape::line(points, Line::new(1.0, color.gamma_multiply(FAINT))));
+            } else {
+                self.line(points, color);
+            }
         }
+    }
+
+    /// The edge between two places.
+    fn edge(&self, from: DVec3, to: DVec3, color: Color32) {
+        self.pieces(self.hiding.straight(from, to), color);
+    }
+
+    /// A circle around a place; faint where a surface hides it.
+    fn ring(&self, place: DVec3) {
+        let Some(at) = self.at(place) else { return };
+        if self.hiding.hides(place) {
+            self.painter.circle_stroke(at, 8.0, Line::new(1.0, theme::ACCENT.gamma_multiply(FAINT)));
+            return;
+        }
+        self.painter.circle_stroke(at, 8.0, Line::new(3.5, Color32::from_black_alpha(140)));
+        self.painter.circle_stroke(at, 8.0, Line::new(1.4, theme::ACCENT));
+    }
+
+    /// A dot at a place; faint where a surface hides it.
+    fn dot(&self, place: DVec3) {
+        let Some(at) = self.at(place) else { return };
+        if self.hiding.hides(place) {
+            self.painter.circle_filled(at, 3.0, theme::ACCENT.gamma_multiply(FAINT));
+            return;
+        }
+        self.painter.circle_filled(at, 4.5, Color32::from_black_alpha(140));
+        self.painter.circle_filled(at, 3.0, theme::ACCENT);
     }
 }
 
 impl<'a> Looking<'a> {
-    /// What the panel's sections show, and the stroke that is being drawn. `on_heights`: heights are shown.
-    pub fn of(state: &'a LookingState<'_>, stroke: &'a Stroke, on_heights: bool) -> Looking<'a> {
-        let LookingState { inspector, measure, prober, heights, tool, .. } = state;
-        Looking { inspector, measure, prober, heights: on_heights.then_some(&**heights), stroke, tool: **tool }
+    /// What the panel's sections show, and the stroke that is being drawn.
+    pub fn of(state: &'a LookingState<'_>, stroke: &'a Stroke) -> Looking<'a> {
+        let LookingState { inspector, measure, prober, heights, hiding, tool, .. } = state;
+        Looking { inspector, measure, prober, heights, hiding, stroke, tool: **tool }
     }
 
-    /// Draws it over the picture in `rect`; `unit`: the data's unit of lengths.
-    pub fn draw(&self, painter: &egui::Painter, rect: egui::Rect, picture: &Picture, view: View, unit: &str) {
-        let frame = Frame { painter, view, corner: rect.min, scale: picture.scale };
-        if let Some(heights) = self.heights {
-            draw_on_heights(&frame, heights, self.stroke, self.tool);
+    /// Draws it over the picture in `rect`: of these fields in the scene, which the picture is about or which are among what it is about; `unit`:
+    /// the data's unit of lengths.
+    pub fn draw(
+        &self,
+        painter: &egui::Painter,
+        rect: egui::Rect,
+        (picture, view): (&Picture, View),
+        (fields, is_about_heights): (&[FieldInScene], bool),
+        unit: &str,
+    ) {
+        let frame = Frame { painter, view, corner: rect.min, scale: picture.scale, hiding: self.hiding };
+        if self.heights.is_shown(self.tool, is_about_heights) {
+            draw_on_heights(&frame, self.heights, fields, self.tool);
+            if self.tool.takes_drags()
+                && let [first, .., last] = self.stroke.points[..]
+            {
+                frame.line(vec![frame.window(first), frame.window(last)], theme::ACCENT);
+            }
+        }
+        if is_about_heights {
             return;
         }
         if let Some(Members::Region(region)) = &self.prober.members {
@@ -99,20 +156,16 @@ impl<'a> Looking<'a> {
             _ => {}
         }
         self.draw_measure(&frame, unit);
-        if let Some(at) = self.inspector.report.here().and_then(|report| frame.at(report.position)) {
-            painter.circle_stroke(at, 8.0, Line::new(3.5, Color32::from_black_alpha(140)));
-            painter.circle_stroke(at, 8.0, Line::new(1.4, theme::ACCENT));
+        if let Some(report) = self.inspector.report.here() {
+            frame.ring(report.position);
         }
     }
 
     fn draw_measure(&self, frame: &Frame<'_>, unit: &str) {
+        self.measure.0.iter().for_each(|place| frame.dot(*place));
         let places: Vec<egui::Pos2> = self.measure.0.iter().filter_map(|place| frame.at(*place)).collect();
-        for at in &places {
-            frame.painter.circle_filled(*at, 4.5, Color32::from_black_alpha(140));
-            frame.painter.circle_filled(*at, 3.0, theme::ACCENT);
-        }
         if let ([a, b], [from, to]) = (&places[..], &self.measure.0[..]) {
-            frame.line(vec![*a, *b], theme::ACCENT);
+            frame.edge(*from, *to, theme::ACCENT);
             let text = format!("{} {unit}", number::quantity(from.distance(*to)));
             let middle = *a + 0.5 * (*b - *a) + vec2(0.0, -8.0);
             theme::halo_text(frame.painter, middle, Align2::CENTER_BOTTOM, text.trim(), 14.0, theme::TEXT);
@@ -120,47 +173,41 @@ impl<'a> Looking<'a> {
     }
 }
 
-/// What was found out about heights, and the line that is being drawn from one place to another.
-fn draw_on_heights(frame: &Frame<'_>, heights: &OnHeights, stroke: &Stroke, tool: Tool) {
-    let along = |places: &[Option<DVec3>], color: Color32| {
-        for piece in places.split(Option::is_none).filter(|piece| piece.len() > 1) {
-            let piece: Vec<egui::Pos2> = piece.iter().flatten().filter_map(|place| frame.at(*place)).collect();
-            frame.line(piece, color);
-        }
+/// What was found out about heights, where these fields stand now.
+fn draw_on_heights(frame: &Frame<'_>, heights: &OnHeights, fields: &[FieldInScene], tool: Tool) {
+    let place = |index: usize, spot: Spot| {
+        let field = fields.iter().find(|field| field.index == index)?;
+        Some(spot.in_scene(field))
     };
-    let dot = |at: egui::Pos2| {
-        frame.painter.circle_filled(at, 4.5, Color32::from_black_alpha(140));
-        frame.painter.circle_filled(at, 3.0, theme::ACCENT);
+    let along = |index: usize, spots: &[Option<Spot>], color: Color32| {
+        for piece in spots.split(Option::is_none).filter(|piece| piece.len() > 1) {
+            let piece: Vec<DVec3> = piece.iter().flatten().filter_map(|spot| place(index, *spot)).collect();
+            frame.pieces(frame.hiding.pieces(&piece), color);
+        }
     };
     match tool {
         Tool::Inspect | Tool::Lasso => {
-            if let Some(at) = heights.found.here().and_then(|found| frame.at(found.world?)) {
-                frame.painter.circle_stroke(at, 8.0, Line::new(3.5, Color32::from_black_alpha(140)));
-                frame.painter.circle_stroke(at, 8.0, Line::new(1.4, theme::ACCENT));
+            if let Some(at) = heights.found.here().and_then(|found| place(found.field, found.spot?)) {
+                frame.ring(at);
             }
         }
         Tool::Measure => {
-            let places: Vec<egui::Pos2> = heights.places.iter().filter_map(|place| frame.at(place.world)).collect();
-            if let [a, b] = places[..] {
-                frame.line(vec![a, b], theme::ACCENT);
+            let places: Vec<DVec3> = heights.places.iter().filter_map(|own| place(own.field, own.spot)).collect();
+            if let [from, to] = places[..] {
+                frame.edge(from, to, theme::ACCENT);
             }
-            places.into_iter().for_each(dot);
+            places.into_iter().for_each(|place| frame.dot(place));
         }
         Tool::Profile => {
             if let Some(line) = heights.profile.here() {
-                along(&line.drawn, theme::ACCENT);
+                along(line.field, &line.spots, theme::ACCENT);
             }
         }
         Tool::Sphere | Tool::Cube => {
             if let Some(numbers) = heights.numbers.here() {
-                along(&numbers.outline, theme::TEXT);
+                along(numbers.field, &numbers.outline, theme::TEXT);
             }
         }
-    }
-    if tool.takes_drags()
-        && let [first, .., last] = stroke.points[..]
-    {
-        frame.line(vec![frame.window(first), frame.window(last)], theme::ACCENT);
     }
 }
 
@@ -205,10 +252,10 @@ fn sphere(frame: &Frame<'_>, center: DVec3, radius: f64, color: Color32) {
     };
     let (u, v) = axis.any_orthonormal_pair();
     let angle = |step: usize| std::f64::consts::TAU * step as f64 / STEPS as f64;
-    let points: Option<Vec<egui::Pos2>> =
-        (0..=STEPS).map(|step| frame.at(middle + reach * (angle(step).cos() * u + angle(step).sin() * v))).collect();
-    if let Some(points) = points {
-        frame.line(points, color);
+    let around = |step: usize| middle + reach * (angle(step).cos() * u + angle(step).sin() * v);
+    let places: Vec<DVec3> = (0..=STEPS).map(around).collect();
+    if places.iter().all(|place| frame.at(*place).is_some()) {
+        frame.pieces(frame.hiding.pieces(&places), color);
     }
 }
 

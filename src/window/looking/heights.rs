@@ -1,18 +1,22 @@
 //! Measured heights under the mouse: the samples at a click, distances in space and in plan, profiles along a line that is drawn, and
-//! ISO 25178 numbers of a rectangle or a disc. Whatever is drawn, all of them are of the file's own samples at their true heights.
+//! ISO 25178 numbers of a rectangle or a disc. Whatever is drawn, all of them are of the file's own samples at their true heights. Of several
+//! fields that one is asked which is seen under the mouse. What was found is kept by rows and columns, so that it is drawn where the field stands
+//! now.
+
+mod profiles;
+mod regions;
+
+pub use profiles::Line;
+pub use regions::{Area, Numbers};
 
 use crate::cpu::surface::placed::{Map, Placed};
-use crate::cpu::surface::sight::Sight;
-use crate::heights::measure::{
-    Disc, FormKind, FormNumbers, Part, Pick, Probe, Profile, ProfilePoint, Residual, Roughness, fit, great_circle,
-    probe, probe_on, profile_on, roughness_on,
-};
+use crate::heights::measure::{Disc, FormKind, Pick, Probe, probe, probe_on};
 use crate::heights::model::lengths::EARTH;
-use crate::heights::model::{HeightError, HeightGrid, Heights, Lengths};
+use crate::heights::model::{HeightGrid, Heights, Lengths};
 use crate::heights::store::HeightFile;
 use crate::mode::{SettingValue, Settings};
 use crate::modes::surface::radius_of;
-use crate::picture::surface::OpenSurface;
+use crate::picture::surface::{FieldInScene, nearest};
 use crate::view::View;
 use crate::window::state::answer::Answer;
 use crate::window::state::notices::Notices;
@@ -20,13 +24,6 @@ use crate::window::state::tool::Tool;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use std::sync::Arc;
-
-/// Points of an outline that lies on the surface.
-const OUTLINE: usize = 160;
-/// Points of a profile that are kept.
-const MOST_POINTS: usize = 4096;
-/// Regions of more samples are left to the command line.
-const MOST_SAMPLES: u64 = 1 << 28;
 
 /// What is known of the heights that are open.
 #[derive(Resource, Default)]
@@ -39,74 +36,75 @@ pub struct OnHeights {
     pub origin: Option<Place>,
     /// The profile along the last line.
     pub profile: Answer<Line>,
-    /// The region that is looked at.
-    pub area: Option<Area>,
+    /// The region that is looked at, and the dataset whose it is.
+    pub area: Option<(usize, Area)>,
     /// What is taken off before its numbers are found.
     pub form: Option<FormKind>,
     /// Its numbers.
     pub numbers: Answer<Numbers>,
+    /// Whether among particles heights were asked last.
+    pub is_asked: bool,
 }
 
-/// A place on the surface.
+/// A place of a field by its rows and columns, and its true height.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// Row, with fraction.
+    pub row: f64,
+    /// Column, with fraction.
+    pub column: f64,
+    /// T's height there.
+    pub height: f64,
+}
+
+/// A place that distances are measured from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Where it is drawn, world units.
-    pub world: DVec3,
+    /// Which of the datasets its field is.
+    pub field: usize,
+    /// Where it is on it.
+    pub spot: Spot,
     /// Its x and y in the file.
     pub at: [f64; 2],
-    /// Its true height.
-    pub height: f64,
-    /// The world without exaggeration.
-    pub true_world: DVec3,
+    /// Where it is in the field's own world without exaggeration.
+    own: DVec3,
+    /// The same in the scene.
+    in_scene: DVec3,
     /// On a globe: how far the height 0 is from its middle here.
-    pub radius: Option<f64>,
+    radius: Option<f64>,
 }
 
 /// What a click has found.
 #[derive(Clone, Debug)]
 pub struct Found {
+    /// Which of the datasets the field is.
+    pub field: usize,
     /// The place, what is measured there or next to it.
     pub probe: Probe,
-    /// Where it is drawn, where it was measured.
-    pub world: Option<DVec3>,
+    /// Where that was measured.
+    pub spot: Option<Spot>,
     /// The samples of the triangle there: row, column and height.
     pub samples: Vec<(u64, u64, f64)>,
 }
 
-/// A profile.
-#[derive(Clone, Debug)]
-pub struct Line {
-    /// Its points: distance and height; NaN in a gap.
-    pub points: Vec<[f64; 2]>,
-    /// Where it is drawn; none in gaps.
-    pub drawn: Vec<Option<DVec3>>,
-    /// Its length in plan, and how much of that was measured.
-    pub lengths: [f64; 2],
-}
-
-/// A region in plan.
+/// How far two places are apart, without exaggeration.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Area {
-    /// Between two corners.
-    Rectangle([[f64; 2]; 2]),
-    /// About a middle.
-    Disc(Disc),
-}
-
-/// Numbers of a region.
-#[derive(Clone, Debug)]
-pub struct Numbers {
-    /// Those of ISO 25178-2, and how much was measured.
-    pub roughness: Roughness,
-    /// What was taken off before.
-    pub form: Option<FormNumbers>,
-    /// Its edge on the surface; none where that was not measured.
-    pub outline: Vec<Option<DVec3>>,
+pub struct Apart {
+    /// In space.
+    pub space: f64,
+    /// In plan: on a globe along the great circle at the height 0; not known between two globes.
+    pub plan: Option<f64>,
+    /// The second one's height above the first: of one field in its unit of heights, else as the other lengths.
+    pub rise: Option<f64>,
+    /// The angle of the way from the horizontal (on a globe of that along the circle), degrees.
+    pub angle: Option<f64>,
+    /// The field of both; lengths are in the unit of its world, else in the scene's.
+    pub field: Option<usize>,
 }
 
 /// What is asked of heights as they are shown.
 pub(super) struct Asked<'a> {
-    pub opened: &'a OpenSurface,
+    pub fields: &'a [FieldInScene],
     pub settings: &'a Settings,
     pub view: View,
 }
@@ -130,9 +128,11 @@ impl OnHeights {
         if !(mouse.clicked || mouse.pressed && tool.takes_drags() || mouse.released) {
             return;
         }
-        let picked = asked.pick(mouse.at);
-        let (placed, pick) = match picked {
-            Ok(found) => found,
+        // A stroke stays on the field that it began on.
+        let origin = self.origin.filter(|_| mouse.released);
+        let (field, pick) = match asked.pick(mouse.at, origin.map(|origin| origin.field)) {
+            Ok(Some(found)) => found,
+            Ok(None) => return,
             Err(why) => {
                 if mouse.clicked || mouse.released {
                     notices.error(why);
@@ -140,10 +140,9 @@ impl OnHeights {
                 return;
             }
         };
-        let grid = &asked.opened.file().about().grid;
         match tool {
-            Tool::Inspect if mouse.clicked => self.found = asked.look(placed, pick),
-            Tool::Measure if mouse.clicked => match Place::of(&placed, grid, pick) {
+            Tool::Inspect if mouse.clicked => self.found = asked.look(field, pick),
+            Tool::Measure if mouse.clicked => match Place::of(field, pick) {
                 Some(place) => {
                     if self.places.len() >= 2 {
                         self.places.clear();
@@ -152,22 +151,27 @@ impl OnHeights {
                 }
                 None => notices.info("nothing was measured there"),
             },
-            Tool::Profile | Tool::Sphere | Tool::Cube if mouse.pressed => {
-                self.origin = Place::of(&placed, grid, pick);
-            }
+            Tool::Profile | Tool::Sphere | Tool::Cube if mouse.pressed => self.origin = Place::of(field, pick),
             Tool::Profile | Tool::Sphere | Tool::Cube if mouse.released => {
-                let (Some(from), Some(to)) = (self.origin.take(), Place::of(&placed, grid, pick)) else {
+                let (Some(from), Some(to)) = (self.origin.take(), Place::of(field, pick)) else {
                     notices.info("a line, a box or a disc begins and ends where something was measured");
                     return;
                 };
-                self.draw(tool, asked, placed, [from.at, to.at], notices);
+                self.draw(tool, asked, field, [from.at, to.at], notices);
             }
             _ => {}
         }
     }
 
     /// Asks for what was drawn from one place to another.
-    fn draw(&mut self, tool: Tool, asked: &Asked<'_>, placed: Placed, ends: [[f64; 2]; 2], notices: &mut Notices) {
+    fn draw(
+        &mut self,
+        tool: Tool,
+        asked: &Asked<'_>,
+        field: &FieldInScene,
+        ends: [[f64; 2]; 2],
+        notices: &mut Notices,
+    ) {
         let [from, to] = ends;
         let reach = (to[0] - from[0]).hypot(to[1] - from[1]);
         if reach <= 0.0 {
@@ -176,26 +180,21 @@ impl OnHeights {
         }
         match tool {
             Tool::Profile => {
-                let (file, radius) = (Arc::clone(asked.opened.file()), radius(asked.opened, asked.settings));
-                self.profile = Answer::ask("profile", move |_| line_of(&file, &placed, radius, ends));
+                let (file, index, is_flat) = (Arc::clone(field.opened.file()), field.index, field.placed.is_flat());
+                let radius = radius(field, asked.settings);
+                self.profile = Answer::ask("profile", move |_| profiles::line_of(&file, index, is_flat, radius, ends));
             }
-            Tool::Sphere => self.ask(asked.opened, asked.settings, Area::Disc(Disc { center: from, radius: reach })),
-            _ => self.ask(asked.opened, asked.settings, Area::Rectangle(ends)),
+            Tool::Sphere => self.ask(field, asked.settings, Area::Disc(Disc { center: from, radius: reach })),
+            _ => self.ask(field, asked.settings, Area::Rectangle(ends)),
         }
     }
 
     /// Asks for the numbers of a region.
-    pub fn ask(&mut self, opened: &OpenSurface, settings: &Settings, area: Area) {
-        self.area = Some(area);
-        let (file, form, on) = (Arc::clone(opened.file()), self.form, radius(opened, settings));
-        let placed = match opened.placed(settings) {
-            Ok(placed) => placed,
-            Err(error) => {
-                self.numbers = Answer::Failed(error.to_string());
-                return;
-            }
-        };
-        self.numbers = Answer::ask("region", move |_| numbers_of(&file, &placed, on, area, form));
+    pub fn ask(&mut self, field: &FieldInScene, settings: &Settings, area: Area) {
+        self.area = Some((field.index, area));
+        let (file, index) = (Arc::clone(field.opened.file()), field.index);
+        let (form, radius) = (self.form, radius(field, settings));
+        self.numbers = Answer::ask("region", move |_| regions::numbers_of(&file, index, radius, area, form));
     }
 
     /// Takes what has been found out.
@@ -205,67 +204,107 @@ impl OnHeights {
         self.numbers.receive();
     }
 
-    /// The two places' distance in space, in plan (on a globe along the great circle at the height 0), the second one's height above the first,
-    /// and the angle of the way from the horizontal (on a globe of that along the circle), degrees: in the unit of the world without exaggeration
-    /// but the height.
-    pub fn apart(&self) -> Option<[f64; 4]> {
+    /// How far the two places are apart.
+    pub fn apart(&self) -> Option<Apart> {
         let [from, to] = self.places[..] else { return None };
-        let way = to.true_world - from.true_world;
-        let (plan, rise) = match (from.radius, to.radius) {
-            (Some(one), Some(other)) => {
-                let rise = (to.true_world.length() - other) - (from.true_world.length() - one);
-                (0.5 * (one + other) * from.true_world.angle_between(to.true_world), rise)
-            }
-            _ => (way.x.hypot(way.y), way.z),
-        };
-        Some([way.length(), plan, to.height - from.height, rise.atan2(plan).to_degrees()])
+        Some(Apart::of(&from, &to))
     }
 
     /// Whether the places are on a globe.
     pub fn is_on_globe(&self) -> bool {
         self.places.iter().any(|place| place.radius.is_some())
     }
+
+    /// Whether a tool shows what is known of heights, where pictures are about these or about particles among them.
+    pub fn is_shown(&self, tool: Tool, is_about_heights: bool) -> bool {
+        is_about_heights || self.is_asked && matches!(tool, Tool::Inspect | Tool::Profile)
+    }
+}
+
+impl Apart {
+    fn of(from: &Place, to: &Place) -> Apart {
+        let field = (from.field == to.field).then_some(from.field);
+        let way = match field {
+            Some(_) => to.own - from.own,
+            None => to.in_scene - from.in_scene,
+        };
+        let space = way.length();
+        let (plan, up) = match (from.radius, to.radius, field) {
+            (Some(one), Some(other), Some(_)) => {
+                let up = (to.own.length() - other) - (from.own.length() - one);
+                (0.5 * (one + other) * from.own.angle_between(to.own), up)
+            }
+            (None, None, _) => (way.x.hypot(way.y), way.z),
+            _ => return Apart { space, plan: None, rise: None, angle: None, field },
+        };
+        let rise = if field.is_some() { to.spot.height - from.spot.height } else { up };
+        Apart { space, plan: Some(plan), rise: Some(rise), angle: Some(up.atan2(plan).to_degrees()), field }
+    }
 }
 
 impl Asked<'_> {
-    /// What is under a pixel, and how the field stands in the world.
-    fn pick(&self, at: [f64; 2]) -> Result<(Placed, Pick), String> {
-        let placed = self.opened.placed(self.settings).map_err(|error| error.to_string())?;
-        let found = self.opened.pick(&placed, &Sight::Flat(self.view), at).map_err(|error| error.to_string())?;
-        Ok((placed, found.map_or(Pick::Beside, |(pick, _)| pick)))
+    /// What is under a pixel, and of which field; of one alone where it is named.
+    pub(super) fn pick(&self, at: [f64; 2], only: Option<usize>) -> Result<Option<(&FieldInScene, Pick)>, String> {
+        let told = |error: crate::picture::PictureError| error.to_string();
+        match only {
+            Some(index) => {
+                let Some(field) = self.fields.iter().find(|field| field.index == index) else { return Ok(None) };
+                Ok(field.pick(&self.view, at).map_err(told)?.map(|pick| (field, pick)))
+            }
+            None => {
+                let found = nearest(self.fields, &self.view, at).map_err(told)?;
+                Ok(found.and_then(|(number, pick)| Some((self.fields.get(number)?, pick))))
+            }
+        }
+    }
+
+    /// The place that is seen under a pixel, where something was measured.
+    pub(super) fn place(&self, at: [f64; 2]) -> Option<DVec3> {
+        let (field, pick) = self.pick(at, None).ok()??;
+        Spot::of(pick).map(|spot| spot.in_scene(field))
     }
 
     /// All that is known of what was clicked.
-    fn look(&self, placed: Placed, pick: Pick) -> Answer<Found> {
+    fn look(&self, field: &FieldInScene, pick: Pick) -> Answer<Found> {
         let (at, samples) = match pick {
             Pick::Beside => return Answer::Nothing,
             Pick::NotMeasured { x, y, .. } => ([x, y], Vec::new()),
             Pick::Hit(hit) => ([hit.x, hit.y], hit.samples.to_vec()),
         };
-        let world = match pick {
-            Pick::Hit(hit) => Some(placed.world(hit.row, hit.column, hit.height)),
-            Pick::NotMeasured { .. } | Pick::Beside => None,
-        };
-        let (file, radius) = (Arc::clone(self.opened.file()), radius(self.opened, self.settings));
+        let (index, spot) = (field.index, Spot::of(pick));
+        let (file, radius) = (Arc::clone(field.opened.file()), radius(field, self.settings));
         Answer::ask("sample", move |_| {
             probe_on(&*file, &Lengths::on(file.grid(), radius), at)
-                .map(|probe| Found { probe, world, samples })
+                .map(|probe| Found { field: index, probe, spot, samples })
                 .map_err(|error| error.to_string())
         })
     }
 }
 
-impl Place {
-    fn of(placed: &Placed, grid: &HeightGrid, pick: Pick) -> Option<Place> {
+impl Spot {
+    fn of(pick: Pick) -> Option<Spot> {
         let Pick::Hit(hit) = pick else { return None };
-        let flat = Placed { zero: 0.0, lift: placed.true_lift, ..*placed };
-        let radius = || flat.world(hit.row, hit.column, 0.0).length();
+        Some(Spot { row: hit.row, column: hit.column, height: hit.height })
+    }
+
+    /// Where it is drawn.
+    pub fn in_scene(self, field: &FieldInScene) -> DVec3 {
+        field.in_scene(self.row, self.column, self.height)
+    }
+}
+
+impl Place {
+    fn of(field: &FieldInScene, pick: Pick) -> Option<Place> {
+        let spot = Spot::of(pick)?;
+        let Spot { row, column, height } = spot;
+        let plain = field.without_exaggeration();
         Some(Place {
-            world: placed.world(hit.row, hit.column, hit.height),
-            at: grid.place(hit.row, hit.column),
-            height: hit.height,
-            true_world: flat.world(hit.row, hit.column, hit.height),
-            radius: (!placed.is_flat()).then(radius),
+            field: field.index,
+            spot,
+            at: field.opened.file().about().grid.place(row, column),
+            own: plain.world(row, column, height),
+            in_scene: field.truly_in_scene(row, column, height),
+            radius: (!plain.is_flat()).then(|| plain.world(row, column, 0.0).length()),
         })
     }
 }
@@ -278,132 +317,45 @@ pub fn world_unit<'a>(placed: &Placed, grid: &'a HeightGrid) -> &'a str {
     }
 }
 
-/// Where places of the surface are drawn; none where nothing was measured.
-fn on_surface(file: &HeightFile, placed: &Placed, places: &[[f64; 2]]) -> Result<Vec<Option<DVec3>>, String> {
+/// Places of the surface; none where nothing was measured.
+fn on_surface(file: &HeightFile, places: &[[f64; 2]]) -> Result<Vec<Option<Spot>>, String> {
     let found = |at: &[f64; 2]| {
         let there = probe(file, *at).map_err(|error| error.to_string())?;
-        Ok(there.height.map(|height| placed.world(there.row, there.column, height)))
+        Ok(there.height.map(|height| Spot { row: there.row, column: there.column, height }))
     };
     places.iter().map(found).collect()
 }
 
 /// Radius in metres of the body that a field's degrees are on as settings place it: that which they name, else the Earth's.
-fn radius(opened: &OpenSurface, settings: &Settings) -> f64 {
+fn radius(field: &FieldInScene, settings: &Settings) -> f64 {
     let radius = match settings.0.get("map") {
-        Some(SettingValue::Name(map)) => radius_of(map, &opened.file().about().grid).ok().flatten(),
+        Some(SettingValue::Name(map)) => radius_of(map, &field.opened.file().about().grid).ok().flatten(),
         _ => None,
     };
     radius.unwrap_or(EARTH)
-}
-
-/// The profile between two places: along a straight line, on a globe along the great circle.
-fn profile_between(
-    file: &HeightFile,
-    lengths: &Lengths,
-    is_flat: bool,
-    ends: [[f64; 2]; 2],
-) -> Result<Profile, HeightError> {
-    if is_flat {
-        return profile_on(file, lengths, &ends);
-    }
-    let mut whole = Profile { points: Vec::new(), length: 0.0, valid_length: 0.0 };
-    for piece in great_circle(file.grid(), ends) {
-        let found = profile_on(file, lengths, &piece)?;
-        let before = whole.length;
-        whole
-            .points
-            .extend(found.points.into_iter().map(|point| ProfilePoint { distance: before + point.distance, ..point }));
-        whole.length += found.length;
-        whole.valid_length += found.valid_length;
-    }
-    Ok(whole)
-}
-
-fn line_of(file: &HeightFile, placed: &Placed, radius: f64, ends: [[f64; 2]; 2]) -> Result<Line, String> {
-    let grid = file.grid();
-    let lengths = Lengths::on(grid, radius);
-    let found = profile_between(file, &lengths, placed.is_flat(), ends).map_err(|error| error.to_string())?;
-    let every = found.points.len().div_ceil(MOST_POINTS).max(1);
-    // Gaps and ends stay, however many points there are.
-    let last = found.points.len().saturating_sub(1);
-    let kept = |(index, point): &(usize, &ProfilePoint)| index % every == 0 || *index == last || point.height.is_nan();
-    let points: Vec<&ProfilePoint> = found.points.iter().enumerate().filter(kept).map(|(_, point)| point).collect();
-    let drawn = points.iter().map(|point| {
-        let [row, column] = grid.row_column([point.x, point.y]);
-        (!point.height.is_nan()).then(|| placed.world(row, column, point.height))
-    });
-    let drawn = drawn.collect();
-    let points = points.iter().map(|point| [point.distance, point.height]).collect();
-    Ok(Line { points, drawn, lengths: [found.length, found.valid_length] })
-}
-
-fn numbers_of(
-    file: &HeightFile,
-    placed: &Placed,
-    radius: f64,
-    area: Area,
-    form: Option<FormKind>,
-) -> Result<Numbers, String> {
-    let few = || "the region has fewer than 2 x 2 samples".to_owned();
-    let part = |heights| match area {
-        Area::Rectangle(corners) => Part::of_rectangle(heights, corners),
-        Area::Disc(disc) => Part::of_disc(heights, disc),
-    };
-    let region = part(file).ok_or_else(few)?;
-    if region.grid().samples() > MOST_SAMPLES {
-        let found = region.grid().samples();
-        return Err(format!(
-            "a region of {found} samples takes a while: deepfield probe FILE --rectangle ... asks for it"
-        ));
-    }
-    let told = |error: &dyn std::fmt::Display| error.to_string();
-    let form = form.map(|kind| fit(&region, kind).map_err(|error| told(&error))).transpose()?;
-    let taken = form.as_ref().map(|form| form.numbers());
-    let roughness = match form {
-        None => roughness_on(&region, &Lengths::on(region.grid(), radius)),
-        Some(form) => {
-            let rest = Residual::new(file, form);
-            part(&rest).ok_or_else(few).map(|region| roughness_on(&region, &Lengths::on(region.grid(), radius)))?
-        }
-    };
-    let outline = on_surface(file, placed, &edge(area))?;
-    Ok(Numbers { roughness: roughness.map_err(|error| told(&error))?, form: taken, outline })
-}
-
-/// Places along a region's edge, the first one again at the end.
-fn edge(area: Area) -> Vec<[f64; 2]> {
-    (0..=OUTLINE)
-        .map(|step| {
-            let turn = step as f64 / OUTLINE as f64;
-            match area {
-                Area::Disc(Disc { center, radius }) => {
-                    let (sin, cos) = (std::f64::consts::TAU * turn).sin_cos();
-                    [center[0] + radius * cos, center[1] + radius * sin]
-                }
-                Area::Rectangle([a, b]) => {
-                    let corners = [a, [b[0], a[1]], b, [a[0], b[1]], a];
-                    let side = ((4.0 * turn) as usize).min(3);
-                    let along = 4.0 * turn - side as f64;
-                    [0, 1].map(|axis| corners[side][axis] + along * (corners[side + 1][axis] - corners[side][axis]))
-                }
-            }
-        })
-        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn place(field: usize, own: [f64; 3], scene: [f64; 3], radius: Option<f64>) -> Place {
+        let spot = Spot { row: 0.0, column: 0.0, height: own[2] };
+        Place { field, spot, at: [own[0], own[1]], own: own.into(), in_scene: scene.into(), radius }
+    }
+
     #[test]
-    fn edges_are_closed_and_pass_all_corners() {
-        let corners = [[1.0, 2.0], [5.0, -3.0]];
-        let edge = edge(Area::Rectangle(corners));
-        assert_eq!((edge.first(), edge.last()), (Some(&corners[0]), Some(&corners[0])));
-        for corner in [[1.0, 2.0], [5.0, 2.0], [5.0, -3.0], [1.0, -3.0]] {
-            assert!(edge.contains(&corner), "{corner:?}");
-        }
-        let round = super::edge(Area::Disc(Disc { center: [1.0, 1.0], radius: 2.0 }));
-        assert!(round.iter().all(|[x, y]| ((x - 1.0).hypot(y - 1.0) - 2.0).abs() < 1e-12));
+    fn places_of_one_field_are_apart_in_its_lengths_and_of_two_in_the_scenes() {
+        let one = place(0, [0.0, 0.0, 1.0], [100.0, 0.0, 1.0], None);
+        let same = Apart::of(&one, &place(0, [3.0, 4.0, 13.0], [9.0, 9.0, 9.0], None));
+        assert_eq!((same.space, same.plan, same.rise, same.field), (13.0, Some(5.0), Some(12.0), Some(0)));
+        let other = Apart::of(&one, &place(2, [0.0; 3], [103.0, 4.0, 1.0], None));
+        assert_eq!((other.space, other.plan, other.rise, other.angle), (5.0, Some(5.0), Some(0.0), Some(0.0)));
+        // A quarter of a globe.
+        let on_globe = |own| place(0, own, own, Some(10.0));
+        let quarter = Apart::of(&on_globe([10.0, 0.0, 0.0]), &on_globe([0.0, 10.0, 0.0]));
+        assert!((quarter.plan.unwrap() - 5.0 * std::f64::consts::PI).abs() < 1e-12 && quarter.angle == Some(0.0));
+        let mixed = Apart::of(&on_globe([10.0, 0.0, 0.0]), &one);
+        assert!(mixed.plan.is_none() && mixed.space > 9.0);
     }
 }

@@ -10,6 +10,7 @@ pub mod drawing;
 pub mod followed;
 pub mod following;
 pub mod heights;
+pub mod hidden;
 pub mod ids;
 pub mod inspector;
 pub mod keeping;
@@ -25,7 +26,7 @@ pub use state::{LookingState, RangeDraft, Visit};
 use super::camera::CameraSystems;
 use super::input::{PointerOwner, TOOL_KEYS, is_control};
 use super::pages::{PageSystems, ViewSelection};
-use super::pick::{NO_PLACES, pick};
+use super::pick::{NO_PLACES, Picked, pick};
 use super::picture::Picture;
 use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
@@ -37,6 +38,7 @@ use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_egui::EguiPostUpdateSet;
 use heights::{Asked, OnHeights, Strokes};
+use hidden::Hiding;
 use pointer::PicturePointer;
 use prober::Prober;
 
@@ -56,6 +58,7 @@ impl Plugin for LookingPlugin {
             .init_resource::<Inspector>()
             .init_resource::<Prober>()
             .init_resource::<OnHeights>()
+            .init_resource::<Hiding>()
             .init_resource::<Visit>()
             .init_resource::<RangeDraft>()
             .init_resource::<crate::window::bookmarks::AskedBookmark>()
@@ -146,7 +149,7 @@ fn use_tool(
     mut stroke: ResMut<Stroke>,
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
-    (mut prober, mut heights): (ResMut<Prober>, ResMut<OnHeights>),
+    (mut prober, mut heights, hiding): (ResMut<Prober>, ResMut<OnHeights>, Res<Hiding>),
     mut notices: ResMut<Notices>,
     camera: Single<&super::camera::Viewpoint, With<super::picture::DataCamera>>,
 ) {
@@ -161,31 +164,42 @@ fn use_tool(
         return;
     }
     let at = picture.pixel(at).as_dvec2().to_array();
-    if let Some(opened) = scene.surface_for(settings.mode) {
-        let mouse = Strokes { at, pressed: pointer.pressed, released: pointer.released, clicked: pointer.clicked };
+    let fields = scene.fields(&settings);
+    let asked = Asked { fields: &fields, settings: &settings.look.settings, view };
+    let mouse = Strokes { at, pressed: pointer.pressed, released: pointer.released, clicked: pointer.clicked };
+    let heights = heights.bypass_change_detection();
+    let is_about_heights = scene.is_about_heights(settings.mode);
+    if !fields.is_empty() && (is_about_heights || *tool == Tool::Profile) {
         if pointer.pressed {
             stroke.begin(camera.target, view, at);
         } else {
             stroke.extend(at);
         }
-        let asked = Asked { opened, settings: &settings.look.settings, view };
-        heights.bypass_change_detection().use_tool(*tool, &asked, mouse, &mut notices);
+        heights.is_asked = true;
+        heights.use_tool(*tool, &asked, mouse, &mut notices);
         if pointer.released || pointer.clicked {
             *stroke = Stroke::default();
         }
         return;
     }
-    let under = || pick(&view, scene.metadata(), &selection.nodes, at);
+    let seen = || seen_at(&asked, at, pick(&view, scene.metadata(), &selection.nodes, at), &hiding);
     // Where nothing is, the plane of the target is meant.
-    let place = || match under() {
-        Some(picked) => picked.position,
-        None => view.at_depth(at, view.to_camera(camera.target).z),
+    let place = || match seen() {
+        Seen::Particle(picked) => picked.position,
+        Seen::Surface(place) => place,
+        Seen::Nothing => view.at_depth(at, view.to_camera(camera.target).z),
     };
     match *tool {
-        Tool::Inspect if pointer.clicked => match under() {
-            Some(picked) => inspector.look(&scene, picked.particle),
-            None => *inspector = Inspector::default(),
-        },
+        Tool::Inspect if pointer.clicked => {
+            *inspector = Inspector::default();
+            let seen = seen();
+            heights.is_asked = matches!(seen, Seen::Surface(_));
+            match seen {
+                Seen::Particle(picked) => inspector.look(&scene, picked.particle),
+                Seen::Surface(_) => heights.use_tool(*tool, &asked, mouse, &mut notices),
+                Seen::Nothing => {}
+            }
+        }
         Tool::Measure if pointer.clicked => {
             if measure.0.len() >= 2 {
                 measure.0.clear();
@@ -214,5 +228,25 @@ fn use_tool(
                 }
             }
         }
+    }
+}
+
+/// What is seen under the mouse in a picture of particles.
+enum Seen {
+    Particle(Picked),
+    /// A field, at this place.
+    Surface(DVec3),
+    Nothing,
+}
+
+/// Which of a particle near the mouse and the fields under it is seen: the nearer one.
+fn seen_at(asked: &Asked<'_>, at: [f64; 2], picked: Option<Picked>, hiding: &Hiding) -> Seen {
+    let depth = |place: DVec3| asked.view.to_camera(place).z;
+    let picked = picked.filter(|picked| !hiding.hides(picked.position));
+    match (picked, asked.place(at)) {
+        (Some(picked), Some(place)) if depth(place) < depth(picked.position) => Seen::Surface(place),
+        (Some(picked), _) => Seen::Particle(picked),
+        (None, Some(place)) => Seen::Surface(place),
+        (None, None) => Seen::Nothing,
     }
 }

@@ -52,6 +52,8 @@ struct Inspected<'a> {
 struct OnHeightsReport {
     /// Row, column, x and y, height and slope of what was clicked.
     found: Option<([f64; 4], Option<f64>, Option<f64>)>,
+    /// Which of the datasets that is of.
+    field: Option<usize>,
     /// Distance in space and in plan, difference of heights, angle.
     apart: Option<[f64; 4]>,
     /// Points of the profile, its length and how much of it was measured.
@@ -67,7 +69,8 @@ impl OnHeightsReport {
                 let probe = &found.probe;
                 ([probe.row, probe.column, probe.x, probe.y], probe.height, probe.slope)
             }),
-            apart: heights.apart(),
+            field: heights.found.here().map(|found| found.field),
+            apart: heights.apart().and_then(|apart| Some([apart.space, apart.plan?, apart.rise?, apart.angle?])),
             profile: heights.profile.here().map(|line| (line.points.len(), line.lengths)),
             region: heights.numbers.here().map(|numbers| {
                 let found = &numbers.roughness;

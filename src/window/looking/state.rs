@@ -3,6 +3,7 @@
 use super::followed::FollowedSets;
 use super::following::FollowedSelection;
 use super::heights::OnHeights;
+use super::hidden::Hiding;
 use super::ids::{ByIds, LookedUp};
 use super::keeping::Keeping;
 use super::prober::Prober;
@@ -32,6 +33,8 @@ pub struct LookingState<'w> {
     pub prober: ResMut<'w, Prober>,
     /// What was found out about heights.
     pub heights: ResMut<'w, OnHeights>,
+    /// What lies behind them.
+    pub hiding: Res<'w, Hiding>,
     /// Tables and plots.
     pub keeping: ResMut<'w, Keeping>,
     /// Where the particles of sets of ids are.

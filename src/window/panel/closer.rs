@@ -14,7 +14,7 @@ pub static SECTION: Section =
     Section { name: "closer", title: "Look closer", dock: Dock::Right, applies: |state| state.scene.is_some(), show };
 
 fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
-    let on_heights = state.scene.as_ref().is_some_and(|scene| scene.surface_for(state.settings.mode).is_some());
+    let on_heights = state.scene.as_ref().is_some_and(|scene| scene.is_about_heights(state.settings.mode));
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         ui.spacing_mut().button_padding.x = 2.0;
@@ -36,7 +36,7 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         }
     });
     ui.add_space(3.0);
-    if on_heights {
+    if state.looking.heights.is_shown(*state.looking.tool, on_heights) {
         super::heights::show(ui, state);
         return;
     }

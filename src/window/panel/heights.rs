@@ -5,7 +5,8 @@ use super::{PanelState, theme};
 use crate::annotate::number;
 use crate::heights::measure::{FormKind, FormNumbers, Iso};
 use crate::heights::model::{HeightGrid, Lengths, units};
-use crate::window::looking::heights::{Found, Line, Numbers, OnHeights, world_unit};
+use crate::picture::surface::FieldInScene;
+use crate::window::looking::heights::{Apart, Found, Line, Numbers, OnHeights, world_unit};
 use crate::window::state::answer::Answer;
 use crate::window::state::tool::Tool;
 use bevy::prelude::DetectChangesMut;
@@ -23,31 +24,28 @@ const FORMS: [(&str, Option<FormKind>); 5] = [
 /// What the tool in hand has found, or what it does.
 pub(super) fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     let Some(scene) = &state.scene else { return };
-    let Some(opened) = scene.surface_for(state.settings.mode) else { return };
-    let grid = &opened.file().about().grid;
+    let fields = scene.fields(&state.settings);
     let tool = *state.looking.tool;
     let heights = &*state.looking.heights;
     let is_known = match tool {
-        Tool::Inspect => waited(ui, &heights.found, |ui, found| sample(ui, found, grid)),
-        Tool::Measure => distance(
-            ui,
-            heights,
-            opened
-                .placed(&state.settings.look.settings)
-                .ok()
-                .as_ref()
-                .map_or(grid.xy_unit.0.as_str(), |placed| world_unit(placed, grid)),
-            grid,
-        ),
-        Tool::Profile => waited(ui, &heights.profile, |ui, line| profile(ui, line, grid)),
+        Tool::Inspect => waited(ui, &heights.found, |ui, found| {
+            on(ui, &fields, found.field, |ui, field| sample(ui, found, grid_of(field)));
+        }),
+        Tool::Measure => distance(ui, heights, &fields, &scene.length_unit),
+        Tool::Profile => waited(ui, &heights.profile, |ui, line| {
+            on(ui, &fields, line.field, |ui, field| profile(ui, line, grid_of(field)));
+        }),
         Tool::Sphere | Tool::Cube => {
-            let known = waited(ui, &heights.numbers, |ui, numbers| roughness(ui, numbers, grid));
+            let known = waited(ui, &heights.numbers, |ui, numbers| {
+                on(ui, &fields, numbers.field, |ui, field| roughness(ui, numbers, grid_of(field)));
+            });
             let heights = state.looking.heights.bypass_change_detection();
             if known
                 && form(ui, heights)
-                && let Some(area) = heights.area
+                && let Some((index, area)) = heights.area
+                && let Some(field) = fields.iter().find(|field| field.index == index)
             {
-                heights.ask(opened, &state.settings.look.settings, area);
+                heights.ask(field, &state.settings.look.settings, area);
             }
             known
         }
@@ -56,6 +54,20 @@ pub(super) fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     if !is_known {
         ui.add(egui::Label::new(RichText::new(tool.help_on_heights()).size(12.0).color(theme::LABEL)).wrap());
     }
+}
+
+/// Shows what is known of a field, with its name where there are several.
+fn on(ui: &mut Ui, fields: &[FieldInScene], index: usize, show: impl FnOnce(&mut Ui, &FieldInScene)) {
+    let Some(field) = fields.iter().find(|field| field.index == index) else { return };
+    if fields.len() > 1 {
+        let name = field.opened.path().file_name().map(|name| name.to_string_lossy().into_owned());
+        theme::fact(ui, "Field", name.unwrap_or_default());
+    }
+    show(ui, field);
+}
+
+fn grid_of(field: &FieldInScene) -> &HeightGrid {
+    &field.opened.file().about().grid
 }
 
 /// Shows an answer, or how it stands with it; whether anything was asked.
@@ -118,13 +130,23 @@ fn sample(ui: &mut Ui, found: &Found, grid: &HeightGrid) {
     }
 }
 
-fn distance(ui: &mut Ui, heights: &OnHeights, unit: &str, grid: &HeightGrid) -> bool {
-    let Some([space, plan, rise, angle]) = heights.apart() else { return false };
+/// `scene`: the unit of lengths between two fields.
+fn distance(ui: &mut Ui, heights: &OnHeights, fields: &[FieldInScene], scene: &str) -> bool {
+    let Some(Apart { space, plan, rise, angle, field }) = heights.apart() else { return false };
+    let field = field.and_then(|index| fields.iter().find(|field| field.index == index));
+    let unit = field.map_or(scene, |field| world_unit(&field.placed, grid_of(field)));
     theme::fact(ui, "Distance", about(space, unit)).on_hover_text("In space, at true heights.");
-    theme::fact(ui, if heights.is_on_globe() { "Great circle" } else { "In plan" }, about(plan, unit));
-    theme::fact(ui, "Height difference", about(rise, grid.height_unit.0.as_str()));
-    theme::fact(ui, "Angle", format!("{angle:.2} degrees"))
-        .on_hover_text("Of the way from the first to the second place.");
+    if let Some(plan) = plan {
+        theme::fact(ui, if heights.is_on_globe() { "Great circle" } else { "In plan" }, about(plan, unit));
+    }
+    if let Some(rise) = rise {
+        let unit = field.map_or(scene, |field| grid_of(field).height_unit.0.as_str());
+        theme::fact(ui, "Height difference", about(rise, unit));
+    }
+    if let Some(angle) = angle {
+        theme::fact(ui, "Angle", format!("{angle:.2} degrees"))
+            .on_hover_text("Of the way from the first to the second place.");
+    }
     true
 }
 

@@ -51,7 +51,7 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
     for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {
         mode_setting(ui, setting, settings.values(setting));
     }
-    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.surface_for(settings.mode).is_some());
+    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.is_about_heights(settings.mode));
     if is_field && !is_surface {
         return;
     }

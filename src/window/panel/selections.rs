@@ -8,7 +8,6 @@ use crate::explore::selection::COLORS;
 use crate::explore::{Members, Region, SelectionSet, Show};
 use crate::window::looking::drawing::swatch;
 use crate::window::looking::keeping::{Asked, Plot};
-use crate::window::scene::Scene;
 use crate::window::state::answer::Answer;
 use bevy_egui::egui::{self, Align2, ComboBox, FontId, Rect, RichText, Sense, TextEdit, Ui, pos2, vec2};
 
@@ -17,10 +16,7 @@ pub static SECTION: Section = Section {
     name: "selections",
     title: "Selections",
     dock: Dock::Right,
-    applies: |state| {
-        let is_surface = |scene: &Scene| scene.surface_for(state.settings.mode).is_some();
-        state.scene.as_ref().is_some_and(|scene| !is_surface(scene))
-    },
+    applies: |state| state.scene.as_ref().is_some_and(|scene| !scene.is_about_heights(state.settings.mode)),
     show,
 };
 

@@ -36,7 +36,7 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         Some(sampled) => format!("{}  of  {}", number::count(sampled), number::count(statistics.particles)),
         None => number::count(statistics.particles),
     };
-    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.surface_for(state.settings.mode).is_some());
+    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.is_about_heights(state.settings.mode));
     let [counted, rated] = if is_surface { ["Samples", "samples"] } else { ["Particles", "particles"] };
     theme::fact(ui, counted, particles);
     let mut nodes = number::count(statistics.nodes as u64);

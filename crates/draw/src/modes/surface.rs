@@ -1,6 +1,6 @@
 //! `surface`: measured heights, as points, triangles or rays of the surface that they stand for.
 
-use crate::color::transfer::{Range, TransferFunction};
+use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::cpu::surface::holes::{Gap, Holes};
 use crate::cpu::surface::look::{Attribute, Contours, Light, Look};
 use crate::cpu::surface::placed::Map;
@@ -417,6 +417,17 @@ pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
         _ => MODE.transfer[0],
     };
     TransferFunction::preset(name).unwrap_or_default()
+}
+
+/// A transfer function as a field has it: where places are degrees and the range goes across height 0, the colours of `terrain` have their shore
+/// there.
+pub fn with_shore(transfer: TransferFunction, attribute: Attribute, about: &HeightAbout) -> TransferFunction {
+    let is_of_places = attribute == Attribute::Height && units::is_degrees(&about.grid.xy_unit);
+    let [low, high] = range_of(&transfer, attribute, &about.facts, 2, 1.0);
+    match is_of_places && low < 0.0 && high > 0.0 {
+        true => transfer.with_shore(Scale::Linear.place(0.0, [low, high])),
+        false => transfer,
+    }
 }
 
 /// The range that colours are spread over: the transfer function's own, or what suits the attribute. Of curvatures, residuals and

@@ -12,6 +12,7 @@ mod curve;
 mod levels;
 mod plane;
 mod scale;
+mod shore;
 
 pub use bake::{Appearance, Lut, shade};
 pub use curve::{Curve, MOST_POINTS};

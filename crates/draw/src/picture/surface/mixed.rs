@@ -3,6 +3,7 @@
 //! A look is that of the kind that its mode draws, or where it names none, of the first dataset: attribute, colours and legend are of that kind,
 //! and the other kind is drawn as usual, heights as `surface` and particles in the mode that suits them. Settings are those of both modes.
 
+use super::depths::SurfaceDepths;
 use super::placement::FieldPlacement;
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::session::{Prepared, SurfaceSession};
@@ -65,6 +66,8 @@ struct Standing<'a> {
 struct Fields<'a> {
     fields: Vec<Standing<'a>>,
     report: Mutex<SurfaceReport>,
+    /// How far they are away in the last picture.
+    depths: Mutex<Option<SurfaceDepths>>,
 }
 
 /// What came of a picture.
@@ -87,7 +90,7 @@ impl<'a> Fields<'a> {
             Standing { nodes: session.nodes(prepared), placed, placement, options }
         });
         let report = Mutex::new(SurfaceReport { is_converged: true, ..SurfaceReport::default() });
-        Fields { fields: each.collect(), report }
+        Fields { fields: each.collect(), report, depths: Mutex::default() }
     }
 
     /// What was drawn.
@@ -133,6 +136,7 @@ impl Ground for Fields<'_> {
         });
         let (found, report) = fragments(&layers.collect::<Vec<_>>());
         self.report.lock().unwrap_or_else(PoisonError::into_inner).add(&report);
+        *self.depths.lock().unwrap_or_else(PoisonError::into_inner) = SurfaceDepths::of_fragments(view, &found);
         found
     }
 }

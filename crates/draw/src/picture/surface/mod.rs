@@ -2,7 +2,11 @@
 //! several, and particles among them.
 
 mod clearance;
+mod depths;
 mod earlier;
+#[cfg(test)]
+mod fixtures;
+mod in_scene;
 mod letters;
 mod mixed;
 mod open_mixed;
@@ -13,7 +17,9 @@ mod raw;
 mod session;
 mod standing;
 
+pub use depths::{Piece, SurfaceDepths, pieces};
 pub use earlier::Earlier;
+pub use in_scene::{FieldInScene, nearest};
 pub use mixed::{MixedSession, ParticlesSeen, SeenMixed};
 pub use open_mixed::{OpenField, OpenMixed};
 pub use opened::OpenSurface;

@@ -1,5 +1,6 @@
 //! Heights among other things, open: what several sessions draw pictures from.
 
+use super::in_scene::FieldInScene;
 use super::mixed::{MixedSession, in_lengths_of, placement_of};
 use super::opened::OpenSurface;
 use super::session::SurfaceSession;
@@ -167,14 +168,36 @@ impl OpenMixed {
     /// # Errors
     /// A map that does not fit.
     pub fn bounds(&self, settings: &Settings) -> Result<Bounds, PictureError> {
-        let unit = match &self.particles {
-            Some((file, _)) if !self.begins_with_heights => file.metadata().length_unit.clone(),
-            _ => self.first().length_unit(&self.first().placed(settings)?),
-        };
+        let unit = self.unit(settings)?;
         let count = if self.particles.is_some() { 1 } else { self.fields.len() };
         self.fields[..count].iter().try_fold(Bounds::EMPTY, |all, field| {
             Ok(all.union(self.placement(field, settings, &unit)?.bounds(field.opened.bounds(settings)?)))
         })
+    }
+
+    /// The unit of the scene's lengths: that of its first dataset.
+    ///
+    /// # Errors
+    /// A map that does not fit.
+    pub fn unit(&self, settings: &Settings) -> Result<Unit, PictureError> {
+        Ok(match &self.particles {
+            Some((file, _)) if !self.begins_with_heights => file.metadata().length_unit.clone(),
+            _ => self.first().length_unit(&self.first().placed(settings)?),
+        })
+    }
+
+    /// The fields where settings place them in the scene.
+    ///
+    /// # Errors
+    /// A map that does not fit.
+    pub fn in_scene(&self, settings: &Settings) -> Result<Vec<FieldInScene>, PictureError> {
+        let unit = self.unit(settings)?;
+        let each = self.fields.iter().map(|field| {
+            let placed = field.opened.placed(settings)?;
+            let placement = self.placement(field, settings, &unit)?;
+            Ok(FieldInScene { index: field.index, opened: Arc::clone(&field.opened), placed, placement })
+        });
+        each.collect()
     }
 
     fn placement(

@@ -152,6 +152,11 @@ impl OpenSurface {
         surface::usual_transfer(self.coloured(depiction))
     }
 
+    /// A transfer function as a depiction of it has it.
+    pub fn shown_transfer(&self, depiction: &Depiction, transfer: &TransferFunction) -> TransferFunction {
+        surface::with_shore(transfer.clone(), self.coloured(depiction), self.file.about())
+    }
+
     /// What a legend calls the values of a depiction.
     pub fn units(&self, depiction: &Depiction) -> Units {
         let form = SurfaceSettings::new(&depiction.settings, &self.file.about().grid).map(|settings| settings.form);

@@ -42,7 +42,12 @@ impl FieldPlacement {
 
     /// A box of the field's world in the scene.
     pub fn bounds(&self, own: Bounds) -> Bounds {
-        Bounds { min: self.offset + self.scale * own.min, max: self.offset + self.scale * own.max }
+        Bounds { min: self.outside(own.min), max: self.outside(own.max) }
+    }
+
+    /// A place of the field's world in the scene.
+    pub fn outside(&self, place: DVec3) -> DVec3 {
+        self.offset + self.scale * place
     }
 
     /// A place of the scene in the field's own world.

@@ -177,6 +177,7 @@ impl SurfaceSession {
         let attribute = self.opened.attribute(look.attribute_name()).map_err(refuse)?;
         let placed = self.placed(&settings);
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
+        let transfer = surface::with_shore(transfer, attribute, about);
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
         let levels = about.levels.len() as u32;
@@ -518,3 +519,6 @@ fn page_file(
     file.about().notes.iter().for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
     Ok((file, folder))
 }
+
+#[cfg(test)]
+mod tests;

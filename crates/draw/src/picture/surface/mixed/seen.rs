@@ -8,7 +8,9 @@ use crate::cpu::surface::look::Attribute;
 use crate::look::LookPatch;
 use crate::picture::PictureError;
 use crate::picture::ground::Ground;
+use crate::picture::surface::SurfaceDepths;
 use crate::view::View;
+use std::sync::PoisonError;
 
 /// A picture of a view, and what is known of it.
 pub struct SeenMixed {
@@ -22,6 +24,8 @@ pub struct SeenMixed {
     pub colored: Option<(Attribute, TransferFunction)>,
     /// The values that the first and the last colour of what it is about stand for; `None` where there is nothing of it in view.
     pub levels: Option<Levels>,
+    /// How far the heights are away.
+    pub depths: Option<SurfaceDepths>,
     /// What cannot be read of the heights.
     pub error: Option<String>,
 }
@@ -68,6 +72,8 @@ impl MixedSession {
                 (seen.image, own.or(seen.levels), ParticlesSeen { taken, nodes, sums })
             }
         };
-        Ok(SeenMixed { image, heights: ground.report(), particles, colored, levels, error: ground.error() })
+        let (heights, error) = (ground.report(), ground.error());
+        let depths = ground.depths.into_inner().unwrap_or_else(PoisonError::into_inner);
+        Ok(SeenMixed { image, heights, particles, colored, levels, depths, error })
     }
 }

@@ -1,0 +1,68 @@
+//! Colours of heights.
+
+#![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
+
+use super::*;
+use crate::look::CameraConfig;
+use crate::picture::surface::fixtures::field;
+
+/// A ramp from -300 to 900 along x, drawn from above without shades: its picture.
+fn ramp(unit: &str, settings: &str, transfer: Option<TransferFunction>) -> Picture {
+    let mut session = field(unit, [121, 41], [6.0, 50.0], 0.01, |x, _| -300.0 + (x - 6.0) * 1000.0);
+    let settings: crate::mode::Settings = ron::from_str(settings).unwrap();
+    let bounds = session.opened().bounds(&settings).unwrap();
+    let (center, size) = (bounds.center(), bounds.size());
+    let eye = [center.x, center.y, bounds.max.z + size.x];
+    let camera = CameraConfig {
+        eye: Some(eye),
+        target: Some(center.to_array()),
+        up: Some([0.0, 1.0, 0.0]),
+        fov: None,
+        ortho: Some(0.5 * size.x),
+    };
+    let look = LookPatch { settings, transfer, ..LookPatch::default() };
+    session.draw(&Shot { look, camera, size: Some((480, 240)), ..Shot::default() }).unwrap()
+}
+
+/// The colour of a height in the middle row, encoded.
+fn color(picture: &Picture, height: f64) -> [f32; 3] {
+    let Raw::Light(light) = &picture.values else { panic!("light") };
+    let column = ((height + 300.0) / 1200.0 * 480.0) as usize;
+    let [r, g, b, alpha] = light.colors.rgba[120 * 480 + column];
+    assert!(alpha > 0.99);
+    [r, g, b]
+}
+
+#[test]
+fn the_sea_ends_at_height_0_of_places_on_the_earth() {
+    let is_blue = |[r, g, b]: [f32; 3]| b > 1.1 * g && g > r;
+    let is_green = |[r, g, b]: [f32; 3]| g > 1.3 * r && g > 1.3 * b;
+    let terrain = TransferFunction::preset("terrain");
+    for (map, chosen) in [("plate", None), ("local", None), ("plate", terrain.clone())] {
+        let picture =
+            ramp("deg", &format!("{{\"ambient\": 1.0, \"exaggeration\": 0.001, \"map\": \"{map}\"}}"), chosen);
+        for below in [-290.0, -100.0, -8.0] {
+            assert!(is_blue(color(&picture, below)), "{map} {below}: {:?}", color(&picture, below));
+        }
+        for above in [8.0, 40.0] {
+            assert!(is_green(color(&picture, above)), "{map} {above}: {:?}", color(&picture, above));
+        }
+        // A legend has the picture's colours at the picture's range.
+        let legend = picture.transfer.bake_colors();
+        for height in [-290.0, -150.0, -8.0, 8.0, 300.0, 880.0] {
+            let place = (height + 300.0) / 1200.0 * (f64::from(legend.width) - 1.0);
+            let [r, g, b, _] = legend.rgba[place.round() as usize];
+            let told = [r, g, b].map(|byte| crate::color::colors::to_linear(f32::from(byte) / 255.0));
+            let found = color(&picture, height);
+            assert!((0..3).all(|k| (told[k] - found[k]).abs() < 0.03), "{height}: {told:?}, not {found:?}");
+        }
+    }
+    // Elsewhere, and with other colours or a range of land alone, nothing is moved.
+    let plain = ramp("m", "{\"ambient\": 1.0}", None);
+    assert_eq!(Some(&plain.transfer), terrain.as_ref());
+    let grey = TransferFunction::preset("grey").unwrap();
+    assert_eq!(ramp("deg", "{\"map\": \"plate\"}", Some(grey.clone())).transfer, grey);
+    let land =
+        terrain.map(|terrain| TransferFunction { range: crate::color::transfer::Range::Fixed(0.0, 900.0), ..terrain });
+    assert_eq!(Some(&ramp("deg", "{\"map\": \"plate\"}", land.clone()).transfer), land.as_ref());
+}
