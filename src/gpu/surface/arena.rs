@@ -5,6 +5,7 @@ use super::constants::{CHUNK, UNMEASURED};
 use super::layout::counted;
 use crate::color::colors::to_encoded;
 use crate::cpu::surface::look::Attribute;
+use crate::cpu::surface::samples::MeanNormal;
 use crate::cpu::surface::source::NodeSamples;
 use bevy::prelude::Resource;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor};
@@ -180,10 +181,10 @@ impl Meaning {
     fn packed(&self, samples: &NodeSamples) -> Vec<u32> {
         let count = samples.heights.len();
         let mut words = Vec::with_capacity(self.words as usize * count);
-        words.extend(samples.heights.iter().map(|height| counted(*height, self.reference).min(UNMEASURED).to_bits()));
+        words.extend(samples.heights.iter().map(|height| counted(height, self.reference).min(UNMEASURED).to_bits()));
         let signed = |part: f32| u32::from((part.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
-        words.extend(samples.normals.iter().map(|[x, y, _]| signed(*x) | signed(*y) << 16));
-        let up = |[_, _, z]: &[f32; 3]| (z.clamp(0.0, 1.0) * 65535.0).round() as u32;
+        words.extend(samples.normals.iter().map(|normal| normal.vector()).map(|[x, y, _]| signed(x) | signed(y) << 16));
+        let up = |normal: &MeanNormal| (normal.vector()[2].clamp(0.0, 1.0) * 65535.0).round() as u32;
         let normals = samples.normals.iter().enumerate();
         words.extend(normals.map(|(index, normal)| up(normal) | u32::from(samples.coverage_at(index)) << 16));
         if !self.planes.is_empty() {
@@ -204,15 +205,16 @@ impl Meaning {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::surface::samples::SampleHeights;
 
     #[test]
     fn samples_are_packed_as_shaders_read_them() {
         let samples = NodeSamples {
             rows: 1,
             columns: 2,
-            heights: vec![1001.5, f64::NAN],
+            heights: SampleHeights::of(&[1001.5, f64::NAN]),
             coverage: vec![7, 0],
-            normals: vec![[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]],
+            normals: [[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]].map(MeanNormal::new).to_vec(),
             ranges: Vec::new(),
             planes: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
         };

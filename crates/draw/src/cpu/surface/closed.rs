@@ -2,6 +2,7 @@
 
 use super::photo::PhotoTiles;
 use super::placed::Placed;
+use super::samples::SampleHeights;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
@@ -88,10 +89,12 @@ impl SurfaceNodes for Closed<'_> {
             all
         }
         let widths = [own_width, first_width, kept];
+        let heights = [&own.heights, &first.heights].map(|heights| heights.iter().collect::<Vec<f64>>());
+        let heights = joined([&heights[0], &heights[1]], widths, rows, None);
         Some(Arc::new(NodeSamples {
             rows,
             columns,
-            heights: joined([&own.heights, &first.heights], widths, rows, None),
+            heights: SampleHeights::of(&heights),
             coverage: joined([&own.coverage, &first.coverage], widths, rows, Some(u8::MAX)),
             normals: joined([&own.normals, &first.normals], widths, rows, None),
             ranges: joined([&own.ranges, &first.ranges], widths, rows, None),
@@ -106,6 +109,10 @@ impl SurfaceNodes for Closed<'_> {
 
     fn is_there(&self, key: ChunkKey) -> bool {
         self.source.is_there(key) && self.first(key).is_none_or(|first| self.source.is_there(first))
+    }
+
+    fn room(&self) -> usize {
+        self.source.room()
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {

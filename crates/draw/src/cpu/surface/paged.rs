@@ -10,9 +10,11 @@ mod tests;
 use super::photo::PhotoTiles;
 use super::picture::{SurfaceOptions, chosen};
 use super::placed::Placed;
+use super::samples::MeanNormal;
 use super::sight::Sight;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use decode::Decoder;
+use deepfield_data::model::{SampleType, Scale};
 use deepfield_data::store::error::Damage;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
 use deepfield_heights::hierarchy::photo::TileKey;
@@ -153,7 +155,16 @@ impl PagedSurface {
     /// About how many bytes a chunk takes when it is decoded.
     fn bytes_of(&self, key: ChunkKey) -> u64 {
         let [rows, columns] = [0, 1].map(|axis| self.lattice.span(key, axis).1 as u64);
-        rows * columns * (8 + 12 + 1 + 4 * self.file.about().grid.planes.len() as u64)
+        rows * columns * self.sample_bytes()
+    }
+
+    /// About how many bytes a sample takes when it is decoded.
+    fn sample_bytes(&self) -> u64 {
+        let grid = &self.file.about().grid;
+        let is_single = grid.scale == Scale::NONE
+            && !matches!(grid.sample_type, SampleType::I32 | SampleType::U32 | SampleType::F64);
+        let coverage = u64::from(self.file.about().facts.valid < grid.samples());
+        (if is_single { 4 } else { 8 }) + size_of::<MeanNormal>() as u64 + coverage + 4 * grid.planes.len() as u64
     }
 
     fn has(&self, key: ChunkKey) -> bool {
@@ -195,6 +206,12 @@ impl SurfaceNodes for PagedSurface {
 
     fn is_there(&self, key: ChunkKey) -> bool {
         !locked(&self.damaged).keys.contains(&key)
+    }
+
+    /// With a share for the chunks that they lie in.
+    fn room(&self) -> usize {
+        let side = self.lattice.side() + 1;
+        (self.budget_bytes / (side * side * self.sample_bytes()) * 3 / 4) as usize
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {
@@ -255,12 +272,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 fn bytes_of(samples: &NodeSamples) -> u64 {
     let NodeSamples { heights, coverage, normals, ranges, planes, .. } = samples;
     let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
-    let others = [
-        size_of_val(heights.as_slice()),
-        coverage.len(),
-        size_of_val(normals.as_slice()),
-        size_of_val(ranges.as_slice()),
-    ];
+    let others = [heights.bytes(), coverage.len(), size_of_val(normals.as_slice()), size_of_val(ranges.as_slice())];
     (others.into_iter().sum::<usize>() + planes + size_of::<NodeSamples>()) as u64
 }
 

@@ -68,7 +68,7 @@ pub struct GridRay {
 impl GridRay {
     /// Column, row and height at a parameter.
     pub fn at(&self, t: f64) -> [f64; 3] {
-        std::array::from_fn(|axis| t.mul_add(self.direction[axis], self.origin[axis]))
+        std::array::from_fn(|axis| t * self.direction[axis] + self.origin[axis])
     }
 
     /// Where it meets a plane that has a height at a row and a column, and to which a column and a row add the two of `slope`: column, row and
@@ -135,13 +135,12 @@ impl Placed {
 
     /// World `z` of a height, or what stands above a globe's radius.
     pub fn lifted(&self, height: f64) -> f64 {
-        self.lift.mul_add(height, self.zero)
+        self.lift * height + self.zero
     }
 
     /// A place of the surface in the world, with fractions of rows and columns.
     pub fn world(&self, row: f64, column: f64, height: f64) -> DVec3 {
-        let x = column.mul_add(self.step[0], self.origin[0]);
-        let y = row.mul_add(self.step[1], self.origin[1]);
+        let [x, y] = [column * self.step[0] + self.origin[0], row * self.step[1] + self.origin[1]];
         match self.map {
             Map::Globe(globe) => DVec3::from(globe.place(x, y, self.lifted(height))),
             _ => DVec3::new(x, y, self.lifted(height)),
@@ -267,9 +266,32 @@ impl Vantage {
             let column = if self.placed.around == Some(column) { 0 } else { column };
             return self.placed.world(row as f64, column as f64, height) - self.eye;
         }
-        let [x, y] = [(column, 0), (row, 1)]
-            .map(|(index, k)| (index as f64 - self.anchor[k]).mul_add(self.placed.step[k], self.away[k]));
-        DVec3::new(x, y, self.placed.lifted(height) - self.eye.z)
+        DVec3::new(self.x(column), self.y(row), self.z(height))
+    }
+
+    /// Whether a sample's place is one of its column, one of its row and one of its height.
+    pub fn is_flat(&self) -> bool {
+        self.placed.is_flat()
+    }
+
+    /// Where a column of a flat field is from the eye.
+    pub fn x(&self, column: u64) -> f64 {
+        (column as f64 - self.anchor[0]) * self.placed.step[0] + self.away[0]
+    }
+
+    /// Where a row of a flat field is from the eye.
+    pub fn y(&self, row: u64) -> f64 {
+        (row as f64 - self.anchor[1]) * self.placed.step[1] + self.away[1]
+    }
+
+    /// Where a height of a flat field is from the eye.
+    pub fn z(&self, height: f64) -> f64 {
+        self.placed.lifted(height) - self.eye.z
+    }
+
+    /// Where a sample is in the world.
+    pub fn world(&self, row: u64, column: u64, height: f64) -> DVec3 {
+        self.placed.world(row as f64, column as f64, height)
     }
 }
 

@@ -181,7 +181,7 @@ pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice:
     let mut waiting = BinaryHeap::new();
     waiting.extend(chooser.visit(lattice.root()));
     let (mut done, mut missing): (Vec<CutNode>, Vec<(ChunkKey, f64)>) = (Vec::new(), Vec::new());
-    let most = choice.most.clamp(1, MOST_NODES);
+    let most = choice.most.min(source.room()).clamp(1, MOST_NODES);
     let mut is_within = true;
     while let Some(Waiting { want, node }) = waiting.pop() {
         if want <= 1.0 {

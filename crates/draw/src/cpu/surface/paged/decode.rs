@@ -1,5 +1,6 @@
 //! Chunks of a page file as they are drawn.
 
+use super::super::samples::{MeanNormal, SampleHeights};
 use super::super::source::NodeSamples;
 use super::leaf::{self, Held};
 use super::slopes::is_same;
@@ -64,7 +65,7 @@ impl Decoder {
             return NodeSamples {
                 rows,
                 columns,
-                heights: own(stored, &held, &part),
+                heights: SampleHeights::of(&own(stored, &held, &part)),
                 coverage,
                 normals,
                 ranges: Vec::new(),
@@ -72,16 +73,19 @@ impl Decoder {
             };
         }
         let normals = match normals.is_empty() {
-            true => vec![[0.0, 0.0, 1.0]; part.len()],
+            true => vec![MeanNormal::UP; part.len()],
             false => {
                 let normal = |bytes: &[u8; 3]| [0, 1, 2].map(|axis| self.parts[usize::from(bytes[axis])][axis]);
                 match self.steeper {
-                    None => normals.iter().map(normal).collect(),
-                    Some(steeper) => normals.iter().map(|bytes| turned(normal(bytes), steeper)).collect(),
+                    None => normals.iter().map(|bytes| MeanNormal::new(normal(bytes))).collect(),
+                    Some(steeper) => {
+                        normals.iter().map(|bytes| MeanNormal::new(turned(normal(bytes), steeper))).collect()
+                    }
                 }
             }
         };
-        NodeSamples { rows, columns, heights: stored, coverage, normals, ranges: Vec::new(), planes }
+        let heights = SampleHeights::of(&stored);
+        NodeSamples { rows, columns, heights, coverage, normals, ranges: Vec::new(), planes }
     }
 
     /// A chunk that nothing is in.
@@ -90,9 +94,9 @@ impl Decoder {
         NodeSamples {
             rows,
             columns,
-            heights: vec![f64::NAN; count],
+            heights: SampleHeights::Single(vec![f32::NAN; count]),
             coverage: vec![0; count],
-            normals: vec![[0.0, 0.0, 1.0]; count],
+            normals: vec![MeanNormal::UP; count],
             ranges: Vec::new(),
             planes: vec![vec![0.0; count]; self.planes],
         }
