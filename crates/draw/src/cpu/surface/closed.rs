@@ -2,7 +2,7 @@
 
 use super::photo::PhotoTiles;
 use super::placed::Placed;
-use super::samples::SampleHeights;
+use super::samples::{MeanNormal, SampleHeights, SampleNormals};
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
@@ -91,12 +91,15 @@ impl SurfaceNodes for Closed<'_> {
         let widths = [own_width, first_width, kept];
         let heights = [&own.heights, &first.heights].map(|heights| heights.iter().collect::<Vec<f64>>());
         let heights = joined([&heights[0], &heights[1]], widths, rows, None);
+        let normals =
+            [&own.normals, &first.normals].map(|normals| normals.iter().map(MeanNormal::new).collect::<Vec<_>>());
+        let normals = joined([&normals[0], &normals[1]], widths, rows, None);
         Some(Arc::new(NodeSamples {
             rows,
             columns,
             heights: SampleHeights::of(&heights),
             coverage: joined([&own.coverage, &first.coverage], widths, rows, Some(u8::MAX)),
-            normals: joined([&own.normals, &first.normals], widths, rows, None),
+            normals: SampleNormals::Parts(normals),
             ranges: joined([&own.ranges, &first.ranges], widths, rows, None),
             planes: own
                 .planes
@@ -111,8 +114,12 @@ impl SurfaceNodes for Closed<'_> {
         self.source.is_there(key) && self.first(key).is_none_or(|first| self.source.is_there(first))
     }
 
-    fn room(&self) -> usize {
+    fn room(&self) -> u64 {
         self.source.room()
+    }
+
+    fn bytes(&self, key: ChunkKey) -> u64 {
+        self.source.bytes(key)
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {

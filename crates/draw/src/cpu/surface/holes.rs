@@ -73,8 +73,12 @@ impl SurfaceNodes for Grown<'_> {
         self.0.is_there(key)
     }
 
-    fn room(&self) -> usize {
+    fn room(&self) -> u64 {
         self.0.room()
+    }
+
+    fn bytes(&self, key: ChunkKey) -> u64 {
+        self.0.bytes(key)
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {

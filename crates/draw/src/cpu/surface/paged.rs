@@ -152,19 +152,21 @@ impl PagedSurface {
         }
     }
 
-    /// About how many bytes a chunk takes when it is decoded.
+    /// About how many bytes a chunk takes when it is decoded, at most.
     fn bytes_of(&self, key: ChunkKey) -> u64 {
         let [rows, columns] = [0, 1].map(|axis| self.lattice.span(key, axis).1 as u64);
-        rows * columns * self.sample_bytes()
-    }
-
-    /// About how many bytes a sample takes when it is decoded.
-    fn sample_bytes(&self) -> u64 {
-        let grid = &self.file.about().grid;
-        let is_single = grid.scale == Scale::NONE
-            && !matches!(grid.sample_type, SampleType::I32 | SampleType::U32 | SampleType::F64);
-        let coverage = u64::from(self.file.about().facts.valid < grid.samples());
-        (if is_single { 4 } else { 8 }) + size_of::<MeanNormal>() as u64 + coverage + 4 * grid.planes.len() as u64
+        let (grid, facts) = (&self.file.about().grid, &self.file.about().facts);
+        let is_whole = facts.valid == grid.samples();
+        let height = match grid.sample_type {
+            _ if grid.scale != Scale::NONE => 8,
+            SampleType::I8 | SampleType::U8 | SampleType::I16 if is_whole => 2,
+            SampleType::I32 | SampleType::U32 | SampleType::F64 => 8,
+            _ => 4,
+        };
+        let is_as_kept = key.level > 0 && self.decoder.keeps_normals();
+        let normal = if is_as_kept { 3 } else { size_of::<MeanNormal>() as u64 };
+        let coverage = u64::from(!is_whole);
+        rows * columns * (height + normal + coverage + 4 * grid.planes.len() as u64)
     }
 
     fn has(&self, key: ChunkKey) -> bool {
@@ -208,10 +210,13 @@ impl SurfaceNodes for PagedSurface {
         !locked(&self.damaged).keys.contains(&key)
     }
 
-    /// With a share for the chunks that they lie in.
-    fn room(&self) -> usize {
-        let side = self.lattice.side() + 1;
-        (self.budget_bytes / (side * side * self.sample_bytes()) * 3 / 4) as usize
+    /// A share is left for the chunks that drawn ones lie in.
+    fn room(&self) -> u64 {
+        self.budget_bytes / 4 * 3
+    }
+
+    fn bytes(&self, key: ChunkKey) -> u64 {
+        self.bytes_of(key)
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {
@@ -272,7 +277,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 fn bytes_of(samples: &NodeSamples) -> u64 {
     let NodeSamples { heights, coverage, normals, ranges, planes, .. } = samples;
     let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
-    let others = [heights.bytes(), coverage.len(), size_of_val(normals.as_slice()), size_of_val(ranges.as_slice())];
+    let others = [heights.bytes(), coverage.len(), normals.bytes(), size_of_val(ranges.as_slice())];
     (others.into_iter().sum::<usize>() + planes + size_of::<NodeSamples>()) as u64
 }
 

@@ -550,23 +550,31 @@ macro_rules! filled {
                     let [x, y] = [0, 1].map(|k| to.place[k] - from.place[k]);
                     <$whole>::from(!(y < 0 || y == 0 && x > 0))
                 });
+                let start =
+                    [left, top].map(|pixel| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2));
+                let mut row = edges.map(|(from, to)| cross(&from, &to, start));
+                let is_in = |at: &[$whole; 3]| (0..3).all(|k| at[k] >= least[k]);
+                let is_single = left == right && top == bottom;
+                if is_single && !is_in(&row) {
+                    return;
+                }
+                let share = 1.0 / area as f64;
+                let linear = [a.linear, b.linear, c.linear].map(|linear| linear * share);
+                let value = |at: &[$whole; 3]| (0..3).map(|k| at[k] as f64 * linear[k]).sum::<f64>();
+                if is_single {
+                    return self.show([left, top], value(&row), number);
+                }
                 let [step, down] = [0, 1].map(|axis: usize| {
                     edges.map(|(from, to)| {
                         let [x, y] = [0, 1].map(|k| <$whole>::from(to.place[k]) - <$whole>::from(from.place[k]));
                         (if axis == 0 { -y } else { x }) * <$whole>::from(ONE)
                     })
                 });
-                let start =
-                    [left, top].map(|pixel| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2));
-                let mut row = edges.map(|(from, to)| cross(&from, &to, start));
-                let share = 1.0 / area as f64;
-                let linear = [a.linear, b.linear, c.linear].map(|linear| linear * share);
                 for y in top..=bottom {
                     let mut at = row;
                     for x in left..=right {
-                        if (0..3).all(|k| at[k] >= least[k]) {
-                            let value = (0..3).map(|k| at[k] as f64 * linear[k]).sum::<f64>();
-                            self.show([x, y], value, number);
+                        if is_in(&at) {
+                            self.show([x, y], value(&at), number);
                         }
                         (0..3).for_each(|k| at[k] += step[k]);
                     }

@@ -240,7 +240,7 @@ impl<'a> Resolver<'a> {
         let (_, depth) = self.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
         let at = [mesh.rows[row] as f64, mesh.columns[column] as f64];
         let placed = &self.scene.placed;
-        let slope = placed.slope(mesh.samples.normals[index].vector());
+        let slope = placed.slope(mesh.samples.normals.at(index));
         let ray = self.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
         let found = ray.and_then(|GridRay { origin, direction }| {
             let plane = height + slope[0] * (origin[0] - at[1]) + slope[1] * (origin[1] - at[0]);

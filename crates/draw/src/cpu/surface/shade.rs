@@ -501,7 +501,7 @@ impl<'a> Shader<'a> {
             if weight <= 0.0 {
                 continue;
             }
-            let found = samples.normals[index].vector().map(f64::from);
+            let found = samples.normals.at(index).map(f64::from);
             sum += weight;
             (0..3).for_each(|k| normal[k] += weight * found[k]);
             if has_range {
@@ -531,7 +531,7 @@ impl<'a> Shader<'a> {
     fn curvature(&self, between: &Between<'_>) -> f32 {
         let step = self.resolver.scene.placed.step;
         let leans = between.indices.map(|index| {
-            let [x, y, z] = between.samples.normals[index].vector().map(f64::from);
+            let [x, y, z] = between.samples.normals.at(index).map(f64::from);
             [x / z.max(1e-6), y / z.max(1e-6)]
         });
         let across = 0.5 * (leans[1][0] + leans[3][0] - leans[0][0] - leans[2][0]) / (step[0] * between.apart[1]);

@@ -1,8 +1,7 @@
 //! What drawing reads of a field: facts of chunks, which choose them, and their samples.
 
 use super::photo::PhotoTiles;
-use super::samples::{MeanNormal, SampleHeights};
-use super::select::MOST_NODES;
+use super::samples::{SampleHeights, SampleNormals};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
 
@@ -49,7 +48,7 @@ pub struct NodeSamples {
     /// resolution a measured sample in no triangle has 1. Empty where all have 255.
     pub coverage: Vec<u8>,
     /// Means of unit normals over the valid area in plan (at true height, not renormalised): x and y in the world's directions, z up.
-    pub normals: Vec<MeanNormal>,
+    pub normals: SampleNormals,
     /// The least and the largest height of what a sample stands for. Empty at full resolution.
     pub ranges: Vec<[f32; 2]>,
     /// Means of the colour planes over the valid area, in linear light from 0 to 1.
@@ -84,9 +83,14 @@ pub trait SurfaceNodes: Sync {
         true
     }
 
-    /// How many chunks there is room for at once.
-    fn room(&self) -> usize {
-        MOST_NODES
+    /// How many bytes of samples there is room for at once.
+    fn room(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// How many of these a chunk takes, about.
+    fn bytes(&self, _: ChunkKey) -> u64 {
+        0
     }
 
     /// The photo that lies over it.

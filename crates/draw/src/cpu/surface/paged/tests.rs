@@ -245,7 +245,7 @@ fn coarse_samples_are_means_over_cells() {
                     (coverage - share).abs() <= 1.51 / 255.0,
                     "{key:?} {row} {column}: {coverage}, expected {share}"
                 );
-                for (found, sum) in samples.normals[index].vector().into_iter().zip(sum) {
+                for (found, sum) in samples.normals.at(index).into_iter().zip(sum) {
                     let found = f64::from(found);
                     assert!((found - sum / area).abs() <= 0.5 / 127.0 + 1e-3, "{key:?} {row} {column}: {found}");
                 }
@@ -274,10 +274,7 @@ fn coarse_samples_are_nearly_those_of_memory() {
                     continue;
                 }
                 for k in 0..3 {
-                    assert!(
-                        (own.normals[index].vector()[k] - expected.normals[index].vector()[k]).abs() < 0.01,
-                        "{key:?} {index}"
-                    );
+                    assert!((own.normals.at(index)[k] - expected.normals.at(index)[k]).abs() < 0.01, "{key:?} {index}");
                 }
                 for (plane, other) in own.planes.iter().zip(&expected.planes) {
                     assert!((plane[index] - other[index]).abs() < 0.01);
@@ -503,8 +500,8 @@ fn normals_turn_to_the_world() {
     paged.place(&Placed::new(&field.grid, Map::Local { radius: radius / 3.0 }, 1.0, 0.0));
     for (key, earth) in [leaf, root].iter().zip(&earth) {
         let own = paged.samples(*key).unwrap();
-        for (own, earth) in own.normals.iter().zip(&earth.normals) {
-            let (own, earth) = (&own.vector(), &earth.vector());
+        for (own, earth) in own.normals.iter().zip(earth.normals.iter()) {
+            let (own, earth) = (&own, &earth);
             let lean = |normal: &[f32; 3], k: usize| f64::from(normal[k] / normal[2]);
             for k in 0..2 {
                 let away = (lean(own, k) - 3.0 * lean(earth, k)).abs();
