@@ -67,6 +67,7 @@ pub struct GridRay {
 
 impl GridRay {
     /// Column, row and height at a parameter.
+    #[inline]
     pub fn at(&self, t: f64) -> [f64; 3] {
         std::array::from_fn(|axis| t * self.direction[axis] + self.origin[axis])
     }
@@ -129,16 +130,19 @@ impl Placed {
     }
 
     /// Whether rows, columns and heights are straight axes of the world.
+    #[inline]
     pub fn is_flat(&self) -> bool {
         !matches!(self.map, Map::Globe(_))
     }
 
     /// World `z` of a height, or what stands above a globe's radius.
+    #[inline]
     pub fn lifted(&self, height: f64) -> f64 {
         self.lift * height + self.zero
     }
 
     /// A place of the surface in the world, with fractions of rows and columns.
+    #[inline]
     pub fn world(&self, row: f64, column: f64, height: f64) -> DVec3 {
         let [x, y] = [column * self.step[0] + self.origin[0], row * self.step[1] + self.origin[1]];
         match self.map {
@@ -174,6 +178,7 @@ impl Placed {
     }
 
     /// The same ray in the field's coordinates; `None` for a globe.
+    #[inline]
     pub fn ray(&self, origin: DVec3, direction: DVec3) -> Option<GridRay> {
         self.is_flat().then(|| GridRay {
             origin: [
@@ -208,6 +213,7 @@ impl Placed {
     }
 
     /// The longest distance between neighbours along rows and along columns, world units.
+    #[inline]
     pub fn spacing(&self) -> [f64; 2] {
         match self.map {
             Map::Globe(globe) => self.step.map(|degrees| degrees.abs().to_radians() * globe.curvature()[1]),
@@ -260,6 +266,7 @@ impl Vantage {
     }
 
     /// Where a sample is from the eye.
+    #[inline]
     pub fn relative(&self, row: u64, column: u64, height: f64) -> DVec3 {
         if !self.placed.is_flat() {
             // The same place to the last bit on both sides of the seam.
@@ -270,21 +277,25 @@ impl Vantage {
     }
 
     /// Whether a sample's place is one of its column, one of its row and one of its height.
+    #[inline]
     pub fn is_flat(&self) -> bool {
         self.placed.is_flat()
     }
 
     /// Where a column of a flat field is from the eye.
+    #[inline]
     pub fn x(&self, column: u64) -> f64 {
         (column as f64 - self.anchor[0]) * self.placed.step[0] + self.away[0]
     }
 
     /// Where a row of a flat field is from the eye.
+    #[inline]
     pub fn y(&self, row: u64) -> f64 {
         (row as f64 - self.anchor[1]) * self.placed.step[1] + self.away[1]
     }
 
     /// Where a height of a flat field is from the eye.
+    #[inline]
     pub fn z(&self, height: f64) -> f64 {
         self.placed.lifted(height) - self.eye.z
     }

@@ -462,7 +462,8 @@ impl<'a> Raster<'a> {
     }
 
     fn triangle(&self, corners: [Corner; 3], number: u32) {
-        let is_ahead = corners.map(|corner| corner.camera.z >= self.near);
+        let is_ahead = |k: usize| corners[k].camera.z >= self.near;
+        let is_ahead = [is_ahead(0), is_ahead(1), is_ahead(2)];
         match is_ahead {
             [true, true, true] => self.fill(corners, number),
             [false, false, false] => {}
@@ -492,21 +493,20 @@ impl<'a> Raster<'a> {
     /// Pixels of the picture whose centres lie between places along both axes: left, right, top, bottom; `None` where there are none.
     #[inline(always)]
     fn pixels<const COUNT: usize>(&self, places: &[[i64; 2]; COUNT]) -> Option<[i64; 4]> {
-        let range = |axis: usize, size: usize| {
-            let [least, most] = places[1..]
-                .iter()
-                .fold([places[0][axis]; 2], |[least, most], place| [least.min(place[axis]), most.max(place[axis])]);
-            let first = (least - ONE / 2 + ONE - 1) >> FRACTION;
-            let last = (most - ONE / 2) >> FRACTION;
-            [first.max(0), last.min(size as i64 - 1)]
-        };
-        let [left, right] = range(0, self.picture.width);
-        let [top, bottom] = range(1, self.picture.height);
+        let ([mut left, mut top], [mut right, mut bottom]) = (places[0], places[0]);
+        for place in &places[1..] {
+            (left, right) = (left.min(place[0]), right.max(place[0]));
+            (top, bottom) = (top.min(place[1]), bottom.max(place[1]));
+        }
+        let first = |place: i64| ((place - ONE / 2 + ONE - 1) >> FRACTION).max(0);
+        let last = |place: i64, size: usize| ((place - ONE / 2) >> FRACTION).min(size as i64 - 1);
+        let (left, right) = (first(left), last(right, self.picture.width));
+        let (top, bottom) = (first(top), last(bottom, self.picture.height));
         (left <= right && top <= bottom).then_some([left, right, top, bottom])
     }
 
     fn fill(&self, corners: [Corner; 3], number: u32) {
-        let places = corners.map(|corner| corner.place);
+        let places = [corners[0].place, corners[1].place, corners[2].place];
         let Some([left, right, top, bottom]) = self.pixels(&places) else { return };
         // Products of differences stay within 63 bits where corners are within 30.
         if places.iter().flatten().all(|place| place.abs() < 1 << 30) {
@@ -529,56 +529,54 @@ macro_rules! filled {
     ($name:ident, $whole:ty, $help:literal) => {
         impl Raster<'_> {
             #[doc = $help]
-            fn $name(&self, corners: [Corner; 3], [left, right, top, bottom]: [i64; 4], number: u32) {
+            fn $name(&self, corners: [Corner; 3], [left, last, top, bottom]: [i64; 4], number: u32) {
                 let [a, mut b, mut c] = corners;
-                let cross = |a: &Corner, b: &Corner, [x, y]: [$whole; 2]| {
-                    let [ax, ay] = a.place.map(<$whole>::from);
-                    let [bx, by] = b.place.map(<$whole>::from);
-                    (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-                };
-                let mut area = cross(&a, &b, c.place.map(<$whole>::from));
+                let place = |corner: &Corner| (<$whole>::from(corner.place[0]), <$whole>::from(corner.place[1]));
+                let ((ax, ay), mut second, mut third) = (place(&a), place(&b), place(&c));
+                let mut area = (second.0 - ax) * (third.1 - ay) - (second.1 - ay) * (third.0 - ax);
                 if area == 0 {
                     return;
                 }
                 if area < 0 {
                     std::mem::swap(&mut b, &mut c);
+                    std::mem::swap(&mut second, &mut third);
                     area = -area;
                 }
-                let edges = [(b, c), (c, a), (a, b)];
+                let ((bx, by), (cx, cy)) = (second, third);
+                // Of the edges opposite to the corners.
+                let (right, up) = ([cx - bx, ax - cx, bx - ax], [cy - by, ay - cy, by - ay]);
                 // A centre on a top or a left edge is inside, on another one not.
-                let least = edges.map(|(from, to)| {
-                    let [x, y] = [0, 1].map(|k| to.place[k] - from.place[k]);
-                    <$whole>::from(!(y < 0 || y == 0 && x > 0))
-                });
-                let start =
-                    [left, top].map(|pixel| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2));
-                let mut row = edges.map(|(from, to)| cross(&from, &to, start));
-                let is_in = |at: &[$whole; 3]| (0..3).all(|k| at[k] >= least[k]);
-                let is_single = left == right && top == bottom;
+                let least = |k: usize| <$whole>::from(!(up[k] < 0 || up[k] == 0 && right[k] > 0));
+                let least = [least(0), least(1), least(2)];
+                let centre = |pixel: i64| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2);
+                let (x, y) = (centre(left), centre(top));
+                let mut row = [
+                    right[0] * (y - by) - up[0] * (x - bx),
+                    right[1] * (y - cy) - up[1] * (x - cx),
+                    right[2] * (y - ay) - up[2] * (x - ax),
+                ];
+                let is_in = |at: &[$whole; 3]| at[0] >= least[0] && at[1] >= least[1] && at[2] >= least[2];
+                let is_single = left == last && top == bottom;
                 if is_single && !is_in(&row) {
                     return;
                 }
                 let share = 1.0 / area as f64;
-                let linear = [a.linear, b.linear, c.linear].map(|linear| linear * share);
-                let value = |at: &[$whole; 3]| (0..3).map(|k| at[k] as f64 * linear[k]).sum::<f64>();
+                let linear = [a.linear * share, b.linear * share, c.linear * share];
+                let value =
+                    |at: &[$whole; 3]| at[0] as f64 * linear[0] + at[1] as f64 * linear[1] + at[2] as f64 * linear[2];
                 if is_single {
                     return self.show([left, top], value(&row), number);
                 }
-                let [step, down] = [0, 1].map(|axis: usize| {
-                    edges.map(|(from, to)| {
-                        let [x, y] = [0, 1].map(|k| <$whole>::from(to.place[k]) - <$whole>::from(from.place[k]));
-                        (if axis == 0 { -y } else { x }) * <$whole>::from(ONE)
-                    })
-                });
+                let one = <$whole>::from(ONE);
                 for y in top..=bottom {
                     let mut at = row;
-                    for x in left..=right {
+                    for x in left..=last {
                         if is_in(&at) {
                             self.show([x, y], value(&at), number);
                         }
-                        (0..3).for_each(|k| at[k] += step[k]);
+                        (0..3).for_each(|k| at[k] -= up[k] * one);
                     }
-                    (0..3).for_each(|k| row[k] += down[k]);
+                    (0..3).for_each(|k| row[k] += right[k] * one);
                 }
             }
         }

@@ -157,6 +157,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// The ray of a place in the picture.
+    #[inline]
     pub fn ray(&self, place: [f64; 2]) -> Option<(DVec3, DVec3)> {
         self.sight.ray_through(&self.lens, place)
     }
@@ -172,12 +173,14 @@ impl<'a> Resolver<'a> {
     }
 
     /// The level, with a fraction, whose samples are as far apart as pixels at a depth, may it be finer than what there is.
+    #[inline]
     pub fn level_at(&self, depth: f64) -> f64 {
         let [across, along] = self.scene.placed.spacing();
         -(self.pixels_at(depth.max(f64::MIN_POSITIVE)) * across.max(along)).log2()
     }
 
     /// The nearest level to this one that there is where a chunk is drawn, and the share of the next coarser one.
+    #[inline]
     pub fn levels(&self, node: usize, level: f64) -> (u8, f64) {
         let own = self.scene.meshes[node].node.key.level;
         let level = level.clamp(f64::from(own), f64::from(own) + (self.chains[node].len() - 1) as f64);
@@ -185,6 +188,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// The samples of a level around a place that a chunk, which is not coarser, holds; places beyond the rim count as on it.
+    #[inline]
     pub fn between(&self, node: usize, level: u8, [row, column]: [f64; 2]) -> Option<Between<'a>> {
         let (own, lattice) = (self.scene.meshes[node].node.key, self.scene.lattice);
         let tier = self.chains[node].get(usize::from(level.checked_sub(own.level)?)).copied().flatten()?;
@@ -412,6 +416,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// What is at a place of a triangle.
+    #[inline]
     fn met(&self, mesh: &Mesh, met: &Met, origin: DVec3) -> Hit {
         let Met { shown, at, triangle, frame, place: [u, v], is_membrane } = *met;
         let [p, q, s] = triangle.at;
@@ -617,6 +622,7 @@ impl<'a> Resolver<'a> {
         mesh.triangles(at[0], at[1]).map(|(triangle, _)| triangle).find(is_in).map(|triangle| (mesh, at, triangle))
     }
 
+    #[inline]
     fn coverage(&self, mesh: &Mesh, [row, column]: [usize; 2], triangle: &Triangle, place: [f64; 2]) -> f64 {
         if mesh.node.key.level == 0 || mesh.samples.coverage.is_empty() {
             return 1.0;
@@ -632,6 +638,7 @@ impl<'a> Resolver<'a> {
 }
 
 /// What each corner of a triangle counts at a place of its cell.
+#[inline]
 pub fn weights(corners: [usize; 3], [u, v]: [f64; 2]) -> [f64; 3] {
     match corners {
         [0, 1, 3] => [1.0 - u, u - v, v],

@@ -81,6 +81,7 @@ impl Sight {
     }
 
     /// The same with what many rays have in common.
+    #[inline]
     pub fn ray_through(&self, Lens { middle, focal }: &Lens, [x, y]: [f64; 2]) -> Option<(DVec3, DVec3)> {
         match self {
             Sight::Flat(view) => {
@@ -100,6 +101,7 @@ impl Sight {
     }
 
     /// The same with what many places have in common.
+    #[inline]
     pub fn project_through(&self, Lens { middle, focal }: &Lens, relative: DVec3) -> Option<([f64; 2], f64)> {
         match self {
             Sight::Flat(view) => {
@@ -129,6 +131,7 @@ impl Sight {
     }
 
     /// The same with what many places have in common.
+    #[inline]
     pub fn pixels_through(&self, Lens { focal, .. }: &Lens, depth: f64) -> f64 {
         match self {
             Sight::Flat(view) => match view.projection {

@@ -57,11 +57,13 @@ pub struct NodeSamples {
 
 impl NodeSamples {
     /// The coverage of a sample.
+    #[inline]
     pub fn coverage_at(&self, index: usize) -> u8 {
         self.coverage.get(index).copied().unwrap_or(u8::MAX)
     }
 
     /// The least and the largest height of what a sample stands for.
+    #[inline]
     pub fn range_at(&self, index: usize) -> [f32; 2] {
         self.ranges.get(index).copied().unwrap_or([self.heights.at(index) as f32; 2])
     }

@@ -93,6 +93,7 @@ impl Mesh {
     }
 
     /// The heights at a cell's corners.
+    #[inline]
     pub fn cell(&self, row: usize, column: usize) -> Cell {
         let first = row * self.samples.columns + column;
         let next = first + self.samples.columns;
@@ -104,12 +105,14 @@ impl Mesh {
     }
 
     /// The height of a sample that was measured, or of the membrane.
+    #[inline]
     pub fn surface_height(&self, index: usize) -> f64 {
         let own = self.height(index);
         self.fill.as_ref().filter(|_| own.is_nan()).map_or(own, |fill| fill[index])
     }
 
     /// The heights at a cell's corners, those of the membrane included.
+    #[inline]
     pub fn surface_cell(&self, row: usize, column: usize) -> Cell {
         let first = row * self.samples.columns + column;
         let next = first + self.samples.columns;
@@ -117,6 +120,7 @@ impl Mesh {
     }
 
     /// The triangles of a cell: those of what was measured, then the membrane's, of which `true` tells.
+    #[inline]
     pub fn triangles(&self, row: usize, column: usize) -> impl Iterator<Item = (Triangle, bool)> + use<> {
         let cell = self.cell(row, column);
         let (mut found, mut count) = ([None; 2], 0);
@@ -190,6 +194,7 @@ impl Mesh {
     }
 
     /// Whether a cell lies along a side.
+    #[inline]
     pub fn is_along(&self, side: usize, row: usize, column: usize) -> bool {
         match side {
             0 => row == 0,
@@ -213,6 +218,7 @@ impl Mesh {
     }
 
     /// Whether a measured sample is in none of its triangles. At full resolution: in none of T's.
+    #[inline]
     pub fn is_lone(&self, row: usize, column: usize) -> bool {
         let index = row * self.samples.columns + column;
         if self.samples.coverage.is_empty() || self.height(index).is_nan() {
