@@ -210,9 +210,9 @@ impl SurfaceNodes for PagedSurface {
         !locked(&self.damaged).keys.contains(&key)
     }
 
-    /// A share is left for the chunks that drawn ones lie in.
+    /// What a picture draws may take half more than what is kept between pictures.
     fn room(&self) -> u64 {
-        self.budget_bytes / 4 * 3
+        self.budget_bytes / 2 * 3
     }
 
     fn bytes(&self, key: ChunkKey) -> u64 {
