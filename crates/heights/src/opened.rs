@@ -123,6 +123,10 @@ impl Heights for OpenHeights {
     fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
         self.heights_in().plane(plane, window, out)
     }
+
+    fn rows_together(&self) -> u64 {
+        self.heights_in().rows_together()
+    }
 }
 
 /// What a page file's footer says of its field.

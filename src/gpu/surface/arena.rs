@@ -180,10 +180,10 @@ impl Meaning {
     fn packed(&self, samples: &NodeSamples) -> Vec<u32> {
         let count = samples.heights.len();
         let mut words = Vec::with_capacity(self.words as usize * count);
-        words.extend(samples.heights.iter().map(|height| counted(*height, self.reference).min(UNMEASURED).to_bits()));
+        words.extend(samples.heights.iter().map(|height| counted(height, self.reference).min(UNMEASURED).to_bits()));
         let signed = |part: f32| u32::from((part.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16);
-        words.extend(samples.normals.iter().map(|[x, y, _]| signed(*x) | signed(*y) << 16));
-        let up = |[_, _, z]: &[f32; 3]| (z.clamp(0.0, 1.0) * 65535.0).round() as u32;
+        words.extend(samples.normals.iter().map(|[x, y, _]| signed(x) | signed(y) << 16));
+        let up = |normal: [f32; 3]| (normal[2].clamp(0.0, 1.0) * 65535.0).round() as u32;
         let normals = samples.normals.iter().enumerate();
         words.extend(normals.map(|(index, normal)| up(normal) | u32::from(samples.coverage_at(index)) << 16));
         if !self.planes.is_empty() {
@@ -204,15 +204,16 @@ impl Meaning {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::surface::samples::{MeanNormal, SampleHeights, SampleNormals};
 
     #[test]
     fn samples_are_packed_as_shaders_read_them() {
         let samples = NodeSamples {
             rows: 1,
             columns: 2,
-            heights: vec![1001.5, f64::NAN],
+            heights: SampleHeights::of(&[1001.5, f64::NAN]),
             coverage: vec![7, 0],
-            normals: vec![[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]],
+            normals: SampleNormals::Parts([[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]].map(MeanNormal::new).to_vec()),
             ranges: Vec::new(),
             planes: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
             changes: Vec::new(),

@@ -276,10 +276,10 @@ fn border_of(mesh: &Mesh, reference: f64) -> Vec<u32> {
     if mesh.is_unchanged() {
         return Vec::new();
     }
-    let (rows, columns, heights) = (mesh.samples.rows, mesh.samples.columns, mesh.heights());
+    let (rows, columns) = (mesh.samples.rows, mesh.samples.columns);
     let along = [0, rows - 1].into_iter().flat_map(|row| (0..columns).map(move |column| row * columns + column));
     let down = [0, columns - 1].into_iter().flat_map(|column| (0..rows).map(move |row| row * columns + column));
-    along.chain(down).map(|index| counted(heights[index], reference).to_bits()).collect()
+    along.chain(down).map(|index| counted(mesh.height(index), reference).to_bits()).collect()
 }
 
 /// The triangles of the cells along sides of a chunk that finer ones add corners to.

@@ -174,23 +174,33 @@ pub(super) fn chains_of(band: &Band<'_>, levels: &[f64]) -> Vec<Chain> {
     let width = columns as usize;
     let mut stitch = Stitch::default();
     let mut done = Vec::new();
+    let (mut upper_below, mut lower_below) = (vec![0; width], vec![0; width]);
+    count_below(&band.heights[..width], levels, &mut lower_below);
     for (number, (upper, lower)) in
         band.heights.chunks_exact(width).zip(band.heights.chunks_exact(width).skip(1)).enumerate()
     {
         let row = band.first + number as u64;
-        for column in 0..width - 1 {
+        std::mem::swap(&mut upper_below, &mut lower_below);
+        count_below(lower, levels, &mut lower_below);
+        for (column, (up, low)) in upper_below.windows(2).zip(lower_below.windows(2)).enumerate() {
+            let below = [up[0], up[1], low[0], low[1]];
+            // Most cells have no line in them.
+            if below == [below[0]; 4] {
+                continue;
+            }
             let cell = Cell([upper[column], upper[column + 1], lower[column], lower[column + 1]]);
             let first = row * columns + column as u64;
             for triangle in cell.triangles() {
+                let own = triangle.corners.map(|corner| below[corner]);
+                let crossed = own[0].min(own[1]).min(own[2])..own[0].max(own[1]).max(own[2]);
+                if crossed.is_empty() {
+                    continue;
+                }
                 let corners = triangle
                     .corners
                     .map(|corner| (first + corner as u64 / 2 * columns + corner as u64 % 2, cell.0[corner]));
-                let (low, high) = corners.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), corner| {
-                    (low.min(corner.1), high.max(corner.1))
-                });
-                let from = levels.partition_point(|level| *level <= low);
-                for (level, &height) in levels.iter().enumerate().skip(from).take_while(|(_, level)| **level <= high) {
-                    let chain = segment(band.grid, corners, level as u32, height);
+                for level in crossed {
+                    let chain = segment(band.grid, corners, level, levels[level as usize]);
                     done.extend(stitch.add(chain));
                 }
             }
@@ -212,6 +222,20 @@ pub(super) fn chains_of(band: &Band<'_>, levels: &[f64]) -> Vec<Chain> {
         done.push(chain);
     }
     done
+}
+
+/// How many of the levels each height of a row is not below; of what was not measured any number.
+fn count_below(row: &[f64], levels: &[f64], out: &mut [u32]) {
+    // Neighbours are mostly between the same levels.
+    let (mut count, mut between) = (0, [f64::INFINITY, f64::NEG_INFINITY]);
+    for (out, &height) in out.iter_mut().zip(row) {
+        if !(between[0] <= height && height < between[1]) {
+            count = levels.partition_point(|level| *level <= height);
+            let before = count.checked_sub(1).map_or(f64::NEG_INFINITY, |before| levels[before]);
+            between = [before, levels.get(count).copied().unwrap_or(f64::INFINITY)];
+        }
+        *out = count as u32;
+    }
 }
 
 /// The part of a level's line in a triangle, of whose samples some are below and some are not.

@@ -80,6 +80,8 @@ pub fn levels([low, high]: [f64; 2], interval: f64, base: f64) -> Result<Vec<f64
 
 /// Samples of a band of rows, about.
 const BAND: u64 = 1 << 17;
+/// Samples that are read at once, at most, where rows are read together.
+const READ: u64 = 1 << 24;
 
 /// Gives all lines of T at levels, in an order that depends on the field alone. Lines that end are given and forgotten while the field is read;
 /// those that go on from band to band are kept meanwhile.
@@ -98,23 +100,32 @@ pub fn contours(
     let cell_rows = grid.rows - 1;
     // Of many levels there may be many lines in a row.
     let height = (BAND / grid.columns / (1 + levels.len() as u64 / 16)).clamp(1, 1024);
-    let together = (2 * rayon::current_num_threads()) as u64;
-    let read = |first: u64| -> Result<(u64, Vec<Chain>), HeightError> {
-        let rows = height.min(cell_rows - first);
-        let mut values = vec![0.0; ((rows + 1) * grid.columns) as usize];
-        heights.heights(Window::rows(grid, first, rows + 1), &mut values)?;
-        Ok((first + rows, chains_of(&Band { grid, first, heights: &values }, &levels)))
-    };
+    // Rows that are read together are read once, as far as there is room for them. Where bands begin depends on the field alone.
+    let together = heights.rows_together().min(READ / grid.columns).max(1);
+    let height = if height > together { height - height % together } else { height };
+    let read = if together > height { together } else { 2 * height * rayon::current_num_threads() as u64 };
     let mut stitch = Stitch::default();
     let mut give = |chain: Chain| match line_of(chain, &levels) {
         Some(line) => each(line),
         None => Ok(()),
     };
+    let mut values = Vec::new();
     let mut at = 0;
     while at < cell_rows {
-        let firsts: Vec<u64> =
-            (0..together).map(|number| at + number * height).filter(|first| *first < cell_rows).collect();
-        let bands: Vec<(u64, Vec<Chain>)> = firsts.into_par_iter().map(read).collect::<Result<_, _>>()?;
+        let end = ((at / read + 1) * read).min(cell_rows);
+        values.resize(((end - at + 1) * grid.columns) as usize, 0.0);
+        read_rows(heights, at, &mut values)?;
+        let bands: Vec<(u64, Vec<Chain>)> = (at..end)
+            .step_by(height as usize)
+            .collect::<Vec<u64>>()
+            .into_par_iter()
+            .map(|first| {
+                let rows = height.min(end - first);
+                let own = ((first - at) * grid.columns) as usize;
+                let heights = &values[own..own + ((rows + 1) * grid.columns) as usize];
+                (first + rows, chains_of(&Band { grid, first, heights }, &levels))
+            })
+            .collect();
         for (bottom, chains) in bands {
             for chain in chains {
                 if let Some(done) = stitch.add(chain) {
@@ -125,9 +136,24 @@ pub fn contours(
                 give(done)?;
             }
         }
-        at += together * height;
+        at = end;
     }
     Ok(())
+}
+
+/// Reads whole rows from one on; those of sources that know no rows together by as many threads as there are.
+fn read_rows(heights: &dyn Heights, first: u64, out: &mut [f64]) -> Result<(), HeightError> {
+    let grid = heights.grid();
+    let columns = grid.columns as usize;
+    let rows = out.len() / columns;
+    let some = match heights.rows_together() {
+        1 => rows.div_ceil(rayon::current_num_threads().max(1)),
+        _ => rows,
+    };
+    out.par_chunks_mut(some * columns).enumerate().try_for_each(|(number, out)| {
+        let rows = (out.len() / columns) as u64;
+        heights.heights(Window::rows(grid, first + (number * some) as u64, rows), out)
+    })
 }
 
 /// A chain as a line; `None` where it is a point: a summit exactly at the level.

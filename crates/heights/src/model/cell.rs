@@ -21,6 +21,7 @@ pub struct Triangle {
 
 impl Cell {
     /// Its triangles: two, one or none.
+    #[inline]
     pub fn triangles(&self) -> impl Iterator<Item = Triangle> {
         let [a, b, d, e] = self.0;
         let valid = self.0.map(|height| !height.is_nan());
@@ -47,6 +48,7 @@ impl Cell {
     }
 
     /// How many corners are measured.
+    #[inline]
     pub fn measured(&self) -> usize {
         self.0.iter().filter(|height| !height.is_nan()).count()
     }

@@ -70,6 +70,11 @@ pub trait Heights: Sync {
     /// As [`Heights::stored`].
     fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError>;
 
+    /// How many rows, from a multiple of that number on, cost no more to read than one of them.
+    fn rows_together(&self) -> u64 {
+        1
+    }
+
     /// The heights of a window, in [`HeightGrid::height_unit`]; NaN where nothing was measured.
     ///
     /// # Errors

@@ -290,6 +290,10 @@ impl Heights for HeightFile {
         self.gather(window, out, f64::NAN, |chunk| (chunk.held, chunk.stored))
     }
 
+    fn rows_together(&self) -> u64 {
+        self.lattice.side()
+    }
+
     fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
         if plane >= self.about.grid.planes.len() {
             let expected = format!("one of {} planes, found number {plane}", self.about.grid.planes.len());

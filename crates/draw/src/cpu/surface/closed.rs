@@ -5,6 +5,7 @@
 
 use super::photo::PhotoTiles;
 use super::placed::Placed;
+use super::samples::{MeanNormal, SampleHeights, SampleNormals};
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
@@ -43,8 +44,8 @@ impl<'a> Closed<'a> {
         let (mut last_column, mut first_column, mut coverage) = (Vec::new(), Vec::new(), [u8::MAX, 0]);
         for row in 0..own.rows {
             let at = row * first.columns;
-            last_column.push(own.heights[(row + 1) * own.columns - 1]);
-            first_column.push(*first.heights.get(at)?);
+            last_column.push(own.heights.get((row + 1) * own.columns - 1)?);
+            first_column.push(first.heights.get(at)?);
             let share = first.coverage_at(at);
             coverage = [coverage[0].min(share), coverage[1].max(share)];
         }
@@ -138,12 +139,16 @@ impl SurfaceNodes for Closed<'_> {
             }
             all
         }
+        let heights = [&own.heights, &first.heights].map(|heights| heights.iter().collect::<Vec<f64>>());
+        let normals =
+            [&own.normals, &first.normals].map(|normals| normals.iter().map(MeanNormal::new).collect::<Vec<_>>());
+        let normals = joined([&normals[0], &normals[1]], widths, rows, None);
         Some(Arc::new(NodeSamples {
             rows,
             columns: own.columns + 1,
-            heights: joined([&own.heights, &first.heights], widths, rows, None),
+            heights: SampleHeights::of(&joined([&heights[0], &heights[1]], widths, rows, None)),
             coverage: joined([&own.coverage, &first.coverage], widths, rows, Some(u8::MAX)),
-            normals: joined([&own.normals, &first.normals], widths, rows, None),
+            normals: SampleNormals::Parts(normals),
             ranges: joined([&own.ranges, &first.ranges], widths, rows, None),
             planes: own
                 .planes
@@ -157,6 +162,14 @@ impl SurfaceNodes for Closed<'_> {
 
     fn is_there(&self, key: ChunkKey) -> bool {
         self.source.is_there(key) && self.first(key).is_none_or(|first| self.source.is_there(first))
+    }
+
+    fn room(&self) -> u64 {
+        self.source.room()
+    }
+
+    fn bytes(&self, key: ChunkKey) -> u64 {
+        self.source.bytes(key)
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {

@@ -62,16 +62,23 @@ impl SurfaceNodes for Grown<'_> {
             return Some(samples);
         }
         let mut grown = NodeSamples::clone(&samples);
-        for (height, coverage) in grown.heights.iter_mut().zip(&mut grown.coverage) {
-            if *coverage < u8::MAX {
-                (*height, *coverage) = (f64::NAN, 0);
-            }
+        for (index, coverage) in grown.coverage.iter_mut().enumerate().filter(|(_, coverage)| **coverage < u8::MAX) {
+            grown.heights.open(index);
+            *coverage = 0;
         }
         Some(Arc::new(grown))
     }
 
     fn is_there(&self, key: ChunkKey) -> bool {
         self.0.is_there(key)
+    }
+
+    fn room(&self) -> u64 {
+        self.0.room()
+    }
+
+    fn bytes(&self, key: ChunkKey) -> u64 {
+        self.0.bytes(key)
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {

@@ -19,12 +19,19 @@ pub struct Facets {
     up: f64,
 }
 
+/// So many deviations off nearly nothing of a normal distribution is.
+const FAR: f64 = 6.5;
+
 /// The mean of a normal distribution's positive part, and the share of it that is positive.
 fn positive(mean: f64, deviation: f64) -> [f64; 2] {
     if deviation <= 1e-9 * mean.abs() {
         return [mean.max(0.0), if mean > 0.0 { 1.0 } else { 0.0 }];
     }
     let place = mean / deviation;
+    // What is further off is less than a part in 10^9.
+    if place > FAR {
+        return [mean, 1.0];
+    }
     let share = 0.5 * libm::erfc(-place * FRAC_1_SQRT_2);
     let density = (-0.5 * place * place).exp() / (2.0 * PI).sqrt();
     [mean * share + deviation * density, share]

@@ -108,6 +108,7 @@ impl Ramp {
     }
 
     /// The colour at a place from 0 to 1.
+    #[inline]
     pub fn at(&self, place: f64) -> [f32; 3] {
         let last = self.colors.len() - 1;
         let at = place.clamp(0.0, 1.0) * last as f64;

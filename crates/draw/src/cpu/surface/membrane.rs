@@ -46,7 +46,7 @@ impl Scene {
             let found: Vec<(ChunkKey, Vec<f64>)> = level
                 .par_iter()
                 .filter_map(|key| {
-                    let samples = self.samples(*key).filter(|samples| samples.heights.iter().any(|h| h.is_nan()))?;
+                    let samples = self.samples(*key).filter(|samples| samples.heights.iter().any(f64::is_nan))?;
                     Some((*key, self.completed(*key, samples, &complete)))
                 })
                 .collect();
@@ -56,20 +56,18 @@ impl Scene {
     }
 
     fn completed(&self, key: ChunkKey, samples: &NodeSamples, complete: &Complete) -> Vec<f64> {
-        let mut heights = samples.heights.clone();
+        let mut heights: Vec<f64> = samples.heights.iter().collect();
         let top = self.lattice.top();
         if key.level >= top {
             fill_grid(&mut heights, samples.columns);
             return heights;
         }
         let parent = key.ancestor(key.level + 1);
-        let Some(coarse) = complete.get(&parent).or_else(|| Some(&self.samples(parent)?.heights)) else {
-            return heights;
-        };
+        let Some(coarse) = heights_of(complete.get(&parent), self.samples(parent)) else { return heights };
         let [rows, columns] = [0, 1].map(|axis| self.lattice.places(key, axis));
         for (index, height) in heights.iter_mut().enumerate().filter(|(_, height)| height.is_nan()) {
             let at = [rows[index / samples.columns], columns[index % samples.columns]];
-            *height = between(&self.lattice, parent, coarse, at);
+            *height = between(&self.lattice, parent, &coarse, at);
         }
         heights
     }
@@ -90,16 +88,29 @@ impl Scene {
             // Chunks are sorted by their level.
             let Some(coarse) = beside.max().map(|number| &self.meshes[number]) else { continue };
             if coarse.node.key.level > mesh.node.key.level {
-                let heights = complete.get(&coarse.node.key).unwrap_or(&coarse.samples.heights);
-                laid.push((r * wide + c, between(&self.lattice, coarse.node.key, heights, place)));
+                let own = complete.get(&coarse.node.key);
+                let Some(heights) = heights_of(own, Some(&coarse.samples)) else { continue };
+                laid.push((r * wide + c, between(&self.lattice, coarse.node.key, &heights, place)));
             }
         }
         laid
     }
 }
 
+/// The heights of a chunk: filled, or as its samples have them.
+fn heights_of<'a>(
+    filled: Option<&'a Vec<f64>>,
+    samples: Option<&'a NodeSamples>,
+) -> Option<Box<dyn Fn(usize) -> f64 + 'a>> {
+    match (filled, samples) {
+        (Some(filled), _) => Some(Box::new(|index| filled[index])),
+        (None, Some(samples)) => Some(Box::new(|index| samples.heights.at(index))),
+        (None, None) => None,
+    }
+}
+
 /// The height of a chunk's surface between its samples.
-fn between(lattice: &Lattice, key: ChunkKey, heights: &[f64], place: [u64; 2]) -> f64 {
+fn between(lattice: &Lattice, key: ChunkKey, heights: impl Fn(usize) -> f64, place: [u64; 2]) -> f64 {
     let [(row, down), (column, right)] = [0, 1].map(|axis| {
         let (first, count) = lattice.span(key, axis);
         let cell = lattice.cell_at(axis, key.level.into(), place[axis] as f64);
@@ -115,7 +126,7 @@ fn between(lattice: &Lattice, key: ChunkKey, heights: &[f64], place: [u64; 2]) -
         _ => (1.0 - share) * from + share * to,
     };
     let first = row * columns + column;
-    let line = |first: usize| mixed(heights[first], heights[first + 1], right);
+    let line = |first: usize| mixed(heights(first), heights(first + 1), right);
     match down {
         0.0 => line(first),
         1.0 => line(first + columns),
@@ -174,7 +185,7 @@ fn spanned(source: &dyn SurfaceNodes, mesh: &Mesh, spans: [f64; 2]) -> Vec<bool>
         let index = |line: usize, at: usize| if axis == 0 { at * columns + line } else { line * columns + at };
         let [before, after] = [false, true].map(|is_after| beyond(source, mesh.node.key, axis, is_after, span));
         for line in 0..lines {
-            let measured = |at: usize| !mesh.samples.heights[index(line, at)].is_nan();
+            let measured = |at: usize| !mesh.samples.heights.at(index(line, at)).is_nan();
             let mut last = before[line];
             let mut at = 0;
             while at < places.len() {
@@ -220,7 +231,7 @@ fn beyond(source: &dyn SurfaceNodes, key: ChunkKey, axis: usize, is_after: bool,
         let places = lattice.places(key, axis);
         let height = |line: usize, at: usize| {
             let index = if axis == 0 { at * samples.columns + line } else { line * samples.columns + at };
-            samples.heights[index]
+            samples.heights.at(index)
         };
         open.retain(|line| {
             let is_measured = |at: &usize| !height(*line, *at).is_nan();

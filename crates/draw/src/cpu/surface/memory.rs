@@ -1,6 +1,7 @@
 //! The quadtree of a field in memory: what a page file holds, worked out at once. For tests, small sources, and as what page files are held
 //! against.
 
+use super::samples::{MeanNormal, SampleHeights, SampleNormals};
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use crate::color::colors::to_linear;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
@@ -314,9 +315,9 @@ impl SurfaceNodes for MemorySurface {
         Some(Arc::new(NodeSamples {
             rows,
             columns,
-            heights: indices.clone().map(|at| level.heights[at]).collect(),
+            heights: SampleHeights::of(&indices.clone().map(|at| level.heights[at]).collect::<Vec<f64>>()),
             coverage: if coverage.iter().all(|share| *share == u8::MAX) { Vec::new() } else { coverage },
-            normals: indices.clone().map(|at| level.stands[at].normal).collect(),
+            normals: SampleNormals::Parts(indices.clone().map(|at| MeanNormal::new(level.stands[at].normal)).collect()),
             ranges: match key.level {
                 0 => Vec::new(),
                 _ => indices.clone().map(|at| level.stands[at].range).collect(),

@@ -22,6 +22,7 @@ pub mod raster;
 pub mod rays;
 pub mod resolve;
 mod rims;
+pub mod samples;
 pub mod select;
 pub mod shade;
 pub mod sight;

@@ -10,10 +10,12 @@ mod tests;
 use super::photo::PhotoTiles;
 use super::picture::{SurfaceOptions, chosen};
 use super::placed::Placed;
+use super::samples::MeanNormal;
 use super::sight::Sight;
 use super::since::Since;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use decode::Decoder;
+use deepfield_data::model::{SampleType, Scale};
 use deepfield_data::store::error::Damage;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
 use deepfield_heights::hierarchy::photo::TileKey;
@@ -167,11 +169,22 @@ impl PagedSurface {
         }
     }
 
-    /// About how many bytes a chunk takes when it is decoded.
+    /// About how many bytes a chunk takes when it is decoded, at most.
     fn bytes_of(&self, key: ChunkKey) -> u64 {
         let [rows, columns] = [0, 1].map(|axis| self.lattice.span(key, axis).1 as u64);
-        let singles = self.file.about().grid.planes.len() as u64 + u64::from(self.since.is_some());
-        rows * columns * (8 + 12 + 1 + 4 * singles)
+        let (grid, facts) = (&self.file.about().grid, &self.file.about().facts);
+        let is_whole = facts.valid == grid.samples();
+        let height = match grid.sample_type {
+            _ if grid.scale != Scale::NONE => 8,
+            SampleType::I8 | SampleType::U8 | SampleType::I16 if is_whole => 2,
+            SampleType::I32 | SampleType::U32 | SampleType::F64 => 8,
+            _ => 4,
+        };
+        let is_as_kept = key.level > 0 && self.decoder.keeps_normals();
+        let normal = if is_as_kept { 3 } else { size_of::<MeanNormal>() as u64 };
+        let coverage = u64::from(!is_whole);
+        let singles = grid.planes.len() as u64 + u64::from(self.since.is_some());
+        rows * columns * (height + normal + coverage + 4 * singles)
     }
 
     fn has(&self, key: ChunkKey) -> bool {
@@ -223,6 +236,15 @@ impl SurfaceNodes for PagedSurface {
 
     fn is_there(&self, key: ChunkKey) -> bool {
         !locked(&self.damaged).keys.contains(&key)
+    }
+
+    /// What a picture draws may take half more than what is kept between pictures.
+    fn room(&self) -> u64 {
+        self.budget_bytes / 2 * 3
+    }
+
+    fn bytes(&self, key: ChunkKey) -> u64 {
+        self.bytes_of(key)
     }
 
     fn photo(&self) -> Option<&dyn PhotoTiles> {
@@ -284,9 +306,9 @@ fn bytes_of(samples: &NodeSamples) -> u64 {
     let NodeSamples { heights, coverage, normals, ranges, planes, changes, .. } = samples;
     let planes: usize = planes.iter().map(|plane| size_of_val(plane.as_slice())).sum();
     let others = [
-        size_of_val(heights.as_slice()),
+        heights.bytes(),
         coverage.len(),
-        size_of_val(normals.as_slice()),
+        normals.bytes(),
         size_of_val(ranges.as_slice()),
         size_of_val(changes.as_slice()),
     ];

@@ -257,7 +257,7 @@ pub fn counted(scene: &Scene) -> [u64; 3] {
         }
         let samples = || (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
         let is_point = |&(row, column): &(usize, usize)| {
-            is_points && !mesh.is_on_laid(row, column) && !mesh.heights()[row * columns + column].is_nan()
+            is_points && !mesh.is_on_laid(row, column) && !mesh.height(row * columns + column).is_nan()
                 || mesh.is_lone(row, column)
         };
         let cells = samples().filter(|(row, column)| row + 1 < rows && column + 1 < columns);

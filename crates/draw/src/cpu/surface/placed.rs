@@ -66,8 +66,9 @@ pub struct GridRay {
 
 impl GridRay {
     /// Column, row and height at a parameter.
+    #[inline]
     pub fn at(&self, t: f64) -> [f64; 3] {
-        std::array::from_fn(|axis| t.mul_add(self.direction[axis], self.origin[axis]))
+        std::array::from_fn(|axis| t * self.direction[axis] + self.origin[axis])
     }
 
     /// Where it meets a plane that has a height at a row and a column, and to which a column and a row add the two of `slope`: column, row and
@@ -125,19 +126,21 @@ impl Placed {
     }
 
     /// Whether rows, columns and heights are straight axes of the world.
+    #[inline]
     pub fn is_flat(&self) -> bool {
         !matches!(self.map, Map::Globe(_))
     }
 
     /// World `z` of a height, or what stands above a globe's radius.
+    #[inline]
     pub fn lifted(&self, height: f64) -> f64 {
-        self.lift.mul_add(height, self.zero)
+        self.lift * height + self.zero
     }
 
     /// A place of the surface in the world, with fractions of rows and columns.
+    #[inline]
     pub fn world(&self, row: f64, column: f64, height: f64) -> DVec3 {
-        let x = column.mul_add(self.step[0], self.origin[0]);
-        let y = row.mul_add(self.step[1], self.origin[1]);
+        let [x, y] = [column * self.step[0] + self.origin[0], row * self.step[1] + self.origin[1]];
         match self.map {
             Map::Globe(globe) => DVec3::from(globe.place(x, y, self.lifted(height))),
             _ => DVec3::new(x, y, self.lifted(height)),
@@ -171,6 +174,7 @@ impl Placed {
     }
 
     /// The same ray in the field's coordinates; `None` for a globe.
+    #[inline]
     pub fn ray(&self, origin: DVec3, direction: DVec3) -> Option<GridRay> {
         self.is_flat().then(|| GridRay {
             origin: [
@@ -205,6 +209,7 @@ impl Placed {
     }
 
     /// The longest distance between neighbours along rows and along columns, world units.
+    #[inline]
     pub fn spacing(&self) -> [f64; 2] {
         match self.map {
             Map::Globe(globe) => self.step.map(|degrees| degrees.abs().to_radians() * globe.curvature()[1]),
@@ -257,15 +262,43 @@ impl Vantage {
     }
 
     /// Where a sample is from the eye.
+    #[inline]
     pub fn relative(&self, row: u64, column: u64, height: f64) -> DVec3 {
         if !self.placed.is_flat() {
             // The same place to the last bit on both sides of the seam.
             let column = if self.placed.around == Some(column) { 0 } else { column };
             return self.placed.world(row as f64, column as f64, height) - self.eye;
         }
-        let [x, y] = [(column, 0), (row, 1)]
-            .map(|(index, k)| (index as f64 - self.anchor[k]).mul_add(self.placed.step[k], self.away[k]));
-        DVec3::new(x, y, self.placed.lifted(height) - self.eye.z)
+        DVec3::new(self.x(column), self.y(row), self.z(height))
+    }
+
+    /// Whether a sample's place is one of its column, one of its row and one of its height.
+    #[inline]
+    pub fn is_flat(&self) -> bool {
+        self.placed.is_flat()
+    }
+
+    /// Where a column of a flat field is from the eye.
+    #[inline]
+    pub fn x(&self, column: u64) -> f64 {
+        (column as f64 - self.anchor[0]) * self.placed.step[0] + self.away[0]
+    }
+
+    /// Where a row of a flat field is from the eye.
+    #[inline]
+    pub fn y(&self, row: u64) -> f64 {
+        (row as f64 - self.anchor[1]) * self.placed.step[1] + self.away[1]
+    }
+
+    /// Where a height of a flat field is from the eye.
+    #[inline]
+    pub fn z(&self, height: f64) -> f64 {
+        self.placed.lifted(height) - self.eye.z
+    }
+
+    /// Where a sample is in the world.
+    pub fn world(&self, row: u64, column: u64, height: f64) -> DVec3 {
+        self.placed.world(row as f64, column as f64, height)
     }
 }
 

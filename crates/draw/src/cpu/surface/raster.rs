@@ -11,13 +11,18 @@
 //!
 //! What is nearest is kept, among equals the least number, by an atomic minimum: the picture is the same for any number of threads.
 
+mod line;
+
 use super::placed::Vantage;
 use super::select::Primitive;
 use super::sight::Sight;
 use super::stitch::{Mesh, Scene};
-use crate::view::{Projection, View};
+use crate::model::Bounds;
+use crate::view::{Extent, Projection, View};
 use glam::DVec3;
+use line::{Across, Line, part};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bits of a pixel's part.
@@ -30,6 +35,10 @@ const FURTHEST: f64 = (1_i64 << 60) as f64;
 const FAR: f64 = 1e9;
 /// Rows of cells that one task draws.
 const BAND: usize = 32;
+/// Columns of cells of which it is looked whether any is in the picture.
+const BLOCK: usize = 32;
+/// Pixels beside the picture within which what is drawn may reach into it: half of the largest point, and what is rounded.
+const PADDING: u32 = 8;
 
 /// Which triangle or point a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -112,6 +121,11 @@ impl Visibility {
         (value != u64::MAX).then(|| Shown::unpack(value as u32))
     }
 
+    /// Whether a pixel shows anything.
+    pub fn is_shown(&self, index: usize) -> bool {
+        self.cells[index].load(Ordering::Relaxed) != u64::MAX
+    }
+
     /// Keeps the nearer of what is there and this; `depth` is not negative.
     pub fn put(&self, index: usize, depth: f64, number: u32) {
         // Positive floats sort as their bits do.
@@ -125,7 +139,15 @@ impl Visibility {
 
 impl Visibility {
     /// Keeps the nearer of what is there and a point, in a square of pixels about its place in parts of pixels.
+    #[inline(always)]
     fn put_square(&self, place: [i64; 2], side: u32, depth: f64, number: u32) {
+        if side == 1 {
+            let [x, y] = place.map(|place| (place >> FRACTION) as usize);
+            if x < self.width && y < self.height {
+                self.put(y * self.width + x, depth, number);
+            }
+            return;
+        }
         let side = i64::from(side);
         let [left, top] = place.map(|place| (place - (side - 1) * ONE / 2) >> FRACTION);
         for y in top.max(0)..(top + side).min(self.height as i64) {
@@ -150,7 +172,12 @@ struct Corner {
 struct Raster<'a> {
     view: &'a View,
     vantage: Vantage,
+    /// What is drawn of chunks that are cut at the picture's border.
+    padded: View,
     near: f64,
+    /// Pixels of a length of 1 at a depth of 1, in pictures without perspective at any.
+    focal: f64,
+    middle: [f64; 2],
     is_perspective: bool,
     clips: bool,
     /// Pixels of a point's side, and of that of a sample in no triangle.
@@ -169,8 +196,18 @@ pub fn draw(scene: &Scene, view: &View, picture: &Visibility, sides: [u32; 2]) -
         .flat_map(|(number, mesh)| (0..mesh.samples.rows - 1).step_by(BAND).map(move |row| (number, row)))
         .collect();
     draw_poles(scene, view, picture);
-    let counts = bands.par_iter().map(|(number, row)| raster.band(&scene.meshes[*number], *number, *row));
+    let band =
+        |lines: &mut Lines, (number, row): &(usize, usize)| raster.band(&scene.meshes[*number], *number, *row, lines);
+    let counts = bands.par_iter().map_init(Lines::default, band);
     counts.reduce(|| [0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]))
+}
+
+/// What a task draws with: two rows of samples.
+#[derive(Default)]
+struct Lines {
+    across: Across,
+    above: Line,
+    below: Line,
 }
 
 /// Draws the triangles that close a globe's poles.
@@ -186,7 +223,7 @@ pub fn draw_poles(scene: &Scene, view: &View, picture: &Visibility) {
             let relative = scene.placed.pole(pole.latitude, pole.height) - view.eye;
             let top = raster.seen(relative);
             let corner = |column: usize| {
-                let height = mesh.heights()[row * mesh.samples.columns + column];
+                let height = mesh.height(row * mesh.samples.columns + column);
                 (!height.is_nan()).then(|| raster.corner(mesh.rows[row], mesh.columns[column], height))
             };
             for column in 0..mesh.samples.columns - 1 {
@@ -210,7 +247,7 @@ pub fn draw_lone(scene: &Scene, sight: &Sight, picture: &Visibility, side: u32) 
                     continue;
                 }
                 count += 1;
-                let height = mesh.heights()[row * mesh.samples.columns + column];
+                let height = mesh.height(row * mesh.samples.columns + column);
                 let relative = vantage.relative(mesh.rows[row], mesh.columns[column], height);
                 if let Some((place, depth)) = sight.project(relative)
                     && sight.cut().keeps(relative + sight.eye())
@@ -233,109 +270,214 @@ impl<'a> Raster<'a> {
         // A thousandth of a sample before the eye.
         let near = if is_perspective { 1e-3 * x.min(y) } else { 0.0 };
         let vantage = Vantage::new(&scene.placed, view.eye);
-        Raster { view, vantage, near, is_perspective, clips: view.cut.clips(), sides: [1; 2], picture }
+        let (focal, middle, clips) = (view.focal_pixels(), view.middle(), view.cut.clips());
+        let padded = view.padded(PADDING);
+        Raster { view, vantage, padded, near, focal, middle, is_perspective, clips, sides: [1; 2], picture }
     }
 
     fn corner(&self, row: u64, column: u64, height: f64) -> Corner {
         self.seen(self.vantage.relative(row, column, height))
     }
 
+    /// The picture's directions: right, up, forward.
+    fn ways(&self) -> [DVec3; 3] {
+        [self.view.right, self.view.up, self.view.forward]
+    }
+
     /// A place that is so far from the eye.
     fn seen(&self, relative: DVec3) -> Corner {
-        let View { right, up, forward, .. } = self.view;
-        self.placed(DVec3::new(relative.dot(*right), relative.dot(*up), relative.dot(*forward)))
+        self.placed(DVec3::from_array(self.ways().map(|way| relative.dot(way))))
     }
 
     fn placed(&self, camera: DVec3) -> Corner {
         if camera.z < self.near || camera.z.is_nan() {
             return Corner { camera, place: [0; 2], linear: 0.0 };
         }
-        let [x, y] = self.view.to_pixels(camera).unwrap_or_default();
-        let part = |pixels: f64| (pixels * ONE as f64).round().clamp(-FURTHEST, FURTHEST) as i64;
+        let scale = if self.is_perspective { self.focal / camera.z } else { self.focal };
+        let place = [part(self.middle[0] + camera.x * scale), part(self.middle[1] - camera.y * scale)];
         let linear = if self.is_perspective { 1.0 / camera.z } else { camera.z };
-        Corner { camera, place: [part(x), part(y)], linear }
+        Corner { camera, place, linear }
     }
 
-    fn band(&self, mesh: &Mesh, number: usize, first: usize) -> [u64; 3] {
-        let (rows, columns) = (mesh.samples.rows, mesh.samples.columns);
-        let last = (first + BAND).min(rows - 1);
-        let heights = mesh.heights();
-        let line = |row: usize| -> Vec<Corner> {
-            let each = |column: usize| {
-                self.corner(mesh.rows[row], mesh.columns[column], mesh.surface_height(row * columns + column))
-            };
-            (0..columns).map(each).collect()
+    /// The columns of a band's samples that may be in the picture.
+    fn columns(&self, mesh: &Mesh, rows: [usize; 2]) -> Range<usize> {
+        let last = mesh.samples.columns - 1;
+        let facts = &mesh.node.facts;
+        // A membrane may be higher than what was measured.
+        let is_known = self.vantage.is_flat() && mesh.fill.is_none() && facts.min <= facts.max;
+        if !is_known {
+            return 0..last + 1;
+        }
+        let heights = [facts.min - mesh.node.added, facts.max + mesh.node.added];
+        let is_seen = |first: &usize| {
+            let ends = [*first, (first + BLOCK).min(last)];
+            let corners = [0, 1]
+                .map(|end| self.vantage.world(mesh.rows[rows[end]], mesh.columns[ends[end]], heights[end]).to_array());
+            self.padded.sees(&Extent { bounds: Bounds::of(corners), margin: 0.0 })
         };
-        let is_points = mesh.node.primitive == Primitive::Points;
-        let (mut points, mut triangles, mut samples) = (0, 0, 0);
-        let has_lone = !mesh.samples.coverage.is_empty();
-        let has_extras = mesh.extras.iter().any(|side| !side.is_empty());
-        let mut above = line(first);
+        let first = (0..last).step_by(BLOCK).find(is_seen);
+        let end = (0..last).step_by(BLOCK).rev().find(is_seen);
+        match (first, end) {
+            (Some(first), Some(end)) => first..(end + BLOCK).min(last) + 1,
+            _ => 0..0,
+        }
+    }
+
+    fn band(&self, mesh: &Mesh, number: usize, first: usize, lines: &mut Lines) -> [u64; 3] {
+        let (rows, last) = (mesh.samples.rows, (first + BAND).min(mesh.samples.rows - 1));
+        let columns = self.columns(mesh, [first, last]);
+        if columns.is_empty() {
+            return [0; 3];
+        }
+        let Lines { across, above, below } = lines;
+        if self.vantage.is_flat() {
+            across.fill(self, &mesh.columns[columns.clone()]);
+        }
+        above.fill(self, mesh, first, &columns, across);
+        let [mut samples, mut points, mut triangles] = [0; 3];
         for row in first..=last {
             // The last row belongs to the next band, but for the chunk's last.
             if row < last || row + 1 == rows {
-                samples += columns as u64;
-                for (column, corner) in above.iter().enumerate() {
-                    let is_lone = has_lone && mesh.is_lone(row, column);
-                    let is_point =
-                        is_points && !mesh.is_on_laid(row, column) && !heights[row * columns + column].is_nan();
-                    if is_point || is_lone {
-                        points += 1;
-                        let side = self.sides[usize::from(is_lone)];
-                        self.point(corner, Shown { node: number, at: [row, column], slot: None }, side);
-                    }
-                }
+                samples += columns.len() as u64;
+                points += self.points(mesh, number, row, &columns, above);
             }
             if row == last {
                 break;
             }
-            let below = line(row + 1);
-            for column in 0..columns - 1 {
-                let is_dotted = is_points && !mesh.is_strip(row, column);
-                if is_dotted && mesh.fill.is_none() {
-                    continue;
-                }
-                let at = [row, column];
-                let shown = |slot: usize| Shown { node: number, at, slot: Some(slot) }.pack();
-                let is_fan = has_extras && !is_dotted && (0..4).any(|side| mesh.is_along(side, row, column));
-                if is_fan {
-                    mesh.fan(at, |slot, corners| {
-                        let corners = corners.map(|(row, column, height)| self.corner(row, column, height));
-                        self.triangle(corners, shown(slot));
-                    });
-                }
-                let corners = [above[column], above[column + 1], below[column], below[column + 1]];
-                for (slot, (triangle, is_membrane)) in mesh.triangles(row, column).enumerate() {
-                    if is_dotted && !is_membrane {
-                        continue;
-                    }
-                    triangles += u64::from(!is_membrane);
-                    if is_membrane || !is_fan {
-                        self.triangle(triangle.corners.map(|corner| corners[corner]), shown(slot));
-                    }
-                }
-            }
-            above = below;
+            below.fill(self, mesh, row + 1, &columns, across);
+            triangles += self.cells(mesh, number, row, &columns, [above, below]);
+            std::mem::swap(above, below);
         }
         [samples, points, triangles]
     }
 
-    fn point(&self, corner: &Corner, shown: Shown, side: u32) {
-        if corner.camera.z < self.near || corner.camera.z.is_nan() {
+    /// Draws the points of a row, and says how many there are.
+    fn points(&self, mesh: &Mesh, number: usize, row: usize, columns: &Range<usize>, line: &Line) -> u64 {
+        let (rows, all) = (mesh.samples.rows, mesh.samples.columns);
+        let number_of = |column: usize| Shown { node: number, at: [row, column], slot: None }.pack();
+        let mut count = 0;
+        let is_laid = mesh.is_laid[0] && row == 0 || mesh.is_laid[1] && row + 1 == rows;
+        if mesh.node.primitive == Primitive::Points && !is_laid {
+            let from = columns.start.max(usize::from(mesh.is_laid[2]));
+            let to = columns.end.min(all - usize::from(mesh.is_laid[3]));
+            let first = number_of(0);
+            for column in from..to {
+                let (index, is_membrane) = (column - columns.start, mesh.fill.is_some());
+                if line.depths()[index].is_nan() || is_membrane && mesh.height(row * all + column).is_nan() {
+                    continue;
+                }
+                count += 1;
+                self.point(line, index, first + column as u32, self.sides[0]);
+            }
+        }
+        if !mesh.samples.coverage.is_empty() {
+            for column in columns.clone().filter(|column| mesh.is_lone(row, *column)) {
+                let is_drawn = mesh.node.primitive == Primitive::Points && !mesh.is_on_laid(row, column);
+                count += u64::from(!is_drawn);
+                self.point(line, column - columns.start, number_of(column), self.sides[1]);
+            }
+        }
+        count
+    }
+
+    /// Draws the cells between two rows of samples, and says how many triangles there are.
+    fn cells(&self, mesh: &Mesh, number: usize, row: usize, columns: &Range<usize>, lines: [&Line; 2]) -> u64 {
+        let last = [mesh.samples.rows - 2, mesh.samples.columns - 2];
+        let cells = columns.start..columns.end - 1;
+        let is_points = mesh.node.primitive == Primitive::Points;
+        let is_strip = mesh.is_laid[0] && row == 0 || mesh.is_laid[1] && row == last[0];
+        if is_points && mesh.fill.is_none() && !is_strip {
+            let ends = [0, last[1]].into_iter().take(if last[1] == 0 { 1 } else { 2 });
+            let ends = ends.filter(|column| cells.contains(column) && mesh.is_strip(row, *column));
+            return ends.map(|column| self.cell(mesh, number, [row, column], columns.start, lines)).sum();
+        }
+        let has = |side: usize| !mesh.extras[side].is_empty();
+        let is_plain = !is_points && mesh.fill.is_none() && !(has(0) && row == 0 || has(1) && row == last[0]);
+        let first = Shown { node: number, at: [row, 0], slot: Some(0) }.pack();
+        let mut triangles = 0;
+        for column in cells {
+            let index = column - columns.start;
+            let is_fan = has(2) && column == 0 || has(3) && column == last[1];
+            let is_ahead = lines.iter().all(|line| {
+                let depths = &line.depths()[index..index + 2];
+                depths[0] >= self.near && depths[1] >= self.near
+            });
+            triangles += match is_plain && is_ahead && !is_fan {
+                true => {
+                    self.whole_cell(lines, index, first + 2 * column as u32);
+                    2
+                }
+                false => self.cell(mesh, number, [row, column], columns.start, lines),
+            };
+        }
+        triangles
+    }
+
+    /// A cell with four corners before the eye.
+    #[inline(always)]
+    fn whole_cell(&self, [above, below]: [&Line; 2], index: usize, number: u32) {
+        let places =
+            [above.place_of(index), above.place_of(index + 1), below.place_of(index), below.place_of(index + 1)];
+        // Most small cells have no pixel's centre in them.
+        if self.pixels(&places).is_none() {
             return;
         }
-        let View { right, up, forward, eye, .. } = *self.view;
+        let [a, b] = [above.corner(index), above.corner(index + 1)];
+        let [d, e] = [below.corner(index), below.corner(index + 1)];
+        self.fill([a, b, e], number);
+        self.fill([a, d, e], number + 1);
+    }
+
+    /// Any cell of a mesh; lines begin at column `start`.
+    fn cell(&self, mesh: &Mesh, number: usize, at: [usize; 2], start: usize, [above, below]: [&Line; 2]) -> u64 {
+        let [row, column] = at;
+        let is_points = mesh.node.primitive == Primitive::Points;
+        let is_dotted = is_points && !mesh.is_strip(row, column);
+        let shown = |slot: usize| Shown { node: number, at, slot: Some(slot) }.pack();
+        let has_extras = mesh.extras.iter().any(|side| !side.is_empty());
+        let is_fan = has_extras && !is_dotted && (0..4).any(|side| mesh.is_along(side, row, column));
+        if is_fan {
+            mesh.fan(at, |slot, corners| {
+                let corners = corners.map(|(row, column, height)| self.corner(row, column, height));
+                self.triangle(corners, shown(slot));
+            });
+        }
+        let index = column - start;
+        let corner = |corner: usize| [above, below][corner / 2].corner(index + corner % 2);
+        let mut triangles = 0;
+        for (slot, (triangle, is_membrane)) in mesh.triangles(row, column).enumerate() {
+            if is_dotted && !is_membrane {
+                continue;
+            }
+            triangles += u64::from(!is_membrane);
+            if is_membrane || !is_fan {
+                self.triangle(triangle.corners.map(corner), shown(slot));
+            }
+        }
+        triangles
+    }
+
+    #[inline(always)]
+    fn point(&self, line: &Line, index: usize, number: u32, side: u32) {
+        let depth = line.depths()[index];
+        // Not a number where there is no sample.
+        if depth < self.near || depth.is_nan() {
+            return;
+        }
         if self.clips {
-            let world = eye + corner.camera.x * right + corner.camera.y * up + corner.camera.z * forward;
+            let View { right, up, forward, eye, .. } = *self.view;
+            let camera = line.corner(index).camera;
+            let world = eye + camera.x * right + camera.y * up + camera.z * forward;
             if !self.view.cut.keeps(world) {
                 return;
             }
         }
-        self.picture.put_square(corner.place, side, corner.camera.z, shown.pack());
+        self.picture.put_square(line.place_of(index), side, depth, number);
     }
 
     fn triangle(&self, corners: [Corner; 3], number: u32) {
-        let is_ahead = corners.map(|corner| corner.camera.z >= self.near);
+        let is_ahead = |k: usize| corners[k].camera.z >= self.near;
+        let is_ahead = [is_ahead(0), is_ahead(1), is_ahead(2)];
         match is_ahead {
             [true, true, true] => self.fill(corners, number),
             [false, false, false] => {}
@@ -362,24 +504,24 @@ impl<'a> Raster<'a> {
         }
     }
 
+    /// Pixels of the picture whose centres lie between places along both axes: left, right, top, bottom; `None` where there are none.
+    #[inline(always)]
+    fn pixels<const COUNT: usize>(&self, places: &[[i64; 2]; COUNT]) -> Option<[i64; 4]> {
+        let ([mut left, mut top], [mut right, mut bottom]) = (places[0], places[0]);
+        for place in &places[1..] {
+            (left, right) = (left.min(place[0]), right.max(place[0]));
+            (top, bottom) = (top.min(place[1]), bottom.max(place[1]));
+        }
+        let first = |place: i64| ((place - ONE / 2 + ONE - 1) >> FRACTION).max(0);
+        let last = |place: i64, size: usize| ((place - ONE / 2) >> FRACTION).min(size as i64 - 1);
+        let (left, right) = (first(left), last(right, self.picture.width));
+        let (top, bottom) = (first(top), last(bottom, self.picture.height));
+        (left <= right && top <= bottom).then_some([left, right, top, bottom])
+    }
+
     fn fill(&self, corners: [Corner; 3], number: u32) {
-        let places = corners.map(|corner| corner.place);
-        let range = |axis: usize, size: usize| {
-            let least = places[0][axis].min(places[1][axis]).min(places[2][axis]);
-            let most = places[0][axis].max(places[1][axis]).max(places[2][axis]);
-            // Pixels whose centres lie between.
-            let first = (least - ONE / 2 + ONE - 1) >> FRACTION;
-            let last = (most - ONE / 2) >> FRACTION;
-            (first.max(0), last.min(size as i64 - 1))
-        };
-        let (left, right) = range(0, self.picture.width);
-        if left > right {
-            return;
-        }
-        let (top, bottom) = range(1, self.picture.height);
-        if top > bottom {
-            return;
-        }
+        let places = [corners[0].place, corners[1].place, corners[2].place];
+        let Some([left, right, top, bottom]) = self.pixels(&places) else { return };
         // Products of differences stay within 63 bits where corners are within 30.
         if places.iter().flatten().all(|place| place.abs() < 1 << 30) {
             self.fill_small(corners, [left, right, top, bottom], number);
@@ -401,48 +543,54 @@ macro_rules! filled {
     ($name:ident, $whole:ty, $help:literal) => {
         impl Raster<'_> {
             #[doc = $help]
-            fn $name(&self, corners: [Corner; 3], [left, right, top, bottom]: [i64; 4], number: u32) {
+            fn $name(&self, corners: [Corner; 3], [left, last, top, bottom]: [i64; 4], number: u32) {
                 let [a, mut b, mut c] = corners;
-                let cross = |a: &Corner, b: &Corner, [x, y]: [$whole; 2]| {
-                    let [ax, ay] = a.place.map(<$whole>::from);
-                    let [bx, by] = b.place.map(<$whole>::from);
-                    (bx - ax) * (y - ay) - (by - ay) * (x - ax)
-                };
-                let mut area = cross(&a, &b, c.place.map(<$whole>::from));
+                let place = |corner: &Corner| (<$whole>::from(corner.place[0]), <$whole>::from(corner.place[1]));
+                let ((ax, ay), mut second, mut third) = (place(&a), place(&b), place(&c));
+                let mut area = (second.0 - ax) * (third.1 - ay) - (second.1 - ay) * (third.0 - ax);
                 if area == 0 {
                     return;
                 }
                 if area < 0 {
                     std::mem::swap(&mut b, &mut c);
+                    std::mem::swap(&mut second, &mut third);
                     area = -area;
                 }
-                let edges = [(b, c), (c, a), (a, b)];
+                let ((bx, by), (cx, cy)) = (second, third);
+                // Of the edges opposite to the corners.
+                let (right, up) = ([cx - bx, ax - cx, bx - ax], [cy - by, ay - cy, by - ay]);
                 // A centre on a top or a left edge is inside, on another one not.
-                let least = edges.map(|(from, to)| {
-                    let [x, y] = [0, 1].map(|k| to.place[k] - from.place[k]);
-                    <$whole>::from(!(y < 0 || y == 0 && x > 0))
-                });
-                let [step, down] = [0, 1].map(|axis: usize| {
-                    edges.map(|(from, to)| {
-                        let [x, y] = [0, 1].map(|k| <$whole>::from(to.place[k]) - <$whole>::from(from.place[k]));
-                        (if axis == 0 { -y } else { x }) * <$whole>::from(ONE)
-                    })
-                });
-                let start =
-                    [left, top].map(|pixel| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2));
-                let mut row = edges.map(|(from, to)| cross(&from, &to, start));
+                let least = |k: usize| <$whole>::from(!(up[k] < 0 || up[k] == 0 && right[k] > 0));
+                let least = [least(0), least(1), least(2)];
+                let centre = |pixel: i64| <$whole>::from(pixel) * <$whole>::from(ONE) + <$whole>::from(ONE / 2);
+                let (x, y) = (centre(left), centre(top));
+                let mut row = [
+                    right[0] * (y - by) - up[0] * (x - bx),
+                    right[1] * (y - cy) - up[1] * (x - cx),
+                    right[2] * (y - ay) - up[2] * (x - ax),
+                ];
+                let is_in = |at: &[$whole; 3]| at[0] >= least[0] && at[1] >= least[1] && at[2] >= least[2];
+                let is_single = left == last && top == bottom;
+                if is_single && !is_in(&row) {
+                    return;
+                }
                 let share = 1.0 / area as f64;
-                let linear = [a.linear, b.linear, c.linear].map(|linear| linear * share);
+                let linear = [a.linear * share, b.linear * share, c.linear * share];
+                let value =
+                    |at: &[$whole; 3]| at[0] as f64 * linear[0] + at[1] as f64 * linear[1] + at[2] as f64 * linear[2];
+                if is_single {
+                    return self.show([left, top], value(&row), number);
+                }
+                let one = <$whole>::from(ONE);
                 for y in top..=bottom {
                     let mut at = row;
-                    for x in left..=right {
-                        if (0..3).all(|k| at[k] >= least[k]) {
-                            let value = (0..3).map(|k| at[k] as f64 * linear[k]).sum::<f64>();
-                            self.show([x, y], value, number);
+                    for x in left..=last {
+                        if is_in(&at) {
+                            self.show([x, y], value(&at), number);
                         }
-                        (0..3).for_each(|k| at[k] += step[k]);
+                        (0..3).for_each(|k| at[k] -= up[k] * one);
                     }
-                    (0..3).for_each(|k| row[k] += down[k]);
+                    (0..3).for_each(|k| row[k] += right[k] * one);
                 }
             }
         }

@@ -66,7 +66,11 @@ impl Pyramid {
                 ends(index / columns, all_rows).flat_map(|r| ends(index % columns, all_columns).map(move |c| (r, c)));
             cells.fold(EMPTY, |range, (r, c)| joined(range, cell(r, c)))
         };
-        let mut levels = vec![Squares { rows, columns, ranges: (0..rows * columns).map(square).collect() }];
+        let ranges = match mesh.samples.coverage.is_empty() && mesh.fill.is_none() {
+            true => whole_squares(mesh, [rows, columns]),
+            false => (0..rows * columns).map(square).collect(),
+        };
+        let mut levels = vec![Squares { rows, columns, ranges }];
         while let Some(last) = levels.last()
             && (last.rows > 1 || last.columns > 1)
         {
@@ -97,6 +101,28 @@ impl Pyramid {
         let squares = self.levels.get(level.checked_sub(FIRST)?)?;
         squares.ranges.get(row * squares.columns + column).copied()
     }
+}
+
+/// The ranges of the smallest squares of a chunk that was measured everywhere.
+fn whole_squares(mesh: &Mesh, [rows, columns]: [usize; 2]) -> Vec<Range> {
+    let all = 0..mesh.samples.columns;
+    let mut line = vec![0.0; all.len()];
+    let mut ranges = vec![EMPTY; rows * columns];
+    for row in 0..mesh.samples.rows {
+        mesh.surface_line(row, &all, &mut line);
+        // A row between two squares is of both.
+        let squares = row.saturating_sub(1) >> FIRST..=(row >> FIRST).min(rows - 1);
+        for column in 0..columns {
+            let end = ((column + 1) << FIRST).min(all.len() - 1);
+            let own = line[column << FIRST..=end].iter();
+            let range = own.fold(EMPTY, |[low, high], height| [low.min(*height), high.max(*height)]);
+            for square in squares.clone() {
+                let known = &mut ranges[square * columns + column];
+                *known = joined(*known, range);
+            }
+        }
+    }
+    ranges
 }
 
 /// A part of the quadtree with something drawn below it.
@@ -383,6 +409,7 @@ pub struct CellFrame {
 
 impl CellFrame {
     /// That of a chunk's cell.
+    #[inline]
     pub fn of(mesh: &Mesh, [row, column]: [usize; 2]) -> CellFrame {
         let size = |places: &[u64], at: usize| (places[at + 1] - places[at]) as f64;
         CellFrame {
@@ -392,6 +419,7 @@ impl CellFrame {
     }
 
     /// The same ray with `u` and `v` from 0 to 1 across the cell.
+    #[inline]
     pub fn ray(&self, ray: &GridRay) -> LocalRay {
         let GridRay { origin, direction } = ray;
         LocalRay(GridRay {
@@ -407,6 +435,7 @@ pub struct LocalRay(pub GridRay);
 
 impl LocalRay {
     /// Where it meets the plane of a triangle; `None` where it does not.
+    #[inline]
     pub fn meets(&self, triangle: &Triangle) -> Option<f64> {
         let ([p, q, s], GridRay { origin, direction }) = (triangle.at, self.0);
         let t = (p + q * origin[0] + s * origin[1] - origin[2]) / (direction[2] - q * direction[0] - s * direction[1]);

@@ -7,6 +7,7 @@ use super::rays::{Caster, CellFrame, curved_hit};
 use super::sight::{Lens, Sight};
 use super::source::NodeSamples;
 use super::stitch::{Mesh, Scene};
+use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
 use deepfield_heights::measure::Spread;
 use deepfield_heights::model::Triangle;
@@ -70,7 +71,7 @@ pub struct Resolver<'a> {
     /// A globe's field.
     spread: Option<Spread>,
     /// For each chunk its samples and those of the chunks that it lies in, from its level up.
-    chains: Vec<Vec<Option<&'a NodeSamples>>>,
+    chains: Vec<Vec<Option<Tier<'a>>>>,
     /// For the few pixels of points whose centre is beside what their samples belong to.
     caster: OnceLock<Caster<'a>>,
 }
@@ -104,6 +105,27 @@ impl Moves {
     }
 }
 
+/// A chunk's samples, and where they are among those of their level.
+#[derive(Clone, Copy)]
+struct Tier<'a> {
+    samples: &'a NodeSamples,
+    /// Row and column of the first one.
+    first: [u64; 2],
+}
+
+/// Where a ray meets a triangle of a chunk.
+#[derive(Clone, Copy)]
+struct Met {
+    shown: Shown,
+    /// Row and column of its cell.
+    at: [usize; 2],
+    triangle: Triangle,
+    frame: CellFrame,
+    /// In the cell.
+    place: [f64; 2],
+    is_membrane: bool,
+}
+
 /// Four samples around a place in a level, and what each counts.
 #[derive(Clone, Copy, Debug)]
 pub struct Between<'a> {
@@ -122,7 +144,11 @@ impl<'a> Resolver<'a> {
     pub fn new(scene: &'a Scene, sight: &'a Sight) -> Resolver<'a> {
         let chain = |mesh: &'a Mesh| {
             let key = mesh.node.key;
-            (key.level..=scene.lattice.top()).map(|level| scene.samples(key.ancestor(level))).collect()
+            let tier = |key: ChunkKey| {
+                let first = [0, 1].map(|axis| scene.lattice.span(key, axis).0);
+                scene.samples(key).map(|samples| Tier { samples, first })
+            };
+            (key.level..=scene.lattice.top()).map(|level| tier(key.ancestor(level))).collect()
         };
         let chains = scene.meshes.iter().map(chain).collect();
         let vantage = Vantage::new(&scene.placed, sight.eye());
@@ -131,17 +157,30 @@ impl<'a> Resolver<'a> {
     }
 
     /// The ray of a place in the picture.
+    #[inline]
     pub fn ray(&self, place: [f64; 2]) -> Option<(DVec3, DVec3)> {
         self.sight.ray_through(&self.lens, place)
     }
 
+    /// Pixels of a length of 1 at a depth.
+    fn pixels_at(&self, depth: f64) -> f64 {
+        self.sight.pixels_through(&self.lens, depth)
+    }
+
+    /// Where what is so far from the eye appears, and its depth.
+    pub fn project(&self, relative: DVec3) -> Option<([f64; 2], f64)> {
+        self.sight.project_through(&self.lens, relative)
+    }
+
     /// The level, with a fraction, whose samples are as far apart as pixels at a depth, may it be finer than what there is.
+    #[inline]
     pub fn level_at(&self, depth: f64) -> f64 {
         let [across, along] = self.scene.placed.spacing();
-        -(self.sight.pixels_at(depth.max(f64::MIN_POSITIVE)) * across.max(along)).log2()
+        -(self.pixels_at(depth.max(f64::MIN_POSITIVE)) * across.max(along)).log2()
     }
 
     /// The nearest level to this one that there is where a chunk is drawn, and the share of the next coarser one.
+    #[inline]
     pub fn levels(&self, node: usize, level: f64) -> (u8, f64) {
         let own = self.scene.meshes[node].node.key.level;
         let level = level.clamp(f64::from(own), f64::from(own) + (self.chains[node].len() - 1) as f64);
@@ -149,12 +188,13 @@ impl<'a> Resolver<'a> {
     }
 
     /// The samples of a level around a place that a chunk, which is not coarser, holds; places beyond the rim count as on it.
+    #[inline]
     pub fn between(&self, node: usize, level: u8, [row, column]: [f64; 2]) -> Option<Between<'a>> {
         let (own, lattice) = (self.scene.meshes[node].node.key, self.scene.lattice);
-        let samples = self.chains[node].get(usize::from(level.checked_sub(own.level)?)).copied().flatten()?;
-        let key = own.ancestor(level);
+        let tier = self.chains[node].get(usize::from(level.checked_sub(own.level)?)).copied().flatten()?;
+        let Tier { samples, first } = tier;
         let place = |axis: usize, at: f64, count: usize| {
-            let (first, _) = lattice.span(key, axis);
+            let first = first[axis];
             let cell = lattice.cell_at(axis, level.into(), at);
             let index = (cell.saturating_sub(first) as usize).min(count.saturating_sub(2));
             let [from, to] = [0, 1].map(|next| lattice.place(axis, level.into(), first + index as u64 + next));
@@ -176,7 +216,7 @@ impl<'a> Resolver<'a> {
         let placed = &self.scene.placed;
         let [row, column, height] = hit.under;
         let seen = |row: f64, column: f64, height: f64| {
-            Some(self.sight.project(placed.world(row, column, height) - self.sight.eye())?.0)
+            Some(self.project(placed.world(row, column, height) - self.sight.eye())?.0)
         };
         let at = seen(row, column, height)?;
         // Small enough for what is seen in perspective, and large enough for rounding.
@@ -196,11 +236,11 @@ impl<'a> Resolver<'a> {
     fn point(&self, shown: Shown, mesh: &Mesh, pixel: [f64; 2]) -> Option<Hit> {
         let [row, column] = shown.at;
         let index = row * mesh.samples.columns + column;
-        let height = mesh.heights()[index];
-        let (_, depth) = self.sight.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
+        let height = mesh.height(index);
+        let (_, depth) = self.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
         let at = [mesh.rows[row] as f64, mesh.columns[column] as f64];
         let placed = &self.scene.placed;
-        let slope = placed.slope(mesh.samples.normals[index]);
+        let slope = placed.slope(mesh.samples.normals.at(index));
         let ray = self.ray(pixel).and_then(|(origin, direction)| placed.ray(origin, direction));
         let found = ray.and_then(|GridRay { origin, direction }| {
             let plane = height + slope[0] * (origin[0] - at[1]) + slope[1] * (origin[1] - at[0]);
@@ -255,10 +295,9 @@ impl<'a> Resolver<'a> {
         if shown.slot.is_some() || mesh.is_lone(row, column) || self.is_thin(mesh, [row, column]) {
             return self.hit(shown, pixel);
         }
-        let Some(ray) = self.ray(pixel).and_then(|(origin, direction)| self.scene.placed.ray(origin, direction)) else {
-            return self.hit(shown, pixel);
-        };
-        let mut best: Option<(f64, Shown)> = None;
+        let Some((origin, direction)) = self.ray(pixel) else { return self.hit(shown, pixel) };
+        let Some(ray) = self.scene.placed.ray(origin, direction) else { return self.hit(shown, pixel) };
+        let mut best: Option<(f64, Met)> = None;
         for (up, left) in [(1, 1), (1, 0), (0, 1), (0, 0)] {
             if row < up
                 || column < left
@@ -268,8 +307,9 @@ impl<'a> Resolver<'a> {
                 continue;
             }
             let at = [row - up, column - left];
-            let local = CellFrame::of(mesh, at).ray(&ray);
-            for (slot, (triangle, _)) in mesh.triangles(at[0], at[1]).enumerate() {
+            let frame = CellFrame::of(mesh, at);
+            let local = frame.ray(&ray);
+            for (slot, (triangle, is_membrane)) in mesh.triangles(at[0], at[1]).enumerate() {
                 let Some(t) =
                     local.meets(&triangle).filter(|t| *t >= 0.0 && best.is_none_or(|(nearest, _)| *t < nearest))
                 else {
@@ -277,12 +317,13 @@ impl<'a> Resolver<'a> {
                 };
                 let [u, v, _] = local.0.at(t);
                 if weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -OUTSIDE) {
-                    best = Some((t, Shown { node: shown.node, at, slot: Some(slot) }));
+                    let shown = Shown { node: shown.node, at, slot: Some(slot) };
+                    best = Some((t, Met { shown, at, triangle, frame, place: [u, v], is_membrane }));
                 }
             }
         }
         match best {
-            Some((_, shown)) => self.hit(shown, pixel),
+            Some((_, met)) => Some(self.met(mesh, &met, origin)),
             None => self.cast(pixel),
         }
     }
@@ -337,9 +378,9 @@ impl<'a> Resolver<'a> {
         let placed = &self.scene.placed;
         let [across, along] = placed.spacing();
         let size = [across * (placed.samples[0] - 1) as f64, along * (placed.samples[1] - 1) as f64];
-        let height = mesh.heights()[row * mesh.samples.columns + column];
-        let seen = self.sight.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height));
-        seen.is_some_and(|(_, depth)| size[0].min(size[1]) * self.sight.pixels_at(depth) < 2.0)
+        let height = mesh.height(row * mesh.samples.columns + column);
+        let seen = self.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height));
+        seen.is_some_and(|(_, depth)| size[0].min(size[1]) * self.pixels_at(depth) < 2.0)
     }
 
     /// The place of what is shown at a place of the picture.
@@ -366,10 +407,17 @@ impl<'a> Resolver<'a> {
                 place
             }),
         };
-        let frame = CellFrame::of(mesh, at);
+        let met = Met { shown, at, triangle, frame: CellFrame::of(mesh, at), place: [u, v], is_membrane };
+        Some(self.met(mesh, &met, origin))
+    }
+
+    /// What is at a place of a triangle.
+    #[inline]
+    fn met(&self, mesh: &Mesh, met: &Met, origin: DVec3) -> Hit {
+        let Met { shown, at, triangle, frame, place: [u, v], is_membrane } = *met;
         let [p, q, s] = triangle.at;
         let height = p + q * u + s * v;
-        let (row, column) = (v.mul_add(frame.size[0], frame.first[0]), u.mul_add(frame.size[1], frame.first[1]));
+        let (row, column) = (v * frame.size[0] + frame.first[0], u * frame.size[1] + frame.first[1]);
         let relative = self.scene.placed.world(row, column, height) - origin;
         let depth = match self.sight {
             Sight::Flat(view) => relative.dot(view.forward),
@@ -378,7 +426,7 @@ impl<'a> Resolver<'a> {
         let coverage = if is_membrane { 1.0 } else { self.coverage(mesh, at, &triangle, [u, v]) };
         let slope = [q / frame.size[1], s / frame.size[0]];
         let under = [row, column, height];
-        Some(Hit { shown, depth, row, column, height, coverage, is_membrane, is_pole: false, slope, under })
+        Hit { shown, depth, row, column, height, coverage, is_membrane, is_pole: false, slope, under }
     }
 
     /// The place of a triangle between the first or last row and the pole: rows beyond the field, and heights between both.
@@ -386,7 +434,7 @@ impl<'a> Resolver<'a> {
         let (placed, pole) = (&self.scene.placed, self.scene.pole_beside(mesh, end)?);
         let (at, column) = (if end == 0 { 0 } else { mesh.samples.rows - 1 }, shown.at[1]);
         let columns = [column, column + 1].map(|column| mesh.columns[column] as f64);
-        let heights = [column, column + 1].map(|column| mesh.heights()[at * mesh.samples.columns + column]);
+        let heights = [column, column + 1].map(|column| mesh.height(at * mesh.samples.columns + column));
         let row = mesh.rows[at] as f64;
         let [a, b] = [0, 1].map(|k| placed.world(row, columns[k], heights[k]) - origin);
         let top = placed.pole(pole.latitude, pole.height) - origin;
@@ -440,7 +488,7 @@ impl<'a> Resolver<'a> {
         let mut seen = [([0.0; 2], 0.0); 3];
         for (seen, corner) in seen.iter_mut().zip(triangle.corners) {
             let (row, column) = (mesh.rows[at[0] + corner / 2], mesh.columns[at[1] + corner % 2]);
-            *seen = self.sight.project(self.vantage.relative(row, column, heights[corner]))?;
+            *seen = self.project(self.vantage.relative(row, column, heights[corner]))?;
         }
         let is_perspective = !matches!(
             self.sight,
@@ -570,6 +618,7 @@ impl<'a> Resolver<'a> {
         mesh.triangles(at[0], at[1]).map(|(triangle, _)| triangle).find(is_in).map(|triangle| (mesh, at, triangle))
     }
 
+    #[inline]
     fn coverage(&self, mesh: &Mesh, [row, column]: [usize; 2], triangle: &Triangle, place: [f64; 2]) -> f64 {
         if mesh.node.key.level == 0 || mesh.samples.coverage.is_empty() {
             return 1.0;
@@ -585,6 +634,7 @@ impl<'a> Resolver<'a> {
 }
 
 /// What each corner of a triangle counts at a place of its cell.
+#[inline]
 pub fn weights(corners: [usize; 3], [u, v]: [f64; 2]) -> [f64; 3] {
     match corners {
         [0, 1, 3] => [1.0 - u, u - v, v],

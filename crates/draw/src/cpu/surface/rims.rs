@@ -135,7 +135,7 @@ impl Rims {
                 return Some([0, 1].map(|k| right * moves.column[k] + down * moves.row[k] + up * moves.height[k]));
             }
             let relative = scene.placed.world(at[0], at[1], at[2]) - resolver.sight.eye();
-            let (to, _) = resolver.sight.project(relative)?;
+            let (to, _) = resolver.project(relative)?;
             Some([0, 1].map(|k| to[k] - moves.at[k]))
         };
         let bounds = [(row, reach[0]), (column, reach[1])].map(|(at, reach)| [at - reach, at + reach]);

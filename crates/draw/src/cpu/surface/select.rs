@@ -188,12 +188,15 @@ pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice:
     let closed = source.facts(lattice.root()).filter(|root| placed.is_whole && root.coverage == [u8::MAX; 2]);
     let lowest = closed.map(|root| placed.lifted(root.min).min(placed.lifted(root.max)));
     let horizon = lowest.and_then(|lowest| Horizon::new(placed, sight, lowest));
-    let chooser = Chooser { source, placed, sight, padded, choice, lattice, horizon };
+    // What allows no error is drawn whole.
+    let room = if choice.tau > 0.0 { source.room() } else { u64::MAX };
+    let chooser = Chooser { source, placed, sight, padded, choice, lattice, horizon, room };
     let mut waiting = BinaryHeap::new();
     waiting.extend(chooser.visit(lattice.root()));
     let (mut done, mut missing): (Vec<CutNode>, Vec<(ChunkKey, f64)>) = (Vec::new(), Vec::new());
     let most = choice.most.clamp(1, MOST_NODES);
     let mut is_within = true;
+    let mut used: u64 = waiting.iter().map(|waiting| source.bytes(waiting.node.key)).sum();
     while let Some(Waiting { want, node }) = waiting.pop() {
         if want <= 1.0 {
             done.push(node);
@@ -201,11 +204,20 @@ pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice:
         }
         let finer = chooser.finer(node.key);
         match finer {
-            Some(_) if done.len() + waiting.len() + 4 > most => {
-                is_within = false;
-                done.push(node);
+            Some(finer) => {
+                let bytes: u64 = finer.iter().map(|waiting| source.bytes(waiting.node.key)).sum();
+                let after = used - source.bytes(node.key) + bytes;
+                match done.len() + waiting.len() + 4 > most || after > room {
+                    true => {
+                        is_within = false;
+                        done.push(node);
+                    }
+                    false => {
+                        used = after;
+                        waiting.extend(finer);
+                    }
+                }
             }
-            Some(finer) => waiting.extend(finer),
             None => {
                 missing.push((node.key, node.error_px));
                 done.push(node);
@@ -228,6 +240,8 @@ struct Chooser<'a> {
     lattice: Lattice,
     /// Where a globe hides its own far side.
     horizon: Option<Horizon>,
+    /// Bytes of the samples that may be drawn.
+    room: u64,
 }
 
 impl Chooser<'_> {
@@ -377,6 +391,7 @@ impl Chooser<'_> {
             coarse.sort();
             coarse.dedup();
             let mut refined = Vec::new();
+            let mut used: u64 = cut.nodes.iter().map(|node| self.source.bytes(node.key)).sum();
             for key in coarse {
                 if missing.iter().any(|(parent, _)| *parent == key) {
                     continue;
@@ -386,7 +401,15 @@ impl Chooser<'_> {
                     break;
                 }
                 match self.finer(key) {
-                    Some(finer) => refined.push((key, finer)),
+                    Some(finer) => {
+                        let added: u64 = finer.iter().map(|waiting| self.source.bytes(waiting.node.key)).sum();
+                        used = used - self.source.bytes(key) + added;
+                        if used > self.room {
+                            *is_within = false;
+                            break;
+                        }
+                        refined.push((key, finer));
+                    }
                     None => missing.push((key, cut.index.get(&key).map_or(0.0, |number| cut.nodes[*number].error_px))),
                 }
             }
@@ -449,3 +472,6 @@ pub(super) fn beside(lattice: &Lattice, around: Option<u64>, axis: usize, line: 
 fn reset(node: CutNode) -> CutNode {
     CutNode { added: 0.0, ..node }
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,7 +11,7 @@ use super::look::{Attribute, Light, Ramp};
 use super::photo::{self, PhotoLook};
 use super::placed::Map;
 use super::raster::Visibility;
-use super::resolve::{Hit, Resolver};
+use super::resolve::{Between, Hit, Resolver};
 use super::rims::Rims;
 use super::select::Primitive;
 use super::sight::Sight;
@@ -238,17 +238,15 @@ impl<'a> Shader<'a> {
     /// Whether a surface without holes ends in a pixel or next to it.
     pub(super) fn is_end(&self, seen: &Visibility, [left, top]: [usize; 2]) -> bool {
         let parts = self.parts as usize;
-        let (mut hits, mut misses) = (false, false);
-        for y in top.saturating_sub(1)..(top + parts + 1).min(seen.height) {
-            for x in left.saturating_sub(1)..(left + parts + 1).min(seen.width) {
-                match seen.at(y * seen.width + x) {
-                    Some(shown) if !self.resolver.scene.meshes[shown.node].samples.coverage.is_empty() => return false,
-                    Some(_) => hits = true,
-                    None => misses = true,
-                }
-            }
+        let rows = top.saturating_sub(1)..(top + parts + 1).min(seen.height);
+        let columns = left.saturating_sub(1)..(left + parts + 1).min(seen.width);
+        let around = || rows.clone().flat_map(|y| columns.clone().map(move |x| y * seen.width + x));
+        let hits = around().filter(|index| seen.is_shown(*index)).count();
+        if hits == 0 || hits == rows.len() * columns.len() || !self.resolver.scene.placed.is_flat() {
+            return false;
         }
-        hits && misses && self.resolver.scene.placed.is_flat()
+        let meshes = &self.resolver.scene.meshes;
+        !around().filter_map(|index| seen.at(index)).any(|shown| !meshes[shown.node].samples.coverage.is_empty())
     }
 
     /// The colour of a pixel in which a surface ends, and how much of it is covered.
@@ -502,19 +500,23 @@ impl<'a> Shader<'a> {
         let mut sum = 0.0_f64;
         let mut normal = [0.0_f64; 3];
         let mut planes = [0.0_f64; PLANES];
-        let mut leans = [[0.0_f64; 2]; 4];
         let (mut change, mut known) = (0.0_f64, 0.0_f64);
-        for ((index, weight), lean) in between.indices.into_iter().zip(between.weights).zip(&mut leans) {
-            let weight = weight * f64::from(samples.coverage_at(index)) / 255.0;
-            let found = samples.normals[index].map(f64::from);
-            *lean = [found[0] / found[2].max(1e-6), found[1] / found[2].max(1e-6)];
+        let has_range = level > 0 && matches!(self.look.attribute, Attribute::Height | Attribute::Residual);
+        for (index, weight) in between.indices.into_iter().zip(between.weights) {
+            let weight = match samples.coverage.is_empty() {
+                true => weight,
+                false => weight * f64::from(samples.coverage_at(index)) / 255.0,
+            };
             if weight <= 0.0 {
                 continue;
             }
+            let found = samples.normals.at(index).map(f64::from);
             sum += weight;
             (0..3).for_each(|k| normal[k] += weight * found[k]);
-            let range = samples.range_at(index);
-            (0..2).for_each(|k| texel.range[k] += weight * f64::from(range[k]));
+            if has_range {
+                let range = samples.range_at(index);
+                (0..2).for_each(|k| texel.range[k] += weight * f64::from(range[k]));
+            }
             for (value, plane) in planes.iter_mut().zip(&self.planes) {
                 *value += weight * samples.planes.get(*plane).map_or(0.0, |plane| f64::from(plane[index]));
             }
@@ -529,14 +531,25 @@ impl<'a> Shader<'a> {
         texel.normal = normal.map(|value| (value / sum) as f32);
         texel.planes = planes.map(|value| (value / sum) as f32);
         texel.change = if 2.0 * known >= sum { (change / known) as f32 } else { f32::NAN };
-        texel.range = match level {
-            0 => [hit.under[2]; 2],
-            _ => texel.range.map(|end| end / sum),
+        texel.range = match has_range {
+            false => [hit.under[2]; 2],
+            true => texel.range.map(|end| end / sum),
         };
+        if self.look.attribute == Attribute::Curvature {
+            texel.curvature = self.curvature(&between);
+        }
+        Some(texel)
+    }
+
+    /// The mean curvature per world unit of the slopes between four samples.
+    fn curvature(&self, between: &Between<'_>) -> f32 {
         let step = self.resolver.scene.placed.step;
+        let leans = between.indices.map(|index| {
+            let [x, y, z] = between.samples.normals.at(index).map(f64::from);
+            [x / z.max(1e-6), y / z.max(1e-6)]
+        });
         let across = 0.5 * (leans[1][0] + leans[3][0] - leans[0][0] - leans[2][0]) / (step[0] * between.apart[1]);
         let along = 0.5 * (leans[2][1] + leans[3][1] - leans[0][1] - leans[1][1]) / (step[1] * between.apart[0]);
-        texel.curvature = (0.5 * (across + along)) as f32;
-        Some(texel)
+        (0.5 * (across + along)) as f32
     }
 }

@@ -81,6 +81,7 @@ impl Sight {
     }
 
     /// The same with what many rays have in common.
+    #[inline]
     pub fn ray_through(&self, Lens { middle, focal }: &Lens, [x, y]: [f64; 2]) -> Option<(DVec3, DVec3)> {
         match self {
             Sight::Flat(view) => {
@@ -96,10 +97,21 @@ impl Sight {
 
     /// Where something that is so far from the eye appears, and its depth; `None` behind a camera, and where nothing is shown.
     pub fn project(&self, relative: DVec3) -> Option<([f64; 2], f64)> {
+        self.project_through(&self.lens(), relative)
+    }
+
+    /// The same with what many places have in common.
+    #[inline]
+    pub fn project_through(&self, Lens { middle, focal }: &Lens, relative: DVec3) -> Option<([f64; 2], f64)> {
         match self {
             Sight::Flat(view) => {
                 let camera = DVec3::new(relative.dot(view.right), relative.dot(view.up), relative.dot(view.forward));
-                (camera.z >= 0.0).then(|| view.to_pixels(camera)).flatten().map(|at| (at, camera.z))
+                let scale = match view.projection {
+                    Projection::Perspective { .. } if camera.z > 0.0 => focal / camera.z,
+                    Projection::Orthographic { .. } if camera.z >= 0.0 => *focal,
+                    _ => return None,
+                };
+                Some(([middle[0] + camera.x * scale, middle[1] - camera.y * scale], camera.z))
             }
             Sight::Around { panorama, .. } => panorama.pixel(relative).map(|at| (at, relative.length())),
         }
@@ -115,10 +127,16 @@ impl Sight {
 
     /// Pixels of a length of 1 at a depth, in the middle of the picture.
     pub fn pixels_at(&self, depth: f64) -> f64 {
+        self.pixels_through(&self.lens(), depth)
+    }
+
+    /// The same with what many places have in common.
+    #[inline]
+    pub fn pixels_through(&self, Lens { focal, .. }: &Lens, depth: f64) -> f64 {
         match self {
             Sight::Flat(view) => match view.projection {
-                Projection::Perspective { .. } => view.focal_pixels() / depth,
-                Projection::Orthographic { .. } => view.focal_pixels(),
+                Projection::Perspective { .. } => focal / depth,
+                Projection::Orthographic { .. } => *focal,
             },
             Sight::Around { panorama, .. } => 1.0 / (panorama.pixel_angle() * depth),
         }

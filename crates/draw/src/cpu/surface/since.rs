@@ -2,6 +2,7 @@
 //! its level whose samples are as close as the chunk's, so that where grids agree levels are subtracted from levels.
 
 use super::paged::PagedSurface;
+use super::samples::SampleHeights;
 use super::source::{NodeSamples, SurfaceNodes};
 use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
@@ -61,17 +62,21 @@ impl Since {
     }
 
     /// How much higher the samples of a later field's chunk, whose heights these are, are than the earlier field; NaN where either is not known.
-    pub fn changes(&self, lattice: &Lattice, key: ChunkKey, heights: &[f64]) -> Vec<f32> {
+    pub fn changes(&self, lattice: &Lattice, key: ChunkKey, heights: &SampleHeights) -> Vec<f32> {
         let level = self.level(key.level);
         let [rows, columns] = [0, 1].map(|axis| -> Vec<f64> {
             lattice.places(key, axis).into_iter().map(|place| self.index(axis, level, place)).collect()
         });
         let mut earlier = Level::new(&self.earlier, level);
         let mut changes = Vec::with_capacity(heights.len());
-        for (line, row) in heights.chunks(columns.len()).zip(&rows) {
-            changes.extend(line.iter().zip(&columns).map(|(height, column)| match height.is_nan() {
-                true => f32::NAN,
-                false => (height - self.alignment.factor * earlier.height(*row, *column)) as f32,
+        for (line, row) in rows.iter().enumerate() {
+            let first = line * columns.len();
+            changes.extend(columns.iter().enumerate().map(|(number, column)| {
+                let height = heights.at(first + number);
+                match height.is_nan() {
+                    true => f32::NAN,
+                    false => (height - self.alignment.factor * earlier.height(*row, *column)) as f32,
+                }
             }));
         }
         changes
@@ -145,7 +150,7 @@ impl<'a> Level<'a> {
         let first = [row, column].map(|at| (at % (1 << SIDE_BITS)) as usize);
         let Some(NodeSamples { columns, heights, .. }) = self.chunk(down, right) else { return Cell([f64::NAN; 4]) };
         let at = first[0] * columns + first[1];
-        Cell([at, at + 1, at + columns, at + columns + 1].map(|at| heights.get(at).copied().unwrap_or(f64::NAN)))
+        Cell([at, at + 1, at + columns, at + columns + 1].map(|at| heights.get(at).unwrap_or(f64::NAN)))
     }
 
     /// The height of a sample.
@@ -154,7 +159,7 @@ impl<'a> Level<'a> {
         let chunk = [0, 1].map(|axis| ((place[axis] >> SIDE_BITS) as u32).min(self.chunks[axis] - 1));
         let at = [0, 1].map(|axis| (place[axis] - (u64::from(chunk[axis]) << SIDE_BITS)) as usize);
         let Some(NodeSamples { columns, heights, .. }) = self.chunk(chunk[0], chunk[1]) else { return f64::NAN };
-        heights.get(at[0] * columns + at[1]).copied().unwrap_or(f64::NAN)
+        heights.get(at[0] * columns + at[1]).unwrap_or(f64::NAN)
     }
 
     /// The height of the surface at a place between samples, or of a sample at its very place; NaN where there is none.

@@ -1,6 +1,7 @@
 //! What drawing reads of a field: facts of chunks, which choose them, and their samples.
 
 use super::photo::PhotoTiles;
+use super::samples::{SampleHeights, SampleNormals};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use std::sync::Arc;
 
@@ -45,12 +46,12 @@ pub struct NodeSamples {
     /// Samples of a row.
     pub columns: usize,
     /// Heights as in the file; fitted where the sample itself was not measured but stands for some that were; NaN elsewhere.
-    pub heights: Vec<f64>,
+    pub heights: SampleHeights,
     /// The share of valid area in what a sample stands for, 255 for all of it, at least 1 where there is any measured sample. At full
     /// resolution a measured sample in no triangle has 1. Empty where all have 255.
     pub coverage: Vec<u8>,
     /// Means of unit normals over the valid area in plan (at true height, not renormalised): x and y in the world's directions, z up.
-    pub normals: Vec<[f32; 3]>,
+    pub normals: SampleNormals,
     /// The least and the largest height of what a sample stands for. Empty at full resolution.
     pub ranges: Vec<[f32; 2]>,
     /// Means of the colour planes over the valid area, in linear light from 0 to 1.
@@ -62,13 +63,15 @@ pub struct NodeSamples {
 
 impl NodeSamples {
     /// The coverage of a sample.
+    #[inline]
     pub fn coverage_at(&self, index: usize) -> u8 {
         self.coverage.get(index).copied().unwrap_or(u8::MAX)
     }
 
     /// The least and the largest height of what a sample stands for.
+    #[inline]
     pub fn range_at(&self, index: usize) -> [f32; 2] {
-        self.ranges.get(index).copied().unwrap_or([self.heights[index] as f32; 2])
+        self.ranges.get(index).copied().unwrap_or([self.heights.at(index) as f32; 2])
     }
 }
 
@@ -86,6 +89,16 @@ pub trait SurfaceNodes: Sync {
     /// Whether a chunk's samples are there.
     fn is_there(&self, _: ChunkKey) -> bool {
         true
+    }
+
+    /// How many bytes of samples there is room for at once.
+    fn room(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// How many of these a chunk takes, about.
+    fn bytes(&self, _: ChunkKey) -> u64 {
+        0
     }
 
     /// The photo that lies over it.

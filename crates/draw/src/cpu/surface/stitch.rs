@@ -16,6 +16,7 @@ use deepfield_heights::hierarchy::chunks::{ChunkKey, Lattice};
 use deepfield_heights::model::{Cell, Triangle};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The sides of a chunk: first row, last row, first column, last column.
@@ -34,8 +35,8 @@ pub struct Mesh {
     pub rows: Vec<u64>,
     /// Where its columns are.
     pub columns: Vec<u64>,
-    /// Its heights where borders changed some.
-    heights: Option<Vec<f64>>,
+    /// Heights along its [`SIDES`] where coarser chunks' borders changed some.
+    border: Option<[Vec<f64>; 4]>,
     /// Corners that finer neighbours add to the cells along each of its [`SIDES`], ascending; no cells where there are none.
     pub extras: [Vec<Vec<Extra>>; 4],
     /// Which of its [`SIDES`] lie on a coarser chunk's.
@@ -45,31 +46,73 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Heights, row by row.
-    pub fn heights(&self) -> &[f64] {
-        self.heights.as_deref().unwrap_or(&self.samples.heights)
+    /// The height of a sample; NaN where nothing was measured.
+    #[inline]
+    pub fn height(&self, index: usize) -> f64 {
+        match &self.border {
+            None => self.samples.heights.at(index),
+            Some(border) => {
+                let (rows, columns) = (self.samples.rows, self.samples.columns);
+                match (index / columns, index % columns) {
+                    (0, column) => border[0][column],
+                    (row, column) if row + 1 == rows => border[1][column],
+                    (row, 0) => border[2][row],
+                    (row, column) if column + 1 == columns => border[3][row],
+                    _ => self.samples.heights.at(index),
+                }
+            }
+        }
+    }
+
+    /// The heights of some columns of a row that were measured, or of the membrane.
+    pub fn surface_line(&self, row: usize, columns: &Range<usize>, out: &mut [f64]) {
+        let first = row * self.samples.columns;
+        let own = first + columns.start..first + columns.end;
+        self.samples.heights.copy(own.clone(), out);
+        if let Some(border) = &self.border {
+            let side = if row == 0 { Some(0) } else { (row + 1 == self.samples.rows).then_some(1) };
+            match side {
+                Some(side) => out.copy_from_slice(&border[side][columns.clone()]),
+                None => {
+                    let ends = [(2, 0), (3, self.samples.columns - 1)];
+                    for (side, column) in ends.into_iter().filter(|(_, column)| columns.contains(column)) {
+                        out[column - columns.start] = border[side][row];
+                    }
+                }
+            }
+        }
+        if let Some(fill) = &self.fill {
+            let open = out.iter_mut().zip(&fill[own]).filter(|(height, _)| height.is_nan());
+            open.for_each(|(height, fill)| *height = *fill);
+        }
     }
 
     /// Whether all heights are its samples' own.
     pub fn is_unchanged(&self) -> bool {
-        self.heights.is_none()
+        self.border.is_none()
     }
 
     /// The heights at a cell's corners.
+    #[inline]
     pub fn cell(&self, row: usize, column: usize) -> Cell {
         let first = row * self.samples.columns + column;
         let next = first + self.samples.columns;
-        let heights = self.heights();
-        Cell([heights[first], heights[first + 1], heights[next], heights[next + 1]])
+        let corners = [first, first + 1, next, next + 1];
+        match self.border.is_some() && (0..4).any(|side| self.is_along(side, row, column)) {
+            true => Cell(corners.map(|index| self.height(index))),
+            false => Cell(corners.map(|index| self.samples.heights.at(index))),
+        }
     }
 
     /// The height of a sample that was measured, or of the membrane.
+    #[inline]
     pub fn surface_height(&self, index: usize) -> f64 {
-        let own = self.heights()[index];
+        let own = self.height(index);
         self.fill.as_ref().filter(|_| own.is_nan()).map_or(own, |fill| fill[index])
     }
 
     /// The heights at a cell's corners, those of the membrane included.
+    #[inline]
     pub fn surface_cell(&self, row: usize, column: usize) -> Cell {
         let first = row * self.samples.columns + column;
         let next = first + self.samples.columns;
@@ -77,6 +120,7 @@ impl Mesh {
     }
 
     /// The triangles of a cell: those of what was measured, then the membrane's, of which `true` tells.
+    #[inline]
     pub fn triangles(&self, row: usize, column: usize) -> impl Iterator<Item = (Triangle, bool)> + use<> {
         let cell = self.cell(row, column);
         let (mut found, mut count) = ([None; 2], 0);
@@ -150,6 +194,7 @@ impl Mesh {
     }
 
     /// Whether a cell lies along a side.
+    #[inline]
     pub fn is_along(&self, side: usize, row: usize, column: usize) -> bool {
         match side {
             0 => row == 0,
@@ -173,9 +218,10 @@ impl Mesh {
     }
 
     /// Whether a measured sample is in none of its triangles. At full resolution: in none of T's.
+    #[inline]
     pub fn is_lone(&self, row: usize, column: usize) -> bool {
         let index = row * self.samples.columns + column;
-        if self.samples.coverage.is_empty() || self.heights()[index].is_nan() {
+        if self.samples.coverage.is_empty() || self.height(index).is_nan() {
             return false;
         }
         if self.node.key.level == 0 {
@@ -254,7 +300,7 @@ impl Scene {
             samples,
             rows: lattice.places(node.key, 0),
             columns: lattice.places(node.key, 1),
-            heights: None,
+            border: None,
             extras: Default::default(),
             is_laid: [false; 4],
             fill: None,
@@ -268,10 +314,10 @@ impl Scene {
     /// Closes the poles of a globe that the field goes round: with triangles from its first or last row to the mean of that row.
     pub fn close_poles(&mut self) {
         let Some(root) = self.samples(self.lattice.root()) else { return };
-        let rows = [0, root.rows - 1].map(|row| &root.heights[row * root.columns..(row + 1) * root.columns]);
+        let rows = [0, root.rows - 1].map(|row| row * root.columns..(row + 1) * root.columns);
         let pole = |end: usize| {
             let latitude = self.placed.poles[end]?;
-            let measured = || rows[end].iter().filter(|height| !height.is_nan());
+            let measured = || rows[end].clone().map(|at| root.heights.at(at)).filter(|height| !height.is_nan());
             (measured().count() > 0)
                 .then(|| Pole { latitude, height: measured().sum::<f64>() / measured().count() as f64 })
         };
@@ -300,32 +346,36 @@ impl Scene {
         if is_uniform {
             return;
         }
-        type Joined = (Option<Vec<f64>>, [Vec<Vec<Extra>>; 4], [bool; 4]);
+        type Joined = (Option<[Vec<f64>; 4]>, [Vec<Vec<Extra>>; 4], [bool; 4]);
         let joined: Vec<Joined> = self.meshes.par_iter().map(|mesh| self.joined(mesh)).collect();
-        for (mesh, (heights, extras, is_laid)) in self.meshes.iter_mut().zip(joined) {
-            (mesh.heights, mesh.extras, mesh.is_laid) = (heights, extras, is_laid);
+        for (mesh, (border, extras, is_laid)) in self.meshes.iter_mut().zip(joined) {
+            (mesh.border, mesh.extras, mesh.is_laid) = (border, extras, is_laid);
         }
     }
 
-    fn joined(&self, mesh: &Mesh) -> (Option<Vec<f64>>, [Vec<Vec<Extra>>; 4], [bool; 4]) {
+    fn joined(&self, mesh: &Mesh) -> (Option<[Vec<f64>; 4]>, [Vec<Vec<Extra>>; 4], [bool; 4]) {
         if mesh.node.facts.is_empty() {
             return Default::default();
         }
-        let mut heights: Option<Vec<f64>> = None;
-        let [last_row, last_column] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
-        let sides = (0..=last_column).flat_map(|c| [(0, c), (last_row, c)]);
-        let ends = (1..last_row).flat_map(|r| [(r, 0), (r, last_column)]);
-        for (r, c) in sides.chain(ends) {
-            let index = r * mesh.samples.columns + c;
-            let own = mesh.samples.heights[index];
+        let (rows, columns) = (mesh.samples.rows, mesh.samples.columns);
+        let mut is_changed = false;
+        let mut found = |row: usize, column: usize| {
+            let own = mesh.samples.heights.at(row * columns + column);
             if own.is_nan() {
-                continue;
+                return own;
             }
-            let found = self.border(mesh.rows[r], mesh.columns[c]);
-            if !found.is_nan() && found.to_bits() != own.to_bits() {
-                heights.get_or_insert_with(|| mesh.samples.heights.clone())[index] = found;
-            }
-        }
+            let found = self.border(mesh.rows[row], mesh.columns[column]);
+            let is_other = !found.is_nan() && found.to_bits() != own.to_bits();
+            is_changed |= is_other;
+            if is_other { found } else { own }
+        };
+        let border = SIDES.map(|(axis, is_last)| match (axis, is_last) {
+            (0, false) => (0..columns).map(|column| found(0, column)).collect(),
+            (0, true) => (0..columns).map(|column| found(rows - 1, column)).collect(),
+            (_, false) => (0..rows).map(|row| found(row, 0)).collect(),
+            (_, true) => (0..rows).map(|row| found(row, columns - 1)).collect::<Vec<f64>>(),
+        });
+        let border = is_changed.then_some(border);
         let (mut extras, mut is_laid) = (<[Vec<Vec<Extra>>; 4]>::default(), [false; 4]);
         for (side, (axis, is_last)) in SIDES.into_iter().enumerate() {
             let lines = [&mesh.rows, &mesh.columns];
@@ -348,7 +398,7 @@ impl Scene {
                 extras[side] = cells;
             }
         }
-        (heights, extras, is_laid)
+        (border, extras, is_laid)
     }
 
     /// The corners of finer chunks within an edge on a line of constant row (axis 0) or column (axis 1).
@@ -433,7 +483,7 @@ impl Scene {
             [Some(row), Some(column)] => {
                 let ((first_row, _), (first_column, _)) = (lattice.span(key, 0), lattice.span(key, 1));
                 let (row, column) = ((row - first_row) as usize, (column - first_column) as usize);
-                mesh.samples.heights[row * mesh.samples.columns + column]
+                mesh.samples.heights.at(row * mesh.samples.columns + column)
             }
             [None, None] => f64::NAN,
             [on_row, _] => {

@@ -236,7 +236,7 @@ impl OpenSurface {
 
     /// The heights of an even share of its samples, and of its rims.
     pub fn coarse_heights(&self) -> impl Iterator<Item = f64> {
-        self.coarse.samples.heights.iter().copied().filter(|height| !height.is_nan())
+        self.coarse.samples.heights.iter().filter(|height| !height.is_nan())
     }
 
     /// The height that T has at most about a place, rows and columns with fractions; `None` beside the field, and where nothing was measured
@@ -250,7 +250,7 @@ impl OpenSurface {
         let (down, right) = (index(0, row)?, index(1, column)?);
         let samples = &self.coarse.samples;
         let corners = [[1, 1], [1, 0], [0, 1], [0, 0]]
-            .map(|[up, left]| samples.heights[(down - up) * samples.columns + right - left]);
+            .map(|[up, left]| samples.heights.at((down - up) * samples.columns + right - left));
         let most = corners.into_iter().filter(|height| !height.is_nan()).reduce(f64::max)?;
         Some(most + self.coarse.delta)
     }
@@ -275,7 +275,7 @@ impl OpenSurface {
         let (mut positions, mut shown) = (vec![bounds.min.to_array(), bounds.max.to_array()], vec![low as f32; 2]);
         for row in (0..*rows).step_by(every) {
             for column in (0..*columns).step_by(every) {
-                let height = heights[row * columns + column];
+                let height = heights.at(row * columns + column);
                 if !height.is_nan() {
                     let [at_row, at_column] = [coarse.positions[0][row], coarse.positions[1][column]];
                     positions.push(placed.world(at_row as f64, at_column as f64, height).to_array());

@@ -48,7 +48,7 @@ use std::sync::Arc;
 use tempfile::TempDir;
 
 /// Memory for decoded chunks unless it is set, bytes.
-const CHUNK_MEMORY: u64 = 512 << 20;
+const CHUNK_MEMORY: u64 = 1 << 30;
 /// Largest displacement on screen unless it is set, pixels.
 const ERROR_PX: f64 = 0.8;
 /// Residuals are coloured up to so many times the root of their mean square.

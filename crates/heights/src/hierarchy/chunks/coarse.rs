@@ -23,6 +23,7 @@ pub struct Row {
 }
 
 /// A mean normal from its bytes: x and y as 128 + 127 n, z as 255 n.
+#[inline]
 pub fn normal_of(bytes: [u8; 3]) -> [f32; 3] {
     [(f32::from(bytes[0]) - 128.0) / 127.0, (f32::from(bytes[1]) - 128.0) / 127.0, f32::from(bytes[2]) / 255.0]
 }

@@ -1,5 +1,6 @@
 //! Chunks of a page file as they are drawn.
 
+use super::super::samples::{MeanNormal, SampleHeights, SampleNormals};
 use super::super::source::NodeSamples;
 use super::leaf::{self, Held};
 use super::slopes::is_same;
@@ -17,8 +18,6 @@ pub(super) struct Decoder {
     slopes: [f64; 2],
     /// By how much steeper these are than those that the file's normals are made of, where they differ.
     steeper: Option<[f32; 2]>,
-    /// Parts of a normal by their byte.
-    parts: [[f32; 3]; 256],
     /// Light of each value of a plane.
     light: [f32; 256],
 }
@@ -35,7 +34,6 @@ impl Decoder {
             planes: about.grid.planes.len(),
             slopes,
             steeper: (is_usable && !is_same(slopes, kept)).then(|| steeper.map(|steeper| steeper as f32)),
-            parts: std::array::from_fn(|byte| normal_of([byte as u8; 3])),
             light: std::array::from_fn(|value| to_linear(value as f32 / 255.0)),
         }
     }
@@ -43,6 +41,11 @@ impl Decoder {
     /// From differences of heights to slopes.
     pub(super) fn slopes(&self) -> [f64; 2] {
         self.slopes
+    }
+
+    /// Whether normals of coarse chunks stay as the file keeps them.
+    pub(super) fn keeps_normals(&self) -> bool {
+        self.steeper.is_none()
     }
 
     /// A chunk's samples.
@@ -64,34 +67,24 @@ impl Decoder {
             return NodeSamples {
                 rows,
                 columns,
-                heights: own(stored, &held, &part),
+                heights: SampleHeights::of(&own(stored, &held, &part)),
                 coverage,
-                normals,
+                normals: SampleNormals::Parts(normals),
                 ranges: Vec::new(),
                 planes,
                 changes: Vec::new(),
             };
         }
-        let normals = match normals.is_empty() {
-            true => vec![[0.0, 0.0, 1.0]; part.len()],
-            false => {
-                let normal = |bytes: &[u8; 3]| [0, 1, 2].map(|axis| self.parts[usize::from(bytes[axis])][axis]);
-                match self.steeper {
-                    None => normals.iter().map(normal).collect(),
-                    Some(steeper) => normals.iter().map(|bytes| turned(normal(bytes), steeper)).collect(),
-                }
+        let normals = match self.steeper {
+            _ if normals.is_empty() => SampleNormals::Up(part.len()),
+            None => SampleNormals::Bytes(normals),
+            Some(steeper) => {
+                let turned = |bytes: &[u8; 3]| MeanNormal::new(turned(normal_of(*bytes), steeper));
+                SampleNormals::Parts(normals.iter().map(turned).collect())
             }
         };
-        NodeSamples {
-            rows,
-            columns,
-            heights: stored,
-            coverage,
-            normals,
-            ranges: Vec::new(),
-            planes,
-            changes: Vec::new(),
-        }
+        let heights = SampleHeights::of(&stored);
+        NodeSamples { rows, columns, heights, coverage, normals, ranges: Vec::new(), planes, changes: Vec::new() }
     }
 
     /// A chunk that nothing is in.
@@ -100,9 +93,9 @@ impl Decoder {
         NodeSamples {
             rows,
             columns,
-            heights: vec![f64::NAN; count],
+            heights: SampleHeights::Single(vec![f32::NAN; count]),
             coverage: vec![0; count],
-            normals: vec![[0.0, 0.0, 1.0]; count],
+            normals: SampleNormals::Up(count),
             ranges: Vec::new(),
             planes: vec![vec![0.0; count]; self.planes],
             changes: Vec::new(),

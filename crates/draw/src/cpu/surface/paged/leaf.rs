@@ -4,6 +4,7 @@
 //! A sample stands for what is nearer to it than to others along rows and columns: of a whole cell a quarter, of a triangle half at the right
 //! angle and a quarter at each other corner. Sums are taken in the same order for all samples.
 
+use super::super::samples::MeanNormal;
 use deepfield_heights::model::Cell;
 
 /// Heights with as many of those around a leaf as the field has, at most one row and one column on each side.
@@ -19,7 +20,7 @@ pub(super) struct Held<'a> {
 }
 
 /// Coverage, 0 to 255, and mean normals of a leaf's own samples.
-pub(super) type About = (Vec<u8>, Vec<[f32; 3]>);
+pub(super) type About = (Vec<u8>, Vec<MeanNormal>);
 
 /// Kinds of cells: two triangles; one, without one of the corners 0 to 3 (1 to 4); none; beside the field.
 const WHOLE: u8 = 0;
@@ -145,7 +146,7 @@ pub(super) fn about(held: &Held<'_>, slopes: [f64; 2]) -> About {
                 false => about_sample(&above, &below, column, is_measured),
             };
             out.0.push(coverage);
-            out.1.push(normal);
+            out.1.push(MeanNormal::new(normal));
         }
     }
     out

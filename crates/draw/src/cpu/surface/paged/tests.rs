@@ -4,6 +4,7 @@ use super::super::look::{Attribute, Light, Look};
 use super::super::memory::MemorySurface;
 use super::super::picture::{SurfacePicture, draw};
 use super::super::placed::Map;
+use super::super::samples::SampleHeights;
 use super::super::select::Technique;
 use super::*;
 use crate::color::TransferFunction;
@@ -114,7 +115,7 @@ fn placed(field: &HeightField) -> Placed {
     Placed::new(&field.grid, Map::Plate, 1.0, 0.0)
 }
 
-fn bits(heights: &[f64]) -> Vec<u64> {
+fn bits(heights: &SampleHeights) -> Vec<u64> {
     heights.iter().map(|height| if height.is_nan() { 1 } else { height.to_bits() }).collect()
 }
 
@@ -142,10 +143,7 @@ fn leaves_are_those_of_memory_to_the_bit() {
             assert_eq!((own.rows, own.columns), (expected.rows, expected.columns));
             assert_eq!(bits(&own.heights), bits(&expected.heights));
             assert_eq!(own.coverage, expected.coverage, "{key:?}");
-            let normals = |samples: &NodeSamples| {
-                samples.normals.iter().map(|normal| normal.map(f32::to_bits)).collect::<Vec<_>>()
-            };
-            assert!(normals(&own) == normals(&expected), "{key:?}");
+            assert!(own.normals == expected.normals, "{key:?}");
             assert_eq!(own.planes, expected.planes);
         }
         assert!(paged.error().is_none());
@@ -193,7 +191,7 @@ fn steps(samples: &NodeSamples) -> [f64; 2] {
     for (row, column) in (0..samples.rows - 1).flat_map(|row| (0..samples.columns - 1).map(move |column| (row, column)))
     {
         let at = row * samples.columns + column;
-        let cell = Cell([at, at + 1, at + samples.columns, at + samples.columns + 1].map(|at| samples.heights[at]));
+        let cell = Cell([at, at + 1, at + samples.columns, at + samples.columns + 1].map(|at| samples.heights.at(at)));
         for triangle in cell.triangles() {
             let [a, b, c] = triangle.corners.map(|corner| cell.0[corner]);
             edges = [a - b, b - c, c - a].into_iter().fold(edges, |most, step| most.max(step.abs()));
@@ -237,7 +235,7 @@ fn coarse_samples_are_means_over_cells() {
                     }
                 }
                 let coverage = f64::from(samples.coverage_at(index)) / 255.0;
-                assert_eq!(coverage > 0.0, !samples.heights[index].is_nan());
+                assert_eq!(coverage > 0.0, !samples.heights.at(index).is_nan());
                 if cells == 0 || area == 0.0 {
                     continue;
                 }
@@ -247,7 +245,7 @@ fn coarse_samples_are_means_over_cells() {
                     (coverage - share).abs() <= 1.51 / 255.0,
                     "{key:?} {row} {column}: {coverage}, expected {share}"
                 );
-                for (found, sum) in samples.normals[index].into_iter().zip(sum) {
+                for (found, sum) in samples.normals.at(index).into_iter().zip(sum) {
                     let found = f64::from(found);
                     assert!((found - sum / area).abs() <= 0.5 / 127.0 + 1e-3, "{key:?} {row} {column}: {found}");
                 }
@@ -276,7 +274,7 @@ fn coarse_samples_are_nearly_those_of_memory() {
                     continue;
                 }
                 for k in 0..3 {
-                    assert!((own.normals[index][k] - expected.normals[index][k]).abs() < 0.01, "{key:?} {index}");
+                    assert!((own.normals.at(index)[k] - expected.normals.at(index)[k]).abs() < 0.01, "{key:?} {index}");
                 }
                 for (plane, other) in own.planes.iter().zip(&expected.planes) {
                     assert!((plane[index] - other[index]).abs() < 0.01);
@@ -392,7 +390,7 @@ fn watched(built: &Built, budget_bytes: u64) -> (Arc<Watched>, PagedSurface) {
 #[test]
 fn chunks_are_kept_within_the_budget_and_read_once_at_a_time() {
     let built = Built::new(&field(700, 1000, Holes::None, 3.0, 0, SampleType::F32));
-    let chunk = 257 * 257 * 20 + size_of::<NodeSamples>() as u64;
+    let chunk = 257 * 257 * 10 + size_of::<NodeSamples>() as u64;
     let (disk, paged) = watched(&built, 3 * chunk + 100);
     let key = |column: u32| ChunkKey { level: 0, row: 0, column };
     let reads = || disk.reads.swap(0, Ordering::Relaxed);
@@ -415,7 +413,7 @@ fn chunks_are_kept_within_the_budget_and_read_once_at_a_time() {
     paged.samples(key(1)).unwrap();
     assert_eq!(reads(), 1);
     // What does not fit is not read ahead, and what others hold stays theirs.
-    let (disk, paged) = watched(&built, 2 * 257 * 257 * 21);
+    let (disk, paged) = watched(&built, 2 * 257 * 257 * 11);
     disk.reads.store(0, Ordering::Relaxed);
     paged.prefetch(&[key(0), key(1), key(2)]);
     assert_eq!((disk.reads.load(Ordering::Relaxed), paged.held_bytes()), (2, 2 * chunk));
@@ -502,14 +500,15 @@ fn normals_turn_to_the_world() {
     paged.place(&Placed::new(&field.grid, Map::Local { radius: radius / 3.0 }, 1.0, 0.0));
     for (key, earth) in [leaf, root].iter().zip(&earth) {
         let own = paged.samples(*key).unwrap();
-        for (own, earth) in own.normals.iter().zip(&earth.normals) {
+        for (own, earth) in own.normals.iter().zip(earth.normals.iter()) {
+            let (own, earth) = (&own, &earth);
             let lean = |normal: &[f32; 3], k: usize| f64::from(normal[k] / normal[2]);
             for k in 0..2 {
                 let away = (lean(own, k) - 3.0 * lean(earth, k)).abs();
                 assert!(away < 1e-3 * (1.0 + lean(own, k).abs()), "{key:?}: {own:?} {earth:?}");
             }
             let length = |normal: &[f32; 3]| normal.iter().map(|part| part * part).sum::<f32>().sqrt();
-            assert!((length(own) - length(earth)).abs() < 1e-5);
+            assert!((length(own) - length(earth)).abs() < 1e-4);
         }
     }
 }

@@ -1,0 +1,225 @@
+//! What is kept of a chunk's samples: heights in as few bytes as hold them exactly, and mean normals.
+
+use deepfield_heights::hierarchy::chunks::coarse::normal_of;
+use std::ops::Range;
+
+/// Heights, row by row; NaN where there is none.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SampleHeights {
+    /// All of them are whole numbers of 16 bits.
+    Short(Vec<i16>),
+    /// All of them are numbers of single precision.
+    Single(Vec<f32>),
+    /// Some need more.
+    Double(Vec<f64>),
+}
+
+impl Default for SampleHeights {
+    fn default() -> SampleHeights {
+        SampleHeights::Single(Vec::new())
+    }
+}
+
+impl SampleHeights {
+    /// Keeps heights without loss.
+    pub fn of(heights: &[f64]) -> SampleHeights {
+        let shorts: Vec<i16> = heights.iter().map(|height| *height as i16).collect();
+        let is_short = |(short, height): (&i16, &f64)| f64::from(*short).to_bits() == height.to_bits();
+        // What is not short is so at once, mostly.
+        let is_whole = shorts
+            .chunks(64)
+            .zip(heights.chunks(64))
+            .all(|(shorts, heights)| shorts.iter().zip(heights).fold(true, |is_whole, pair| is_whole & is_short(pair)));
+        if is_whole {
+            return SampleHeights::Short(shorts);
+        }
+        let singles: Vec<f32> = heights.iter().map(|height| *height as f32).collect();
+        let pairs = singles.iter().zip(heights);
+        let is_exact = pairs
+            .fold(true, |is_exact, (single, height)| is_exact & ((f64::from(*single) == *height) | height.is_nan()));
+        if is_exact { SampleHeights::Single(singles) } else { SampleHeights::Double(heights.to_vec()) }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        match self {
+            SampleHeights::Short(heights) => heights.len(),
+            SampleHeights::Single(heights) => heights.len(),
+            SampleHeights::Double(heights) => heights.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// A height.
+    #[inline(always)]
+    pub fn at(&self, index: usize) -> f64 {
+        match self {
+            SampleHeights::Short(heights) => heights[index].into(),
+            SampleHeights::Single(heights) => heights[index].into(),
+            SampleHeights::Double(heights) => heights[index],
+        }
+    }
+
+    /// A height; `None` beyond the last.
+    #[inline]
+    pub fn get(&self, index: usize) -> Option<f64> {
+        (index < self.len()).then(|| self.at(index))
+    }
+
+    /// Takes out a height.
+    pub(super) fn open(&mut self, index: usize) {
+        match self {
+            SampleHeights::Short(heights) => {
+                let mut singles: Vec<f32> = heights.iter().map(|height| f32::from(*height)).collect();
+                singles[index] = f32::NAN;
+                *self = SampleHeights::Single(singles);
+            }
+            SampleHeights::Single(heights) => heights[index] = f32::NAN,
+            SampleHeights::Double(heights) => heights[index] = f64::NAN,
+        }
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = f64> + Clone + '_ {
+        (0..self.len()).map(|index| self.at(index))
+    }
+
+    /// Copies some.
+    pub fn copy(&self, part: Range<usize>, out: &mut [f64]) {
+        match self {
+            SampleHeights::Short(heights) => {
+                out.iter_mut().zip(&heights[part]).for_each(|(out, height)| *out = f64::from(*height));
+            }
+            SampleHeights::Single(heights) => {
+                out.iter_mut().zip(&heights[part]).for_each(|(out, height)| *out = f64::from(*height));
+            }
+            SampleHeights::Double(heights) => out.copy_from_slice(&heights[part]),
+        }
+    }
+
+    /// Bytes that they take.
+    pub fn bytes(&self) -> usize {
+        match self {
+            SampleHeights::Short(heights) => size_of_val(heights.as_slice()),
+            SampleHeights::Single(heights) => size_of_val(heights.as_slice()),
+            SampleHeights::Double(heights) => size_of_val(heights.as_slice()),
+        }
+    }
+}
+
+/// Means of unit normals, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SampleNormals {
+    /// So many that point up.
+    Up(usize),
+    /// As files keep them ([`normal_of`]).
+    Bytes(Vec<[u8; 3]>),
+    /// Finer ones.
+    Parts(Vec<MeanNormal>),
+}
+
+impl Default for SampleNormals {
+    fn default() -> SampleNormals {
+        SampleNormals::Up(0)
+    }
+}
+
+impl SampleNormals {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        match self {
+            SampleNormals::Up(count) => *count,
+            SampleNormals::Bytes(normals) => normals.len(),
+            SampleNormals::Parts(normals) => normals.len(),
+        }
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// A mean normal.
+    #[inline(always)]
+    pub fn at(&self, index: usize) -> [f32; 3] {
+        match self {
+            SampleNormals::Up(_) => [0.0, 0.0, 1.0],
+            SampleNormals::Bytes(normals) => normal_of(normals[index]),
+            SampleNormals::Parts(normals) => normals[index].vector(),
+        }
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = [f32; 3]> + Clone + '_ {
+        (0..self.len()).map(|index| self.at(index))
+    }
+
+    /// Bytes that they take.
+    pub fn bytes(&self) -> usize {
+        match self {
+            SampleNormals::Up(_) => 0,
+            SampleNormals::Bytes(normals) => size_of_val(normals.as_slice()),
+            SampleNormals::Parts(normals) => size_of_val(normals.as_slice()),
+        }
+    }
+}
+
+/// The mean of unit normals, of which `z` points up, in parts of 1/32767.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeanNormal([i16; 3]);
+
+/// Parts of 1.
+const PARTS: f32 = 32767.0;
+
+impl MeanNormal {
+    /// Of a vector that is at most a unit long.
+    #[inline(always)]
+    pub fn new(normal: [f32; 3]) -> MeanNormal {
+        MeanNormal(normal.map(|part| {
+            // Rounded to the nearest.
+            (part * PARTS + if part < 0.0 { -0.5 } else { 0.5 }) as i16
+        }))
+    }
+
+    /// The vector.
+    #[inline(always)]
+    pub fn vector(self) -> [f32; 3] {
+        self.0.map(|part| f32::from(part) * (1.0 / PARTS))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_come_back_to_the_bit() {
+        for heights in [
+            vec![1.5, -0.0, f64::NAN, 65535.0],
+            vec![0.1, f64::NAN, 1e300],
+            vec![-32768.0, 0.0, 32767.0],
+            vec![1.0, -0.0],
+            Vec::new(),
+        ] {
+            let kept = SampleHeights::of(&heights);
+            let mut copied = vec![0.0; heights.len()];
+            kept.copy(0..heights.len(), &mut copied);
+            for (index, height) in heights.iter().enumerate() {
+                assert!(kept.at(index).to_bits() == height.to_bits() || height.is_nan() && kept.at(index).is_nan());
+                assert!(copied[index].to_bits() == kept.at(index).to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn normals_are_within_a_part() {
+        for normal in [[0.0, 0.0, 1.0], [-1.0, 0.3, 0.0], [0.123_45, -0.77, 0.5]] {
+            let found = MeanNormal::new(normal).vector();
+            assert!((0..3).all(|k| (found[k] - normal[k]).abs() < 1.6e-5), "{normal:?} {found:?}");
+        }
+    }
+}
