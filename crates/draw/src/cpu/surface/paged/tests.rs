@@ -390,7 +390,7 @@ fn watched(built: &Built, budget_bytes: u64) -> (Arc<Watched>, PagedSurface) {
 #[test]
 fn chunks_are_kept_within_the_budget_and_read_once_at_a_time() {
     let built = Built::new(&field(700, 1000, Holes::None, 3.0, 0, SampleType::F32));
-    let chunk = 257 * 257 * 10 + size_of::<NodeSamples>() as u64;
+    let chunk = 257 * 257 * 14 + size_of::<NodeSamples>() as u64;
     let (disk, paged) = watched(&built, 3 * chunk + 100);
     let key = |column: u32| ChunkKey { level: 0, row: 0, column };
     let reads = || disk.reads.swap(0, Ordering::Relaxed);
@@ -413,7 +413,7 @@ fn chunks_are_kept_within_the_budget_and_read_once_at_a_time() {
     paged.samples(key(1)).unwrap();
     assert_eq!(reads(), 1);
     // What does not fit is not read ahead, and what others hold stays theirs.
-    let (disk, paged) = watched(&built, 2 * 257 * 257 * 11);
+    let (disk, paged) = watched(&built, 2 * 257 * 257 * 15);
     disk.reads.store(0, Ordering::Relaxed);
     paged.prefetch(&[key(0), key(1), key(2)]);
     assert_eq!((disk.reads.load(Ordering::Relaxed), paged.held_bytes()), (2, 2 * chunk));
