@@ -7,7 +7,7 @@ use super::super::placed::{Map, Placed};
 use super::super::raster::{self, POLE, Shown, Visibility};
 use super::super::select::Technique;
 use super::super::sight::Sight;
-use super::super::stitch::Scene;
+use super::super::stitch::{Mesh, Scene};
 use super::super::{SurfaceOptions, SurfacePicture, draw};
 use super::{Random, hills, random_cut};
 use crate::color::transfer::TransferFunction;
@@ -192,7 +192,7 @@ fn no_gap_is_seen_across_the_seam() {
         let globe = globes()[columns % 2];
         let placed = Placed::new(&field.grid, Map::Globe(globe), 1.0, 0.0);
         let closed = Closed::of(&memory, &placed).unwrap();
-        for round in 0..40 {
+        for round in 0..24 {
             let view = over_the_seam(&globe, &mut random);
             let sight = Sight::Flat(view);
             let technique = [Technique::Hybrid, Technique::Triangles, Technique::Rays][round % 3];
@@ -208,14 +208,18 @@ fn no_gap_is_seen_across_the_seam() {
             assert_eq!(gaps, 0, "{columns} columns, round {round}, {technique:?}: {view:?}");
             let cut = random_cut(&closed, &placed, &sight, &mut random, false);
             let scene = Scene::new(&closed, &placed, cut);
-            joined += scene.meshes.iter().filter(|mesh| mesh.is_laid[2] && mesh.columns[0] == 0).count();
+            let is_joined = |mesh: &&Mesh| {
+                mesh.is_laid[2] && mesh.columns[0] == 0
+                    || mesh.is_laid[3] && mesh.columns.last() == Some(&(columns as u64))
+            };
+            joined += scene.meshes.iter().filter(is_joined).count();
             let picture = Visibility::new([view.width, view.height]);
             raster::draw(&scene, &view, &picture, [1; 2]);
             let gaps = (0..picture.width * picture.height).filter(|index| picture.at(*index).is_none()).count();
             assert_eq!(gaps, 0, "{columns} columns, random cut {round}: {view:?}");
         }
     }
-    assert!(joined > 20, "{joined}");
+    assert!(joined > 5, "{joined}");
 }
 
 #[test]
