@@ -170,7 +170,7 @@ fn particles_that_another_system_moves_are_drawn_state_by_state() {
         let picture = columns(&first);
         let lit = |screen: &Screen| screen.share(picture.clone(), |pixel| pixel.iter().any(|&c| c > 40));
         let before = desktop.wait("particles in the picture", |screen| lit(screen) > 0.05);
-        let later = program.wait("a later state", |status| state(status) > state(&first) + 10);
+        let later = program.wait("a later state", |status| state(status) > state(&first) + 3);
         desktop.wait("that they move", |screen| screen.difference(&before, picture.clone()) > 0.02);
         assert_eq!(later["eye"], first["eye"], "{later:#}");
         assert_eq!(later["converged"], false, "what moves has no last picture: {later:#}");

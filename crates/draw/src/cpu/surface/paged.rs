@@ -238,9 +238,8 @@ impl SurfaceNodes for PagedSurface {
         !locked(&self.damaged).keys.contains(&key)
     }
 
-    /// What a picture draws may take half more than what is kept between pictures.
     fn room(&self) -> u64 {
-        self.budget_bytes / 2 * 3
+        self.budget_bytes
     }
 
     fn bytes(&self, key: ChunkKey) -> u64 {

@@ -3,6 +3,7 @@
 use crate::cpu::paths::PathFragments;
 use crate::view::{Projection, View};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// What is farther behind a surface than this is hidden, pixels as long as they are there: what is drawn may be beside the surface by its error
 /// bound, and lies on it by a rounding.
@@ -44,7 +45,8 @@ impl SurfaceDepths {
             covering.map_or(f32::INFINITY, |fragment| fragment.depth)
         };
         let [width, height] = fragments.size;
-        let depths = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| depth(x, y)).collect();
+        let row = |y: usize| (0..width).map(move |x| depth(x, y));
+        let depths = (0..height).into_par_iter().flat_map_iter(row).collect();
         SurfaceDepths::new(*view, depths)
     }
 

@@ -21,10 +21,36 @@ pub(super) fn bounds_of(placed: &Placed, heights: [f64; 2]) -> Bounds {
     Bounds { min: DVec3::new(low.x, low.y, ends[0].min(ends[1])), max: DVec3::new(high.x, high.y, top) }
 }
 
-/// The least distance from a target, of those up to twice `away`, at which all of a box is in the picture with a little room around it.
-fn nearest(shot: &Shot, bounds: Bounds, target: DVec3, from: DVec3, away: f64) -> Result<f64, PictureError> {
+/// Places on a globe, which lie all around it, that have to be in the picture.
+const PLACES: usize = 512;
+
+/// Places between which all lies that is to be in the picture: on a globe that is alone in its box, else the box's corners.
+fn outermost(bounds: Bounds, placed: &Placed) -> Vec<DVec3> {
     let Bounds { min, max } = bounds;
+    if !placed.is_flat() && min == -max && max == DVec3::splat(max.x) {
+        // A spiral from pole to pole, whose turns are as far apart as its places.
+        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        let place = |number: usize| {
+            let z = 1.0 - (2 * number + 1) as f64 / PLACES as f64;
+            let (sin, cos) = (golden * number as f64).sin_cos();
+            let around = (1.0 - z * z).sqrt();
+            max.x * DVec3::new(around * cos, around * sin, z)
+        };
+        return (0..PLACES).map(place).collect();
+    }
     let corner = |number: usize| DVec3::from_array([0, 1, 2].map(|axis| [min, max][number >> axis & 1][axis]));
+    (0..8).map(corner).collect()
+}
+
+/// The least distance from a target, of those up to twice `away`, at which these places are in the picture with a little room around them.
+fn nearest(
+    shot: &Shot,
+    bounds: Bounds,
+    places: &[DVec3],
+    target: DVec3,
+    from: DVec3,
+    away: f64,
+) -> Result<f64, PictureError> {
     let fits = |distance: f64| -> Result<bool, PictureError> {
         let mut shot = shot.clone();
         (shot.camera.eye, shot.camera.target) = (Some((target + distance * from).to_array()), Some(target.to_array()));
@@ -33,7 +59,7 @@ fn nearest(shot: &Shot, bounds: Bounds, target: DVec3, from: DVec3, away: f64) -
         let is_in = |at: [f64; 2]| {
             (ROOM..=1.0 - ROOM).contains(&(at[0] / width)) && (ROOM..=1.0 - ROOM).contains(&(at[1] / height))
         };
-        Ok((0..8).all(|number| view.to_pixels(view.to_camera(corner(number))).is_some_and(is_in)))
+        Ok(places.iter().all(|place| view.to_pixels(view.to_camera(*place)).is_some_and(is_in)))
     };
     let (mut near, mut far) = (0.1 * away, 2.0 * away);
     if !fits(far)? {
@@ -66,7 +92,10 @@ pub(super) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<S
         let away = (free.view(bounds, None)?.eye - target).length();
         let from = if placed.is_flat() { DVec3::new(0.0, -1.0, 0.9) } else { DVec3::new(1.0, -0.4, 0.5) };
         let eye = match shot.surround.is_flat() {
-            true => target + nearest(&shot, bounds, target, from.normalize(), away)? * from.normalize(),
+            true => {
+                let (places, from) = (outermost(bounds, placed), from.normalize());
+                target + nearest(&shot, bounds, &places, target, from, away)? * from
+            }
             // Around the eye there is nothing to see from within the surface.
             false => DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()),
         };
@@ -83,4 +112,27 @@ pub(super) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<S
         shot.camera.target = Some((center - ahead).to_array());
     }
     Ok(shot)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::heights::model::{Globe, HeightField};
+    use crate::model::Unit;
+
+    #[test]
+    fn a_globe_fills_its_picture() {
+        let mut field = HeightField::of(36, 19, vec![0.0; 36 * 19]);
+        (field.grid.origin, field.grid.step, field.grid.xy_unit) = ([-180.0, -90.0], [10.0, 10.0], Unit::new("deg"));
+        let placed = Placed::new(&field.grid, Map::Globe(Globe::sphere(1000.0)), 1.0, 0.0);
+        let bounds = bounds_of(&placed, [0.0, 10.0]);
+        for size in [(400, 300), (300, 400)] {
+            let shot = Shot { size: Some(size), ..Shot::default() };
+            let view = view_of(&shot, bounds, &placed).unwrap();
+            // The rim that is seen, in pixels from the middle.
+            let rim = view.focal_pixels() * (1010.0 / view.eye.length()).asin().tan();
+            let half = 0.5 * f64::from(size.0.min(size.1));
+            assert!((0.88 * half..0.95 * half).contains(&rim), "{size:?}: {rim} of {half}");
+        }
+    }
 }
