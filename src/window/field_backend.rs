@@ -8,9 +8,9 @@ pub(super) mod on_adapter;
 
 use self::on_adapter::FieldOnAdapter;
 use super::exposure::Exposure;
+use super::hidden::Hiding;
 use super::live::LiveParticles;
 use super::look::{Held, Look};
-use super::looking::hidden::Hiding;
 use super::pages::ViewSelection;
 use super::picture::{Letterbox, Picture, to_image};
 use super::picture_sizes::{moving_size, volume_limit};

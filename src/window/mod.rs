@@ -18,6 +18,7 @@ pub mod free_name;
 pub mod gpu_backend;
 mod ground;
 pub mod growing;
+pub mod hidden;
 mod history;
 pub mod input;
 pub mod lens;

@@ -215,7 +215,7 @@ fn differences_lie_over_the_later_surface() {
     std::fs::write(folder.join("change.scene.ron"), scene).unwrap();
     assert!(drawn(&["after.npy", "--before", "before.npy"]).0 == changed);
     assert!(drawn(&["after.df", "--before", "before.df", "--attribute", "difference"]).0 == changed);
-    assert!(drawn(&["change.scene.ron"]).0 == changed);
+    assert!(drawn(&["change.scene.ron", "--mode", "surface"]).0 == changed);
     assert!(drawn(&["after.df", "--before", "before.df", "--attribute", "height"]).0 == own);
     refused(
         folder,
@@ -252,7 +252,7 @@ fn eyes_stay_above_ground() {
     // What is under a pixel is so of the same eye.
     let pixels =
         ["probe", "flat.df", "--pixel", "30,30", "--eye", "20,15,-5", "--target", "20,25,-5", "--size", "60x40"];
-    std::fs::write(folder.join("c.ron"), "(settings: {\"clearance\": 2.0})").unwrap();
+    std::fs::write(folder.join("c.ron"), "(mode: \"surface\", settings: {\"clearance\": 2.0})").unwrap();
     let told = answer(folder, &[&pixels[..], &["--config", "c.ron", "--json", "-"]].concat());
     assert_eq!(told["picks"][0]["height"].as_f64(), Some(7.0), "{told:#}");
 }

@@ -37,6 +37,7 @@ const WINDOW: [&[&str]; 4] = [
         "picture",
         "sheet",
         "picture_sizes",
+        "hidden",
         "pass_times",
         "sampled",
         "facts",

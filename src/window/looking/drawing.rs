@@ -1,13 +1,13 @@
 //! What looking closer draws over the picture: the inspected particle, measured distances, regions and strokes.
 
 use super::heights::{OnHeights, Spot};
-use super::hidden::Hiding;
 use super::prober::Prober;
 use super::{Inspector, LookingState, Measure};
 use crate::annotate::number;
 use crate::explore::{Lasso, Members, Region, Shape};
 use crate::picture::surface::{FieldInScene, Piece};
 use crate::view::{Projection, View};
+use crate::window::hidden::Hiding;
 use crate::window::picture::Picture;
 use crate::window::state::tool::{Stroke, Tool};
 use crate::window::theme;

@@ -10,7 +10,6 @@ pub mod drawing;
 pub mod followed;
 pub mod following;
 pub mod heights;
-pub mod hidden;
 pub mod ids;
 pub mod inspector;
 pub mod keeping;
@@ -24,6 +23,7 @@ pub use inspector::Inspector;
 pub use state::{LookingState, RangeDraft, Visit};
 
 use super::camera::CameraSystems;
+use super::hidden::Hiding;
 use super::input::{PointerOwner, TOOL_KEYS, is_control};
 use super::pages::{PageSystems, ViewSelection};
 use super::pick::{NO_PLACES, Picked, pick};
@@ -38,7 +38,6 @@ use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_egui::EguiPostUpdateSet;
 use heights::{Asked, OnHeights, Strokes};
-use hidden::Hiding;
 use pointer::PicturePointer;
 use prober::Prober;
 

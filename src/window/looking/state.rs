@@ -3,7 +3,6 @@
 use super::followed::FollowedSets;
 use super::following::FollowedSelection;
 use super::heights::OnHeights;
-use super::hidden::Hiding;
 use super::ids::{ByIds, LookedUp};
 use super::keeping::Keeping;
 use super::prober::Prober;
@@ -11,6 +10,7 @@ use super::{Inspector, Measure};
 use crate::model::Bounds;
 use crate::window::bookmarks::AskedBookmark;
 use crate::window::camera::{Flight, Navigation, Viewpoint};
+use crate::window::hidden::Hiding;
 use crate::window::objects::Objects;
 use crate::window::picture::{DataCamera, Picture};
 use crate::window::preset::Preset;
