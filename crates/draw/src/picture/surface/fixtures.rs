@@ -6,26 +6,41 @@ use super::session::SurfaceSession;
 use crate::look::HeightsSaid;
 use crate::model::Unit;
 use crate::picture::SessionOptions;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// An open field whose heights are those of places, its first sample at the lowest x and y, in metres over places in this unit.
+/// A field of heights in metres as text, its first sample at the lowest x and y.
 pub(super) fn field(
-    unit: &str,
+    folder: &Path,
+    name: &str,
     [columns, rows]: [usize; 2],
     corner: [f64; 2],
     step: f64,
     height: impl Fn(f64, f64) -> f64,
-) -> SurfaceSession {
+) -> PathBuf {
     let mut text =
         format!("ncols {columns}\nnrows {rows}\nxllcenter {}\nyllcenter {}\ncellsize {step}\n", corner[0], corner[1]);
+    // From north to south.
     for row in (0..rows).rev() {
         let line = (0..columns).map(|column| height(corner[0] + column as f64 * step, corner[1] + row as f64 * step));
         text += &line.map(|height| format!("{height:.6}")).collect::<Vec<_>>().join(" ");
         text += "\n";
     }
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("field.asc");
+    let path = folder.join(name);
     std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// An open field whose heights are those of places, its first sample at the lowest x and y, in metres over places in this unit.
+pub(super) fn opened(
+    unit: &str,
+    size: [usize; 2],
+    corner: [f64; 2],
+    step: f64,
+    height: impl Fn(f64, f64) -> f64,
+) -> SurfaceSession {
+    let folder = tempfile::tempdir().unwrap();
+    let path = field(folder.path(), "field.asc", size, corner, step, height);
     let said =
         HeightsSaid { xy_unit: Some(Unit::new(unit)), height_unit: Some(Unit::new("m")), ..HeightsSaid::default() };
     SurfaceSession::open(&path, &said, SessionOptions::default(), Arc::new(())).unwrap()

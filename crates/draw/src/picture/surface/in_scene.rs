@@ -88,14 +88,14 @@ pub fn nearest(fields: &[FieldInScene], view: &View, pixel: [f64; 2]) -> Result<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::surface::fixtures::field;
+    use crate::picture::surface::fixtures::opened;
     use crate::view::Projection;
 
     #[test]
     fn of_two_fields_the_one_in_front_is_asked() {
         // A level field, and a smaller one above its middle that has lengths of its own.
-        let ground = field("m", [41, 41], [-20.0, -20.0], 1.0, |x, y| 0.01 * x * y);
-        let table = field("m", [21, 21], [0.0, 0.0], 1.0, |x, _| 0.5 * x);
+        let ground = opened("m", [41, 41], [-20.0, -20.0], 1.0, |x, y| 0.01 * x * y);
+        let table = opened("m", [21, 21], [0.0, 0.0], 1.0, |x, _| 0.5 * x);
         let settings =
             Settings(std::iter::once(("exaggeration".to_owned(), crate::mode::SettingValue::Number(2.0))).collect());
         let mut fields = vec![

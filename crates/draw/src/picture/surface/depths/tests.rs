@@ -4,7 +4,7 @@
 
 use super::*;
 use crate::look::LookPatch;
-use crate::picture::surface::fixtures::field;
+use crate::picture::surface::fixtures::opened;
 use crate::picture::surface::session::SurfaceSession;
 
 const SIZE: (u32, u32) = (240, 160);
@@ -21,7 +21,7 @@ fn depths(session: &mut SurfaceSession, look: &LookPatch, view: &View) -> Surfac
 #[test]
 fn what_is_behind_a_ridge_is_hidden_as_high_as_it_stands() {
     let ridge = |x: f64, _: f64| 10.0 * (-(x / 6.0).powi(2)).exp();
-    let mut session = field("m", [161, 81], [-80.0, -40.0], 1.0, ridge);
+    let mut session = opened("m", [161, 81], [-80.0, -40.0], 1.0, ridge);
     let opened = std::sync::Arc::clone(session.opened());
     for projection in [Projection::Perspective { fov_y: 0.7 }, Projection::Orthographic { height: 90.0 }] {
         // Low enough that it sees over the ridge where that is flat, and not where it stands three times as high.
@@ -54,7 +54,7 @@ fn what_is_behind_a_ridge_is_hidden_as_high_as_it_stands() {
 #[test]
 fn a_globe_hides_its_far_side() {
     let mut session =
-        field("deg", [73, 35], [-180.0, -85.0], 5.0, |x, y| 20_000.0 * (x / 30.0).sin() * y.to_radians().cos());
+        opened("deg", [73, 35], [-180.0, -85.0], 5.0, |x, y| 20_000.0 * (x / 30.0).sin() * y.to_radians().cos());
     let look = look("{\"map\": \"globe\", \"exaggeration\": 5.0}");
     let placed = session.opened().placed(&look.settings).unwrap();
     let eye = DVec3::new(2.6e7, 0.0, 0.0);

@@ -10,31 +10,10 @@ use crate::look::{CameraConfig, HeightsSaid, say};
 use crate::mode::Settings;
 use crate::model::{Attribute as Field, Dataset, Family, FamilyName, Kernel, Provenance};
 use crate::picture::surface::OpenMixed;
+use crate::picture::surface::fixtures::field;
 use crate::synth::random::Random;
 use crate::view::{Eyes, Stereo, StereoKind, Surround};
 use glam::DVec3;
-
-/// A field of heights in metres as text, its first sample at the lowest x and y.
-fn field(
-    folder: &Path,
-    name: &str,
-    [columns, rows]: [usize; 2],
-    corner: [f64; 2],
-    step: f64,
-    height: impl Fn(f64, f64) -> f64,
-) -> PathBuf {
-    let mut text =
-        format!("ncols {columns}\nnrows {rows}\nxllcenter {}\nyllcenter {}\ncellsize {step}\n", corner[0], corner[1]);
-    // From north to south.
-    for row in (0..rows).rev() {
-        let line = (0..columns).map(|column| height(corner[0] + column as f64 * step, corner[1] + row as f64 * step));
-        text += &line.map(|height| format!("{height:.6}")).collect::<Vec<_>>().join(" ");
-        text += "\n";
-    }
-    let path = folder.join(name);
-    std::fs::write(&path, text).unwrap();
-    path
-}
 
 /// Particles at these places, of these smoothing lengths and masses.
 fn particles(folder: &Path, name: &str, of: &[(DVec3, f64, f64)], unit: &str, magnitude: Option<f32>) -> PathBuf {

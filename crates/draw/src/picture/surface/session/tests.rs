@@ -4,11 +4,11 @@
 
 use super::*;
 use crate::look::CameraConfig;
-use crate::picture::surface::fixtures::field;
+use crate::picture::surface::fixtures::opened;
 
 /// A ramp from -300 to 900 along x, drawn from above without shades: its picture.
 fn ramp(unit: &str, settings: &str, transfer: Option<TransferFunction>) -> Picture {
-    let mut session = field(unit, [121, 41], [6.0, 50.0], 0.01, |x, _| -300.0 + (x - 6.0) * 1000.0);
+    let mut session = opened(unit, [121, 41], [6.0, 50.0], 0.01, |x, _| -300.0 + (x - 6.0) * 1000.0);
     let settings: crate::mode::Settings = ron::from_str(settings).unwrap();
     let bounds = session.opened().bounds(&settings).unwrap();
     let (center, size) = (bounds.center(), bounds.size());
