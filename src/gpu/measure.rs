@@ -121,8 +121,9 @@ impl Plugin for MeasurePlugin {
     }
 }
 
+/// The pass that measures.
 #[derive(Resource)]
-struct MeasurePipeline {
+pub struct MeasurePipeline {
     layout: BindGroupLayoutDescriptor,
     pipeline: CachedComputePipelineId,
 }
@@ -229,7 +230,7 @@ fn prepare_measurements(
 }
 
 /// Reduces a picture that is complete.
-fn measure_splats(
+pub fn measure_splats(
     view: ViewQuery<(&SplatBuffers, &Measurement)>,
     pipeline: Option<Res<MeasurePipeline>>,
     (cache, timer): (Res<PipelineCache>, Res<PassTimer>),

@@ -5,7 +5,7 @@ use super::device::GpuError;
 use super::headless::{HeadlessFrame, HeadlessRequest};
 use super::integrals::IntegralView;
 use super::renderer::HeadlessRenderer;
-use super::surface::{SurfaceJob, SurfaceView};
+use super::surface::SurfaceView;
 use super::tile_passes::TilePasses;
 use super::timing::MeasuredPasses;
 use super::view::Backend;
@@ -111,12 +111,10 @@ impl Adapter for Offscreen {
         drawn.map_err(device)
     }
 
-    fn surface(&mut self, job: &AdapterSurface<'_>) -> Result<AdapterFrame, VolumeError> {
-        let is_raster = job.passes == Passes::Raster;
-        let surface = Arc::new(SurfaceJob::new(job, is_raster));
-        let [width, height] = surface.size();
+    fn surface(&mut self, job: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
+        let (is_raster, [width, height]) = (job.is_raster(), job.size());
         let request = HeadlessRequest::without_particles(&job.view.resized(width, height), false);
-        let view = SurfaceView { number: self.next(), job: surface, memory: u64::MAX };
+        let view = SurfaceView { number: self.next(), job, memory: u64::MAX };
         let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, (passes, frame)) = renderer.surface(view)?;

@@ -85,6 +85,22 @@ pub struct SplatView {
     pub keeps_last: bool,
 }
 
+impl SplatView {
+    /// Of a camera whose picture is not of particles: `items`, the same list for each picture, are none.
+    pub fn without_particles(view: View, items: &Arc<[DrawItem]>) -> SplatView {
+        SplatView {
+            view,
+            footprint: Footprint::Kernel(Kernel::default()),
+            backend: Backend::Compute,
+            culling: true,
+            faintest: 0.0,
+            items: Arc::clone(items),
+            always: false,
+            keeps_last: false,
+        }
+    }
+}
+
 /// The baked transfer function by which the accumulation becomes colour. A camera without it shows none.
 #[derive(Component, Clone, Debug, PartialEq, ExtractComponent)]
 pub struct Composite {
@@ -134,5 +150,15 @@ impl Composite {
             before: None,
             last: None,
         }
+    }
+
+    /// Whether it is another's: of the same table, not of an equal one.
+    pub fn is_same(&self, other: &Composite) -> bool {
+        Arc::ptr_eq(&self.lut, &other.lut)
+            && self.levels == other.levels
+            && self.attribute == other.attribute
+            && [self.p_scale, self.s_scale] == [other.p_scale, other.s_scale]
+            && self.before == other.before
+            && self.last == other.last
     }
 }

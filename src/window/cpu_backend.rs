@@ -13,7 +13,7 @@ use super::occlusion::Occlusion;
 use super::pages::{SplatsInTime, ViewSelection};
 use super::paths::Paths;
 use super::picture::{Letterbox, Picture, to_image};
-use super::picture_sizes::{drawing_size, moving_size, volume_limit};
+use super::picture_sizes::{drawing_size, moving_ms, moving_size, volume_limit};
 use super::preset::{MotionPreset, Preset};
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
@@ -198,7 +198,7 @@ pub(super) fn draw_on_cpu(
     let painted = look.depiction.mode.is_light();
     let size = match painted && moving {
         true => {
-            let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { motion.volume_ms };
+            let budget = moving_ms(&preset);
             let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some());
             moving_size(full, last.map(|drawn| (drawn.key.size, drawn.milliseconds)), budget, motion)
         }

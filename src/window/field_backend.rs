@@ -1,19 +1,21 @@
 //! Drawing an image, a volume or heights that are open alone, with the processor, on background tasks: the samples, or what stands for them.
-//! Where an adapter draws a volume, [`on_adapter`] does.
+//! Where an adapter draws a volume, [`on_adapter`] does; where it draws heights, [`surface_on_adapter`].
 //!
 //! While the view moves, or what is drawn changes, pictures have as many pixels as there is time for; when it rests, the full one follows.
 //! Sums are kept, so that other colours need no other picture.
 
 pub(super) mod on_adapter;
+pub(super) mod surface_on_adapter;
 
 use self::on_adapter::FieldOnAdapter;
+use self::surface_on_adapter::SurfaceOnAdapter;
 use super::exposure::Exposure;
 use super::hidden::Hiding;
 use super::live::LiveParticles;
 use super::look::{Held, Look};
 use super::pages::ViewSelection;
 use super::picture::{Letterbox, Picture, to_image};
-use super::picture_sizes::{moving_size, volume_limit};
+use super::picture_sizes::{Wanted, volume_limit};
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
 use super::scene_io::families_of;
@@ -23,6 +25,7 @@ use super::touring::Before;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
+use crate::cpu::surface::SurfaceReport;
 use crate::cpu::volume::VolumeError;
 use crate::look::{LookPatch, Member, Shot};
 use crate::mode::{Depiction, Raw};
@@ -98,15 +101,34 @@ struct Report {
     is_complete: bool,
 }
 
+impl Report {
+    /// Of heights, all of which could be read or not.
+    fn of_heights(report: &SurfaceReport, is_readable: bool) -> Report {
+        Report {
+            points: None,
+            nodes: report.nodes_drawn,
+            samples: report.samples_drawn,
+            error_px: report.error_px,
+            drawn_from: "chunks",
+            is_complete: report.is_converged && is_readable,
+        }
+    }
+
+    /// Tells it.
+    fn tell(&self, statistics: &mut Statistics) {
+        (statistics.points, statistics.levels) = (self.points, self.drawn_from);
+        (statistics.sampled, statistics.live, statistics.slabs) = (None, None, None);
+        (statistics.particles, statistics.nodes, statistics.missing) = (self.samples, self.nodes as usize, 0);
+        (statistics.error_px, statistics.hidden) = (self.error_px, 0);
+    }
+}
+
 /// The picture of the field that is open, and the task that draws the next one.
 #[derive(Resource, Default)]
 pub(super) struct FieldPicture {
     task: Option<(Key, Task<Result<Drawn, String>>)>,
     drawn: Option<Drawn>,
-    /// What is wanted, and since when.
-    moved: Option<(Content, Instant)>,
-    /// Size and milliseconds of the last picture.
-    cost: Option<(UVec2, f64)>,
+    wanted: Wanted<Content>,
     failed: Option<Key>,
     /// Counts pictures.
     number: u64,
@@ -119,16 +141,17 @@ pub(super) fn is_wanted(scene: Option<&Scene>, settings: &Settings, live: &LiveP
     scene.is_some_and(|scene| scene.field_for(settings.mode).is_some()) && live.particles().is_none()
 }
 
-/// Whether it is shown now and was not before, or the other way round; or whether the adapter has room for it.
+/// Whether it is shown now and was not before, or the other way round; or whether the adapter has room for it, and draws it.
 pub(super) fn came_or_went(
     scene: Option<Res<Scene>>,
     settings: Res<Settings>,
     live: Res<LiveParticles>,
-    adapter: Res<FieldOnAdapter>,
-    mut before: Local<[bool; 2]>,
+    (adapter, surfaces): (Res<FieldOnAdapter>, Res<SurfaceOnAdapter>),
+    mut before: Local<[bool; 3]>,
 ) -> bool {
     let is_refused = scene.as_ref().is_some_and(|scene| adapter.is_refused(scene));
-    let now = [is_wanted(scene.as_deref(), &settings, &live), is_refused];
+    let has_passes = scene.as_ref().is_some_and(|scene| surfaces.draws(scene, &settings));
+    let now = [is_wanted(scene.as_deref(), &settings, &live), is_refused, has_passes];
     std::mem::replace(&mut *before, now) != now
 }
 
@@ -164,7 +187,7 @@ pub(super) fn draw_field(
                 exposure.set_if_neq(drawn.exposure.clone());
                 hiding.0.clone_from(&drawn.depths);
                 if let Some(milliseconds) = drawn.milliseconds {
-                    field.cost = Some((drawn.key.size, milliseconds));
+                    field.wanted.took(drawn.key.size, milliseconds);
                 }
                 field.number += 1;
                 field.drawn = Some(drawn);
@@ -176,12 +199,8 @@ pub(super) fn draw_field(
         }
     }
     if let Some(drawn) = &field.drawn {
-        statistics.draw_ms = field.cost.map(|(_, milliseconds)| milliseconds);
-        let Report { points, nodes, samples, error_px, drawn_from, .. } = drawn.report;
-        (statistics.points, statistics.levels) = (points, drawn_from);
-        (statistics.sampled, statistics.live, statistics.slabs) = (None, None, None);
-        (statistics.particles, statistics.nodes, statistics.missing) = (samples, nodes as usize, 0);
-        (statistics.error_px, statistics.hidden) = (error_px, 0);
+        statistics.draw_ms = field.wanted.milliseconds();
+        drawn.report.tell(&mut statistics);
         statistics.passes.clear();
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
@@ -197,15 +216,8 @@ pub(super) fn draw_field(
     let families = if is_mixed { families_of(&scene, &settings) } else { Vec::new() };
     let (transfer_of_light, error_px) = (is_light.then(|| transfer.clone()), settings.error_px);
     let content = Content { dataset, depiction, view, transfer: transfer_of_light, error_px, families };
-    if field.moved.as_ref().is_none_or(|(before, _)| *before != content) {
-        field.moved = Some((content.clone(), Instant::now()));
-    }
-    let motion = &preset.motion;
-    let rests =
-        field.moved.as_ref().is_some_and(|(_, since)| since.elapsed().as_millis() >= u128::from(motion.rest_ms));
     let full = picture.size();
-    let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { motion.volume_ms };
-    let size = if rests { full } else { moving_size(full, field.cost, budget, motion) };
+    let (size, rests) = field.wanted.follow(&content, full, &preset);
     let key = Key { content, size };
     let drawn = field.drawn.as_ref().filter(|drawn| drawn.key == key);
     let colored = (look.levels, transfer.clone());
@@ -228,7 +240,7 @@ pub(super) fn draw_field(
             opened,
             depiction: shown.clone(),
             diameter: scene.frame.size().length(),
-            limit: volume_limit(!rests, false, scene.metadata().particles(), motion),
+            limit: volume_limit(!rests, false, scene.metadata().particles(), &preset.motion),
         }
     });
     let task = AsyncComputeTaskPool::get().spawn(async move {
@@ -304,15 +316,7 @@ fn draw_surface(
     let view = key.content.view.resized(width, height);
     let seen = session.seen(look, &view, None).map_err(|error| error.to_string())?;
     let exposure = Exposure::of_heights(session.opened(), seen.attribute, seen.transfer.scale, seen.levels);
-    let report = &seen.picture.report;
-    let report = Report {
-        points: None,
-        nodes: report.nodes_drawn,
-        samples: report.samples_drawn,
-        error_px: report.error_px,
-        drawn_from: "chunks",
-        is_complete: report.is_converged && seen.error.is_none(),
-    };
+    let report = Report::of_heights(&seen.picture.report, seen.error.is_none());
     let image = Arc::new(seen.picture.colors.image());
     let depths = SurfaceDepths::new(view, seen.picture.depth).map(Arc::new);
     let milliseconds = Some(1e3 * start.elapsed().as_secs_f64());

@@ -6,7 +6,7 @@
 
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
-use super::field_backend::{self, on_adapter::FieldOnAdapter};
+use super::field_backend::{self, on_adapter::FieldOnAdapter, surface_on_adapter::SurfaceOnAdapter};
 use super::listed::Listed;
 use super::live::LiveParticles;
 use super::live::copies::LiveCopies;
@@ -26,10 +26,12 @@ use super::surround_backend;
 use super::touring::Before;
 use crate::color::Accumulation;
 use crate::gpu::content_look::ContentLook;
+use crate::gpu::integrals::IntegralView;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
 use crate::gpu::page_copies::{self, CopyState};
+use crate::gpu::surface::SurfaceView;
 use crate::gpu::tile_passes::TilePasses;
-use crate::gpu::{self, Composite, DrawItem, Fading, LightView, ModeView, ParticleScene, SplatView, VolumeView};
+use crate::gpu::{self, Composite, DrawItem, LightView, ModeView, ParticleScene, SplatView, VolumeView};
 use crate::gpu::{Capabilities, TableId, Technique, Withheld};
 use crate::mode::{Adapter, Footprint, LodBudget, Plan};
 use crate::modes;
@@ -105,7 +107,8 @@ pub(super) fn choose_backend(
     mut tables: ResMut<GpuTables>,
     cameras: Query<Entity, With<DataCamera>>,
     mut notices: ResMut<Notices>,
-    (live, paths, scene, field): (Res<LiveParticles>, Res<Paths>, Option<Res<Scene>>, Res<FieldOnAdapter>),
+    (live, paths, scene): (Res<LiveParticles>, Res<Paths>, Option<Res<Scene>>),
+    (field, surfaces): (Res<FieldOnAdapter>, Res<SurfaceOnAdapter>),
     slots: Query<Entity, With<GpuSlot>>,
     aim: Option<Res<Aim>>,
 ) {
@@ -114,14 +117,18 @@ pub(super) fn choose_backend(
         settings.as_ref().is_some_and(|settings| surround_backend::is_wanted(settings, &live, aim.as_deref()));
     let is_field =
         settings.as_ref().is_some_and(|settings| field_backend::is_wanted(scene.as_deref(), settings, &live));
+    let drawn = |settings: &Res<Settings>| scene.as_ref().is_some_and(|scene| surfaces.draws(scene, settings));
+    let is_surface = is_field && settings.as_ref().is_some_and(drawn);
     let mode = settings.map_or(modes::first(), |settings| settings.drawn_mode());
     let adapter_of_mode = match mode.technique.tells_columns() {
+        _ if is_surface => Adapter::Splats,
+        _ if is_field && mode.technique.has_field_passes() => Adapter::Light,
         // Ranges of the sums, which splats over each other are coloured by, no passes find beside them.
         true => Adapter::None,
         false => mode.technique.adapter(),
     };
     let has_room = scene.as_ref().is_some_and(|scene| !field.is_refused(scene));
-    let is_processors = is_field && !(mode.technique.has_field_passes() && has_room);
+    let is_processors = is_field && !is_surface && !(mode.technique.has_field_passes() && has_room);
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
     let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
@@ -136,6 +143,7 @@ pub(super) fn choose_backend(
             Some(gpu::Backend::Compute)
         }
         Backend::Cpu => None,
+        Backend::Auto if is_surface && !is_card => None,
         Backend::Auto => Some(gpu::Backend::Auto),
         Backend::Compute => Some(gpu::Backend::Compute),
         Backend::Raster => Some(gpu::Backend::Raster),
@@ -166,6 +174,7 @@ pub(super) fn choose_backend(
     }
     statistics.adapter = graphics.map_or_else(String::new, |(_, info)| format!("{} ({})", info.name, info.driver_info));
     let wanted = match found {
+        Some(technique) if is_surface => ActiveBackend::SurfaceOnGpu(technique),
         Some(_) if is_field => ActiveBackend::FieldOnGpu,
         Some(_) => ActiveBackend::Gpu,
         None if surrounds => ActiveBackend::Surround,
@@ -192,7 +201,16 @@ pub(super) fn choose_backend(
         commands.entity(page).remove::<GpuSlot>();
     });
     for entity in &cameras {
-        commands.entity(entity).remove::<(SplatView, Composite, ModeView, LightView, VolumeView, Measure)>();
+        commands.entity(entity).remove::<(
+            SplatView,
+            Composite,
+            ModeView,
+            LightView,
+            VolumeView,
+            IntegralView,
+            SurfaceView,
+            Measure,
+        )>();
         TilePasses::hide(&mut commands.entity(entity));
     }
 }
@@ -307,11 +325,13 @@ pub(super) fn free_slot(
 /// Leaves the picture as it is until something of another file or step is there.
 pub(super) fn hold_picture(
     (active, live, selection): (Res<ActiveBackend>, Res<LiveParticles>, Res<ViewSelection>),
+    surfaces: Res<SurfaceOnAdapter>,
     mut camera: Single<&mut Camera, With<DataCamera>>,
 ) {
     let is_there = live.is_shown() || selection.complete || !selection.nodes.is_empty();
     let draws = match *active {
         ActiveBackend::Gpu => is_there,
+        ActiveBackend::SurfaceOnGpu(_) => surfaces.is_there(),
         backend => backend.is_on_adapter(),
     };
     if camera.is_active != draws {
@@ -464,25 +484,8 @@ pub(super) fn draw_on_gpu(
     if last.is_none() {
         tables.replaced = None;
     }
-    let hue = look.transfer.hue.clone().unwrap_or_default();
-    let shown = Composite {
-        lut: Arc::clone(&look.lut),
-        levels: look.levels,
-        p_scale: look.transfer.scale,
-        s_scale: hue.scale,
-        attribute: look.has_hue(),
-        before: before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share }),
-        last,
-    };
-    let same = composite.is_some_and(|now| {
-        Arc::ptr_eq(&now.lut, &shown.lut)
-            && now.levels == shown.levels
-            && now.attribute == shown.attribute
-            && now.s_scale == shown.s_scale
-            && now.p_scale == shown.p_scale
-            && now.before == shown.before
-            && now.last == shown.last
-    });
+    let shown = look.composite(before.fade(), last);
+    let same = composite.is_some_and(|now| now.is_same(&shown));
     if !same {
         commands.entity(entity).insert(shown);
     }
@@ -526,6 +529,7 @@ mod tests {
         world.init_resource::<LiveParticles>();
         world.init_resource::<Paths>();
         world.init_resource::<FieldOnAdapter>();
+        world.init_resource::<SurfaceOnAdapter>();
         let mut told = |backend| {
             world.resource_mut::<Preset>().drawing.backend = backend;
             world.run_system_once(choose_backend).unwrap();

@@ -14,7 +14,7 @@ use super::occlusion::Occlusion;
 use super::pages::ViewSelection;
 use super::pass_times::LastPasses;
 use super::picture::{DataCamera, Picture};
-use super::picture_sizes::{moving_size, volume_limit};
+use super::picture_sizes::{moving_ms, moving_size, volume_limit};
 use super::preset::Preset;
 use super::scene::Scene;
 use super::shader_reload::ShaderTexts;
@@ -207,7 +207,7 @@ pub(super) fn draw_light_on_gpu(
         pictures.list = Some(list);
         statistics.sampled = (!plan.is_complete()).then_some(taken);
     }
-    let frame_ms = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { preset.motion.volume_ms };
+    let frame_ms = moving_ms(&preset);
     let wanted_size = if moving { moving_size(full, pictures.last, frame_ms, &preset.motion) } else { full };
     if pictures.coarser.is_some_and(|(_, since)| since.elapsed() > PATIENCE) {
         pictures.coarser = None;

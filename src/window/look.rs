@@ -7,7 +7,9 @@ use super::state::choices::Choices;
 use super::state::notices::Notices;
 use super::transfer_presets::TransferPresets;
 use crate::annotate::Legend;
+use crate::color::Image;
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::gpu::{Composite, Fading};
 use crate::look::Attribute;
 use crate::mode::{Depiction, LevelChoice, LodBudget, Mode, over};
 use bevy::prelude::*;
@@ -65,6 +67,20 @@ impl Look {
         let at = |share: f32, size: u32| (share.clamp(0.0, 1.0) * (size - 1) as f32).round() as usize;
         let index = at(hue, self.lut.height) * self.lut.width as usize + at(brightness, self.lut.width);
         self.lut.rgba.get(index).map_or(Color32::BLACK, |&[r, g, b, _]| Color32::from_rgb(r, g, b))
+    }
+
+    /// How sums become colours, between the picture before and the one that they are of.
+    pub(super) fn composite(&self, before: Option<(&Arc<Image>, f32)>, last: Option<f32>) -> Composite {
+        let hue = self.transfer.hue.clone().unwrap_or_default();
+        Composite {
+            lut: Arc::clone(&self.lut),
+            levels: self.levels,
+            p_scale: self.transfer.scale,
+            s_scale: hue.scale,
+            attribute: self.has_hue(),
+            before: before.map(|(image, share)| Fading { image: Arc::clone(image), share }),
+            last,
+        }
     }
 
     /// Whether hue follows an attribute.

@@ -75,7 +75,7 @@ use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy::render::{RenderPlugin, settings::WgpuSettings};
 use bevy::window::{CursorOptions, PresentMode, WindowMode, WindowResolution};
-use bevy_egui::{EguiPlugin, EguiPostUpdateSet, EguiPrimaryContextPass};
+use bevy_egui::{EguiPlugin, EguiPrimaryContextPass};
 use camera::{CameraPlugin, CameraSystems};
 use pages::PageSystems;
 
@@ -228,6 +228,7 @@ impl Plugin for WindowApp {
         .init_resource::<cpu_backend::CpuPicture>()
         .init_resource::<field_backend::FieldPicture>()
         .init_resource::<field_backend::on_adapter::FieldOnAdapter>()
+        .init_resource::<field_backend::surface_on_adapter::SurfaceOnAdapter>()
         .init_resource::<paths::Paths>()
         .init_resource::<comparison::Comparison>()
         .init_resource::<run_ranges::RunRanges>()
@@ -239,7 +240,6 @@ impl Plugin for WindowApp {
         .init_resource::<light_backend::LightPictures>()
         .init_resource::<pass_times::LastPasses>()
         .init_resource::<statistics::ActiveBackend>()
-        .init_resource::<pick::DoubleClick>()
         .init_resource::<screenshot::Screenshots>()
         .init_resource::<statistics::Converged>()
         .init_resource::<statistics::FrameClock>()
@@ -308,7 +308,6 @@ impl Plugin for WindowApp {
             PostUpdate,
             (
                 picture::fit_picture.in_set(CameraSystems::Steer).before(CameraUpdateSystems),
-                pick::fly_to_pick.before(CameraSystems::Steer).after(EguiPostUpdateSet::ProcessOutput),
                 (gpu_backend::renew_content, gpu_backend::receive_copies)
                     .chain()
                     .in_set(PageSystems::Arrive)
@@ -327,6 +326,7 @@ impl Plugin for WindowApp {
                     gpu_backend::draw_on_gpu,
                     light_backend::draw_light_on_gpu,
                     field_backend::on_adapter::draw_field_on_adapter,
+                    field_backend::surface_on_adapter::draw_surface_on_adapter,
                     paths::draw_paths,
                     run_ranges::hold_convergence,
                 )

@@ -1,23 +1,14 @@
-//! Picking: what is under the cursor, and the flight to it on a double-click.
+//! Picking: which particle is under the cursor.
 //!
 //! Candidates are the drawn particles (of resident pages) whose centres lie within a few pixels of the cursor. The one
 //! with the largest mass per projected distance wins: dense cores attract the cursor, as the eye expects, and among
 //! equals the nearest in the picture and then in depth. Nodes whose boxes are nowhere near the cursor are not searched.
 
-use super::camera::{Anchor, Flight, Navigation, Viewpoint};
-use super::input::PointerOwner;
-use super::pages::ViewSelection;
-use super::picture::{DataCamera, Picture};
-use super::preset::Preset;
-use super::scene::Scene;
-use super::state::notices::Notices;
-use super::statistics::ActiveBackend;
 use crate::explore::particle::ParticleRef;
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::{Extent, View};
 use bevy::math::DVec3;
-use bevy::prelude::*;
 
 /// Something under the cursor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,50 +83,6 @@ fn near_cursor(view: &View, extent: &Extent, [x, y]: [f64; 2]) -> bool {
     (low[0] - REACH_PX..=high[0] + REACH_PX).contains(&x) && (low[1] - REACH_PX..=high[1] + REACH_PX).contains(&y)
 }
 
-/// How close a flight goes: to a fifth of the present distance, but not into the kernel of what was picked.
-pub fn approach_distance(now: f64, smoothing_length: f64) -> f64 {
-    (0.2 * now).max(3.0 * smoothing_length).min(now)
-}
-
-/// Where a double-click happened in this frame, in window coordinates; the panel's layout writes it.
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
-pub struct DoubleClick(pub Option<Vec2>);
-
-/// Flies to what was double-clicked.
-pub(super) fn fly_to_pick(
-    mut commands: Commands,
-    mut click: ResMut<DoubleClick>,
-    owner: Res<PointerOwner>,
-    scene: Option<Res<Scene>>,
-    selection: Res<ViewSelection>,
-    picture: Res<Picture>,
-    (backend, preset): (Res<ActiveBackend>, Res<Preset>),
-    mut notices: ResMut<Notices>,
-    camera: Single<(Entity, &Viewpoint, &mut Navigation), (With<DataCamera>, With<Anchor>)>,
-) {
-    let Some(at) = click.bypass_change_detection().0.take() else { return };
-    let (Some(scene), Some(view)) = (scene, selection.view) else { return };
-    if !owner.is_picture() {
-        return;
-    }
-    if *backend == ActiveBackend::Surround {
-        notices.info(NO_PLACES);
-        return;
-    }
-    let cursor = picture.pixel(at).as_dvec2().to_array();
-    let (entity, viewpoint, mut navigation) = camera.into_inner();
-    match pick(&view, scene.metadata(), &selection.nodes, cursor) {
-        Some(picked) => {
-            *navigation = Navigation::Orbit;
-            let now = viewpoint.eye.distance(picked.position);
-            let distance = approach_distance(now, picked.smoothing_length);
-            let flight = Flight::to_place(*viewpoint, picked.position, distance, preset.camera.flight_secs);
-            commands.entity(entity).insert(flight);
-        }
-        None => notices.info("nothing under the cursor to fly to"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,12 +104,5 @@ mod tests {
         assert!(!near_cursor(&view(), &cube(DVec3::ZERO, 0.5), [700.0, 300.0]));
         assert!(near_cursor(&view(), &cube(DVec3::ZERO, 50.0), [700.0, 300.0]), "a box around the eye");
         assert!(near_cursor(&view(), &cube(DVec3::ZERO, 0.0), [400.0 + REACH_PX, 300.0]));
-    }
-
-    #[test]
-    fn a_flight_comes_closer_but_not_into_the_kernel() {
-        assert_eq!(approach_distance(100.0, 0.1), 20.0);
-        assert_eq!(approach_distance(100.0, 20.0), 60.0);
-        assert_eq!(approach_distance(100.0, 500.0), 100.0);
     }
 }

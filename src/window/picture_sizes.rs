@@ -1,8 +1,9 @@
 //! How large pictures are drawn, and of how many particles, while the view moves and when it rests.
 
 use crate::view::{CubeLayout, Eyes, Stereo, Surround};
-use crate::window::preset::MotionPreset;
+use crate::window::preset::{MotionPreset, Preset};
 use bevy::prelude::*;
+use std::time::Instant;
 
 /// The size of the picture to draw now; `strained`: there is no time for all particles.
 pub(crate) fn drawing_size(full: UVec2, strained: bool, fixed_discs: bool, motion: &MotionPreset) -> UVec2 {
@@ -21,6 +22,47 @@ pub(crate) fn moving_size(full: UVec2, last: Option<(UVec2, f64)>, budget: f64, 
     // In quarters of a step, so that times that differ a little do not make another picture.
     let shrink = ((4.0 * shrink).ceil() / 4.0).min(motion.volume_shrink).max(1.0);
     (full.as_dvec2() / shrink).as_uvec2().max(UVec2::ONE)
+}
+
+/// Which picture is wanted and since when, and what the last one cost: whatever draws it on a background task.
+pub(crate) struct Wanted<C> {
+    content: Option<(C, Instant)>,
+    cost: Option<(UVec2, f64)>,
+}
+
+impl<C> Default for Wanted<C> {
+    fn default() -> Wanted<C> {
+        Wanted { content: None, cost: None }
+    }
+}
+
+impl<C: Clone + PartialEq> Wanted<C> {
+    /// Notes what is wanted now. Its size, up to `full` where it is the same for a while: then the second is true.
+    pub(crate) fn follow(&mut self, content: &C, full: UVec2, preset: &Preset) -> (UVec2, bool) {
+        if self.content.as_ref().is_none_or(|(known, _)| known != content) {
+            self.content = Some((content.clone(), Instant::now()));
+        }
+        let motion = &preset.motion;
+        let rest = u128::from(motion.rest_ms);
+        let rests = self.content.as_ref().is_some_and(|(_, since)| since.elapsed().as_millis() >= rest);
+        let size = if rests { full } else { moving_size(full, self.cost, moving_ms(preset), motion) };
+        (size, rests)
+    }
+
+    /// Notes what a picture of that size took.
+    pub(crate) fn took(&mut self, size: UVec2, milliseconds: f64) {
+        self.cost = Some((size, milliseconds));
+    }
+
+    /// Milliseconds of the last one.
+    pub(crate) fn milliseconds(&self) -> Option<f64> {
+        self.cost.map(|(_, milliseconds)| milliseconds)
+    }
+}
+
+/// Milliseconds that a picture in motion may take.
+pub(crate) fn moving_ms(preset: &Preset) -> f64 {
+    if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { preset.motion.volume_ms }
 }
 
 /// The size of a panorama, or of the picture of one eye, as large as the whole fits into a room of so many pixels. As on the command

@@ -132,6 +132,14 @@ impl Scene {
         self.samples_for(mode)?.opened.heights()
     }
 
+    /// The heights that are open alone, where a mode draws them.
+    pub fn surface_alone(&self, mode: &Mode) -> Option<&Arc<OpenSurface>> {
+        match &self.field_for(mode)?.opened {
+            Sampled::Heights(opened) => Some(opened),
+            Sampled::Field(_) | Sampled::Mixed(_) => None,
+        }
+    }
+
     /// Whether a mode's pictures are about heights.
     pub fn is_about_heights(&self, mode: &Mode) -> bool {
         self.surface_for(mode).is_some()

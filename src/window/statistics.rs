@@ -1,5 +1,6 @@
 //! Numbers of the running program: frames, what is drawn, what is resident.
 
+use crate::gpu::Technique;
 use crate::picture::field::PointsReport;
 use bevy::prelude::*;
 use serde::Serialize;
@@ -83,6 +84,8 @@ pub enum ActiveBackend {
     Field,
     /// Passes of the data camera that draw a volume.
     FieldOnGpu,
+    /// Passes of the data camera that draw heights.
+    SurfaceOnGpu(Technique),
     /// Background tasks that put pictures of all directions, and for two eyes, together.
     Surround,
 }
@@ -90,7 +93,7 @@ pub enum ActiveBackend {
 impl ActiveBackend {
     /// Whether the data camera draws into the picture's image.
     pub fn is_on_adapter(self) -> bool {
-        matches!(self, ActiveBackend::Gpu | ActiveBackend::FieldOnGpu)
+        matches!(self, ActiveBackend::Gpu | ActiveBackend::FieldOnGpu | ActiveBackend::SurfaceOnGpu(_))
     }
 }
 

@@ -37,6 +37,7 @@ pub struct StatusFile {
     path: Option<PathBuf>,
     written: String,
     next_secs: f64,
+    frames: u64,
 }
 
 impl StatusFile {
@@ -70,6 +71,8 @@ const INTERVAL_SECS: f64 = 0.1;
 struct Status<'a> {
     /// The number of the window's process.
     process: u32,
+    /// Frames since the start.
+    frames: u64,
     open: Option<&'a std::path::Path>,
     opening: Option<&'a std::path::Path>,
     panel: bool,
@@ -207,6 +210,7 @@ pub(super) fn write_status(
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
 ) {
     let file = file.bypass_change_detection();
+    file.frames += 1;
     let now = time.elapsed_secs_f64();
     let Some(path) = file.path.clone().filter(|_| now >= file.next_secs) else { return };
     file.next_secs = now + INTERVAL_SECS;
@@ -215,6 +219,7 @@ pub(super) fn write_status(
     let corners = [picture.rect.min, picture.rect.max].map(|corner| corner * picture.scale);
     let status = Status {
         process: std::process::id(),
+        frames: file.frames,
         open: scene.as_ref().map(|scene| scene.path.as_path()),
         opening: opening.as_ref().map(|(path, ..)| *path),
         panel: shown.panel,

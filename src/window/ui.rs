@@ -3,12 +3,12 @@
 use super::camera::{Navigation, Viewpoint};
 use super::input::PointerOwner;
 use super::lens::view_of;
+use super::looking::approach::DoubleClick;
 use super::looking::drawing::{self, Looking};
 use super::looking::marks::MarkLayer;
 use super::looking::pointer::PicturePointer;
 use super::overlay::{self, annotations, help};
 use super::panel::PanelState;
-use super::pick::DoubleClick;
 use super::picture::{DataCamera, Letterbox, Picture};
 use super::playhead::Playhead;
 use super::preset::Preset;

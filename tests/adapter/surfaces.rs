@@ -283,13 +283,13 @@ fn nothing_shows_through_where_levels_meet() {
     for round in 0..12 {
         let view = camera_over(&field, &mut random);
         let cut = random_cut(&nodes, &placed, &view, &mut random);
-        let scene = Arc::new(Scene::new(&nodes, &placed, cut));
+        let scene = Scene::new(&nodes, &placed, cut);
         joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
         let passes = [Passes::Compute, Passes::Raster][round % 2];
         let technique = Technique::Hybrid;
-        let job =
-            AdapterSurface { scene: &scene, view: &view, parts: 1, look: &look, technique, reference: 0.0, passes };
-        let AdapterValues::Light(colors, _) = adapter.surface(&job).unwrap().values else { panic!("sums") };
+        let look = look.clone();
+        let job = AdapterSurface { scene, view, parts: 1, look, technique, reference: 0.0, passes };
+        let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
         assert_eq!(open, 0, "{passes:?}, round {round}: {view:?}");
     }

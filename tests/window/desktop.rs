@@ -113,8 +113,10 @@ impl Desktop {
         first + (place / columns) as u8
     }
 
-    /// A click of the left button.
+    /// A click of the left button. The mouse comes from beside: a window that has missed the motion to a place learns of none while the mouse
+    /// stays there.
     pub fn click(&self, at: [i16; 2]) {
+        self.fake_input(6, 0, [at[0] - 1, at[1]]);
         self.fake_input(6, 0, at);
         self.fake_input(4, 1, [0; 2]);
         self.fake_input(5, 1, [0; 2]);
@@ -348,6 +350,18 @@ impl Program {
         }
     }
 
+    /// Waits until what was done with mouse and keys is in the status: some frames have been drawn since, and the file has been written. Less
+    /// than half a second after a click the next one would make a double-click of both.
+    pub fn settle(&self) {
+        let start = Instant::now();
+        let frames = || self.status()["frames"].as_u64().unwrap_or(0);
+        let before = frames();
+        while frames() < before + 3 && start.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        std::thread::sleep(Duration::from_millis(400));
+    }
+
     /// Waits until the program ends by itself and returns its exit code.
     pub fn exit_code(&mut self) -> Option<i32> {
         let start = Instant::now();
@@ -378,7 +392,7 @@ pub fn click(program: &Program, desktop: &Desktop, control: &str, seen: impl Fn(
 pub fn choose(program: &Program, desktop: &Desktop, combo: &str, entry: &str, seen: impl Fn(&Value) -> bool) -> Value {
     let choose = || {
         desktop.click(program.reveal(desktop, combo));
-        std::thread::sleep(Duration::from_millis(600));
+        program.settle();
         if let Some(at) = program.control(entry) {
             desktop.click(at);
         }
@@ -421,6 +435,6 @@ pub fn repeat(program: &Program, what: &str, act: impl Fn(), seen: impl Fn(&Valu
         }
         assert!(start.elapsed() < PATIENCE, "{what} in vain; status: {status:#}");
         act();
-        std::thread::sleep(Duration::from_millis(700));
+        program.settle();
     }
 }

@@ -55,6 +55,7 @@ fn volumes_are_drawn_from_their_samples_as_they_are_rendered() {
         ("xray", ", projection: dome(aperture: 180.0, tilt: 0.0)", ["cpu"; 2]),
         ("volume", ", attribute: named(\"gradient\")", ["compute"; 2]),
         ("isosurface", "", ["compute"; 2]),
+        ("xray", "", ["compute"; 2]),
         // Planes are the processor's.
         ("slice", "", ["compute", "cpu"]),
     ];

@@ -1,9 +1,8 @@
 //! Measured heights in the window: drawn as `deepfield render` draws them, read, measured along and across, and never seen from below.
 
-use super::desktop::{Desktop, Program, Screen, columns, keep, middle, point, repeat};
+use super::desktop::{Desktop, Program, Screen, columns, distance, keep, middle, point, repeat};
 use serde_json::Value;
 use std::path::Path;
-use std::time::Duration;
 
 const SIZE: [u16; 2] = [640, 400];
 /// Columns and rows.
@@ -42,10 +41,18 @@ fn heights_are_drawn_as_they_are_rendered() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     slope(&folder.join("slope.npy"));
-    for (number, more) in [
-        "",
-        ", attribute: named(\"slope\"), settings: {\"light\": \"eye\", \"contours\": 4.0, \"exaggeration\": 2.0}",
-        ", projection: dome(aperture: 180.0, tilt: 20.0)",
+    let slopes =
+        ", attribute: named(\"slope\"), settings: {\"light\": \"eye\", \"contours\": 4.0, \"exaggeration\": 2.0}";
+    let dome = ", projection: dome(aperture: 180.0, tilt: 20.0)";
+    let filled = ", settings: {\"holes\": \"filled\"}";
+    for (number, (more, [asked, draws])) in [
+        ("", ["cpu"; 2]),
+        (dome, ["cpu"; 2]),
+        (slopes, ["cpu"; 2]),
+        (slopes, ["compute"; 2]),
+        ("", ["raster"; 2]),
+        // Filled holes are the processor's.
+        (filled, ["compute", "cpu"]),
     ]
     .into_iter()
     .enumerate()
@@ -60,9 +67,13 @@ fn heights_are_drawn_as_they_are_rendered() {
         std::fs::write(&scene, text).unwrap();
         let expected = super::fields::render(folder, &scene);
         let desktop = Desktop::with_screen(SIZE);
-        let mut program = Program::open(&desktop, folder, &scene, SIZE, &[]);
+        let mut program = Program::open(&desktop, folder, &scene, SIZE, &["--backend", asked]);
         let status = program.wait("a converged picture", |status| status["converged"] == true);
-        assert_eq!((&status["mode"], &status["levels"]), (&"surface".into(), &"chunks".into()), "{status:#}");
+        assert_eq!(
+            (&status["mode"], &status["levels"], &status["backend"]),
+            (&"surface".into(), &"chunks".into(), &draws.into()),
+            "{status:#}"
+        );
         keep(&desktop, &format!("heights-{number}.png"));
         desktop.wait("the rendered picture", |screen| super::fields::difference(screen, &expected) < 0.01);
         assert!(expected.iter().filter(|pixel| pixel.iter().any(|byte| *byte > 60)).count() > 3000, "{more}");
@@ -104,7 +115,7 @@ fn heights_are_read_and_measured_with_the_mouse() {
         key('m');
         desktop.click([at[0] - 80, at[1]]);
         // A slow frame makes one place of two clicks.
-        std::thread::sleep(Duration::from_millis(400));
+        program.settle();
         desktop.click([at[0] + 60, at[1] + 20]);
     };
     let apart = repeat(&program, "a distance", measured, |s| s["looking"]["heights"]["apart"][1].as_f64() > Some(10.0));
@@ -169,10 +180,23 @@ fn of_two_fields_the_one_in_front_is_read() {
     let measured = || {
         desktop.press(u32::from('m'));
         desktop.click(at);
-        std::thread::sleep(Duration::from_millis(400));
+        program.settle();
         desktop.click([at[0] - 170, at[1]]);
     };
     let apart = repeat(&program, "a distance", measured, |s| s["looking"]["heights"]["apart"][1].as_f64() > Some(10.0));
     let rise = apart["looking"]["heights"]["apart"][2].as_f64().unwrap().abs();
     assert!((rise - (45.0 - found)).abs() < 1e-6, "{rise} {found}");
+    desktop.press(u32::from('i'));
+    // A double-click comes near what is seen: the table, and no sample of the ground below it.
+    let twice = || {
+        desktop.click(at);
+        desktop.click(at);
+    };
+    let from = point(&first, "eye");
+    let far = distance(from, point(&first, "target"));
+    let is_there = |s: &Value| {
+        let [eye, target] = ["eye", "target"].map(|name| point(s, name));
+        distance(eye, target) < 0.5 * far && (target[2] - 45.0).abs() < 1e-3
+    };
+    repeat(&program, "a flight to the table", twice, is_there);
 }

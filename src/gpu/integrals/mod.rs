@@ -7,6 +7,7 @@
 pub mod layout;
 
 use super::field_samples::HeldSamples;
+use super::measure::measure_splats;
 use super::shaders;
 use super::splat::{SplatBuffers, accumulate_splats, prepare_splats};
 use super::timing::PassTimer;
@@ -54,6 +55,8 @@ pub struct IntegralFindings {
     pub coarser: Option<usize>,
     /// Whether there was no room at all: then nothing is drawn.
     pub no_room: bool,
+    /// Whether it has been drawn.
+    pub is_drawn: bool,
 }
 
 /// What the render world tells the main world of line integrals. Clones share it.
@@ -90,6 +93,7 @@ impl Plugin for IntegralPlugin {
                     .in_set(Core3dSystems::MainPass)
                     .after(main_opaque_pass_3d)
                     .after(accumulate_splats)
+                    .before(measure_splats)
                     .before(main_transparent_pass_3d),
             );
     }
@@ -167,11 +171,11 @@ fn prepare_integrals(
         let number = wanted.number;
         let Some(finest) = finest else {
             work.groups.clear();
-            *news.lock() = IntegralFindings { number, coarser: None, no_room: true };
+            *news.lock() = IntegralFindings { number, no_room: true, ..IntegralFindings::default() };
             continue;
         };
         let coarser = Some(finest.missing(&levels)).filter(|missing| *missing > 0);
-        *news.lock() = IntegralFindings { number, coarser, no_room: false };
+        *news.lock() = IntegralFindings { number, coarser, ..IntegralFindings::default() };
         let ends = sight.levels();
         let drawn = finest.in_place_of(*ends.start())..=finest.in_place_of(*ends.end());
         let layout = cache.get_bind_group_layout(&pipeline.layout);
@@ -195,7 +199,7 @@ fn prepare_integrals(
 fn integrate(
     view: ViewQuery<(&SplatBuffers, &SplatView, &IntegralWork)>,
     pipeline: Option<Res<IntegralPipeline>>,
-    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
+    (cache, timer, news): (Res<PipelineCache>, Res<PassTimer>, Res<IntegralNews>),
     mut context: RenderContext,
 ) {
     let (buffers, shown, work) = view.into_inner();
@@ -218,4 +222,6 @@ fn integrate(
     }
     span.end(encoder);
     buffers.accumulated.store(true, Ordering::Relaxed);
+    let mut found = news.lock();
+    found.is_drawn = !found.no_room && work.key.as_ref().is_some_and(|(number, ..)| found.number == *number);
 }

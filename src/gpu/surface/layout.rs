@@ -2,13 +2,13 @@
 
 use super::arena::Held;
 use super::constants::{self, FAN, SMALL, UNMEASURED};
-use super::job::SurfaceJob;
 use crate::color::transfer::Scale;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
 use crate::cpu::surface::raster::Shown;
 use crate::cpu::surface::select::{Primitive, Technique};
 use crate::cpu::surface::stitch::{Mesh, Scene};
 use crate::heights::hierarchy::chunks::ChunkKey;
+use crate::picture::adapter::AdapterSurface;
 use crate::view::{Projection, View};
 use bevy::math::DVec3;
 use bytemuck::{Pod, Zeroable};
@@ -154,8 +154,8 @@ pub fn counted(height: f64, reference: f64) -> f32 {
 
 impl DrawList {
     /// Of a scene whose samples are where `held` says.
-    pub fn new(job: &SurfaceJob, held: &Held) -> DrawList {
-        let scene = &*job.scene;
+    pub fn new(job: &AdapterSurface, held: &Held) -> DrawList {
+        let scene = &job.scene;
         let is_far = |mesh: &Mesh| largest(job, mesh) < f64::from(SMALL) - 1.0;
         let (far, near): (Vec<usize>, Vec<usize>) =
             (0..scene.meshes.len()).partition(|number| is_far(&scene.meshes[*number]));
@@ -251,7 +251,7 @@ impl Tree<'_> {
 }
 
 /// The longest edge of a chunk's triangles that there may be in the picture, in its samples.
-fn largest(job: &SurfaceJob, mesh: &Mesh) -> f64 {
+fn largest(job: &AdapterSurface, mesh: &Mesh) -> f64 {
     let (node, placed) = (&mesh.node, &job.scene.placed);
     let [x, y] = placed.spacing().map(|step| step * (1_u64 << node.key.level) as f64);
     let apart = x.hypot(y).hypot((node.facts.step + 2.0 * node.added) * placed.lift);
@@ -305,8 +305,8 @@ fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
 
 impl SurfaceUniform {
     /// What a job's shaders need: rows of the picture are `stride` samples apart, there are `ramp` colours, and the tree begins at `tree`.
-    pub fn new(job: &SurfaceJob, stride: u32, ramp: u32, tree: u32) -> SurfaceUniform {
-        let (scene, view, look) = (&*job.scene, &job.view, &job.look);
+    pub fn new(job: &AdapterSurface, stride: u32, ramp: u32, tree: u32) -> SurfaceUniform {
+        let (scene, view, look) = (&job.scene, &job.view, &job.look);
         let placed = &scene.placed;
         let anchor = anchor_of(scene, view.eye);
         let at_anchor = placed.world(anchor[1] as f64, anchor[0] as f64, job.reference) - view.eye;

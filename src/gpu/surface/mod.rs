@@ -16,7 +16,7 @@ pub mod pipelines;
 pub mod work;
 
 pub use arena::SurfaceArena;
-pub use job::{SurfaceFindings, SurfaceJob, SurfaceNews, SurfaceView};
+pub use job::{SurfaceFindings, SurfaceNews, SurfaceView};
 
 use super::light::{prepare_light, show_light};
 use super::splat::prepare_splats;

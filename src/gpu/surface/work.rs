@@ -2,7 +2,7 @@
 
 use super::arena::SurfaceArena;
 use super::constants::{CHUNK, ENTRY, GROUP, SCANNERS, TILE};
-use super::job::{SurfaceFindings, SurfaceJob, SurfaceNews, SurfaceView};
+use super::job::{SurfaceFindings, SurfaceNews, SurfaceView};
 use super::layout::{DrawList, SurfaceStep, SurfaceUniform};
 use super::pipelines::{DEPTHS, NUMBERS, Ready, Step, SurfacePipelines};
 use crate::cpu::surface::look::Ramp;
@@ -11,6 +11,7 @@ use crate::gpu::light::{self, LightCells, LightView};
 use crate::gpu::splat::SplatBuffers;
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice, whole};
 use crate::gpu::timing::PassTimer;
+use crate::picture::adapter::AdapterSurface;
 use bevy::prelude::*;
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindingResource, Buffer, BufferUsages, CommandEncoder,
@@ -42,7 +43,7 @@ struct Turn {
 #[derive(Component)]
 pub struct SurfaceWork {
     number: u64,
-    job: Arc<SurfaceJob>,
+    job: Arc<AdapterSurface>,
     buffers: Buffers,
     targets: Option<Targets>,
     shared: BindGroup,
@@ -98,7 +99,7 @@ pub fn prepare_surfaces(
             continue;
         }
         let made = SurfaceWork::new(view, before, &pipelines, &mut arena, cells, (&cache, &device, &queue));
-        news.tell(SurfaceFindings { number: view.number, no_room: made.is_none() });
+        news.tell(SurfaceFindings { number: view.number, no_room: made.is_none(), is_drawn: false });
         if let Some((work, cells)) = made {
             commands.entity(entity).insert((work, cells));
         }
@@ -109,7 +110,7 @@ pub fn prepare_surfaces(
 pub fn draw_surfaces(
     view: ViewQuery<(&SplatBuffers, &SurfaceWork, &SurfaceView, &mut LightCells, &LightView)>,
     pipelines: Option<Res<SurfacePipelines>>,
-    (cache, timer): (Res<PipelineCache>, Res<PassTimer>),
+    (cache, timer, news): (Res<PipelineCache>, Res<PassTimer>, Res<SurfaceNews>),
     mut context: RenderContext,
 ) {
     let (splats, work, wanted, mut cells, _) = view.into_inner();
@@ -119,6 +120,7 @@ pub fn draw_surfaces(
     let Some(pipelines) = pipelines else { return };
     if work.draw(&pipelines.ready(&cache), &timer, context.command_encoder()).is_some() {
         cells.complete = true;
+        news.tell(SurfaceFindings { number: work.number, no_room: false, is_drawn: true });
     }
 }
 
@@ -176,12 +178,12 @@ impl SurfaceWork {
         let steps = written(kept(|buffers| &mut buffers.steps, steps.len() as u64, uniform), &steps);
         let bytes_of_ramp: &[u8] = bytemuck::cast_slice(&ramp);
         let ramp = written(kept(|buffers| &mut buffers.ramp, bytes_of_ramp.len() as u64, storage), bytes_of_ramp);
-        let nearest = kept(|buffers| &mut buffers.nearest, if job.is_raster { 64 } else { bytes }, storage);
+        let nearest = kept(|buffers| &mut buffers.nearest, if job.is_raster() { 64 } else { bytes }, storage);
         let shown = kept(|buffers| &mut buffers.shown, bytes, storage);
-        let room = if job.is_raster { 64 } else { 4 * u64::from(ENTRY) * u64::from(most_large) };
+        let room = if job.is_raster() { 64 } else { 4 * u64::from(ENTRY) * u64::from(most_large) };
         let large = kept(|buffers| &mut buffers.large, room, storage);
         let counts = kept(|buffers| &mut buffers.counts, 4 * u64::from(counters), storage);
-        let targets = job.is_raster.then(|| {
+        let targets = job.is_raster().then(|| {
             let known = before.and_then(|before| before.targets.clone());
             known.filter(|targets| targets.size == size).unwrap_or_else(|| Targets::new(size, device))
         });

@@ -1,15 +1,18 @@
-//! Drawing a volume that is open alone with the adapter: its samples fill the grid of the data camera's passes.
+//! Drawing a volume that is open alone with the adapter: its samples fill the grid of the data camera's passes, or are added up along rays.
 //!
 //! What is drawn (its samples, or the points that stand for them) is prepared on a background task; then every view is a job of the passes.
 //! While the view moves, pictures have as many pixels as there is time for; one that is on its way is completed before the next begins.
 
+use crate::color::Accumulation;
 use crate::color::transfer::TransferFunction;
+use crate::cpu::field::Field;
 use crate::cpu::volume::VolumeError;
+use crate::gpu::integrals::{IntegralNews, IntegralView};
+use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
 use crate::gpu::volume::{VolumeJob, VolumeNews};
-use crate::gpu::{self, DrawItem, Fading, LightView, SplatView, VolumeView};
+use crate::gpu::{Composite, DrawItem, Fading, LightView, SplatView, VolumeView};
 use crate::look::{LookPatch, Shot};
 use crate::mode::FieldPasses;
-use crate::model::Kernel;
 use crate::picture::field::PreparedField;
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
@@ -18,7 +21,7 @@ use crate::window::look::{Held, Look};
 use crate::window::pages::ViewSelection;
 use crate::window::pass_times::LastPasses;
 use crate::window::picture::{DataCamera, Picture};
-use crate::window::picture_sizes::moving_size;
+use crate::window::picture_sizes::{Wanted, moving_ms};
 use crate::window::preset::Preset;
 use crate::window::scene::{Scene, Settings};
 use crate::window::state::notices::Notices;
@@ -37,7 +40,8 @@ const FIRST_NUMBER: u64 = 1 << 40;
 struct Content {
     dataset: u32,
     depiction: u64,
-    transfer: TransferFunction,
+    /// What light is painted with; none for sums.
+    transfer: Option<TransferFunction>,
 }
 
 /// What is drawn, ready for any view.
@@ -53,8 +57,17 @@ struct Asked {
     content: Content,
     view: View,
     since: Instant,
-    /// `None` where nothing is in view.
-    job: Option<VolumeJob>,
+    job: Job,
+}
+
+/// What the passes do.
+enum Job {
+    /// Nothing is in view.
+    Nothing,
+    /// They march through the samples.
+    March(Box<VolumeJob>),
+    /// They add the samples up along rays.
+    Integrals(Arc<Field>),
 }
 
 /// The pictures that the adapter draws of the volume that is open.
@@ -64,15 +77,14 @@ pub(in crate::window) struct FieldOnAdapter {
     ready: Option<Ready>,
     failed: Option<Content>,
     asked: Option<Asked>,
-    /// What is wanted, and since when.
-    moved: Option<(Content, View, Instant)>,
-    /// Size and milliseconds of the last picture.
-    cost: Option<(UVec2, f64)>,
+    wanted: Wanted<(Content, View)>,
     items: Arc<[DrawItem]>,
     /// Slabs that a frame draws.
     slabs: u32,
     /// Counts jobs.
     number: u64,
+    /// The sums that the exposure is of.
+    exposed: Option<Arc<Measured>>,
     /// The last picture that was seen to be complete.
     seen: u64,
     told_coarser: bool,
@@ -93,7 +105,10 @@ impl FieldOnAdapter {
         let content = self.task.take().map(|(content, _)| content);
         match outcome {
             Ok(ready) => {
-                exposure.set_if_neq(ready.exposure.clone());
+                // That of sums is of the picture.
+                if ready.content.transfer.is_some() {
+                    exposure.set_if_neq(ready.exposure.clone());
+                }
                 self.ready = Some(ready);
             }
             Err(why) => {
@@ -110,13 +125,19 @@ impl FieldOnAdapter {
         let number = FIRST_NUMBER + self.number;
         let job = match prepared.passes(&view) {
             Ok(Some(FieldPasses::March(march))) => {
-                Some(VolumeJob::of_field(number, &view, &prepared.field, prepared.hue_channel(), &march))
+                let job = VolumeJob::of_field(number, &view, &prepared.field, prepared.hue_channel(), &march);
+                Job::March(Box::new(job))
+            }
+            Ok(Some(FieldPasses::Integrals)) => {
+                // Another list is another picture.
+                self.items = Vec::new().into();
+                Job::Integrals(Arc::clone(&prepared.field))
             }
             // A view without data is a black picture, and no error.
-            Ok(_) | Err(VolumeError::Grid(GridError::NothingInView)) => None,
+            Ok(None) | Err(VolumeError::Grid(GridError::NothingInView)) => Job::Nothing,
             Err(error) => {
                 notices.error(error.to_string());
-                None
+                Job::Nothing
             }
         };
         self.asked = Some(Asked { number, content: content.clone(), view, since: Instant::now(), job });
@@ -127,13 +148,14 @@ impl FieldOnAdapter {
 pub(in crate::window) fn draw_field_on_adapter(
     mut commands: Commands,
     mut field: ResMut<FieldOnAdapter>,
-    (backend, news, last_passes): (Res<ActiveBackend>, Res<VolumeNews>, Res<LastPasses>),
+    (backend, last_passes): (Res<ActiveBackend>, Res<LastPasses>),
+    (news, integral_news, measured): (Res<VolumeNews>, Res<IntegralNews>, Res<MeasuredPicture>),
     (scene, look, selection): (Option<Res<Scene>>, Option<Res<Look>>, Res<ViewSelection>),
     (settings, held): (Res<Settings>, Res<Held>),
     (picture, preset, before): (Res<Picture>, Res<Preset>, Res<Before>),
     (mut exposure, mut statistics): (ResMut<Exposure>, ResMut<Statistics>),
     (mut converged, mut notices): (ResMut<Converged>, ResMut<Notices>),
-    camera: Single<(Entity, Option<&LightView>), With<DataCamera>>,
+    camera: Single<(Entity, Option<&LightView>, Option<&Composite>), With<DataCamera>>,
 ) {
     if *backend != ActiveBackend::FieldOnGpu {
         if field.ready.is_some() || field.task.is_some() {
@@ -155,54 +177,53 @@ pub(in crate::window) fn draw_field_on_adapter(
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| levels.p[0] < levels.p[1]);
     let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
-    let content = Content { dataset: scene.dataset, depiction: look.depiction_revision, transfer };
-    if field.moved.as_ref().is_none_or(|(known, from, _)| *known != content || *from != view) {
-        field.moved = Some((content.clone(), view, Instant::now()));
-    }
-    let motion = &preset.motion;
-    let rests =
-        field.moved.as_ref().is_some_and(|(.., since)| since.elapsed().as_millis() >= u128::from(motion.rest_ms));
+    let is_light = look.depiction.mode.is_light();
+    let (dataset, depiction) = (scene.dataset, look.depiction_revision);
+    let content = Content { dataset, depiction, transfer: is_light.then(|| transfer.clone()) };
+    let full = picture.size();
+    let (size, rests) = field.wanted.follow(&(content.clone(), view), full, &preset);
+    // Sums are composed pixel by pixel.
+    let size = if is_light { size } else { full };
     let is_ready = field.ready.as_ref().is_some_and(|ready| ready.content == content);
     if !is_ready && field.task.is_none() && field.failed.as_ref() != Some(&content) {
-        let patch = LookPatch { transfer: Some(content.transfer.clone()), time: None, ..settings.look.patch() };
+        let patch = LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() };
         let (session, wanted) = (Arc::clone(&open.session), content.clone());
         let task = AsyncComputeTaskPool::get().spawn(async move {
             let mut session = session.lock().unwrap_or_else(PoisonError::into_inner);
             let session = session.field().ok_or("no passes draw heights")?;
             let prepared = session.prepare(&Shot { look: patch, ..Shot::default() });
             let prepared = prepared.map_err(|error| error.to_string())?;
-            Ok(Ready { content: wanted, exposure: Exposure::of_field(&prepared), prepared })
+            let exposure = if is_light { Exposure::of_field(&prepared) } else { Exposure::default() };
+            Ok(Ready { content: wanted, exposure, prepared })
         });
         field.task = Some((content.clone(), task));
     }
 
-    let found = news.now();
-    let budget = if preset.drawing.frame_ms > 0.0 { preset.drawing.frame_ms } else { motion.volume_ms };
-    if let Some(asked) = &field.asked
-        && found.drawn == Some(asked.number)
-        && field.seen != asked.number
-    {
+    let (found, summed) = (news.now(), integral_news.now());
+    let is_done = |asked: &Asked| match asked.job {
+        Job::Nothing => true,
+        Job::March(_) => found.drawn == Some(asked.number),
+        Job::Integrals(_) => summed.number == asked.number && summed.is_drawn,
+    };
+    let is_drawn = field.asked.as_ref().is_some_and(is_done);
+    if let Some(asked) = field.asked.as_ref().filter(|asked| is_drawn && field.seen != asked.number) {
         field.seen = asked.number;
         let milliseconds = 1e3 * asked.since.elapsed().as_secs_f64();
-        field.cost = Some((UVec2::new(asked.view.width, asked.view.height), milliseconds));
+        field.wanted.took(UVec2::new(asked.view.width, asked.view.height), milliseconds);
         statistics.draw_ms = Some(milliseconds);
     }
-    let wants = |asked: &Asked| asked.job.is_some() && found.drawn != Some(asked.number);
-    let is_drawn = field.asked.as_ref().is_some_and(|asked| !wants(asked));
-    if let Some(asked) = field.asked.as_ref().filter(|asked| asked.job.is_some())
-        && found.no_room == Some(asked.number)
+    let of_sums = Some(summed.number).filter(|_| summed.no_room);
+    if let Some(asked) = &field.asked
+        && [found.no_room, of_sums].contains(&Some(asked.number))
     {
         notices.error("the graphics memory is too small for this volume: the processor draws it");
         field.refused = Some(scene.dataset);
     }
-    if found.coarser.is_some_and(|(number, _)| number >= FIRST_NUMBER)
-        && !std::mem::replace(&mut field.told_coarser, true)
-    {
+    let coarser = found.coarser.is_some_and(|(number, _)| number >= FIRST_NUMBER) || summed.coarser.is_some();
+    if coarser && !std::mem::replace(&mut field.told_coarser, true) {
         notices.info("the graphics memory is too small for all samples: means of some are drawn");
     }
 
-    let full = picture.size();
-    let size = if rests { full } else { moving_size(full, field.cost, budget, motion) };
     let seen = view.resized(size.x, size.y);
     let is_asked =
         |asked: &Asked| asked.view == seen && field.ready.as_ref().is_some_and(|ready| ready.content == asked.content);
@@ -219,6 +240,7 @@ pub(in crate::window) fn draw_field_on_adapter(
     statistics.passes = last_passes.of_picture().map(|times| times.passes).unwrap_or_default();
     (statistics.slabs, statistics.work_bytes) = (Some(found.slabs), found.bytes);
     // As many slabs a frame as there is time for: twice as many while frames are short, half where they are long.
+    let budget = moving_ms(&preset);
     let spent: f64 = statistics.passes.iter().map(|(_, milliseconds)| milliseconds).sum();
     field.slabs = match field.slabs {
         0 => 1,
@@ -228,29 +250,49 @@ pub(in crate::window) fn draw_field_on_adapter(
     };
     // No copies of pages are there beside it.
     let memory = preset.residency.gpu_bytes().iter().sum();
-    let (entity, shown) = camera.into_inner();
+    let (entity, shown, composed) = camera.into_inner();
     let mut camera = commands.entity(entity);
-    match field.asked.as_ref().and_then(|asked| asked.job.clone()) {
-        Some(job) => {
-            camera.insert(VolumeView::of_field(job, memory, field.slabs));
+    let is_ready_picture = is_ready && is_current && is_drawn;
+    let asked = field.asked.as_ref();
+    match asked.map(|asked| (asked.number, asked.view, &asked.job)) {
+        Some((number, from, Job::Integrals(samples))) => {
+            let integrals = IntegralView { number, field: Arc::clone(samples), memory };
+            camera.insert((integrals, SplatView::without_particles(from, &field.items), Measure));
+            camera.remove::<(VolumeView, LightView)>();
+            let composite = look.composite(before.fade(), None);
+            let is_same = composed.is_some_and(|composed| composed.is_same(&composite));
+            if !is_same {
+                camera.insert(composite);
+            }
+            let is_own = |found: &Arc<Measured>| found.view == from && Arc::ptr_eq(&found.items, &field.items);
+            let sums = measured.get().filter(is_own);
+            if let Some(sums) = &sums
+                && (field.exposed.as_ref().is_none_or(|known| !Arc::ptr_eq(known, sums)) || look.is_changed())
+            {
+                let cells = Accumulation { ps: Vec::new(), ..sums.cells.clone() };
+                exposure.set_if_neq(Exposure::of(&cells, &look.transfer));
+                field.exposed = Some(Arc::clone(sums));
+            }
+            converged.0 = is_ready_picture && is_same && sums.is_some();
         }
-        None => {
-            camera.remove::<VolumeView>();
+        drawn => {
+            match drawn {
+                Some((.., Job::March(job))) => {
+                    camera.insert(VolumeView::of_field(VolumeJob::clone(job), memory, field.slabs));
+                }
+                _ => {
+                    camera.remove::<VolumeView>();
+                }
+            }
+            camera.remove::<(IntegralView, Composite, Measure)>();
+            camera.insert(SplatView::without_particles(view, &field.items));
+            let before = before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share });
+            let light = LightView { before };
+            if shown != Some(&light) {
+                camera.insert(light);
+            }
+            converged.0 = is_ready_picture;
         }
     }
-    camera.insert(SplatView {
-        view,
-        footprint: gpu::Footprint::Kernel(Kernel::default()),
-        backend: gpu::Backend::Compute,
-        culling: true,
-        faintest: 0.0,
-        items: Arc::clone(&field.items),
-        keeps_last: false,
-        always: false,
-    });
-    let light = LightView { before: before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share }) };
-    if shown != Some(&light) {
-        camera.insert(light);
-    }
-    converged.0 = is_ready && is_current && is_drawn && rests && look.settled && before.is_settled();
+    converged.0 &= rests && look.settled && before.is_settled();
 }

@@ -5,6 +5,7 @@
 //! ([`Inspector`]), two points to measure between, or a region ([`Stroke`]) that is summed up ([`prober`]) and may be kept as a
 //! selection; of heights the samples, a profile, or the roughness of a region ([`mod@heights`]); [`marks`] and [`drawing`] show all that over the picture.
 
+pub mod approach;
 pub mod asking;
 pub mod drawing;
 pub mod followed;
@@ -17,6 +18,7 @@ pub mod marks;
 pub mod pointer;
 pub mod prober;
 pub mod report;
+pub mod seen;
 pub mod state;
 
 pub use inspector::Inspector;
@@ -26,7 +28,7 @@ use super::camera::CameraSystems;
 use super::hidden::Hiding;
 use super::input::{PointerOwner, TOOL_KEYS, is_control};
 use super::pages::{PageSystems, ViewSelection};
-use super::pick::{NO_PLACES, Picked, pick};
+use super::pick::NO_PLACES;
 use super::picture::Picture;
 use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
@@ -40,6 +42,7 @@ use bevy_egui::EguiPostUpdateSet;
 use heights::{Asked, OnHeights, Strokes};
 use pointer::PicturePointer;
 use prober::Prober;
+use seen::{InSight, Seen};
 
 /// The places whose distance is measured, in the order of clicks; two at most.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
@@ -51,6 +54,7 @@ pub struct LookingPlugin;
 impl Plugin for LookingPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<PicturePointer>()
+            .init_resource::<approach::DoubleClick>()
             .init_resource::<Tool>()
             .init_resource::<Stroke>()
             .init_resource::<Measure>()
@@ -82,7 +86,7 @@ impl Plugin for LookingPlugin {
             .add_systems(
                 PostUpdate,
                 (
-                    (use_tool, state::fly_to_visit)
+                    (use_tool, state::fly_to_visit, approach::approach)
                         .before(CameraSystems::Steer)
                         .after(EguiPostUpdateSet::ProcessOutput),
                     marks::draw_marks.in_set(PageSystems::Serve),
@@ -148,7 +152,7 @@ fn use_tool(
     mut stroke: ResMut<Stroke>,
     mut measure: ResMut<Measure>,
     mut inspector: ResMut<Inspector>,
-    (mut prober, mut heights, hiding): (ResMut<Prober>, ResMut<OnHeights>, Res<Hiding>),
+    (mut prober, mut heights, in_sight): (ResMut<Prober>, ResMut<OnHeights>, InSight),
     mut notices: ResMut<Notices>,
     camera: Single<&super::camera::Viewpoint, With<super::picture::DataCamera>>,
 ) {
@@ -181,7 +185,7 @@ fn use_tool(
         }
         return;
     }
-    let seen = || seen_at(&asked, at, pick(&view, scene.metadata(), &selection.nodes, at), &hiding);
+    let seen = || in_sight.at(at).unwrap_or(Seen::Nothing);
     // Where nothing is, the plane of the target is meant.
     let place = || match seen() {
         Seen::Particle(picked) => picked.position,
@@ -227,25 +231,5 @@ fn use_tool(
                 }
             }
         }
-    }
-}
-
-/// What is seen under the mouse in a picture of particles.
-enum Seen {
-    Particle(Picked),
-    /// A field, at this place.
-    Surface(DVec3),
-    Nothing,
-}
-
-/// Which of a particle near the mouse and the fields under it is seen: the nearer one.
-fn seen_at(asked: &Asked<'_>, at: [f64; 2], picked: Option<Picked>, hiding: &Hiding) -> Seen {
-    let depth = |place: DVec3| asked.view.to_camera(place).z;
-    let picked = picked.filter(|picked| !hiding.hides(picked.position));
-    match (picked, asked.place(at)) {
-        (Some(picked), Some(place)) if depth(place) < depth(picked.position) => Seen::Surface(place),
-        (Some(picked), _) => Seen::Particle(picked),
-        (None, Some(place)) => Seen::Surface(place),
-        (None, None) => Seen::Nothing,
     }
 }

@@ -241,13 +241,33 @@ fn unions_are_what_is_drawn_of_any_number() {
             let is_drawn = |i: &u32| (unions.from[*i as usize]..=unions.to[*i as usize]).contains(&limit);
             let which: Vec<u32> = (0..unions.clusters.len() as u32).filter(is_drawn).collect();
             let (found, expected) = (unions.clusters.some(&which), content.clusters(count, representative).unwrap());
-            let sorted = |of: &Particles| {
-                let entry = |i: usize| (of.positions[i], of.values.mass[i], of.values.smoothing_length[i]);
+            // Sums of sums round otherwise than sums of clusters.
+            let entries = |of: &Particles| {
+                let entry = |i: usize| {
+                    let values = &of.values;
+                    let own = [values.mass[i], values.density[i], values.smoothing_length[i]].into_iter();
+                    let own = own.chain(values.attributes.iter().map(|column| column[i]));
+                    let shape = of.covariances.get(i).map_or([0.0; 6], |covariance| covariance.0);
+                    (of.positions[i], own.collect::<Vec<f32>>(), shape)
+                };
                 let mut entries: Vec<_> = (0..of.len()).map(entry).collect();
                 entries.sort_by(|a, b| a.partial_cmp(b).unwrap());
                 entries
             };
-            assert_eq!(sorted(&found), sorted(&expected), "{count:?}");
+            let (found, expected) = (entries(&found), entries(&expected));
+            assert_eq!(found.len(), expected.len(), "{count:?}");
+            for (found, expected) in found.iter().zip(&expected) {
+                let near = |a: &[f64], b: &[f64], most: f64| a.iter().zip(b).all(|(a, b)| (a - b).abs() <= most);
+                assert!(near(&found.0, &expected.0, 1e-12), "{count:?}: {found:?} {expected:?}");
+                let single = |a: &f32, b: &f32| (a - b).abs() <= 1e-4 * a.abs();
+                assert!(
+                    found.1.iter().zip(&expected.1).all(|(a, b)| single(a, b)),
+                    "{count:?}: {found:?} {expected:?}"
+                );
+                let most = 1e-6 * f64::from(expected.2[0] + expected.2[1] + expected.2[2]) + 1e-12;
+                let [a, b] = [found.2, expected.2].map(|shape| shape.map(f64::from));
+                assert!(near(&a, &b, most), "{count:?}: {found:?} {expected:?}");
+            }
         }
     }
 }

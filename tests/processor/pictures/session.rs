@@ -140,7 +140,7 @@ impl Adapter for Broken {
         Broken::fails("volume")
     }
 
-    fn surface(&mut self, _: &AdapterSurface<'_>) -> Result<AdapterFrame, VolumeError> {
+    fn surface(&mut self, _: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
         Broken::fails("surface")
     }
 

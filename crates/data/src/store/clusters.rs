@@ -5,12 +5,12 @@ use super::metadata::{AttributeMerge, ClusterBook};
 use super::page::Frame;
 use crate::codec::clusters::{NO_CLASS, PackedClusters, cluster_limit, step_clusters};
 use crate::codec::{Codebook, CodebookScope, QuantityError};
-use crate::hierarchy::pca::members::{DiameterRule, merged_attribute, published_diameter};
+use crate::hierarchy::pca::members::{DiameterRule, attribute_of_shares, attribute_share, published_diameter};
 use crate::hierarchy::pca::{Step, bright, steps::runs};
 use crate::model::{Covariance, Kernel, Placement};
 use std::borrow::Cow;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A node's clusters as they are stored, where a placement puts them.
 #[derive(Debug)]
@@ -23,6 +23,30 @@ pub(super) struct NodeClusters {
     kernel: Kernel,
     placement: Placement,
     steps: Vec<Step>,
+    /// Sums over larger groups, from which those over still larger ones are made.
+    coarse: OnceLock<Coarse>,
+}
+
+/// One group in so many clusters, at least, has its sums kept: for five to six bytes a cluster, and half a byte for each attribute.
+const COARSE: u32 = 16;
+
+/// The groups that are left where most splits are undone, with their sums.
+#[derive(Debug)]
+struct Coarse {
+    /// Where each begins, and where the last one ends.
+    starts: Vec<usize>,
+    /// The classes of the splits between them.
+    ranks: Vec<u8>,
+    sums: Vec<Sum>,
+    /// For each attribute what each group adds to that of several.
+    shares: Vec<Vec<f64>>,
+}
+
+/// Groups of clusters with their sums, and for each attribute their values.
+struct Groups {
+    ranges: Vec<Range<usize>>,
+    sums: Vec<Sum>,
+    attributes: Vec<Vec<f32>>,
 }
 
 /// What is summed of clusters that become one; lengths in cells.
@@ -70,7 +94,8 @@ impl NodeClusters {
         };
         let steps = packed.steps.iter().enumerate().map(step).collect();
         let book = Arc::clone(book);
-        Ok(NodeClusters { frame, packed, codes, book, rules, kernel, placement: *placement, steps })
+        let coarse = OnceLock::new();
+        Ok(NodeClusters { frame, packed, codes, book, rules, kernel, placement: *placement, steps, coarse })
     }
 
     /// A cluster alone.
@@ -83,29 +108,89 @@ impl NodeClusters {
         let square = |(k, (a, b)): (usize, (usize, usize))| mass * (shape[k] * size * size + place[a] * place[b]);
         let mut squares = [0.0; 6];
         PAIRS.into_iter().enumerate().for_each(|pair| squares[pair.0] = square(pair));
-        Sum {
-            mass,
-            presence: mass * f64::from(self.book.values.density[usize::from(self.codes[i])]),
-            along: place.map(|x| mass * x),
-            squares,
+        Sum { mass, presence: self.presence(i, mass), along: place.map(|x| mass * x), squares }
+    }
+
+    fn presence(&self, i: usize, mass: f64) -> f64 {
+        mass * f64::from(self.book.values.density[usize::from(self.codes[i])])
+    }
+
+    /// The sums over groups of clusters, and what they have as attributes.
+    fn groups(&self, ranges: Vec<Range<usize>>) -> Groups {
+        let sums: Vec<Sum> = ranges.iter().map(|group| group.clone().map(|i| self.one(i)).sum()).collect();
+        let attribute = |(rule, column): (&AttributeMerge, &Vec<f32>)| {
+            let value = |(group, sum): (&Range<usize>, &Sum)| match group.len() {
+                1 => column[usize::from(self.codes[group.start])],
+                _ => attribute_of_shares(*rule, self.shares(*rule, column, group), sum.presence),
+            };
+            ranges.iter().zip(&sums).map(value).collect()
+        };
+        let attributes = self.rules.iter().zip(&self.book.values.attributes).map(attribute).collect();
+        Groups { ranges, sums, attributes }
+    }
+
+    /// What the clusters of a group add to an attribute of several.
+    fn shares(&self, rule: AttributeMerge, column: &[f32], group: &Range<usize>) -> f64 {
+        let share = |i: usize| {
+            let weight = match rule {
+                AttributeMerge::Mean => self.presence(i, self.packed.masses.0.value(self.packed.masses.1[i])),
+                AttributeMerge::Magnitude => 1.0,
+            };
+            attribute_share(rule, weight, column[usize::from(self.codes[i])])
+        };
+        group.clone().map(share).sum()
+    }
+
+    /// The groups that splits of a class below `limit` part: of many clusters, which lie in few groups, by the sums that are kept.
+    fn parted(&self, limit: u16) -> Groups {
+        let coarse = cluster_limit(Some(self.packed.len() as u32 / COARSE), self.packed.len() as u32);
+        if limit > coarse {
+            return self.groups(runs(&self.packed.ranks, |class| u16::from(*class) < limit).collect());
+        }
+        let coarse = self.coarse.get_or_init(|| self.coarse(coarse));
+        let parts: Vec<Range<usize>> = runs(&coarse.ranks, |class| u16::from(*class) < limit).collect();
+        let sums: Vec<Sum> = parts.iter().map(|part| coarse.sums[part.clone()].iter().copied().sum()).collect();
+        let ranges: Vec<Range<usize>> =
+            parts.iter().map(|part| coarse.starts[part.start]..coarse.starts[part.end]).collect();
+        let attribute = |((rule, shares), column): ((&AttributeMerge, &Vec<f64>), &Vec<f32>)| {
+            let value = |((part, group), sum): ((&Range<usize>, &Range<usize>), &Sum)| match group.len() {
+                1 => column[usize::from(self.codes[group.start])],
+                _ => attribute_of_shares(*rule, shares[part.clone()].iter().sum(), sum.presence),
+            };
+            parts.iter().zip(&ranges).zip(&sums).map(value).collect()
+        };
+        let columns = self.rules.iter().zip(&coarse.shares).zip(&self.book.values.attributes);
+        Groups { attributes: columns.map(attribute).collect(), ranges, sums }
+    }
+
+    /// The groups that splits of a class below `limit` part, with their sums.
+    fn coarse(&self, limit: u16) -> Coarse {
+        let ranges: Vec<Range<usize>> = runs(&self.packed.ranks, |class| u16::from(*class) < limit).collect();
+        let shares = |(rule, column): (&AttributeMerge, &Vec<f32>)| {
+            ranges.iter().map(|group| self.shares(*rule, column, group)).collect()
+        };
+        Coarse {
+            starts: ranges.iter().map(|group| group.start).chain([self.packed.len()]).collect(),
+            ranks: ranges.iter().skip(1).map(|group| self.packed.ranks[group.start - 1]).collect(),
+            sums: ranges.iter().map(|group| group.clone().map(|i| self.one(i)).sum()).collect(),
+            shares: self.rules.iter().zip(&self.book.values.attributes).map(shares).collect(),
         }
     }
 
     /// What stands for groups of clusters, one after the other.
-    fn represented(&self, groups: impl Iterator<Item = Range<usize>>, representative: Representative) -> Particles {
-        let values = &self.book.values;
+    fn represented(&self, groups: Groups, representative: Representative) -> Particles {
+        let count = groups.ranges.len();
         let mut out = Codebook {
             scope: CodebookScope::Clusters,
-            particles: 0,
-            mass: Vec::new(),
-            density: Vec::new(),
-            smoothing_length: Vec::new(),
-            attributes: self.rules.iter().map(|_| Vec::new()).collect(),
+            particles: count as u64,
+            mass: Vec::with_capacity(count),
+            density: Vec::with_capacity(count),
+            smoothing_length: Vec::with_capacity(count),
+            attributes: groups.attributes,
             errors: vec![QuantityError::default(); 3 + self.rules.len()],
         };
-        let (mut positions, mut covariances) = (Vec::new(), Vec::new());
-        for group in groups {
-            let sum = self.sum(&group);
+        let (mut positions, mut covariances) = (Vec::with_capacity(count), Vec::new());
+        for (group, sum) in groups.ranges.iter().zip(&groups.sums) {
             let middle = sum.along.map(|x| x / sum.mass);
             positions.push(std::array::from_fn(|k| self.frame.min[k] + self.frame.size * middle[k]));
             let area = self.frame.size * self.frame.size;
@@ -128,28 +213,20 @@ impl NodeClusters {
                 _ => (variance.max(0.0) / self.kernel.variance()).sqrt(),
             };
             out.smoothing_length.push(h as f32);
-            for ((out, column), rule) in out.attributes.iter_mut().zip(&values.attributes).zip(&*self.rules) {
-                let code = |i: usize| usize::from(self.codes[i]);
-                out.push(match group.len() {
-                    1 => column[code(group.start)],
-                    _ => merged_attribute(*rule, group.clone().map(|i| (self.one(i).presence, column[code(i)]))),
-                });
-            }
         }
-        out.particles = positions.len() as u64;
         Particles { positions, values: out, covariances }
     }
+}
 
-    fn sum(&self, group: &Range<usize>) -> Sum {
-        let mut whole = Sum::default();
-        for i in group.clone() {
-            let one = self.one(i);
+impl std::iter::Sum for Sum {
+    fn sum<I: Iterator<Item = Sum>>(sums: I) -> Sum {
+        sums.fold(Sum::default(), |mut whole, one| {
             whole.mass += one.mass;
             whole.presence += one.presence;
             whole.along.iter_mut().zip(one.along).for_each(|(sum, x)| *sum += x);
             whole.squares.iter_mut().zip(one.squares).for_each(|(sum, x)| *sum += x);
-        }
-        whole
+            whole
+        })
     }
 }
 
@@ -190,20 +267,19 @@ impl Unions {
 
 impl Content for NodeClusters {
     fn particles(&self, _time: f64) -> Cow<'_, Particles> {
-        let each = (0..self.packed.len()).map(|i| i..i + 1);
-        Cow::Owned(self.represented(each, Representative::default()))
+        let each = (0..self.packed.len()).map(|i| i..i + 1).collect();
+        Cow::Owned(self.represented(self.groups(each), Representative::default()))
     }
 
     fn clusters(&self, count: Option<u32>, representative: Representative) -> Option<Particles> {
         let limit = cluster_limit(count, self.packed.len() as u32);
-        let groups = runs(&self.packed.ranks, |class| u16::from(*class) < limit);
-        Some(self.represented(groups, representative))
+        Some(self.represented(self.parted(limit), representative))
     }
 
     fn cluster_unions(&self, representative: Representative) -> Option<ClusterUnions> {
         let unions = Unions::of(&self.packed.ranks);
-        let groups = unions.groups.iter().cloned();
-        Some(ClusterUnions { clusters: self.represented(groups, representative), from: unions.from, to: unions.to })
+        let clusters = self.represented(self.groups(unions.groups), representative);
+        Some(ClusterUnions { clusters, from: unions.from, to: unions.to })
     }
 
     fn steps(&self) -> &[Step] {
@@ -212,6 +288,7 @@ impl Content for NodeClusters {
 
     fn memory(&self) -> u64 {
         // Beside what the page table tells of, which is counted with its page.
-        (size_of::<NodeClusters>() + self.steps.len() * size_of::<Step>()) as u64
+        let coarse = self.packed.len() / COARSE as usize * (size_of::<Sum>() + 16 + 8 * self.rules.len());
+        (size_of::<NodeClusters>() + self.steps.len() * size_of::<Step>() + coarse) as u64
     }
 }

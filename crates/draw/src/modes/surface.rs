@@ -1,10 +1,11 @@
 //! `surface`: measured heights, as points, triangles or rays of the surface that they stand for.
 
 use crate::color::transfer::{Range, Scale, TransferFunction};
+use crate::cpu::surface::SurfaceOptions;
 use crate::cpu::surface::holes::{Gap, Holes};
 use crate::cpu::surface::look::{Attribute, Contours, Light, Look};
 use crate::cpu::surface::placed::Map;
-use crate::cpu::surface::select::Technique as How;
+use crate::cpu::surface::select::{Technique as How, USUAL_TAU};
 use crate::cpu::volume::VolumeError;
 use crate::heights::measure::FormKind;
 use crate::heights::model::{Facts, Globe, HeightGrid, units};
@@ -448,6 +449,20 @@ pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts
 }
 
 impl SurfaceSettings {
+    /// How a surface of this look is drawn, to an error in pixels of the picture.
+    pub fn options(&self, look: Look, error_px: Option<f64>) -> SurfaceOptions {
+        SurfaceOptions {
+            technique: self.technique,
+            tau: error_px.unwrap_or(USUAL_TAU),
+            samples: self.samples,
+            holes: self.holes,
+            holes_grow: self.holes_grow,
+            walls: self.walls.then_some(self.base),
+            look: Some(look),
+            ..SurfaceOptions::default()
+        }
+    }
+
     /// What the surface looks like in these colours.
     pub fn look(&self, attribute: Attribute, transfer: TransferFunction, range: [f64; 2]) -> Look {
         let SurfaceSettings { light, ambient, contours, .. } = *self;

@@ -39,7 +39,7 @@ pub trait Adapter: Send + Sync {
     ///
     /// # Errors
     /// [`VolumeError::Device`]: what is missing.
-    fn surface(&mut self, job: &AdapterSurface<'_>) -> Result<AdapterFrame, VolumeError>;
+    fn surface(&mut self, job: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError>;
 
     /// Between which values the mass of the nodes' field lies.
     ///
@@ -91,22 +91,33 @@ pub struct AdapterField<'a> {
 }
 
 /// What an adapter draws of measured heights.
-#[derive(Clone, Copy)]
-pub struct AdapterSurface<'a> {
+pub struct AdapterSurface {
     /// The chunks that are drawn, and what they lie in. Samples of the picture before are on the adapter already.
-    pub scene: &'a Arc<Scene>,
+    pub scene: Scene,
     /// The camera, whose pixels are the samples of the picture.
-    pub view: &'a View,
-    /// Samples along the side of a pixel of the picture.
+    pub view: View,
+    /// Samples along the side of a pixel of the picture; 1 at least.
     pub parts: u32,
     /// What it looks like.
-    pub look: &'a Look,
+    pub look: Look,
     /// What it is drawn as: no rays.
     pub technique: Technique,
     /// A height in the middle of the field's, which others are counted from in 32 bits.
     pub reference: f64,
     /// By which passes.
     pub passes: Passes,
+}
+
+impl AdapterSurface {
+    /// Width and height of the picture, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.view.width, self.view.height].map(|samples| samples / self.parts.max(1))
+    }
+
+    /// Whether the adapter's rasteriser finds what is seen, and not compute passes.
+    pub fn is_raster(&self) -> bool {
+        self.passes == Passes::Raster
+    }
 }
 
 /// Passes of an adapter that draw splats and surfaces.

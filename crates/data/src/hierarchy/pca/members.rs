@@ -144,15 +144,24 @@ impl Members {
 
 /// The attribute of several, each with its `m rho` and value, as one.
 pub fn merged_attribute(rule: AttributeMerge, values: impl Iterator<Item = (f64, f32)>) -> f32 {
+    let add = |(sum, weight): (f64, f64), (w, v): (f64, f32)| (sum + attribute_share(rule, w, v), weight + w);
+    let (sum, weight) = values.fold((0.0, 0.0), add);
+    attribute_of_shares(rule, sum, weight)
+}
+
+/// What one with this `m rho` and value adds to the attribute of several.
+pub fn attribute_share(rule: AttributeMerge, weight: f64, value: f32) -> f64 {
+    match rule {
+        AttributeMerge::Mean => weight * f64::from(value),
+        AttributeMerge::Magnitude => 10.0_f64.powf(-0.4 * f64::from(value)),
+    }
+}
+
+/// The attribute of several, of what each adds to it and of their `m rho`.
+pub fn attribute_of_shares(rule: AttributeMerge, shares: f64, weight: f64) -> f32 {
     let value = match rule {
-        AttributeMerge::Mean => {
-            let (sum, weight) = values.fold((0.0, 0.0), |(sum, weight), (w, v)| (sum + w * f64::from(v), weight + w));
-            sum / weight
-        }
-        AttributeMerge::Magnitude => {
-            let flux: f64 = values.map(|(_, v)| 10.0_f64.powf(-0.4 * f64::from(v))).sum();
-            -2.5 * flux.log10()
-        }
+        AttributeMerge::Mean => shares / weight,
+        AttributeMerge::Magnitude => -2.5 * shares.log10(),
     };
     (value as f32).clamp(f32::MIN, f32::MAX)
 }

@@ -9,7 +9,7 @@ use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
 use super::resolve::{CHANNELS, NOTHING, Resolver};
-use super::select::{Choice, MOST_NODES, Primitive, SurfaceCut, Technique, UNSEEN, choose};
+use super::select::{Choice, MOST_NODES, Primitive, SurfaceCut, Technique, UNSEEN, USUAL_TAU, choose, looked};
 use super::shade::{Look, Shader};
 use super::sight::Sight;
 use super::source::SurfaceNodes;
@@ -49,7 +49,7 @@ impl Default for SurfaceOptions {
         let technique = Technique::default();
         SurfaceOptions {
             technique,
-            tau: 0.8,
+            tau: USUAL_TAU,
             samples: 4,
             most_nodes: MOST_NODES,
             raw: false,
@@ -104,7 +104,7 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
     let choice = Choice {
         tau: options.tau * f64::from(parts),
         technique: options.technique,
-        looks: options.look.is_some(),
+        looks: if options.look.is_some() { looked(options.tau) * f64::from(parts) } else { f64::INFINITY },
         lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
         change: options
             .look

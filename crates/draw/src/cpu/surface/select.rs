@@ -4,7 +4,8 @@
 //! - its largest distance from T may show as more than `tau` pixels,
 //! - or there are holes in it and neighbouring samples may be more than `tau` pixels apart: so no pixel further than that inside a hole is
 //!   covered, and none further inside T is missing,
-//! - or what it looks like differs from what finer levels look like, and its samples are more than about a pixel apart.
+//! - or what it looks like differs from what finer levels look like, and its samples are more than about a pixel of the picture apart
+//!   ([`looked`]).
 //!
 //! The worst is refined first, so that what a budget leaves out is what shows least. A chunk whose finer ones are not there stands in for them.
 
@@ -25,8 +26,10 @@ use std::collections::{BinaryHeap, HashMap};
 pub const POINT_LIMIT: f64 = 0.999;
 /// The least error in pixels at which points are drawn: they show a place of their pixel, but not its middle.
 pub const EXACT: f64 = 0.05;
-/// Samples that looks differ between are at most so many pixels apart: what a pixel looks like is read from about there.
+/// Samples that looks differ between are at most so many pixels of the picture apart: what a pixel looks like is read from about there.
 const LOOKED: f64 = 0.7;
+/// The largest error in pixels where nobody says which.
+pub const USUAL_TAU: f64 = 0.8;
 /// The share of the interval between lines of equal height that a surface may be away from T for them to be where they belong.
 const LINES: f64 = 1e-3;
 /// Differences of normals, and of colours from 0 to 1, that do not show.
@@ -64,8 +67,8 @@ pub struct Choice {
     pub tau: f64,
     /// What the surface is drawn as.
     pub technique: Technique,
-    /// Whether what it looks like counts: not where only places are asked for.
-    pub looks: bool,
+    /// Most pixels between samples that looks, or lines, differ between; infinite where only places are asked for.
+    pub looks: f64,
     /// The interval between lines of equal height, in units of height; infinite where there are none.
     pub lines: f64,
     /// The largest difference of changes since an earlier field that does not show; infinite where they are not shown.
@@ -76,6 +79,11 @@ pub struct Choice {
     pub walls: Option<f64>,
     /// Most chunks.
     pub most: usize,
+}
+
+/// How many pixels of the picture are at most between samples that looks differ between: a larger error than usual lets them be coarser, too.
+pub fn looked(tau: f64) -> f64 {
+    LOOKED * (tau / USUAL_TAU).max(1.0)
 }
 
 /// A chunk that is drawn.
@@ -287,9 +295,9 @@ impl Chooser<'_> {
         let lines = (facts.max - facts.min) / self.choice.lines;
         let moves_lines = facts.delta > LINES * self.choice.lines
             && lines < sight.error_pixels(&extent, f64::from(1 << SIDE_BITS) * spacing[0].max(spacing[1]));
-        let looks_different = self.choice.looks && facts.deviation > UNSEEN || facts.change > self.choice.change;
+        let looks_different = facts.deviation > UNSEEN || facts.change > self.choice.change;
         if looks_different || moves_lines {
-            want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), LOOKED));
+            want = want.max(ratio(sight.error_pixels(&extent, spacing[0].max(spacing[1])), self.choice.looks));
         }
         if key.level == 0 || facts.is_empty() {
             want = 0.0;

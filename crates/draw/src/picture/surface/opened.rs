@@ -2,6 +2,7 @@
 
 use super::clearance::Ground;
 use super::earlier::Earlier;
+use super::painting::not_yet;
 use crate::annotate::Units;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::surface::look::Attribute as Coloured;
@@ -129,6 +130,16 @@ impl OpenSurface {
     fn coloured(&self, depiction: &Depiction) -> Coloured {
         let name = depiction.attribute.as_ref().map(|coloring| coloring.name.as_str());
         self.attribute(name).unwrap_or(Coloured::Height)
+    }
+
+    /// Whether an adapter's passes draw flat pictures of it with these settings, coloured by an attribute.
+    pub fn is_for_passes(&self, settings: &Settings, attribute: Option<&str>) -> bool {
+        let about = self.file.about();
+        let Ok(settings) = SurfaceSettings::new(settings, &about.grid) else { return false };
+        let Ok(attribute) = self.attribute(attribute) else { return false };
+        let placed = Placed::new(&about.grid, settings.map, settings.exaggeration, settings.base);
+        let look = settings.look(attribute, surface::usual_transfer(attribute), [0.0, 1.0]);
+        not_yet(&placed, &settings.options(look, None)).is_none()
     }
 
     /// A mode of its pictures, coloured by an attribute where one is named.

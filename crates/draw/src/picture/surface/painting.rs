@@ -8,7 +8,7 @@ use crate::cpu::surface::picture::{counted, parts, report, scene};
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::sight::Sight;
-use crate::cpu::surface::{SurfaceOptions, SurfacePicture, draw_lettered};
+use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
 use crate::cpu::volume::VolumeError;
 use crate::look::Backend;
 use crate::picture::adapter::{Adapter, AdapterSurface, AdapterValues, Passes, WITHOUT_ADAPTER};
@@ -49,11 +49,29 @@ pub(super) struct Field<'a> {
     pub(super) extremes: [f64; 2],
 }
 
-/// What of a picture no adapter draws yet.
-fn not_yet(placed: &Placed, sight: &Sight, options: &SurfaceOptions) -> Option<&'static str> {
-    match sight {
+impl Field<'_> {
+    /// What an adapter is asked for, and what is known of its picture: the chunks for a flat view, read and joined; `None` where it is not flat,
+    /// or has no colours.
+    pub(super) fn job(
+        &self,
+        sight: &Sight,
+        options: &SurfaceOptions,
+        passes: Passes,
+    ) -> Option<(AdapterSurface, SurfaceReport)> {
+        let parts = parts(options.samples);
+        let (Sight::Flat(view), Some(look)) = (sight.refined(parts), options.look.clone()) else { return None };
+        let scene = scene(self.nodes, self.placed, sight, options);
+        let report = report(&scene, counted(&scene), f64::from(parts));
+        let reference = 0.5 * (self.extremes[0] + self.extremes[1]);
+        let technique = options.technique;
+        Some((AdapterSurface { scene, view, parts, look, technique, reference, passes }, report))
+    }
+}
+
+/// What of a flat picture no adapter draws yet.
+pub(super) fn not_yet(placed: &Placed, options: &SurfaceOptions) -> Option<&'static str> {
+    match () {
         _ if !placed.is_flat() => Some("a globe"),
-        Sight::Around { .. } => Some("pictures of all directions"),
         _ if options.raw => Some("raw channels"),
         _ if options.technique == Technique::Rays => Some("rays"),
         _ if options.holes != Holes::Open => Some("outlined and filled holes"),
@@ -92,7 +110,8 @@ impl Painter {
             if backend.is_some() && self.adapter.is_none() {
                 return Err(VolumeError::Device(WITHOUT_ADAPTER.into()));
             }
-            match not_yet(field.placed, sight, options) {
+            let around = matches!(sight, Sight::Around { .. }).then_some("pictures of all directions");
+            match around.or_else(|| not_yet(field.placed, options)) {
                 Some(what) if backend.is_some() => {
                     self.tell(format!("--backend: the processor draws {what} of heights"), reporter);
                 }
@@ -120,24 +139,14 @@ impl Painter {
         passes: Passes,
         reporter: &dyn Reporter,
     ) -> Result<Option<(SurfacePicture, DrawnBy)>, VolumeError> {
-        let (Some(adapter), Some(look)) = (self.adapter.as_mut(), &options.look) else { return Ok(None) };
-        let parts = parts(options.samples);
-        let Sight::Flat(view) = sight.refined(parts) else { return Ok(None) };
-        let scene = Arc::new(scene(field.nodes, field.placed, sight, options));
-        let job = AdapterSurface {
-            scene: &scene,
-            view: &view,
-            parts,
-            look,
-            technique: options.technique,
-            reference: 0.5 * (field.extremes[0] + field.extremes[1]),
-            passes,
+        let (Some(adapter), Some((job, mut report))) = (self.adapter.as_mut(), field.job(sight, options, passes))
+        else {
+            return Ok(None);
         };
-        let frame = adapter.surface(&job)?;
+        let frame = adapter.surface(Arc::new(job))?;
         let AdapterValues::Light(colors, _) = frame.values else {
             return Err(VolumeError::Device("the adapter does not draw surfaces".into()));
         };
-        let mut report = report(&scene, counted(&scene), f64::from(parts));
         report.covered = colors.rgba.iter().map(|color| f64::from(color[3])).sum();
         let names = [frame.backend.to_owned(), frame.adapter];
         frame.note.into_iter().for_each(|note| self.tell(note, reporter));

@@ -1,9 +1,10 @@
 //! An open height field, of which pictures are drawn.
 
 use super::clearance::{Ground, raise};
+use super::depths::SurfaceDepths;
 use super::letters::ProgramFont;
 use super::opened::OpenSurface;
-use super::painting::{DrawnBy, Field, Painter};
+use super::painting::{DrawnBy, Field, Painter, not_yet};
 use super::placement::FieldPlacement;
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::standing::{bounds_of, standing};
@@ -30,7 +31,7 @@ use crate::mode::depiction::Coloring;
 use crate::mode::{Depiction, LightPicture, Mode, Raw};
 use crate::model::Bounds;
 use crate::modes::surface::{self, SurfaceSettings};
-use crate::picture::adapter::Adapter;
+use crate::picture::adapter::{Adapter, AdapterSurface, Passes};
 use crate::picture::annotation::Annotation;
 use crate::picture::drawn::CHUNKS;
 use crate::picture::left_out::LeftOut;
@@ -49,8 +50,6 @@ use tempfile::TempDir;
 
 /// Memory for decoded chunks unless it is set, bytes.
 const CHUNK_MEMORY: u64 = 1 << 30;
-/// Largest displacement on screen unless it is set, pixels.
-const ERROR_PX: f64 = 0.8;
 /// Residuals are coloured up to so many times the root of their mean square.
 const OUTLIERS: f64 = 3.0;
 
@@ -65,10 +64,10 @@ pub struct SurfaceSession {
     painter: Painter,
 }
 
-/// A picture of a view, and what is known of it.
-pub struct SeenSurface {
+/// A picture of a view, or what an adapter is to draw of it, and what is known of it.
+pub struct SeenSurface<P = SurfacePicture> {
     /// The picture.
-    pub picture: SurfacePicture,
+    pub picture: P,
     /// What colours it.
     pub attribute: Attribute,
     /// How values become colours.
@@ -197,21 +196,10 @@ impl SurfaceSession {
 
     /// How a look is drawn.
     pub(super) fn surface_options(&self, prepared: &Prepared, look: &LookPatch) -> SurfaceOptions {
-        SurfaceOptions {
-            technique: prepared.settings.technique,
-            tau: match self.options.exact {
-                Some(_) => 0.0,
-                None => look.error_px.map_or(ERROR_PX, f64::from),
-            },
-            samples: prepared.settings.samples,
-            raw: self.options.raw,
-            look: Some(prepared.look.clone()),
-            holes: prepared.settings.holes,
-            holes_grow: prepared.settings.holes_grow,
-            form: prepared.form.clone(),
-            walls: prepared.settings.walls.then_some(prepared.settings.base),
-            ..SurfaceOptions::default()
-        }
+        let (own, form) = (prepared.look.clone(), prepared.form.clone());
+        let options = SurfaceOptions { form, ..prepared.settings.options(own, look.error_px) };
+        let tau = if self.options.exact.is_some() { 0.0 } else { options.tau };
+        SurfaceOptions { tau, raw: self.options.raw, ..options }
     }
 
     /// What messages name.
@@ -422,6 +410,48 @@ impl SurfaceSession {
     /// # Errors
     /// As [`SurfaceSession::draw`].
     pub fn seen(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<SeenSurface, PictureError> {
+        self.seen_by(look, view, levels, |field, sight, options| {
+            draw_lettered(field.nodes, field.placed, sight, options, Some(&ProgramFont))
+        })
+    }
+
+    /// What an adapter is to draw of a look's picture of a view by these passes, and what is known of it; `None` where only the processor draws
+    /// such a picture ([`OpenSurface::is_for_passes`]).
+    ///
+    /// # Errors
+    /// As [`SurfaceSession::draw`].
+    pub fn asked(
+        &mut self,
+        look: &LookPatch,
+        view: &View,
+        levels: Option<Levels>,
+        passes: Passes,
+    ) -> Result<SeenSurface<Option<(AdapterSurface, SurfaceReport)>>, PictureError> {
+        self.seen_by(look, view, levels, |field, sight, options| match not_yet(field.placed, options) {
+            Some(_) => None,
+            None => field.job(sight, options, passes),
+        })
+    }
+
+    /// How far a look's surface is from the plane of the eye, at the pixels' centres.
+    ///
+    /// # Errors
+    /// As [`SurfaceSession::draw`].
+    pub fn depths(&mut self, look: &LookPatch, view: &View) -> Result<Option<SurfaceDepths>, PictureError> {
+        let seen = self.seen_by(look, view, None, |field, sight, options| {
+            let places = SurfaceOptions { look: None, raw: true, ..options.clone() };
+            draw_lettered(field.nodes, field.placed, sight, &places, None)
+        })?;
+        Ok(SurfaceDepths::new(*view, seen.picture.depth))
+    }
+
+    fn seen_by<P>(
+        &mut self,
+        look: &LookPatch,
+        view: &View,
+        levels: Option<Levels>,
+        draw: impl FnOnce(&Field<'_>, &Sight, &SurfaceOptions) -> P,
+    ) -> Result<SeenSurface<P>, PictureError> {
         let mut prepared = self.prepare(look)?;
         if let Some(levels) = levels {
             prepared.look.range = levels.p;
@@ -430,20 +460,12 @@ impl SurfaceSession {
         let Prepared { look: own, attribute, .. } = &prepared;
         let (transfer, attribute) = (own.transfer.clone(), *attribute);
         let levels = Levels { p: own.range, s: [0.0, 1.0] };
-        let options = SurfaceOptions {
-            technique: prepared.settings.technique,
-            tau: look.error_px.map_or(ERROR_PX, f64::from),
-            samples: prepared.settings.samples,
-            holes: prepared.settings.holes,
-            holes_grow: prepared.settings.holes_grow,
-            form: prepared.form,
-            walls: prepared.settings.walls.then_some(prepared.settings.base),
-            look: Some(prepared.look),
-            ..SurfaceOptions::default()
-        };
+        let Prepared { settings, look: own, form, placed, .. } = prepared;
+        let options = SurfaceOptions { form, ..settings.options(own, look.error_px) };
         let sight = Sight::Flat(*view);
-        self.nodes.prepare(&prepared.placed, &sight, &options);
-        let picture = draw_lettered(&self.nodes, &prepared.placed, &sight, &options, Some(&ProgramFont));
+        self.nodes.prepare(&placed, &sight, &options);
+        let field = Field { nodes: &self.nodes, placed: &placed, extremes: self.extremes() };
+        let picture = draw(&field, &sight, &options);
         Ok(SeenSurface { picture, attribute, transfer, levels, error: self.nodes.error() })
     }
 

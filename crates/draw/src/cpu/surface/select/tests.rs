@@ -51,7 +51,7 @@ fn little_room_is_for_what_shows_most() {
     let choice = Choice {
         tau: 0.8,
         technique: Technique::Hybrid,
-        looks: true,
+        looks: looked(0.8),
         lines: f64::INFINITY,
         spans: 0.0,
         walls: None,

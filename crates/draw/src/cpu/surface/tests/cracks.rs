@@ -2,7 +2,7 @@
 
 use super::super::raster::{self, Visibility};
 use super::super::rays::Caster;
-use super::super::select::{Choice, Technique, choose};
+use super::super::select::{Choice, Technique, choose, looked};
 use super::super::sight::Sight;
 use super::super::stitch::Scene;
 use super::*;
@@ -53,7 +53,7 @@ fn chosen_cuts_have_none_within_any_budget() {
         let choice = Choice {
             tau: [0.5, 0.8, 2.0, 8.0][round % 4],
             technique,
-            looks: round % 3 == 0,
+            looks: if round % 3 == 0 { looked(0.8) } else { f64::INFINITY },
             lines: f64::INFINITY,
             change: f64::INFINITY,
             spans: 0.0,
