@@ -105,7 +105,11 @@ fn volume_levels_are_drawn_and_surfaces_hide_what_is_behind_them() {
     assert!(!messages.iter().any(complains), "nothing is wrong before pages have come: {status:#}");
     // It stays as it is: pictures and what they hide do not chase each other.
     std::thread::sleep(Duration::from_millis(1500));
-    assert_eq!(program.status(), status);
+    let but_frames = |mut status: Value| {
+        status["frames"].take();
+        status
+    };
+    assert_eq!(but_frames(program.status()), but_frames(status));
 }
 
 /// Flies where there is no time for all particles.

@@ -15,7 +15,7 @@ impl<'a> BitWriter<'a> {
     }
 
     /// Appends the lowest `bits` (at most 32) of a value that has no others.
-    #[inline]
+    #[inline(always)]
     pub(super) fn put(&mut self, value: u64, bits: u32) {
         self.held = (self.held << bits) | value;
         self.count += bits;
@@ -64,7 +64,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// Makes at least 56 bits of the window right.
-    #[inline]
+    #[inline(always)]
     pub(super) fn refill(&mut self) {
         let word = match self.bytes.get(self.next..self.next + 8) {
             Some(&[a, b, c, d, e, f, g, h]) => u64::from_be_bytes([a, b, c, d, e, f, g, h]),
@@ -86,13 +86,13 @@ impl<'a> BitReader<'a> {
     }
 
     /// The bits to come, in the highest places: at least 56 right after a refill.
-    #[inline]
+    #[inline(always)]
     pub(super) fn window(&self) -> u64 {
         self.window
     }
 
     /// Goes on by so many bits, which the window has.
-    #[inline]
+    #[inline(always)]
     pub(super) fn skip(&mut self, bits: u32) {
         self.window <<= bits;
         self.count -= bits;

@@ -60,13 +60,13 @@ pub(super) fn differences(predictor: Predictor, row: &[i64], above: Option<&[i64
             *out = pair[1].wrapping_sub(predictor.of(pair[0], ups[1], ups[0]));
         }
     }
-    match predictor {
+    pulp::Arch::new().dispatch(|| match predictor {
         Predictor::Plane => go(Predictor::Plane, row, above, out),
         Predictor::Half => go(Predictor::Half, row, above, out),
         Predictor::Mean => go(Predictor::Mean, row, above, out),
         Predictor::Left => go(Predictor::Left, row, above, out),
         Predictor::Zero => go(Predictor::Zero, row, above, out),
-    }
+    });
 }
 
 /// Turns what is left of a row into the row. Where `valid` says that a sample was not measured, it takes the place's usual stand-in, and

@@ -18,17 +18,18 @@ const ESCAPE: u32 = 24;
 const SHORT: u32 = 24;
 
 /// Numbers without sign: 0, -1, 1, -2, 2 ... are 0, 1, 2, 3, 4 ...
-#[inline]
+#[inline(always)]
 fn folded(value: i64) -> u64 {
     ((value << 1) ^ (value >> 63)) as u64
 }
 
-#[inline]
+#[inline(always)]
 fn unfolded(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
 /// Bits of a group with this parameter, without the head, and as if none were written in full.
+#[inline(always)]
 fn cost(group: &[u64], k: u32) -> u64 {
     let zeros = group.iter().fold(0_u64, |sum, value| sum.wrapping_add(value >> k));
     zeros.saturating_add(group.len() as u64 * (1 + u64::from(k)))
@@ -36,6 +37,12 @@ fn cost(group: &[u64], k: u32) -> u64 {
 
 /// Appends the codes of numbers.
 pub(super) fn encode(values: &[i64], out: &mut Vec<u8>) {
+    // The same operations: newer processors sum in wider vectors, and shift by a variable in one instruction.
+    pulp::Arch::new().dispatch(|| encode_in_vectors(values, out));
+}
+
+#[inline(always)]
+fn encode_in_vectors(values: &[i64], out: &mut Vec<u8>) {
     let mut bits = BitWriter::new(out);
     for group in values.chunks(GROUP) {
         let mut held = [0_u64; GROUP];
@@ -76,6 +83,12 @@ pub(super) fn encode(values: &[i64], out: &mut Vec<u8>) {
 
 /// Reads as many numbers as `out` has from the front of the bytes. Returns how many bytes they take; `None` where there are fewer.
 pub(super) fn decode(bytes: &[u8], out: &mut [i64]) -> Option<usize> {
+    // As for `encode`.
+    pulp::Arch::new().dispatch(|| decode_in_vectors(bytes, out))
+}
+
+#[inline(always)]
+fn decode_in_vectors(bytes: &[u8], out: &mut [i64]) -> Option<usize> {
     let mut bits = BitReader::new(bytes);
     for group in out.chunks_mut(GROUP) {
         let head = bits.get(HEAD);

@@ -57,6 +57,7 @@ fn normal(along_columns: f32, along_rows: f32) -> [i32; 3] {
 }
 
 /// Finite, however steep.
+#[inline(always)]
 fn slope(difference: f64, scale: f64) -> f32 {
     ((difference * scale) as f32).clamp(-1e9, 1e9)
 }
@@ -69,7 +70,7 @@ pub fn sums(patch: &Patch<'_>, slopes: [f64; 2], owns: [bool; 2]) -> Sums {
     for (row, sums) in out.sums.chunks_exact_mut(columns).enumerate() {
         let (upper, lower) = (patch.row(row), patch.row(row + 1));
         if is_whole(upper) && is_whole(lower) {
-            whole_row(upper, lower, slopes, sums);
+            pulp::Arch::new().dispatch(|| whole_row(upper, lower, slopes, sums));
         } else {
             broken_row(upper, lower, slopes, sums);
         }
@@ -86,6 +87,7 @@ fn is_whole(row: &[f64]) -> bool {
 }
 
 /// Cells of four measured corners each.
+#[inline(always)]
 fn whole_row(upper: &[f64], lower: &[f64], slopes: [f64; 2], sums: &mut [Sum]) {
     /// Cells at a time: enough to be worked on side by side.
     const LANES: usize = 16;

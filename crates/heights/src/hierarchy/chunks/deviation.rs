@@ -57,13 +57,24 @@ impl Fine<'_> {
     }
 }
 
+/// Distances that are compared side by side.
+const LANES: usize = 8;
+
 /// T minus the surface of a level over a leaf. `coarse` are the level's samples in the leaf, row by row.
 pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
+    // The same operations in wider vectors, where the processor has them.
+    pulp::Arch::new().dispatch(|| range_in_vectors(fine, level, coarse))
+}
+
+#[inline(always)]
+fn range_in_vectors(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
     let is_whole = fine.stored.iter().fold(true, |is_whole, height| is_whole & !height.is_nan());
     let cells = fine.size.map(|count| (count - 1).div_ceil(1 << level));
     let [height, width] = fine.size.map(|count| count - 1);
     let stride = cells[1] + 1;
     let steps: Vec<f64> = (0..=1_usize << level).map(|step| step as f64).collect();
+    // A power of two divides as exactly as its inverse multiplies, and not as quickly.
+    let (full, inverse) = (1_usize << level, 1.0 / (1_u64 << level) as f64);
     let mut range = Range::NONE;
     let mut surface = vec![f64::NAN; width + 1];
     for cell_row in 0..cells[0] {
@@ -91,19 +102,22 @@ pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
             if is_broken {
                 surface.fill(f64::NAN);
             }
+            let share = down as f64 / tall as f64;
             for column in 0..cells[1] {
                 let cell = corners(column);
                 if !is_broken || cell.measured() == 4 {
                     let wide = wide(column);
-                    fill(&mut surface[column << level..][..=wide], cell, [down, tall], &steps);
+                    let bend = if wide == tall { down } else { (down * wide).div_ceil(tall) };
+                    let per_step = |rise: f64| if wide == full { rise * inverse } else { rise / wide as f64 };
+                    fill(&mut surface[column << level..][..=wide], cell, (share, bend), per_step, &steps);
                 }
             }
             let samples = fine.row(top + down);
-            let (mut low, mut high) = ([range.low; 4], [range.high; 4]);
-            let (samples, sample_rest) = samples.as_chunks::<4>();
-            let (surfaces, surface_rest) = surface.as_chunks::<4>();
+            let (mut low, mut high) = ([range.low; LANES], [range.high; LANES]);
+            let (samples, sample_rest) = samples.as_chunks::<LANES>();
+            let (surfaces, surface_rest) = surface.as_chunks::<LANES>();
             for (samples, surfaces) in samples.iter().zip(surfaces) {
-                for lane in 0..4 {
+                for lane in 0..LANES {
                     let distance = samples[lane] - surfaces[lane];
                     low[lane] = if distance < low[lane] { distance } else { low[lane] };
                     high[lane] = if distance > high[lane] { distance } else { high[lane] };
@@ -116,15 +130,18 @@ pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
     range
 }
 
-/// Heights of a row across a cell of four corners, `down` of `tall` steps from its top.
-#[inline]
-fn fill(out: &mut [f64], Cell([a, b, d, e]): Cell, [down, tall]: [usize; 2], steps: &[f64]) {
-    let wide = out.len() - 1;
-    let share = down as f64 / tall as f64;
+/// Heights of a row across a cell of four corners, at a share of the way from its top; `bend` is the first one of the upper right triangle.
+#[inline(always)]
+fn fill(
+    out: &mut [f64],
+    Cell([a, b, d, e]): Cell,
+    (share, bend): (f64, usize),
+    per_step: impl Fn(f64) -> f64,
+    steps: &[f64],
+) {
     // The lower left triangle, then the upper right one.
-    let (left, along_left) = (a + (d - a) * share, (e - d) / wide as f64);
-    let (right, along_right) = (a + (e - b) * share, (b - a) / wide as f64);
-    let bend = if wide == tall { down } else { (down * wide).div_ceil(tall) };
+    let (left, along_left) = (a + (d - a) * share, per_step(e - d));
+    let (right, along_right) = (a + (e - b) * share, per_step(b - a));
     let (lower, upper) = out.split_at_mut(bend);
     lower.iter_mut().zip(steps).for_each(|(out, step)| *out = left + along_left * step);
     upper.iter_mut().zip(&steps[bend..]).for_each(|(out, step)| *out = right + along_right * step);

@@ -33,11 +33,8 @@ pub fn leaf(patch: &Patch<'_>, slopes: [f64; 2], owns: [bool; 2], levels: u32) -
     for row in 0..rows {
         let samples = patch.row(row);
         let mut is_whole = true;
-        for value in samples {
-            out.low = if *value < out.low { *value } else { out.low };
-            out.high = if *value > out.high { *value } else { out.high };
-            is_whole &= !value.is_nan();
-        }
+        let [low, high] = ends(samples, &mut is_whole);
+        (out.low, out.high) = (less(out.low, low), more(out.high, high));
         out.is_whole &= is_whole;
         if row + usize::from(!owns[0]) < rows {
             let own = &samples[..columns - usize::from(!owns[1])];
@@ -66,26 +63,73 @@ pub fn leaf(patch: &Patch<'_>, slopes: [f64; 2], owns: [bool; 2], levels: u32) -
     out
 }
 
+/// Values that are compared side by side.
+const LANES: usize = 8;
+
+/// The least and the largest of a row's values; infinite without any. `is_whole` becomes false where one is missing.
+fn ends(samples: &[f64], is_whole: &mut bool) -> [f64; 2] {
+    let (mut low, mut high, mut whole) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES], [true; LANES]);
+    let (lanes, rest) = samples.as_chunks::<LANES>();
+    for values in lanes {
+        for lane in 0..LANES {
+            low[lane] = less(low[lane], values[lane]);
+            high[lane] = more(high[lane], values[lane]);
+            whole[lane] &= !values[lane].is_nan();
+        }
+    }
+    *is_whole &= whole.into_iter().chain(rest.iter().map(|value| !value.is_nan())).all(|is_whole| is_whole);
+    let (low, high) = (low.into_iter().chain(rest.iter().copied()), high.into_iter().chain(rest.iter().copied()));
+    [low.fold(f64::INFINITY, less), high.fold(f64::NEG_INFINITY, more)]
+}
+
+/// The lesser one; the first where the second is none.
+#[inline(always)]
+fn less(one: f64, other: f64) -> f64 {
+    if other < one { other } else { one }
+}
+
+/// The greater one; the first where the second is none.
+#[inline(always)]
+fn more(one: f64, other: f64) -> f64 {
+    if other > one { other } else { one }
+}
+
+/// The largest difference, up or down, of two rows' values; those that are none do not count.
+#[inline(always)]
+fn largest(row: &[f64], other: &[f64]) -> f64 {
+    let mut most = [0.0_f64; LANES];
+    let count = row.len().min(other.len());
+    let ((row, row_rest), (other, other_rest)) =
+        (row[..count].as_chunks::<LANES>(), other[..count].as_chunks::<LANES>());
+    for (row, other) in row.iter().zip(other) {
+        for lane in 0..LANES {
+            most[lane] = more(most[lane], (row[lane] - other[lane]).abs());
+        }
+    }
+    let rest = row_rest.iter().zip(other_rest).map(|(value, other)| (value - other).abs());
+    most.into_iter().chain(rest).fold(0.0, more)
+}
+
 /// The largest step along an edge of the surface of these samples, diagonals among them.
 pub fn largest_step<'a>(rows: impl Iterator<Item = &'a [f64]>, is_whole: bool) -> f64 {
-    let larger = |most: f64, step: f64| if step.abs() > most { step.abs() } else { most };
-    let mut most = 0.0;
-    let mut above: Option<&[f64]> = None;
-    for row in rows {
-        most = row.windows(2).fold(most, |most, pair| larger(most, pair[1] - pair[0]));
-        if let Some(above) = above {
-            most = row.iter().zip(above).fold(most, |most, (value, up)| larger(most, value - up));
-            most = row[1..].iter().zip(above).fold(most, |most, (value, up)| larger(most, value - up));
-            if !is_whole {
-                // Where a corner is missing the edge may be the other diagonal.
-                for (up, own) in above.windows(2).zip(row.windows(2)) {
-                    if up[0].is_nan() || own[1].is_nan() {
-                        most = larger(most, up[1] - own[0]);
+    pulp::Arch::new().dispatch(|| {
+        let mut most: f64 = 0.0;
+        let mut above: Option<&[f64]> = None;
+        for row in rows {
+            most = more(most, largest(&row[1..], row));
+            if let Some(above) = above {
+                most = more(more(most, largest(row, above)), largest(&row[1..], above));
+                if !is_whole {
+                    // Where a corner is missing the edge may be the other diagonal.
+                    for (up, own) in above.windows(2).zip(row.windows(2)) {
+                        if up[0].is_nan() || own[1].is_nan() {
+                            most = more(most, (up[1] - own[0]).abs());
+                        }
                     }
                 }
             }
+            above = Some(row);
         }
-        above = Some(row);
-    }
-    most
+        most
+    })
 }
