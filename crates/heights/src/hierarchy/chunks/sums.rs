@@ -95,16 +95,28 @@ impl Sums {
         self.gathered(1, [rows, columns])
     }
 
-    /// Adds sum (r, c) to ((r + shift) / 2, (c + shift) / 2).
+    /// Adds sum (r, c) to ((r + shift) / 2, (c + shift) / 2); `shift` is 0 or 1.
     fn gathered(&self, shift: usize, [rows, columns]: [usize; 2]) -> Sums {
         let mut out = Sums::new(rows, columns, self.planes);
-        for (row, sums) in self.sums.chunks_exact(self.columns.max(1)).enumerate() {
-            let first = (row + shift) / 2 * columns;
-            for (column, sum) in sums.iter().enumerate() {
-                out.sums[first + (column + shift) / 2].add(sum);
+        // Rows first, side by side, and then what is beside each other in half as many.
+        let mut both = vec![Sum::default(); self.columns];
+        for (row, sums) in out.sums.chunks_exact_mut(columns.max(1)).enumerate() {
+            let own = |at: usize| self.sums.get(at * self.columns..(at + 1) * self.columns);
+            let mut sources = [2 * row, 2 * row + 1].into_iter().filter_map(|at| own(at.checked_sub(shift)?));
+            match sources.next() {
+                Some(one) => both.copy_from_slice(one),
+                None => continue,
             }
-            if self.planes > 0 {
-                let lights = &self.light[row * self.columns * self.planes..][..self.columns * self.planes];
+            sources.for_each(|other| add_row(&mut both, other));
+            let (alone, pairs) = both.split_at(shift.min(both.len()));
+            sums.iter_mut().zip(alone).for_each(|(sum, alone)| *sum = *alone);
+            for (sum, pair) in sums[shift..].iter_mut().zip(pairs.chunks(2)) {
+                pair.iter().for_each(|one| sum.add(one));
+            }
+        }
+        if self.planes > 0 {
+            for (row, lights) in self.light.chunks_exact(self.columns.max(1) * self.planes).enumerate() {
+                let first = (row + shift) / 2 * columns;
                 for (column, light) in lights.chunks_exact(self.planes).enumerate() {
                     let at = (first + (column + shift) / 2) * self.planes;
                     add_light(&mut out.light[at..at + self.planes], light);
