@@ -77,7 +77,7 @@ fn measure_with(backend: &str, path: &Path, options: &super::flight::Options) ->
     let size = options.picture_size();
     let view = View::around(frame, 45_f64.to_radians(), size.width, size.height)?;
     let view = View { time: ends[0], ..view };
-    let depiction = Depiction::new(options.mode, Settings::default(), None, tree.metadata())?;
+    let depiction = Depiction::new(options.mode(), Settings::default(), None, tree.metadata())?;
     if depiction.mode.is_light() {
         return Err(format!("bench play: {} draws light; choose a mode of sums", depiction.mode.name).into());
     }

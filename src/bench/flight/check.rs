@@ -82,11 +82,11 @@ pub fn check(
     let (governed, taken) = governed;
     let drawn = [(governed, in_motion, ""), (everything, &streamed.selection.nodes, "-whole")];
     let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
-    let preset = options.mode.transfer[usize::from(engine.depiction.attribute.is_some())];
+    let preset = options.mode().transfer[usize::from(engine.depiction.attribute.is_some())];
     let transfer = TransferFunction::preset(preset).unwrap_or_default();
     // Sums have no use for a diameter.
     let subject = Subject::new(engine.tree.metadata(), &engine.depiction, &transfer, 0.0);
-    let mut overdraw = (!options.mode.is_light()).then_some([(0.0, 0); 2]);
+    let mut overdraw = (!options.mode().is_light()).then_some([(0.0, 0); 2]);
     for (&(plan, nodes, kind), out) in drawn.iter().zip(overdraw.iter_mut().flatten()) {
         let counted = subject.overdraw(&view, &subject.decode(&view, nodes, &plan), &plan)?;
         output::write_png(&name("overdraw", kind), &counted.image())?;

@@ -63,7 +63,7 @@ pub struct Rest {
 pub fn measure(arguments: &Arguments, path: &Path) -> Result<Vec<Outcome>, Failure> {
     let options = &arguments.flight;
     let PictureSize { width, height } = options.picture_size();
-    let mode = if options.mode.takes_fields() { options.mode } else { modes::of_fields(3) };
+    let mode = if options.mode().takes_fields() { options.mode() } else { modes::of_fields(3) };
     let shot = Shot { look: LookPatch { mode: Some(mode), ..LookPatch::default() }, ..Shot::default() };
     let open = |exact: Option<Method>| -> Result<FieldSession, PictureError> {
         FieldSession::open(path, SessionOptions { exact, ..SessionOptions::default() }, Arc::new(Terminal))

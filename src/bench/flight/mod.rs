@@ -19,6 +19,7 @@ use crate::command_line::cache;
 use crate::command_line::progress_bar::TerminalProgress;
 use crate::import::LoadOptions;
 use crate::mode::{Depiction, Levels, LodBudget, Mode, Plan, Settings};
+use crate::modes::{column_density, density_squared};
 use crate::picture::drawing_cost::DrawingCost;
 use crate::picture::splat_budget::SplatBudget;
 use crate::picture::stand_in::StandIn;
@@ -56,9 +57,9 @@ pub struct Options {
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
     /// Visualization mode. Those that draw light (`volume`, `spheres`) are drawn from main memory, and their ranges are the first
-    /// picture's.
-    #[arg(long, value_name = "NAME", default_value = "density-squared", value_parser = mode_name)]
-    pub mode: &'static Mode,
+    /// picture's [default: density-squared, or with `--levels clusters` column-density: clusters suit it].
+    #[arg(long, value_name = "NAME", value_parser = mode_name)]
+    pub mode: Option<&'static Mode>,
     /// Pages in main memory at most.
     #[arg(long, value_name = "BYTES", default_value = "2GiB", value_parser = bytes)]
     pub main_memory: u64,
@@ -129,6 +130,15 @@ impl Options {
             selecting_ms: 0.0,
             messages: Vec::new(),
         }
+    }
+
+    /// The mode.
+    pub fn mode(&self) -> &'static Mode {
+        let usual = || match self.levels {
+            Levels::Clusters => &column_density::MODE,
+            _ => &density_squared::MODE,
+        };
+        self.mode.unwrap_or_else(usual)
     }
 
     /// The picture's size.
@@ -268,7 +278,7 @@ fn with_canvas<T>(
     let fov_y = 45_f64.to_radians();
     let view = View::around(frame, fov_y, width, height)?;
     let flight = Flight::through(frame, options.velocity, options.duration, fov_y);
-    let mut depiction = Depiction::new(options.mode, Settings::default(), None, metadata)?;
+    let mut depiction = Depiction::new(options.mode(), Settings::default(), None, metadata)?;
     depiction.choice.levels = options.levels;
     let opening = at.elapsed();
     let (bytes, file) = (file.bytes(), file as Arc<dyn Tree>);
@@ -290,7 +300,7 @@ impl Options {
     ) -> Result<Box<dyn Canvas>, Failure> {
         let copies = CopyOptions { budget: self.gpu_memory, on_their_way: 2 * self.upload };
         Ok(match backend {
-            "cpu" if self.mode.is_light() => Box::new(LightCanvas::new(Arc::clone(tree), depiction.clone(), None)),
+            "cpu" if self.mode().is_light() => Box::new(LightCanvas::new(Arc::clone(tree), depiction.clone(), None)),
             "cpu" => Box::new(CpuCanvas::new(Arc::clone(tree), depiction.clone())),
             _ => on_gpu(backend, tree, depiction, view, copies)?,
         })
@@ -376,7 +386,7 @@ fn fly(engine: &mut Engine, options: &Options, opened: &Opened, backend: &str) -
         first_picture_s: until_now + first.first_picture,
         converged_s: first.converged.map(|seconds| until_now + seconds),
         speed: flight.speed(),
-        flight: Summary::of(&frames),
+        flight: Summary { color_error: mean_color_error(&checks), ..Summary::of(&frames) },
         ablations: Vec::new(),
         sweep,
         checks,
@@ -413,6 +423,12 @@ fn once(engine: &mut Engine, options: &Options) -> Result<Summary, Failure> {
     let mut streamer = engine.streamer();
     engine.prepare(&mut streamer, &flight.view(0.0, engine.size.0, engine.size.1)?)?;
     Ok(Summary::of(&engine.fly(&mut streamer, &flight, 0.0, flight.seconds)?))
+}
+
+/// The mean colour error of the places that were looked at; `None` without any.
+fn mean_color_error(checks: &[Check]) -> Option<f64> {
+    let sum: f64 = checks.iter().map(|check| check.color_error).sum();
+    (!checks.is_empty()).then(|| sum / checks.len() as f64)
 }
 
 /// Prints what came of a flight to standard error.
