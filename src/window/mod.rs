@@ -32,6 +32,7 @@ pub mod occlusion;
 pub mod open;
 pub mod options;
 pub mod overlay;
+pub mod pacing;
 pub mod page_entities;
 pub mod pages;
 pub mod panel;
@@ -194,6 +195,7 @@ impl Plugin for WindowApp {
             EguiPlugin { bindless_mode_array_size: None },
             CameraPlugin,
             pointer_motion::PointerMotionPlugin,
+            pacing::PacingPlugin,
             touring::TouringPlugin { open: self.options.tour.clone() },
             pages::PagesPlugin,
             looking::LookingPlugin,

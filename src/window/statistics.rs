@@ -1,5 +1,6 @@
 //! Numbers of the running program: frames, what is drawn, what is resident.
 
+use super::pacing::Pacing;
 use crate::gpu::Technique;
 use crate::picture::field::PointsReport;
 use bevy::prelude::*;
@@ -139,9 +140,11 @@ impl FrameClock {
     }
 }
 
-/// Measures frames.
-pub(super) fn tick_frame_clock(time: Res<Time<Real>>, mut clock: ResMut<FrameClock>) {
-    clock.tick(time.delta_secs_f64());
+/// Measures the frames that follow one another.
+pub(super) fn tick_frame_clock(time: Res<Time<Real>>, pacing: Res<Pacing>, mut clock: ResMut<FrameClock>) {
+    if pacing.is_at_once() {
+        clock.tick(time.delta_secs_f64());
+    }
 }
 
 #[cfg(test)]

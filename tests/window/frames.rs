@@ -79,3 +79,29 @@ fn sorted_splats_converge_in_the_frame() {
 fn spheres_converge_in_the_frame() {
     turn("spheres", &["list", "nearest", "surface"], |status| assert!(status["slabs"].is_null(), "{status:#}"));
 }
+
+#[test]
+fn frames_are_few_while_nothing_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let desktop = Desktop::start();
+    let mut program = Program::start(&desktop, folder.path(), &["--backend", "cpu"]);
+    let status = program.wait("a converged picture", |status| status["converged"] == true);
+    let frames = |secs: u64, stir: &dyn Fn()| {
+        let start = (Instant::now(), program.status()["frames"].as_u64().unwrap());
+        while start.0.elapsed() < Duration::from_secs(secs) {
+            stir();
+        }
+        (program.status()["frames"].as_u64().unwrap() - start.1) as f64 / start.0.elapsed().as_secs_f64()
+    };
+    let [x, y] = middle(&status);
+    let touched = frames(3, &|| {
+        desktop.fake_input(6, 0, [x, y]);
+        desktop.fake_input(6, 0, [x + 4, y]);
+    });
+    std::thread::sleep(Duration::from_secs(2));
+    let at_rest = frames(3, &|| std::thread::sleep(Duration::from_millis(100)));
+    assert!((2.0..0.6 * touched).contains(&at_rest), "{at_rest} frames a second at rest, {touched} under the mouse");
+    let before = program.status()["eye"].clone();
+    desktop.drag([x, y], [x + 60, y + 20]);
+    program.wait("the camera turns after a rest", |status| status["eye"] != before);
+}

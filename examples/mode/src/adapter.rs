@@ -13,6 +13,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
+use bevy::window::RequestRedraw;
 use bytemuck::{Pod, Zeroable};
 use deepfield::gpu::ModePlugin;
 use deepfield::gpu::composite::composite_splats;
@@ -75,8 +76,13 @@ pub struct Brightest {
     pub phase: f32,
 }
 
-/// Moves the ripples. Without a window there is no time that passes.
-fn run_ripples(mut cameras: Query<&mut Brightest>, windows: Query<&Window>, time: Res<Time>) {
+/// Moves the ripples, and asks for the next frame. Without a window there is no time that passes.
+fn run_ripples(
+    mut cameras: Query<&mut Brightest>,
+    windows: Query<&Window>,
+    time: Res<Time>,
+    mut frames: MessageWriter<RequestRedraw>,
+) {
     if windows.is_empty() {
         return;
     }
@@ -84,6 +90,7 @@ fn run_ripples(mut cameras: Query<&mut Brightest>, windows: Query<&Window>, time
         let phase = (f64::from(brightest.speed_hz) * time.elapsed_secs_f64()).fract() as f32;
         if brightest.ripples > 0.0 {
             brightest.phase = phase;
+            frames.write(RequestRedraw);
         }
     }
 }

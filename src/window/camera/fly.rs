@@ -18,6 +18,8 @@ pub struct Fly {
 
 /// Time in which the velocity covers 63 % of the way to what the keys ask for, seconds.
 const RESPONSE_SECS: f64 = 0.12;
+/// How long the frame in which it begins to move lasts at most, seconds.
+const FIRST_SECS: f64 = 1.0 / 60.0;
 /// Factor on the speed while Shift is held.
 const FAST: f64 = 4.0;
 /// Factor on the speed while Ctrl is held.
@@ -82,6 +84,8 @@ pub(super) fn steer_fly(
         let forward = -back;
         // Move.
         let wanted = if owner.keyboard_is_free() { wanted_direction(&keys) } else { DVec3::ZERO };
+        // A key that ends a pause asks for no motion during it.
+        let seconds = if fly.velocity == DVec3::ZERO { seconds.min(FIRST_SECS) } else { seconds };
         let follow = 1.0 - (-seconds / RESPONSE_SECS).exp();
         let velocity = fly.velocity + (wanted - fly.velocity) * follow;
         fly.velocity = if wanted == DVec3::ZERO && velocity.length() < 1e-3 { DVec3::ZERO } else { velocity };

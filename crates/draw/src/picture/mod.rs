@@ -9,6 +9,7 @@ pub mod around;
 pub mod decode;
 pub mod drawing_cost;
 pub mod fade;
+mod frame_budget;
 pub mod ground;
 mod hiding;
 pub mod left_out;

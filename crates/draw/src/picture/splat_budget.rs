@@ -1,8 +1,8 @@
 //! How many splats there is time for: from what the last pictures took, for pictures of clusters, which are few, of all sizes, and cost the
 //! more each the fewer there are.
 
-/// Of the time that a picture has, how much is planned for: what is left takes up what views differ by.
-const PLANNED: f64 = 0.92;
+use super::frame_budget::FrameBudget;
+
 /// How the number follows from times: that of splats falls more slowly than their time, since fewer are wider.
 const POWER: f64 = 0.8;
 /// The number changes by this factor at most from picture to picture, up or down.
@@ -12,27 +12,30 @@ const FIRST: f64 = 20_000.0;
 /// Splats of any picture at least: a picture must remain.
 const LEAST: f64 = 1_000.0;
 
-/// What the last picture took.
+/// What the last pictures took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SplatBudget {
-    /// Its splats and its milliseconds.
-    last: Option<(f64, f64)>,
+    budget: FrameBudget,
+    /// Splats of the last one.
+    last: f64,
 }
 
 impl SplatBudget {
     /// How many splats a picture may have to be drawn in so many milliseconds.
     pub fn limit(&self, milliseconds: f64) -> u64 {
-        let splats = self.last.map_or(FIRST, |(splats, took)| {
-            splats * (PLANNED * milliseconds / took).powf(POWER).clamp(1.0 / CHANGE, CHANGE)
-        });
+        let fits = self
+            .budget
+            .fits(milliseconds)
+            .map_or(FIRST, |work| work.powf(POWER).clamp(self.last / CHANGE, CHANGE * self.last));
         // What is not finite becomes a number of splats nevertheless.
-        splats.clamp(LEAST, 1e12) as u64
+        fits.clamp(LEAST, 1e12) as u64
     }
 
     /// A picture of so many splats has taken so long.
     pub fn drew(&mut self, splats: u64, milliseconds: f64) {
         if splats > 0 && milliseconds > 0.0 && milliseconds.is_finite() {
-            self.last = Some((splats as f64, milliseconds));
+            self.budget.drew((splats as f64).powf(1.0 / POWER), milliseconds);
+            self.last = splats as f64;
         }
     }
 }

@@ -3,24 +3,18 @@
 use crate::color::Colors;
 use crate::cpu::volume::VolumeError;
 use crate::mode::{LightPicture, Raw};
+use crate::picture::frame_budget::FrameBudget;
 use crate::view::View;
 use std::time::Instant;
 
 /// Fewest pixels of a picture's longer side.
 const LEAST: u32 = 24;
-/// How much of the time a picture is planned to take, so that what differs from picture to picture fits.
-const PLANNED: f64 = 0.82;
-/// How much of what the last pictures took more than planned is remembered by the next.
-const MEMORY: f64 = 0.9;
 
 /// What pictures took, and how many pixels the next may have.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct InTime {
-    /// Milliseconds of a picture, by its pixels to the power of 1.25: rays go further where there are more of them.
-    cost: Option<f64>,
-}
+pub struct InTime(Option<FrameBudget>);
 
-/// What a picture costs, but for a factor.
+/// What a picture costs, but for a factor: its pixels to the power of 1.25, since rays go further where there are more of them.
 fn work((width, height): (u32, u32)) -> f64 {
     (f64::from(width) * f64::from(height)).powf(1.25)
 }
@@ -28,26 +22,22 @@ fn work((width, height): (u32, u32)) -> f64 {
 impl InTime {
     /// Whether nothing is known yet.
     pub fn is_new(&self) -> bool {
-        self.cost.is_none()
+        self.0.is_none()
     }
 
     /// The size of the next picture, at most `full`, where it may take `budget` milliseconds; small where nothing is known yet.
     pub fn size(&self, (width, height): (u32, u32), budget: f64) -> (u32, u32) {
         let longest = f64::from(width.max(height));
         let least = (f64::from(LEAST) / longest).min(1.0);
-        let share = match self.cost {
-            None => least,
-            Some(cost) => (PLANNED * budget / (cost * work((width, height)))).powf(0.4).clamp(least, 1.0),
-        };
+        let fits = self.0.and_then(|before| before.fits(budget));
+        let share = fits.map_or(least, |fits| (fits / work((width, height))).powf(0.4).clamp(least, 1.0));
         let side = |side: u32| ((f64::from(side) * share).round() as u32).max(1);
         (side(width), side(height))
     }
 
     /// Takes in how long a picture took.
     pub fn drew(&mut self, size: (u32, u32), milliseconds: f64) {
-        let now = milliseconds / work(size);
-        // A slow picture counts at once, fast ones only by and by.
-        self.cost = Some(self.cost.map_or(now, |before| now.max(MEMORY * before + (1.0 - MEMORY) * now)));
+        self.0.get_or_insert_default().drew(work(size), milliseconds);
     }
 }
 
@@ -120,7 +110,8 @@ mod tests {
         let size = in_time.size((1200, 800), 40.0);
         assert!(took(size) < 40.0 && took(size) > 28.0, "{size:?} takes {}", took(size));
         assert_eq!(in_time.size((1200, 800), 1e9), (1200, 800));
-        // A picture that takes twice as long makes the next one smaller at once.
+        // Pictures that take twice as long make the next ones smaller.
+        in_time.drew(size, 2.0 * took(size));
         in_time.drew(size, 2.0 * took(size));
         assert!(took(in_time.size((1200, 800), 40.0)) < 20.0);
     }
