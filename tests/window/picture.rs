@@ -112,11 +112,14 @@ fn volume_levels_are_drawn_and_surfaces_hide_what_is_behind_them() {
     assert_eq!(but_frames(program.status()), but_frames(status));
 }
 
+/// A window whose pictures take little time.
+const SMALL: [u16; 2] = [640, 360];
+
 /// Flies where there is no time for all particles.
 fn sample_in_motion(arguments: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
-    let desktop = Desktop::start();
-    let mut program = Program::start(&desktop, folder.path(), arguments);
+    let desktop = Desktop::with_screen(SMALL);
+    let mut program = Program::with_size(&desktop, folder.path(), SMALL, arguments);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(first["sampled"], Value::Null, "all is drawn at rest: {first:#}");
     assert!(
@@ -160,9 +163,9 @@ fn motion_is_drawn_with_a_sample_on_the_graphics_adapter() {
 fn particles_that_another_system_moves_are_drawn_state_by_state() {
     for (mode, backend) in [("column-density", "cpu"), ("volume", "compute"), ("sorted-splats", "compute")] {
         let folder = tempfile::tempdir().unwrap();
-        let desktop = Desktop::start();
+        let desktop = Desktop::with_screen(SMALL);
         let arguments = ["--backend", backend, "--simulate", "--mode", mode, "--frame-ms", "200"];
-        let mut program = Program::start(&desktop, folder.path(), &arguments);
+        let mut program = Program::with_size(&desktop, folder.path(), SMALL, &arguments);
         let state = |status: &Value| status["live"].as_u64().unwrap_or(0);
         let first = program.wait("a state of the simulation", |status| state(status) > 0);
         let picture = columns(&first);
