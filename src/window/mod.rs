@@ -255,12 +255,7 @@ impl Plugin for WindowApp {
         .add_observer(gpu_backend::free_slot)
         .add_systems(
             PreUpdate,
-            (
-                state::notices::advance_notices,
-                statistics::tick_frame_clock,
-                pass_times::follow_times,
-                screenshot::report_screenshots,
-            ),
+            (state::notices::advance_notices, pass_times::follow_times, screenshot::report_screenshots),
         )
         .add_systems(
             Update,

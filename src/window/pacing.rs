@@ -34,11 +34,6 @@ pub enum Pacing {
 }
 
 impl Pacing {
-    /// Whether this frame has waited for nothing: its duration says what a frame costs.
-    pub fn is_at_once(self) -> bool {
-        self == Pacing::Moving
-    }
-
     /// How long the next frame waits at most where frames cost `frame_ms`; keys and the mouse end it sooner.
     fn mode(self, frame_ms: f64) -> UpdateMode {
         let after = |frames: f64, [least, most]: [f64; 2]| {
@@ -58,11 +53,19 @@ pub(super) struct PacingPlugin;
 impl Plugin for PacingPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Pacing>()
+            .add_systems(PreUpdate, tick_frame_clock)
             .add_systems(
                 PreUpdate,
                 drop_unchanged_modifiers.after(EguiPreUpdateSet::ProcessInput).before(EguiPreUpdateSet::BeginPass),
             )
             .add_systems(Last, pace);
+    }
+}
+
+/// Measures the frames that follow one another: their durations say what a frame costs.
+fn tick_frame_clock(time: Res<Time<Real>>, pacing: Res<Pacing>, mut clock: ResMut<FrameClock>) {
+    if *pacing == Pacing::Moving {
+        clock.tick(time.delta_secs_f64());
     }
 }
 

@@ -1,6 +1,5 @@
 //! Numbers of the running program: frames, what is drawn, what is resident.
 
-use super::pacing::Pacing;
 use crate::gpu::Technique;
 use crate::picture::field::PointsReport;
 use bevy::prelude::*;
@@ -137,13 +136,6 @@ impl FrameClock {
             self.recent.pop_front();
         }
         self.recent.push_back((1e3 * seconds) as f32);
-    }
-}
-
-/// Measures the frames that follow one another.
-pub(super) fn tick_frame_clock(time: Res<Time<Real>>, pacing: Res<Pacing>, mut clock: ResMut<FrameClock>) {
-    if pacing.is_at_once() {
-        clock.tick(time.delta_secs_f64());
     }
 }
 

@@ -79,6 +79,7 @@ const WINDOW: [&[&str]; 4] = [
         "surround_backend",
         "gpu_backend",
         "light_backend",
+        "pacing",
     ],
     // What the user does and reads.
     &["looking", "time_dock", "screenshot", "history", "shortcuts", "dropped", "overlay", "panel", "ui", "status"],

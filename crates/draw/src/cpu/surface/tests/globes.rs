@@ -193,7 +193,7 @@ fn no_gap_is_seen_across_the_seam() {
         let placed = Placed::new(&field.grid, Map::Globe(globe), 1.0, 0.0);
         let closed = Closed::of(&memory, &placed).unwrap();
         // All of techniques, errors and budgets, some with each field.
-        for round in 9 * number..9 * (number + 1) {
+        for round in 12 * number..12 * (number + 1) {
             let view = over_the_seam(&globe, &mut random);
             let sight = Sight::Flat(view);
             let technique = [Technique::Hybrid, Technique::Triangles, Technique::Rays][round % 3];
