@@ -2,11 +2,11 @@
 #define_import_path deepfield::surface_levels
 #import deepfield::surface_constants::CHUNK
 #import deepfield::surface_ray::{Hit, coverage_of}
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, is_lone, NONE}
+#import deepfield::surface_view::{surface, words, draws, lists, Draw, is_lone, place_of_sample, NONE}
 
 /// What a column and a row add to the height on a plane of this normal.
 fn slope_of(normal: vec3<f32>) -> vec2<f32> {
-    return -normal.xy / (max(normal.z, 1e-6) * surface.true_lift) * surface.step;
+    return -normal.xy / (max(normal.z, 1e-6) * surface.true_lift) * surface.lengths;
 }
 
 fn normal_of(first: u32, count: u32, index: u32) -> vec3<f32> {
@@ -45,14 +45,21 @@ fn between(draw: Draw, level: u32, first: vec2<u32>, within: vec2<f32>) -> Betwe
     }
     let size = vec2(lists[entry + 1u], lists[entry + 2u]);
     let begin = (vec2(draw.key_row, draw.key_column) >> vec2(up)) * CHUNK;
+    // Beyond a globe's first row there may be a pole.
     let whole = floor(within);
-    let at = vec2<u32>(max(vec2<i32>(first) + vec2<i32>(whole), vec2(0)));
-    let index = min(max(at >> vec2(level), begin) - begin, size - 2u);
-    let last = surface.last.yx;
-    let low = min((begin + index) << vec2(level), last);
-    let high = min((begin + index + 1u) << vec2(level), last);
+    let cell = vec2<i32>(first) + vec2<i32>(whole);
+    let at = vec2<u32>(max(cell, vec2(0)));
+    var wanted = at >> vec2(level);
+#ifdef GLOBE
+    // What closes a globe is a cell of its own.
+    let open = vec2(surface.last.y, surface.open);
+    wanted = select(wanted, (open + (1u << level) - 1u) >> vec2(level), (at >= open) & (open < surface.last.yx));
+#endif
+    let index = min(max(wanted, begin) - begin, size - 2u);
+    let low = place_of_sample(begin + index, level);
+    let high = place_of_sample(begin + index + 1u, level);
     let apart = vec2<f32>(high - low);
-    let share = clamp((vec2<f32>(vec2<i32>(at) - vec2<i32>(low)) + within - whole) / apart, vec2(0.0), vec2(1.0));
+    let share = clamp((vec2<f32>(cell - vec2<i32>(low)) + within - whole) / apart, vec2(0.0), vec2(1.0));
     let other = 1.0 - share;
     let weights = vec4(other.x * other.y, other.x * share.y, share.x * other.y, share.x * share.y);
     return Between(start, size.x * size.y, index.x * size.y + index.y, size.y, weights, apart, true);
@@ -106,7 +113,7 @@ fn point_coverage(hit: Hit, at: vec2<u32>) -> f32 {
         fine = mix(fine, select(fine, coarse, coarse >= 0.0), levels.y);
     }
     // What of a pixel's size is in the field.
-    let side = exp2(level) * surface.spacing / abs(surface.step.yx);
+    let side = exp2(level) * surface.spacing / surface.step.yx;
     let place = vec2<f32>(hit.first) + hit.within;
     let inside = clamp((min(place + 0.5 * side, vec2<f32>(surface.last.yx)) - max(place - 0.5 * side, vec2(0.0))) / side, vec2(0.0), vec2(1.0));
     return max(inside.x * inside.y * fine, 1.0 / 255.0);

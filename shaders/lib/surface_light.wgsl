@@ -1,9 +1,11 @@
 // What a place of measured heights looks like: its attribute's colour, the light on it, lines of equal height (crates/draw/src/cpu/surface/shade.rs).
 #define_import_path deepfield::surface_light
-#import deepfield::surface_constants::{FINER, SECANTS, MINOR, EDGE, REACH, BY_HEIGHT, BY_SLOPE, BY_ASPECT, BY_CURVATURE, BY_LEVEL, BY_PRIMITIVE, BY_PLANE, BY_TEXTURE}
+#import deepfield::surface_constants::{FINER, SECANTS, MINOR, EDGE, REACH, BY_HEIGHT, BY_SLOPE, BY_ASPECT, BY_CURVATURE, BY_LEVEL, BY_PRIMITIVE, BY_RESIDUAL, BY_DIFFERENCE, BY_PLANE, BY_TEXTURE, BESIDE, UNMEASURED}
+#import deepfield::surface_globe::{frame_at, rise_of, sight_at}
 #import deepfield::surface_levels::{between, index_of, share_of, levels_of, level_at, normal_of}
+#import deepfield::surface_look::{look, number_at}
 #import deepfield::surface_ray::{Hit, ray_at, walk, WIDE, ENDLESS}
-#import deepfield::surface_view::{surface, words, draws, POINTS}
+#import deepfield::surface_view::{surface, words, draws, NONE, POINTS}
 
 /// Colours over the range of values.
 @group(1) @binding(1) var<storage, read> ramp: array<vec4<f32>>;
@@ -14,6 +16,10 @@ struct Texel {
     height: f32,
     planes: vec3<f32>,
     curvature: f32,
+    /// The height of a form, or what was added to an earlier field.
+    value: f32,
+    /// The share of it that is known.
+    known: f32,
     exists: bool,
 }
 
@@ -22,9 +28,14 @@ fn decoded(color: vec3<f32>) -> vec3<f32> {
     return select(pow((color + 0.055) / 1.055, vec3(2.4)), color / 12.92, color <= vec3(0.04045));
 }
 
+/// Whether samples have a number each, beside their heights.
+fn has_values() -> bool {
+    return surface.colored_by == BY_DIFFERENCE || surface.colored_by == BY_RESIDUAL && surface.has_form != 0u;
+}
+
 fn texel_at(hit: Hit, level: u32) -> Texel {
     let four = between(draws[hit.node], level, hit.first, hit.within);
-    var texel = Texel(vec3(0.0), 0.0, vec3(0.0), 0.0, false);
+    var texel = Texel(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0.0, false);
     if !four.exists {
         return texel;
     }
@@ -43,6 +54,12 @@ fn texel_at(hit: Hit, level: u32) -> Texel {
         texel.height += weight * bitcast<f32>(words[four.start + index]);
         if surface.colored_by >= BY_PLANE {
             texel.planes += weight * decoded(unpack4x8unorm(words[four.start + 3u * four.count + index]).xyz);
+        } else if has_values() {
+            let value = bitcast<f32>(words[four.start + 3u * four.count + index]);
+            if value < UNMEASURED {
+                texel.value += weight * value;
+                texel.known += weight;
+            }
         }
     }
     if sum <= 0.0 {
@@ -50,9 +67,11 @@ fn texel_at(hit: Hit, level: u32) -> Texel {
     }
     texel.normal /= sum;
     texel.planes /= sum;
+    texel.value /= max(texel.known, 1e-37);
+    texel.known /= sum;
     texel.height = select(texel.height / sum, hit.height, level == 0u);
-    let across = 0.5 * (leans[1].x + leans[3].x - leans[0].x - leans[2].x) / (surface.step.x * four.apart.y);
-    let along = 0.5 * (leans[2].y + leans[3].y - leans[0].y - leans[1].y) / (surface.step.y * four.apart.x);
+    let across = 0.5 * (leans[1].x + leans[3].x - leans[0].x - leans[2].x) / (surface.lengths.x * four.apart.y);
+    let along = 0.5 * (leans[2].y + leans[3].y - leans[0].y - leans[1].y) / (surface.lengths.y * four.apart.x);
     texel.curvature = 0.5 * (across + along);
     texel.exists = true;
     return texel;
@@ -65,7 +84,7 @@ fn texel_of(hit: Hit) -> Texel {
     let levels = levels_of(draw, wanted);
     var texel = texel_at(hit, u32(levels.x));
     if !texel.exists {
-        texel = Texel(vec3(0.0, 0.0, 1.0), hit.height, vec3(0.0), 0.0, true);
+        texel = Texel(vec3(0.0, 0.0, 1.0), hit.height, vec3(0.0), 0.0, 0.0, 0.0, true);
     }
     if levels.y > 0.0 {
         let coarse = texel_at(hit, u32(levels.x) + 1u);
@@ -74,6 +93,10 @@ fn texel_of(hit: Hit) -> Texel {
             texel.height = mix(texel.height, coarse.height, levels.y);
             texel.planes = mix(texel.planes, coarse.planes, levels.y);
             texel.curvature = mix(texel.curvature, coarse.curvature, levels.y);
+            // What is known of finer samples alone is theirs.
+            if coarse.known >= 0.5 {
+                texel.value = mix(texel.value, coarse.value, levels.y);
+            }
         }
     }
     let level = levels.x + levels.y;
@@ -170,36 +193,72 @@ fn plane_height(hit: Hit, place: vec2<f32>) -> vec2<f32> {
     return vec2(ray.origin.z + depth * ray.direction.z, select(0.0, 1.0, is_ahead));
 }
 
-/// How much of a place is a line of equal height.
-fn line_at(hit: Hit, place: vec2<f32>) -> f32 {
-    let number = round((hit.height - surface.contour_base) / surface.contour_interval);
-    let nearest = surface.contour_base + number * surface.contour_interval;
+/// The height at a place of the picture, what a sample to the right and one down add to it, and whether these are known.
+struct Relief {
+    height: f32,
+    rise: vec2<f32>,
+    exists: bool,
+}
+
+fn relief_at(hit: Hit, place: vec2<f32>) -> Relief {
+#ifdef GLOBE
+    let rise = rise_of(hit, place);
+    return Relief(hit.height - dot(rise.xy, hit.aside), rise.xy, rise.z != 0.0);
+#else
     let right = plane_height(hit, place + vec2(0.25, 0.0));
     let below = plane_height(hit, place + vec2(0.0, 0.25));
-    if right.y * below.y == 0.0 {
+    return Relief(hit.height, vec2(right.x - hit.height, below.x - hit.height) / 0.25, right.y * below.y != 0.0);
+#endif
+}
+
+/// The height that is seen at another place of the picture near a hit, and whether there is one.
+fn height_near(hit: Hit, place: vec2<f32>) -> vec2<f32> {
+#ifdef GLOBE
+    let sample = vec2<i32>(floor(place));
+    if any(sample < vec2(0)) || any(sample >= vec2<i32>(surface.size)) {
+        return vec2(0.0);
+    }
+    let number = number_at(vec2<u32>(sample));
+    if number == NONE {
+        return vec2(0.0);
+    }
+    let relief = relief_at(look(number, place), place);
+    return vec2(relief.height, select(0.0, 1.0, relief.exists));
+#else
+    let there = walk(hit.node, ray_at(place), hit.depth, WIDE, ENDLESS);
+    return vec2(there.height, select(0.0, 1.0, there.exists));
+#endif
+}
+
+/// How much of a place is a line of equal height.
+fn line_at(hit: Hit, place: vec2<f32>) -> f32 {
+    let relief = relief_at(hit, place);
+    let number = round((relief.height - surface.contour_base) / surface.contour_interval);
+    let nearest = surface.contour_base + number * surface.contour_interval;
+    if !relief.exists {
         return line_share(number, 0.0, 1e30);
     }
-    let rise = vec2(right.x - hit.height, below.x - hit.height) / 0.25;
+    let rise = relief.rise;
     let steep = length(rise);
-    var away = abs(nearest - hit.height) / max(steep, 1e-37);
+    var away = abs(nearest - relief.height) / max(steep, 1e-37);
     let parts = f32(surface.parts);
     let width = surface.contour_width * parts;
     let share = away / width;
     // Where the line is told to be the surface may have another slope: by secants to where it is.
     if surface.contour_interval > width * steep && share >= 0.02 && share < REACH {
-        let along = rise / max(steep, 1e-37) * sign(nearest - hit.height);
-        var last = vec2(0.0, hit.height);
+        let along = rise / max(steep, 1e-37) * sign(nearest - relief.height);
+        var last = vec2(0.0, relief.height);
         var is_found = false;
         for (var k = 0u; k < SECANTS; k++) {
-            let there = walk(hit.node, ray_at(place + along * away), hit.depth, WIDE, ENDLESS);
-            if !there.exists {
+            let there = height_near(hit, place + along * away);
+            if there.y == 0.0 {
                 break;
             }
-            let next = away + (nearest - there.height) * (away - last.x) / (there.height - last.y);
+            let next = away + (nearest - there.x) * (away - last.x) / (there.x - last.y);
             if !(next > 0.0 && next < 1e30) {
                 break;
             }
-            last = vec2(away, there.height);
+            last = vec2(away, there.x);
             away = clamp(next, 0.25 * away, 4.0 * away);
             if abs(next - last.x) < 0.02 {
                 is_found = true;
@@ -219,25 +278,47 @@ fn color_of(hit: Hit, place: vec2<f32>) -> vec4<f32> {
     let draw = draws[hit.node];
     let texel = texel_of(hit);
     let normal = texel.normal;
-    var plain: vec3<f32>;
+    var value = texel.height;
+    // Whether there is nothing to compare it with.
+    var is_beside = false;
     switch surface.colored_by {
-        case BY_SLOPE: { plain = colored(degrees(atan2(length(normal.xy), normal.z))); }
+        case BY_SLOPE: { value = degrees(atan2(length(normal.xy), normal.z)); }
         case BY_ASPECT: {
-            let angle = degrees(atan2(normal.x, normal.y));
-            plain = colored(angle + select(0.0, 360.0, angle < 0.0));
+            // Of no direction WGSL says nothing.
+            value = select(degrees(atan2(normal.x, normal.y)), 0.0, all(normal.xy == vec2(0.0)));
+            value += select(0.0, 360.0, value < 0.0);
         }
-        case BY_CURVATURE: { plain = colored(texel.curvature); }
-        case BY_LEVEL: { plain = colored(f32(draw.level)); }
-        case BY_PRIMITIVE: { plain = colored(select(1.0, 0.0, (draw.flags & POINTS) != 0u)); }
-        case BY_PLANE: { plain = colored(texel.planes.x); }
-        case BY_TEXTURE: { plain = texel.planes; }
-        default: { plain = colored(texel.height); }
+        case BY_CURVATURE: { value = texel.curvature; }
+        case BY_LEVEL: { value = f32(draw.level); }
+        case BY_PRIMITIVE: { value = select(1.0, 0.0, (draw.flags & POINTS) != 0u); }
+        case BY_RESIDUAL: {
+            value = texel.height + surface.reference;
+            if surface.has_form != 0u {
+                value = texel.height - texel.value;
+                is_beside = texel.known < 0.999;
+            }
+        }
+        case BY_DIFFERENCE: {
+            value = texel.value;
+            is_beside = texel.known < 0.5;
+        }
+        case BY_PLANE: { value = texel.planes.x; }
+        default: {}
     }
+    var plain = colored(value);
+    if surface.colored_by == BY_TEXTURE {
+        plain = texel.planes;
+    }
+    plain = select(plain, BESIDE, is_beside);
     var toward = -surface.world_forward;
     if surface.perspective != 0u {
         let across = vec2(place.x - surface.middle.x, surface.middle.y - place.y) / surface.focal;
         toward = -normalize(across.x * surface.world_right + across.y * surface.world_up + surface.world_forward);
     }
+#ifdef GLOBE
+    // As normals are: to the east, to the north and upwards.
+    toward = -normalize(sight_at(place).direction) * frame_at(hit).axes;
+#endif
     let bright = lit(normal, select(toward, surface.sun, surface.is_sun != 0u), toward);
     var color = plain * (surface.ambient + (1.0 - surface.ambient) * bright);
     if surface.contour_interval > 0.0 {

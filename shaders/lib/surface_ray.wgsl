@@ -1,4 +1,4 @@
-// Where lines of sight meet measured heights (crates/draw/src/cpu/surface/rays.rs).
+// Where lines of sight meet measured heights that are flat (crates/draw/src/cpu/surface/rays.rs).
 //
 // Where the processor casts a ray through all of the surface, these follow it over cells from a little before what a sample shows.
 #define_import_path deepfield::surface_ray
@@ -40,13 +40,15 @@ struct Hit {
     /// What a column and a row add to it.
     slope: vec2<f32>,
     coverage: f32,
+    /// A point: how far from the middle of the sample of the picture it is seen.
+    aside: vec2<f32>,
     exists: bool,
     /// Where there is none: whether there may be one all the same, beyond chunks that are not drawn.
     is_beside: bool,
 }
 
 fn no_hit(is_beside: bool) -> Hit {
-    return Hit(0u, 0.0, vec2(0u), vec2(0.0), 0.0, vec2(0.0), 0.0, false, is_beside);
+    return Hit(0u, 0.0, vec2(0u), vec2(0.0), 0.0, vec2(0.0), 0.0, vec2(0.0), false, is_beside);
 }
 
 /// A cell as rays meet it: the heights of its corners, where it begins, and how many rows and columns it is.
@@ -146,7 +148,7 @@ fn hit_of(node: u32, at: vec2<u32>, cell: Cell, half: Half, place: vec2<f32>, de
         coverage = min(dot(weights, shares), 1.0);
     }
     let height = plane.x + dot(plane.yz, place);
-    return Hit(node, depth, cell.first, place.yx * cell.size, height, plane.yz / cell.size.yx, coverage, true, false);
+    return Hit(node, depth, cell.first, place.yx * cell.size, height, plane.yz / cell.size.yx, coverage, vec2(0.0), true, false);
 }
 
 /// The place on a triangle that a sample shows.
@@ -169,7 +171,7 @@ fn hit_triangle(node: u32, at: vec2<u32>, slot: u32, ray: Ray) -> Hit {
     return hit_of(node, at, cell, half, place, camera.z);
 }
 
-/// A place of the surface in the camera's coordinates.
+/// A place of a flat surface in the camera's coordinates.
 fn camera_at(first: vec2<u32>, within: vec2<f32>, height: f32) -> vec3<f32> {
     return camera_of(first, height) + within.y * surface.per_column + within.x * surface.per_row;
 }

@@ -3,11 +3,15 @@
 // Places count from an anchor sample near the eye, heights from a reference: both are whole or exact in 32 bits, and what is far away from
 // either is far from the eye as well. A corner's place comes out of `camera_of` and `snapped` whoever asks, by its row, column and height
 // alone, so that chunks share their borders to the bit.
+//
+// On a globe (`GLOBE`) rows and columns are looked up: of each `lists` has how far it is from the anchor, along axes that point away from the globe's
+// axis, to the east, and to the north. What is near the anchor is small in all of them, and so exact.
 #define_import_path deepfield::surface_view
-#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION}
+#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM}
 
 struct SurfaceView {
-    /// The anchor at the reference height, and what a column, a row and a unit of height add, in the camera's coordinates.
+    /// The anchor at the reference height, and what a column, a row and a unit of height add, in the camera's coordinates; on a globe the axes
+    /// away from its own, to the east and to the north.
     origin: vec3<f32>,
     focal: f32,
     per_column: vec3<f32>,
@@ -22,7 +26,7 @@ struct SurfaceView {
     /// Samples from a row of the picture to the next.
     stride: u32,
     right: vec3<f32>,
-    /// The longest distance between neighbours along rows and columns, world units.
+    /// The larger one of `step`.
     spacing: f32,
     up: vec3<f32>,
     fade_start: f32,
@@ -52,7 +56,7 @@ struct SurfaceView {
     /// Column and row of the anchor, and the last ones of the field.
     anchor: vec2<i32>,
     last: vec2<u32>,
-    /// World length of a column and of a row.
+    /// The longest distances between neighbours along rows and along columns, world units.
     step: vec2<f32>,
     /// Where values lie in the range of colours.
     low: f32,
@@ -73,6 +77,24 @@ struct SurfaceView {
     /// Where the tree of chunks begins, and the level of its root.
     tree: u32,
     top: u32,
+    /// Whether residuals are what a form leaves, and not heights.
+    has_form: u32,
+    /// Where `lists` has the rows of its poles, their heights, and how many rows they are beyond the first and the last row.
+    pole_at: vec2<u32>,
+    pole_height: vec2<f32>,
+    pole_rows: vec2<f32>,
+    /// Angles of a column and of a row.
+    turn: vec2<f32>,
+    /// The last column but for that which is the first one again; where there is none, the last one.
+    open: u32,
+    /// The latitude of the anchor, and the radius of the globe.
+    latitude: f32,
+    radius: f32,
+    /// World units of a unit of height.
+    lift: f32,
+    /// World lengths of a column and of a row that normals are made with.
+    lengths: vec2<f32>,
+    unused: vec2<u32>,
 }
 
 /// A chunk that is drawn.
@@ -94,7 +116,14 @@ struct Draw {
     /// Between which heights it is, from the reference, and a little more.
     low: f32,
     high: f32,
+    /// On a globe: where `lists` has its rows and its columns.
+    rows_at: u32,
+    columns_at: u32,
 }
+
+/// Words of a row and of a column of a globe in `lists`.
+const ROW: u32 = 5u;
+const COLUMN: u32 = 2u;
 
 const NONE: u32 = 0xffffffffu;
 /// A branch of the tree of chunks that is a chunk: its number follows from here.
@@ -110,14 +139,35 @@ const FANNED: u32 = 8u;
 /// Samples of chunks: heights, then normals, then what is left of these and coverage, then colours.
 @group(0) @binding(1) var<storage, read> words: array<u32>;
 @group(0) @binding(2) var<storage, read> draws: array<Draw>;
-/// Numbers of chunks in the order in which they are drawn, heights of borders, chains, triangles, and a tree that finds chunks: of each branch the
-/// four below by row and column, where `lists` has the branch, a `LEAF`, or `NONE`.
+/// Numbers of chunks in the order in which they are drawn, heights of borders, chains, triangles, rows and columns of a globe, and a tree that finds
+/// chunks: of each branch the four below by row and column, where `lists` has the branch, a `LEAF`, or `NONE`.
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
+
+/// Where a level has a sample, row and column of the field.
+fn place_of_sample(index: vec2<u32>, level: u32) -> vec2<u32> {
+    let place = index << vec2(level);
+#ifdef GLOBE
+    let open = vec2(surface.last.y, surface.open);
+    // The sample behind the last one closes a globe.
+    let is_beyond = (place > open) & (((max(index, vec2(1u)) - 1u) << vec2(level)) >= open);
+    return select(min(place, open), surface.last.yx, is_beyond);
+#else
+    return min(place, surface.last.yx);
+#endif
+}
 
 /// Where a chunk's sample is, row and column of the field.
 fn sample_at(draw: Draw, at: vec2<u32>) -> vec2<u32> {
-    let index = vec2(draw.key_row, draw.key_column) * CHUNK + at;
-    return min(index << vec2(draw.level), surface.last.yx);
+    return place_of_sample(vec2(draw.key_row, draw.key_column) * CHUNK + at, draw.level);
+}
+
+/// What `camera_of` is asked with for a chunk's sample: row and column of the field, on a globe where `lists` has them.
+fn corner_of(draw: Draw, at: vec2<u32>) -> vec2<u32> {
+#ifdef GLOBE
+    return vec2(draw.rows_at, draw.columns_at) + vec2(ROW, COLUMN) * at;
+#else
+    return sample_at(draw, at);
+#endif
 }
 
 /// The height of a chunk's sample as it is drawn.
@@ -168,11 +218,26 @@ fn is_lone(draw: Draw, at: vec2<u32>) -> bool {
     return true;
 }
 
-/// A sample in the camera's coordinates. Nothing of this is left to a compiler to fuse in one place and not in another.
-fn camera_of(position: vec2<u32>, height: f32) -> vec3<f32> {
-    let away = vec2<f32>(vec2<i32>(position.yx) - surface.anchor);
+/// A sample in the camera's coordinates, by its `corner_of`. Nothing of this is left to a compiler to fuse in one place and not in another.
+fn camera_of(corner: vec2<u32>, height: f32) -> vec3<f32> {
+#ifdef GLOBE
+    let beyond = bitcast<f32>(lists[corner.x]);
+    let away = bitcast<f32>(lists[corner.x + 1u]);
+    let level = bitcast<f32>(lists[corner.x + 2u]);
+    let north = bitcast<f32>(lists[corner.x + 3u]);
+    let up = bitcast<f32>(lists[corner.x + 4u]);
+    let sine = bitcast<f32>(lists[corner.y]);
+    let versine = bitcast<f32>(lists[corner.y + 1u]);
+    let lifted = surface.lift * height;
+    let from_axis = fma(lifted, level, away);
+    let outward = fma(-from_axis, versine, fma(lifted, level, beyond));
+    let along = fma(vec3(outward), surface.per_column, surface.origin);
+    return fma(vec3(fma(lifted, up, north)), surface.per_height, fma(vec3(from_axis * sine), surface.per_row, along));
+#else
+    let away = vec2<f32>(vec2<i32>(corner.yx) - surface.anchor);
     let along = fma(vec3(away.x), surface.per_column, surface.origin);
     return fma(vec3(height), surface.per_height, fma(vec3(away.y), surface.per_row, along));
+#endif
 }
 
 /// A corner in the picture: x and y in parts of its samples, the bits of what is interpolated to its depth, and what it is.
@@ -239,4 +304,32 @@ fn half_of(heights: vec4<f32>, slot: u32) -> Half {
         return Half(vec3(0u, 2u, 3u), true);
     }
     return Half(select(vec3(0u, 1u, 2u), vec3(0u, 1u, 3u), !measured.z), true);
+}
+
+/// What a number says: a chunk's cell and which of its triangles, a sample of a chunk, or a column of cells and the pole beside it.
+struct Shown {
+    node: u32,
+    at: vec2<u32>,
+    slot: u32,
+}
+
+/// The first slot of triangles to poles, and that of points.
+const POLE: u32 = 2u;
+const POINT: u32 = 4u;
+
+/// As `Shown::pack` in crates/draw/src/cpu/surface/raster.rs has it.
+fn shown_of(number: u32) -> Shown {
+    let node = number >> 18u;
+    let within = number & 0x3ffffu;
+    if within < BEFORE_POINTS {
+        return Shown(node, vec2(within / 512u, within / 2u % 256u), within & 1u);
+    }
+    if within < BEFORE_POLES {
+        return Shown(node, vec2((within - BEFORE_POINTS) / 257u, (within - BEFORE_POINTS) % 257u), POINT);
+    }
+    if within < BEFORE_SEAM {
+        let end = (within - BEFORE_POLES) / 257u;
+        return Shown(node, vec2(select(0u, draws[node].rows - 1u, end == 1u), (within - BEFORE_POLES) % 257u), POLE + end);
+    }
+    return Shown(node, vec2((within - BEFORE_SEAM) / 2u, CHUNK), (within - BEFORE_SEAM) & 1u);
 }

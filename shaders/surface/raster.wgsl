@@ -1,7 +1,7 @@
 // Which triangle or point of a surface is seen at each sample of the picture, by the adapter's rasteriser: what visible.wgsl finds but for
 // how finely corners are rounded. Their places come from the same operations whatever they belong to.
 #import deepfield::surface_constants::{FAN}
-#import deepfield::surface_view::{surface, draws, lists, Draw, sample_at, height_of, is_lone, is_measured, camera_of, from_eye, is_kept, half_of, POINTS, LAID, FANNED}
+#import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, height_of, is_lone, is_measured, camera_of, from_eye, is_kept, half_of, POINTS, LAID, FANNED}
 
 /// What is drawn at a time.
 struct SurfaceStep {
@@ -66,7 +66,7 @@ fn cell(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u3
         return nowhere();
     }
     let corner = half.corners[index % 3u];
-    let camera = camera_of(sample_at(draw, at + vec2(corner >> 1u, corner & 1u)), heights[corner]);
+    let camera = camera_of(corner_of(draw, at + vec2(corner >> 1u, corner & 1u)), heights[corner]);
     return corner_at(camera, node << 18u | 2u * (at.x * 256u + at.y) + slot);
 }
 
@@ -100,7 +100,7 @@ fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u
     if !is_alone && !is_point || square >= side * side {
         return nowhere();
     }
-    let camera = camera_of(sample_at(draw, at), height);
+    let camera = camera_of(corner_of(draw, at), height);
     var corner = corner_at(camera, node << 18u | (1u << 17u) + at.x * 257u + at.y);
     // To the middle of the sample of the picture that it is in.
     let pixels = vec2<f32>(surface.size);

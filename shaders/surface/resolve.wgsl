@@ -1,65 +1,13 @@
 // What a surface looks like at each pixel: the colours of the places that its samples show. One invocation for each pixel.
 #import deepfield::surface_constants::ENDS
-#import deepfield::surface_levels::{level_at, normal_of, point_coverage, slope_of}
 #import deepfield::surface_light::color_of
-#import deepfield::surface_ray::{Hit, around, hit_triangle, ray_at, walk, WIDE, ENDLESS}
-#import deepfield::surface_view::{surface, draws, sample_at, height_of, is_lone, camera_of, NONE, MIXED}
+#import deepfield::surface_look::{look, number_at}
+#import deepfield::surface_ray::{ray_at, walk, WIDE, ENDLESS}
+#import deepfield::surface_view::{surface, draws, NONE, MIXED}
 
-/// What each sample shows, inverted: 0 is nothing.
-@group(1) @binding(0) var<storage, read> numbers: array<u32>;
 @group(1) @binding(2) var<storage, read_write> light: array<vec4<f32>>;
 
-/// A number's sample or cell.
-fn at_of(number: u32) -> vec2<u32> {
-    let within = number & 0x1ffffu;
-    if (number >> 17u & 1u) == 0u {
-        return vec2(within / 512u, within / 2u % 256u);
-    }
-    return vec2(within / 257u, within % 257u);
-}
-
-/// The place of the surface that a sample of the picture shows: of a point, where its ray meets what the point belongs to.
-fn look(number: u32, place: vec2<f32>) -> Hit {
-    let node = number >> 18u;
-    let at = at_of(number);
-    let ray = ray_at(place);
-    if (number >> 17u & 1u) == 0u {
-        return hit_triangle(node, at, number & 1u, ray);
-    }
-    let draw = draws[node];
-    let first = sample_at(draw, at);
-    let height = height_of(draw, at);
-    let depth = camera_of(first, height).z;
-    if !is_lone(draw, at) {
-        var hit = around(node, at, ray);
-        if !hit.exists {
-            hit = walk(node, ray, depth, WIDE, ENDLESS);
-        }
-        // It may pass by what the point is of, and by all else; where that is not known the point is shown.
-        if hit.exists || !hit.is_beside {
-            return hit;
-        }
-    }
-    var hit = Hit(node, depth, first, vec2(0.0), height, vec2(0.0), 1.0, true, false);
-    hit.slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, at.x * draw.columns + at.y));
-    // What lies under the middle of the sample of the picture, unless that plane is seen from its edge.
-    let place_of_sample = vec2<f32>(vec2<i32>(first.yx) - surface.anchor);
-    let plane = height + dot(hit.slope, ray.origin.xy - place_of_sample);
-    let along = (plane - ray.origin.z) / (ray.direction.z - dot(hit.slope, ray.direction.xy));
-    let beside = (ray.origin.xy + along * ray.direction.xy - place_of_sample).yx;
-    if all(abs(beside) <= vec2(2.0 * exp2(max(level_at(depth), 0.0)))) {
-        hit.within = beside;
-        hit.height = ray.origin.z + along * ray.direction.z;
-    }
-    hit.coverage = point_coverage(hit, at);
-    return hit;
-}
-
-fn number_at(at: vec2<u32>) -> u32 {
-    return ~numbers[at.y * surface.stride + at.x];
-}
-
-/// Whether a surface without holes ends in a pixel or next to it.
+/// Whether a flat surface without holes ends in a pixel or next to it.
 fn is_end(corner: vec2<u32>) -> bool {
     var hits = false;
     var misses = false;
@@ -124,9 +72,15 @@ fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
     }
     let corner = pixel.xy * parts;
     var color = vec4(0.0);
-    if parts > 1u && is_end(corner) {
+#ifdef GLOBE
+    let is_ending = false;
+#else
+    let is_ending = parts > 1u && is_end(corner);
+    if is_ending {
         color = end_of(corner);
-    } else {
+    }
+#endif
+    if !is_ending {
         for (var y = corner.y; y < corner.y + parts; y++) {
             for (var x = corner.x; x < corner.x + parts; x++) {
                 let number = number_at(vec2(x, y));

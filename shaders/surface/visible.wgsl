@@ -3,8 +3,8 @@
 //
 // Everything is drawn twice: the first time the least depth of each sample is found, the second time the least number among those that have it.
 // `cells` draws the triangles that are small and lists the others for `large`; `fans` does so with triangles whose corners are listed.
-#import deepfield::surface_constants::{FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN}
-#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, sample_at, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, half_of, NONE, POINTS, MIXED, LAID, FANNED, NOTHING, BEHIND, AHEAD}
+#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN}
+#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, half_of, NONE, POINTS, MIXED, LAID, FANNED, NOTHING, BEHIND, AHEAD}
 
 /// What is drawn at a time.
 struct SurfaceStep {
@@ -171,10 +171,11 @@ fn cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         if all(at < size) {
             let height = height_of(draw, at);
             if is_measured(height) {
-                let camera = camera_of(sample_at(draw, at), height);
+                let camera = camera_of(corner_of(draw, at), height);
                 corner = snapped(camera);
                 // The last row and column of a square are the next one's first, but for the chunk's last.
-                let is_own = (i / SIDE < TILE || at.x + 1u == size.x) && (i % SIDE < TILE || at.y + 1u == size.y);
+                let is_last = (at + 1u == size) | (at == vec2(CHUNK));
+                let is_own = (i / SIDE < TILE || is_last.x) && (i % SIDE < TILE || is_last.y);
                 if is_own && corner.state == AHEAD {
                     let is_alone = is_lone(draw, at);
                     let on = u32(at.x == 0u) | u32(at.x + 1u == size.x) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 1u == size.y) << 3u;
@@ -319,7 +320,7 @@ fn scan(at: u32, slice: u32, local: vec2<u32>) {
         let half = half_of(heights, within & 1u);
         for (var k = 0u; k < 3u; k++) {
             let corner = half.corners[k];
-            space[k] = camera_of(sample_at(draw, cell + vec2(corner >> 1u, corner & 1u)), heights[corner]);
+            space[k] = camera_of(corner_of(draw, cell + vec2(corner >> 1u, corner & 1u)), heights[corner]);
         }
     } else {
         for (var k = 0u; k < 3u; k++) {

@@ -12,15 +12,15 @@ use deepfield::cpu::surface::stitch::Scene;
 use deepfield::gpu::Offscreen;
 use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use deepfield::heights::hierarchy::chunks::ChunkKey;
-use deepfield::heights::model::{HeightField, Plane};
+use deepfield::heights::model::{Globe, HeightField, Plane};
 use deepfield::heights::store::HeightFile;
 use deepfield::look::{self, Backend, CameraConfig, HeightsSaid, LookPatch, Shot};
 use deepfield::mode::{SettingValue, Settings};
-use deepfield::model::{Bounds, ReadMethod};
+use deepfield::model::{Bounds, ReadMethod, Unit};
 use deepfield::picture::adapter::{Adapter as _, AdapterSurface, AdapterValues, Passes};
 use deepfield::picture::surface::SurfaceSession;
 use deepfield::picture::{Picture, SessionOptions};
-use deepfield::view::{Extent, Projection, View};
+use deepfield::view::{Extent, Projection, Surround, View};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -191,6 +191,222 @@ fn an_adapter_draws_what_the_processor_draws() {
     }
 }
 
+/// Hills all around a globe: samples in the middles of cells, so that half a spacing is left at each pole and a spacing at the seam.
+fn world(holes: Holes) -> HeightField {
+    let [columns, rows] = SIZE;
+    let mut field = hills(SIZE, holes);
+    let step = [360.0 / columns as f64, -180.0 / rows as f64];
+    (field.grid.step, field.grid.origin) = (step, [-180.0 + 0.5 * step[0], 90.0 + 0.5 * step[1]]);
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    field
+}
+
+/// Far above a longitude and a latitude of the Earth.
+fn above(longitude: f64, latitude: f64, away: f64) -> Option<[f64; 3]> {
+    Some(Globe::up(longitude, latitude).map(|part| away * part))
+}
+
+#[test]
+fn an_adapter_draws_globes() {
+    let folder = tempfile::tempdir().unwrap();
+    let high = ("exaggeration", number(3000.0));
+    let lamp = ("light", name("eye"));
+    let target = Some([0.0; 3]);
+    // Largest share of pixels that differ by more than 4 of 255.
+    let pictures: [(&str, f64, Wanted<'_>); 6] = [
+        ("a globe", 0.01, Wanted { ..PLAIN }),
+        (
+            "the seam and mountains at the limb",
+            0.01,
+            Wanted { eye: above(180.0, 10.0, 2e7), target, settings: &[high.clone(), lamp.clone()], ..PLAIN },
+        ),
+        (
+            "a pole",
+            0.01,
+            Wanted {
+                eye: above(30.0, 88.0, 8e6),
+                target,
+                attribute: Some("slope"),
+                settings: &[high.clone(), lamp.clone()],
+                ..PLAIN
+            },
+        ),
+        (
+            "the other pole, in parallel",
+            0.01,
+            Wanted {
+                eye: above(20.0, -89.5, 8e6),
+                target,
+                ortho: Some(6e5),
+                attribute: Some("red"),
+                settings: &[("technique", name("triangles")), lamp.clone()],
+            },
+        ),
+        (
+            "points",
+            0.01,
+            Wanted { attribute: Some("curvature"), settings: &[("technique", name("points")), high.clone()], ..PLAIN },
+        ),
+        // On the processor triangles are as round as the globe, which moves lines by parts of a pixel.
+        (
+            "lines",
+            0.04,
+            Wanted {
+                eye: above(100.0, 40.0, 9e6),
+                target,
+                attribute: Some("height"),
+                settings: &[("contours", number(20.0))],
+                ..PLAIN
+            },
+        ),
+    ];
+    for holes in [Holes::None, Holes::Lakes] {
+        let path = built(folder.path(), &world(holes));
+        let mut processor = session(&path, Backend::Cpu);
+        for (backend, passes) in [(Backend::Compute, "compute"), (Backend::Raster, "raster")] {
+            let mut adapter = session(&path, backend);
+            for (what, most, wanted) in &pictures {
+                let (_, expected) = wanted.draw(&mut processor);
+                let (picture, found) = wanted.draw(&mut adapter);
+                assert_eq!(picture.drawn_by[0], passes, "{what}");
+                let (share, mean) = differences(&found, &expected);
+                println!("{what}, {passes}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}");
+                assert!(share <= *most && mean < 1.0, "{what}, {passes}: {share} {mean}");
+                assert!(found.rgba.iter().any(|color| color[..3] != found.rgba[0][..3]), "{what}: nothing is drawn");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_shows_through_where_levels_meet_on_a_globe() {
+    let folder = tempfile::tempdir().unwrap();
+    // The first column once more at the end, and rows at both poles: all around without help.
+    let [columns, rows] = [2881, 1441];
+    let mut field = hills([columns, rows], Holes::None);
+    for row in 0..rows {
+        field.stored[row * columns + columns - 1] = field.stored[row * columns];
+    }
+    for (row, beside) in [(0, 1), (rows - 1, rows - 2)] {
+        let beside: f64 = field.stored[beside * columns..(beside + 1) * columns].iter().sum();
+        field.stored[row * columns..(row + 1) * columns].fill(beside / columns as f64);
+    }
+    (field.grid.step, field.grid.origin) = ([0.125, -0.125], [-180.0, 90.0]);
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    let file = HeightFile::open(&built(folder.path(), &field), ReadMethod::default()).unwrap();
+    let nodes = PagedSurface::new(Arc::new(file), u64::MAX);
+    let globe = Globe { equator: 20_000.0, pole: 19_900.0 };
+    let placed = Placed::new(&field.grid, Map::Globe(globe), 3.0, 0.0);
+    let look = Look {
+        attribute: Attribute::Level,
+        transfer: TransferFunction::preset("grey").unwrap(),
+        range: [-1.0, 6.0],
+        light: Light::Eye,
+        ambient: 1.0,
+        contours: None,
+    };
+    let mut random = Random(11);
+    let mut adapter = Offscreen::preferred();
+    let mut joined = 0;
+    for round in 0..12 {
+        // Over the seam, over the poles, and anywhere; near by and far away.
+        let (longitude, latitude) = match round % 3 {
+            0 => (180.0, 120.0 * random.next() - 60.0),
+            1 => (360.0 * random.next(), if round % 2 == 0 { 89.9 } else { -89.9 }),
+            _ => (360.0 * random.next(), 120.0 * random.next() - 60.0),
+        };
+        let up = DVec3::from(Globe::up(longitude, latitude));
+        let away = 20_000.0 + 600.0 + 4000.0 * random.next() * random.next();
+        // Narrow enough to see nothing but the globe, though it looks aside.
+        let limb = (19_700.0 / away).asin();
+        let aside = 0.3 * limb * random.next();
+        let level = up.any_orthonormal_vector();
+        let target = away * up + away * (aside.sin() * level - aside.cos() * up);
+        let projection = Projection::Perspective { fov_y: (0.6 * limb).min(1.0) };
+        let view = View::look_at(away * up, target, level.cross(up), projection, 120, 90).unwrap();
+        let cut = random_cut(&nodes, &placed, &view, &mut random);
+        let scene = Scene::new(&nodes, &placed, cut);
+        joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
+        let passes = [Passes::Compute, Passes::Raster][round / 3 % 2];
+        let (look, technique) = (look.clone(), Technique::Hybrid);
+        let job = AdapterSurface { scene, view, parts: 1, look, form: None, technique, reference: 0.0, passes };
+        let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
+        let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
+        // Around a pole, where walls of all levels meet in one sample, a few pixels in some views are open, which is not understood.
+        let most = if round % 3 == 1 { 3 } else { 0 };
+        assert!(open <= most, "{passes:?}, round {round}: {open} at {longitude} {latitude} {away} {aside}");
+    }
+    assert!(joined > 50, "{joined} borders of levels");
+}
+
+#[test]
+fn an_adapter_draws_what_is_left_of_a_form_and_what_has_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let before = hills(SIZE, Holes::Lakes);
+    let mut after = hills(SIZE, Holes::None);
+    let [columns, _] = SIZE;
+    for (index, height) in after.stored.iter_mut().enumerate() {
+        let (x, y) = ((index % columns) as f64, (index / columns) as f64);
+        *height += 0.2 * x + 15.0 * (-((x - 300.0).powi(2) + (y - 200.0).powi(2)) / 4000.0).exp();
+    }
+    let earlier = folder.path().join("earlier.df");
+    std::fs::rename(built(folder.path(), &before), &earlier).unwrap();
+    let path = built(folder.path(), &after);
+    let said = HeightsSaid { before: Some(earlier), ..HeightsSaid::default() };
+    let open = |backend| {
+        let options = SessionOptions { backend: Some(backend), ..SessionOptions::default() };
+        let session = SurfaceSession::open(&path, &said, options, Arc::new(())).unwrap();
+        session.with_adapter(Some(Box::new(Offscreen::preferred())))
+    };
+    let mut processor = open(Backend::Cpu);
+    let near = Wanted { eye: Some([310.0, 100.0, 240.0]), target: Some([310.0, 300.0, 60.0]), ..PLAIN };
+    let pictures = [
+        ("what a plane leaves", Wanted { attribute: Some("residual"), settings: &[("form", name("plane"))], ..PLAIN }),
+        (
+            "what a quadric leaves",
+            Wanted { attribute: Some("residual"), settings: &[("form", name("quadric"))], ..near },
+        ),
+        (
+            "a sphere, and beside it",
+            Wanted { attribute: Some("residual"), settings: &[("form", name("sphere"))], ..near },
+        ),
+        ("a difference", Wanted { attribute: Some("difference"), ..PLAIN }),
+        ("a difference near by", Wanted { attribute: Some("difference"), ..near }),
+    ];
+    for (backend, passes) in [(Backend::Compute, "compute"), (Backend::Raster, "raster")] {
+        let mut adapter = open(backend);
+        for (what, wanted) in &pictures {
+            let (_, expected) = wanted.draw(&mut processor);
+            let (picture, found) = wanted.draw(&mut adapter);
+            assert_eq!(picture.drawn_by[0], passes, "{what}");
+            let (share, mean) = differences(&found, &expected);
+            println!("{what}, {passes}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}");
+            assert!(share <= 0.01 && mean < 0.5, "{what}, {passes}: {share} {mean}");
+        }
+    }
+}
+
+#[test]
+fn an_adapter_draws_faces_of_panoramas() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = built(folder.path(), &hills(SIZE, Holes::None));
+    let wanted = Wanted { eye: Some([310.0, 265.0, 60.0]), target: Some([310.0, 400.0, 40.0]), ..PLAIN };
+    let dome = Surround::Dome { aperture: 200.0, tilt: -40.0 };
+    for surround in [dome, Surround::Equirectangular] {
+        let shot = Shot { surround, size: Some((160, 160)), ..wanted.shot() };
+        let [expected, found] = [Backend::Cpu, Backend::Compute].map(|backend| {
+            let mut session = session(&path, backend);
+            let picture = session.draw(&shot).unwrap();
+            assert_eq!(picture.drawn_by[0] == "cpu", backend == Backend::Cpu, "{surround:?}");
+            picture.image(&shot).unwrap()
+        });
+        // Faces are sampled once more, and so a little softer than rays.
+        let (share, mean) = differences(&found, &expected);
+        println!("{surround:?}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}");
+        assert!(share <= 0.3 && mean < 4.0, "{surround:?}: {share} {mean}");
+    }
+}
+
 #[test]
 fn what_no_adapter_draws_is_the_processors() {
     let folder = tempfile::tempdir().unwrap();
@@ -250,7 +466,10 @@ fn random_cut(nodes: &PagedSurface, placed: &Placed, view: &View, random: &mut R
             [places[0], *places.last().unwrap()]
         });
         let corner = |k: usize| placed.world(ends[0][k] as f64, ends[1][k] as f64, [facts.min, facts.max][k]);
-        let extent = Extent { bounds: Bounds::of([0, 1].map(|k| corner(k).to_array())), margin: 0.0 };
+        // A globe's chunk may be anywhere on it.
+        let corners =
+            if placed.is_flat() { [0, 1].map(corner) } else { [-1.0, 1.0].map(|way| DVec3::splat(3e4 * way)) };
+        let extent = Extent { bounds: Bounds::of(corners.map(|corner| corner.to_array())), margin: 0.0 };
         let whole = f64::from(1_u32 << key.level);
         let apart = view.error_pixels(&extent, whole.hypot(whole).hypot(facts.step));
         let primitive = if apart <= 0.999 { Primitive::Points } else { Primitive::Triangles };
@@ -288,7 +507,7 @@ fn nothing_shows_through_where_levels_meet() {
         let passes = [Passes::Compute, Passes::Raster][round % 2];
         let technique = Technique::Hybrid;
         let look = look.clone();
-        let job = AdapterSurface { scene, view, parts: 1, look, technique, reference: 0.0, passes };
+        let job = AdapterSurface { scene, view, parts: 1, look, form: None, technique, reference: 0.0, passes };
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
         assert_eq!(open, 0, "{passes:?}, round {round}: {view:?}");

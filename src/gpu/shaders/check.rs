@@ -7,6 +7,7 @@ use crate::gpu::splat::compute::pipeline::project_defs;
 use crate::gpu::splat::compute::sums::{accumulate_defs, slices_defs};
 use crate::gpu::splat::layout::Shape;
 use crate::gpu::splat::raster::pipeline::blend_defs;
+use crate::gpu::surface;
 use crate::gpu::target::target_defs;
 use crate::gpu::tiles::constants::walk_defs;
 use crate::gpu::tiles::pipelines as tiles;
@@ -67,9 +68,12 @@ pub fn variants() -> Vec<Variant> {
     for path in ["sorted/arrange.wgsl", "over/arrange.wgsl", "spheres/arrange.wgsl"] {
         all.push(plain(path, vec![], vec!["arrange"]));
     }
-    all.push(plain("surface/visible.wgsl", vec![], vec!["cells", "fans", "large"]));
-    all.push(plain("surface/raster.wgsl", vec![], vec!["cell", "fan", "point", "number"]));
-    all.push(plain("surface/resolve.wgsl", vec![], vec!["resolve"]));
+    for is_globe in [false, true] {
+        let defs = || surface::pipelines::defs(is_globe);
+        all.push(plain("surface/visible.wgsl", defs(), vec!["cells", "fans", "large"]));
+        all.push(plain("surface/raster.wgsl", defs(), vec!["cell", "fan", "point", "number"]));
+        all.push(plain("surface/resolve.wgsl", defs(), vec!["resolve"]));
+    }
     all.push(plain("spheres/surface.wgsl", vec![], vec!["smooth_hits", "shade"]));
     for is_software in [false, true] {
         all.push(plain("spheres/nearest.wgsl", walk_defs(is_software), vec!["nearest"]));

@@ -393,6 +393,16 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             far,
             tree,
             top,
+            has_form,
+            pole_at,
+            pole_height,
+            pole_rows,
+            turn,
+            open,
+            latitude,
+            radius,
+            lift,
+            lengths,
             unused,
         }),
         "draws" => layout!(Draw {
@@ -408,6 +418,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             chain_length,
             low,
             high,
+            rows_at,
+            columns_at,
         }),
         "surface_step" => {
             layout!(SurfaceStep { is_second, first, count, counter, most, unused, unused_end })

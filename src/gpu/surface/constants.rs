@@ -1,7 +1,8 @@
 //! What Rust and the surface's shaders both need, written as a shader module: one source, and constants that a shader's compiler sees.
 
 use crate::cpu::surface::look::{EDGE, MINOR};
-use crate::cpu::surface::shade::{ENDS, FINER, REACH, SECANTS};
+use crate::cpu::surface::raster::{BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM};
+use crate::cpu::surface::shade::{BESIDE, ENDS, FINER, REACH, SECANTS};
 use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
 
 /// Path of the module among the shaders.
@@ -40,10 +41,14 @@ pub const BY_CURVATURE: u32 = 3;
 pub const BY_LEVEL: u32 = 4;
 /// By what it is drawn as.
 pub const BY_PRIMITIVE: u32 = 5;
+/// By what a form leaves.
+pub const BY_RESIDUAL: u32 = 6;
+/// By how much higher it is than an earlier field.
+pub const BY_DIFFERENCE: u32 = 7;
 /// By a plane's values.
-pub const BY_PLANE: u32 = 6;
+pub const BY_PLANE: u32 = 8;
 /// As three planes have it.
-pub const BY_TEXTURE: u32 = 7;
+pub const BY_TEXTURE: u32 = 9;
 
 /// The module `deepfield::surface_constants`.
 pub fn wgsl() -> String {
@@ -58,12 +63,17 @@ pub fn wgsl() -> String {
         ("FAN", FAN),
         ("SECANTS", SECANTS),
         ("ENDS", ENDS),
+        ("BEFORE_POINTS", BEFORE_POINTS),
+        ("BEFORE_POLES", BEFORE_POLES),
+        ("BEFORE_SEAM", BEFORE_SEAM),
         ("BY_HEIGHT", BY_HEIGHT),
         ("BY_SLOPE", BY_SLOPE),
         ("BY_ASPECT", BY_ASPECT),
         ("BY_CURVATURE", BY_CURVATURE),
         ("BY_LEVEL", BY_LEVEL),
         ("BY_PRIMITIVE", BY_PRIMITIVE),
+        ("BY_RESIDUAL", BY_RESIDUAL),
+        ("BY_DIFFERENCE", BY_DIFFERENCE),
         ("BY_PLANE", BY_PLANE),
         ("BY_TEXTURE", BY_TEXTURE),
     ];
@@ -76,6 +86,7 @@ pub fn wgsl() -> String {
     for (name, share) in shares {
         text += &format!("const {name}: f32 = {share:e};\n");
     }
+    text += &format!("const BESIDE: vec3<f32> = vec3({:e}, {:e}, {:e});\n", BESIDE[0], BESIDE[1], BESIDE[2]);
     text
 }
 

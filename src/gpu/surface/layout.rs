@@ -1,10 +1,11 @@
 //! What shaders are told of a surface: who looks and what it looks like, its chunks, and lists of numbers, heights and triangles.
 
 use super::arena::Held;
-use super::constants::{self, FAN, SMALL, UNMEASURED};
+use super::constants::{self, CHUNK, FAN, SMALL, UNMEASURED};
+use super::globe::{Anchor, Tables};
 use crate::color::transfer::Scale;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
-use crate::cpu::surface::raster::Shown;
+use crate::cpu::surface::raster::{POLE, Shown};
 use crate::cpu::surface::select::{Primitive, Technique};
 use crate::cpu::surface::stitch::{Mesh, Scene};
 use crate::heights::hierarchy::chunks::ChunkKey;
@@ -68,7 +69,17 @@ pub struct SurfaceUniform {
     pub far: f32,
     pub tree: u32,
     pub top: u32,
-    pub unused: u32,
+    pub has_form: u32,
+    pub pole_at: [u32; 2],
+    pub pole_height: [f32; 2],
+    pub pole_rows: [f32; 2],
+    pub turn: [f32; 2],
+    pub open: u32,
+    pub latitude: f32,
+    pub radius: f32,
+    pub lift: f32,
+    pub lengths: [f32; 2],
+    pub unused: [u32; 2],
 }
 
 /// WGSL `Draw`.
@@ -99,6 +110,10 @@ pub struct Draw {
     pub low: f32,
     /// The upper end of these.
     pub high: f32,
+    /// On a globe where its rows are listed.
+    pub rows_at: u32,
+    /// And its columns.
+    pub columns_at: u32,
 }
 
 /// WGSL `SurfaceStep`.
@@ -145,6 +160,8 @@ pub struct DrawList {
     pub fans: (u32, u32),
     /// The tree that finds chunks.
     pub tree: u32,
+    /// Where the rows of a globe's poles are listed.
+    pub poles: [u32; 2],
 }
 
 /// A height as shaders have it.
@@ -162,6 +179,7 @@ impl DrawList {
         let mut lists: Vec<u32> = far.iter().chain(&near).map(|number| *number as u32).collect();
         let (far, near) = (far.len() as u32, near.len() as u32);
         let mut chains: BTreeMap<ChunkKey, u32> = BTreeMap::new();
+        let mut tables = Anchor::of(scene, job.view.eye, job.reference).map(Tables::new);
         let mut draws = Vec::with_capacity(scene.meshes.len());
         for mesh in &scene.meshes {
             let key = mesh.node.key;
@@ -185,6 +203,9 @@ impl DrawList {
                 ..Draw::default()
             };
             lists.extend(border);
+            if let Some(tables) = &mut tables {
+                [draw.rows_at, draw.columns_at] = tables.of_chunk(mesh, &mut lists);
+            }
             let top = scene.lattice.top();
             draw.chain_length = u32::from(top - key.level) + 1;
             draw.chain = *chains.entry(key).or_insert_with(|| {
@@ -202,18 +223,32 @@ impl DrawList {
             });
             draws.push(draw);
         }
+        let has_fans = |mesh: &Mesh| mesh.extras.iter().any(|side| !side.is_empty()) || is_seam(mesh, CHUNK as usize);
         let fans: Vec<Vec<u32>> = scene
             .meshes
             .par_iter()
             .enumerate()
-            .filter(|(_, mesh)| mesh.extras.iter().any(|side| !side.is_empty()))
+            .filter(|(_, mesh)| has_fans(mesh))
             .map(|(number, mesh)| fans_of(mesh, number, job.reference))
             .collect();
+        let mut fans = fans.concat();
+        let mut poles = [0; 2];
+        if let Some(tables) = &mut tables {
+            for corner in fans.chunks_exact_mut(FAN as usize).flat_map(|fan| fan[1..].chunks_exact_mut(3)) {
+                let at = tables.of_corner([corner[0].into(), corner[1].into()], &mut lists);
+                corner[..2].copy_from_slice(&at);
+            }
+            for (end, pole) in scene.poles.iter().enumerate() {
+                let Some(pole) = pole else { continue };
+                poles[end] = tables.of_pole(pole.latitude, &mut lists);
+                fans.extend(pole_of(job, (end, poles[end]), tables, &mut lists));
+            }
+        }
         let first = lists.len() as u32;
-        lists.extend(fans.iter().flatten());
-        let count = (lists.len() as u32 - first) / FAN;
+        lists.extend(&fans);
+        let count = fans.len() as u32 / FAN;
         let tree = Tree::of(scene).branch(scene.lattice.root(), &mut lists);
-        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree }
+        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree, poles }
     }
 }
 
@@ -255,7 +290,8 @@ fn largest(job: &AdapterSurface, mesh: &Mesh) -> f64 {
     let (node, placed) = (&mesh.node, &job.scene.placed);
     let [x, y] = placed.spacing().map(|step| step * (1_u64 << node.key.level) as f64);
     let apart = x.hypot(y).hypot((node.facts.step + 2.0 * node.added) * placed.lift);
-    let added = DVec3::Z * (node.added * placed.lift).abs();
+    let up = if placed.is_flat() { DVec3::Z } else { DVec3::ONE };
+    let added = up * (node.added * placed.lift).abs();
     let mut extent = node.extent;
     (extent.bounds.min, extent.bounds.max) = (extent.bounds.min - added, extent.bounds.max + added);
     job.view.error_pixels(&extent, apart)
@@ -282,7 +318,12 @@ fn border_of(mesh: &Mesh, reference: f64) -> Vec<u32> {
     along.chain(down).map(|index| counted(mesh.height(index), reference).to_bits()).collect()
 }
 
-/// The triangles of the cells along sides of a chunk that finer ones add corners to.
+/// Whether a column of cells is that which closes a globe, and behind all others of its chunk: these are listed one by one.
+fn is_seam(mesh: &Mesh, column: usize) -> bool {
+    column == CHUNK as usize && column + 2 == mesh.samples.columns
+}
+
+/// The triangles of the cells along sides of a chunk that finer ones add corners to, and of those that close a globe.
 fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
     let mut words = Vec::new();
     let [rows, columns] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
@@ -291,7 +332,7 @@ fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
     let is_points = mesh.node.primitive == Primitive::Points;
     for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
         let is_drawn = !is_points || mesh.is_strip(row, column);
-        if is_drawn && (0..4).any(|side| is_fanned(side, row, column)) {
+        if is_seam(mesh, column) || is_drawn && (0..4).any(|side| is_fanned(side, row, column)) {
             mesh.fan([row, column], |slot, corners| {
                 words.push(Shown { node: number, at: [row, column], slot: Some(slot) }.pack());
                 for (row, column, height) in corners {
@@ -303,15 +344,47 @@ fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
     words
 }
 
+/// The triangles between a globe's first (0) or last (1) row and the pole beyond it, whose row is listed.
+fn pole_of(job: &AdapterSurface, (end, at): (usize, u32), tables: &mut Tables<'_>, lists: &mut Vec<u32>) -> Vec<u32> {
+    let mut words = Vec::new();
+    for (number, mesh) in job.scene.meshes.iter().enumerate() {
+        let Some(pole) = job.scene.pole_beside(mesh, end) else { continue };
+        let row = if end == 0 { 0 } else { mesh.samples.rows - 1 };
+        let height = |column: usize| mesh.height(row * mesh.samples.columns + column);
+        for column in 0..mesh.samples.columns - 1 {
+            if height(column).is_nan() || height(column + 1).is_nan() {
+                continue;
+            }
+            let corners = [column, column + 1].map(|column| {
+                let [row, at] = tables.of_corner([mesh.rows[row], mesh.columns[column]], lists);
+                [row, at, counted(height(column), job.reference).to_bits()]
+            });
+            words.push(Shown { node: number, at: [0, column], slot: Some(POLE + end) }.pack());
+            words.extend([at, corners[0][1], counted(pole.height, job.reference).to_bits()]);
+            words.extend(corners.as_flattened());
+        }
+    }
+    words
+}
+
 impl SurfaceUniform {
-    /// What a job's shaders need: rows of the picture are `stride` samples apart, there are `ramp` colours, and the tree begins at `tree`.
-    pub fn new(job: &AdapterSurface, stride: u32, ramp: u32, tree: u32) -> SurfaceUniform {
+    /// What a job's shaders need: rows of the picture are `stride` samples apart, and there are `ramp` colours.
+    pub fn new(job: &AdapterSurface, stride: u32, ramp: u32, list: &DrawList) -> SurfaceUniform {
         let (scene, view, look) = (&job.scene, &job.view, &job.look);
         let placed = &scene.placed;
-        let anchor = anchor_of(scene, view.eye);
-        let at_anchor = placed.world(anchor[1] as f64, anchor[0] as f64, job.reference) - view.eye;
+        let on_globe = Anchor::of(scene, view.eye, job.reference);
+        let anchor = on_globe.as_ref().map_or_else(|| anchor_of(scene, view.eye), |anchor| anchor.sample);
+        let flat = || placed.world(anchor[1] as f64, anchor[0] as f64, job.reference);
+        let at_anchor = on_globe.as_ref().map_or_else(flat, Anchor::place) - view.eye;
         let camera = |away: DVec3| DVec3::new(away.dot(view.right), away.dot(view.up), away.dot(view.forward));
         let camera = |away: DVec3| camera(away).as_vec3().to_array();
+        let flat = || [DVec3::X * placed.step[0], DVec3::Y * placed.step[1], DVec3::Z * placed.lift];
+        let axes = on_globe.as_ref().map_or_else(flat, Anchor::axes).map(camera);
+        let closes = u64::from(scene.lattice.is_closed);
+        let pole_rows = [0, 1].map(|end| {
+            let row = if end == 0 { 0.0 } else { (placed.samples[1] - 1) as f64 };
+            scene.poles[end].map_or(0.0, |pole| (pole.latitude - placed.origin[1]) / placed.step[1] - row) as f32
+        });
         // Of world lengths the columns, rows and heights.
         let per = DVec3::new(placed.step[0], placed.step[1], placed.lift);
         let grid = |away: DVec3| (away / per).as_vec3().to_array();
@@ -350,12 +423,12 @@ impl SurfaceUniform {
         SurfaceUniform {
             origin: camera(at_anchor),
             focal: focal as f32,
-            per_column: camera(DVec3::X * placed.step[0]),
+            per_column: axes[0],
             // A thousandth of a sample before the eye.
             near: if is_perspective { (1e-3 * x.min(y)) as f32 } else { 0.0 },
-            per_row: camera(DVec3::Y * placed.step[1]),
+            per_row: axes[1],
             perspective: u32::from(is_perspective),
-            per_height: camera(DVec3::Z * placed.lift),
+            per_height: axes[2],
             parts: job.parts,
             eye: grid(-at_anchor),
             stride,
@@ -373,10 +446,10 @@ impl SurfaceUniform {
             lone_side: job.parts,
             clip_min: (cut.bounds.min - view.eye).max(DVec3::splat(-1e37)).as_vec3().to_array(),
             colored_by: match look.attribute {
-                // What is of photos, forms and earlier fields is asked for of the processor.
-                Attribute::Height | Attribute::Photo | Attribute::Residual | Attribute::Difference => {
-                    constants::BY_HEIGHT
-                }
+                // Photos are asked for of the processor.
+                Attribute::Height | Attribute::Photo => constants::BY_HEIGHT,
+                Attribute::Residual => constants::BY_RESIDUAL,
+                Attribute::Difference => constants::BY_DIFFERENCE,
                 Attribute::Slope => constants::BY_SLOPE,
                 Attribute::Aspect => constants::BY_ASPECT,
                 Attribute::Curvature => constants::BY_CURVATURE,
@@ -395,7 +468,7 @@ impl SurfaceUniform {
             middle: view.middle().map(|pixels| pixels as f32),
             anchor: anchor.map(|at| at as i32),
             last: placed.samples.map(|samples| (samples - 1) as u32),
-            step: placed.step.map(|step| step as f32),
+            step: [x as f32, y as f32],
             low: low as f32,
             per: per_value as f32,
             is_log,
@@ -407,9 +480,19 @@ impl SurfaceUniform {
             contour_base: contour_base as f32,
             contour_width: contours.width as f32,
             far: far_of(scene, view) as f32,
-            tree,
+            tree: list.tree,
             top: u32::from(scene.lattice.top()),
-            unused: 0,
+            has_form: u32::from(job.form.is_some()),
+            pole_at: list.poles,
+            pole_height: scene.poles.map(|pole| pole.map_or(0.0, |pole| counted(pole.height, job.reference))),
+            pole_rows,
+            turn: placed.step.map(|degrees| degrees.to_radians() as f32),
+            open: (placed.samples[0] - 1 - closes) as u32,
+            latitude: on_globe.as_ref().map_or(0.0, Anchor::latitude) as f32,
+            radius: on_globe.as_ref().map_or(0.0, Anchor::radius) as f32,
+            lift: placed.lift as f32,
+            lengths: placed.lengths().map(|length| length as f32),
+            unused: [0; 2],
         }
     }
 }

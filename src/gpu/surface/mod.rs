@@ -10,6 +10,7 @@
 
 pub mod arena;
 pub mod constants;
+mod globe;
 pub mod job;
 pub mod layout;
 pub mod pipelines;
@@ -25,7 +26,7 @@ use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
-use pipelines::{SurfacePipelines, init_surface_pipelines};
+use pipelines::queue_surface_pipelines;
 
 /// Adds the passes that draw surfaces.
 pub struct SurfacePlugin;
@@ -35,9 +36,7 @@ impl Plugin for SurfacePlugin {
         app.add_plugins(ExtractComponentPlugin::<SurfaceView>::default());
         let news = app.world_mut().get_resource_or_init::<SurfaceNews>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-        let is_used = |surfaces: Query<(), With<SurfaceView>>, known: Option<Res<SurfacePipelines>>| {
-            !surfaces.is_empty() && known.is_none()
-        };
+        let is_used = |surfaces: Query<(), With<SurfaceView>>| !surfaces.is_empty();
         render_app
             .insert_resource(news)
             .init_resource::<SurfaceArena>()
@@ -45,7 +44,7 @@ impl Plugin for SurfacePlugin {
             .add_systems(
                 Render,
                 (
-                    init_surface_pipelines.in_set(RenderSystems::Queue).run_if(is_used),
+                    queue_surface_pipelines.in_set(RenderSystems::Queue).run_if(is_used),
                     work::prepare_surfaces
                         .in_set(RenderSystems::PrepareBindGroups)
                         .after(prepare_splats)

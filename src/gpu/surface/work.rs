@@ -6,7 +6,6 @@ use super::job::{SurfaceFindings, SurfaceNews, SurfaceView};
 use super::layout::{DrawList, SurfaceStep, SurfaceUniform};
 use super::pipelines::{DEPTHS, NUMBERS, Ready, Step, SurfacePipelines};
 use crate::cpu::surface::look::Ramp;
-use crate::cpu::surface::source::NodeSamples;
 use crate::gpu::light::{self, LightCells, LightView};
 use crate::gpu::splat::SplatBuffers;
 use crate::gpu::splat::resources::{ALIGNMENT, at_least, slice, whole};
@@ -118,7 +117,8 @@ pub fn draw_surfaces(
         return;
     }
     let Some(pipelines) = pipelines else { return };
-    if work.draw(&pipelines.ready(&cache), &timer, context.command_encoder()).is_some() {
+    let Some(ready) = pipelines.ready(work.job.is_globe(), &cache) else { return };
+    if work.draw(&ready, &timer, context.command_encoder()).is_some() {
         cells.complete = true;
         news.tell(SurfaceFindings { number: work.number, no_room: false, is_drawn: true });
     }
@@ -146,10 +146,7 @@ impl SurfaceWork {
         if bytes + bytes / 4 + ALIGNMENT > most || 16 * width * height > most || is_large {
             return None;
         }
-        let scene = &job.scene;
-        let chunks: Vec<&Arc<NodeSamples>> =
-            scene.meshes.iter().map(|mesh| &mesh.samples).chain(scene.ancestors.values()).collect();
-        let held = arena.hold(&chunks, job.look.attribute, job.reference, view.memory, (device, queue))?;
+        let held = arena.hold(job, view.memory, (device, queue))?;
         let ramp: Vec<[f32; 4]> =
             Ramp::new(&job.look.transfer).colors().iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
         let list = DrawList::new(job, &held);
@@ -168,7 +165,7 @@ impl SurfaceWork {
             queue.write_buffer(&buffer, 0, bytes);
             buffer
         };
-        let about = SurfaceUniform::new(job, stride, ramp.len() as u32, list.tree);
+        let about = SurfaceUniform::new(job, stride, ramp.len() as u32, &list);
         let about = bytemuck::bytes_of(&about);
         let about = written(kept(|buffers| &mut buffers.view, about.len() as u64, uniform), about);
         let bytes_of_draws: &[u8] = bytemuck::cast_slice(&list.draws);

@@ -15,6 +15,7 @@ use crate::mode::{Depiction, FieldPasses, LightPicture, LightPlan, Mode, Plan, R
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
+use deepfield_heights::measure::Form;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -100,6 +101,8 @@ pub struct AdapterSurface {
     pub parts: u32,
     /// What it looks like.
     pub look: Look,
+    /// The form that residuals are what is left of; without one they are heights.
+    pub form: Option<Arc<Form>>,
     /// What it is drawn as: no rays.
     pub technique: Technique,
     /// A height in the middle of the field's, which others are counted from in 32 bits.
@@ -112,6 +115,11 @@ impl AdapterSurface {
     /// Width and height of the picture, pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.view.width, self.view.height].map(|samples| samples / self.parts.max(1))
+    }
+
+    /// Whether the field stands on a globe.
+    pub fn is_globe(&self) -> bool {
+        !self.scene.placed.is_flat()
     }
 
     /// Whether the adapter's rasteriser finds what is seen, and not compute passes.

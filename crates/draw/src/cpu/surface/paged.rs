@@ -99,7 +99,7 @@ impl PagedSurface {
     /// Earth, as in the file. What is decoded is decoded again where slopes change.
     pub fn place(&mut self, placed: &Placed) {
         let about = self.file.about();
-        let slopes = slopes::of_world(&about.grid, placed);
+        let slopes = slopes::of_world(placed);
         if !slopes::is_same(slopes, self.decoder.slopes()) {
             self.decoder = Decoder::new(about, slopes);
             *locked(&self.cache) = Cache::new();

@@ -217,11 +217,21 @@ impl Placed {
         }
     }
 
+    /// The world lengths of a column and of a row that normals are made with. Degrees of a globe are those in the middle of the field, as they
+    /// are in page files.
+    pub fn lengths(&self) -> [f64; 2] {
+        let Map::Globe(globe) = self.map else { return self.step };
+        let latitude = (0.5 * (self.samples[1] - 1) as f64).mul_add(self.step[1], self.origin[1]);
+        let narrow = latitude.to_radians().cos().abs().max(0.01);
+        let radius = (2.0 * globe.equator + globe.pole) / 3.0;
+        [self.step[0].to_radians() * radius * narrow, self.step[1].to_radians() * radius]
+    }
+
     /// What a column and a row add to the height where the surface has a normal at true height.
     pub fn slope(&self, normal: [f32; 3]) -> [f64; 2] {
         let [x, y, z] = normal.map(f64::from);
-        let z = z.max(1e-6) * self.true_lift;
-        [-x / z * self.step[0], -y / z * self.step[1]]
+        let ([across, along], z) = (self.lengths(), z.max(1e-6) * self.true_lift);
+        [-x / z * across, -y / z * along]
     }
 
     /// How far a chord between places that are so many columns and rows apart sinks below a globe, at most: `s^2 / 8 R`; 0 for a flat field.

@@ -55,11 +55,11 @@ pub struct Shown {
 /// The first slot of triangles to poles.
 pub const POLE: usize = 2;
 /// Numbers before those of points: of triangles, two in each of 256 x 256 cells.
-const BEFORE_POINTS: u32 = 1 << 17;
+pub const BEFORE_POINTS: u32 = 1 << 17;
 /// Numbers before those of triangles to poles.
-const BEFORE_POLES: u32 = BEFORE_POINTS + 257 * 257;
+pub const BEFORE_POLES: u32 = BEFORE_POINTS + 257 * 257;
 /// Numbers before those of the triangles, and then of the points, of the one column more that a chunk has which closes a globe.
-const BEFORE_SEAM: u32 = BEFORE_POLES + 2 * 257;
+pub const BEFORE_SEAM: u32 = BEFORE_POLES + 2 * 257;
 const BEFORE_LAST: u32 = BEFORE_SEAM + 2 * 256;
 
 impl Shown {

@@ -40,7 +40,7 @@ pub const SECANTS: u32 = 8;
 /// From a stripe of the membrane to the next, pixels.
 const HATCH: f64 = 5.0;
 /// The colour of what a form or an earlier field is not over, linear light.
-const BESIDE: [f32; 3] = [0.2; 3];
+pub const BESIDE: [f32; 3] = [0.2; 3];
 /// The colour of walls, linear light.
 const WALL: [f32; 3] = [0.34, 0.29, 0.24];
 /// The colour of rims of holes, linear light.
@@ -349,7 +349,8 @@ impl<'a> Shader<'a> {
     /// The normal of a hit's triangle, as mean normals are.
     fn flat_normal(&self, hit: &Hit) -> [f64; 3] {
         let placed = &self.resolver.scene.placed;
-        let lean = [0, 1].map(|k| -hit.slope[k] * placed.true_lift / placed.step[k]);
+        let lengths = placed.lengths();
+        let lean = [0, 1].map(|k| -hit.slope[k] * placed.true_lift / lengths[k]);
         DVec3::new(lean[0], lean[1], 1.0).normalize().to_array()
     }
 
@@ -543,7 +544,7 @@ impl<'a> Shader<'a> {
 
     /// The mean curvature per world unit of the slopes between four samples.
     fn curvature(&self, between: &Between<'_>) -> f32 {
-        let step = self.resolver.scene.placed.step;
+        let step = self.resolver.scene.placed.lengths();
         let leans = between.indices.map(|index| {
             let [x, y, z] = between.samples.normals.at(index).map(f64::from);
             [x / z.max(1e-6), y / z.max(1e-6)]

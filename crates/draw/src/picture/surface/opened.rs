@@ -137,9 +137,8 @@ impl OpenSurface {
         let about = self.file.about();
         let Ok(settings) = SurfaceSettings::new(settings, &about.grid) else { return false };
         let Ok(attribute) = self.attribute(attribute) else { return false };
-        let placed = Placed::new(&about.grid, settings.map, settings.exaggeration, settings.base);
         let look = settings.look(attribute, surface::usual_transfer(attribute), [0.0, 1.0]);
-        not_yet(&placed, &settings.options(look, None)).is_none()
+        not_yet(&settings.options(look, None)).is_none()
     }
 
     /// A mode of its pictures, coloured by an attribute where one is named.

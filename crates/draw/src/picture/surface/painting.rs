@@ -63,23 +63,20 @@ impl Field<'_> {
         let scene = scene(self.nodes, self.placed, sight, options);
         let report = report(&scene, counted(&scene), f64::from(parts));
         let reference = 0.5 * (self.extremes[0] + self.extremes[1]);
-        let technique = options.technique;
-        Some((AdapterSurface { scene, view, parts, look, technique, reference, passes }, report))
+        let (form, technique) = (options.form.clone(), options.technique);
+        Some((AdapterSurface { scene, view, parts, look, form, technique, reference, passes }, report))
     }
 }
 
 /// What of a flat picture no adapter draws yet.
-pub(super) fn not_yet(placed: &Placed, options: &SurfaceOptions) -> Option<&'static str> {
+pub(super) fn not_yet(options: &SurfaceOptions) -> Option<&'static str> {
     match () {
-        _ if !placed.is_flat() => Some("a globe"),
         _ if options.raw => Some("raw channels"),
         _ if options.technique == Technique::Rays => Some("rays"),
         _ if options.holes != Holes::Open => Some("outlined and filled holes"),
         _ if options.walls.is_some() => Some("walls"),
         _ => options.look.as_ref().and_then(|look| match (look.attribute, look.contours) {
             (Attribute::Photo, _) => Some("photos"),
-            (Attribute::Residual, _) => Some("residuals"),
-            (Attribute::Difference, _) => Some("differences"),
             (_, Some(contours)) if contours.labels.is_some() => Some("labels of contours"),
             _ => None,
         }),
@@ -87,6 +84,21 @@ pub(super) fn not_yet(placed: &Placed, options: &SurfaceOptions) -> Option<&'sta
 }
 
 impl Painter {
+    /// The passes that draw for somebody who asks for `backend`; `None` where the processor does.
+    fn passes(&mut self, backend: Option<Backend>) -> Option<Passes> {
+        match backend {
+            Some(Backend::Compute) => Some(Passes::Compute),
+            Some(Backend::Raster) => Some(Passes::Raster),
+            Some(Backend::Cpu) => None,
+            None => Some(Passes::Best).filter(|_| self.adapter.as_mut().is_some_and(|adapter| adapter.is_card())),
+        }
+    }
+
+    /// Whether an adapter draws a flat picture for somebody who asks for `backend`.
+    pub(super) fn is_by_adapter(&mut self, options: &SurfaceOptions, backend: Option<Backend>) -> bool {
+        self.adapter.is_some() && self.passes(backend).is_some() && not_yet(options).is_none()
+    }
+
     /// Draws a picture for somebody who asks for `backend`.
     ///
     /// # Errors
@@ -100,18 +112,12 @@ impl Painter {
         reporter: &dyn Reporter,
     ) -> Result<(SurfacePicture, DrawnBy), VolumeError> {
         field.nodes.prepare(field.placed, sight, options);
-        let passes = match backend {
-            Some(Backend::Compute) => Some(Passes::Compute),
-            Some(Backend::Raster) => Some(Passes::Raster),
-            Some(Backend::Cpu) => None,
-            None => Some(Passes::Best).filter(|_| self.adapter.as_mut().is_some_and(|adapter| adapter.is_card())),
-        };
-        if let Some(passes) = passes {
+        if let Some(passes) = self.passes(backend) {
             if backend.is_some() && self.adapter.is_none() {
                 return Err(VolumeError::Device(WITHOUT_ADAPTER.into()));
             }
             let around = matches!(sight, Sight::Around { .. }).then_some("pictures of all directions");
-            match around.or_else(|| not_yet(field.placed, options)) {
+            match around.or_else(|| not_yet(options)) {
                 Some(what) if backend.is_some() => {
                     self.tell(format!("--backend: the processor draws {what} of heights"), reporter);
                 }

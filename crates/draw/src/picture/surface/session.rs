@@ -333,7 +333,7 @@ impl SurfaceSession {
         })
     }
 
-    /// Draws a shot once: in one piece, also around the eye; two eyes are two pictures.
+    /// Draws a shot once: in one piece, by the processor also around the eye; two eyes are two pictures.
     fn draw_once(
         &mut self,
         shot: &Shot,
@@ -341,8 +341,10 @@ impl SurfaceSession {
         placed: &Placed,
         options: &SurfaceOptions,
     ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
-        // Colours of a globe are sooner drawn on faces that are put together than by rays.
-        if shot.stereo.is_none() && (placed.is_flat() || shot.surround.is_flat()) {
+        // Colours of a globe are sooner drawn on faces that are put together than by rays, and an adapter draws faces alone.
+        let in_parts = SurfaceOptions { raw: false, ..options.clone() };
+        let is_one = placed.is_flat() && !self.painter.is_by_adapter(&in_parts, self.options.backend);
+        if shot.stereo.is_none() && (is_one || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
                 None => Sight::Flat(*view),
                 Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
@@ -350,7 +352,7 @@ impl SurfaceSession {
             return self.drawn(placed, &sight, options);
         }
         let projector = Projector::new(*view, shot.surround, shot.stereo)?;
-        let mut options = SurfaceOptions { raw: false, ..options.clone() };
+        let mut options = in_parts;
         // What two eyes see, and faces that are put together, would each have heights at places of their own.
         if let Some(contours) = options.look.as_mut().and_then(|look| look.contours.as_mut()) {
             contours.labels = None;
@@ -427,7 +429,7 @@ impl SurfaceSession {
         levels: Option<Levels>,
         passes: Passes,
     ) -> Result<SeenSurface<Option<(AdapterSurface, SurfaceReport)>>, PictureError> {
-        self.seen_by(look, view, levels, |field, sight, options| match not_yet(field.placed, options) {
+        self.seen_by(look, view, levels, |field, sight, options| match not_yet(options) {
             Some(_) => None,
             None => field.job(sight, options, passes),
         })

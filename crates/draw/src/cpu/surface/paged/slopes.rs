@@ -1,6 +1,6 @@
 //! What turns differences of heights from a column and from a row to the next into slopes at true height.
 
-use super::super::placed::{Map, Placed};
+use super::super::placed::Placed;
 use deepfield_data::model::Scale;
 use deepfield_heights::build::slopes;
 use deepfield_heights::model::HeightGrid;
@@ -13,16 +13,9 @@ pub(super) fn of_file(grid: &HeightGrid) -> [f64; 2] {
     slopes(&HeightGrid { scale: Scale::NONE, ..grid.clone() })
 }
 
-/// In a world. Places of a globe are as far apart as in the middle of the field, as they are in the file.
-pub(super) fn of_world(grid: &HeightGrid, placed: &Placed) -> [f64; 2] {
-    let mut step = placed.step;
-    if let Map::Globe(globe) = placed.map {
-        let [_, latitude] = grid.place((grid.rows - 1) as f64 / 2.0, 0.0);
-        let narrow = latitude.to_radians().cos().abs().max(0.01);
-        let radius = (2.0 * globe.equator + globe.pole) / 3.0;
-        step = [step[0].to_radians() * radius * narrow, step[1].to_radians() * radius];
-    }
-    step.map(|step| placed.true_lift / step)
+/// In a world.
+pub(super) fn of_world(placed: &Placed) -> [f64; 2] {
+    placed.lengths().map(|length| placed.true_lift / length)
 }
 
 /// Whether the same normals are made with both.

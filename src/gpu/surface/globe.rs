@@ -1,0 +1,201 @@
+//! Rows and columns of a globe as shaders look them up: how far each is from an anchor near the eye, along axes that point away from the
+//! globe's own, to the east and to the north. All are small near the anchor, and so exact in 32 bits where the eye is.
+
+use crate::cpu::surface::placed::{Map, Placed};
+use crate::cpu::surface::stitch::{Mesh, Scene};
+use crate::heights::model::Globe;
+use bevy::math::DVec3;
+use std::collections::BTreeMap;
+
+/// Words of a row: how much further from the axis than the anchor a place of it at the reference height is, how far that is, the cosine of its
+/// latitude, how far it is to the north of the anchor, and the sine of its latitude.
+const ROW: usize = 5;
+
+/// The place that distances count from: a sample at the reference height.
+pub struct Anchor<'a> {
+    placed: &'a Placed,
+    globe: Globe,
+    /// Column and row.
+    pub sample: [u64; 2],
+    /// Degrees.
+    longitude: f64,
+    /// Degrees.
+    latitude: f64,
+    /// What the reference height is above the globe.
+    lifted: f64,
+}
+
+impl<'a> Anchor<'a> {
+    /// The sample of what is drawn that is nearest to an eye; `None` where the field is flat.
+    pub fn of(scene: &'a Scene, eye: DVec3, reference: f64) -> Option<Anchor<'a>> {
+        let placed = &scene.placed;
+        let Map::Globe(globe) = placed.map else { return None };
+        let ends = |places: fn(&Mesh) -> &[u64], samples: u64| {
+            let ends = scene.meshes.iter().filter_map(|mesh| Some([*places(mesh).first()?, *places(mesh).last()?]));
+            ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0, samples - 1]).map(|end| end as f64)
+        };
+        let ends = [ends(|mesh| &mesh.columns, placed.samples[0]), ends(|mesh| &mesh.rows, placed.samples[1])];
+        let degrees = |axis: usize, at: f64| at.mul_add(placed.step[axis], placed.origin[axis]);
+        let [mut longitude, latitude, _] = globe.geodetic(eye.to_array());
+        longitude += 360.0 * ((degrees(0, 0.5 * (ends[0][0] + ends[0][1])) - longitude) / 360.0).round();
+        let wanted = [longitude, latitude];
+        let sample: [u64; 2] = std::array::from_fn(|axis| {
+            let nearest = ((wanted[axis] - placed.origin[axis]) / placed.step[axis]).round();
+            nearest.clamp(ends[axis][0], ends[axis][1]) as u64
+        });
+        let [longitude, latitude] = [0, 1].map(|axis| degrees(axis, sample[axis] as f64));
+        Some(Anchor { placed, globe, sample, longitude, latitude, lifted: placed.lifted(reference) })
+    }
+
+    /// Away from the axis, to the east, to the north.
+    pub fn axes(&self) -> [DVec3; 3] {
+        [DVec3::from(Globe::up(self.longitude, 0.0)), DVec3::from(Globe::up(self.longitude + 90.0, 0.0)), DVec3::Z]
+    }
+
+    /// Where it is in the world.
+    pub fn place(&self) -> DVec3 {
+        DVec3::from(self.globe.place(self.longitude, self.latitude, self.lifted))
+    }
+
+    /// Radians.
+    pub fn latitude(&self) -> f64 {
+        self.latitude.to_radians()
+    }
+
+    /// From the middle of the globe to the reference height.
+    pub fn radius(&self) -> f64 {
+        self.globe.curvature()[1] + self.lifted
+    }
+
+    /// How far from the axis and to the north of the equator the reference height is at a latitude.
+    fn meridian(&self, latitude: f64) -> [f64; 2] {
+        let [x, _, z] = self.globe.place(0.0, latitude, self.lifted);
+        [x, z]
+    }
+
+    fn row(&self, latitude: f64) -> [f32; ROW] {
+        let ([from_axis, north], [away, high]) = (self.meridian(latitude), self.meridian(self.latitude));
+        // A pole is on the axis, at all longitudes to the last bit.
+        let (from_axis, level) = match latitude.abs() == 90.0 {
+            true => (0.0, 0.0),
+            false => (from_axis, latitude.to_radians().cos()),
+        };
+        [from_axis - away, from_axis, level, north - high, latitude.to_radians().sin()].map(|part| part as f32)
+    }
+
+    /// Sine of the angle from the anchor, and what its cosine is less than 1.
+    fn column(&self, column: u64) -> [f32; 2] {
+        // The first column is itself again on the other side of the seam.
+        let column = if self.placed.around == Some(column) { 0 } else { column };
+        let longitude = (column as f64).mul_add(self.placed.step[0], self.placed.origin[0]);
+        let angle = (longitude - self.longitude).to_radians();
+        [angle.sin(), 2.0 * (0.5 * angle).sin().powi(2)].map(|part| part as f32)
+    }
+}
+
+/// Where the lists of a picture have rows and columns.
+pub struct Tables<'a> {
+    anchor: Anchor<'a>,
+    rows: BTreeMap<u64, u32>,
+    columns: BTreeMap<u64, u32>,
+    /// Those of chunks, by level and number.
+    of_chunks: [BTreeMap<(u8, u32), u32>; 2],
+}
+
+fn listed(words: &[f32], lists: &mut Vec<u32>) -> u32 {
+    let first = lists.len() as u32;
+    lists.extend(words.iter().map(|word| word.to_bits()));
+    first
+}
+
+impl<'a> Tables<'a> {
+    /// With nothing in them.
+    pub fn new(anchor: Anchor<'a>) -> Tables<'a> {
+        Tables { anchor, rows: BTreeMap::new(), columns: BTreeMap::new(), of_chunks: Default::default() }
+    }
+
+    fn latitude(&self, row: u64) -> f64 {
+        (row as f64).mul_add(self.anchor.placed.step[1], self.anchor.placed.origin[1])
+    }
+
+    /// Where the rows and the columns of a chunk are.
+    pub fn of_chunk(&mut self, mesh: &Mesh, lists: &mut Vec<u32>) -> [u32; 2] {
+        let key = mesh.node.key;
+        let rows = match self.of_chunks[0].get(&(key.level, key.row)) {
+            Some(first) => *first,
+            None => {
+                let words: Vec<f32> = mesh.rows.iter().flat_map(|row| self.anchor.row(self.latitude(*row))).collect();
+                listed(&words, lists)
+            }
+        };
+        let columns = match self.of_chunks[1].get(&(key.level, key.column)) {
+            Some(first) => *first,
+            None => {
+                let words: Vec<f32> = mesh.columns.iter().flat_map(|column| self.anchor.column(*column)).collect();
+                listed(&words, lists)
+            }
+        };
+        self.of_chunks[0].insert((key.level, key.row), rows);
+        self.of_chunks[1].insert((key.level, key.column), columns);
+        [rows, columns]
+    }
+
+    /// Where a row and a column are.
+    pub fn of_corner(&mut self, [row, column]: [u64; 2], lists: &mut Vec<u32>) -> [u32; 2] {
+        let words = self.anchor.row(self.latitude(row));
+        let row = *self.rows.entry(row).or_insert_with(|| listed(&words, lists));
+        let words = self.anchor.column(column);
+        let column = *self.columns.entry(column).or_insert_with(|| listed(&words, lists));
+        [row, column]
+    }
+
+    /// Where the row is that a pole is.
+    pub fn of_pole(&self, latitude: f64, lists: &mut Vec<u32>) -> u32 {
+        listed(&self.anchor.row(latitude), lists)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::heights::model::HeightGrid;
+    use crate::model::{SampleType, Unit};
+
+    /// What shaders make of a row, a column and what stands above the anchor's height, from the anchor along its axes.
+    fn shaded([beyond, away, level, north, up]: [f32; 5], [sine, versine]: [f32; 2], lifted: f32) -> DVec3 {
+        let from_axis = lifted.mul_add(level, away);
+        let outward = (-from_axis).mul_add(versine, lifted.mul_add(level, beyond));
+        DVec3::new(outward.into(), (from_axis * sine).into(), lifted.mul_add(up, north).into())
+    }
+
+    #[test]
+    fn places_near_the_anchor_are_as_exact_as_they_are_near() {
+        let plain = HeightGrid::new(43_200, 21_600, SampleType::F32);
+        let step = [360.0 / 43_200.0, -180.0 / 21_600.0];
+        let origin = [-180.0 + 0.5 * step[0], 90.0 + 0.5 * step[1]];
+        let (xy_unit, height_unit) = (Unit::new("deg"), Unit::new("m"));
+        let grid = HeightGrid { origin, step, xy_unit, height_unit, ..plain };
+        for globe in [Globe::sphere(6.4e6), Globe { equator: 6_378_137.0, pole: 6_356_752.3 }] {
+            let placed = Placed::new(&grid, Map::Globe(globe), 3.0, 0.0);
+            for sample in [[100, 20_000], [0, 10_000], [43_199, 3], [21_000, 10_800]] {
+                let [longitude, latitude] = [0, 1].map(|axis| (sample[axis] as f64).mul_add(step[axis], origin[axis]));
+                let anchor =
+                    Anchor { placed: &placed, globe, sample, longitude, latitude, lifted: placed.lifted(500.0) };
+                let (axes, middle) = (anchor.axes(), anchor.place());
+                for (column, row, height) in
+                    [(0, 0, 0.0_f32), (1, -1, 30.0), (-40, 25, 0.5), (900, -2, -80.0), (5000, 3, 90.0)]
+                {
+                    let column = (sample[0] as i64 + column).rem_euclid(43_200) as u64;
+                    let row = (sample[1] as i64 + row).clamp(0, 21_599) as u64;
+                    let place = placed.world(row as f64, column as f64, 500.0 + f64::from(height)) - middle;
+                    let latitude = (row as f64).mul_add(step[1], origin[1]);
+                    let found = shaded(anchor.row(latitude), anchor.column(column), 3.0 * height);
+                    let expected = DVec3::new(place.dot(axes[0]), place.dot(axes[1]), place.dot(axes[2]));
+                    let off = found.distance(expected);
+                    // World coordinates are themselves rounded.
+                    assert!(off <= 3e-7 * expected.length() + 1e-8, "{column} {row}: {off} of {}", expected.length());
+                }
+            }
+        }
+    }
+}
