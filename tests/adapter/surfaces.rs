@@ -332,7 +332,8 @@ fn nothing_shows_through_where_levels_meet_on_a_globe() {
         let job = AdapterSurface { scene, view, parts: 1, look, form: None, technique, reference: 0.0, passes };
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
-        // Around a pole, where walls of all levels meet in one sample, a few pixels in some views are open, which is not understood.
+        // Around a pole triangles of all levels are much thinner than a pixel, and depths of these are not exact: a few pixels of some views are
+        // open.
         let most = if round % 3 == 1 { 3 } else { 0 };
         assert!(open <= most, "{passes:?}, round {round}: {open} at {longitude} {latitude} {away} {aside}");
     }

@@ -158,8 +158,17 @@ impl<'a> Tables<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::heights::model::HeightGrid;
-    use crate::model::{SampleType, Unit};
+    use crate::cpu::surface::paged::PagedSurface;
+    use crate::cpu::surface::placed::Vantage;
+    use crate::cpu::surface::select::{CutNode, Primitive, SurfaceCut};
+    use crate::cpu::surface::source::SurfaceNodes as _;
+    use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
+    use crate::heights::hierarchy::chunks::ChunkKey;
+    use crate::heights::model::{HeightField, HeightGrid};
+    use crate::heights::store::HeightFile;
+    use crate::model::{Bounds, ReadMethod, SampleType, Unit};
+    use crate::view::Extent;
+    use std::sync::Arc;
 
     /// What shaders make of a row, a column and what stands above the anchor's height, from the anchor along its axes.
     fn shaded([beyond, away, level, north, up]: [f32; 5], [sine, versine]: [f32; 2], lifted: f32) -> DVec3 {
@@ -194,6 +203,84 @@ mod tests {
                     let off = found.distance(expected);
                     // World coordinates are themselves rounded.
                     assert!(off <= 3e-7 * expected.length() + 1e-8, "{column} {row}: {off} of {}", expected.length());
+                }
+            }
+        }
+    }
+
+    /// A scene of chunks of several levels all around a globe.
+    fn scene(placed_on: Globe) -> Scene {
+        let (columns, rows) = (1441, 721);
+        let height = |index: usize| {
+            let (x, y) = ((index % columns % (columns - 1)) as f64, (index / columns) as f64);
+            40.0 * (x / 90.0).sin() + 20.0 * (y / 13.0).cos()
+        };
+        let mut field = HeightField::of(columns as u64, rows as u64, (0..rows * columns).map(height).collect());
+        (field.grid.step, field.grid.origin) = ([0.25, -0.25], [-180.0, 90.0]);
+        (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("globe.df");
+        build_heights(&field, &HeightOrigin::default(), &HeightBuildOptions::default(), &path, &()).unwrap();
+        let file = HeightFile::open(&path, ReadMethod::default()).unwrap();
+        let nodes = PagedSurface::new(Arc::new(file), u64::MAX);
+        let placed = Placed::new(&field.grid, Map::Globe(placed_on), 3.0, 0.0);
+        let lattice = nodes.lattice();
+        let (mut waiting, mut chosen) = (vec![lattice.root()], Vec::new());
+        while let Some(key) = waiting.pop() {
+            let is_fine = key.level > 0 && (key.level == lattice.top() || (key.row + key.column) % 2 == 0);
+            if is_fine {
+                waiting.extend([[0, 0], [0, 1], [1, 0], [1, 1]].map(|[row, column]| ChunkKey {
+                    level: key.level - 1,
+                    row: 2 * key.row + row,
+                    column: 2 * key.column + column,
+                }));
+                waiting.retain(|key| lattice.has(*key));
+                continue;
+            }
+            let facts = nodes.facts(key).unwrap();
+            let extent = Extent { bounds: Bounds::of([[-3e4; 3], [3e4; 3]]), margin: 0.0 };
+            let (primitive, added) = (Primitive::Triangles, facts.max - facts.min);
+            chosen.push(CutNode { key, facts, extent, primitive, error_px: 0.0, added });
+        }
+        Scene::new(&nodes, &placed, SurfaceCut::new(chosen))
+    }
+
+    #[test]
+    fn all_corners_of_a_scene_are_where_the_processor_has_them() {
+        let globe = Globe { equator: 20_000.0, pole: 19_900.0 };
+        let scene = scene(globe);
+        assert!(scene.meshes.iter().any(|mesh| mesh.extras.iter().any(|side| !side.is_empty())));
+        for (longitude, latitude) in [(129.6, 89.9), (-20.0, -89.9), (179.9, 10.0), (0.0, -60.0)] {
+            let eye = 22_900.0 * DVec3::from(Globe::up(longitude, latitude));
+            let anchor = Anchor::of(&scene, eye, 5.0).unwrap();
+            let (axes, middle) = (anchor.axes(), anchor.place());
+            let vantage = Vantage::new(&scene.placed, eye);
+            let mut tables = Tables::new(anchor);
+            let mut lists = Vec::new();
+            let word = |lists: &[u32], at: u32, k: usize| f32::from_bits(lists[at as usize + k]);
+            let check = |lists: &[u32], [row, column]: [u32; 2], [r, c]: [u64; 2], height: f64| {
+                let lifted = 3.0 * (height - 5.0) as f32;
+                let found = shaded(
+                    std::array::from_fn(|k| word(lists, row, k)),
+                    std::array::from_fn(|k| word(lists, column, k)),
+                    lifted,
+                );
+                let place = vantage.relative(r, c, height) + eye - middle;
+                let expected = DVec3::new(place.dot(axes[0]), place.dot(axes[1]), place.dot(axes[2]));
+                let off = found.distance(expected);
+                assert!(off <= 3e-7 * expected.length() + 1e-5, "{r} {c}: {found} in place of {expected}");
+            };
+            for mesh in &scene.meshes {
+                let [rows, columns] = tables.of_chunk(mesh, &mut lists);
+                for (row, r) in mesh.rows.iter().enumerate() {
+                    for (column, c) in mesh.columns.iter().enumerate() {
+                        let at = [rows + (ROW * row) as u32, columns + 2 * column as u32];
+                        check(&lists, at, [*r, *c], mesh.height(row * mesh.samples.columns + column));
+                    }
+                }
+                for (row, column, height) in mesh.extras.iter().flatten().flatten() {
+                    let at = tables.of_corner([*row, *column], &mut lists);
+                    check(&lists, at, [*row, *column], *height);
                 }
             }
         }
