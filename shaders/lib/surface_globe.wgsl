@@ -1,8 +1,9 @@
 // Where lines of sight meet measured heights on a globe, and directions there. Between corners that stand on it triangles are flat.
 #define_import_path deepfield::surface_globe
+#import deepfield::surface_constants::COLUMN_WORDS
 #import deepfield::surface_levels::{normal_of, point_coverage, slope_of}
 #import deepfield::surface_ray::{Hit, cell_of, hit_of, place_of}
-#import deepfield::surface_view::{surface, draws, Shown, COLUMN, POINT, POLE, camera_of, corner_of, half_of, height_of, sample_at}
+#import deepfield::surface_view::{surface, draws, Shown, POINT, POLE, camera_of, corner_of, half_of, height_of, sample_at}
 
 /// A line of sight in the camera's coordinates; its parameter is the depth.
 struct Sight {
@@ -74,7 +75,7 @@ fn hit_pole(shown: Shown, sight: Sight) -> Hit {
     let rim = corner_of(draw, at);
     let pole = camera_of(vec2(surface.pole_at[end], rim.y), heights.x);
     let left = camera_of(rim, heights.y);
-    let right = camera_of(rim + vec2(0u, COLUMN), heights.z);
+    let right = camera_of(rim + vec2(0u, COLUMN_WORDS), heights.z);
     let shares = shares_of(pole, left, right, sight);
     let sides = shares.y + shares.z;
     let along = select(0.5, shares.z / max(sides, 1e-30), sides > 0.0);

@@ -7,7 +7,7 @@
 // On a globe (`GLOBE`) rows and columns are looked up: of each `lists` has how far it is from the anchor, along axes that point away from the globe's
 // axis, to the east, and to the north. What is near the anchor is small in all of them, and so exact.
 #define_import_path deepfield::surface_view
-#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM}
+#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, ROW_WORDS, COLUMN_WORDS}
 
 struct SurfaceView {
     /// The anchor at the reference height, and what a column, a row and a unit of height add, in the camera's coordinates; on a globe the axes
@@ -121,10 +121,6 @@ struct Draw {
     columns_at: u32,
 }
 
-/// Words of a row and of a column of a globe in `lists`.
-const ROW: u32 = 5u;
-const COLUMN: u32 = 2u;
-
 const NONE: u32 = 0xffffffffu;
 /// A branch of the tree of chunks that is a chunk: its number follows from here.
 const LEAF: u32 = 0x80000000u;
@@ -164,7 +160,7 @@ fn sample_at(draw: Draw, at: vec2<u32>) -> vec2<u32> {
 /// What `camera_of` is asked with for a chunk's sample: row and column of the field, on a globe where `lists` has them.
 fn corner_of(draw: Draw, at: vec2<u32>) -> vec2<u32> {
 #ifdef GLOBE
-    return vec2(draw.rows_at, draw.columns_at) + vec2(ROW, COLUMN) * at;
+    return vec2(draw.rows_at, draw.columns_at) + vec2(ROW_WORDS, COLUMN_WORDS) * at;
 #else
     return sample_at(draw, at);
 #endif

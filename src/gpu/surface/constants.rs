@@ -26,6 +26,11 @@ pub const SCANNERS: u32 = 1024;
 pub const ENTRY: u32 = 8;
 /// Words of a triangle whose corners are listed: its number, and row, column and height of each.
 pub const FAN: u32 = 10;
+/// Words of a row of a globe: how much further from the axis than the anchor a place of it at the reference height is, how far that is, the
+/// cosine of its latitude, how far it is to the north of the anchor, and the sine of its latitude.
+pub const ROW_WORDS: u32 = 5;
+/// Words of a column of a globe: the sine of the angle from the anchor, and what its cosine is less than 1.
+pub const COLUMN_WORDS: u32 = 2;
 /// Invocations of a workgroup.
 pub const GROUP: u32 = 256;
 
@@ -61,6 +66,8 @@ pub fn wgsl() -> String {
         ("SCANNERS", SCANNERS),
         ("ENTRY", ENTRY),
         ("FAN", FAN),
+        ("ROW_WORDS", ROW_WORDS),
+        ("COLUMN_WORDS", COLUMN_WORDS),
         ("SECANTS", SECANTS),
         ("ENDS", ENDS),
         ("BEFORE_POINTS", BEFORE_POINTS),

@@ -1,15 +1,12 @@
 //! Rows and columns of a globe as shaders look them up: how far each is from an anchor near the eye, along axes that point away from the
 //! globe's own, to the east and to the north. All are small near the anchor, and so exact in 32 bits where the eye is.
 
+use super::constants::{COLUMN_WORDS, ROW_WORDS};
 use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::stitch::{Mesh, Scene};
 use crate::heights::model::Globe;
 use bevy::math::DVec3;
 use std::collections::BTreeMap;
-
-/// Words of a row: how much further from the axis than the anchor a place of it at the reference height is, how far that is, the cosine of its
-/// latitude, how far it is to the north of the anchor, and the sine of its latitude.
-const ROW: usize = 5;
 
 /// The place that distances count from: a sample at the reference height.
 pub struct Anchor<'a> {
@@ -30,11 +27,7 @@ impl<'a> Anchor<'a> {
     pub fn of(scene: &'a Scene, eye: DVec3, reference: f64) -> Option<Anchor<'a>> {
         let placed = &scene.placed;
         let Map::Globe(globe) = placed.map else { return None };
-        let ends = |places: fn(&Mesh) -> &[u64], samples: u64| {
-            let ends = scene.meshes.iter().filter_map(|mesh| Some([*places(mesh).first()?, *places(mesh).last()?]));
-            ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0, samples - 1]).map(|end| end as f64)
-        };
-        let ends = [ends(|mesh| &mesh.columns, placed.samples[0]), ends(|mesh| &mesh.rows, placed.samples[1])];
+        let ends = drawn_ends(scene);
         let degrees = |axis: usize, at: f64| at.mul_add(placed.step[axis], placed.origin[axis]);
         let [mut longitude, latitude, _] = globe.geodetic(eye.to_array());
         longitude += 360.0 * ((degrees(0, 0.5 * (ends[0][0] + ends[0][1])) - longitude) / 360.0).round();
@@ -73,7 +66,7 @@ impl<'a> Anchor<'a> {
         [x, z]
     }
 
-    fn row(&self, latitude: f64) -> [f32; ROW] {
+    fn row(&self, latitude: f64) -> [f32; ROW_WORDS as usize] {
         let ([from_axis, north], [away, high]) = (self.meridian(latitude), self.meridian(self.latitude));
         // A pole is on the axis, at all longitudes to the last bit.
         let (from_axis, level) = match latitude.abs() == 90.0 {
@@ -83,14 +76,24 @@ impl<'a> Anchor<'a> {
         [from_axis - away, from_axis, level, north - high, latitude.to_radians().sin()].map(|part| part as f32)
     }
 
-    /// Sine of the angle from the anchor, and what its cosine is less than 1.
-    fn column(&self, column: u64) -> [f32; 2] {
+    /// Its words.
+    fn column(&self, column: u64) -> [f32; COLUMN_WORDS as usize] {
         // The first column is itself again on the other side of the seam.
         let column = if self.placed.around == Some(column) { 0 } else { column };
         let longitude = (column as f64).mul_add(self.placed.step[0], self.placed.origin[0]);
         let angle = (longitude - self.longitude).to_radians();
         [angle.sin(), 2.0 * (0.5 * angle).sin().powi(2)].map(|part| part as f32)
     }
+}
+
+/// The first and the last column of the drawn chunks, and the first and the last row.
+pub fn drawn_ends(scene: &Scene) -> [[f64; 2]; 2] {
+    let ends = |places: fn(&Mesh) -> &[u64], samples: u64| {
+        let ends = scene.meshes.iter().filter_map(|mesh| Some([*places(mesh).first()?, *places(mesh).last()?]));
+        ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0, samples - 1]).map(|end| end as f64)
+    };
+    let [columns, rows] = scene.placed.samples;
+    [ends(|mesh| &mesh.columns, columns), ends(|mesh| &mesh.rows, rows)]
 }
 
 /// Where the lists of a picture have rows and columns.
@@ -274,7 +277,7 @@ mod tests {
                 let [rows, columns] = tables.of_chunk(mesh, &mut lists);
                 for (row, r) in mesh.rows.iter().enumerate() {
                     for (column, c) in mesh.columns.iter().enumerate() {
-                        let at = [rows + (ROW * row) as u32, columns + 2 * column as u32];
+                        let at = [rows + ROW_WORDS * row as u32, columns + COLUMN_WORDS * column as u32];
                         check(&lists, at, [*r, *c], mesh.height(row * mesh.samples.columns + column));
                     }
                 }

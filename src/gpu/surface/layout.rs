@@ -2,7 +2,7 @@
 
 use super::arena::Held;
 use super::constants::{self, CHUNK, FAN, SMALL, UNMEASURED};
-use super::globe::{Anchor, Tables};
+use super::globe::{Anchor, Tables, drawn_ends};
 use crate::color::transfer::Scale;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
 use crate::cpu::surface::raster::{POLE, Shown};
@@ -497,17 +497,12 @@ impl SurfaceUniform {
     }
 }
 
-/// Column and row of the sample that is nearest to an eye among those of the drawn chunks.
+/// Column and row of the sample that is nearest to an eye among those of the drawn chunks of a flat field.
 fn anchor_of(scene: &Scene, eye: DVec3) -> [u64; 2] {
-    let placed = &scene.placed;
-    let ends = |places: fn(&Mesh) -> &[u64], samples: u64| {
-        let ends = scene.meshes.iter().filter_map(|mesh| Some([*places(mesh).first()?, *places(mesh).last()?]));
-        ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or([0, samples - 1])
-    };
-    let ends = [ends(|mesh| &mesh.columns, placed.samples[0]), ends(|mesh| &mesh.rows, placed.samples[1])];
+    let (placed, ends) = (&scene.placed, drawn_ends(scene));
     std::array::from_fn(|axis| {
         let nearest = ((eye[axis] - placed.origin[axis]) / placed.step[axis]).round();
-        nearest.clamp(ends[axis][0] as f64, ends[axis][1] as f64) as u64
+        nearest.clamp(ends[axis][0], ends[axis][1]) as u64
     })
 }
 
