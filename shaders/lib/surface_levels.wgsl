@@ -1,8 +1,8 @@
 // Samples of the levels around a place of measured heights, and how much of them is covered (crates/draw/src/cpu/surface/resolve.rs).
 #define_import_path deepfield::surface_levels
-#import deepfield::surface_constants::CHUNK
+#import deepfield::surface_constants::{CHUNK, NONE}
 #import deepfield::surface_ray::{Hit, coverage_of}
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, is_lone, place_of_sample, NONE}
+#import deepfield::surface_view::{surface, words, draws, lists, Draw, is_lone, place_of_sample}
 
 /// What a column and a row add to the height on a plane of this normal.
 fn slope_of(normal: vec3<f32>) -> vec2<f32> {

@@ -1,11 +1,11 @@
 // What a place of measured heights looks like: its attribute's colour, the light on it, lines of equal height (crates/draw/src/cpu/surface/shade.rs).
 #define_import_path deepfield::surface_light
-#import deepfield::surface_constants::{FINER, SECANTS, MINOR, EDGE, REACH, BY_HEIGHT, BY_SLOPE, BY_ASPECT, BY_CURVATURE, BY_LEVEL, BY_PRIMITIVE, BY_RESIDUAL, BY_DIFFERENCE, BY_PLANE, BY_TEXTURE, BESIDE, UNMEASURED}
+#import deepfield::surface_constants::{FINER, SECANTS, MINOR, EDGE, REACH, BY_HEIGHT, BY_SLOPE, BY_ASPECT, BY_CURVATURE, BY_LEVEL, BY_PRIMITIVE, BY_RESIDUAL, BY_DIFFERENCE, BY_PLANE, BY_TEXTURE, BESIDE, UNMEASURED, NONE, POINTS}
 #import deepfield::surface_globe::{frame_at, rise_of, sight_at}
 #import deepfield::surface_levels::{between, index_of, share_of, levels_of, level_at, normal_of}
 #import deepfield::surface_look::{look, number_at}
 #import deepfield::surface_ray::{Hit, ray_at, walk, WIDE, ENDLESS}
-#import deepfield::surface_view::{surface, words, draws, NONE, POINTS}
+#import deepfield::surface_view::{surface, words, draws}
 
 /// Colours over the range of values.
 @group(1) @binding(1) var<storage, read> ramp: array<vec4<f32>>;

@@ -2,8 +2,8 @@
 //
 // Where the processor casts a ray through all of the surface, these follow it over cells from a little before what a sample shows.
 #define_import_path deepfield::surface_ray
-#import deepfield::surface_constants::CHUNK
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, height_of, camera_of, half_of, Half, NONE, LEAF, MIXED}
+#import deepfield::surface_constants::{CHUNK, NONE, LEAF, MIXED}
+#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, height_of, camera_of, half_of, Half}
 
 /// Rounding may leave a place so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f32 = 1e-4;

@@ -7,7 +7,7 @@
 // On a globe (`GLOBE`) rows and columns are looked up: of each `lists` has how far it is from the anchor, along axes that point away from the globe's
 // axis, to the east, and to the north. What is near the anchor is small in all of them, and so exact.
 #define_import_path deepfield::surface_view
-#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, ROW_WORDS, COLUMN_WORDS}
+#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, ROW_WORDS, COLUMN_WORDS, NONE, MIXED}
 
 struct SurfaceView {
     /// The anchor at the reference height, and what a column, a row and a unit of height add, in the camera's coordinates; on a globe the axes
@@ -120,16 +120,6 @@ struct Draw {
     rows_at: u32,
     columns_at: u32,
 }
-
-const NONE: u32 = 0xffffffffu;
-/// A branch of the tree of chunks that is a chunk: its number follows from here.
-const LEAF: u32 = 0x80000000u;
-/// Flags of a chunk: drawn as points, has samples that are not whole; and from these bits on one for each side that lies on a coarser chunk's,
-/// and for each whose triangles are listed.
-const POINTS: u32 = 1u;
-const MIXED: u32 = 2u;
-const LAID: u32 = 4u;
-const FANNED: u32 = 8u;
 
 @group(0) @binding(0) var<uniform> surface: SurfaceView;
 /// Samples of chunks: heights, then normals, then what is left of these and coverage, then colours.

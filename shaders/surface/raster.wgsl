@@ -1,7 +1,7 @@
 // Which triangle or point of a surface is seen at each sample of the picture, by the adapter's rasteriser: what visible.wgsl finds but for
 // how finely corners are rounded. Their places come from the same operations whatever they belong to.
-#import deepfield::surface_constants::{FAN}
-#import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, height_of, is_lone, is_measured, camera_of, from_eye, is_kept, half_of, POINTS, LAID, FANNED}
+#import deepfield::surface_constants::{FAN, POINTS, LAID, FANNED}
+#import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, height_of, is_lone, is_measured, camera_of, from_eye, is_kept, half_of}
 
 /// What is drawn at a time.
 struct SurfaceStep {

@@ -1,9 +1,9 @@
 // What a surface looks like at each pixel: the colours of the places that its samples show. One invocation for each pixel.
-#import deepfield::surface_constants::ENDS
+#import deepfield::surface_constants::{ENDS, NONE, MIXED}
 #import deepfield::surface_light::color_of
 #import deepfield::surface_look::{look, number_at}
 #import deepfield::surface_ray::{ray_at, walk, WIDE, ENDLESS}
-#import deepfield::surface_view::{surface, draws, NONE, MIXED}
+#import deepfield::surface_view::{surface, draws}
 
 @group(1) @binding(2) var<storage, read_write> light: array<vec4<f32>>;
 

@@ -3,8 +3,8 @@
 //
 // Everything is drawn twice: the first time the least depth of each sample is found, the second time the least number among those that have it.
 // `cells` draws the triangles that are small and lists the others for `large`; `fans` does so with triangles whose corners are listed.
-#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN}
-#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, half_of, NONE, POINTS, MIXED, LAID, FANNED, NOTHING, BEHIND, AHEAD}
+#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN, NONE, POINTS, MIXED, LAID, FANNED}
+#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, half_of, NOTHING, BEHIND, AHEAD}
 
 /// What is drawn at a time.
 struct SurfaceStep {

@@ -308,7 +308,7 @@ fn nothing_shows_through_where_levels_meet_on_a_globe() {
     let mut random = Random(11);
     let mut adapter = Offscreen::preferred();
     let mut joined = 0;
-    for round in 0..12 {
+    for round in 0..18 {
         // Over the seam, over the poles, and anywhere; near by and far away.
         let (longitude, latitude) = match round % 3 {
             0 => (180.0, 120.0 * random.next() - 60.0),
@@ -332,10 +332,7 @@ fn nothing_shows_through_where_levels_meet_on_a_globe() {
         let job = AdapterSurface { scene, view, parts: 1, look, form: None, technique, reference: 0.0, passes };
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
-        // Around a pole triangles of all levels are much thinner than a pixel, and depths of these are not exact: a few pixels of some views are
-        // open.
-        let most = if round % 3 == 1 { 3 } else { 0 };
-        assert!(open <= most, "{passes:?}, round {round}: {open} at {longitude} {latitude} {away} {aside}");
+        assert_eq!(open, 0, "{passes:?}, round {round}: at {longitude} {latitude} {away} {aside}");
     }
     assert!(joined > 50, "{joined} borders of levels");
 }
@@ -484,8 +481,8 @@ fn random_cut(nodes: &PagedSurface, placed: &Placed, view: &View, random: &mut R
 #[test]
 fn nothing_shows_through_where_levels_meet() {
     let folder = tempfile::tempdir().unwrap();
-    // Six levels.
-    let field = hills([9000, 600], Holes::None);
+    // Five levels, with borders along rows as well as along columns.
+    let field = hills([2400, 2300], Holes::None);
     let file = HeightFile::open(&built(folder.path(), &field), ReadMethod::default()).unwrap();
     let nodes = PagedSurface::new(Arc::new(file), u64::MAX);
     let placed = Placed::new(&field.grid, Map::Plate, 1.0, 0.0);

@@ -31,6 +31,18 @@ pub const FAN: u32 = 10;
 pub const ROW_WORDS: u32 = 5;
 /// Words of a column of a globe: the sine of the angle from the anchor, and what its cosine is less than 1.
 pub const COLUMN_WORDS: u32 = 2;
+/// Nothing.
+pub const NONE: u32 = u32::MAX;
+/// A branch of the tree of chunks that is a chunk: its number follows from here.
+pub const LEAF: u32 = 1 << 31;
+/// A flag of a chunk: drawn as points.
+pub const POINTS: u32 = 1;
+/// A flag of a chunk: has samples that are not whole.
+pub const MIXED: u32 = 2;
+/// The first bit of four flags of a chunk: a side that lies on a coarser chunk's.
+pub const LAID: u32 = 2;
+/// The first bit of four flags of a chunk: a side whose cells' triangles are listed.
+pub const FANNED: u32 = 6;
 /// Invocations of a workgroup.
 pub const GROUP: u32 = 256;
 
@@ -68,6 +80,12 @@ pub fn wgsl() -> String {
         ("FAN", FAN),
         ("ROW_WORDS", ROW_WORDS),
         ("COLUMN_WORDS", COLUMN_WORDS),
+        ("NONE", NONE),
+        ("LEAF", LEAF),
+        ("POINTS", POINTS),
+        ("MIXED", MIXED),
+        ("LAID", LAID),
+        ("FANNED", FANNED),
         ("SECANTS", SECANTS),
         ("ENDS", ENDS),
         ("BEFORE_POINTS", BEFORE_POINTS),

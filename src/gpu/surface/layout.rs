@@ -1,7 +1,7 @@
 //! What shaders are told of a surface: who looks and what it looks like, its chunks, and lists of numbers, heights and triangles.
 
 use super::arena::Held;
-use super::constants::{self, CHUNK, FAN, SMALL, UNMEASURED};
+use super::constants::{self, CHUNK, FAN, FANNED, LAID, LEAF, MIXED, NONE, POINTS, SMALL, UNMEASURED};
 use super::globe::{Anchor, Tables, drawn_ends};
 use crate::color::transfer::Scale;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
@@ -135,16 +135,6 @@ pub struct SurfaceStep {
     /// Padding.
     pub unused_end: [u32; 2],
 }
-
-/// Nothing.
-pub const NONE: u32 = u32::MAX;
-/// A branch of the tree that is a chunk.
-const LEAF: u32 = 1 << 31;
-/// Flags of a chunk, as `surface_view.wgsl` has them.
-const POINTS: u32 = 1;
-const MIXED: u32 = 2;
-const LAID: u32 = 2;
-const FANNED: u32 = 6;
 
 /// What is drawn of a scene.
 pub struct DrawList {

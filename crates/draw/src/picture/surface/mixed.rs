@@ -173,7 +173,7 @@ impl MixedSession {
         let shots: Vec<&Shot> = shots.into_iter().collect();
         if begins_with_heights {
             let look = shots.first().map(|shot| of_mode(&shot.look, &surface::MODE)).unwrap_or_default();
-            let unit = first.opened().length_unit(&first.prepare(&look)?.placed);
+            let unit = first.opened().length_unit(first.prepare(&look)?.placed.map);
             in_lengths_of(&unit, &mut others, options.read, &mut page_file)?;
         }
         let is_raw = options.raw;
@@ -248,7 +248,7 @@ impl MixedSession {
     fn unit(&self, prepared: &[Prepared]) -> Unit {
         match (&self.particles, self.fields.first().zip(prepared.first())) {
             (Some(session), _) if !self.begins_with_heights => session.tree().metadata().length_unit.clone(),
-            (_, Some(((_, session), prepared))) => session.opened().length_unit(&prepared.placed),
+            (_, Some(((_, session), prepared))) => session.opened().length_unit(prepared.placed.map),
             (_, None) => Unit::default(),
         }
     }
@@ -257,7 +257,7 @@ impl MixedSession {
     fn placements(&self, prepared: &[Prepared]) -> Vec<FieldPlacement> {
         let scene = self.unit(prepared);
         let each = self.fields.iter().zip(prepared).map(|((member, session), prepared)| {
-            placement_of(member, &session.opened().length_unit(&prepared.placed), &scene)
+            placement_of(member, &session.opened().length_unit(prepared.placed.map), &scene)
         });
         each.collect()
     }

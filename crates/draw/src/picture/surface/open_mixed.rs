@@ -75,7 +75,7 @@ impl OpenMixed {
             true => None,
             false => {
                 if begins_with_heights {
-                    let unit = first.opened.length_unit(&first.opened.placed(settings)?);
+                    let unit = first.opened.length_unit(first.opened.placed(settings)?.map);
                     in_lengths_of(&unit, &mut others, read, &mut built)?;
                 }
                 let data = OpenData::open(&others, read, built)?;
@@ -182,7 +182,7 @@ impl OpenMixed {
     pub fn unit(&self, settings: &Settings) -> Result<Unit, PictureError> {
         Ok(match &self.particles {
             Some((file, _)) if !self.begins_with_heights => file.metadata().length_unit.clone(),
-            _ => self.first().length_unit(&self.first().placed(settings)?),
+            _ => self.first().length_unit(self.first().placed(settings)?.map),
         })
     }
 
@@ -206,7 +206,7 @@ impl OpenMixed {
         settings: &Settings,
         unit: &Unit,
     ) -> Result<super::placement::FieldPlacement, PictureError> {
-        Ok(placement_of(&field.member, &field.opened.length_unit(&field.opened.placed(settings)?), unit))
+        Ok(placement_of(&field.member, &field.opened.length_unit(field.opened.placed(settings)?.map), unit))
     }
 
     /// The view of pictures whose camera nobody has placed, and what it looks at; `None` where particles come first.

@@ -169,11 +169,12 @@ impl OpenSurface {
 
     /// What a legend calls the values of a depiction.
     pub fn units(&self, depiction: &Depiction) -> Units {
-        let form = SurfaceSettings::new(&depiction.settings, &self.file.about().grid).map(|settings| settings.form);
-        self.units_of(self.coloured(depiction), form.unwrap_or(FormKind::Plane))
+        let settings = SurfaceSettings::new(&depiction.settings, &self.file.about().grid);
+        let (form, map) = settings.map_or((FormKind::Plane, Map::Plate), |settings| (settings.form, settings.map));
+        self.units_of(self.coloured(depiction), form, map)
     }
 
-    pub(super) fn units_of(&self, attribute: Coloured, form: FormKind) -> Units {
+    pub(super) fn units_of(&self, attribute: Coloured, form: FormKind, map: Map) -> Units {
         let grid = &self.file.about().grid;
         let named = |name: &str| match attribute {
             Coloured::Residual => format!("{name} from {form}"),
@@ -181,7 +182,7 @@ impl OpenSurface {
         };
         let value = surface::quantity_of(attribute)
             .map(|(name, unit)| (named(name), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
-        Units { mass: Unit::default(), length: grid.xy_unit.clone(), attribute: Unit::default(), value }
+        Units { mass: Unit::default(), length: self.length_unit(map), attribute: Unit::default(), value }
     }
 
     /// A form that is fitted to its samples, once for all pictures; `reporter` is told where these are not all.
@@ -206,10 +207,10 @@ impl OpenSurface {
         Ok(fitted)
     }
 
-    /// The unit of lengths of the world that it is placed in.
-    pub fn length_unit(&self, placed: &Placed) -> Unit {
+    /// The unit of lengths of the world that a map places it in.
+    pub fn length_unit(&self, map: Map) -> Unit {
         let grid = &self.file.about().grid;
-        match (units::is_degrees(&grid.xy_unit), placed.map) {
+        match (units::is_degrees(&grid.xy_unit), map) {
             (true, Map::Globe(_) | Map::Local { .. }) => grid.height_unit.clone(),
             _ => grid.xy_unit.clone(),
         }

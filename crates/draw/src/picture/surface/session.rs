@@ -290,7 +290,7 @@ impl SurfaceSession {
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: prepared.look.range[0] });
         let (mode, choice) = (prepared.mode, look.budget.level_choice());
         let depiction = Depiction { mode, settings: look.settings.clone(), attribute: coloring, choice };
-        (depiction, self.opened.units_of(prepared.attribute, prepared.settings.form))
+        (depiction, self.opened.units_of(prepared.attribute, prepared.settings.form, prepared.settings.map))
     }
 
     /// A picture in colours of a shot from a view, with what is in a box.
