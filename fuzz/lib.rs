@@ -5,13 +5,15 @@ mod page_checksums;
 #[path = "../crates/data/tests/support/run_checksums.rs"]
 mod run_checksums;
 
-use deepfield::import::{GridOptions, LoadOptions, formats, load_source, open_grid, summarize_grid, summarize_source};
-use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
-use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
-use deepfield::look::SceneFile;
+use deepfield::heights::import::{HeightOptions, open_heights, summarize_heights};
+use deepfield::heights::store::{HeightFile, verify_heights};
 use deepfield::hierarchy::Purpose;
 use deepfield::hierarchy::spacetime::Interpolation;
+use deepfield::import::{GridOptions, LoadOptions, formats, load_source, open_grid, summarize_grid, summarize_source};
+use deepfield::look::SceneFile;
 use deepfield::model::ReadMethod;
+use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
+use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
 use deepfield::store::run::{RunTree, verify_run};
 use deepfield::store::{PageFile, PageId, RunFile, Tree, verify};
 use deepfield::tour::TourFile;
@@ -42,6 +44,16 @@ pub fn grids(bytes: &[u8]) {
         let finite: u64 = channel.histogram.iter().sum();
         assert_eq!(finite + channel.nan + channel.infinite + channel.no_data, samples);
     }
+}
+
+/// Opens `bytes` as the heights that they claim to be, images among them, and reads every sample.
+pub fn heights(bytes: &[u8]) {
+    let Some(file) = file(bytes) else { return };
+    let options = HeightOptions { is_asked: true, ..HeightOptions::default() };
+    let Ok(source) = open_heights(file.path(), &options) else { return };
+    let Ok(summary) = summarize_heights(&source) else { return };
+    let invalid = summary.invalid;
+    assert_eq!(summary.valid + invalid.no_data + invalid.nan + invalid.infinite, summary.samples);
 }
 
 /// Reads `bytes` as every message of a show, and what a message of the leader holds as the scene or the tour that it is.
@@ -84,6 +96,19 @@ pub fn pages(bytes: &[u8]) {
     }
 }
 
+/// Opens `bytes` as a page file of heights, once as they are and once with every checksum made right, reads every chunk and every tile of a
+/// photo, and verifies the file.
+pub fn height_pages(bytes: &[u8]) {
+    let mut forged = bytes.to_vec();
+    page_checksums::correct(&mut forged);
+    for bytes in [bytes, &forged] {
+        let Some(file) = file(bytes) else { return };
+        let read = HeightFile::open(file.path(), ReadMethod::default()).map(|heights| has_all(&heights));
+        let verified = verify_heights(file.path(), &());
+        assert!(verified.is_err() || read.is_ok_and(|all| all), "verified, but not readable");
+    }
+}
+
 /// Opens `bytes` as a run, once as they are and once with the checksums of header and directory made right, verifies it, and draws its
 /// tracks at some times.
 pub fn runs(bytes: &[u8]) {
@@ -121,6 +146,13 @@ fn read(pages: &PageFile, id: PageId) -> bool {
         }
     }
     true
+}
+
+/// Whether all chunks and tiles of a file can be decoded; each of them is.
+fn has_all(heights: &HeightFile) -> bool {
+    let tiles = heights.photo().into_iter().flat_map(|photo| photo.lattice.keys());
+    let chunks = heights.lattice().keys().filter(|key| heights.chunk(*key).is_err()).count();
+    chunks + tiles.filter(|key| heights.tile(*key).is_err()).count() == 0
 }
 
 /// A file of these bytes, gone when dropped.

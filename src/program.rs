@@ -1,13 +1,15 @@
 //! The program as a value: what another crate adds to deepfield, and the command line that it is started with.
 
 use crate::commands::{self, Command};
+use crate::heights::import::height_names;
 use crate::import::{self, Format};
 use crate::mode::Mode;
 use crate::modes;
 use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;
 
-/// Explore huge point data and sampled grids: snapshots, star catalogues, images, volumes, and their hierarchies on disk.
+/// Explore huge point data, sampled grids and measured heights: snapshots, star catalogues, images, volumes, surfaces, and their
+/// hierarchies on disk.
 ///
 /// Without a command, deepfield opens its demo dataset in a window, or renders it to a file where there is no display.
 #[derive(Parser)]
@@ -18,7 +20,8 @@ use std::process::ExitCode;
   deepfield view snapshot_099.hdf5                 look around in a snapshot
   deepfield render snapshot_099.hdf5 -o halo.png   the same picture without a window
   deepfield info snapshot_099.hdf5                 what the file holds
-  deepfield build head.nrrd -o head.df             an image or a volume, as oriented points over its samples"
+  deepfield build head.nrrd -o head.df             an image or a volume, as oriented points over its samples
+  deepfield view surface.sur                       measured heights: turn them, read samples, draw profiles"
 )]
 struct CommandLine {
     #[command(subcommand)]
@@ -78,6 +81,7 @@ impl Program {
         };
         match outcome {
             Ok(()) => ExitCode::SUCCESS,
+            Err(error) if is_unread(&*error) => ExitCode::SUCCESS,
             Err(error) if error.is::<clap::Error>() => {
                 // What only the files that are named make wrong.
                 eprint!("{error}");
@@ -93,14 +97,40 @@ impl Program {
     }
 }
 
+/// Whether all that went wrong is that nobody reads standard output any more, as behind `| head`. What comes of files is told with their
+/// names, so that it is not the system's bare error.
+fn is_unread(error: &(dyn std::error::Error + Send + Sync + 'static)) -> bool {
+    let bare = error.downcast_ref::<std::io::Error>();
+    bare.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe && error.raw_os_error().is_some())
+}
+
 /// The command that is asked for; leaves the program where there is a mistake, or help was asked for.
 fn command_line() -> Option<Command> {
     let command = CommandLine::command();
     let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-    let [modes, particles, grids] = [modes::names(), import::names(), import::grid::grid_names()];
+    let [modes, particles] = [modes::names(), import::names()];
+    let [grids, heights] = [import::grid::grid_names(), height_names()];
     let known = format!(
-        "{examples}\n\nModes: {modes}\nFormats of particles: {particles}\nFormats of images and volumes: {grids}"
+        "{examples}\n\nModes: {modes}\nFormats of particles: {particles}\nFormats of images and volumes: {grids}\n\
+         Formats of heights: {heights}"
     );
     let matches = command.after_help(known).get_matches();
     CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::io::{Error, ErrorKind, Write};
+    use std::os::unix::net::UnixStream;
+
+    #[test]
+    fn a_reader_that_has_seen_enough_is_no_failure() {
+        let (mut ours, theirs) = UnixStream::pair().expect("a pair of sockets");
+        drop(theirs);
+        let broken = ours.write_all(b"more").expect_err("nobody reads it");
+        assert!(is_unread(&broken), "{broken:?}");
+        assert!(!is_unread(&Error::new(ErrorKind::BrokenPipe, "out.csv: broken pipe")));
+        assert!(!is_unread(&Error::from_raw_os_error(2)) && !is_unread(&std::fmt::Error));
+    }
 }

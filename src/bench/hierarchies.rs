@@ -1,9 +1,11 @@
 //! Hierarchies side by side: the same particles in the same views, within the same numbers of splats, through each of them.
 
+mod curves;
+pub mod ways;
+
 use super::hierarchies_in_memory::{self as in_memory, Splat};
 use super::hierarchies_of_fields;
 use super::paged::{Drawn, Paged};
-use super::plot;
 use super::sheet::{Entry, sheet};
 use super::splat::Failure;
 use super::{Arguments, Times};
@@ -13,55 +15,34 @@ use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, output};
 use crate::command_line::arguments::PictureSize;
 use crate::command_line::progress_bar::Terminal;
+use crate::command_line::usage;
 use crate::cpu::{Extent, Method, Positions, SplatOptions, Splats, Sprite, draw};
 use crate::hierarchy::{Kinds, Purpose};
 use crate::look::{DataKind, LookPatch, Member};
-use crate::mode::{LevelChoice, Levels as LevelKind, Plan};
+use crate::mode::{LevelChoice, Levels as LevelKind, Mode, Plan};
 use crate::model::{Bounds, Covariance, Dataset, Kernel};
-use crate::modes::column_density;
+use crate::modes::{column_density, xray};
 use crate::picture::Subject;
-use crate::picture::field::FieldSession;
 use crate::picture::source::{Wanted, particles};
 use crate::store::{InMemory, Representative, Tree};
 use crate::stream::first_nodes;
-use crate::synth::{Generator, clusters::Clusters, filaments::Filaments, gadget};
+use crate::synth::grids::{self, SyntheticGrid};
+use crate::synth::{Generator, clusters::Clusters, filaments::Filaments, gadget, grid_files};
 use crate::view::{Projection, View};
 use glam::DVec3;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Ways from hierarchies to pictures, and what each is. Unless asked for, only the first [`USUAL`] are compared.
-pub const WAYS: [(&str, &str); 14] = [
-    ("sample", "an even sample of the particles"),
-    ("octree-tau", "merged particles within 0.8 pixels"),
-    ("octree", "merged particles, best first"),
-    ("octree-volume", "round splats of equal spread in octree cells"),
-    ("pca", "clusters with their second moments"),
-    ("pca-round", "the same, drawn round"),
-    ("pca-free", "the same of a tree that no octree cuts, uncoded"),
-    ("pca-published", "HE03: splits by distortion, sizes by equation 2"),
-    ("pca-gaussian", "pca, each cluster a Gaussian"),
-    ("pca-disc", "pca, each cluster a disc"),
-    ("pca-pixel", "pca, each cluster a pixel"),
-    ("wavelet", "of images and volumes: oriented points"),
-    ("wavelet-round", "the same without directions"),
-    ("mip", "box means of an evenly coarser grid"),
-];
-
-/// Those that differ in more than the footprint.
-const USUAL: usize = 8;
+use ways::{Data, Way};
 
 /// What is compared.
 #[derive(clap::Args, Clone, Debug)]
 #[group(id = "bench-hierarchies")]
 pub struct Options {
-    /// Hierarchies that `bench hierarchies` compares: sample, octree-tau, octree, octree-volume, pca, pca-round, pca-free, pca-published; and with other
-    /// footprints pca-gaussian, pca-disc, pca-pixel; and of images and volumes wavelet, wavelet-round, mip.
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = WAYS.map(|(name, _)| name),
-          default_values = WAYS[..USUAL].iter().map(|(name, _)| *name))]
-    pub hierarchies: Vec<String>,
+    /// Hierarchies that `bench hierarchies` compares [default: all that take the data's kind, but pca-gaussian, pca-disc and pca-pixel].
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_enum)]
+    pub hierarchies: Vec<Way>,
     /// Numbers of splats of `bench hierarchies`, as numbers or shares of the particles.
     #[arg(long, value_name = "N%,...", value_delimiter = ',', value_parser = budget, default_values = ["1%", "4%", "16%"])]
     pub budgets: Vec<Budget>,
@@ -100,8 +81,8 @@ impl Budget {
 /// What one hierarchy comes to in one view with one budget. Errors are of the sums against the exact ones, relative.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
-    /// Its name.
-    pub hierarchy: String,
+    /// Which it is.
+    pub hierarchy: Way,
     /// Splats at most.
     pub budget: u64,
     /// Index of the view.
@@ -156,7 +137,7 @@ pub struct Camera {
 #[derive(Clone, Debug, Serialize)]
 pub struct Best {
     budget: u64,
-    hierarchy: String,
+    hierarchy: Way,
     error_l2: f64,
 }
 
@@ -182,41 +163,122 @@ pub enum Reports {
     Several(Vec<Report>),
 }
 
+/// Data that is made where none is named.
+enum Made {
+    /// A snapshot.
+    Particles(Box<dyn Generator>),
+    /// A volume, as `synth` makes it.
+    Volume(SyntheticGrid),
+}
+
+/// Samples along the sides of volumes that are made: as many samples as particles, where that is quickly built and drawn.
+const SIDES: [f64; 2] = [8.0, 64.0];
+
+impl Made {
+    /// All that is made, by its names for `synth`.
+    fn all(arguments: &Arguments, particles: u64) -> [(&'static str, Made); 4] {
+        let side = (particles as f64).cbrt().round().clamp(SIDES[0], SIDES[1]) as u64;
+        let volume = |kind| Made::Volume(SyntheticGrid::new(kind, 3, [side; 3], arguments.seed));
+        [
+            ("filaments", Made::Particles(Box::new(Filaments::new(arguments.seed, particles)))),
+            ("clusters", Made::Particles(Box::new(Clusters::new(arguments.seed, particles)))),
+            ("wave", volume(grids::Kind::Wave { level: 2, direction: 0, angle: 0.0 })),
+            ("blobs", volume(grids::Kind::Blobs)),
+        ]
+    }
+
+    /// What it is, and the mode by whose sums it is compared.
+    fn data(&self) -> (Data, &'static Mode) {
+        match self {
+            Made::Particles(_) => (Data::Particles, &column_density::MODE),
+            Made::Volume(_) => (Data::Samples, &xray::MODE),
+        }
+    }
+
+    /// Compares it by those of its hierarchies that are asked for.
+    fn compare(&self, name: &str, arguments: &Arguments, folder: &Path) -> Result<Report, Failure> {
+        let temporary = tempfile::tempdir()?;
+        let source = temporary.path().join(name);
+        let (data, _) = self.data();
+        let asked = &arguments.hierarchies.hierarchies;
+        let own: Vec<Way> = asked.iter().copied().filter(|way| way.takes(data)).collect();
+        match self {
+            Made::Particles(generator) => {
+                let mut file = std::io::BufWriter::new(std::fs::File::create(&source)?);
+                gadget::write(generator.as_ref(), &mut file, &())?;
+                std::io::Write::flush(&mut file)?;
+                let named = format!("synth {name} -n {}", generator.len());
+                let ways = data.chosen(&own, &named)?;
+                Bench::new(&source, named, arguments)?.run(&ways, folder)
+            }
+            Made::Volume(grid) => {
+                grid_files::write(grid, &source, &())?;
+                let [x, y, z] = grid.shape();
+                let named = format!("synth {name} --size {x},{y},{z}");
+                let ways = data.chosen(&own, &named)?;
+                hierarchies_of_fields::compare(&source, named, &ways, arguments, folder)
+            }
+        }
+    }
+}
+
 /// Compares hierarchies, writes pictures, differences and curves, and prints a table to standard error.
 ///
 /// # Errors
-/// When the data cannot be read or built, or a file cannot be written.
+/// When the data cannot be read or built, a hierarchy that is asked for does not take it, or a file cannot be written.
 pub fn measure(arguments: &Arguments) -> Result<Reports, Failure> {
     // What is asked for on the command line; the default names all.
-    if arguments.backends.len() == 1 && arguments.backends[0] != "cpu" {
-        return Err(format!("--backends {}: hierarchies are compared on the processor", arguments.backends[0]).into());
+    if !arguments.backends.iter().any(|name| name == "cpu") {
+        let found = arguments.backends.join(",");
+        return Err(usage(format!("--backends: found {found}, expected cpu, which hierarchies are compared on")));
     }
     let folder = arguments.flight.output.as_deref().unwrap_or(Path::new("hierarchies"));
+    let asked = &arguments.hierarchies.hierarchies;
     if let Some(path) = &arguments.path {
-        let report = match FieldSession::is_field(path) {
-            true => hierarchies_of_fields::compare(path, path.display().to_string(), arguments, folder)?,
-            false => Bench::new(path, path.display().to_string(), arguments)?.run(folder)?,
+        let named = path.display().to_string();
+        let data = Data::of(path)?;
+        let ways = data.chosen(asked, &named)?;
+        let report = match data {
+            Data::Particles => {
+                check_mode(&named, arguments.flight.mode, &column_density::MODE)?;
+                Bench::new(path, named, arguments)?.run(&ways, folder)?
+            }
+            Data::Samples | Data::BuiltSamples => {
+                hierarchies_of_fields::compare(path, named, &ways, arguments, folder)?
+            }
         };
         write_csv(arguments, std::slice::from_ref(&report))?;
         return Ok(Reports::One(Box::new(report)));
     }
     let particles = arguments.sizes.first().copied().unwrap_or(200_000);
-    let generated: [(&str, Box<dyn Generator>); 2] = [
-        ("filaments", Box::new(Filaments::new(arguments.seed, particles))),
-        ("clusters", Box::new(Clusters::new(arguments.seed, particles))),
-    ];
     let mut reports = Vec::new();
-    let sources = tempfile::tempdir()?;
-    for (name, generator) in generated {
-        let source = sources.path().join(name);
-        let mut file = std::io::BufWriter::new(std::fs::File::create(&source)?);
-        gadget::write(generator.as_ref(), &mut file, &())?;
-        std::io::Write::flush(&mut file)?;
-        let named = format!("synth {name} -n {particles}");
-        reports.push(Bench::new(&source, named, arguments)?.run(&folder.join(name))?);
+    for (name, made) in Made::all(arguments, particles) {
+        let (data, mode) = made.data();
+        let is_taken = asked.is_empty() || asked.iter().any(|way| way.takes(data));
+        if is_taken && arguments.flight.mode.is_none_or(|asked| asked.name == mode.name) {
+            reports.push(made.compare(name, arguments, &folder.join(name))?);
+        }
+    }
+    if let (true, Some(mode)) = (reports.is_empty(), arguments.flight.mode) {
+        let [particles, volumes] = [column_density::MODE.name, xray::MODE.name];
+        return Err(usage(format!(
+            "--mode: found {}, expected {particles} with hierarchies of particles, {volumes} with those of volumes",
+            mode.name
+        )));
     }
     write_csv(arguments, &reports)?;
     Ok(Reports::Several(reports))
+}
+
+/// Refuses another mode than the one by whose sums hierarchies of such data are compared; `named` is the data's name.
+///
+/// # Errors
+/// Wrong usage.
+pub(super) fn check_mode(named: &str, asked: Option<&'static Mode>, own: &Mode) -> Result<(), Failure> {
+    match asked.filter(|asked| asked.name != own.name) {
+        Some(asked) => Err(usage(format!("{named}: --mode: found {}, expected {}", asked.name, own.name))),
+        None => Ok(()),
+    }
 }
 
 /// What all pictures share.
@@ -263,7 +325,7 @@ impl<'a> Bench<'a> {
         Ok(Bench { arguments, named, paged, source, splats, kernel, built, _folder: temporary })
     }
 
-    fn run(mut self, folder: &Path) -> Result<Report, Failure> {
+    fn run(mut self, ways: &[Way], folder: &Path) -> Result<Report, Failure> {
         std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         let options = &self.arguments.hierarchies;
         let PictureSize { width, height } =
@@ -273,17 +335,17 @@ impl<'a> Bench<'a> {
         let all_views = views(bounds, options.views.into(), (width, height))?;
         let transfer = TransferFunction::preset(column_density::MODE.transfer[0]).unwrap_or_default();
         let (mut outcomes, mut shown): (Vec<Outcome>, Vec<Shown>) = (Vec::new(), Vec::new());
-        print_head();
+        print_head(&self.named);
         for (number, (view, _)) in all_views.iter().enumerate() {
             let exact = self.exact(view)?;
             let levels = transfer.levels(&exact);
             let truth = composite_at(&exact, &transfer, &levels);
-            for kind in &options.hierarchies {
+            for way in ways {
                 for budget in &options.budgets {
                     let budget = budget.of(particles);
-                    let drawn = self.draw(kind, view, budget)?;
+                    let drawn = self.draw(*way, view, budget)?;
                     let image = composite_at(&drawn.sums, &transfer, &levels);
-                    let outcome = self.outcome(kind, budget, number, &drawn, (&exact, &truth), &image);
+                    let outcome = self.outcome(*way, budget, number, &drawn, (&exact, &truth), &image);
                     print_row(&outcome);
                     if number == 0 {
                         shown.push(Shown { outcome: outcome.clone(), image });
@@ -295,8 +357,7 @@ impl<'a> Bench<'a> {
                 Shown::write(folder, options.budgets.len() as u32, &truth, &shown)?;
             }
         }
-        let best = best(&outcomes);
-        plot::write_curves(folder, &outcomes)?;
+        let best = conclude(folder, &outcomes)?;
         Ok(Report {
             source: self.named,
             particles,
@@ -322,28 +383,31 @@ impl<'a> Bench<'a> {
         Ok(subject.draw_nodes(view, &nodes, &Plan::default())?.sums(depiction.mode)?.0)
     }
 
-    fn draw(&mut self, kind: &str, view: &View, budget: u64) -> Result<Drawn, Failure> {
+    fn draw(&mut self, way: Way, view: &View, budget: u64) -> Result<Drawn, Failure> {
         let choice =
             |levels, representative, splats| LevelChoice { levels, representative, splats, ..LevelChoice::default() };
         let (ellipsoid, round) = (Representative::Ellipsoid, Representative::Round);
-        match kind {
-            "sample" => {
+        match way {
+            Way::Sample => {
                 let share = (budget as f64 / self.paged.file.metadata().particles() as f64).min(1.0) as f32;
                 self.paged(choice(LevelKind::Splats, ellipsoid, None), view, 0.0, Plan { share, ..Plan::default() })
             }
-            "octree-tau" => self.paged(choice(LevelKind::Splats, ellipsoid, None), view, 0.8, Plan::default()),
-            "octree" => self.paged(choice(LevelKind::Splats, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
-            "pca" => self.paged(choice(LevelKind::Clusters, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
-            "pca-round" => self.paged(choice(LevelKind::Clusters, round, Some(budget)), view, 0.8, Plan::default()),
-            "pca-gaussian" => self.with_footprint(Sprite::Gaussian, view, budget),
-            "pca-disc" => self.with_footprint(Sprite::Disc, view, budget),
-            "pca-pixel" => self.with_footprint(Sprite::Pixel, view, budget),
-            "octree-volume" => Ok(self.of_splats(&in_memory::in_cells(&self.splats, budget as usize), None, view)?),
-            "pca-free" => {
+            Way::OctreeTau => self.paged(choice(LevelKind::Splats, ellipsoid, None), view, 0.8, Plan::default()),
+            Way::Octree => self.paged(choice(LevelKind::Splats, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
+            Way::Pca => self.paged(choice(LevelKind::Clusters, ellipsoid, Some(budget)), view, 0.8, Plan::default()),
+            Way::PcaRound => self.paged(choice(LevelKind::Clusters, round, Some(budget)), view, 0.8, Plan::default()),
+            Way::PcaGaussian => self.with_footprint(Sprite::Gaussian, view, budget),
+            Way::PcaDisc => self.with_footprint(Sprite::Disc, view, budget),
+            Way::PcaPixel => self.with_footprint(Sprite::Pixel, view, budget),
+            Way::OctreeVolume => Ok(self.of_splats(&in_memory::in_cells(&self.splats, budget as usize), None, view)?),
+            Way::PcaFree => {
                 let (splats, covariances) = in_memory::free(&self.splats, budget as usize, self.kernel);
                 Ok(self.of_splats(&splats, Some(&covariances), view)?)
             }
-            _ => Ok(self.of_splats(&in_memory::published(&self.splats, budget as usize, self.kernel), None, view)?),
+            Way::PcaPublished => {
+                Ok(self.of_splats(&in_memory::published(&self.splats, budget as usize, self.kernel), None, view)?)
+            }
+            Way::Wavelet | Way::WaveletRound | Way::Mip => Err(Data::Particles.refusal(way, &self.named)),
         }
     }
 
@@ -379,7 +443,7 @@ impl<'a> Bench<'a> {
 
     fn outcome(
         &self,
-        kind: &str,
+        hierarchy: Way,
         budget: u64,
         view: usize,
         drawn: &Drawn,
@@ -390,7 +454,7 @@ impl<'a> Bench<'a> {
         let pages: BTreeSet<_> = drawn.nodes.iter().map(|node| node.node.page).collect();
         let is_paged = drawn.select_ms.is_some();
         Outcome {
-            hierarchy: kind.to_owned(),
+            hierarchy,
             budget,
             view,
             splats: drawn.splats,
@@ -487,23 +551,39 @@ pub(super) fn views(bounds: Bounds, count: usize, (width, height): (u32, u32)) -
     (0..count).map(view).collect()
 }
 
-/// For each number of splats the smallest mean L2 error of all views.
-pub(super) fn best(outcomes: &[Outcome]) -> Vec<Best> {
+/// Writes the curves of all outcomes, and tells under their table who is best.
+///
+/// # Errors
+/// When a file cannot be written.
+pub(super) fn conclude(folder: &Path, outcomes: &[Outcome]) -> Result<Vec<Best>, Failure> {
+    let best = best(outcomes);
+    for Best { budget, hierarchy, error_l2 } in &best {
+        eprintln!("best within {budget} splats: {hierarchy}, L2 {error_l2:.4}");
+    }
+    curves::write(folder, outcomes)?;
+    Ok(best)
+}
+
+/// How far a number of splats may be exceeded, as a factor: a sample has its number only in the mean.
+const MOST_OVER: f64 = 1.02;
+
+/// For each number of splats the smallest mean L2 error of all views, of those that keep to the number in each.
+fn best(outcomes: &[Outcome]) -> Vec<Best> {
     let budgets: BTreeSet<u64> = outcomes.iter().map(|outcome| outcome.budget).collect();
-    let mean = |budget: u64, hierarchy: &str| {
-        let own = outcomes.iter().filter(|own| own.budget == budget && own.hierarchy == hierarchy);
-        let (sum, count) = own.fold((0.0, 0), |(sum, count), own| (sum + own.error_l2, count + 1));
-        sum / f64::from(count.max(1))
-    };
     // What takes as many splats as it likes is not in the race.
-    let names: BTreeSet<&str> =
-        outcomes.iter().map(|own| own.hierarchy.as_str()).filter(|name| *name != "octree-tau").collect();
-    let of = |budget: &u64| {
-        let all = names.iter().map(|name| (mean(*budget, name), *name));
-        let (error_l2, name) = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(Best { budget: *budget, hierarchy: name.to_owned(), error_l2 })
+    let ways: BTreeSet<Way> = outcomes.iter().map(|own| own.hierarchy).filter(|way| *way != Way::OctreeTau).collect();
+    let mean = |budget: u64, way: Way| {
+        let own = || outcomes.iter().filter(move |own| own.budget == budget && own.hierarchy == way);
+        let keeps = own().all(|own| own.splats as f64 <= MOST_OVER * budget as f64);
+        let count = own().count();
+        (keeps && count > 0).then(|| own().map(|own| own.error_l2).sum::<f64>() / count as f64)
     };
-    budgets.iter().filter_map(of).collect()
+    let of = |budget: u64| {
+        let all = ways.iter().filter_map(|way| Some((mean(budget, *way)?, *way)));
+        let (error_l2, hierarchy) = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Best { budget, hierarchy, error_l2 })
+    };
+    budgets.into_iter().filter_map(of).collect()
 }
 
 /// The most memory that the program has taken, where the system says.
@@ -528,8 +608,10 @@ fn write_csv(arguments: &Arguments, reports: &[Report]) -> Result<(), Failure> {
         "bytes_read",
         "bytes_file",
         "build_s",
+        "build_peak_memory",
         "select_ms",
         "frame_ms",
+        "frame_ms_fastest",
         "error_l1",
         "error_l2",
         "error_color",
@@ -545,7 +627,7 @@ fn write_csv(arguments: &Arguments, reports: &[Report]) -> Result<(), Failure> {
             writer
                 .write_record([
                     report.source.clone(),
-                    own.hierarchy.clone(),
+                    own.hierarchy.to_string(),
                     own.budget.to_string(),
                     own.view.to_string(),
                     own.splats.to_string(),
@@ -553,8 +635,10 @@ fn write_csv(arguments: &Arguments, reports: &[Report]) -> Result<(), Failure> {
                     whole(own.bytes_read),
                     whole(own.bytes_file),
                     real(own.build_s),
+                    whole(own.build_peak_memory),
                     real(own.select_ms),
                     own.frame_ms.median.to_string(),
+                    own.frame_ms.fastest.to_string(),
                     own.error_l1.to_string(),
                     own.error_l2.to_string(),
                     own.error_color.mean.to_string(),
@@ -568,7 +652,9 @@ fn write_csv(arguments: &Arguments, reports: &[Report]) -> Result<(), Failure> {
     writer.flush().map_err(|error| format!("{}: {error}", path.display()).into())
 }
 
-pub(super) fn print_head() {
+/// Begins the table of some data.
+pub(super) fn print_head(named: &str) {
+    eprintln!("{named}");
     eprintln!(
         "{:<14} {:>4} {:>9} {:>9} {:>6} {:>9} {:>9} {:>8} {:>8} {:>8} {:>7}",
         "hierarchy", "view", "budget", "splats", "nodes", "select ms", "frame ms", "L1", "L2", "of 255", "PSNR"
@@ -590,4 +676,65 @@ pub(super) fn print_row(own: &Outcome) {
         own.error_color.mean,
         own.psnr
     );
+}
+
+#[cfg(test)]
+impl Outcome {
+    /// One of the first view, of which nothing else is known.
+    fn of_tests(hierarchy: Way, budget: u64, splats: u64, error_l2: f64) -> Outcome {
+        Outcome {
+            hierarchy,
+            budget,
+            view: 0,
+            splats,
+            nodes: 0,
+            bytes_read: None,
+            bytes_file: None,
+            build_s: None,
+            build_peak_memory: None,
+            select_ms: None,
+            frame_ms: Times { median: 1.0, fastest: 1.0 },
+            error_l1: error_l2,
+            error_l2,
+            error_color: ColorError { mean: 0.0, p99: 0.0 },
+            psnr: 0.0,
+            error_bound: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_best_keep_to_the_number_of_splats() {
+        let of = Outcome::of_tests;
+        let outcomes = [
+            // All that it has is more than that.
+            of(Way::Octree, 10, 71, 0.01),
+            of(Way::OctreeTau, 10, 5, 0.001),
+            of(Way::Sample, 10, 10, 0.9),
+            of(Way::Pca, 10, 9, 0.3),
+            // Two views, of which one is beyond the number.
+            of(Way::Octree, 100, 100, 0.01),
+            of(Way::Octree, 100, 103, 0.01),
+            of(Way::Sample, 100, 102, 0.1),
+            of(Way::Sample, 100, 98, 0.3),
+            of(Way::Pca, 100, 100, 0.1),
+            of(Way::Pca, 100, 100, 0.5),
+            // Nobody.
+            of(Way::Octree, 1, 71, 0.01),
+        ];
+        let found: Vec<_> = best(&outcomes).iter().map(|best| (best.budget, best.hierarchy, best.error_l2)).collect();
+        assert_eq!(found, [(10, Way::Pca, 0.3), (100, Way::Sample, 0.2)]);
+    }
+
+    #[test]
+    fn other_modes_are_refused() {
+        let check = |asked| check_mode("a.hdf5", asked, &column_density::MODE);
+        assert!(check(None).is_ok() && check(Some(&column_density::MODE)).is_ok());
+        let told = check(Some(&xray::MODE)).map_err(|error| error.to_string());
+        assert!(told.is_err_and(|told| told.contains("a.hdf5: --mode: found xray, expected column-density")));
+    }
 }

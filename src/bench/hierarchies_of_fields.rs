@@ -2,11 +2,13 @@
 //!
 //! Volumes are compared by the line integrals of their values, images by the values themselves.
 
+use super::hierarchies::ways::{Data, Way};
 use super::hierarchies::{
-    Outcome, Report, Shown, best, color_errors, milliseconds, peak_memory, print_head, print_row, sum_errors, views,
+    Outcome, Report, Shown, check_mode, color_errors, conclude, milliseconds, peak_memory, print_head, print_row,
+    sum_errors, views,
 };
 use super::splat::Failure;
-use super::{Arguments, Times, plot};
+use super::{Arguments, Times};
 use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::color::Accumulation;
 use crate::color::composite::composite_at;
@@ -15,9 +17,8 @@ use crate::command_line::arguments::PictureSize;
 use crate::cpu::field::{Field, FieldLevel, xray};
 use crate::hierarchy::wavelet::{Options, Types, Weighting};
 use crate::import::{GridOptions, open_grid};
-use crate::look::DataKind;
 use crate::model::{Grid, ReadMethod};
-use crate::modes::xray::MODE;
+use crate::modes::{image, xray as xray_mode};
 use crate::picture::field::{OpenField, Wanted};
 use crate::view::View;
 use glam::{DMat3, DVec3};
@@ -25,12 +26,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is compared.
-const WAYS: [&str; 3] = ["wavelet", "wavelet-round", "mip"];
-
 /// A hierarchy over the samples.
-struct Way {
-    name: &'static str,
+struct Built {
+    way: Way,
     /// Its file, open; `None` of means, which have none.
     open: Option<OpenField>,
     bytes: Option<u64>,
@@ -40,38 +38,42 @@ struct Way {
 /// Compares hierarchies of an image or a volume, and writes pictures, differences and curves.
 ///
 /// # Errors
-/// When the data cannot be read or built, or a file cannot be written.
-pub fn compare(path: &Path, named: String, arguments: &Arguments, folder: &Path) -> Result<Report, Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+/// When the data cannot be read or built, another mode than its own is asked for, or a file cannot be written.
+pub fn compare(
+    path: &Path,
+    named: String,
+    ways: &[Way],
+    arguments: &Arguments,
+    folder: &Path,
+) -> Result<Report, Failure> {
     let options = &arguments.hierarchies;
     let PictureSize { width, height } = arguments.flight.size.unwrap_or(PictureSize { width: 512, height: 512 });
-    let asked: Vec<&'static str> =
-        WAYS.into_iter().filter(|way| options.hierarchies.iter().any(|name| name == way)).collect();
-    // The default names hierarchies of particles.
-    let names = if asked.is_empty() { WAYS.to_vec() } else { asked };
     let temporary = tempfile::tempdir()?;
     let source = OpenField::open(path, ReadMethod::default(), None)?;
     let grid = source.grid().clone();
+    let own_mode = if grid.dimensions == 2 { &image::MODE } else { &xray_mode::MODE };
+    check_mode(&named, arguments.flight.mode, own_mode)?;
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let samples: u64 = grid.shape.iter().product();
     let exact = source.shown(None, &[0], false)?.field;
-    let mut ways = Vec::new();
-    for name in names {
-        ways.push(Way::new(name, path, temporary.path(), arguments)?);
+    let mut built = Vec::new();
+    for way in ways {
+        built.push(Built::new(*way, path, temporary.path(), arguments)?);
     }
     // An image has one side.
     let count = if grid.dimensions == 2 { 1 } else { options.views.into() };
     let all_views = views(grid.bounds(), count, (width, height))?;
-    let transfer = TransferFunction::preset(MODE.transfer[0]).unwrap_or_default();
+    let transfer = TransferFunction::preset(xray_mode::MODE.transfer[0]).unwrap_or_default();
     let (mut outcomes, mut shown) = (Vec::new(), Vec::new());
-    print_head();
+    print_head(&named);
     for (number, (view, _)) in all_views.iter().enumerate() {
         let sums = picture(view, &exact);
         let levels = transfer.levels(&sums);
         let truth = composite_at(&sums, &transfer, &levels);
-        for way in &mut ways {
+        for own in &built {
             for budget in options.budgets.iter().map(|budget| budget.of(samples)) {
                 let start = Instant::now();
-                let (field, splats, nodes) = way.field(&exact, &grid, budget)?;
+                let (field, splats, nodes) = own.field(&exact, &grid, budget)?;
                 let selected = start.elapsed();
                 let (mut times, mut drawn) = (Vec::new(), Accumulation::default());
                 for _ in 0..arguments.repeat {
@@ -82,15 +84,15 @@ pub fn compare(path: &Path, named: String, arguments: &Arguments, folder: &Path)
                 let image = composite_at(&drawn, &transfer, &levels);
                 let [error_l1, error_l2, psnr] = sum_errors(&drawn, &sums);
                 let outcome = Outcome {
-                    hierarchy: way.name.to_owned(),
+                    hierarchy: own.way,
                     budget,
                     view: number,
                     splats,
                     nodes,
-                    bytes_read: way.bytes,
-                    bytes_file: way.bytes,
-                    build_s: way.built.map(|(seconds, _)| seconds),
-                    build_peak_memory: way.built.and_then(|(_, memory)| memory),
+                    bytes_read: own.bytes,
+                    bytes_file: own.bytes,
+                    build_s: own.built.map(|(seconds, _)| seconds),
+                    build_peak_memory: own.built.and_then(|(_, memory)| memory),
                     select_ms: Some(1e3 * selected.as_secs_f64()),
                     frame_ms: milliseconds(Times::of(times)),
                     error_l1,
@@ -110,37 +112,40 @@ pub fn compare(path: &Path, named: String, arguments: &Arguments, folder: &Path)
             Shown::write(folder, options.budgets.len() as u32, &truth, &shown)?;
         }
     }
-    plot::write_curves(folder, &outcomes)?;
+    let best = conclude(folder, &outcomes)?;
     Ok(Report {
         source: named,
         particles: samples,
         size: [width, height],
         views: all_views.iter().map(|(_, camera)| *camera).collect(),
-        best: best(&outcomes),
         outcomes,
+        best,
     })
 }
 
-impl Way {
-    fn new(name: &'static str, path: &Path, folder: &Path, arguments: &Arguments) -> Result<Way, Failure> {
-        let is_built = matches!(DataKind::of(path)?, DataKind::Grid);
-        let (file, built): (PathBuf, _) = match (name, is_built) {
-            ("mip", _) => return Ok(Way { name, open: None, bytes: None, built: None }),
-            ("wavelet", true) => (path.to_owned(), None),
-            (_, true) => return Err(format!("{name}: found a built file, expected its source").into()),
-            _ => {
+impl Built {
+    fn new(way: Way, path: &Path, folder: &Path, arguments: &Arguments) -> Result<Built, Failure> {
+        let data = Data::of(path)?;
+        let types = match way {
+            Way::Mip => return Ok(Built { way, open: None, bytes: None, built: None }),
+            Way::Wavelet => Types::Measured,
+            Way::WaveletRound => Types::Round,
+            _ => return Err(data.refusal(way, &path.display().to_string())),
+        };
+        let (file, built): (PathBuf, _) = match data {
+            Data::BuiltSamples => (path.to_owned(), None),
+            Data::Samples | Data::Particles => {
                 let source = open_grid(path, &GridOptions::default())?;
-                let types = if name == "wavelet-round" { Types::Round } else { Types::Measured };
                 let points = Options { types, colours: source.grid().has_colors(), ..Options::default() };
                 let options = GridBuildOptions { points, memory: arguments.memory, ..GridBuildOptions::default() };
-                let out = folder.join(format!("{name}.df"));
+                let out = folder.join(format!("{way}.df"));
                 let start = Instant::now();
                 build_grid(&source, &options, &out, &())?;
                 (out, Some((start.elapsed().as_secs_f64(), peak_memory())))
             }
         };
         let bytes = std::fs::metadata(&file)?.len();
-        Ok(Way { name, open: Some(OpenField::open(&file, ReadMethod::default(), None)?), bytes: Some(bytes), built })
+        Ok(Built { way, open: Some(OpenField::open(&file, ReadMethod::default(), None)?), bytes: Some(bytes), built })
     }
 
     /// The first channel from so many points at most; with the number of points, and of the nodes that they stand for.

@@ -24,6 +24,7 @@ pub mod splat_gpu;
 use crate::command_line::CommandResult;
 use crate::picture::field::FieldSession;
 use serde::Serialize;
+use std::io::Write;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -36,6 +37,7 @@ use std::time::Duration;
   deepfield bench compare merger.hdf5 --family gas --size 900x600 --repeat 3 --output compare
   deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
   deepfield bench hierarchies snapshot.hdf5 --budgets 1%,4%,16% --size 512x512
+  deepfield bench hierarchies head.nrrd --hierarchies wavelet,mip --csv head.csv --output sheets
   deepfield bench published --repeat 3 --json published.json
   deepfield bench play run.df --duration 10 --frame-ms 100
   deepfield bench heights dem.df --duration 20 --json heights.json
@@ -45,13 +47,14 @@ pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
     /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding),
     /// flight (a flight through a page file that streams in) or play (a run while time goes on), compare (every way to draw a volume or a surface), hierarchies (what becomes of
-    /// particles within so many splats), published (the tables of HE03 beside its numbers), or heights (building, pictures, a flight, picks and
+    /// particles, images and volumes within so many splats), published (the tables of HE03 beside its numbers), or heights (building, pictures, a flight, picks and
     /// lines of a height field).
     #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "play", "compare", "hierarchies", "published", "heights"])]
     pub suite: String,
-    /// What `bench presence` and `bench compare` draw and `bench flight` flies through: a source or page file [default:
-    /// generated: clusters of the first of the sizes for `bench presence`, a merger for `bench compare`, cosmologies of all sizes
-    /// for `bench flight`, ground for `bench heights`].
+    /// What `bench presence`, `bench compare` and `bench hierarchies` draw and `bench flight` flies through: a source or page file, for
+    /// `bench hierarchies` also an image or a volume [default: generated: clusters of the first of the sizes for `bench presence`, a merger
+    /// for `bench compare`, cosmologies of all sizes for `bench flight`, ground for `bench heights`; for `bench hierarchies` filaments and
+    /// clusters of the first of the sizes, and volumes of a wave and of blobs of up to 64 samples along each side].
     pub path: Option<PathBuf>,
     /// Numbers of particles, of `bench heights` of samples.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [200_000, 1_000_000, 4_000_000],
@@ -61,7 +64,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', default_values_t = [1, 2],
           value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Vec<u16>,
-    /// What draws in `bench splat`, `bench frame` and `bench flight`.
+    /// What draws in `bench splat`, `bench frame` and `bench flight`; `bench hierarchies` draws on the processor alone.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = ["cpu", "compute", "raster"],
           value_parser = ["cpu", "compute", "raster"])]
     pub backends: Vec<String>,
@@ -83,7 +86,7 @@ pub struct Arguments {
     /// Mean colour error, of 255, below which `bench presence` looks for the largest speed-up.
     #[arg(long, value_name = "E", default_value_t = 0.5, value_parser = crate::command_line::arguments::positive)]
     pub limit: f64,
-    /// Also write the pictures' numbers of `bench presence` as CSV.
+    /// Also write the pictures' numbers of `bench presence` or `bench hierarchies` as CSV, a line each.
     #[arg(long, value_name = "OUT.csv")]
     pub csv: Option<PathBuf>,
     /// Seed of the generated particles.
@@ -146,7 +149,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,
     };
     match &arguments.json {
-        Some(path) if path.as_os_str() == "-" => println!("{text}"),
+        Some(path) if path.as_os_str() == "-" => writeln!(std::io::stdout(), "{text}")?,
         Some(path) => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))?,
         None => {}
     }

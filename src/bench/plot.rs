@@ -1,12 +1,9 @@
 //! Plots as SVG. A line and some ticks need no plotting library, which would bring more crates than all of the bench has.
 
-use super::hierarchies::Outcome;
-use super::splat::Failure;
 use std::fmt::Write;
-use std::path::Path;
 
 /// Width of a plot, height of a panel, and the space for labels at the left and below, pixels.
-const WIDTH: f64 = 900.0;
+pub(super) const WIDTH: f64 = 900.0;
 pub(super) const HEIGHT: f64 = 150.0;
 const LEFT: f64 = 64.0;
 const BELOW: f64 = 22.0;
@@ -92,67 +89,6 @@ pub(super) fn document(height: f64, body: &str) -> String {
          {height}\" font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" \
          fill=\"white\"/>\n{body}</svg>\n"
     )
-}
-
-/// Colours of lines that are told apart (Okabe and Ito).
-const COLORS: [&str; 7] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555"];
-
-/// A quantity of an outcome; `None` where it has none.
-type Quantity = fn(&Outcome) -> Option<f64>;
-
-/// Writes curves of the mean error over splats, bytes and milliseconds, as `curves.svg`: one line for each hierarchy.
-///
-/// # Errors
-/// When the file cannot be written.
-pub(super) fn write_curves(folder: &Path, outcomes: &[Outcome]) -> Result<(), Failure> {
-    const TALL: f64 = 320.0;
-    let quantities: [(&str, Quantity); 3] = [
-        ("log10 of the L2 error over log10 of the splats", |own| Some(own.splats as f64)),
-        ("log10 of the L2 error over log10 of the bytes that are read", |own| own.bytes_read.map(|bytes| bytes as f64)),
-        ("log10 of the L2 error over log10 of the milliseconds of a frame", |own| Some(own.frame_ms.median)),
-    ];
-    let mut names: Vec<&str> = Vec::new();
-    for own in outcomes {
-        if !names.contains(&own.hierarchy.as_str()) {
-            names.push(&own.hierarchy);
-        }
-    }
-    let mut body = String::new();
-    for (number, (title, quantity)) in quantities.into_iter().enumerate() {
-        let curves: Vec<Vec<(f64, f64)>> = names.iter().map(|name| curve(outcomes, name, quantity)).collect();
-        let all = || curves.iter().flatten();
-        let range = |of: fn(&(f64, f64)) -> f64| {
-            let (low, high) = all().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-            if low < high { [low - 0.05 * (high - low), high + 0.05 * (high - low)] } else { [-1.0, 1.0] }
-        };
-        let panel = Panel { top: TALL * number as f64, height: TALL, x: range(|p| p.0), y: range(|p| p.1) };
-        panel.axes(&mut body, title);
-        for (index, (name, curve)) in names.iter().zip(&curves).enumerate() {
-            let color = COLORS[index % COLORS.len()];
-            panel.line(&mut body, color, curve.iter().copied());
-            let (x, y) = (panel.x(panel.x[1]) - 120.0, panel.y(panel.y[1]) + 16.0 + 15.0 * index as f64);
-            let _ = writeln!(body, "<text x=\"{x:.1}\" y=\"{y:.1}\" fill=\"{color}\">{name}</text>");
-        }
-    }
-    let path = folder.join("curves.svg");
-    let text = document(TALL * quantities.len() as f64, &body);
-    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()).into())
-}
-
-/// The points of a hierarchy, means over the views, as logarithms in order of the budgets.
-fn curve(outcomes: &[Outcome], name: &str, quantity: Quantity) -> Vec<(f64, f64)> {
-    let own = || outcomes.iter().filter(|own| own.hierarchy == name);
-    let mut budgets: Vec<u64> = own().map(|own| own.budget).collect();
-    budgets.sort_unstable();
-    budgets.dedup();
-    let point = |budget: &u64| {
-        let at: Vec<&Outcome> = own().filter(|own| own.budget == *budget).collect();
-        let count = at.len() as f64;
-        let along: f64 = at.iter().map(|own| quantity(own)).sum::<Option<f64>>()? / count;
-        let error: f64 = at.iter().map(|own| own.error_l2).sum::<f64>() / count;
-        (along > 0.0 && error > 0.0).then(|| (along.log10(), error.log10()))
-    };
-    budgets.iter().filter_map(point).collect()
 }
 
 #[cfg(test)]

@@ -6,6 +6,9 @@ use crate::model::FamilyName;
 use crate::modes;
 use glam::DVec3;
 
+/// An option's name, and whether it is given.
+pub type Given = (&'static str, bool);
+
 /// Width and height of a picture: `1200x800`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PictureSize {

@@ -14,6 +14,8 @@ use crate::model::{Progress, ReadMethod};
 use crate::store::PageFile;
 use crate::store::temporary::free_bytes;
 use etcetera::BaseStrategy;
+use std::ffi::OsString;
+use std::fs::DirEntry;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -220,8 +222,26 @@ pub(super) fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     let changed = about.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     let mut hasher = DefaultHasher::new();
     (&path, step, about.len(), changed, crate::store::layout::VERSION, CLUSTERS_FROM).hash(&mut hasher);
+    if about.is_dir() {
+        // Files that are written anew in place do not change their folder.
+        files_of(&path).map_err(name)?.hash(&mut hasher);
+    }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
+}
+
+/// What is in a folder: names, lengths and times of change.
+fn files_of(folder: &Path) -> Result<Vec<(OsString, u64, Option<SystemTime>)>, std::io::Error> {
+    let about = |entry: Result<DirEntry, std::io::Error>| -> Result<_, std::io::Error> {
+        let entry = entry?;
+        // Links are followed; one that leads nowhere is no source either.
+        let about = std::fs::metadata(entry.path()).ok();
+        let changed = about.as_ref().and_then(|about| about.modified().ok());
+        Ok((entry.file_name(), about.map_or(0, |about| about.len()), changed))
+    };
+    let mut files = std::fs::read_dir(folder)?.map(about).collect::<Result<Vec<_>, _>>()?;
+    files.sort();
+    Ok(files)
 }
 
 /// The same of heights: it changes with what is said of them as well, and with the photo over them.
@@ -289,6 +309,19 @@ mod tests {
         assert_eq!(prune(folder, 1, &made).unwrap().unwrap().files, 1);
         assert_eq!(names(folder), ["growing.df.tmp2", "made.df", "notes.txt"]);
         assert!(prune(&folder.join("absent"), 1, &made).unwrap_err().to_string().contains("absent"));
+    }
+
+    #[test]
+    fn a_folder_of_slices_has_another_file_where_one_of_them_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let slices = folder.path().join("slices");
+        std::fs::create_dir(&slices).unwrap();
+        file(&slices, "s0.png", 10, 50);
+        file(&slices, "s1.png", 10, 50);
+        let before = cached_name(&slices).unwrap();
+        assert!(before.starts_with("slices-") && before == cached_name(&slices).unwrap());
+        file(&slices, "s1.png", 10, 5);
+        assert_ne!(before, cached_name(&slices).unwrap());
     }
 
     #[test]

@@ -14,7 +14,8 @@ pub struct AnnotateOptions {
     /// A line at the top of the picture.
     #[arg(long, value_name = "TEXT")]
     pub caption: Option<String>,
-    /// Write the names of a catalogue's objects: CSV, RON, or a group catalogue in HDF5 (see `deepfield catalogue --help`).
+    /// Write the names of a catalogue's objects: CSV, RON, or a group catalogue in HDF5 (see `deepfield catalogue --help`); names of a CSV
+    /// without z stand on the surface of heights.
     #[arg(long, value_name = "CATALOGUE")]
     pub labels: Option<PathBuf>,
     /// Size of text and lines in the picture: 1 has letters of 13 pixels [default: by the picture's size].

@@ -17,6 +17,7 @@ use crate::import::{
     AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, grid_format, open_grid, open_run,
     sources_of, steps_in,
 };
+use crate::look::DataKind;
 use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
 use crate::store::run::{MOST_FLOW_LEVELS, Tangents};
 use std::num::NonZeroUsize;
@@ -192,6 +193,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         && (raw.is_some() || grid_format(only)?.is_some())
     {
         return grid(arguments, only, GridOptions { raw, read: arguments.read });
+    }
+    for path in &arguments.sources {
+        // Patterns, lists and folders of sources are none.
+        if let Ok(kind @ (DataKind::Pages | DataKind::Run | DataKind::Grid | DataKind::Heights)) = DataKind::of(path) {
+            let found = kind.described();
+            return Err(format!("{}: content: found {found}, expected a source to build it of", path.display()).into());
+        }
     }
     if let Some(kinds) = arguments.hierarchy.of(Matter::Grids) {
         let named = arguments.sources[0].display();

@@ -1,6 +1,7 @@
 //! `deepfield catalogue`: the named objects of a catalogue, the most important first, and what became of them.
 
 use super::CommandResult;
+use super::heights;
 use super::probe::short;
 use super::statistics::write_json;
 use crate::color::output::write_atomically;
@@ -49,6 +50,7 @@ pub struct Arguments {
 /// When the catalogue cannot be read.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let path = file_in(&arguments.path, &[])?;
+    heights::refuse(&path, "a catalogue of objects")?;
     let of_run = arguments.time.is_some() || arguments.history.is_some();
     let tree = if of_run { MergerTree::of_series(&path)? } else { None };
     let Some(tree) = tree else {

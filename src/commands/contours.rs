@@ -14,7 +14,7 @@ pub struct Arguments {
     /// The heights: a source or a page file.
     pub path: PathBuf,
     /// From a line to the next, in the unit of heights.
-    #[arg(long, value_name = "HEIGHT", value_parser = positive)]
+    #[arg(long, value_name = "HEIGHT", value_parser = positive, allow_hyphen_values = true)]
     pub interval: f64,
     /// A height that has a line.
     #[arg(long, value_name = "HEIGHT", default_value_t = 0.0, allow_hyphen_values = true)]

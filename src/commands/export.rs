@@ -2,6 +2,7 @@
 
 use super::CommandResult;
 use super::arguments::{family_name, mode_name, transfer_named};
+use super::heights;
 use super::render_arguments::{Arguments as RenderArguments, setting_value, splat_count};
 use super::request::{Request, open};
 use crate::color::transfer::TransferFunction;
@@ -62,6 +63,7 @@ pub struct Arguments {
 /// When the data cannot be read or has no clusters, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, levels, splats, mode, family, attribute, transfer, config, set, time, out } = arguments;
+    heights::refuse(path, "particles")?;
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     if !extension.eq_ignore_ascii_case("ply") {
         return Err(format!("{}: expected a name that ends in .ply", out.display()).into());
@@ -80,6 +82,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         ..RenderArguments::default()
     };
     let Request { members, shot, options } = request.request()?;
+    // Those of a scene.
+    members.iter().try_for_each(|member| heights::refuse(&member.path, "particles"))?;
     let mut session = open(&members, options, [&shot])?;
     let count = session.export_gaussian_splats(&shot, out)?;
     println!("{count} splats in {}", out.display());

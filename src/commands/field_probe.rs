@@ -49,7 +49,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let open = OpenField::open(path, arguments.read, None)?;
     let (channels, unit) = (open.grid().channels.len(), open.grid().length_unit.clone());
     let field = open.shown(None, &(0..channels).collect::<Vec<_>>(), false)?.field;
-    let probe = probe_field(&field, &region, arguments.bins as usize)?;
+    let probe = probe_field(&field, &region, arguments.bins())?;
     if let Some(out) = &arguments.json {
         return write_json(out, &Answer { path, region: &region, length_unit: &unit, probe: &probe });
     }
@@ -79,7 +79,8 @@ fn write_tables(
         values.iter().try_for_each(|value| write!(text, " {:>14}", value.map_or("-".into(), short)))?;
         let holes = probe.samples - own.count;
         if holes > 0 {
-            write!(text, "  {holes} samples have no value")?;
+            let have = if holes == 1 { "sample has" } else { "samples have" };
+            write!(text, "  {holes} {have} no value")?;
         }
         writeln!(text)?;
     }

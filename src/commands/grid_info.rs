@@ -109,7 +109,8 @@ fn write_channel(text: &mut String, channel: &ChannelSummary) -> std::fmt::Resul
     writeln!(text, "  min {}, max {}, mean {mean}, sum {}", short(min), short(max), short(channel.sum))?;
     for (count, what) in [(channel.nan, "NaN"), (channel.infinite, "infinite"), (channel.no_data, "without a value")] {
         if count > 0 {
-            writeln!(text, "  {count} samples {what}")?;
+            let samples = if count == 1 { "sample" } else { "samples" };
+            writeln!(text, "  {count} {samples} {what}")?;
         }
     }
     writeln!(text, "  {} {} {}", short(min), bars(&channel.histogram), short(max))

@@ -3,6 +3,7 @@
 use super::heights::{self, HeightsOptions};
 use super::raw_options::RawOptions;
 use super::{CommandResult, grid_info, page_file_info, run_info};
+use crate::import::vector_field::velocities_in;
 use crate::import::{
     FamilySummary, Field, GridOptions, Statistic, Summary, grid_format, open_grid, summarize, summarize_grid,
 };
@@ -46,9 +47,7 @@ pub struct Arguments {
 /// error.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json, raw, heights: said } = arguments;
-    // A folder of pictures is the volume that they are slices of.
-    let is_stack = path.is_dir() && grid_format(path)?.is_some();
-    let path = &if is_stack { path.clone() } else { data_file(path)? };
+    let path = &data_file(path)?;
     let options = GridOptions { raw: raw.grid()?, ..GridOptions::default() };
     if options.raw.is_none() && said.takes(path) {
         let open = said.open(path, &raw.spacing, ReadMethod::default())?;
@@ -79,6 +78,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             let mut summary = summarize_grid(&open_grid(path, &options)?)?;
             if summary.kind == "image" && summary.channels.len() == 1 {
                 summary.notes.push("an image: --kind heights takes its values for heights".into());
+            }
+            if options.raw.is_none() {
+                summary.notes.extend(velocities_in(path));
             }
             if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { grid_info::table(&summary) }
         }

@@ -1,6 +1,7 @@
 //! How the particles are named on the command line that are asked for wherever they are: by ids, by where they were at another time, or
 //! as a scene's selection.
 
+use super::arguments::Given;
 use super::region_options::{At, RegionOptions};
 use crate::explore::{Data, Following, IdSet, Members, Work};
 use crate::look::{DataKind, SceneFile, data_file};
@@ -27,6 +28,12 @@ pub struct MembersOptions {
 }
 
 impl MembersOptions {
+    /// The options, and which of them are given.
+    pub fn given(&self) -> [Given; 3] {
+        let MembersOptions { ids, tracked_at, selection } = self;
+        [("--ids", ids.is_some()), ("--tracked-at", tracked_at.is_some()), ("--selection", selection.is_some())]
+    }
+
     /// Whether a region alone is named.
     pub fn is_region(&self) -> bool {
         self.ids.is_none() && self.tracked_at.is_none() && self.selection.is_none()

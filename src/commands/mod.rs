@@ -39,7 +39,7 @@ pub mod verify;
 pub mod view;
 pub mod wavelet_options;
 
-pub use crate::command_line::{CommandResult, arguments, cache, cached_run, progress_bar};
+pub use crate::command_line::{CommandResult, arguments, cache, cached_run, progress_bar, usage};
 
 /// The subcommands.
 #[derive(clap::Subcommand, Debug)]

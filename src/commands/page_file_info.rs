@@ -2,8 +2,7 @@
 //! it as JSON.
 
 use crate::codec::{Codebook, CodebookScope};
-use crate::hierarchy::Kind;
-use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, PageFile};
+use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, Metadata, PageFile};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -30,7 +29,7 @@ pub fn json(file: &PageFile) -> Value {
         "redshift": provenance.redshift,
         "box_size": provenance.box_size,
         "notes": provenance.notes,
-        "hierarchies": hierarchies(file),
+        "hierarchies": hierarchies(metadata),
         "levels": metadata.families.iter().map(|family| family.levels.len()).max(),
         "families": metadata.families.iter().map(family_json).collect::<Vec<_>>(),
     })
@@ -80,14 +79,9 @@ fn level_json(level: &LevelInfo) -> Value {
     })
 }
 
-/// The kinds of hierarchies over the leaves of any family.
-fn hierarchies(file: &PageFile) -> Vec<&'static str> {
-    let families = &file.metadata().families;
-    let is_there = |kind: &&Kind| {
-        let mut trees = families.iter().flat_map(FamilyMetadata::trees);
-        trees.any(|(purpose, _)| kind.purposes.first() == Some(&purpose))
-    };
-    Kind::ALL.into_iter().filter(is_there).map(|kind| kind.name).collect()
+/// What the kinds of hierarchies over its leaves are called.
+pub fn hierarchies(metadata: &Metadata) -> Vec<&'static str> {
+    metadata.hierarchies().into_iter().map(|kind| kind.name).collect()
 }
 
 fn cluster_level_json(level: &ClusterLevel) -> Value {
@@ -136,6 +130,7 @@ fn write_table(text: &mut String, file: &PageFile) -> std::fmt::Result {
         metadata.vq_bits
     )?;
     writeln!(text, "source: {} ({}, {} bytes)", provenance.path.display(), provenance.format, provenance.bytes)?;
+    writeln!(text, "hierarchies: {}", hierarchies(metadata).join(", "))?;
     writeln!(text, "length unit: {}, mass unit: {}", metadata.length_unit, metadata.mass_unit)?;
     for (name, value) in [("time", provenance.time), ("redshift", provenance.redshift), ("box", provenance.box_size)] {
         if let Some(value) = value {

@@ -1,5 +1,6 @@
 //! `deepfield probe`: sums over everything in a region, as tables for people or as JSON for programs.
 
+use super::arguments::Given;
 use super::frame_option::{FrameName, unknown};
 use super::heights::probe::HeightsProbe;
 use super::heights::{self, StatedOptions};
@@ -20,7 +21,8 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Sums up what is in a region: count, mass, means and dispersions of each field, a radial profile; over the whole data.
+/// Sums up what is in a region: count, mass, means and dispersions of each field, a radial profile; over the whole data; of heights their
+/// roughness, a profile, or what is at a place.
 ///
 /// Of an image or a volume: what its samples hold, and a histogram of their values.
 ///
@@ -41,7 +43,7 @@ use std::path::{Path, PathBuf};
   deepfield probe dem.df --pixel 640,400 --eye 0,-900,700 --target 450,300,0
   deepfield probe head.nrrd --sphere 120,110,60,20          a volume: mean, dispersion and histogram, the value in the middle")]
 pub struct Arguments {
-    /// The source, page file or run.
+    /// The source, page file or run; or an image, a volume or heights, built or not.
     pub path: PathBuf,
     /// When it is asked.
     #[command(flatten)]
@@ -65,7 +67,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub profile: Option<u32>,
     /// Radius of the innermost shell as a share of the sphere's, for shells of equal width in the logarithm; 0: shells of equal width.
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share, requires = "profile")]
     pub profile_inner: f64,
     /// The field whose mean and dispersion are taken in each shell.
     #[arg(long, value_name = "NAME", requires = "profile")]
@@ -76,9 +78,9 @@ pub struct Arguments {
     /// Histogram of a field, or of two together: NAME or NAME,NAME. May be given several times.
     #[arg(long = "histogram", value_name = "NAMES", value_parser = fields)]
     pub histograms: Vec<Vec<String>>,
-    /// Bins along each axis of a histogram.
-    #[arg(long, value_name = "N", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    pub bins: u32,
+    /// Bins along each axis of a histogram [default: 32].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub bins: Option<u32>,
     /// Ask the source that the page file was built from.
     #[arg(long)]
     pub exact: bool,
@@ -95,6 +97,9 @@ pub struct Arguments {
     #[command(flatten)]
     pub heights: HeightsProbe,
 }
+
+/// Bins of a histogram unless they are set.
+const BINS: u32 = 32;
 
 fn share(text: &str) -> Result<f64, String> {
     let value = text.parse().ok().filter(|value: &f64| (0.0..1.0).contains(value));
@@ -128,6 +133,8 @@ struct Answer<'a> {
 pub fn run(arguments: &Arguments) -> CommandResult {
     if arguments.said.takes(&arguments.path) {
         let Arguments { path, said, heights: asked, out, json, .. } = arguments;
+        let own = "; heights take --point, --line, --rectangle, --disc and --pixel";
+        heights::refuse_options(path, &arguments.of_particles(), own)?;
         return heights::probe::run(path, said, asked, out.as_deref(), json.as_deref());
     }
     if arguments.out.is_some() && !arguments.over_time {
@@ -185,7 +192,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         periodic,
     };
     let found = probe(data, &members, &options, work)?;
-    let bins = arguments.bins as usize;
+    let bins = arguments.bins();
     let histograms = arguments.histograms.iter().map(|names| {
         let axes: Vec<AxisOptions> = names.iter().map(|name| AxisOptions::new(name, bins)).collect();
         histogram(data, &members, &axes, options.periodic, work)
@@ -202,6 +209,23 @@ pub fn run(arguments: &Arguments) -> CommandResult {
 }
 
 impl Arguments {
+    /// The options of particles alone, and which of them are given. Heights are always asked as --exact says.
+    fn of_particles(&self) -> Vec<Given> {
+        let own = [
+            ("--over-time", self.over_time),
+            ("--profile", self.profile.is_some()),
+            ("--fields", !self.fields.is_empty()),
+            ("--histogram", !self.histograms.is_empty()),
+            ("--bins", self.bins.is_some()),
+        ];
+        [&self.when.given()[..], &self.region.given(), &self.who.given(), &own].concat()
+    }
+
+    /// Bins along each axis of a histogram.
+    pub(super) fn bins(&self) -> usize {
+        self.bins.unwrap_or(BINS) as usize
+    }
+
     /// Whose statistics.
     fn fields(&self) -> Fields {
         match self.fields.as_slice() {

@@ -14,7 +14,7 @@ pub struct RawOptions {
     #[arg(long, value_name = "TYPE", requires = "shape")]
     pub r#type: Option<SampleType>,
     /// Distance of samples along each axis, of heights too [default: 1].
-    #[arg(long, value_name = "X,Y[,Z]", value_delimiter = ',')]
+    #[arg(long, value_name = "X,Y[,Z]", value_delimiter = ',', allow_hyphen_values = true)]
     pub spacing: Vec<f64>,
     /// The most significant byte of a sample comes first.
     #[arg(long, requires = "shape")]

@@ -1,18 +1,21 @@
 //! `deepfield reconstruct`: an image or a volume back from the points that stand for it.
 
 use super::CommandResult;
+use super::heights;
 use super::raw_options::RawOptions;
+use super::render_arguments::splat_count;
+use super::statistics::write_json;
 use super::wavelet_options::WaveletOptions;
-use crate::color::output::write_atomically;
 use crate::explore::export::grid::{GridFormat, write_grid};
 use crate::hierarchy::wavelet::{Hierarchy, Samples, errors};
-use crate::import::{GridOptions, GridSource, open_grid};
+use crate::import::{self, GridOptions, GridSource, ImportError, grid_format, open_grid};
 use crate::look::DataKind;
 use crate::model::{Grid, ReadMethod, Region, SampleType};
 use crate::picture::field::{ErrorValue, PointsReport};
 use crate::store::GridFile;
 use crate::store::grid::planes_of;
-use std::path::PathBuf;
+use std::fmt::{Display, Formatter};
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
@@ -29,11 +32,11 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 pub struct Arguments {
     /// The image or volume, or a file that was built of it.
     pub path: PathBuf,
-    /// The file to write: .npy, .nrrd or .png. What is not exact is float32, in a .png rounded to the image's own type.
+    /// The file to write: .npy, .nrrd, or .png of an image or one layer of a volume. What is not exact is float32, in a .png rounded to the image's own type.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Points at most.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), group = "budget")]
+    #[arg(long, value_name = "N", value_parser = point_count, group = "budget")]
     pub points: Option<u64>,
     /// As few points as leave no sample further off than this.
     #[arg(long, value_name = "E", value_parser = error_value, group = "budget")]
@@ -47,7 +50,7 @@ pub struct Arguments {
     /// How points are chosen, of a source: a file was built so.
     #[command(flatten)]
     pub wavelet: WaveletOptions,
-    /// Write how many points and how wrong as JSON.
+    /// Write how many points and how wrong as JSON to a file, or to standard output for `-`.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// What a file without a header holds.
@@ -88,6 +91,17 @@ impl Box3 {
         }
         Some(region)
     }
+}
+
+impl Display for Box3 {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let axes: Vec<String> = self.0.iter().map(|[from, to]| format!("{from}:{to}")).collect();
+        f.write_str(&axes.join(","))
+    }
+}
+
+fn point_count(text: &str) -> Result<u64, String> {
+    splat_count(text).map(|count| count as u64)
 }
 
 fn error_value(text: &str) -> Result<f32, String> {
@@ -133,18 +147,28 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     // What cannot be looked at is told by the importer; folders of slices cannot.
     let opened = match DataKind::of(path).unwrap_or(DataKind::Source) {
         DataKind::Grid => Opened::File(GridFile::open(path, ReadMethod::default())?),
-        _ => {
+        kind @ (DataKind::Pages | DataKind::Run) => return Err(no_grid(path, kind.described())),
+        DataKind::Heights | DataKind::Source => {
             let options = GridOptions { raw: arguments.raw.grid()?, ..GridOptions::default() };
-            Opened::Source(open_grid(path, &options)?)
+            // Heights in a format of images are an image, too.
+            if options.raw.is_none() && matches!(grid_format(path), Ok(None)) {
+                heights::refuse(path, "an image or a volume")?;
+            }
+            Opened::Source(match open_grid(path, &options) {
+                Err(ImportError::Unrecognised { .. }) if import::open(path).is_ok() => {
+                    return Err(no_grid(path, "particles"));
+                }
+                source => source?,
+            })
         }
     };
     let grid = opened.grid();
     let format = GridFormat::of(output).ok_or_else(|| format!("{}: expected .npy, .nrrd or .png", output.display()))?;
     let region = match &arguments.region {
         None => grid.region(),
-        Some(region) => region
-            .within(grid)
-            .ok_or_else(|| format!("{}: --region: expected a part of {}", path.display(), grid.described()))?,
+        Some(region) => region.within(grid).ok_or_else(|| {
+            format!("{}: --region: found {region}, expected a part of {}", path.display(), grid.described())
+        })?,
     };
     let is_exact = arguments.exact || arguments.points.is_none() && arguments.error_value.is_none();
     let is_rounded = format == GridFormat::Png && matches!(grid.sample_type, SampleType::U8 | SampleType::U16);
@@ -155,18 +179,28 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     let (samples, told) = match is_exact {
         true => {
-            let points = grid.shape.iter().product();
+            let points = part.shape.iter().product();
             (opened.bytes_of(&part, &region)?, PointsReport::exact(points))
         }
         false => approximate(arguments, &opened, &region, sample_type)?,
     };
     write_grid(output, format, &part, &samples)?;
     let ErrorValue { max, rms, .. } = told.error_value;
-    println!("{} points, {} of them samples; off by {rms:.4} (rms), {max:.4} at most", told.points, told.leaves);
     if let Some(json) = &arguments.json {
-        write_atomically(json, (serde_json::to_string_pretty(&told)? + "\n").as_bytes())?;
+        write_json(json, &told)?;
+        // Standard output is the JSON's alone.
+        if json == Path::new("-") {
+            return Ok(());
+        }
     }
+    let points = if told.points == 1 { "1 point".to_owned() } else { format!("{} points", told.points) };
+    println!("{points}, {} of them samples; off by {rms:.4} (rms), {max:.4} at most", told.leaves);
     Ok(())
+}
+
+/// What is said of data that has no grid.
+fn no_grid(path: &Path, found: &str) -> Failure {
+    format!("{}: content: found {found}, expected an image or a volume", path.display()).into()
 }
 
 /// A part of a grid, with samples of another type.
@@ -240,5 +274,8 @@ mod tests {
         for wrong in ["2:5,0:8", "5:2,0:8,0:6", "2:5,0:9,0:6", "a:5,0:8,0:6", "2-5"] {
             assert_eq!(region(wrong), None, "{wrong}");
         }
+        assert_eq!("2:5,0:9,0:6".parse::<Box3>().unwrap().to_string(), "2:5,0:9,0:6");
+        assert_eq!(point_count("1e4"), Ok(10_000));
+        assert!(point_count("0").is_err() && point_count("few").is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! How regions are named on the command line, and which data they are looked for in.
 
-use super::arguments::{family_name, positive};
+use super::arguments::{Given, family_name, positive};
 use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{Source, open_with, step_at};
@@ -69,6 +69,23 @@ fn cuboid(text: &str) -> Result<Shape, String> {
 }
 
 impl RegionOptions {
+    /// The options, and which of them are given.
+    pub fn given(&self) -> [Given; 10] {
+        let RegionOptions { sphere, cuboid, region, ranges, family, at, object, catalogue, radius, no_wrap } = self;
+        [
+            ("--sphere", sphere.is_some()),
+            ("--box", cuboid.is_some()),
+            ("--region", region.is_some()),
+            ("--where", !ranges.is_empty()),
+            ("--family", !family.is_empty()),
+            ("--at", at.is_some()),
+            ("--object", object.is_some()),
+            ("--catalogue", catalogue.is_some()),
+            ("--radius", radius.is_some()),
+            ("--no-wrap", *no_wrap),
+        ]
+    }
+
     /// The region in `data`.
     ///
     /// # Errors
@@ -138,6 +155,14 @@ pub struct At {
     /// fade or hold (the step before) [default: auto].
     #[arg(long, value_name = "HOW")]
     pub interpolation: Option<Interpolation>,
+}
+
+impl At {
+    /// The options, and which of them are given.
+    pub fn given(&self) -> [Given; 2] {
+        let At { time, interpolation } = self;
+        [("--time", time.is_some()), ("--interpolation", interpolation.is_some())]
+    }
 }
 
 /// The time that a page file or a source says of itself.

@@ -1,6 +1,7 @@
 //! `deepfield render`: a picture of a source or page file, without a window.
 
 use super::CommandResult;
+use super::heights;
 use super::region_options::own_time;
 pub use super::render_arguments::Arguments;
 use super::request::{Request, open_any};
@@ -8,6 +9,7 @@ use super::statistics;
 use crate::color::{Image, output};
 use crate::import::step_at;
 use crate::look::{DataKind, Member, one_snapshot};
+use crate::mode::Mode;
 use crate::picture::Picture;
 use crate::picture::field::FieldSession;
 use crate::view::{CubeLayout, Side, Surround};
@@ -48,6 +50,10 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
     if !members.iter().any(Member::is_of_heights) {
         arguments.texture.refuse()?;
         arguments.before.refuse()?;
+    }
+    let is_surface = shot.look.mode.is_none_or(Mode::takes_surfaces) && members.iter().all(Member::is_of_heights);
+    if let (true, Some(first)) = (is_surface, members.first()) {
+        heights::refuse_options(&first.path, &arguments.of_particles(), "")?;
     }
     let is_field = match &members[..] {
         [only] => only.is_of_heights() || FieldSession::is_field(&only.path),

@@ -1,10 +1,11 @@
 //! What the command line of `deepfield render` says, and what it comes to over a scene and a configuration.
 
 use super::annotate::AnnotateOptions;
-use super::arguments::{PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
+use super::arguments::{Given, PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
 use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptions};
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
+use super::usage;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
@@ -25,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Renders a picture of a snapshot, catalogue or page file.
+/// Renders a picture of a snapshot, catalogue, image, volume, height field, page file or run.
 #[derive(clap::Args, Clone, Debug, Default)]
 #[command(after_help = "Examples:
   deepfield render snapshot_099.hdf5 -o box.png
@@ -291,9 +292,44 @@ impl Arguments {
         Ok(shot)
     }
 
+    /// The options of particles alone that are no settings of a mode, and which of them are given.
+    pub fn of_particles(&self) -> [Given; 7] {
+        [
+            ("--time", self.time.is_some()),
+            ("--interpolation", self.interpolation.is_some()),
+            ("--paths", self.paths.is_some()),
+            ("--family", self.family.is_some()),
+            ("--periodic", self.periodic.is_some()),
+            ("--reference", self.reference),
+            ("--overdraw", self.overdraw.is_some()),
+        ]
+    }
+
     /// Whether any of the data is heights.
     fn has_heights(&self) -> bool {
         self.heights.takes(&self.path) || self.with.iter().any(|member| is_heights(&member.path))
+    }
+
+    /// The modes that a look's settings may be of: its own; where it names none the data's usual one, which is one of these.
+    fn possible_modes(&self, look: &LookPatch) -> Vec<&'static Mode> {
+        let of_particles = || {
+            let of_fields = modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty());
+            of_fields.chain([modes::first()])
+        };
+        let usual = || match FieldSession::is_field(&self.path) {
+            _ if self.heights.takes(&self.path) => vec![&modes::surface::MODE],
+            true => vec![modes::of_fields(2), modes::of_fields(3)],
+            false => of_particles().collect(),
+        };
+        let mut possible: Vec<&'static Mode> = look.mode.map_or_else(usual, |mode| vec![mode]);
+        if self.has_heights() && !self.with.is_empty() {
+            // Of what is drawn among heights, too.
+            possible.push(&modes::surface::MODE);
+            if look.mode.is_none_or(Mode::takes_surfaces) {
+                possible.extend(of_particles());
+            }
+        }
+        possible
     }
 
     /// Sets what the command line says of the settings of the mode, and of what may be left undrawn.
@@ -309,35 +345,27 @@ impl Arguments {
             (&lod_budget::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
         ];
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
-        for (name, value) in budget.chain(self.set.iter().cloned()) {
-            let of_particles = || {
-                let of_fields = modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty());
-                of_fields.chain([modes::first()])
-            };
-            // Without a name the mode is the data's usual one, which is one of these.
-            let usual = || match FieldSession::is_field(&self.path) {
-                _ if self.heights.takes(&self.path) => vec![&modes::surface::MODE],
-                true => vec![modes::of_fields(2), modes::of_fields(3)],
-                false => of_particles().collect(),
-            };
-            let mut possible: Vec<&Mode> = look.mode.map_or_else(usual, |mode| vec![mode]);
-            if self.has_heights() && !self.with.is_empty() {
-                // Of what is drawn among heights, too.
-                possible.push(&modes::surface::MODE);
-                if look.mode.is_none_or(Mode::takes_surfaces) {
-                    possible.extend(of_particles());
-                }
-            }
-            let known = |mode: &&Mode| mode.all_settings().find(|setting| setting.name == name);
-            let Some(setting) = possible.iter().find_map(known) else {
-                let mut names: Vec<&str> =
-                    possible.iter().flat_map(|mode| mode.all_settings()).map(|own| own.name).collect();
+        let possible = self.possible_modes(look);
+        let mode = match &possible[..] {
+            [only] => only.name,
+            _ => look.mode.map_or("the data's usual mode", |mode| mode.name),
+        };
+        let setting_of = |name: &str| {
+            let settings = || possible.iter().flat_map(|mode| mode.all_settings());
+            settings().find(|setting| setting.name == name).ok_or_else(|| {
+                let mut names: Vec<&str> = settings().map(|own| own.name).collect();
                 names.sort_unstable();
                 names.dedup();
                 let expected = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-                let mode = look.mode.map_or("the data's usual mode", |mode| mode.name);
-                return Err(usage(format!("{mode} has no setting {name}, expected {expected}")));
-            };
+                usage(format!("{mode} has no setting {name}, expected {expected}"))
+            })
+        };
+        if look.mode.is_none() && self.config.is_some() {
+            // A configuration that names no mode has settings of any.
+            look.settings.0.keys().try_for_each(|name| setting_of(name).map(|_| ()))?;
+        }
+        for (name, value) in budget.chain(self.set.iter().cloned()) {
+            let setting = setting_of(&name)?;
             setting.check(&value).map_err(|error| usage(error.to_string()))?;
             let values = if lod_budget::is_common(&name) { &mut look.budget } else { &mut look.settings };
             values.set(setting, value);
@@ -349,11 +377,6 @@ impl Arguments {
 pub(super) fn splat_count(text: &str) -> Result<f64, String> {
     let count = text.parse::<f64>().ok().filter(|count| (1.0..=1e12).contains(count));
     count.map(f64::floor).ok_or_else(|| "expected a number from 1".into())
-}
-
-/// Wrong usage that only the files that are named make wrong.
-fn usage(message: String) -> Failure {
-    Box::new(clap::Error::raw(clap::error::ErrorKind::InvalidValue, message + "\n"))
 }
 
 /// `NAME=VALUE`; a value that is one word needs no quotes.

@@ -2,6 +2,8 @@
 
 use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
+use crate::heights::import::height_format;
+use crate::import::{GridOptions, grid_format, open_grid};
 use crate::look::{DataKind, Member, Shot};
 use crate::mode::Mode;
 use crate::picture::field::FieldSession;
@@ -55,12 +57,37 @@ pub fn open_any<'a>(
             AnySession::Field(Box::new(session))
         }
         [only] if matches!(DataKind::of(&only.path), Ok(DataKind::Heights)) => {
-            let names: Vec<&str> = shots.iter().filter_map(|shot| Some(shot.look.mode?.name)).collect();
-            let why = format!("mode {} does not draw heights, expected surface", names.join(", "));
+            let modes = shots.iter().filter_map(|shot| shot.look.mode).filter(|mode| !mode.takes_surfaces());
+            let names: Vec<&str> = modes.map(|mode| mode.name).collect();
+            let why = match &names[..] {
+                [] => "--kind: found a file of heights, expected one that could be something else".to_owned(),
+                names => format!("mode {} does not draw heights, expected surface", names.join(", ")),
+            };
             return Err(PictureError::Asked(format!("{}: {why}", only.path.display())));
         }
-        _ => AnySession::Particles(Box::new(open(members, options, shots)?)),
+        _ => {
+            let of_heights = shots.iter().filter_map(|shot| shot.look.mode).find(|mode| mode.takes_surfaces());
+            if let (Some(mode), Some(first)) = (of_heights, members.first()) {
+                refuse_grid(mode, &first.path)?;
+            }
+            AnySession::Particles(Box::new(open(members, options, shots)?))
+        }
     })
+}
+
+/// Refuses the source of an image or a volume where a mode draws heights, before its pixels or voxels are made particles; says how its values are
+/// taken for heights, where they can be.
+fn refuse_grid(mode: &Mode, path: &Path) -> Result<(), PictureError> {
+    // What cannot be read is told where it is opened.
+    let is_grid = matches!(DataKind::of(path), Ok(DataKind::Source)) && matches!(grid_format(path), Ok(Some(_)));
+    let Some(source) = is_grid.then(|| open_grid(path, &GridOptions::default())).and_then(Result::ok) else {
+        return Ok(());
+    };
+    let (is_image, channels) = (source.grid().dimensions == 2, source.grid().channels.len());
+    let found = if is_image { "an image" } else { "a volume" };
+    let fits = is_image && channels == 1 && matches!(height_format(path), Ok(Some(_)));
+    let hint = if fits { "; --kind heights takes its values for heights" } else { "" };
+    Err(PictureError::Asked(format!("{}: mode {} draws heights, found {found}{hint}", path.display(), mode.name)))
 }
 
 /// The page file of what a user names.

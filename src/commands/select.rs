@@ -5,17 +5,18 @@ use super::heights::select::{Corners, rectangle};
 use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
-use super::{CommandResult, progress_bar::TerminalProgress};
+use super::{CommandResult, progress_bar::TerminalProgress, usage};
 use crate::explore::{Data, Format, Frame, Members, Region, Work, export, ids_of};
 use crate::model::ReadMethod;
 use std::path::PathBuf;
 
-/// Writes the particles of a region, or those with certain ids: as a table with every field, or as a list of ids.
+/// Writes the particles of a region, or those with certain ids: as a table with every field, or as a list of ids; of heights the samples
+/// of a rectangle.
 ///
 /// Rows are read from the source at its own precision, also where a page file is named whose source is still there; else from the
 /// page file, which has no ids. Ids find their particles again in another snapshot of the same run.
 ///
-/// Of heights: the samples of a rectangle, or all of them, bit for bit.
+/// Samples of heights, of a rectangle or all of them, are written bit for bit.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield select snapshot_099.hdf5 --sphere 21.9,39.0,33.1,1.5 -o halo.csv
@@ -25,7 +26,7 @@ use std::path::PathBuf;
   deepfield select dem.df --rectangle 1000,2000,1500,2500 -o part.tif
   deepfield select galaxy.hdf5 --family gas --where temperature:..1e4 -o cold.parquet")]
 pub struct Arguments {
-    /// The source, page file or run.
+    /// The source, page file or run; or heights, built or not.
     pub path: PathBuf,
     /// When it is asked.
     #[command(flatten)]
@@ -57,10 +58,13 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, when, region, who, frame, rectangle, heights: said, out } = arguments;
     if said.takes(path) {
+        let own = [("--frame", *frame == FrameName::Physical)];
+        let of_particles = [&when.given()[..], &region.given(), &who.given(), &own].concat();
+        heights::refuse_options(path, &of_particles, "; heights take --rectangle")?;
         return heights::select::run(path, said, *rectangle, out);
     }
     if rectangle.is_some() {
-        return Err(format!("{}: --rectangle: is for heights", path.display()).into());
+        return Err(usage(format!("{}: --rectangle: is for heights", path.display())));
     }
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);

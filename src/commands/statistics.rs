@@ -56,6 +56,8 @@ enum Values<'a> {
         /// What was left out, and how that was decided.
         economy: &'a LeftOut,
         sum: f64,
+        /// The time that was asked for, milliseconds.
+        budget_ms: Option<f64>,
         #[serde(flatten)]
         levels: &'a LevelReport,
     },
@@ -72,6 +74,8 @@ enum Values<'a> {
         levels: &'static str,
         splats: u64,
         budget: Option<u64>,
+        /// The time that was asked for, milliseconds.
+        budget_ms: Option<f64>,
         /// Of splats that lie over each other alone.
         #[serde(skip_serializing_if = "Option::is_none")]
         order: Option<&'static str>,
@@ -181,10 +185,11 @@ fn values(picture: &Picture) -> Values<'_> {
         });
         return Values::Surface { surface: Surface::of(surface), range: light.levels.density, contour_labels };
     }
+    let budget_ms = picture.annotation.depiction.choice.frame_ms;
     let LightPicture { report, levels, isovalues, .. } = match &picture.values {
         Raw::Sums(sums, _) => {
             let (economy, levels) = (&picture.left_out, &picture.level_report);
-            return Values::Sums { economy, sum: sums.sum(), levels };
+            return Values::Sums { economy, sum: sums.sum(), budget_ms, levels };
         }
         Raw::Light(painted) => painted,
     };
@@ -192,6 +197,7 @@ fn values(picture: &Picture) -> Values<'_> {
         levels: picture.drawn_from,
         splats: picture.level_report.splats,
         budget: picture.level_report.budget,
+        budget_ms,
         order: picture.level_report.order,
         grid: Box::new(Grid {
             size: report.grid,

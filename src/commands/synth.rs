@@ -114,7 +114,8 @@ pub struct Arguments {
     /// Direction of an edge, or by what a wave is turned from its direction, degrees from x to y [default: 0].
     #[arg(long, value_name = "DEGREES", value_parser = angle, allow_negative_numbers = true)]
     pub angle: Option<f64>,
-    /// The file to write: Gadget binary, format 2, whatever its name; of images and volumes NRRD, or NumPy (.npy).
+    /// The file to write: Gadget binary, format 2, whatever its name; of images and volumes NRRD, or NumPy (.npy); of
+    /// heights .npy, .tif, .asc or .x3p.
     #[arg(short, long, value_name = "FILE", value_parser = output)]
     pub output: PathBuf,
     /// Another seed makes another universe.

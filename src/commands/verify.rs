@@ -1,15 +1,16 @@
 //! `deepfield verify`: every checksum and structural promise of a page file or a run.
 
 use super::CommandResult;
+use super::page_file_info::hierarchies;
 use super::progress_bar::TerminalProgress;
 use crate::build::compare_with_sources;
 use crate::heights::store::{VerifiedHeights, verify_heights};
 use crate::look::DataKind;
 use crate::model::ReadMethod;
-use crate::store::RunFile;
 use crate::store::grid::{VerifiedGrid, verify_grid};
 use crate::store::run::{VerifiedRun, verify_run};
 use crate::store::verify::{Verified, verify};
+use crate::store::{PageFile, RunFile};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -63,8 +64,12 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     let verified = verify(&arguments.path, &TerminalProgress::new())?;
     println!(
-        "{}: sound, {} pages, {} nodes, {} particles, {} bytes",
-        path, verified.pages, verified.nodes, verified.particles, verified.bytes
+        "{path}: sound, {} pages, {} nodes of {}, {} particles, {} bytes",
+        verified.pages,
+        verified.nodes,
+        hierarchies(PageFile::open(&arguments.path)?.metadata()).join(" and "),
+        verified.particles,
+        verified.bytes
     );
     Ok(())
 }

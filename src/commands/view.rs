@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// What is wrong, in a line.
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Opens a snapshot, catalogue, page file or run in a window.
+/// Opens a snapshot, catalogue, image, volume, height field, page file or run in a window.
 ///
 /// A source is turned into a page file in the cache folder first. Where there is no display, the converged picture is
 /// written to a file in the current folder instead.

@@ -27,16 +27,21 @@ fn is_measured(column: usize, row: usize) -> bool {
     away > 40.0 || (column.is_multiple_of(16) && row.is_multiple_of(16))
 }
 
-/// An array of doubles, NaN where nothing was measured.
-fn written(path: &Path, [columns, rows]: [usize; 2], height: impl Fn(usize, usize) -> f64) {
-    let head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
+/// An array of this type and shape, the slowest axis first.
+fn array(path: &Path, kind: &str, shape: &str, samples: &[u8]) {
+    let head = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend(118_u16.to_le_bytes());
     bytes.extend(format!("{head:117}\n").into_bytes());
-    for row in 0..rows {
-        bytes.extend((0..columns).flat_map(|column| height(column, row).to_le_bytes()));
-    }
+    bytes.extend(samples);
     std::fs::write(path, bytes).unwrap();
+}
+
+/// An array of doubles, NaN where nothing was measured.
+fn written(path: &Path, [columns, rows]: [usize; 2], height: impl Fn(usize, usize) -> f64) {
+    let all = (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row]));
+    let samples: Vec<u8> = all.flat_map(|[column, row]| height(column, row).to_le_bytes()).collect();
+    array(path, "<f8", &format!("{rows}, {columns}"), &samples);
 }
 
 fn waves(folder: &Path) {
@@ -57,9 +62,19 @@ fn answer(folder: &Path, arguments: &[&str]) -> Value {
 }
 
 fn refused(folder: &Path, arguments: &[&str], expected: &str) {
+    ends(folder, arguments, 1, expected);
+}
+
+/// As wrong usage.
+fn misused(folder: &Path, arguments: &[&str], expected: &str) {
+    ends(folder, arguments, 2, expected);
+}
+
+/// With this code and one line.
+fn ends(folder: &Path, arguments: &[&str], code: i32, expected: &str) {
     let output = run(folder, arguments);
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.code() == Some(1) && text.contains(expected), "{arguments:?}: {text}");
+    assert!(output.status.code() == Some(code) && text.contains(expected), "{arguments:?}: {text}");
     assert_eq!(text.trim_end().lines().count(), 1, "{text}");
 }
 
@@ -386,6 +401,110 @@ fn synthetic_surfaces_and_bad_input() {
         let drawn = run(folder, &["render", "damaged.df", "-o", "x.png", "--size", "64x64"]);
         assert!(matches!(drawn.status.code(), Some(0 | 1)));
     }
+}
+
+#[test]
+fn options_of_particles_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    waves(folder);
+    ok(folder, &["build", "waves.npy", "-o", "waves.df", "--spacing", "1,1"]);
+    std::fs::write(folder.join("stars.csv"), "x,y,z\n1,2,3\n4,5,6\n").unwrap();
+    let common: [&[&str]; 14] = [
+        &["--sphere", "0,0,0,1"],
+        &["--box", "0,0,0,1,1,1"],
+        &["--region", "region.ron"],
+        &["--where", "mass:1..2"],
+        &["--family", "gas"],
+        &["--at", "groups.hdf5#0"],
+        &["--catalogue", "groups.hdf5"],
+        &["--radius", "3"],
+        &["--no-wrap"],
+        &["--ids", "lab.ids"],
+        &["--tracked-at", "1"],
+        &["--selection", "a.scene.ron#halo"],
+        &["--time", "1"],
+        &["--interpolation", "hold"],
+    ];
+    let of_probes: [&[&str]; 5] =
+        [&["--over-time"], &["--profile", "3"], &["--fields", "none"], &["--histogram", "mass"], &["--bins", "8"]];
+    for name in ["waves.npy", "waves.df"] {
+        let found = |option: &[&str]| format!("{name}: {}: found heights, expected particles", option[0]);
+        for option in common.into_iter().chain([&["--frame", "physical"][..]]) {
+            misused(folder, &[&["select", name, "-o", "x.csv"][..], option].concat(), &found(option));
+        }
+        for option in common.into_iter().chain(of_probes) {
+            misused(folder, &[&["probe", name][..], option].concat(), &found(option));
+        }
+        for option in [
+            &["--family", "gas"][..],
+            &["--paths", "all"],
+            &["--periodic", "wrapped"],
+            &["--time", "1"],
+            &["--interpolation", "hold"],
+            &["--reference"],
+            &["--overdraw", "o.png"],
+        ] {
+            misused(folder, &[&["render", name, "-o", "x.png"][..], option].concat(), &found(option));
+        }
+    }
+    misused(
+        folder,
+        &["render", "waves.df", "--with", "waves.df@0,0,99", "-o", "x.png", "--family", "gas"],
+        "waves.df: --family: found heights, expected particles",
+    );
+    misused(folder, &["render", "waves.df", "-o", "x.png", "--splats", "9"], "surface has no setting splats, expected");
+    assert!(["x.csv", "x.png", "o.png"].iter().all(|name| !folder.join(name).exists()));
+    // Among particles they are these particles', and the other way round it is the same.
+    let among = ["render", "waves.df", "--with", "stars.csv", "-o", "x.png", "--family", "dark", "--size", "60x40"];
+    ok(folder, &among);
+    let rectangle = ["select", "stars.csv", "--rectangle", "0,0,9,9", "-o", "x.csv"];
+    misused(folder, &rectangle, "stars.csv: --rectangle: is for heights");
+}
+
+#[test]
+fn commands_that_have_no_use_for_heights_name_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    waves(folder);
+    ok(folder, &["build", "waves.npy", "-o", "waves.df", "--spacing", "1,1"]);
+    ok(folder, &["select", "waves.df", "-o", "waves.asc"]);
+    for name in ["waves.df", "waves.asc"] {
+        let instead = "deepfield select FILE -o OUT.tif writes the samples of heights";
+        let found = |expected: &str| format!("{name}: content: found heights, expected {expected}; {instead}");
+        refused(folder, &["export", name, "-o", "x.ply"], &found("particles"));
+        refused(folder, &["export", name, "-o", "x.ply", "--mode", "column-density"], &found("particles"));
+        refused(folder, &["reconstruct", name, "-o", "x.npy"], &found("an image or a volume"));
+        refused(folder, &["catalogue", name], &found("a catalogue of objects"));
+    }
+    // An array is an image as well.
+    ok(folder, &["reconstruct", "waves.npy", "-o", "x.npy", "--exact"]);
+    let as_image = ["render", "waves.df", "-o", "x.png", "--kind", "image"];
+    refused(folder, &as_image, "waves.df: --kind: found a file of heights");
+    // What is no heights is named as what it is; what could be some says how.
+    array(&folder.join("three.npy"), "<f4", "6, 5, 4", &[0; 480]);
+    array(&folder.join("grey.npy"), "|u1", "16, 9", &[7; 144]);
+    let drawn = |name: &str| {
+        let output = run(folder, &["render", name, "-o", "x.png", "--mode", "surface"]);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert_eq!(drawn("three.npy"), "deepfield: three.npy: mode surface draws heights, found a volume\n");
+    let hint = "; --kind heights takes its values for heights";
+    assert_eq!(drawn("grey.npy"), format!("deepfield: grey.npy: mode surface draws heights, found an image{hint}\n"));
+    // Numbers below 0 reach whoever knows what is wrong with them.
+    refused(
+        folder,
+        &["build", "waves.npy", "-o", "x.df", "--spacing", "-1,1"],
+        "waves.npy: --spacing: found -1,1, expected two numbers above 0",
+    );
+    for option in ["--s-filter", "--l-filter", "--fov", "--ortho"] {
+        let output = run(folder, &["probe", "waves.df", option, "-1"]);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && text.contains("expected a number greater than 0"), "{text}");
+    }
+    let help = String::from_utf8(ok(folder, &["--help"]).stdout).unwrap();
+    assert!(help.contains("Formats of heights: sur, "), "{help}");
 }
 
 #[test]

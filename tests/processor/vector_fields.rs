@@ -90,6 +90,26 @@ fn a_field_is_a_run_whose_paths_are_drawn() {
 }
 
 #[test]
+fn info_says_what_reads_velocities() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    written(folder);
+    let told = String::from_utf8(ok(folder, &["info", "gyre.npy"]).stdout).unwrap();
+    assert!(told.contains("2 values, as vectors have: deepfield build --trace reads a velocity field"), "{told}");
+    // With an axis of z it is no image and no volume.
+    let head = "{'descr': '<f4', 'fortran_order': False, 'shape': (1, 1, 1, 2, 3), }";
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend(118_u16.to_le_bytes());
+    bytes.extend(format!("{head:117}\n").into_bytes());
+    bytes.extend([0; 24]);
+    std::fs::write(folder.join("abc.npy"), bytes).unwrap();
+    let output = run(folder, &["info", "abc.npy"]);
+    let why = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.success(), why.lines().count()), (false, 1), "{why}");
+    assert!(why.contains("(1, 1, 1, 2, 3)") && why.contains("build --trace reads a velocity field"), "{why}");
+}
+
+#[test]
 fn what_cannot_be_traced_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -50,14 +50,15 @@ pub struct Options {
     /// Longest sides of the data's box that are flown in a second: 12.76 of 2230 million light years in F12.
     #[arg(long, value_name = "SIDES", default_value_t = 12.76 / 2230.0, value_parser = positive)]
     pub velocity: f64,
-    /// Picture size in pixels [default: 1200x800 for `bench flight`, 600x400 for `bench compare`].
+    /// Picture size in pixels [default: 1200x800 for `bench flight`, 600x400 for `bench compare`, 512x512 for `bench hierarchies`].
     #[arg(long, value_name = "WxH")]
     pub size: Option<PictureSize>,
     /// Largest displacement of a particle on screen, pixels.
     #[arg(long, value_name = "TAU", default_value_t = 0.8, value_parser = positive)]
     pub error_px: f64,
     /// Visualization mode. Those that draw light (`volume`, `spheres`) are drawn from main memory, and their ranges are the first
-    /// picture's [default: density-squared, or with `--levels clusters` column-density: clusters suit it].
+    /// picture's [default: density-squared, or with `--levels clusters` column-density: clusters suit it]. `bench hierarchies` compares
+    /// particles by `column-density`, volumes by `xray` and images by `image`, and takes no other.
     #[arg(long, value_name = "NAME", value_parser = mode_name)]
     pub mode: Option<&'static Mode>,
     /// Pages in main memory at most.
@@ -95,7 +96,8 @@ pub struct Options {
     /// Compare pictures that streamed in with pictures that were waited for, at so many places of the way.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(0..=1000))]
     pub check: u16,
-    /// Folder for flight.csv, flight.svg, flight.png and the like, or compare.csv and the pictures [default: flight, compare].
+    /// Folder for the numbers, plots and pictures of `bench flight`, `bench compare` and `bench hierarchies` (there pictures.png,
+    /// differences.png, exact.png, curves.png and curves.svg; of generated data in a folder each) [default: flight, compare, hierarchies].
     #[arg(long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
 }

@@ -9,10 +9,12 @@ pub mod options;
 pub mod pixels;
 pub mod probe;
 pub mod profile;
+pub mod refusal;
 pub mod select;
 pub mod synth;
 pub mod texture;
 
 pub use before::BeforeOptions;
 pub use options::{HeightsOptions, SpacingOptions, StatedOptions};
+pub use refusal::{refuse, refuse_options};
 pub use texture::TextureOptions;

@@ -42,7 +42,7 @@ pub struct HeightsOptions {
 #[command(next_help_heading = "Height fields")]
 pub struct SpacingOptions {
     /// Distances of columns and of rows, above 0 [default: the file's].
-    #[arg(long, value_name = "DX,DY", value_delimiter = ',')]
+    #[arg(long, value_name = "DX,DY", value_delimiter = ',', allow_hyphen_values = true)]
     pub spacing: Vec<f64>,
 }
 

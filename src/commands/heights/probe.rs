@@ -40,13 +40,13 @@ pub struct HeightsProbe {
     #[arg(long, value_name = "FORM", value_parser = form)]
     pub form: Option<FormKind>,
     /// Leave out waves shorter than this, in the unit of x and y, of degrees in metres (Gaussian, ISO 16610-61).
-    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
     pub s_filter: Option<f64>,
     /// Leave out waves longer than this.
-    #[arg(long, value_name = "LENGTH", value_parser = positive)]
+    #[arg(long, value_name = "LENGTH", value_parser = positive, allow_hyphen_values = true)]
     pub l_filter: Option<f64>,
     /// The samples under a pixel of the picture that `render` draws with the same camera; several times for several.
-    #[arg(long, value_name = "X,Y", value_parser = pixel)]
+    #[arg(long, value_name = "X,Y", value_parser = pixel, allow_hyphen_values = true)]
     pub pixel: Vec<[u32; 2]>,
     /// The samples under many pixels: a CSV file with the columns x and y.
     #[arg(long, value_name = "LIST.csv")]
@@ -61,10 +61,10 @@ pub struct HeightsProbe {
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub up: Option<DVec3>,
     /// Vertical field of view, degrees [default: 45].
-    #[arg(long, value_name = "DEG", value_parser = positive)]
+    #[arg(long, value_name = "DEG", value_parser = positive, allow_hyphen_values = true)]
     pub fov: Option<f64>,
     /// Height of an orthographic picture, world units.
-    #[arg(long, value_name = "HEIGHT", value_parser = positive, conflicts_with = "fov")]
+    #[arg(long, value_name = "HEIGHT", value_parser = positive, allow_hyphen_values = true, conflicts_with = "fov")]
     pub ortho: Option<f64>,
     /// Picture size in pixels [default: 1200x800, of a plot 1200x480].
     #[arg(long, value_name = "WxH")]

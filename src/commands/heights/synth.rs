@@ -18,19 +18,19 @@ pub struct SurfaceArguments {
     #[arg(long, value_name = "TYPE")]
     pub r#type: Option<SampleType>,
     /// From a column and a row to the next [default: 1,1].
-    #[arg(long, value_name = "DX,DY", value_delimiter = ',')]
+    #[arg(long, value_name = "DX,DY", value_delimiter = ',', allow_hyphen_values = true)]
     pub spacing: Vec<f64>,
-    /// Unit of places and heights: km, m, mm, um or nm [default: none].
+    /// Unit of places and heights: km, m, mm, um or nm; deg is of places alone [default: none].
     #[arg(long, value_name = "UNIT")]
     pub unit: Option<String>,
     /// The share of samples that were not measured, at random places [default: 0].
-    #[arg(long, value_name = "SHARE", value_parser = share)]
+    #[arg(long, value_name = "SHARE", value_parser = share, allow_hyphen_values = true)]
     pub invalid: Option<f64>,
     /// Standard deviation of noise on every sample [default: 0].
-    #[arg(long, value_name = "HEIGHT", value_parser = not_negative)]
+    #[arg(long, value_name = "HEIGHT", value_parser = not_negative, allow_hyphen_values = true)]
     pub noise: Option<f64>,
     /// Hurst exponent of fbm and holes, between 0 and 1: small is rough [default: 0.8].
-    #[arg(long, value_name = "H", value_parser = positive)]
+    #[arg(long, value_name = "H", value_parser = positive, allow_hyphen_values = true)]
     pub hurst: Option<f64>,
 }
 

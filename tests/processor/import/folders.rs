@@ -2,7 +2,7 @@
 
 use super::writers::file;
 use super::{data, message};
-use deepfield::import::{LoadOptions, OtherKind, file_in, load, open, summarize};
+use deepfield::import::{LoadOptions, OtherKind, file_in, grid_format, load, open, summarize};
 use std::path::{Path, PathBuf};
 
 /// Copies of files of `tests/data` under the given names.
@@ -105,6 +105,39 @@ fn other_kinds_of_files_count_where_they_are_asked_for() {
     assert!(text.contains("galaxy.df (page file), galaxy.hdf5 ("), "{text}");
     let absent = folder.path().join("absent");
     assert_eq!(file_in(&absent, &kinds).unwrap(), absent, "left to whoever opens it");
+}
+
+/// A grey picture of 2 x 2 pixels.
+fn slice(folder: &Path, name: &str, values: [u8; 4]) {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().unwrap().write_image_data(&values).unwrap();
+    file(folder, name, &bytes);
+}
+
+#[test]
+fn a_folder_of_slices_is_a_volume_unless_data_lies_beside_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    slice(path, "s0.png", [0, 1, 2, 3]);
+    slice(path, "s1.png", [4, 5, 6, 7]);
+    assert_eq!(file_in(path, &[]).unwrap(), path);
+    assert_eq!(grid_format(path).unwrap(), Some("slices"));
+    // Its voxels are particles where these are asked for; one is air.
+    assert_eq!(summarize(path).unwrap().particles, 7);
+    // Text that a table could begin with is no data.
+    file(path, "notes.csv", b"name,value\nscanner,3\n");
+    assert_eq!(file_in(path, &[]).unwrap(), path);
+    // Pictures of a snapshot are no slices.
+    std::fs::remove_file(path.join("notes.csv")).unwrap();
+    std::fs::copy(data("gizmo.hdf5"), path.join("galaxy.hdf5")).unwrap();
+    assert_eq!(file_in(path, &[]).unwrap(), path.join("galaxy.hdf5"));
+    assert_eq!(grid_format(path).unwrap(), None);
+    std::fs::remove_file(path.join("galaxy.hdf5")).unwrap();
+    std::fs::copy(data("version2.df"), path.join("galaxy.df")).unwrap();
+    let kinds: [OtherKind; 1] = [("page file", deepfield::store::PageFile::recognises)];
+    assert_eq!(file_in(path, &kinds).unwrap(), path.join("galaxy.df"));
 }
 
 #[cfg(unix)]

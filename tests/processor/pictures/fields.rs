@@ -120,6 +120,112 @@ fn tours_domes_and_pairs_of_pictures_show_volumes() {
     }
 }
 
+/// The one line that a command that fails says.
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    let why = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.success(), why.lines().count()), (false, 1), "{arguments:?}: {why}");
+    why
+}
+
+#[test]
+fn parts_are_given_back_as_they_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let samples = blobs(folder);
+    done(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
+    // A layer as a picture; standard output has the JSON alone.
+    let layer = ["reconstruct", "blobs.df", "-o", "layer.png", "--exact", "--region", "0:32,0:32,12:13", "--json", "-"];
+    let told = done(folder, &layer);
+    assert_eq!((number(&told, &["points"]), number(&told, &["leaves"])), (1024.0, 1024.0));
+    assert!(!folder.join("-").exists());
+    let picture = crate::support::golden::picture_at(&folder.join("layer.png"));
+    assert_eq!([picture.width, picture.height], [32, 32]);
+    // A grey picture's bytes lie at the beginning.
+    assert!(picture.rgba.as_flattened()[..1024] == samples[12 * 1024..13 * 1024]);
+    let told = done(folder, &["reconstruct", "blobs.df", "-o", "few.npy", "--points", "2e3"]);
+    assert!(told.contains(" points, "), "{told}");
+    let say = |words: &[&str]| refused(folder, &[&["reconstruct"][..], words].concat());
+    let why = say(&["blobs.df", "-o", "x.npy", "--region", "0:1000,0:10"]);
+    assert!(why.contains("--region: found 0:1000,0:10, expected a part of 32 x 32 x 24 of uint8"), "{why}");
+    let why = say(&["blobs.df", "-o", "missing/x.npy"]);
+    assert!(why.contains("missing/x.npy: cannot be written: ") && !why.contains(".deepfield-"), "{why}");
+    let why = say(&["blobs.df", "-o", "x.png"]);
+    assert!(why.contains("found 32 x 32 x 24 of uint8, expected an image or one layer of a volume"), "{why}");
+    // What holds no grid.
+    done(folder, &["build", "blobs.nrrd", "-o", "v.df", "--as", "particles"]);
+    std::fs::write(folder.join("p.csv"), "x,y,z\n0,0,0\n1,2,3\n").unwrap();
+    let why = say(&["v.df", "-o", "x.npy"]);
+    assert!(why.contains("v.df: content: found a page file of particles, expected an image or a volume"), "{why}");
+    let why = say(&["p.csv", "-o", "x.npy"]);
+    assert!(why.contains("p.csv: content: found particles, expected an image or a volume"), "{why}");
+    let why = refused(folder, &["build", "v.df", "-o", "w.df"]);
+    assert!(why.contains("v.df: content: found a page file of particles, expected a source"), "{why}");
+    let why = refused(folder, &["build", "blobs.df", "-o", "w.df"]);
+    assert!(why.contains("blobs.df: content: found a built image or volume, expected a source"), "{why}");
+}
+
+#[test]
+fn what_was_built_of_a_volume_is_no_particles() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    blobs(folder);
+    done(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
+    std::fs::write(folder.join("p.csv"), "x,y,z\n0,0,0\n4,5,6\n9,9,9\n").unwrap();
+    let small = ["--size", "60x40"];
+    let render = |first: &'static str, other: &'static str| {
+        [&["render", first, "--with", other, "-o", "p.png", "--mode", "column-density"][..], &small[..]].concat()
+    };
+    // The source's voxels stand among others.
+    done(folder, &render("p.csv", "blobs.nrrd"));
+    let expected = "blobs.df: content: found a built image or volume, expected particles, or a source";
+    for words in [
+        render("p.csv", "blobs.df"),
+        render("blobs.df", "p.csv"),
+        render("blobs.df", "blobs.df"),
+        vec!["export", "blobs.df", "--levels", "splats", "-o", "p.ply"],
+    ] {
+        let why = refused(folder, &words);
+        assert!(why.contains(expected), "{words:?}: {why}");
+    }
+    // The time that was asked for is told.
+    let draw = |data: &str, more: &[&str]| {
+        let words = ["render", data, "-o", "p.png", "--backend", "cpu", "--json", "-"];
+        done(folder, &[&words[..], &small, more].concat())
+    };
+    let told = draw("blobs.df", &["--frame-ms", "50"]);
+    assert_eq!(number(&told, &["budget_ms"]), 50.0);
+    let told = draw("p.csv", &[]);
+    assert!(told.contains("\"budget_ms\": null"), "{told}");
+}
+
+#[test]
+fn a_folder_of_slices_is_drawn_and_asked_as_a_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let samples = blobs(folder);
+    std::fs::create_dir(folder.join("slices")).unwrap();
+    for z in 0..24 {
+        let name = format!("slices/s{z}.png");
+        let region = format!("0:32,0:32,{z}:{}", z + 1);
+        done(folder, &["reconstruct", "blobs.nrrd", "-o", &name, "--exact", "--region", &region]);
+    }
+    let draw = |out: &str, more: &[&str]| {
+        let words = ["render", "slices", "-o", out, "--size", "60x40", "--backend", "cpu"];
+        done(folder, &[&words[..], more].concat());
+    };
+    draw("a.png", &["--mode", "xray"]);
+    let picture = crate::support::golden::picture_at(&folder.join("a.png"));
+    assert!(picture.rgba.iter().filter(|pixel| pixel[..3].iter().any(|byte| *byte > 24)).count() > 100);
+    // As particles, too.
+    draw("b.png", &["--mode", "column-density"]);
+    draw("c.png", &["--exact"]);
+    let told = done(folder, &["probe", "slices", "--json", "-"]);
+    assert_eq!(number(&told, &["samples"]), samples.len() as f64, "{told}");
+    done(folder, &["tour", "--around", "slices", "--frame", "0", "frame.png", "--size", "48x32"]);
+    assert!(folder.join("frame.png").exists());
+}
+
 #[test]
 fn voxels_are_particles_where_particles_are_asked_for() {
     let folder = tempfile::tempdir().unwrap();

@@ -122,7 +122,7 @@ impl Plan {
                 path: output.into(),
                 what: format!("a brick of {}", grid.described()),
                 needed: (BASE + brick).div_ceil(1 << 20),
-                allowed: allowed >> 20,
+                allowed,
             });
         }
         let left = allowed - BASE.min(allowed / 4);

@@ -96,7 +96,7 @@ impl Memory {
                 path: out.to_owned(),
                 what: format!("one cell with {largest} particles"),
                 needed: needed.div_ceil(1 << 20),
-                allowed: self.allowed >> 20,
+                allowed: self.allowed,
             });
         }
         Ok(((self.buckets / 2) / needed.max(1)).clamp(1, rayon::current_num_threads() as u64) as usize)

@@ -202,7 +202,10 @@ pub enum BuildError {
         what: String,
     },
     /// The build needs more memory than it may take.
-    #[error("{path}: {what} takes about {needed} MiB of memory, more than the {allowed} MiB that the build may take")]
+    #[error(
+        "{path}: {what} takes about {needed} MiB of memory, more than the {} MiB that the build may take",
+        mebibytes(*allowed)
+    )]
     Memory {
         /// The output.
         path: PathBuf,
@@ -210,7 +213,7 @@ pub enum BuildError {
         what: String,
         /// Mebibytes needed.
         needed: u64,
-        /// Mebibytes allowed.
+        /// Bytes allowed.
         allowed: u64,
     },
     /// Temporary files would fill the disk.
@@ -249,6 +252,14 @@ pub enum BuildError {
 impl BuildError {
     fn temporary(spill: &Spill, source: std::io::Error) -> BuildError {
         BuildError::Temporary { folder: spill.folder().to_owned(), source }
+    }
+}
+
+/// Bytes as mebibytes in a message: whole ones, with two digits where they are few and none of the whole.
+fn mebibytes(bytes: u64) -> String {
+    match bytes {
+        few if few < 10 << 20 && !few.is_multiple_of(1 << 20) => format!("{:.2}", few as f64 / f64::from(1 << 20)),
+        many => (many >> 20).to_string(),
     }
 }
 
@@ -602,4 +613,15 @@ fn chosen(names: &[&str], options: &BuildOptions) -> Vec<usize> {
         order.truncate(DEFAULT_ATTRIBUTES);
     }
     order.into_iter().map(|(_, index)| index).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::mebibytes;
+
+    #[test]
+    fn little_memory_is_told_with_its_digits() {
+        let told = [1_000_000, 1 << 20, 1_600_000, 512 << 20, (64 << 20) + 5].map(mebibytes);
+        assert_eq!(told, ["0.95", "1", "1.53", "512", "64"]);
+    }
 }

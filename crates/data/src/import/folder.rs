@@ -1,6 +1,7 @@
 //! A folder in the place of a file: which file of it is meant.
 
 use super::format::{Head, format_of, open_file};
+use super::grid::is_stack;
 use super::{Description, ImportError, multifile};
 use crate::model::ReadMethod;
 use std::path::{Path, PathBuf};
@@ -15,8 +16,8 @@ const LISTED: usize = 12;
 /// How many files are opened to find that out.
 const TRIED: usize = 64;
 
-/// The file that is meant by `path`: itself unless it is a folder, else a file of the one source in the folder, which may be a
-/// snapshot in several files, or the one file of another kind. Links are followed; hidden files and the folders inside are not
+/// The file that is meant by `path`: itself unless it is a folder, or where the folder is one of slices; else a file of the one source in the
+/// folder, which may be a snapshot in several files, or the one file of another kind. Links are followed; hidden files and the folders inside are not
 /// looked into, and files that belong to nothing that can be opened do not count.
 ///
 /// # Errors
@@ -27,6 +28,9 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
         return Ok(path.into());
     }
     let (mut claimants, names) = look_into(path, others)?;
+    if are_slices(path, &claimants)? {
+        return Ok(path.into());
+    }
     if claimants.len() <= 1 {
         let unlike = || ImportError::malformed(path, "folder", listed(&names, names.len()), "one source in it");
         return claimants.pop().map(|claimant| claimant.path).ok_or_else(unlike);
@@ -60,6 +64,21 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
             Err(ImportError::malformed(path, "folder", listed(&texts, texts.len() + claimants.len()), expected))
         }
     }
+}
+
+/// Whether a folder is one of slices of a volume: of pictures, beside which lies nothing that can be opened. Pictures of a snapshot beside it are
+/// none.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub(super) fn is_of_slices(folder: &Path) -> Result<bool, ImportError> {
+    are_slices(folder, &look_into(folder, &[])?.0)
+}
+
+fn are_slices(folder: &Path, claimants: &[Claimant]) -> Result<bool, ImportError> {
+    let is_data =
+        |claimant: &Claimant| claimant.other.is_some() || open_file(&claimant.path, ReadMethod::Positioned).is_ok();
+    Ok(is_stack(folder)? && !claimants.iter().take(TRIED).any(is_data))
 }
 
 /// A file that claims to be a source, or the kind of file that it is instead.

@@ -111,7 +111,8 @@ pub(super) fn format_of(head: &Head) -> Option<&'static dyn Format> {
     formats().into_iter().find(|format| format.recognise(&head.bytes, head.length))
 }
 
-/// Opens a source in whatever format its content shows; of a folder, the one source in it (see [`super::file_in`]).
+/// Opens a source in whatever format its content shows; of a folder, the one source in it, or the volume that it holds the slices of (see
+/// [`super::file_in`]).
 ///
 /// # Errors
 /// [`ImportError`] when the file cannot be read, is of no known format, or is damaged.
@@ -151,7 +152,11 @@ pub fn steps_in(path: &Path) -> Result<u64, ImportError> {
 /// The format of a file.
 fn format_at(path: &Path) -> Result<&'static dyn Format, ImportError> {
     // Formats of text take almost anything for a table, so that grids are told first.
-    if super::grid::grid_content(path)?.is_some() {
+    let is_grid = match path.is_dir() {
+        true => super::folder::is_of_slices(path)?,
+        false => super::grid::grid_content(path)?.is_some(),
+    };
+    if is_grid {
         return Ok(&super::grid::Voxels);
     }
     let unknown = || ImportError::Unrecognised { path: path.into(), expected: names() };

@@ -27,6 +27,16 @@ pub enum StoreError {
         /// What was expected.
         expected: &'static str,
     },
+    /// A built file of something else, where particles are shown.
+    #[error(
+        "{path}: content: found {found}, expected particles, or a source, whose voxels or pixels are shown as particles"
+    )]
+    NotParticles {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
     /// A file of another version.
     #[error("{path}: {kind} of version {found}; this program reads versions {} to {}", supported[0], supported[1])]
     Version {

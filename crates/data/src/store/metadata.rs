@@ -5,7 +5,7 @@ pub use crate::codec::AttributeMerge;
 use crate::codec::shapes::ShapeBook;
 use crate::codec::{Codebook, VqBits};
 pub use crate::hierarchy::{AttributeInfo, Histogram, LevelInfo};
-use crate::hierarchy::{Purpose, RootCell};
+use crate::hierarchy::{Kind, Purpose, RootCell};
 use crate::model::{Bounds, FamilyName, Kernel, PeriodicBox, Provenance, Skipped, Unit};
 use std::sync::Arc;
 
@@ -34,6 +34,15 @@ impl Metadata {
         self.families.iter().map(|family| family.count).sum()
     }
 
+    /// The kinds of hierarchies over the leaves of any family.
+    pub fn hierarchies(&self) -> Vec<&'static Kind> {
+        let is_there = |kind: &&Kind| {
+            let mut trees = self.families.iter().flat_map(FamilyMetadata::trees);
+            trees.any(|(purpose, _)| kind.purposes.first() == Some(&purpose))
+        };
+        Kind::ALL.into_iter().filter(is_there).collect()
+    }
+
     /// Whether every family has levels for volumes.
     pub fn has_volume_levels(&self) -> bool {
         self.families.iter().all(|family| family.volume.is_some())
@@ -42,6 +51,11 @@ impl Metadata {
     /// Whether every family has clusters.
     pub fn has_clusters(&self) -> bool {
         self.families.iter().all(|family| family.clusters.is_some())
+    }
+
+    /// Whether clusters have the diameters of HE03.
+    pub fn is_published(&self) -> bool {
+        self.families.iter().filter_map(|family| family.clusters.as_ref()).all(|clusters| clusters.is_published)
     }
 
     /// What is still known where there are no pages.

@@ -2,7 +2,6 @@
 
 use super::display_list::{Anchor, Area, At, DisplayList, Rgba, Shape};
 use super::legend::{Legend, LegendAxis};
-use super::ticks::ticks;
 use super::{QUIET, TEXT, font};
 
 /// Width of the bar without hue, logical pixels.
@@ -85,7 +84,7 @@ fn opacity(list: &mut DisplayList, bar: Area, opacity: &[f32]) {
 
 /// Ticks and labels at the left of the bar.
 fn upright_ticks(list: &mut DisplayList, bar: Area, axis: &LegendAxis) {
-    for tick in ticks(axis.range, axis.log) {
+    for tick in axis.ticks() {
         let y = bar.max[1] + (bar.min[1] - bar.max[1]) * tick.place as f32;
         let length = if tick.label.is_some() { 6.0 } else { 3.0 };
         list.line([bar.min[0] - length, y], [bar.min[0], y], 1.0, TEXT);
@@ -97,7 +96,7 @@ fn upright_ticks(list: &mut DisplayList, bar: Area, axis: &LegendAxis) {
 
 /// Ticks and labels under the field; labels that would run into each other are left out.
 fn level_ticks(list: &mut DisplayList, bar: Area, axis: &LegendAxis) {
-    for tick in ticks(axis.range, axis.log) {
+    for tick in axis.ticks() {
         let x = bar.min[0] + (bar.max[0] - bar.min[0]) * tick.place as f32;
         let length = if tick.label.is_some() { 6.0 } else { 3.0 };
         list.line([x, bar.max[1]], [x, bar.max[1] + length], 1.0, TEXT);

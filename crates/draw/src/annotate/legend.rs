@@ -2,6 +2,7 @@
 
 use super::display_list::Rgba;
 use super::number;
+use super::ticks::{Tick, ticks};
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::mode::{Depiction, OwnColors};
 use crate::model::Unit;
@@ -19,6 +20,24 @@ pub struct LegendAxis {
     pub range: [f64; 2],
     /// Whether values are placed logarithmically.
     pub log: bool,
+    /// Whether there are whole numbers alone.
+    pub whole: bool,
+}
+
+impl LegendAxis {
+    /// Marks along it: where all values are the same, that one in the middle, as it is coloured.
+    pub fn ticks(&self) -> Vec<Tick> {
+        let [low, high] = self.range;
+        if low == high {
+            return vec![Tick { place: 0.5, value: low, label: Some(number::quantity(low)) }];
+        }
+        let mut ticks = ticks(self.range, self.log);
+        if self.whole {
+            ticks.retain(|tick| (tick.value - tick.value.round()).abs() < 1e-6);
+            ticks.iter_mut().for_each(|tick| tick.label = Some(number::quantity(tick.value.round())));
+        }
+        ticks
+    }
 }
 
 /// Values of a legend's opacity.
@@ -33,8 +52,20 @@ pub struct Units {
     pub length: Unit,
     /// Of the attribute that colours the picture.
     pub attribute: Unit,
-    /// What brightness shows, and its unit, where the data names it.
-    pub value: Option<(String, Unit)>,
+    /// What brightness shows.
+    pub value: Shown,
+}
+
+/// What the brightness of a picture shows, or its one axis of colours.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Shown {
+    /// The mode's own quantity.
+    #[default]
+    Mode,
+    /// What the data names so, and its unit.
+    Named(String, Unit),
+    /// Nothing that is measured: colours are the data's own.
+    Colors,
 }
 
 impl Units {
@@ -48,7 +79,7 @@ impl Units {
             mass: metadata.mass_unit.clone(),
             length: metadata.length_unit.clone(),
             attribute: attribute.next().cloned().unwrap_or_default(),
-            value: None,
+            value: Shown::Mode,
         }
     }
 }
@@ -75,12 +106,15 @@ impl Legend {
         levels: &Levels,
         units: &Units,
     ) -> Option<Legend> {
+        if units.value == Shown::Colors {
+            return None;
+        }
         match depiction.mode.technique.own_colors(&depiction.settings, transfer) {
             None => Some(Legend::of(depiction, transfer, lut, levels, units)),
             Some(OwnColors::Names) => None,
-            Some(OwnColors::Axis { title, is_length, log, colors }) => {
+            Some(OwnColors::Axis { title, is_length, is_whole, log, colors }) => {
                 let unit = if is_length { tidy(units.length.0.clone()) } else { String::new() };
-                let p = LegendAxis { title: capitalized(title), unit, range: levels.p, log };
+                let p = LegendAxis { title: capitalized(title), unit, range: levels.p, log, whole: is_whole };
                 let lut = Arc::new(Lut { width: colors.len() as u32, height: 1, rgba: colors });
                 Some(Legend { p, s: None, lut, opacity: Vec::new() })
             }
@@ -97,14 +131,15 @@ impl Legend {
     ) -> Legend {
         let mode = depiction.mode;
         let (title, unit) = match &units.value {
-            Some((name, unit)) => (name.as_str(), unit.clone()),
-            None => (mode.quantity, (mode.unit)(&units.mass, &units.length)),
+            Shown::Named(name, unit) => (name.as_str(), unit.clone()),
+            Shown::Mode | Shown::Colors => (mode.quantity, (mode.unit)(&units.mass, &units.length)),
         };
         let p = LegendAxis {
             title: capitalized(title),
             unit: tidy(unit.0),
             range: levels.p,
             log: transfer.scale == Scale::Log,
+            whole: false,
         };
         let hue = transfer.hue.as_ref().zip(depiction.attribute.as_ref());
         let s = hue.map(|(hue, coloring)| LegendAxis {
@@ -112,6 +147,7 @@ impl Legend {
             unit: tidy(units.attribute.0.clone()),
             range: levels.s,
             log: hue.scale == Scale::Log,
+            whole: false,
         });
         // A volume's opacity belongs to a length, and colours do not show it.
         let opacity = match mode.is_light() {
@@ -158,6 +194,16 @@ pub fn tidy(unit: String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn levels_have_whole_marks_and_one_value_has_one() {
+        let axis = |range| LegendAxis { title: "Level".into(), unit: String::new(), range, log: false, whole: true };
+        let labels = |range| axis(range).ticks().into_iter().filter_map(|tick| tick.label).collect::<Vec<_>>();
+        assert_eq!(labels([2.0, 3.0]), ["2", "3"]);
+        assert_eq!(labels([2.0, 2.0]), ["2"]);
+        assert_eq!(labels([0.0, 12.0]), ["0", "5", "10"]);
+        assert_eq!(axis([2.0, 2.0]).ticks()[0].place, 0.5);
+    }
 
     #[test]
     fn units_and_names_are_typeset() {

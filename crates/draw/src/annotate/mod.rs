@@ -19,7 +19,7 @@ pub mod ticks;
 
 pub use display_list::{Anchor, DisplayList, Rgba, Shape};
 pub use labels::Label;
-pub use legend::{Legend, LegendAxis, Units};
+pub use legend::{Legend, LegendAxis, Shown, Units};
 pub use paint::{Paper, paint};
 
 use crate::model::Bounds;

@@ -8,7 +8,8 @@ use proptest::prelude::*;
 use std::sync::Arc;
 
 fn legend(hue: bool, range: [f64; 2]) -> Legend {
-    let axis = |title: &str, unit: &str| LegendAxis { title: title.into(), unit: unit.into(), range, log: true };
+    let axis =
+        |title: &str, unit: &str| LegendAxis { title: title.into(), unit: unit.into(), range, log: true, whole: false };
     let preset = if hue { "density-hue" } else { "density" };
     Legend {
         p: axis("Integral of squared density", "(1e10 Msun/h)² / (kpc/h)⁵"),

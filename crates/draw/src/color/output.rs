@@ -14,7 +14,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum OutputError {
     /// The file system refused.
-    #[error("{}: cannot write the picture: {source}", path.display())]
+    #[error("{}: cannot be written: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
@@ -160,13 +160,20 @@ fn write_with(
 ) -> Result<(), OutputError> {
     let io = |source| OutputError::Io { path: path.to_owned(), source };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = new_file::builder().tempfile_in(folder).map_err(io)?;
+    let mut file = new_file::builder().tempfile_in(folder).map_err(|error| io(without_name(&error)))?;
     let mut out = BufWriter::new(file.as_file_mut());
     content(&mut out)?;
     out.flush().map_err(io)?;
     drop(out);
     file.persist(path).map_err(|error| io(error.error))?;
     Ok(())
+}
+
+/// What the system says of a file in the making, without the name that it would have had meanwhile: nobody has named that.
+fn without_name(error: &std::io::Error) -> std::io::Error {
+    let text = error.to_string();
+    let said = text.split_once(" at path ").map_or(&*text, |(said, _)| said);
+    std::io::Error::new(error.kind(), said)
 }
 
 fn encode<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> OutputError + '_ {
@@ -184,6 +191,15 @@ mod tests {
             p: vec![1.0, 2.0, 0.0, 4.0, 5.5, 6.0],
             ps: vec![2.0, 2.0, 0.0, 1.0, 1.0, 3.0],
         }
+    }
+
+    #[test]
+    fn a_file_in_a_folder_that_is_not_there_is_told_by_its_own_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("missing").join("a.json");
+        let error = write_atomically(&path, b"{}").unwrap_err().to_string();
+        assert!(error.starts_with(&format!("{}: cannot be written: ", path.display())), "{error}");
+        assert!(!error.contains(new_file::UNFINISHED) && !error.contains(" at path "), "{error}");
     }
 
     #[test]

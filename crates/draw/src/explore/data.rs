@@ -146,7 +146,8 @@ pub fn source_path(file: &PageFile) -> Option<PathBuf> {
     }
     let named = &file.metadata().provenance.path;
     let beside = file.path().parent().map(|folder| folder.join(named));
-    [Some(named.clone()), beside].into_iter().flatten().find(|source| file_of_step(source).is_file())
+    let is_there = |file: &Path| file.is_file() || file.is_dir();
+    [Some(named.clone()), beside].into_iter().flatten().find(|source| is_there(file_of_step(source)))
 }
 
 /// Opens a source at `path`, from which a page file was built.

@@ -3,7 +3,6 @@
 use super::{Camera, ERRORS_PX, SceneFile, VERSION, VERSION_TIME};
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
-use crate::modes;
 use crate::view::Stereo;
 
 /// Datasets of a scene at most.
@@ -32,7 +31,7 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
         }
     }
     let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
-    scene.look.check(scene.look.mode.unwrap_or(modes::first()), ERRORS_PX, &refuse)?;
+    scene.look.check(scene.look.mode_of_settings(), ERRORS_PX, &refuse)?;
     if let Some((width, height)) = scene.size
         && !((1..=32768).contains(&width) && (1..=32768).contains(&height))
     {

@@ -118,11 +118,14 @@ pub struct Fingerprint {
 pub const SPAN: u64 = 1 << 16;
 
 impl Fingerprint {
-    /// The fingerprint of a file.
+    /// The fingerprint of a file; of a folder that of the names and lengths of what is in it.
     ///
     /// # Errors
     /// When it cannot be read.
     pub fn of(path: &Path) -> std::io::Result<Fingerprint> {
+        if path.is_dir() {
+            return Fingerprint::of_folder(path);
+        }
         let mut file = std::fs::File::open(path)?;
         let bytes = file.metadata()?.len();
         let mut ends = Vec::new();
@@ -130,6 +133,20 @@ impl Fingerprint {
         file.seek(SeekFrom::Start(bytes.saturating_sub(SPAN)))?;
         file.take(SPAN).read_to_end(&mut ends)?;
         Ok(Fingerprint { bytes, crc32c: crc32c::crc32c(&ends) })
+    }
+
+    fn of_folder(path: &Path) -> std::io::Result<Fingerprint> {
+        let mut files = Vec::new();
+        for entry in std::fs::read_dir(path)? {
+            let entry = entry?;
+            files.push((entry.file_name(), entry.metadata()?.len()));
+        }
+        files.sort();
+        let bytes = files.iter().map(|(_, bytes)| bytes).sum();
+        let crc32c = files.iter().fold(0, |crc, (name, bytes)| {
+            crc32c::crc32c_append(crc32c::crc32c_append(crc, name.as_encoded_bytes()), &bytes.to_le_bytes())
+        });
+        Ok(Fingerprint { bytes, crc32c })
     }
 }
 
@@ -285,6 +302,18 @@ mod tests {
         // The one that is the same is preferred.
         std::fs::write(&file, vec![7; 200_000]).unwrap();
         assert_eq!(named.locate(&scene).unwrap().members[0].path, file.canonicalize().unwrap());
+
+        // A folder of slices is named as it is.
+        let slices = data.join("slices");
+        std::fs::create_dir(&slices).unwrap();
+        for name in ["s0.png", "s1.png"] {
+            std::fs::write(slices.join(name), b"\x89PNG\r\n\x1a\n").unwrap();
+        }
+        let named_slices = DatasetRef::of(&slices, &scene);
+        let located = named_slices.locate(&scene).unwrap();
+        assert_eq!((located.members[0].path.as_path(), located.notes.len()), (&*slices.canonicalize().unwrap(), 0));
+        std::fs::write(slices.join("s2.png"), b"\x89PNG\r\n\x1a\n").unwrap();
+        assert!(named_slices.locate(&scene).unwrap().notes[0].contains("slices is not the file that"));
 
         // Gone: both places are named, and what to do.
         std::fs::remove_file(&file).unwrap();

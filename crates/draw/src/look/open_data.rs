@@ -29,11 +29,14 @@ pub enum DataKind {
 }
 
 impl DataKind {
-    /// What the file at `path` is.
+    /// What the file at `path` is; a folder is a source, if anything.
     ///
     /// # Errors
     /// When the file cannot be read; the message names it.
     pub fn of(path: &Path) -> Result<DataKind, std::io::Error> {
+        if path.is_dir() {
+            return Ok(DataKind::Source);
+        }
         let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
         let mut head = Vec::with_capacity(16);
         std::fs::File::open(file_of_step(path)).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
@@ -45,9 +48,34 @@ impl DataKind {
             () => DataKind::Source,
         })
     }
+
+    /// What messages call it.
+    pub fn described(self) -> &'static str {
+        match self {
+            DataKind::Pages => "a page file of particles",
+            DataKind::Run => "a run of particles",
+            DataKind::Grid => "a built image or volume",
+            DataKind::Heights => "built heights",
+            DataKind::Source => "a source",
+        }
+    }
+
+    /// What the file at `path` is, where particles are shown: a page file, a run or a source.
+    ///
+    /// # Errors
+    /// [`StoreError::NotParticles`]. What cannot be read is told where it is opened.
+    pub fn of_particles(path: &Path) -> Result<DataKind, StoreError> {
+        match DataKind::of(path) {
+            Ok(kind @ (DataKind::Grid | DataKind::Heights)) => {
+                Err(StoreError::NotParticles { path: path.to_path_buf(), found: kind.described() })
+            }
+            kind => Ok(kind.unwrap_or(DataKind::Pages)),
+        }
+    }
 }
 
-/// The source, page file, run or other file that a user means who names `path`: of a folder, the one of them in it.
+/// The source, page file, run or other file that a user means who names `path`: of a folder, the one of them in it; one of slices is a source
+/// itself.
 ///
 /// # Errors
 /// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
@@ -97,9 +125,8 @@ impl OpenData {
     ) -> Result<OpenData, E> {
         let open = |member: &Member| {
             let path = built(&member.path)?;
-            // What cannot be looked at is told where it is opened as a page file.
-            let data = match DataKind::of(&path) {
-                Ok(DataKind::Run) => Data::Run(Arc::new(RunFile::open(&path, read)?)),
+            let data = match DataKind::of_particles(&path)? {
+                DataKind::Run => Data::Run(Arc::new(RunFile::open(&path, read)?)),
                 _ => Data::Pages(path),
             };
             Ok((member.clone(), data))

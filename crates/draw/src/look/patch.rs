@@ -316,6 +316,12 @@ impl LookPatch {
             && scales(self) == scales(other)
     }
 
+    /// The mode whose settings it has: where it names none, and the data's usual one is meant, the first that takes them all.
+    pub fn mode_of_settings(&self) -> &'static Mode {
+        let takes = |mode: &&'static Mode| self.settings.check(mode).is_ok();
+        self.mode.unwrap_or_else(|| modes::all().into_iter().find(takes).unwrap_or(modes::first()))
+    }
+
     /// Checks what types cannot, of settings those of `mode`. `refuse` makes the error of a field by its path, of what was found and
     /// what is expected.
     ///

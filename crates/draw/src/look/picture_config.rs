@@ -5,7 +5,6 @@ use crate::color::transfer::TransferFunction;
 use crate::model::FamilyName;
 use crate::model::ron_file::{self, RonError};
 use crate::model::ron_place::Place;
-use crate::modes;
 use crate::view::{Stereo, Surround};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -125,7 +124,7 @@ impl PictureConfig {
         let place = Place { file, text };
         let refuse = |path: &[&str], found, expected| place.refuse(path, found, expected);
         let any = f64::MIN_POSITIVE..=f64::MAX;
-        config.look.check(config.look.mode.unwrap_or(modes::first()), any, &refuse)?;
+        config.look.check(config.look.mode_of_settings(), any, &refuse)?;
         for (field, value) in [("fov", config.camera.fov), ("ortho", config.camera.ortho)] {
             if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
                 return Err(place.refuse(&["camera", field], value, "a number greater than 0"));
@@ -167,6 +166,16 @@ mod tests {
         ] {
             let message = PictureConfig::parse("p.ron", text).unwrap_err().to_string();
             assert!(message.contains(expected), "{text}: {message}");
+        }
+    }
+
+    #[test]
+    fn settings_without_a_mode_are_those_of_some_mode() {
+        let modes = |text: &str| PictureConfig::parse("p.ron", text).map(|config| config.look.mode_of_settings().name);
+        assert_eq!(modes("(settings: {\"contours\": 100.0})").unwrap(), "surface");
+        assert_eq!(modes("(settings: {})").unwrap(), crate::modes::first().name);
+        for wrong in ["{\"contorus\": 100.0}", "{\"contours\": true}", "{\"contours\": 100.0, \"kernel\": \"data\"}"] {
+            assert!(modes(&format!("(settings: {wrong})")).is_err(), "{wrong}");
         }
     }
 }

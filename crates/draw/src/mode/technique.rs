@@ -17,6 +17,7 @@ use crate::cpu::{Counts, SplatOptions, Splats, among, draw_counted};
 use crate::hierarchy::Purpose;
 use crate::model::{Bounds, Kernel};
 use crate::view::{Detail, View};
+use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
 /// What a technique's pictures are made of.
@@ -136,6 +137,11 @@ pub trait Technique: Sync {
 
     /// What the colours of its pictures mean, where that is not what the transfer function's do.
     fn own_colors(&self, _settings: &Settings, _transfer: &TransferFunction) -> Option<OwnColors> {
+        None
+    }
+
+    /// Towards whom what it draws of a volume is turned, where that is flat: from there a picture of it is taken unless it is told otherwise.
+    fn facing(&self, _settings: &Settings, _to_world: &DAffine3) -> Option<DVec3> {
         None
     }
 
@@ -278,6 +284,8 @@ pub enum OwnColors {
         title: &'static str,
         /// Whether its unit is that of lengths; else it has none.
         is_length: bool,
+        /// Whether values are whole numbers.
+        is_whole: bool,
         /// Whether values are placed logarithmically.
         log: bool,
         /// Colours at evenly spaced places, sRGB.

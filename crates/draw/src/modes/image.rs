@@ -15,7 +15,7 @@ pub static MODE: Mode = Mode {
     name: "image",
     help: "of images: the picture itself, in its own colours or those of a transfer function",
     settings: &[samples::SAMPLES],
-    technique: &samples::OfFields { output: Output::Light, dimensions: &[2], is_integral: false, draw },
+    technique: &samples::OfFields { output: Output::Light, dimensions: &[2], is_integral: false, facing: None, draw },
     quantity: "value",
     ..grid::MODE
 };

@@ -118,7 +118,8 @@ impl Technique for Primitives {
         let place = |i: usize| entry(i as f64 / (ENTRIES - 1) as f64);
         let gradient = transfer.color_map.sample(ENTRIES);
         let colors = (0..ENTRIES).filter_map(|i| gradient.get(place(i)).map(|rgb| encoded(*rgb))).collect();
-        Some(OwnColors::Axis { title, is_length, log: is_length, colors })
+        let is_whole = By::of(settings) == By::Level;
+        Some(OwnColors::Axis { title, is_length, is_whole, log: is_length, colors })
     }
 
     fn takes_points(&self) -> bool {
@@ -350,7 +351,8 @@ mod tests {
             [("level", ("level", false)), ("size", ("mean radius", true)), ("misfit", ("misfit", false))]
         {
             settings.set(&COLOR, SettingValue::Name(by.into()));
-            let Some(OwnColors::Axis { title, is_length, log, colors }) = Primitives.own_colors(&settings, &transfer)
+            let Some(OwnColors::Axis { title, is_length, log, colors, .. }) =
+                Primitives.own_colors(&settings, &transfer)
             else {
                 panic!("{by}: no axis")
             };

@@ -14,6 +14,7 @@ use crate::mode::{
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
 use crate::view::{Extent, PerspectiveGrid, Projection};
+use glam::{DAffine3, DVec3};
 
 /// How far a value may be off.
 pub static ERROR_VALUE: Setting = Setting {
@@ -257,6 +258,8 @@ pub struct OfFields {
     pub dimensions: &'static [usize],
     /// Whether it draws the line integrals that adapters draw too.
     pub is_integral: bool,
+    /// See [`Technique::facing`].
+    pub facing: Option<fn(&Settings, &DAffine3) -> Option<DVec3>>,
     /// Draws one of the kind.
     pub draw: fn(&FieldJob<'_>) -> Result<Raw, VolumeError>,
 }
@@ -272,6 +275,10 @@ impl Technique for OfFields {
 
     fn field_dimensions(&self) -> &'static [usize] {
         self.dimensions
+    }
+
+    fn facing(&self, settings: &Settings, to_world: &DAffine3) -> Option<DVec3> {
+        self.facing.and_then(|facing| facing(settings, to_world))
     }
 
     fn draw(&self, _: &Job<'_>) -> Result<Raw, VolumeError> {

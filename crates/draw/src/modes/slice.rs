@@ -3,8 +3,8 @@
 use super::{grid, samples};
 use crate::cpu::field::plane::Plane;
 use crate::cpu::volume::VolumeError;
-use crate::mode::{FieldJob, Mode, Output, Raw, Setting, SettingKind};
-use glam::DVec3;
+use crate::mode::{FieldJob, Mode, Output, Raw, Setting, SettingKind, Settings};
+use glam::{DAffine3, DVec3};
 
 /// Across which axis of the grid it lies.
 pub static AXIS: Setting = Setting {
@@ -32,11 +32,7 @@ pub static NORMAL: Setting = Setting {
 fn plane(job: &FieldJob<'_>) -> Result<Plane, VolumeError> {
     let shape = job.field.shape().map(|side| side as f64);
     let normal = match *job.settings.numbers(&NORMAL) {
-        [] => match job.settings.name(&AXIS).as_str() {
-            "x" => DVec3::X,
-            "y" => DVec3::Y,
-            _ => DVec3::Z,
-        },
+        [] => axis(job.settings),
         // A plane's normal is a covector: n . (M i) = (M^T n) . i.
         [x, y, z] if (x, y, z) != (0.0, 0.0, 0.0) => job.field.to_world.matrix3.transpose() * DVec3::new(x, y, z),
         ref found => {
@@ -52,6 +48,25 @@ fn plane(job: &FieldJob<'_>) -> Result<Plane, VolumeError> {
     Ok(Plane { normal, distance: low + job.settings.number(&AT) * (high - low) })
 }
 
+/// The axis of the grid that it lies across.
+fn axis(settings: &Settings) -> DVec3 {
+    match settings.name(&AXIS).as_str() {
+        "x" => DVec3::X,
+        "y" => DVec3::Y,
+        _ => DVec3::Z,
+    }
+}
+
+/// Along the plane's normal, from the volume's end.
+fn facing(settings: &Settings, to_world: &DAffine3) -> Option<DVec3> {
+    let normal = match *settings.numbers(&NORMAL) {
+        [x, y, z] => DVec3::new(x, y, z),
+        // The normal of a plane of indices, a covector.
+        _ => to_world.matrix3.inverse().transpose() * axis(settings),
+    };
+    normal.try_normalize()
+}
+
 fn draw(job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
     samples::on_plane(job, &plane(job)?)
 }
@@ -61,7 +76,13 @@ pub static MODE: Mode = Mode {
     name: "slice",
     help: "of volumes: what lies on a plane through them",
     settings: &[&[&AXIS, &AT, &NORMAL], samples::SAMPLES],
-    technique: &samples::OfFields { output: Output::Light, dimensions: &[3], is_integral: false, draw },
+    technique: &samples::OfFields {
+        output: Output::Light,
+        dimensions: &[3],
+        is_integral: false,
+        facing: Some(facing),
+        draw,
+    },
     quantity: "value",
     ..grid::MODE
 };

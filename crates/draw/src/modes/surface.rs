@@ -87,7 +87,7 @@ pub static CONTOUR_MAJOR: Setting = Setting {
     name: "contour-major",
     unit: "",
     kind: SettingKind::Number { min: 0.0, max: 1e6, default: 5.0 },
-    help: "every so many lines one is stronger; 0: none",
+    help: "every so many lines one is stronger; 0 or 1: all are as strong",
 };
 /// How wide lines are.
 pub static CONTOUR_WIDTH: Setting = Setting {
@@ -396,7 +396,8 @@ pub fn attribute_of(name: Option<&str>, about: &HeightAbout, is_compared: bool) 
 /// The attributes that every surface has.
 pub const ATTRIBUTES: [&str; 7] = ["height", "slope", "aspect", "curvature", "residual", "level", "primitive"];
 
-/// What values of an attribute are called, and their unit where it is not that of heights; `None` for those without values.
+/// What values of an attribute are called, and their unit where it is not that of heights; `None` for those of the file, whose planes have names
+/// and whose colours are colours.
 pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'static str>)> {
     match attribute {
         Attribute::Height => Some(("height", None)),
@@ -406,7 +407,8 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
         Attribute::Residual => Some(("residual", None)),
         Attribute::Difference => Some(("difference", None)),
         Attribute::Level => Some(("level", Some(""))),
-        Attribute::Primitive | Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => None,
+        Attribute::Primitive => Some(("points 0, triangles 1", Some(""))),
+        Attribute::Plane(_) | Attribute::Texture(_) | Attribute::Photo => None,
     }
 }
 

@@ -14,7 +14,7 @@ pub static MODE: Mode = Mode {
     name: "xray",
     help: "of volumes: the integral of the value along each ray, as in an X-ray picture",
     settings: &[samples::SAMPLES],
-    technique: &samples::OfFields { output: Output::Values, dimensions: &[3], is_integral: true, draw },
+    technique: &samples::OfFields { output: Output::Values, dimensions: &[3], is_integral: true, facing: None, draw },
     quantity: "line integral",
     transfer: ["density", "density-hue"],
     ..grid::MODE

@@ -85,6 +85,11 @@ impl Annotation {
         Annotation { depiction, units, ..self }
     }
 
+    /// With names that stand on a surface, where there are such, in place of those of a catalogue.
+    pub(super) fn naming(self, labels: Option<Vec<Label>>) -> Annotation {
+        Annotation { labels: labels.unwrap_or(self.labels), ..self }
+    }
+
     /// The units that it is in.
     pub(super) fn units(&self) -> &Units {
         &self.units

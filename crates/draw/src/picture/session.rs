@@ -144,6 +144,8 @@ pub struct Session {
     paths: Option<PathLayer>,
     /// What was told of paths last.
     told_of_paths: Option<&'static str>,
+    /// Whether it was told that the file has not got what was asked of its levels.
+    has_told_of_levels: bool,
     reporter: Arc<dyn Reporter>,
 }
 
@@ -193,6 +195,7 @@ impl Session {
             hiding: None,
             paths: None,
             told_of_paths: None,
+            has_told_of_levels: false,
             reporter,
         })
     }
@@ -239,6 +242,7 @@ impl Session {
             hiding: None,
             paths: None,
             told_of_paths: None,
+            has_told_of_levels: false,
             reporter: Arc::new(()),
         }
     }
@@ -334,6 +338,9 @@ impl Session {
             true => self.draw_projected(&*tree, &shown),
             false => self.draw_flat(&*tree, &shown),
         };
+        if let Ok(picture) = &drawn {
+            self.tell_of_levels(picture, &depiction, tree.metadata());
+        }
         // Settings come from the file that the user wrote, if there is one.
         drawn.map_err(|error| match error {
             PictureError::Volume(error) => PictureError::of(self.named(), error),

@@ -18,6 +18,12 @@ const USUAL: [f64; 12] = [
     1e20,
 ];
 
+/// Those of them that are the least or the largest value of a type: what was measured seldom comes near them.
+const ENDS: [f64; 6] = [-32768.0, 32767.0, 65535.0, -2_147_483_648.0, 2_147_483_647.0, 4_294_967_295.0];
+
+/// How far such a value has to be from all others, as a share of how far these are apart; any other value as far as they are.
+const GAP: f64 = 0.01;
+
 /// Nothing that was measured is so large in any unit.
 const HUGE: f64 = 1e30;
 
@@ -82,12 +88,14 @@ impl Suspects {
         self
     }
 
-    /// A sentence where the most frequent of them are more than one in a thousand, and farther from all others than these are apart.
+    /// A sentence where the most frequent of them are more than one in a thousand, and farther from all others than these are apart, or than a
+    /// hundredth of that where the value is an end of a type.
     pub fn note(&self, grid: &HeightGrid) -> Option<String> {
         let value = |index: usize| USUAL.get(index).copied().unwrap_or(self.huge);
         let is_suspicious = |(index, count): &(usize, &u64)| {
             let away = (self.min - value(*index)).max(value(*index) - self.max);
-            **count > grid.samples() / SHARE && self.min <= self.max && away > self.max - self.min
+            let gap = if ENDS.contains(&value(*index)) { GAP } else { 1.0 };
+            **count > grid.samples() / SHARE && self.min <= self.max && away > gap * (self.max - self.min)
         };
         let found = self.counts.iter().enumerate().filter(is_suspicious);
         let (index, count) = found.max_by_key(|(index, count)| (**count, std::cmp::Reverse(*index)))?;

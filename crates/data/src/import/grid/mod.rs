@@ -39,11 +39,13 @@ mod xml;
 pub use npy_header::NpyHeader;
 pub(super) use numpy_arrays::NumpyArrays;
 pub use raw::RawGrid;
+pub(super) use slices::is_stack;
 pub use source::{GridArray, GridDescription, GridSource};
 pub use summary::{ChannelSummary, GridSummary, HISTOGRAM, summarize_grid};
 pub(super) use voxels::Voxels;
 
 use super::ImportError;
+use super::folder::is_of_slices;
 use super::guarded::guarded;
 use super::hdf5::is_hdf5;
 use crate::model::ReadMethod;
@@ -134,14 +136,14 @@ fn format_of(content: &Content) -> Option<&'static GridFormat> {
     FORMATS.iter().find(|format| (format.detect)(content))
 }
 
-/// The name of the format of grids that the file at `path` claims to be of, by its content; a folder by the pictures in it, a file without a header by `.raw` at the
+/// The name of the format of grids that the file at `path` claims to be of, by its content; a folder by the pictures in it where it holds nothing else that can be opened, a file without a header by `.raw` at the
 /// end of its name, or by a description beside it.
 ///
 /// # Errors
 /// [`ImportError`] when the file cannot be read.
 pub fn grid_format(path: &Path) -> Result<Option<&'static str>, ImportError> {
     if path.is_dir() {
-        return Ok(slices::is_stack(path)?.then_some(slices::NAME));
+        return Ok(is_of_slices(path)?.then_some(slices::NAME));
     }
     Ok(match grid_content(path)? {
         None if raw::is_raw(path) => Some(raw::NAME),

@@ -19,6 +19,9 @@ pub(super) const NPY: GridFormat = GridFormat {
     open,
 };
 
+/// The axes of arrays that are grids.
+const AXES: &str = "2 axes (an image), 3 (a volume), or 4, the last of at most 4096 values";
+
 fn open(content: &Content) -> Result<GridSource, ImportError> {
     let array = Array::read(&content.path, &content.head)?;
     let storage = content.samples(array.start, array.bytes, &array.grid)?;
@@ -56,10 +59,12 @@ impl Array {
             [y, x] => Grid::image([x, y], kind, Channel::numbered(1)),
             [z, y, x] => Grid::volume([x, y, z], kind, Channel::numbered(1)),
             [z, y, x, channels @ 1..=4096] => Grid::volume([x, y, z], kind, Channel::numbered(channels)),
-            _ => {
-                let expected = "2 axes (an image), 3 (a volume), or 4, the last of at most 4096 values";
-                return Err(header.wrong_shape(path, expected));
+            // Vectors in time and space.
+            [_, _, _, _, 2 | 3] => {
+                let expected = format!("{AXES}; deepfield build --trace reads a velocity field");
+                return Err(header.wrong_shape(path, &expected));
             }
+            _ => return Err(header.wrong_shape(path, AXES)),
         };
         Array::of(path, &header, grid)
     }

@@ -7,7 +7,7 @@ use super::npz::NPZ;
 use super::picture::seekable;
 use super::{GridDescription, GridSource, part_name};
 use crate::import::ImportError;
-use crate::model::{Channel, Grid, ReadMethod};
+use crate::model::{Channel, Grid, ReadMethod, SampleType};
 use std::io::{BufReader, Read};
 use std::path::Path;
 use zip::ZipArchive;
@@ -84,6 +84,11 @@ impl NumpyArrays {
     /// The shape of the array of that name.
     pub(in crate::import) fn shape(&self, name: &str) -> Option<&[u64]> {
         self.shapes().find(|(own, _)| *own == name).map(|(_, shape)| shape)
+    }
+
+    /// The type of the numbers of the array of that name.
+    pub(in crate::import) fn sample_type(&self, name: &str) -> Option<SampleType> {
+        self.arrays.iter().find(|(own, _)| own == name).map(|(_, header)| header.kind)
     }
 
     /// The message that the array of that name has another shape.

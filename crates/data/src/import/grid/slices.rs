@@ -54,11 +54,11 @@ impl Folder {
     }
 }
 
-/// Whether a folder is one of slices.
+/// Whether a folder looks like one of slices: what else is in it is not asked.
 ///
 /// # Errors
 /// When it cannot be read.
-pub(super) fn is_stack(path: &Path) -> Result<bool, ImportError> {
+pub(in crate::import) fn is_stack(path: &Path) -> Result<bool, ImportError> {
     Ok(Folder::read(path)?.is_stack())
 }
 

@@ -21,3 +21,15 @@ pub use frames::Frame;
 pub use interval::Interval;
 pub use seeds::Seeds;
 pub use trace::{DEFAULT_SEEDS, DEFAULT_STEPS, DEFAULT_TOLERANCE, TraceOptions, trace};
+
+use crate::import::grid::NumpyArrays;
+use crate::model::ReadMethod;
+use std::path::Path;
+
+/// A sentence about the velocities that a file of NumPy's arrays looks like it holds, and what reads them; `None` of every other file.
+pub fn velocities_in(path: &Path) -> Option<String> {
+    // What cannot be read is told where it is opened.
+    let arrays = NumpyArrays::open(path, ReadMethod::default()).ok()??;
+    let what = numpy::velocities(&arrays)?;
+    Some(format!("{what}: deepfield build --trace reads a velocity field"))
+}

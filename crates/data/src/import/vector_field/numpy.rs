@@ -5,7 +5,7 @@ use super::axis::Axis;
 use super::field::{FieldOptions, Part, Stored};
 use crate::import::ImportError;
 use crate::import::grid::NumpyArrays;
-use crate::model::Unit;
+use crate::model::{SampleType, Unit};
 use std::sync::Arc;
 
 /// Names of arrays of components.
@@ -80,6 +80,24 @@ pub(super) fn stored(arrays: &NumpyArrays, options: &FieldOptions) -> Result<Sto
         length_unit: Unit::default(),
         notes,
     })
+}
+
+/// What in a file looks like velocities, in words: arrays with the names of components, or floating-point numbers by twos or threes. `None` where
+/// nothing does, and where one array of several is named.
+pub(super) fn velocities(arrays: &NumpyArrays) -> Option<String> {
+    if arrays.part().is_some() {
+        return None;
+    }
+    let has = |name: &str| arrays.shape(name).is_some();
+    if let Some([u, v, _]) = COMPONENTS.into_iter().find(|[u, v, _]| has(u) && has(v)) {
+        return Some(format!("{u} and {v} have the names of components"));
+    }
+    // Whole numbers are rather colours.
+    let is_field = |name: &str, shape: &[u64]| {
+        vectors(shape).is_some() && arrays.sample_type(name).is_some_and(SampleType::is_float)
+    };
+    let (_, shape) = arrays.shapes().find(|(name, shape)| is_field(name, shape))?;
+    shape.last().map(|components| format!("its last axis has {components} values, as vectors have"))
 }
 
 /// The arrays that hold velocities: one of vectors, or those of components.

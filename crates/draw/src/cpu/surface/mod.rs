@@ -7,7 +7,7 @@
 mod closed;
 pub mod fragments;
 pub mod holes;
-mod horizon;
+pub(crate) mod horizon;
 pub mod labels;
 pub mod lambert;
 pub mod look;

@@ -96,6 +96,16 @@ impl Catalogue {
         catalogue.checked()
     }
 
+    /// Reads a table that says where things are in a plane alone (`x` and `y`): what stands on a surface, whose coordinates these are. Positions
+    /// have z 0. `None` of every other file, which is not read to its end.
+    ///
+    /// # Errors
+    /// As [`Catalogue::read`].
+    pub fn in_plane(path: &Path) -> Result<Option<Catalogue>, ExploreError> {
+        let path = &crate::import::file_in(path, &[])?;
+        table::read_in_plane(path)?.map(Catalogue::checked).transpose()
+    }
+
     /// The objects of a merger tree at a time, `None`: at its last step.
     ///
     /// # Errors
@@ -228,6 +238,34 @@ mod tests {
         let message = catalogue.named("smal").unwrap_err().to_string();
         assert!(message.contains("a.csv") && message.contains("Small"), "{message}");
         assert!(catalogue.ranked(1).is_ok() && catalogue.ranked(2).is_err());
+    }
+
+    #[test]
+    fn tables_of_places_in_a_plane_are_told_by_their_header() {
+        let text = "y,Name,x [m],mass\n2,Small,1,5\n4,\"Big, far\",3.5,7\n,Lost,1,\n-1e2,,6,\n";
+        let (_folder, path) = written("a.csv", text);
+        let catalogue = Catalogue::in_plane(&path).unwrap().unwrap();
+        assert_eq!((catalogue.length_unit.0.as_str(), catalogue.left_out), ("m", 1));
+        let found: Vec<_> = catalogue.objects.iter().map(|object| (object.name.as_str(), object.position)).collect();
+        let place = |x, y| DVec3::new(x, y, 0.0);
+        let expected = [("Big, far", place(3.5, 4.0)), ("Small", place(1.0, 2.0)), ("Object 3", place(6.0, -100.0))];
+        assert_eq!(found, expected);
+        // Tables with places in space, on the sky, without any, and what is no table.
+        for text in ["name,x,y,z\nA,1,2,3\n", "name,x,y,ra,dec\nA,1,2,3,4\n", "name,x\nA,1\n", "([])", ""] {
+            let (_folder, path) = written("a.csv", text);
+            assert!(Catalogue::in_plane(&path).unwrap().is_none(), "{text}");
+        }
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data");
+        assert!(Catalogue::in_plane(&folder.join("groups.0.hdf5")).unwrap().is_none());
+        for (text, parts) in [
+            ("name,x,y\nA,1,far\n", &["a.csv", "y in line 2", "far"][..]),
+            ("x,y\n1,2\n", &["a.csv", "names"]),
+            ("name,x,y\nA,,\n", &["a.csv", "objects"]),
+        ] {
+            let (_folder, path) = written("a.csv", text);
+            let message = Catalogue::in_plane(&path).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| message.contains(part)), "{text:?} gave {message}");
+        }
     }
 
     #[test]

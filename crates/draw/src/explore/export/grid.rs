@@ -15,7 +15,7 @@ pub enum GridFormat {
     Npy,
     /// NRRD with its header, uncompressed, with axes and units.
     Nrrd,
-    /// An image of 8 or 16 bits.
+    /// An image of 8 or 16 bits; of a volume its only layer.
     Png,
 }
 
@@ -33,12 +33,25 @@ impl GridFormat {
     /// Why it cannot hold a grid; `None` where it can.
     pub fn lacks(self, grid: &Grid) -> Option<String> {
         let fits = self != GridFormat::Png
-            || grid.dimensions == 2
+            || sides_of_layer(grid).is_some()
                 && matches!(grid.sample_type, SampleType::U8 | SampleType::U16)
                 && (1..=4).contains(&grid.channels.len());
         (!fits).then(|| {
-            format!("png: found {}, expected an image of uint8 or uint16 with 1 to 4 channels", grid.described())
+            let expected = "expected an image or one layer of a volume, of uint8 or uint16 with 1 to 4 channels";
+            format!("png: found {}, {expected}", grid.described())
         })
+    }
+}
+
+/// The sides of an image, or of a volume that is one sample thick along an axis; `None` of every other volume. Samples lie in the same order in
+/// both.
+fn sides_of_layer(grid: &Grid) -> Option<[u64; 2]> {
+    let [x, y, z] = grid.shape;
+    match (x, y, z) {
+        (_, _, 1) => Some([x, y]),
+        (_, 1, _) => Some([x, z]),
+        (1, _, _) => Some([y, z]),
+        _ => None,
     }
 }
 
@@ -60,10 +73,10 @@ pub fn write_grid(path: &Path, format: GridFormat, grid: &Grid, samples: &[u8]) 
 }
 
 fn png_bytes(grid: &Grid, samples: &[u8]) -> Result<Vec<u8>, png::EncodingError> {
-    let side =
-        |axis: usize| u32::try_from(grid.shape[axis]).map_err(|_| std::io::Error::other("an image too wide for PNG"));
+    let [width, height] = sides_of_layer(grid).ok_or_else(|| std::io::Error::other("a volume of many layers"))?;
+    let side = |side: u64| u32::try_from(side).map_err(|_| std::io::Error::other("an image too wide for PNG"));
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, side(0)?, side(1)?);
+    let mut encoder = png::Encoder::new(&mut bytes, side(width)?, side(height)?);
     encoder.set_color(match grid.channels.len() {
         1 => png::ColorType::Grayscale,
         2 => png::ColorType::GrayscaleAlpha,
@@ -132,6 +145,17 @@ mod tests {
                 let apart = back.grid().to_world.matrix3 - grid.to_world.matrix3;
                 assert!(apart.to_cols_array().iter().all(|value| value.abs() < 1e-12), "{name}");
             }
+        }
+        // A layer of a volume is an image, along whichever axis it is thin.
+        for shape in [[5, 4, 1], [5, 1, 4], [1, 5, 4]] {
+            let layer = Grid::volume(shape, SampleType::U16, Channel::numbered(1));
+            let (path, samples) = (folder.path().join("layer.png"), (0..40).collect::<Vec<u8>>());
+            assert_eq!(GridFormat::Png.lacks(&layer), None);
+            write_grid(&path, GridFormat::Png, &layer, &samples).unwrap();
+            let back = open_grid(&path, &GridOptions::default()).unwrap();
+            let mut read = vec![0; 40];
+            back.read(&back.grid().region(), &mut read).unwrap();
+            assert_eq!((back.grid().shape, read), ([5, 4, 1], samples), "{shape:?}");
         }
         let volume = Grid::volume([2, 2, 2], SampleType::U8, Channel::numbered(1));
         let refused = write_grid(&folder.path().join("v.png"), GridFormat::Png, &volume, &[0; 8]).unwrap_err();

@@ -1,7 +1,7 @@
 //! What the attributes of an image or a volume are called, and what its pictures mean.
 
 use super::opened::OpenField;
-use crate::annotate::Units;
+use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
 use crate::mode::{Coloring, Depiction, FieldValues, LevelChoice, Mode, Output, Settings};
 use crate::model::Unit;
@@ -63,6 +63,11 @@ impl OpenField {
         Ok(Depiction { mode, settings, attribute: attribute.map(coloring).transpose()?, choice })
     }
 
+    /// Whether a mode looks through it. What marches through a volume takes particles, too; a plane through one is coloured as an image is.
+    pub(super) fn is_looked_through(&self, mode: &Mode) -> bool {
+        self.grid().dimensions == 3 && (mode.technique.output() != Output::Light || mode.takes_particles())
+    }
+
     /// The transfer function that a depiction of it has where none is chosen.
     pub fn usual_transfer(&self, depiction: &Depiction) -> TransferFunction {
         let attribute = depiction.attribute.as_ref();
@@ -71,8 +76,7 @@ impl OpenField {
             return TransferFunction::preset(name).unwrap_or_default();
         }
         let hue = attribute.and_then(|coloring| Some(self.statistics_of(self.attribute(&coloring.name).ok()?)));
-        // What marches through a volume takes particles, too; a plane through one is coloured as an image is.
-        let is_volume = self.grid().dimensions == 3 && depiction.mode.takes_particles();
+        let is_volume = self.is_looked_through(depiction.mode);
         let values = FieldValues { shown: self.statistics(), hue: hue.as_ref(), is_volume };
         FieldLook::usual_of(depiction.mode, &depiction.settings, &values)
     }
@@ -94,7 +98,7 @@ impl OpenField {
         };
         let index = depiction.attribute.as_ref().and_then(|coloring| self.attribute(&coloring.name).ok());
         let attribute = index.map(|index| self.about(index).1).unwrap_or_default();
-        Units { mass: Unit::default(), length, attribute, value: Some(value) }
+        Units { mass: Unit::default(), length, attribute, value: Shown::Named(value.0, value.1) }
     }
 
     /// The modes that draw it.

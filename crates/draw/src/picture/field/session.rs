@@ -14,7 +14,7 @@ use crate::hierarchy::wavelet::Weighting;
 use crate::import::grid_format;
 use crate::look::{Camera, DataKind, LookPatch, Shot};
 use crate::mode::{FieldJob, FieldPasses, FieldValues, Mode, Output, Raw, Settings, ValueStatistics};
-use crate::model::Bounds;
+use crate::model::{Bounds, Grid};
 use crate::modes;
 use crate::modes::grid::Layers;
 use crate::modes::samples::{ERROR_VALUE, FieldLook, TRANSFER_SENSITIVITY, WEIGHTING};
@@ -125,8 +125,8 @@ impl FieldSession {
             None => hue.map(|attribute| Arc::new(self.opened.statistics_of(attribute))),
         };
         let diameter = self.opened.grid().bounds().size().length();
-        let values =
-            FieldValues { shown: self.opened.statistics(), hue: hue_values.as_deref(), is_volume: dimensions == 3 };
+        let is_volume = self.opened.is_looked_through(mode);
+        let values = FieldValues { shown: self.opened.statistics(), hue: hue_values.as_deref(), is_volume };
         let LookPatch { settings, transfer: own, .. } = &shot.look;
         let usual = || FieldLook::usual_of(mode, settings, &values);
         let transfer = own.clone().unwrap_or_else(usual);
@@ -178,15 +178,16 @@ impl FieldSession {
     /// # Errors
     /// As [`FieldSession::prepare`], and where nothing is in view.
     pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
-        let (bounds, dimensions) = (self.opened.grid().bounds(), self.opened.grid().dimensions);
         let prepared = self.prepare(shot)?;
+        let opened = Arc::clone(&self.opened);
+        let (grid, bounds) = (opened.grid(), opened.grid().bounds());
         let projector = match shot.is_projected() {
             true => Some(Projector::new(shot.view(bounds, None)?, shot.surround, shot.stereo)?),
             false => None,
         };
         let view = match &projector {
             Some(projector) => projector.base,
-            None => view_of(shot, bounds, dimensions)?,
+            None => view_of(shot, grid, prepared.mode)?,
         };
         let mut times = Times::default();
         for (pass, time) in ["load", "select", "reconstruct"].into_iter().zip(prepared.times) {
@@ -340,12 +341,12 @@ impl FieldSession {
     }
 
     /// What a number of points is to keep small.
-    fn weighting(&self, shot: &Shot) -> Result<Weighting, PictureError> {
+    fn weighting(&self, shot: &Shot, mode: &Mode) -> Result<Weighting, PictureError> {
         Ok(match &*shot.look.settings.name(&WEIGHTING) {
             "max" => Weighting::Max,
             "perceptual" => {
                 let grid = self.opened.grid();
-                let view = view_of(shot, grid.bounds(), grid.dimensions)?;
+                let view = view_of(shot, grid, mode)?;
                 let columns = (0..grid.dimensions).map(|axis| grid.to_world.matrix3.col(axis).length());
                 let spacing = columns.fold(f64::INFINITY, f64::min);
                 let levels = grid.shape.iter().max().map_or(0, |side| u64::BITS - side.leading_zeros()) as usize;
@@ -364,7 +365,7 @@ impl FieldSession {
         Ok(match points {
             _ if self.options.exact.is_some() => None,
             Some(points) => {
-                let weighting = self.weighting(shot)?;
+                let weighting = self.weighting(shot, mode)?;
                 Some(Wanted::Points(usize::try_from(points).unwrap_or(usize::MAX), weighting))
             }
             // Of a source that was not built there is nothing but the samples.
@@ -481,23 +482,29 @@ impl PreparedField {
     }
 }
 
-/// The camera of a shot: of an image straight in front of it unless it is told otherwise.
-fn view_of(shot: &Shot, bounds: Bounds, dimensions: usize) -> Result<View, PictureError> {
-    let camera = shot.camera;
-    let is_free = camera.eye.is_none() && camera.fov.is_none();
-    if dimensions == 3 || !is_free {
-        return Ok(shot.view(bounds, None)?);
-    }
+/// The camera of a shot: of an image, or of a plane through a volume, straight in front of it unless it is told otherwise.
+fn view_of(shot: &Shot, grid: &Grid, mode: &Mode) -> Result<View, PictureError> {
+    let (camera, bounds) = (shot.camera, grid.bounds());
+    let toward = match grid.dimensions {
+        2 => Some(DVec3::Z),
+        _ => mode.technique.facing(&shot.look.settings, &grid.to_world),
+    };
+    let is_free = camera.eye.is_none() && camera.fov.is_none() && shot.surround.is_flat();
+    let Some(toward) = toward.filter(|_| is_free) else { return Ok(shot.view(bounds, None)?) };
     let (width, height) = match shot.size {
-        Some(size) => size,
-        None => image_size(bounds),
+        None if grid.dimensions == 2 => image_size(bounds),
+        _ => shot.size(),
     };
     let target = camera.target.map_or(bounds.center(), DVec3::from);
     let size = bounds.size();
-    let fits = size.y.max(size.x * f64::from(height) / f64::from(width));
+    // What is seen from its edge is no way up.
+    let usual = if toward.y.abs() > 0.9 { DVec3::Z } else { DVec3::Y };
+    let up = camera.up.map_or(usual, DVec3::from);
+    let right = up.cross(toward).normalize_or_zero();
+    let extent = |axis: DVec3| axis.abs().dot(size);
+    let fits = extent(toward.cross(right)).max(extent(right) * f64::from(height) / f64::from(width));
     let projection = Projection::Orthographic { height: camera.ortho.unwrap_or(fits) };
-    let up = camera.up.map_or(DVec3::Y, DVec3::from);
-    let view = View::look_at(target + DVec3::Z * size.length().max(1e-30), target, up, projection, width, height)?;
+    let view = View::look_at(target + toward * size.length().max(1e-30), target, up, projection, width, height)?;
     let cut = shot.look.cut.unwrap_or_default();
     Ok(cut.applied(&view, target, None))
 }

@@ -8,8 +8,8 @@ use crate::mode::{Depiction, LevelChoice, Levels, Output, Plan, Raw};
 use crate::picture::adapter::{AdapterFrame, AdapterJob, AdapterValues};
 use crate::picture::level_report::{LevelReport, ROUNDING, bound, estimate, has_clusters};
 use crate::picture::splat_budget::SplatBudget;
-use crate::picture::{PictureError, Subject};
-use crate::store::{Metadata, Tree};
+use crate::picture::{Picture, PictureError, Subject};
+use crate::store::{Metadata, Representative, Tree};
 use crate::stream::SceneSelection;
 use std::time::{Duration, Instant};
 
@@ -56,10 +56,16 @@ pub(super) type Attempting<'a> = dyn FnMut(&mut Session, &Depiction) -> Result<A
 impl Session {
     /// Refuses clusters of data that has none.
     pub(super) fn check_levels(&self, depiction: &Depiction, metadata: &Metadata) -> Result<(), PictureError> {
-        let wants = depiction.choice.levels == Levels::Clusters;
-        if (wants || depiction.choice.frame_ms.is_some()) && !metadata.has_clusters() {
+        let choice = &depiction.choice;
+        let wants = choice.levels == Levels::Clusters;
+        let is_to_be_refined = choice.frame_ms.is_some() || choice.error_picture.is_some();
+        if (wants || is_to_be_refined) && !metadata.has_clusters() {
             let why = "clusters: not in this file, expected one built with --hierarchy pca";
             return Err(PictureError::of(self.path(), why));
+        }
+        if is_to_be_refined && choice.levels == Levels::Splats {
+            let why = "error-picture, frame-ms: found the levels splats, expected auto or clusters";
+            return Err(PictureError::Asked(why.into()));
         }
         let mode = depiction.mode.name;
         if depiction.choice.error_picture.is_some() && depiction.mode.technique.output() != Output::Sums {
@@ -73,6 +79,28 @@ impl Session {
             )));
         }
         Ok(())
+    }
+
+    /// Tells, once, of what was asked for that the file has not got: a budget of splats without clusters, sizes that were not published.
+    pub(super) fn tell_of_levels(&mut self, picture: &Picture, depiction: &Depiction, metadata: &Metadata) {
+        if self.has_told_of_levels {
+            return;
+        }
+        let LevelReport { splats, budget, .. } = picture.level_report;
+        let is_published = depiction.choice.representative == Representative::Published;
+        let told = match (metadata.has_clusters(), budget) {
+            (false, Some(budget)) if splats > budget => format!(
+                "splats: {splats} are the fewest that show this view without clusters, in place of {budget}; build --hierarchy octree,pca \
+                 makes files that keep to any number"
+            ),
+            (true, _) if is_published && !metadata.is_published() => {
+                "representative: published sizes are in files built with --split distortion, here clusters are round"
+                    .into()
+            }
+            _ => return,
+        };
+        self.has_told_of_levels = true;
+        self.reporter.tell(format!("{}: {told}", self.path().display()));
     }
 
     /// A depiction with as many splats as there is time for, or as the error of the picture asks for, where either is limited; `attempt`

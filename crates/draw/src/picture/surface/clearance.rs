@@ -45,14 +45,28 @@ impl Ground<'_> {
         if !placed.is_flat() {
             column = column.rem_euclid(360.0 / placed.step[0].abs());
         }
-        let mut tiles = Tiles::new(self.heights);
-        let below = match placed.around == Some(self.heights.grid().columns) {
-            true => tiles.triangle_around(row, column)?,
-            false => tiles.triangle(row, column)?,
-        };
-        let missing = below.map(|below| placed.lifted(below.height()) + clearance - height);
+        let below = height_on(&mut Tiles::new(self.heights), placed, row, column)?;
+        let missing = below.map(|below| placed.lifted(below) + clearance - height);
         Ok(missing.filter(|missing| *missing > 0.0).map(|missing| missing * up))
     }
+}
+
+/// T's height at a row and a column with fractions; of a field that goes round a globe also between its last column and its first. `None` where
+/// there is no surface.
+///
+/// # Errors
+/// Where the field cannot be read.
+pub(super) fn height_on(
+    tiles: &mut Tiles<'_>,
+    placed: &Placed,
+    row: f64,
+    column: f64,
+) -> Result<Option<f64>, HeightError> {
+    let on = match placed.around == Some(tiles.grid().columns) {
+        true => tiles.triangle_around(row, column)?,
+        false => tiles.triangle(row, column)?,
+    };
+    Ok(on.map(|on| on.height()))
 }
 
 /// Moves a shot's eye, and with it what it looks at; tells where the eye is then.

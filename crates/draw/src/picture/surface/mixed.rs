@@ -4,6 +4,7 @@
 //! and the other kind is drawn as usual, heights as `surface` and particles in the mode that suits them. Settings are those of both modes.
 
 use super::depths::SurfaceDepths;
+use super::names::{Floor, Names, take};
 use super::placement::FieldPlacement;
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::session::{Prepared, SurfaceSession};
@@ -17,7 +18,7 @@ use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::{SurfaceOptions, SurfaceReport, draw};
-use crate::heights::model::units;
+use crate::heights::model::{Heights, units};
 use crate::import;
 use crate::look::{Attribute, Camera, DataKind, LookPatch, Member, Shot};
 use crate::mode::{LightPicture, Mode, Raw};
@@ -43,6 +44,8 @@ pub struct MixedSession {
     /// Whether the first dataset is of heights.
     begins_with_heights: bool,
     is_raw: bool,
+    /// Names that stand on the fields.
+    names: Option<Names>,
     reporter: Arc<dyn Reporter>,
 }
 
@@ -191,7 +194,7 @@ impl MixedSession {
                 Some(Session::open(&others, options, &shots, page_file, Arc::clone(&reporter))?)
             }
         };
-        Ok(MixedSession { fields, particles, begins_with_heights, is_raw, reporter })
+        Ok(MixedSession { fields, particles, begins_with_heights, is_raw, names: None, reporter })
     }
 
     /// What is open: fields, one at least, each as a member, and what draws the particles.
@@ -201,7 +204,7 @@ impl MixedSession {
         begins_with_heights: bool,
         reporter: Arc<dyn Reporter>,
     ) -> MixedSession {
-        MixedSession { fields, particles, begins_with_heights, is_raw: false, reporter }
+        MixedSession { fields, particles, begins_with_heights, is_raw: false, names: None, reporter }
     }
 
     /// What draws the particles, where there are some.
@@ -307,6 +310,13 @@ impl MixedSession {
                 lifted = session.keep_above(&mut shot, prepared, placement)?.or(lifted);
             }
         }
+        let each = self.fields.iter().zip(&prepared).zip(&placements);
+        let floors: Vec<(&dyn Heights, Floor)> = each
+            .map(|(((_, session), prepared), placement)| {
+                (session.file() as &dyn Heights, session.floor(prepared, *placement))
+            })
+            .collect();
+        let names = take(&mut self.names, &mut shot, &floors, &*self.reporter)?;
         let shot = &shot;
         let ground = Fields::new(&mut self.fields, &prepared, placements, &looks.heights);
         let mut times = Times::default();
@@ -333,13 +343,15 @@ impl MixedSession {
             self.reporter.tell(error.clone());
         }
         let is_whole = report.is_converged && error.is_none();
+        let names = names.map(|names| names.seen(&view));
         let first = self.fields.first().zip(prepared.into_iter().next());
         let Some(((_, first), about)) = first else { return Err(PictureError::Stopped) };
         let picture = match drawn {
             Drawn::Fields(colors) => {
                 let shot = Shot { look: looks.heights, ..shot.clone() };
                 let picture = first.pictured(&shot, (view, bounds), about, colors, shown, times.medians())?;
-                return Ok(Picture { converged: is_whole, ..picture });
+                let annotation = picture.annotation.naming(names);
+                return Ok(Picture { converged: is_whole, annotation, ..picture });
             }
             Drawn::Particles(picture) => *picture,
         };
@@ -354,7 +366,7 @@ impl MixedSession {
         Ok(Picture {
             converged: picture.converged && is_whole,
             error_px: picture.error_px.max(report.error_px),
-            annotation: picture.annotation.telling(depiction, Units { length: unit, ..units }),
+            annotation: picture.annotation.telling(depiction, Units { length: unit, ..units }).naming(names),
             told,
             surface: Some(shown),
             ..picture
@@ -487,8 +499,8 @@ fn unit_of(
         return Ok(import::open(path)?.description().length_unit.clone());
     }
     let path = page_file(path)?;
-    Ok(match DataKind::of(&path) {
-        Ok(DataKind::Run) => RunFile::open(&path, read)?.directory().length_unit.clone(),
+    Ok(match DataKind::of_particles(&path)? {
+        DataKind::Run => RunFile::open(&path, read)?.directory().length_unit.clone(),
         _ => PageFile::open_with(&path, read)?.metadata().length_unit.clone(),
     })
 }

@@ -9,6 +9,7 @@ mod fixtures;
 mod in_scene;
 mod letters;
 mod mixed;
+mod names;
 mod open_mixed;
 mod opened;
 mod painting;

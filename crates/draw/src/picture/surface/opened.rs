@@ -3,7 +3,7 @@
 use super::clearance::Ground;
 use super::earlier::Earlier;
 use super::painting::not_yet;
-use crate::annotate::Units;
+use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::surface::look::Attribute as Coloured;
 use crate::cpu::surface::paged::PagedSurface;
@@ -180,9 +180,24 @@ impl OpenSurface {
             Coloured::Residual => format!("{name} from {form}"),
             _ => name.to_owned(),
         };
-        let value = surface::quantity_of(attribute)
-            .map(|(name, unit)| (named(name), unit.map_or_else(|| grid.height_unit.clone(), Unit::new)));
-        Units { mass: Unit::default(), length: self.length_unit(map), attribute: Unit::default(), value }
+        let plane = |number: usize| match grid.planes.get(number) {
+            Some(plane) => Shown::Named(plane.name.clone(), Unit::default()),
+            None => Shown::Colors,
+        };
+        let value = match (surface::quantity_of(attribute), attribute) {
+            (Some((name, unit)), _) => {
+                Shown::Named(named(name), unit.map_or_else(|| grid.height_unit.clone(), Unit::new))
+            }
+            (None, Coloured::Plane(number)) => plane(number),
+            (None, _) => Shown::Colors,
+        };
+        let length = match (map, self.length_unit(map)) {
+            (Map::Plate, unit) => unit,
+            // Bodies are as large as they are in metres where heights have no unit.
+            (_, unit) if unit == Unit::default() => Unit::new("m"),
+            (_, unit) => unit,
+        };
+        Units { mass: Unit::default(), length, attribute: Unit::default(), value }
     }
 
     /// A form that is fitted to its samples, once for all pictures; `reporter` is told where these are not all.

@@ -3,6 +3,7 @@
 use super::clearance::{Ground, raise};
 use super::depths::SurfaceDepths;
 use super::letters::ProgramFont;
+use super::names::{Floor, Names, take};
 use super::opened::OpenSurface;
 use super::painting::{DrawnBy, Field, Painter, not_yet};
 use super::placement::FieldPlacement;
@@ -62,6 +63,8 @@ pub struct SurfaceSession {
     /// What changes are counted from.
     since: Option<Arc<Since>>,
     painter: Painter,
+    /// Names that stand on it.
+    names: Option<Names>,
 }
 
 /// A picture of a view, or what an adapter is to draw of it, and what is known of it.
@@ -120,7 +123,7 @@ impl SurfaceSession {
         let since = opened.earlier().map(|earlier| earlier.since(memory / 2));
         let own = if since.is_some() { memory / 2 } else { memory };
         let nodes = PagedSurface::new(Arc::clone(opened.file()), own);
-        SurfaceSession { options, reporter, opened, nodes, since, painter: Painter::default() }
+        SurfaceSession { options, reporter, opened, nodes, since, painter: Painter::default(), names: None }
     }
 
     /// The same with an adapter, which draws what it is asked for or is faster at.
@@ -229,6 +232,11 @@ impl SurfaceSession {
         Ok(lift.map(|lift| raise(shot, eye, scale * lift)))
     }
 
+    /// What names stand on, where the field lies somewhere in a scene.
+    pub(super) fn floor(&self, prepared: &Prepared, placement: FieldPlacement) -> Floor {
+        Floor { placed: prepared.placed, placement, lowest: self.extremes()[0] }
+    }
+
     /// The box around the surface as it is placed.
     pub(super) fn bounds(&self, placed: &Placed) -> Bounds {
         bounds_of(placed, self.extremes())
@@ -253,6 +261,9 @@ impl SurfaceSession {
         let bounds = bounds_of(&prepared.placed, self.extremes());
         let mut shot = standing(shot, bounds, &prepared.placed)?;
         let lifted = self.keep_above(&mut shot, &prepared, &FieldPlacement::NONE)?;
+        let floor = self.floor(&prepared, FieldPlacement::NONE);
+        let fields: [(&dyn Heights, Floor); 1] = [(self.nodes.file(), floor)];
+        let names = take(&mut self.names, &mut shot, &fields, &*self.reporter)?;
         let shot = &shot;
         let view = shot.view(bounds, None)?;
         self.nodes(&prepared);
@@ -281,7 +292,8 @@ impl SurfaceSession {
         let shown = SurfaceShown { report, channels, labels: is_labelled.then_some(labels), lifted };
         let picture = self.pictured(shot, (view, bounds), prepared, colors, shown, times.medians())?;
         let converged = picture.converged && self.nodes.error().is_none();
-        Ok(Picture { converged, drawn_by: drawn_by.names, ..picture })
+        let annotation = picture.annotation.naming(names.map(|names| names.seen(&view)));
+        Ok(Picture { converged, annotation, drawn_by: drawn_by.names, ..picture })
     }
 
     /// What a legend tells of a look: the mode with its attribute, and units.
@@ -540,7 +552,9 @@ fn page_file(
             (HeightFile::open(&built, said.read).map_err(|error| told(&error))?, Some(folder))
         }
     };
-    file.about().notes.iter().for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
+    // The others were told when it was built, and are told by `info`: these name an option that changes what is seen.
+    let asking = file.about().notes.iter().filter(|note| note.contains(": --"));
+    asking.for_each(|note| reporter.tell(format!("{}: {note}", path.display())));
     Ok((file, folder))
 }
 

@@ -75,10 +75,17 @@ fn what_is_wrong_is_named_with_both_numbers() {
         assert!(found.starts_with("a.asc: ") && expected.iter().all(|part| found.contains(part)), "{found}");
     };
     let cell = "cellsize 1";
-    says(&grid(4, 3, cell, 11), &["values: found 11", "12 (4 x 3)"]);
-    says(&grid(4, 3, cell, 5), &["values: found 5", "12 (4 x 3)"]);
-    says(&grid(4, 3, cell, 13), &["values: found 13", "12 (4 x 3)"]);
+    says(&grid(4, 3, cell, 11), &["values: found 11, the last in line 6, expected 12 (4 x 3)"]);
+    says(&grid(4, 3, cell, 5), &["values: found 5, the last in line 6, expected 12 (4 x 3)"]);
+    says(&grid(4, 3, cell, 13), &["values: found 13, the last in line 6, expected 12 (4 x 3)"]);
     says(&grid(4, 3, cell, 130), &["values: found 130", "12 (4 x 3)"]);
+    says(&grid(4, 3, cell, 0), &["values: found 0, expected 12 (4 x 3)"]);
+    // One value short with blanks as short as can be, and behind the last value lines without any.
+    says("ncols 3\nnrows 3\n1 2 3\n4 5 6\n7 8", &["values: found 8, the last in line 5, expected 9 (3 x 3)"]);
+    says("ncols 3\r\nnrows 3\r\n1 2 3\r\n4 5 6\r\n7 8\r\n\r\n\r\n", &["values: found 8, the last in line 5"]);
+    says("ncols 3\nnrows 3\n1 2 3\n4 5 6\n7 8 9\n\n10\n", &["values: found 10, the last in line 7, expected 9"]);
+    let long = format!("ncols 3000\nnrows 1000\n{}", "12\n".repeat(2_999_999));
+    says(&long, &["values: found 2999999, the last in line 3000001, expected 3000000"]);
     says(&grid(0, 3, cell, 12), &["ncols: found 0"]);
     says(&grid(4, -5, cell, 12), &["nrows: found -5"]);
     says(&grid(1, 12, cell, 12), &["ncols", "2 x 2"]);

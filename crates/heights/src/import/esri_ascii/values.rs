@@ -30,10 +30,7 @@ pub(super) fn read(content: &Content, start: u64, [columns, rows]: [u64; 2]) -> 
     // A value takes a digit and a blank.
     let most = content.length.saturating_sub(start).div_ceil(2);
     if most < samples {
-        // The header may be all that there is of a small file: count what there is.
-        let found = if content.length < PIECE as u64 { count(content, start)? } else { most };
-        let most = if found == most { "at most " } else { "" };
-        return Err(wrong_count(content, format!("{most}{found}"), [columns, rows]));
+        return Err(wrong_count(content, start, [columns, rows]));
     }
     let mut words = Words {
         content,
@@ -53,19 +50,53 @@ pub(super) fn read(content: &Content, start: u64, [columns, rows]: [u64; 2]) -> 
         return Err(error);
     }
     if words.read != samples {
-        return Err(wrong_count(content, words.read.to_string(), [columns, rows]));
+        return Err(wrong_count(content, start, [columns, rows]));
     }
     Ok(Values { unpacked: result?, sample_type: words.kind.sample_type() })
 }
 
-fn wrong_count(content: &Content, found: String, [columns, rows]: [u64; 2]) -> ImportError {
+/// The message that there are not as many values as the header says: how many there are, and where they end.
+fn wrong_count(content: &Content, start: u64, [columns, rows]: [u64; 2]) -> ImportError {
+    let Ends { values, line } = match Ends::find(content, start) {
+        Ok(ends) => ends,
+        Err(error) => return error,
+    };
+    let found = if values == 0 { "0".into() } else { format!("{values}, the last in line {line}") };
     content.malformed("values", found, format!("{} ({columns} x {rows})", columns * rows))
 }
 
-/// The number of words of a small file from a byte on.
-fn count(content: &Content, start: u64) -> Result<u64, ImportError> {
-    let text = content.bytes("values", start, content.length.saturating_sub(start))?;
-    Ok(text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).count() as u64)
+/// Where the values of a file end.
+struct Ends {
+    /// How many there are.
+    values: u64,
+    /// The line that the last one is in, from 1.
+    line: u64,
+}
+
+impl Ends {
+    /// Reads a file once more, whose values begin at byte `start`.
+    fn find(content: &Content, start: u64) -> Result<Ends, ImportError> {
+        let mut piece = vec![0; content.length.min(PIECE as u64) as usize];
+        let mut found = Ends { values: 0, line: 1 };
+        let (mut at, mut breaks, mut is_in_word) = (0, 0, false);
+        while at < content.length {
+            let length = (content.length - at).min(PIECE as u64) as usize;
+            let text = &mut piece[..length];
+            content.read("values", at, text)?;
+            for (place, byte) in (at..).zip(text.iter()) {
+                if byte.is_ascii_whitespace() {
+                    breaks += u64::from(*byte == b'\n');
+                    is_in_word = false;
+                } else if place >= start {
+                    found.values += u64::from(!is_in_word);
+                    found.line = breaks + 1;
+                    is_in_word = true;
+                }
+            }
+            at += length as u64;
+        }
+        Ok(found)
+    }
 }
 
 /// What all values are.

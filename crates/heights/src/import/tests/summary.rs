@@ -134,6 +134,35 @@ fn values_that_look_like_no_data_are_noted() {
 }
 
 #[test]
+fn ends_of_a_type_are_noted_from_near_by() {
+    // Three of ten samples are `value`, the others go from `low` to `high`.
+    let notes = |value: f64, [low, high]: [f64; 2]| {
+        let other = |index: u32| low + (high - low) * f64::from(index) / 9999.0;
+        let samples = (0..10_000).map(|index| if index % 10 < 3 && index > 10 { value } else { other(index) });
+        summary(100, samples.collect(), NoData::Nothing).notes
+    };
+    for (value, others) in [
+        (-32768.0, [-10_000.0, 11_744.0]),
+        (32767.0, [-30_000.0, 31_000.0]),
+        (65535.0, [0.0, 60_000.0]),
+        (-2_147_483_648.0, [-2e9, 2e9]),
+        (2_147_483_647.0, [-2e9, 2e9]),
+        (4_294_967_295.0, [0.0, 4e9]),
+    ] {
+        let found = notes(value, others);
+        let expected = format!("2996 of 10000 samples are {value}, far from all others");
+        assert!(found.len() == 1 && found[0].starts_with(&expected), "{value}: {found:?}");
+        // Heights that go up to there do not look like that, nor do those that go beyond.
+        let near = if value < 0.0 { [value + 1.0, others[1]] } else { [others[0], value - 1.0] };
+        assert!(notes(value, near).is_empty(), "{value}");
+        assert!(notes(value, [-5e9, 5e9]).is_empty(), "{value}");
+    }
+    // Other values have to be farther off than all others are apart.
+    assert!(notes(-9999.0, [-4999.0, 5000.0]).is_empty());
+    assert_eq!(notes(-9999.0, [-2999.0, 3000.0]).len(), 1);
+}
+
+#[test]
 fn fields_without_a_valid_sample_are_refused() {
     let source = source(4, vec![f64::NAN; 16], NoData::Nothing, Scale::NONE);
     let text = summarize_heights(&source).unwrap_err().to_string();

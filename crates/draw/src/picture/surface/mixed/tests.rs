@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use super::*;
+use crate::annotate::Annotations;
 use crate::build::{BuildOptions, build};
 use crate::heights::build::HeightBuildOptions;
 use crate::heights::{OpenHeights, is_heights};
@@ -104,6 +105,33 @@ fn light_on_the_eyes_side_of_a_plane_is_what_is_drawn() {
         let report = picture.surface.as_ref().unwrap().report;
         // 4 by 3.2 of 4 by 3.
         assert!((report.covered / (160.0 * 120.0) - 1.0).abs() < 1e-3, "{}", report.covered);
+    }
+}
+
+#[test]
+fn names_without_heights_stand_on_a_field_among_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let [plane, cloud] = plane_in_a_cloud(folder.path(), &cloud());
+    let table = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        Some(path)
+    };
+    // In the plane's own coordinates, and where that is in the scene.
+    let flat = table("flat.csv", "name,x,y\nPlace,29,25\n");
+    let tall = table("tall.csv", "name,x,y,z\nPlace,0.4,0.2,0\n");
+    for (members, mode) in [
+        (vec![plane.clone(), cloud.clone()], "column-density"),
+        (vec![plane.clone(), cloud], "surface"),
+        (vec![plane.clone(), plane], "surface"),
+    ] {
+        let mut session = open(&members, "m", SessionOptions::default());
+        let [without, flat, tall] = [None, flat.clone(), tall.clone()].map(|labels| {
+            let mut own = Shot { labels, ..shot(Some(mode), "{}", [0.0, 0.0, 5.0], Some(3.0)) };
+            own.look.annotations = Some(Annotations { labels: 4, ..Annotations::NONE });
+            session.draw(&own).unwrap().image(&own).unwrap()
+        });
+        assert!(flat.rgba == tall.rgba && flat.rgba != without.rgba, "{mode}");
     }
 }
 

@@ -4,6 +4,9 @@
 
 use super::*;
 use crate::look::CameraConfig;
+use crate::mode::LevelChoice;
+use crate::model::Unit;
+use crate::modes::surface::MODE;
 use crate::picture::surface::fixtures::opened;
 
 /// A ramp from -300 to 900 along x, drawn from above without shades: its picture.
@@ -65,4 +68,15 @@ fn the_sea_ends_at_height_0_of_places_on_the_earth() {
     let land =
         terrain.map(|terrain| TransferFunction { range: crate::color::transfer::Range::Fixed(0.0, 900.0), ..terrain });
     assert_eq!(Some(&ramp("deg", "{\"map\": \"plate\"}", land.clone()).transfer), land.as_ref());
+}
+
+#[test]
+fn lengths_are_told_in_the_unit_that_a_map_gives_them() {
+    let session = opened("deg", [41, 41], [6.0, 50.0], 0.01, |x, y| x + y);
+    for (map, unit) in [("plate", "deg"), ("local", "m"), ("globe", "m")] {
+        let settings = ron::from_str(&format!("{{\"map\": \"{map}\"}}")).unwrap();
+        let attribute = None;
+        let depiction = Depiction { mode: &MODE, settings, attribute, choice: LevelChoice::default() };
+        assert_eq!(session.opened().units(&depiction).length, Unit::new(unit), "{map}");
+    }
 }
