@@ -93,6 +93,37 @@ fn a_volume_is_built_told_drawn_and_given_back() {
 }
 
 #[test]
+fn a_slice_shows_what_a_look_through_the_volume_leaves_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // Waves that are air beside the ball in their middle.
+    let value = |i: usize| {
+        let [x, y, z] = [i % 48, i / 48 % 48, i / 2304].map(|x| x as f64);
+        let away = (x - 24.0).hypot(y - 24.0).hypot(z - 12.0);
+        if away < 6.0 { 220.0 } else { 20.0 + 12.0 * (x / 3.0).sin() * (y / 4.0 + z / 5.0).cos() }
+    };
+    let samples: Vec<u8> = (0..48 * 48 * 24).map(|i| value(i) as u8).collect();
+    let head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 48 48 24\nencoding: raw\nspacings: 1 1 2\n\n";
+    std::fs::write(folder.join("waves.nrrd"), [head.as_bytes(), &samples].concat()).unwrap();
+    done(folder, &["build", "waves.nrrd", "-o", "waves.df"]);
+    for axis in ["axis=x", "axis=y", "axis=z", "normal=[1.0,2.0,3.0]"] {
+        let draw = |more: &[&str]| {
+            let words = ["render", "waves.df", "-o", "slice.png", "--mode", "slice", "--set", axis, "--size", "96x96"];
+            done(folder, &[&words, more].concat());
+            crate::support::golden::picture_at(&folder.join("slice.png"))
+        };
+        let (near, exact) = (draw(&[]), draw(&["--exact"]));
+        let off = crate::support::golden::difference(&near, &exact);
+        let pairs = near.rgba.as_flattened().iter().zip(exact.rgba.as_flattened());
+        let most = pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        assert!(off < 1.5 && most < 16, "{axis}: {off} in the mean, {most} at most");
+        // From in front it fills the picture.
+        let lit = exact.rgba.iter().filter(|pixel| pixel[0] > 3).count();
+        assert!(lit > 96 * 96 / 3, "{axis}: {lit} pixels");
+    }
+}
+
+#[test]
 fn tours_domes_and_pairs_of_pictures_show_volumes() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
