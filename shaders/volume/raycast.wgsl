@@ -8,10 +8,15 @@
 // do, to surfaces, and to the next layer that is not empty in four loops, each within the one that follows.
 //
 // With CENTERED (cells are pixels) rays go through the cells' centres. With EVEN the table's entries lie evenly between 1 and 2: those of a
-// sampled field.
+// sampled field, whose samples say which way surfaces face.
 #import deepfield::isosurface::{
     volume, Crossings, NO_CROSSING, crossings_of, is_crossed, shaded, surface_levels, take_nearest,
 }
+#ifdef EVEN
+#ifdef SURFACES
+#import deepfield::field_slope::{has_slope, slope_at}
+#endif
+#endif
 #import deepfield::volume_view::Portion
 #import deepfield::volume_constants::{
     BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS, VALUE_ENTRIES,
@@ -246,6 +251,35 @@ fn gradient(place: Place, middle: vec2<f32>, step: i32, at: f32) -> vec3<f32> {
     return vec3(along.x / here.y, -along.y / here.y, along_z - shear);
 }
 
+#ifdef EVEN
+/// The least of the cells that a sample before the ray is made of.
+fn least_at(place: Place, slice: u32) -> f32 {
+    let a = cell_at(place, place.cell, slice).x;
+#ifdef CENTERED
+    return a;
+#else
+    if all(place.shares == vec2(0.0)) {
+        return a;
+    }
+    let b = cell_at(place, place.cell + vec2(1u, 0u), slice).x;
+    let c = cell_at(place, place.cell + vec2(0u, 1u), slice).x;
+    let d = cell_at(place, place.cell + vec2(1u, 1u), slice).x;
+    return min(min(a, b), min(c, d));
+#endif
+}
+#endif
+
+/// The same of a surface of a density. Where a field ends or is cut the cells alone say which way it faces: what is outside is 0.
+fn slope_of(place: Place, middle: vec2<f32>, step: u32, at: f32, density: f32) -> vec3<f32> {
+#ifdef EVEN
+    if has_slope(step) && min(least_at(place, step - 1u), least_at(place, step)) > 0.0 {
+        let here = mix(depth_of(place, i32(step) - 1), depth_of(place, i32(step)), at);
+        return slope_at(middle * here.y, here.x, density);
+    }
+#endif
+    return gradient(place, middle, i32(step), at);
+}
+
 /// Meets a surface at a share of a step.
 fn meet(
     ray: ptr<function, Ray>,
@@ -264,7 +298,7 @@ fn meet(
         color = tinted(value.y / value.x, SURFACE_BRIGHTNESS);
     }
     if volume.lit != 0u {
-        let slope = gradient(place, middle, i32(step), at);
+        let slope = slope_of(place, middle, step, at, surface.x);
         let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
         color = shaded(color, slope, normalize(vec3(middle.x * sigma, -middle.y * sigma, 1.0)));
     }

@@ -229,7 +229,8 @@ impl<'a> Bench<'a> {
         let settings = SurfaceSettings::new(&Settings::default(), &about.grid)?;
         let attribute = attribute_of(None, about, false)?;
         let transfer = usual_transfer(attribute);
-        let range = range_of(&transfer, attribute, &about.facts, about.levels.len() as u32, 1.0);
+        let heights = [about.facts.min, about.facts.max];
+        let range = range_of(&transfer, attribute, heights, about.levels.len() as u32, 1.0);
         let look = settings.look(attribute, transfer, range);
         let (_, placed) = SurfaceSession::sight(&*file, [about.facts.min, about.facts.max], &Shot::default())?;
         Ok(Bench { path: path.into(), placed, look, arguments, file })

@@ -22,7 +22,7 @@ pub mod splat;
 pub mod splat_gpu;
 
 use crate::command_line::CommandResult;
-use crate::picture::field::FieldSession;
+use crate::look::is_field;
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
@@ -135,7 +135,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let text = match arguments.suite.as_str() {
         "frame" => serde_json::to_string_pretty(&frame::measure(arguments)?)?,
         "presence" => serde_json::to_string_pretty(&presence::measure(arguments)?)?,
-        "flight" => match arguments.path.as_deref().filter(|path| FieldSession::is_field(path)) {
+        "flight" => match arguments.path.as_deref().filter(|path| is_field(path)) {
             Some(path) => serde_json::to_string_pretty(&flight::fields::measure(arguments, path)?)?,
             None => serde_json::to_string_pretty(&flight::measure(arguments)?)?,
         },

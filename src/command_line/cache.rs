@@ -56,7 +56,7 @@ pub fn page_file_with(
         return Ok(path.to_owned());
     }
     let folder = folder("pages")?;
-    let of_heights = said.is_heights.unwrap_or_else(|| is_heights(path));
+    let of_heights = said.is_heights().unwrap_or_else(|| is_heights(path));
     let cached = folder.join(match of_heights {
         true => cached_name_of_heights(path, said)?,
         false => cached_name(path)?,
@@ -71,7 +71,7 @@ pub fn page_file_with(
     }
     let stated = stated_budget()?;
     if of_heights {
-        let heights = OpenHeights::open(path, &said.options(ReadMethod::default()))?;
+        let (heights, _) = OpenHeights::for_pictures(path, &said.options(ReadMethod::default()))?;
         heights.build(&HeightBuildOptions::default(), &cached, progress)?;
     } else {
         build_source(path, &LoadOptions::default(), &build_options(), &cached, progress)?;
@@ -252,12 +252,12 @@ fn cached_name_of_heights(path: &Path, said: &HeightsSaid) -> Result<String, std
         return Ok(name);
     }
     let mut hasher = DefaultHasher::new();
-    let HeightsSaid { is_heights, nodata, spacing, xy_unit, height_unit, texture, before: _ } = said;
+    let HeightsSaid { taken_for: _, nodata, spacing, xy_unit, height_unit, texture, before: _ } = said;
     let numbers = (nodata.map(f64::to_bits), spacing.map(|spacing| spacing.map(f64::to_bits)));
     let units = [xy_unit, height_unit].map(|unit| unit.as_ref().map(|unit| unit.0.as_str()));
     let photo = texture.as_ref().map(|photo| Ok::<_, std::io::Error>((cached_name(&photo.path)?, photo.rectangle)));
     let photo = photo.transpose()?.map(|(name, place)| (name, place.map(|place| place.map(f64::to_bits))));
-    (is_heights, numbers, units, photo).hash(&mut hasher);
+    (said.is_heights(), numbers, units, photo).hash(&mut hasher);
     let stem = name.strip_suffix(".df").unwrap_or(&name);
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
 }
@@ -266,6 +266,7 @@ fn cached_name_of_heights(path: &Path, said: &HeightsSaid) -> Result<String, std
 mod tests {
     use super::*;
     use crate::heights::import::PhotoChoice;
+    use crate::look::TakenFor;
     use crate::model::Unit;
     use std::collections::BTreeSet;
 
@@ -335,7 +336,7 @@ mod tests {
         };
         let ways = [
             nothing.clone(),
-            HeightsSaid { is_heights: Some(true), ..nothing.clone() },
+            HeightsSaid { taken_for: Some(TakenFor::Heights), ..nothing.clone() },
             HeightsSaid { nodata: Some(0.0), ..nothing.clone() },
             HeightsSaid { nodata: Some(-9999.0), ..nothing.clone() },
             HeightsSaid { spacing: Some([1.0, 2.0]), ..nothing.clone() },

@@ -38,6 +38,8 @@ use std::path::{Path, PathBuf};
   deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
   deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump
   deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples
+  deepfield build engine.nii.gz -o engine.df --ignore-below 5
+                                                             without points for air
   deepfield build dem.tif -o dem.df                          measured heights, as chunks of samples with exact errors
   deepfield build scan.npy -o scan.df --spacing 0.5,0.5 --xy-unit um --height-unit nm
   deepfield build dem.tif -o dem.df --texture photo.jpg      with a photo over it; photo.jpg@X0,Y0,X1,Y1 covers a rectangle
@@ -184,6 +186,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         && raw.is_none()
         && arguments.heights.takes(only)
     {
+        arguments.wavelet.refuse(only, "heights")?;
         return heights::build::run(arguments, only);
     }
     arguments.texture.refuse()?;
@@ -201,6 +204,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             return Err(format!("{}: content: found {found}, expected a source to build it of", path.display()).into());
         }
     }
+    let found = if trace.is_some() { "velocities to trace" } else { "particles" };
+    arguments.wavelet.refuse(&arguments.sources[0], found)?;
     if let Some(kinds) = arguments.hierarchy.of(Matter::Grids) {
         let named = arguments.sources[0].display();
         return Err(format!("{named}: hierarchy {kinds}: found particles, expected an image or a volume").into());
@@ -276,7 +281,7 @@ fn grid(arguments: &Arguments, path: &Path, options: GridOptions) -> CommandResu
         .into());
     }
     let options = GridBuildOptions {
-        points: arguments.wavelet.options(grid),
+        points: arguments.wavelet.options(path, grid)?,
         memory: arguments.memory,
         threads: arguments.threads.map(usize::from),
         temporary: arguments.temporary.clone(),

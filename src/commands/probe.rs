@@ -14,8 +14,8 @@ use crate::explore::{
     AxisOptions, Data, FieldHistogram, Fields, Members, OverTime, ProbeOptions, ProfileOptions, Region, Shape, Work,
     histogram, over_time, probe,
 };
+use crate::look::is_field;
 use crate::model::{ReadMethod, When};
-use crate::picture::field::FieldSession;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -140,7 +140,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if arguments.out.is_some() && !arguments.over_time {
         return Err("-o: expected --over-time beside it, or heights with --line".into());
     }
-    if FieldSession::is_field(&arguments.path) {
+    if is_field(&arguments.path) {
         return super::field_probe::run(arguments);
     }
     let progress = TerminalProgress::new();

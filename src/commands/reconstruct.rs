@@ -7,7 +7,7 @@ use super::render_arguments::splat_count;
 use super::statistics::write_json;
 use super::wavelet_options::WaveletOptions;
 use crate::explore::export::grid::{GridFormat, write_grid};
-use crate::hierarchy::wavelet::{Hierarchy, Samples, errors};
+use crate::hierarchy::wavelet::{Bricks, Hierarchy, Samples, errors};
 use crate::import::{self, GridOptions, GridSource, ImportError, grid_format, open_grid};
 use crate::look::DataKind;
 use crate::model::{Grid, ReadMethod, Region, SampleType};
@@ -28,6 +28,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 #[command(after_help = "Examples:
   deepfield reconstruct photo.png -o near.png --points 20000
   deepfield reconstruct head.nrrd -o near.npy --error-value 4 --json errors.json
+  deepfield reconstruct head.df -o coarse.nrrd --level 3         as points for 8 x 8 x 8 samples each show it
   deepfield reconstruct bonsai.df -o part.nrrd --exact --region 0:128,0:128,64:65")]
 pub struct Arguments {
     /// The image or volume, or a file that was built of it.
@@ -44,6 +45,9 @@ pub struct Arguments {
     /// The samples, bit for bit.
     #[arg(long, group = "budget")]
     pub exact: bool,
+    /// The points of one level: 1 has nodes of 2 samples along each axis, 2 of 4, and so on as `info` lists them; 0: the samples.
+    #[arg(long, value_name = "M", group = "budget")]
+    pub level: Option<usize>,
     /// Part of the grid: samples along each axis, x first, the last not included.
     #[arg(long, value_name = "X0:X1,Y0:Y1[,Z0:Z1]")]
     pub region: Option<Box3>,
@@ -163,6 +167,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
     };
     let grid = opened.grid();
+    if let (Opened::File(_), Some(_)) = (&opened, arguments.wavelet.ignore_below) {
+        let (path, found) = (path.display(), DataKind::Grid.described());
+        return Err(format!("{path}: --ignore-below: found {found}, which has its own, expected a source").into());
+    }
     let format = GridFormat::of(output).ok_or_else(|| format!("{}: expected .npy, .nrrd or .png", output.display()))?;
     let region = match &arguments.region {
         None => grid.region(),
@@ -170,7 +178,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             format!("{}: --region: found {region}, expected a part of {}", path.display(), grid.described())
         })?,
     };
-    let is_exact = arguments.exact || arguments.points.is_none() && arguments.error_value.is_none();
+    if let Some(level) = arguments.level {
+        check_level(path, grid, level)?;
+    }
+    let is_exact = match arguments.level {
+        Some(level) => level == 0,
+        None => arguments.exact || arguments.points.is_none() && arguments.error_value.is_none(),
+    };
     let is_rounded = format == GridFormat::Png && matches!(grid.sample_type, SampleType::U8 | SampleType::U16);
     let sample_type = if is_exact || is_rounded { grid.sample_type } else { SampleType::F32 };
     let part = part_of(grid, &region, sample_type);
@@ -203,6 +217,17 @@ fn no_grid(path: &Path, found: &str) -> Failure {
     format!("{}: content: found {found}, expected an image or a volume", path.display()).into()
 }
 
+/// Refuses a level that a grid's hierarchy does not have.
+fn check_level(path: &Path, grid: &Grid, level: usize) -> CommandResult {
+    let bricks = Bricks { dimensions: grid.dimensions, shape: grid.shape.map(|side| side as usize) };
+    let last = bricks.all_levels();
+    if level <= last {
+        return Ok(());
+    }
+    let path = path.display();
+    Err(format!("{path}: --level: found {level}, expected 0 (the samples) to {last} (a single node)").into())
+}
+
 /// A part of a grid, with samples of another type.
 fn part_of(grid: &Grid, region: &Region, sample_type: SampleType) -> Grid {
     let mut part = Grid { shape: region.shape(), sample_type, ..grid.clone() };
@@ -227,13 +252,13 @@ fn approximate(
     let samples = Samples { dimensions: grid.dimensions, shape, channels };
     let hierarchy = match opened {
         Opened::File(file) => file.hierarchy(&planes)?,
-        Opened::Source(_) => Hierarchy::build(&samples, &arguments.wavelet.options(grid)),
+        Opened::Source(_) => Hierarchy::build(&samples, &arguments.wavelet.options(&arguments.path, grid)?),
     };
-    let (cut, drawn) = match arguments.error_value {
-        Some(error) => hierarchy.cut_within(&samples, error),
-        None => {
+    let (cut, drawn) = match (arguments.error_value, arguments.level) {
+        (Some(error), _) => hierarchy.cut_within(&samples, error),
+        (None, level) => {
             let most = arguments.points.map_or(usize::MAX, |points| usize::try_from(points).unwrap_or(usize::MAX));
-            let cut = hierarchy.cut_of_points(most);
+            let cut = level.map_or_else(|| hierarchy.cut_of_points(most), |level| hierarchy.cut_of_level(level));
             let drawn = hierarchy.reconstruct(&samples, &cut);
             (cut, drawn)
         }

@@ -8,10 +8,10 @@ use super::request::{Request, open_any};
 use super::statistics;
 use crate::color::{Image, output};
 use crate::import::step_at;
-use crate::look::{DataKind, Member, one_snapshot};
-use crate::mode::Mode;
+use crate::look::{DataKind, LookPatch, Member, MemberKind, Shot, is_field, one_snapshot};
+use crate::mode::{Mode, Span};
+use crate::model::When;
 use crate::picture::Picture;
-use crate::picture::field::FieldSession;
 use crate::view::{CubeLayout, Side, Surround};
 
 /// Renders the picture and writes it.
@@ -56,8 +56,8 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         heights::refuse_options(&first.path, &arguments.of_particles(), "")?;
     }
     let is_field = match &members[..] {
-        [only] => only.is_of_heights() || FieldSession::is_field(&only.path),
-        all => all.iter().all(Member::is_of_heights),
+        [only] => only.is_of_heights() || is_field(&only.path),
+        all => all.iter().all(|member| member.kind() != MemberKind::Particles),
     };
     if let (Some(when), Some(first)) = (shot.look.time, members.first_mut())
         && matches!(DataKind::of(&first.path), Ok(DataKind::Source))
@@ -66,6 +66,10 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         (first.path, shot.look.time) = (step, None);
     }
     let has_times = members.iter().any(|member| matches!(DataKind::of(&member.path), Ok(DataKind::Run)));
+    if has_times && shot.look.time.is_none() && is_of_tails(&shot) {
+        // At the first step no path has come from anywhere.
+        shot.look.time = Some(When::Last);
+    }
     if let (false, false, Some(_), Some(first)) = (is_field, has_times, shot.look.time, members.first()) {
         let why = one_snapshot(&first.path, own_time(&first.path)?);
         match arguments.time {
@@ -86,6 +90,13 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
         output::write_png(&output.with_extension(format!("{}.png", side.as_str())), &face)?;
     }
     write_numbers(arguments, &picture)
+}
+
+/// Whether a shot shows nothing but where particles came from.
+fn is_of_tails(shot: &Shot) -> bool {
+    let LookPatch { mode, settings, paths, .. } = &shot.look;
+    let leads = paths.as_ref().is_some_and(|paths| paths.lead != Span::Steps(0.0));
+    !leads && mode.is_some_and(|mode| !mode.technique.needs(settings).particles)
 }
 
 /// Writes a picture, whose colours are `finished`, and its numbers.

@@ -9,17 +9,16 @@ use super::usage;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
-use crate::heights::is_heights;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{
-    Attribute, Backend, CameraConfig, LookPatch, Member, PictureConfig, SceneFile, Shot, data_file, is_scene_file, say,
+    Attribute, Backend, CameraConfig, LookPatch, Member, MemberKind, PictureConfig, SceneFile, Shot, data_file,
+    is_scene_file, say,
 };
 use crate::mode::{Mode, PathsOf, SettingValue, Settings, levels, lod_budget};
 use crate::model::{FamilyName, ReadMethod, When};
 use crate::modes;
 use crate::modes::samples::ERROR_VALUE;
 use crate::picture::SessionOptions;
-use crate::picture::field::FieldSession;
 use crate::view::{CutSettings, Periodic};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -48,7 +47,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 pub struct Arguments {
     /// The source, page file or run, or a scene file.
     pub path: PathBuf,
-    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step].
+    /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step; in the mode paths without a lead the last].
     #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]
     pub time: Option<When>,
     /// How particles of a run move between steps: auto (along splines, fading where steps are too far apart for them), hermite, linear,
@@ -60,8 +59,8 @@ pub struct Arguments {
     #[arg(long, value_name = "all|NAME|none")]
     pub paths: Option<PathsOf>,
     /// Another source or page file in the same picture, in the first one's units; @X,Y,Z says where its origin lies there and *SCALE
-    /// how many of the first one's lengths one of its own is. Can be given several times. Of heights and particles depth decides what
-    /// hides what.
+    /// how many of the first one's lengths one of its own is. Can be given several times. Of particles, volumes, images and heights
+    /// depth decides what hides what.
     #[arg(long, value_name = "FILE[@X,Y,Z[*SCALE]]")]
     pub with: Vec<Member>,
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
@@ -256,8 +255,9 @@ impl Arguments {
         }
         if let Some(mode) = self.mode {
             // A file's colours are for whatever is drawn; its settings are those of its mode.
+            let of_heights = self.kinds().any(|kind| kind == MemberKind::Heights);
             let of_heights =
-                if self.has_heights() { look.settings.of_mode(&modes::surface::MODE) } else { Settings::default() };
+                if of_heights { look.settings.of_mode(&modes::surface::MODE) } else { Settings::default() };
             (look.mode, look.settings) = (Some(mode), look.settings.of_mode(mode));
             // Heights that are drawn among what the mode draws have their own.
             look.settings.0.extend(of_heights.0);
@@ -305,9 +305,12 @@ impl Arguments {
         ]
     }
 
-    /// Whether any of the data is heights.
-    fn has_heights(&self) -> bool {
-        self.heights.takes(&self.path) || self.with.iter().any(|member| is_heights(&member.path))
+    /// What each of the datasets is drawn as.
+    fn kinds(&self) -> impl Iterator<Item = MemberKind> {
+        let mut members = vec![Member::new(&self.path)];
+        members.extend(self.with.iter().cloned());
+        say(&mut members, &self.heights.said(&[]));
+        members.into_iter().map(|member| member.kind())
     }
 
     /// The modes that a look's settings may be of: its own; where it names none the data's usual one, which is one of these.
@@ -316,18 +319,17 @@ impl Arguments {
             let of_fields = modes::all().into_iter().filter(|mode| !mode.weight_attributes.is_empty());
             of_fields.chain([modes::first()])
         };
-        let usual = || match FieldSession::is_field(&self.path) {
-            _ if self.heights.takes(&self.path) => vec![&modes::surface::MODE],
-            true => vec![modes::of_fields(2), modes::of_fields(3)],
-            false => of_particles().collect(),
+        let usual = |kind: MemberKind| match kind {
+            MemberKind::Heights => vec![&modes::surface::MODE],
+            MemberKind::Field => vec![modes::of_fields(2), modes::of_fields(3)],
+            MemberKind::Particles => of_particles().collect(),
         };
-        let mut possible: Vec<&'static Mode> = look.mode.map_or_else(usual, |mode| vec![mode]);
-        if self.has_heights() && !self.with.is_empty() {
-            // Of what is drawn among heights, too.
-            possible.push(&modes::surface::MODE);
-            if look.mode.is_none_or(Mode::takes_surfaces) {
-                possible.extend(of_particles());
-            }
+        let kinds: Vec<MemberKind> = self.kinds().collect();
+        let first = || kinds.first().map_or_else(Vec::new, |kind| usual(*kind));
+        let mut possible: Vec<&'static Mode> = look.mode.map_or_else(first, |mode| vec![mode]);
+        if kinds.len() > 1 && kinds.iter().any(|kind| *kind != MemberKind::Particles) {
+            // Of what else is in the picture, too.
+            possible.extend(kinds.iter().flat_map(|kind| usual(*kind)));
         }
         possible
     }

@@ -4,10 +4,11 @@ use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
 use crate::heights::import::height_format;
 use crate::import::{GridOptions, grid_format, open_grid};
-use crate::look::{DataKind, Member, Shot};
+use crate::look::{DataKind, Member, Shot, TakenFor, is_field};
 use crate::mode::Mode;
 use crate::picture::field::FieldSession;
-use crate::picture::surface::{MixedSession, SurfaceSession};
+use crate::picture::mixed::MixedSession;
+use crate::picture::surface::SurfaceSession;
 use crate::picture::{AnySession, PictureError, Session, SessionOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,7 +25,7 @@ pub struct Request {
 }
 
 /// Opens datasets for pictures of these shots: heights, an image or a volume that is alone as what it is, unless a mode draws particles alone, which
-/// are a source's pixels or voxels then; heights with others as a scene of all of them; everything else as particles.
+/// are a source's pixels or voxels then; several kinds of data as a scene of all of them; everything else as particles.
 ///
 /// # Errors
 /// As [`open`], [`FieldSession::open`], [`SurfaceSession::open`] and [`MixedSession::open`].
@@ -49,7 +50,8 @@ pub fn open_any<'a>(
         }
         [only]
             if (shots.iter().all(takes_fields) || matches!(DataKind::of(&only.path), Ok(DataKind::Grid)))
-                && FieldSession::is_field(&only.path) =>
+                && only.said.taken_for != Some(TakenFor::Particles)
+                && is_field(&only.path) =>
         {
             let session = FieldSession::open(&only.path, options, Arc::new(Terminal))?;
             #[cfg(feature = "viewer")]

@@ -81,6 +81,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/isosurface.wgsl", include_str!("../../shaders/lib/isosurface.wgsl")),
     ("volume/march.wgsl", include_str!("../../shaders/volume/march.wgsl")),
     ("lib/field_samples.wgsl", include_str!("../../shaders/lib/field_samples.wgsl")),
+    ("lib/field_slope.wgsl", include_str!("../../shaders/lib/field_slope.wgsl")),
     ("volume/field.wgsl", include_str!("../../shaders/volume/field.wgsl")),
     ("integrals/integrate.wgsl", include_str!("../../shaders/integrals/integrate.wgsl")),
     ("lib/frame.wgsl", include_str!("../../shaders/lib/frame.wgsl")),

@@ -46,7 +46,7 @@ pub(crate) fn adopt_opened(
     // More of what is open changes nothing of how it is seen.
     let kept =
         scene.as_ref().filter(|_| keeps).map(|scene| families_of(scene.metadata(), &settings.families, metadata));
-    choices.attributes = field.as_ref().map_or_else(Vec::new, |field| field.opened.attributes());
+    choices.attributes = field.as_ref().map_or_else(Vec::new, |field| field.opened.attributes(None));
     for name in Choices::attributes_of(metadata) {
         if !choices.attributes.contains(&name) {
             choices.attributes.push(name);

@@ -3,7 +3,8 @@
 use crate::annotate::number;
 use crate::look::Member;
 use crate::picture::field::OpenField;
-use crate::picture::surface::{OpenField as HeightsAmong, OpenMixed, OpenSurface};
+use crate::picture::mixed::{FieldAmong, HeightsField, OpenMixed};
+use crate::picture::surface::OpenSurface;
 use crate::store::{Metadata, PageFile, PartInfo};
 use crate::window::sampled::Sampled;
 use bevy::math::DVec3;
@@ -40,8 +41,8 @@ pub struct Facts {
     pub rows: Vec<(&'static str, String)>,
     /// The datasets, where there are several.
     pub datasets: Vec<DatasetFact>,
-    /// The heights among other things.
-    pub heights: Vec<DatasetFact>,
+    /// What is among other data and no particles, and what it is called.
+    pub sampled: Vec<(&'static str, DatasetFact)>,
     /// The families.
     pub families: Vec<FamilyFact>,
     /// What the import assumed or left out, one sentence each.
@@ -82,8 +83,8 @@ impl Facts {
             first_family: part.families.start,
             index,
         });
-        let (heights, families) = (Vec::new(), Facts::families_of(metadata));
-        Facts { rows, datasets: datasets.collect(), heights, families, notes: told.chain(skipped).collect() }
+        let (sampled, families) = (Vec::new(), Facts::families_of(metadata));
+        Facts { rows, datasets: datasets.collect(), sampled, families, notes: told.chain(skipped).collect() }
     }
 
     /// The same of what the particles are samples of.
@@ -96,24 +97,25 @@ impl Facts {
         }
     }
 
-    /// Of particles, where there are some, and heights among them.
+    /// Of particles, where there are some, and what else there is among them.
     fn among(mut self, opened: &OpenMixed) -> Facts {
         let has_particles = opened.particles().is_some();
-        let is_field = |index: &usize| opened.fields().iter().any(|field| field.index == *index);
-        let own: Vec<usize> = (0..).filter(|index| !is_field(index)).take(self.datasets.len()).collect();
+        let own: Vec<usize> = (0..).filter(|index| opened.is_of_particles(*index)).take(self.datasets.len()).collect();
         self.datasets.iter_mut().zip(own).for_each(|(dataset, index)| dataset.index = index);
-        self.heights = opened.fields().iter().map(field_among).collect();
+        self.sampled = opened.heights().iter().map(|field| ("Heights", heights_among(field))).collect();
+        self.sampled.extend(opened.fields().iter().map(field_among));
+        self.sampled.sort_by_key(|(_, dataset)| dataset.index);
         if !has_particles {
             (self.rows, self.families) = (Vec::new(), Vec::new());
         }
-        let all = opened.fields().len() + if has_particles { self.datasets.len().max(1) } else { 0 };
+        let all = self.sampled.len() + if has_particles { self.datasets.len().max(1) } else { 0 };
         self.rows.retain(|(label, _)| *label != "Datasets");
         self.rows.insert(0, ("Datasets", all.to_string()));
-        let notes = |field: &HeightsAmong| {
+        let notes = |field: &HeightsField| {
             let (name, notes) = (name_of(&field.member.path), field.opened.file().about().notes.clone());
             notes.into_iter().map(move |note| format!("{name}: {note}"))
         };
-        self.notes.extend(opened.fields().iter().flat_map(notes));
+        self.notes.extend(opened.heights().iter().flat_map(notes));
         self
     }
 
@@ -181,8 +183,8 @@ fn name_of(path: &Path) -> String {
 }
 
 /// What is said of heights among other things.
-fn field_among(field: &HeightsAmong) -> DatasetFact {
-    let HeightsAmong { index, member, opened } = field;
+fn heights_among(field: &HeightsField) -> DatasetFact {
+    let HeightsField { index, member, opened } = field;
     let about = opened.file().about();
     let (grid, facts) = (&about.grid, &about.facts);
     let [low, high] = [facts.min, facts.max].map(number::quantity);
@@ -191,6 +193,21 @@ fn field_among(field: &HeightsAmong) -> DatasetFact {
     if facts.valid < grid.samples() {
         lines.push(format!("{} samples were not measured", number::count(grid.samples() - facts.valid)));
     }
+    fact_of(member, lines, *index)
+}
+
+/// What is said of an image or a volume among other data.
+fn field_among(field: &FieldAmong) -> (&'static str, DatasetFact) {
+    let FieldAmong { index, member, opened } = field;
+    let (grid, [low, high]) = (opened.grid(), opened.statistics().range().map(number::quantity));
+    let values = format!("values {low} to {high} {}", grid.channels[0].unit);
+    let kind = if grid.dimensions == 2 { "Image" } else { "Volume" };
+    let lines = vec![member.path.display().to_string(), grid.described(), values.trim_end().to_owned()];
+    (kind, fact_of(member, lines, *index))
+}
+
+/// The fact of these lines, and of where a dataset lies.
+fn fact_of(member: &Member, mut lines: Vec<String>, index: usize) -> DatasetFact {
     if member.offset != DVec3::ZERO {
         let [x, y, z] = member.offset.to_array().map(number::quantity);
         lines.push(format!("its origin at {x}, {y}, {z}"));
@@ -198,7 +215,7 @@ fn field_among(field: &HeightsAmong) -> DatasetFact {
     if let Some(scale) = member.scale {
         lines.push(format!("lengths times {}", number::quantity(scale)));
     }
-    DatasetFact { name: name_of(&member.path), details: lines.join("\n"), first_family: 0, index: *index }
+    DatasetFact { name: name_of(&member.path), details: lines.join("\n"), first_family: 0, index }
 }
 
 /// When in the history of its universe or its run a snapshot was taken.

@@ -32,7 +32,8 @@ use crate::mode::{Depiction, Raw};
 use crate::model::FamilyName;
 use crate::picture::fade::faded;
 use crate::picture::field::{FieldSession, PointsReport};
-use crate::picture::surface::{MixedSession, OpenMixed, SurfaceDepths, SurfaceSession};
+use crate::picture::mixed::{Colored, MixedSession, OpenMixed};
+use crate::picture::surface::{SurfaceDepths, SurfaceSession};
 use crate::picture::{AnySession, PictureError, Subject};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
@@ -250,7 +251,7 @@ pub(super) fn draw_field(
             AnySession::Surface(session) => draw_surface(session, &look, wanted, colored),
             AnySession::Mixed(session) => match among {
                 Some(among) => draw_mixed(session, &look, wanted, colored, among),
-                None => Err("there are no heights".to_owned()),
+                None => Err("it is not open as several kinds of data".to_owned()),
             },
             AnySession::Particles(_) => Err("particles are drawn elsewhere".to_owned()),
         }
@@ -323,7 +324,7 @@ fn draw_surface(
     Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, depths, milliseconds })
 }
 
-/// What is drawn of heights among other things.
+/// What is drawn of particles among other data.
 struct Among {
     opened: Arc<OpenMixed>,
     /// The particles, with the families that are drawn.
@@ -335,7 +336,7 @@ struct Among {
     limit: u64,
 }
 
-/// Draws a picture of heights among other things.
+/// Draws a picture of several kinds of data.
 fn draw_mixed(
     session: &mut MixedSession,
     look: &LookPatch,
@@ -351,9 +352,11 @@ fn draw_mixed(
     let view = key.content.view.resized(key.size.x, key.size.y);
     let seen = session.seen(look, &view, None, (diameter, limit)).map_err(|error| error.to_string())?;
     let exposure = match (&seen.colored, &seen.particles.sums, opened.particles(), seen.levels) {
-        (Some((attribute, transfer)), _, _, Some(levels)) => {
-            Exposure::of_heights(opened.first(), *attribute, transfer.scale, levels)
-        }
+        (Some(Colored::Heights(attribute, transfer)), _, _, Some(levels)) => match opened.heights().first() {
+            Some(first) => Exposure::of_heights(&first.opened, *attribute, transfer.scale, levels),
+            None => Exposure::default(),
+        },
+        (Some(Colored::Field(prepared)), ..) => Exposure::of_field(prepared),
         (None, Some(sums), ..) => Exposure::of(sums, &colored.1),
         (None, None, Some(file), Some(levels)) => {
             Exposure::of_codebooks(&Subject::new(file.metadata(), &depiction, &colored.1, diameter), levels)

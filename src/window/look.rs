@@ -1,7 +1,6 @@
 //! How the picture looks: the mode applied to the open data, and the transfer function with the ranges in use.
 
 use super::exposure::Exposure;
-use super::sampled::Sampled;
 use super::scene::{Scene, Settings, TransferKept};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
@@ -197,7 +196,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
     if let Some(field) = scene.samples_for(settings.mode) {
         let opened = &field.opened;
         // Of the voxels there are other attributes.
-        let name = name.filter(|name| opened.attributes().iter().any(|own| own == name));
+        let name = name.filter(|name| opened.attributes(Some(settings.mode)).iter().any(|own| own == name));
         return opened.depiction(settings.mode, settings.look.settings.clone(), name, choice_of(scene, settings));
     }
     let metadata = scene.metadata();
@@ -214,7 +213,7 @@ fn depict(scene: &Scene, settings: &Settings) -> Result<Depiction, String> {
 
 /// Whether a mode's pictures are about heights.
 fn is_of_heights(scene: &Scene, mode: &Mode) -> bool {
-    scene.samples_for(mode).is_some_and(|field| !matches!(field.opened, Sampled::Field(_)))
+    scene.surface_for(mode).is_some()
 }
 
 /// Which levels of the data the settings choose.

@@ -266,6 +266,7 @@ impl Plugin for WindowApp {
                 objects::receive_catalogue,
                 objects::follow_time.after(objects::receive_catalogue),
                 adopt::adopt_opened,
+                objects::stand_on_heights,
                 ground::follow_ground,
                 (playhead::play, playhead::show_moment).chain(),
                 history::undo_and_redo,

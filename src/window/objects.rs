@@ -3,12 +3,14 @@
 use super::open::Openings;
 use super::options::OpenRequest;
 use super::playhead::Playhead;
-use super::scene::Scene;
+use super::scene::{Scene, Settings};
 use super::state::answer::Answer;
 use super::state::notices::Notices;
 use crate::annotate::Label;
 use crate::explore::{Catalogue, Object, Region};
 use crate::model::Bounds;
+use crate::picture::PictureError;
+use crate::picture::surface::FieldInScene;
 use bevy::math::DVec3;
 use bevy::prelude::*;
 use std::path::{Path, PathBuf};
@@ -20,6 +22,8 @@ pub struct Objects {
     pub catalogue: Answer<Catalogue>,
     /// Its objects as names over the picture, the most important first.
     pub labels: Vec<Label>,
+    /// What stands on the heights that are open, where the catalogue is one of places in a plane.
+    in_plane: Option<InPlane>,
     /// The time of objects of a catalogue of several steps.
     time: Option<f64>,
     /// What the list in the panel is narrowed to.
@@ -32,12 +36,55 @@ pub struct Objects {
     pub is_given: bool,
 }
 
+/// Names whose table does not say how high they are.
+struct InPlane {
+    /// The table.
+    table: Catalogue,
+    /// The heights that were asked, by the scene's generation and by where these are the same again, on which T depends.
+    asked: Option<(u32, Vec<Option<u64>>)>,
+    /// Where they stand.
+    standing: Answer<Standing>,
+}
+
+/// Of each name of a table the field that it stands on, and row, column and height there.
+type Standing = Vec<Option<(usize, [f64; 3])>>;
+
+impl InPlane {
+    /// The names that stand on something, where fields are in the scene.
+    fn on(&self, standing: &Standing, fields: &[FieldInScene]) -> Catalogue {
+        let stood = |(object, on): (&Object, &Option<(usize, [f64; 3])>)| {
+            let (field, [row, column, height]) = (*on)?;
+            let position = fields.get(field)?.in_scene(row, column, height);
+            Some(Object { position, ..object.clone() })
+        };
+        let objects = self.table.objects.iter().zip(standing).filter_map(stood).collect();
+        Catalogue { objects, ..self.table.clone() }
+    }
+}
+
+/// Where places stand: on the first of the fields that has a surface there.
+fn standing_on(fields: &[FieldInScene], places: &[[f64; 2]]) -> Result<Standing, PictureError> {
+    let mut standing: Standing = vec![None; places.len()];
+    for (number, field) in fields.iter().enumerate() {
+        let free = places.iter().enumerate().filter(|(index, _)| standing[*index].is_none());
+        let free = free.map(|(index, place)| (index, *place)).collect();
+        for (index, on) in field.standing(free)? {
+            standing[index] = Some((number, on));
+        }
+    }
+    Ok(standing)
+}
+
 impl Objects {
     /// Opens a catalogue, in the place of the one that is open.
     pub fn open(&mut self, path: PathBuf) {
         self.labels.clear();
         self.time = None;
-        self.catalogue = Answer::ask("catalogue", move |_| Catalogue::read_at(&path, None, true));
+        self.in_plane = None;
+        self.catalogue = Answer::ask("catalogue", move |_| match Catalogue::in_plane(&path)? {
+            Some(table) => Ok(table),
+            None => Catalogue::read_at(&path, None, true),
+        });
     }
 
     /// Opens the catalogue that a scene names, if it names one.
@@ -132,7 +179,13 @@ pub(super) fn receive_catalogue(
     }
     match &objects.catalogue {
         Answer::Here(catalogue) => {
-            objects.labels = catalogue.labels();
+            // Names without a height are nowhere until it is known on what they stand.
+            objects.labels = if catalogue.is_in_plane { Vec::new() } else { catalogue.labels() };
+            objects.in_plane = catalogue.is_in_plane.then(|| InPlane {
+                table: catalogue.clone(),
+                asked: None,
+                standing: Answer::Nothing,
+            });
             let count = crate::annotate::number::count(catalogue.objects.len() as u64);
             notices.info(format!("{count} objects of {}", catalogue.path.display()));
             let unit = scene.map(|scene| scene.file.metadata().length_unit.clone());
@@ -142,6 +195,53 @@ pub(super) fn receive_catalogue(
         }
         Answer::Failed(why) => notices.error(why),
         Answer::Nothing | Answer::Coming(_) => {}
+    }
+}
+
+/// Lets names whose table does not say how high they are stand on the heights that are open, as high as these stand now.
+pub(super) fn stand_on_heights(
+    mut objects: ResMut<Objects>,
+    scene: Option<Res<Scene>>,
+    settings: Res<Settings>,
+    mut notices: ResMut<Notices>,
+) {
+    let objects = objects.bypass_change_detection();
+    let (Some(names), Some(scene)) = (objects.in_plane.as_mut(), scene) else { return };
+    let has_come = names.standing.receive();
+    if !(has_come || names.asked.is_none() || scene.is_changed() || settings.is_changed()) {
+        return;
+    }
+    let fields = scene.fields(&settings);
+    let path = names.table.path.display();
+    let around: Vec<Option<u64>> = fields.iter().map(|field| field.placed.around).collect();
+    let asked = (scene.generation, around);
+    if names.asked.as_ref() != Some(&asked) {
+        names.asked = Some(asked);
+        names.standing = Answer::Nothing;
+        objects.labels.clear();
+        if fields.is_empty() {
+            notices.error(format!("{path}: names without z stand on heights, of which none are shown"));
+            return;
+        }
+        let places: Vec<[f64; 2]> =
+            names.table.objects.iter().map(|object| [object.position.x, object.position.y]).collect();
+        names.standing = Answer::ask("names", move |_| standing_on(&fields, &places));
+        return;
+    }
+    match &names.standing {
+        Answer::Here(standing) => {
+            let stood = names.on(standing, &fields);
+            let all = names.table.objects.len();
+            let missing = all - stood.objects.len();
+            if has_come && missing > 0 {
+                let why = "there is no surface where they are";
+                notices.info(format!("{path}: {missing} of {all} names are left out: {why}"));
+            }
+            objects.labels = stood.labels();
+            objects.catalogue = Answer::Here(stood);
+        }
+        Answer::Failed(why) if has_come => notices.error(why),
+        Answer::Nothing | Answer::Coming(_) | Answer::Failed(_) => {}
     }
 }
 

@@ -11,11 +11,10 @@ use super::scene::SceneField;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;
-use crate::look::{HeightsSaid, Member, OpenData, SceneFile, is_scene_file, say};
+use crate::look::{HeightsSaid, Member, OpenData, SceneFile, is_field, is_scene_file, say};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Moment, ReadMethod, When};
-use crate::picture::field::FieldSession;
-use crate::picture::surface::MixedSession;
+use crate::picture::mixed::MixedSession;
 use crate::store::run::RunTree;
 use crate::store::{PageFile, StoreError};
 use crate::stream::first_frame;
@@ -125,7 +124,7 @@ impl Openings {
                 return mixed::open_mixed(members, &Seen { scene, map }, (read, time), &opener, shared.as_ref());
             }
             let sketch = match &members[..] {
-                [only] if FieldSession::is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
+                [only] if is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
                 _ => None,
             };
             match sketch {

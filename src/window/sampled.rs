@@ -6,7 +6,8 @@ use crate::mode::{Depiction, LevelChoice, Mode, Settings};
 use crate::model::Dataset;
 use crate::modes;
 use crate::picture::field::{FieldSession, OpenField};
-use crate::picture::surface::{FieldInScene, OpenMixed, OpenSurface, SurfaceSession};
+use crate::picture::mixed::{OpenMixed, Samples};
+use crate::picture::surface::{FieldInScene, OpenSurface, SurfaceSession};
 use crate::picture::{AnySession, PictureError, Reporter, SessionOptions};
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ pub enum Sampled {
     Field(Arc<OpenField>),
     /// Measured heights.
     Heights(Arc<OpenSurface>),
-    /// Heights with particles, or with other heights.
+    /// Several kinds of data, or several of one that is no particles.
     Mixed(Arc<OpenMixed>),
 }
 
@@ -34,11 +35,22 @@ impl Sampled {
         }
     }
 
-    /// Whether a mode's pictures are about its samples: of particles among heights they are not.
+    /// Whether a mode's pictures are about its samples: of particles among others they are not.
     pub fn is_told_by(&self, mode: &Mode) -> bool {
         match self {
             Sampled::Field(_) | Sampled::Heights(_) => true,
-            Sampled::Mixed(opened) => opened.is_about_heights(mode),
+            Sampled::Mixed(opened) => opened.told_by(mode).is_some(),
+        }
+    }
+
+    /// What pictures in a mode are about: of several that which the mode draws, else the first.
+    fn told_by(&self, mode: Option<&Mode>) -> Samples {
+        match self {
+            Sampled::Field(opened) => Samples::Field(Arc::clone(opened)),
+            Sampled::Heights(opened) => Samples::Heights(Arc::clone(opened)),
+            Sampled::Mixed(opened) => {
+                mode.and_then(|mode| opened.told_by(mode)).unwrap_or_else(|| opened.first().clone())
+            }
         }
     }
 
@@ -51,12 +63,11 @@ impl Sampled {
         }
     }
 
-    /// The first of its heights.
-    pub fn heights(&self) -> Option<&Arc<OpenSurface>> {
-        match self {
-            Sampled::Field(_) => None,
-            Sampled::Heights(opened) => Some(opened),
-            Sampled::Mixed(opened) => Some(opened.first()),
+    /// The heights that pictures in a mode are about.
+    pub fn heights_of(&self, mode: &Mode) -> Option<Arc<OpenSurface>> {
+        match self.told_by(Some(mode)) {
+            Samples::Heights(opened) => Some(opened),
+            Samples::Field(_) => None,
         }
     }
 
@@ -81,7 +92,7 @@ impl Sampled {
         }
     }
 
-    /// What it is of heights among other things.
+    /// What it is of several kinds.
     pub fn mixed(&self) -> Option<&Arc<OpenMixed>> {
         match self {
             Sampled::Field(_) | Sampled::Heights(_) => None,
@@ -112,12 +123,11 @@ impl Sampled {
         }
     }
 
-    /// The names of what can colour its pictures.
-    pub fn attributes(&self) -> Vec<String> {
-        match self {
-            Sampled::Field(opened) => opened.attributes(),
-            Sampled::Heights(opened) => opened.attributes(),
-            Sampled::Mixed(opened) => opened.first().attributes(),
+    /// The names of what can colour its pictures in a mode.
+    pub fn attributes(&self, mode: Option<&Mode>) -> Vec<String> {
+        match self.told_by(mode) {
+            Samples::Field(opened) => opened.attributes(),
+            Samples::Heights(opened) => opened.attributes(),
         }
     }
 
@@ -132,45 +142,41 @@ impl Sampled {
         attribute: Option<&str>,
         choice: LevelChoice,
     ) -> Result<Depiction, String> {
-        match self {
-            Sampled::Field(opened) => opened.depiction(mode, settings, attribute, choice),
-            Sampled::Heights(opened) => opened.depiction(mode, settings, attribute, choice),
-            Sampled::Mixed(opened) => opened.first().depiction(mode, settings, attribute, choice),
+        match self.told_by(Some(mode)) {
+            Samples::Field(opened) => opened.depiction(mode, settings, attribute, choice),
+            Samples::Heights(opened) => opened.depiction(mode, settings, attribute, choice),
         }
     }
 
     /// The transfer function that a depiction of it has where none is chosen.
     pub fn usual_transfer(&self, depiction: &Depiction) -> TransferFunction {
-        match self {
-            Sampled::Field(opened) => opened.usual_transfer(depiction),
-            Sampled::Heights(opened) => opened.usual_transfer(depiction),
-            Sampled::Mixed(opened) => opened.first().usual_transfer(depiction),
+        match self.told_by(Some(depiction.mode)) {
+            Samples::Field(opened) => opened.usual_transfer(depiction),
+            Samples::Heights(opened) => opened.usual_transfer(depiction),
         }
     }
 
     /// A transfer function as a depiction of it has it.
     pub fn shown_transfer(&self, depiction: &Depiction, transfer: &TransferFunction) -> TransferFunction {
-        match self.heights() {
-            Some(opened) => opened.shown_transfer(depiction, transfer),
-            None => transfer.clone(),
+        match self.told_by(Some(depiction.mode)) {
+            Samples::Heights(opened) => opened.shown_transfer(depiction, transfer),
+            _ => transfer.clone(),
         }
     }
 
     /// What a legend calls the values of a depiction.
     pub fn units(&self, depiction: &Depiction) -> Units {
-        match self {
-            Sampled::Field(opened) => opened.units(depiction),
-            Sampled::Heights(opened) => opened.units(depiction),
-            Sampled::Mixed(opened) => opened.first().units(depiction),
+        match self.told_by(Some(depiction.mode)) {
+            Samples::Field(opened) => opened.units(depiction),
+            Samples::Heights(opened) => opened.units(depiction),
         }
     }
 
     /// A few of its samples as particles.
     pub fn sketch(&self, most: usize) -> Dataset {
-        match self {
-            Sampled::Field(opened) => opened.sketch(most),
-            Sampled::Heights(opened) => opened.sketch(most),
-            Sampled::Mixed(opened) => opened.first().sketch(most),
+        match self.told_by(None) {
+            Samples::Field(opened) => opened.sketch(most),
+            Samples::Heights(opened) => opened.sketch(most),
         }
     }
 }

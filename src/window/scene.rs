@@ -128,8 +128,8 @@ impl Scene {
     }
 
     /// The first of the heights, where they are open and a mode's pictures are about them.
-    pub fn surface_for(&self, mode: &Mode) -> Option<&Arc<OpenSurface>> {
-        self.samples_for(mode)?.opened.heights()
+    pub fn surface_for(&self, mode: &Mode) -> Option<Arc<OpenSurface>> {
+        self.samples_for(mode)?.opened.heights_of(mode)
     }
 
     /// The heights that are open alone, where a mode draws them.

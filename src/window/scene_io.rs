@@ -75,6 +75,7 @@ impl ShownData {
                 offset: member.offset.to_array(),
                 scale: member.scale,
                 said: member.said.clone(),
+                own_look: member.own_look.clone(),
             };
             (self.dataset, self.datasets) = (scene.dataset, scene.members.iter().map(of).collect());
         }
@@ -123,12 +124,11 @@ pub(crate) fn families_of(scene: &Scene, settings: &Settings) -> Vec<Option<Vec<
         (names.len() < count).then_some(names)
     };
     let mut parts = scene.file.parts().map(of);
-    // Heights have no families.
+    // Heights, images and volumes have no families.
     match scene.field.as_ref().and_then(|field| field.opened.mixed()) {
         None => parts.collect(),
         Some(mixed) => {
-            let is_field = |index: usize| mixed.fields().iter().any(|field| field.index == index);
-            let own = |index| if is_field(index) { None } else { parts.next().flatten() };
+            let own = |index| if mixed.is_of_particles(index) { parts.next().flatten() } else { None };
             (0..scene.members.len()).map(own).collect()
         }
     }

@@ -87,6 +87,13 @@ fn a_field_is_a_run_whose_paths_are_drawn() {
         let lit = lit(&folder.join(name));
         assert!(lit > 500, "{name}: {lit} pixels");
     }
+    // Without a time, paths alone are those into the last step; with a lead, those out of the first one.
+    std::fs::write(folder.join("lead.ron"), r#"(mode: "paths", paths: (tail: 0, lead: 2))"#).unwrap();
+    for (more, step) in [(&["--mode", "paths"][..], 10), (&["--config", "lead.ron"], 0), (&["--mode", "points"], 0)] {
+        let common = ["render", "flow.df", "-o", "end.png", "--json", "-", "--size", "160x100", "--backend", "cpu"];
+        let told: Value = serde_json::from_slice(&ok(folder, &[&common[..], more].concat()).stdout).unwrap();
+        assert_eq!(told["step"], step, "{more:?}: {told}");
+    }
 }
 
 #[test]

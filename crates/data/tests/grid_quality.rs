@@ -58,7 +58,7 @@ fn decibels(folder: &str, name: &str, (types, metric): Way, shares: &[f64]) -> (
     let output = tempfile::tempdir().unwrap();
     let path = output.path().join("grid.df");
     let colours = source.grid().channels.len() >= 3;
-    let points = Options { types, metric, colours };
+    let points = Options { types, metric, colours, ..Options::default() };
     let begin = Instant::now();
     build_grid(&source, &GridBuildOptions { points, ..GridBuildOptions::default() }, &path, &()).unwrap();
     let seconds = begin.elapsed().as_secs_f64();

@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::grid::{GridBuildOptions, build_grid};
-use deepfield_data::hierarchy::wavelet::{Hierarchy, LevelKinds, Metric, Options, Samples, Types, Weighting, errors};
+use deepfield_data::hierarchy::wavelet::{
+    Drawn, Hierarchy, LevelKinds, Metric, Options, Samples, Types, Weighting, errors,
+};
 use deepfield_data::import::{GridOptions, open_grid};
 use deepfield_data::model::{ReadMethod, Region};
 use deepfield_data::store::GridFile;
@@ -113,6 +115,37 @@ fn few_points_are_near_and_more_are_nearer() {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(8))]
+
+    /// A level shows the samples no worse than the one above it, but for what is good enough in one point; the last are the samples.
+    #[test]
+    fn finer_levels_are_nearer(
+        dimensions in 2usize..4, side in 20usize..48, turn in 0.0f32..3.0, radius in 4.0f32..14.0,
+    ) {
+        let value = |i: usize| {
+            let at = [i % side, i / side % side, i / (side * side)].map(|x| x as f32 - 0.4 * side as f32);
+            let ball = if at.iter().map(|x| x * x).sum::<f32>() < radius * radius { 150.0 } else { 40.0 };
+            ball + 30.0 * (0.3 * (at[0] * turn.cos() + at[1] * turn.sin()) + 0.2 * at[2]).sin()
+        };
+        let values: Vec<f32> = (0..side.pow(dimensions as u32)).map(value).collect();
+        let (samples, hierarchy) = hierarchy_of(dimensions, side, &values, Types::Measured);
+        let [least, most] = [f32::min, f32::max].map(|of| values.iter().copied().reduce(of).unwrap());
+        let mut before = f32::INFINITY;
+        for level in (0..=hierarchy.levels.len()).rev() {
+            let cut = hierarchy.cut_of_level(level);
+            prop_assert!(level == 0 || cut.leaves == 0 && cut.points > 0, "level {}: {} samples", level, cut.leaves);
+            let below = cut.drawn.iter().take(level.saturating_sub(1));
+            prop_assert!(below.flatten().all(|how| *how == Drawn::Not), "nothing finer than level {}", level);
+            let off = errors(&samples, &hierarchy.reconstruct(&samples, &cut));
+            let good_enough = (most - least) / 512.0;
+            prop_assert!(off.rms <= 1.05 * before + good_enough, "level {}: {} after {}", level, off.rms, before);
+            before = off.rms;
+        }
+        prop_assert_eq!(before, 0.0);
+    }
+}
+
 /// What a number of points is chosen for is what becomes small.
 #[test]
 fn points_are_chosen_for_what_is_asked() {
@@ -180,7 +213,7 @@ fn memory_and_threads_change_no_byte() {
     let bytes: Vec<u8> = (0..width * height).map(value).collect();
     let source = npy(folder.path(), "|u1", &[height, width], &bytes);
     for (types, metric) in [(Types::Measured, Metric::Residual), (Types::Gabor, Metric::Gabor)] {
-        let points = Options { types, metric, colours: false };
+        let points = Options { types, metric, ..Options::default() };
         let of = |name: &str, threads: usize, memory: Option<u64>| {
             let output = folder.path().join(name);
             let options = GridBuildOptions { points, threads: Some(threads), memory, temporary: None };
@@ -231,6 +264,55 @@ fn holes_come_back_and_points_go_around_them() {
     assert!(off.rms < 2.0, "{}", off.rms);
 }
 
+/// No points stand for what counts as air, and its samples stay what they are.
+#[test]
+fn air_takes_no_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let side = 48;
+    let value = |i: usize| {
+        let at = [i % side, i / side % side, i / (side * side)].map(|x| x as f64 - 23.0);
+        let is_inside = at.iter().map(|x| x * x).sum::<f64>() < 196.0;
+        // Air with noise around a ball that is smooth.
+        let noise = (i as u64).wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407) >> 40;
+        if is_inside { (120.0 + at[0] + 0.5 * at[1]) as u8 } else { (noise % 5) as u8 }
+    };
+    let bytes: Vec<u8> = (0..side * side * side).map(value).collect();
+    let source = npy(folder.path(), "|u1", &[side, side, side], &bytes);
+    let built = |name: &str, ignore_below: Option<f32>, threads: usize| {
+        let output = folder.path().join(name);
+        let points = Options { ignore_below, ..Options::default() };
+        build_as(&source, &output, &GridBuildOptions { points, threads: Some(threads), ..GridBuildOptions::default() });
+        verify_grid(&output, &()).unwrap();
+        let written = std::fs::read(&output).unwrap();
+        (GridFile::open(&output, ReadMethod::default()).unwrap(), written)
+    };
+    let (file, written) = built("air.df", Some(5.0), 1);
+    assert!(written == built("again.df", Some(5.0), 3).1, "the same for any number of threads");
+    assert_eq!(file.about().options.ignore_below, Some(5.0));
+    assert!(file.about().notes.iter().any(|note| note.contains("below 5 count as air")), "{:?}", file.about().notes);
+    let planes = file.planes().unwrap();
+    assert!(planes[0].iter().zip(&bytes).all(|(a, b)| *a == f32::from(*b)), "every sample is there");
+    let hierarchy = file.hierarchy(&planes).unwrap();
+    let samples = Samples { dimensions: 3, shape: [side; 3], channels: vec![&planes[0]] };
+    let matter = bytes.iter().filter(|value| **value >= 5).count();
+    assert_eq!(hierarchy.levels.last().unwrap().samples[0] as usize, matter);
+    assert!(hierarchy.ranges[0].0 >= 90.0, "{:?}", hierarchy.ranges);
+    let options = Options { ignore_below: Some(5.0), ..Options::default() };
+    let in_memory = Hierarchy::build(&samples, &options);
+    assert_eq!(in_memory.levels.last().unwrap().samples[0] as usize, matter);
+    // Without air fewer points are as near.
+    let (cut, shown) = hierarchy.cut_within(&samples, 1.0);
+    assert!(errors(&samples, &shown).max <= 1.0 && cut.points <= matter);
+    let is_air = |(value, _): &(&u8, &f32)| **value < 5;
+    assert!(bytes.iter().zip(&shown[0]).filter(is_air).all(|(value, shown)| *shown == f32::from(*value)));
+    let (all, with_air) = built("all.df", None, 2);
+    assert_eq!(all.about().options.ignore_below, None);
+    let noisy = all.hierarchy(&planes).unwrap().cut_within(&samples, 1.0).0;
+    assert!(cut.points * 4 < noisy.points, "{} of {} points", cut.points, noisy.points);
+    // Where nothing is below, the file is the one without.
+    assert!(built("none.df", Some(0.0), 2).1 == with_air);
+}
+
 /// Whatever chooses points and says what an error is: the file is whole, more points are nearer, and bounds hold.
 #[test]
 fn published_points_keep_the_promises_of_measured_ones() {
@@ -253,7 +335,7 @@ fn published_points_keep_the_promises_of_measured_ones() {
         (Types::Measured, Metric::Rms),
     ] {
         let output = folder.path().join("grid.df");
-        let points = Options { types, metric, colours: false };
+        let points = Options { types, metric, ..Options::default() };
         build_as(&source, &output, &GridBuildOptions { points, ..GridBuildOptions::default() });
         verify_grid(&output, &()).unwrap();
         let file = GridFile::open(&output, ReadMethod::default()).unwrap();

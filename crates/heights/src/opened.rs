@@ -2,10 +2,11 @@
 
 use crate::build::{HeightBuildError, HeightBuildOptions, HeightOrigin, build_heights};
 use crate::import::summary::{HeightSummary, PlaneSummary, short_name};
-use crate::import::{HeightOptions, HeightSource, height_format, open_heights, summarize_heights};
-use crate::model::{HeightError, HeightGrid, Heights, Window};
+use crate::import::{HeightOptions, HeightSource, height_format, open_heights, proportions, summarize_heights};
+use crate::model::{HeightError, HeightGrid, Heights, Window, facts_of};
 use crate::store::{HeightAbout, HeightFile};
 use deepfield_data::import::ImportError;
+use deepfield_data::model::Unit;
 use deepfield_data::model::progress::Progress;
 use std::io::Read;
 use std::path::Path;
@@ -54,6 +55,23 @@ impl OpenHeights {
             return Err(ImportError::malformed(path, *option, "a page file", expected).into());
         }
         Ok(OpenHeights::Pages(Box::new(HeightFile::open(path, options.read)?)))
+    }
+
+    /// Opens a source or a page file to draw it. x and y of a source that have no unit are taken for degrees where they may be, and would make a needle of
+    /// the surface which pictures do not show: that is told, and is among its notes. To know it, all samples of a source that may be such a one are read.
+    ///
+    /// # Errors
+    /// As [`OpenHeights::open`], and where samples cannot be read.
+    pub fn for_pictures(path: &Path, options: &HeightOptions) -> Result<(OpenHeights, Option<String>), HeightError> {
+        let open = OpenHeights::open(path, options)?;
+        if !matches!(open, OpenHeights::Source(_)) || !proportions::may_be_taken(open.grid()) {
+            return Ok((open, None));
+        }
+        let facts = facts_of(&open)?;
+        let Some(note) = proportions::taken(open.grid(), [facts.min, facts.max]) else { return Ok((open, None)) };
+        let options = HeightOptions { xy_unit: Some(Unit::new("deg")), ..options.clone() };
+        let source = open_heights(path, &options)?.noting(note.clone());
+        Ok((OpenHeights::Source(Box::new(source)), Some(note)))
     }
 
     /// Whether all samples were measured, where that is known without reading them.

@@ -2,8 +2,7 @@
 
 use crate::bench::splat::Failure;
 use crate::command_line::usage;
-use crate::look::DataKind;
-use crate::picture::field::FieldSession;
+use crate::look::{DataKind, is_field};
 use clap::ValueEnum;
 use serde::Serialize;
 use std::fmt::{Display, Formatter};
@@ -96,7 +95,7 @@ impl Data {
     /// When it cannot be read.
     pub fn of(path: &Path) -> Result<Data, Failure> {
         let kind = DataKind::of(path)?;
-        Ok(match FieldSession::is_field(path) {
+        Ok(match is_field(path) {
             true if kind == DataKind::Grid => Data::BuiltSamples,
             true => Data::Samples,
             false => Data::Particles,

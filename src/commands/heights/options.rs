@@ -2,7 +2,7 @@
 
 use crate::heights::model::{HeightError, HeightGrid, Lengths};
 use crate::heights::{OpenHeights, is_heights};
-use crate::look::HeightsSaid;
+use crate::look::{HeightsSaid, TakenFor};
 use crate::model::{ReadMethod, Unit};
 use crate::modes::surface::radius_of;
 use std::path::Path;
@@ -66,7 +66,11 @@ impl HeightsOptions {
             _ => Some([f64::NAN; 2]),
         };
         HeightsSaid {
-            is_heights: self.kind.map(|kind| kind == Kind::Heights),
+            taken_for: self.kind.map(|kind| match kind {
+                Kind::Particles => TakenFor::Particles,
+                Kind::Image => TakenFor::Image,
+                Kind::Heights => TakenFor::Heights,
+            }),
             nodata: self.nodata,
             spacing,
             xy_unit: unit(&self.xy_unit),
@@ -108,6 +112,14 @@ impl StatedOptions {
     /// As [`HeightsOptions::open`].
     pub fn open(&self, path: &Path) -> Result<OpenHeights, HeightError> {
         self.heights.open(path, &self.spacing.spacing, ReadMethod::default())
+    }
+
+    /// Opens the file as pictures show it; with a note where that takes x and y for what they are not said to be.
+    ///
+    /// # Errors
+    /// As [`OpenHeights::for_pictures`].
+    pub fn open_for_pictures(&self, path: &Path) -> Result<(OpenHeights, Option<String>), HeightError> {
+        OpenHeights::for_pictures(path, &self.heights.said(&self.spacing.spacing).options(ReadMethod::default()))
     }
 }
 

@@ -135,7 +135,9 @@ pub fn run(
         return Err("-o: expected --line beside it".into());
     }
     if !asked.pixel.is_empty() || asked.pixels.is_some() {
-        return pixels::run(path, &open, asked, json);
+        let (seen, note) = options.open_for_pictures(path)?;
+        note.into_iter().for_each(|note| eprintln!("deepfield: {}: {note}", path.display()));
+        return pixels::run(path, &seen, asked, json);
     }
     let region = numbers_of(path, &open, asked)?;
     answer(json, &region, |text, found| write_region(text, path, open.grid(), found))
@@ -184,7 +186,27 @@ struct RegionAnswer {
     #[serde(flatten)]
     roughness: Roughness,
     #[serde(skip_serializing_if = "Option::is_none")]
-    form: Option<FormNumbers>,
+    form: Option<FormAnswer>,
+}
+
+/// What is told of the form that is taken off.
+#[derive(Serialize)]
+struct FormAnswer {
+    #[serde(flatten)]
+    numbers: FormNumbers,
+    /// Of polynomials: what each coefficient is a factor of.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    terms: Vec<String>,
+    /// Of polynomials: each coefficient's unit; empty where that is not known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    units: Vec<String>,
+}
+
+impl FormAnswer {
+    fn of(numbers: FormNumbers, grid: &HeightGrid) -> FormAnswer {
+        let (terms, units) = numbers.terms(grid).into_iter().unzip();
+        FormAnswer { numbers, terms, units }
+    }
 }
 
 /// The numbers of a region, of which a form and waves are taken off where that is asked for. Filters see the whole field.
@@ -211,7 +233,7 @@ fn numbers_of(
     let smooth = asked.s_filter.map(|length| Filtered::on(open, on, Filter::Short(length), all)).transpose()?;
     let first: &dyn Heights = smooth.as_ref().map_or(open as &dyn Heights, |filtered| filtered);
     let form = asked.form.map(|kind| fit(&region(first)?, kind).map_err(|error| told(&error))).transpose()?;
-    let numbers = form.as_ref().map(|form| form.numbers());
+    let numbers = form.as_ref().map(|form| FormAnswer::of(form.numbers(), grid));
     let rest = form.map(|form| Residual::new(first, form));
     let second: &dyn Heights = rest.as_ref().map_or(first, |rest| rest);
     let rough = asked.l_filter.map(|length| Filtered::on(second, on, Filter::Long(length), all)).transpose()?;
@@ -220,6 +242,35 @@ fn numbers_of(
     let lengths = options::lengths(path, asked.map.as_deref(), region.grid())?;
     let found = roughness_on(&region, &lengths)?;
     Ok(RegionAnswer { roughness: found, form: numbers })
+}
+
+fn write_form(text: &mut String, grid: &HeightGrid, form: &FormAnswer) -> std::fmt::Result {
+    let (places, heights) = (after(&grid.xy_unit), after(&grid.height_unit));
+    let FormNumbers { kind, coefficients, about, center, radius, axis } = &form.numbers;
+    write!(text, "without a form: {kind}")?;
+    if let Some(factors) = coefficients {
+        write!(text, ", the sum of these times powers of x and y")?;
+        match about {
+            Some([x, y]) => writeln!(text, ", which count from {x}, {y}{places}")?,
+            None => writeln!(text)?,
+        }
+        for ((factor, term), unit) in factors.iter().zip(&form.terms).zip(&form.units) {
+            let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+            writeln!(text, "  {term:<9} {factor:?}{unit}")?;
+        }
+        return Ok(());
+    }
+    if let Some(radius) = radius {
+        write!(text, " of radius {}{places}", short(*radius))?;
+    }
+    if let Some([x, y, height]) = center.map(|center| center.map(short)) {
+        let what = if axis.is_some() { "with an axis through" } else { "about" };
+        write!(text, ", {what} {x}, {y}{places} at height {height}{heights}")?;
+    }
+    if let Some([x, y, z]) = axis.map(|axis| axis.map(short)) {
+        write!(text, " in the direction {x}, {y}, {z}")?;
+    }
+    writeln!(text)
 }
 
 fn write_region(text: &mut String, path: &Path, grid: &HeightGrid, found: &RegionAnswer) -> std::fmt::Result {
@@ -231,14 +282,7 @@ fn write_region(text: &mut String, path: &Path, grid: &HeightGrid, found: &Regio
     let square = if lengths.is_unknown() { String::new() } else { format!(" {lengths}^2") };
     writeln!(text, "surface in plan: {}{square}", short(*area))?;
     if let Some(form) = &found.form {
-        write!(text, "without a form: {}", form.kind)?;
-        match (&form.coefficients, form.radius) {
-            (Some(factors), _) => {
-                writeln!(text, ", {}", factors.iter().map(f64::to_string).collect::<Vec<_>>().join(", "))?
-            }
-            (None, Some(radius)) => writeln!(text, " of radius {}{places}", short(radius))?,
-            (None, None) => writeln!(text)?,
-        }
+        write_form(text, grid, form)?;
     }
     if let Some(mean) = mean {
         writeln!(text, "mean height: {}{heights}", short(*mean))?;
@@ -267,4 +311,47 @@ fn write_region(text: &mut String, path: &Path, grid: &HeightGrid, found: &Regio
         writeln!(text, "  {name:<5} {value:<24} {what}")?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::SampleType;
+
+    fn written(numbers: FormNumbers, units: [&str; 2]) -> String {
+        let [places, heights] = units.map(Unit::new);
+        let grid = HeightGrid { xy_unit: places, height_unit: heights, ..HeightGrid::new(4, 4, SampleType::F32) };
+        let mut text = String::new();
+        write_form(&mut text, &grid, &FormAnswer::of(numbers, &grid)).unwrap();
+        text
+    }
+
+    #[test]
+    fn numbers_of_forms_have_names_and_units() {
+        let none = || FormNumbers {
+            kind: "plane".into(),
+            coefficients: None,
+            about: None,
+            center: None,
+            radius: None,
+            axis: None,
+        };
+        let plane = FormNumbers { coefficients: Some(vec![2.5, -0.25, 1e-9]), ..none() };
+        let lines = [
+            "without a form: plane, the sum of these times powers of x and y",
+            "  1         2.5 um",
+            "  x         -0.25 um/mm",
+            "  y         1e-9 um/mm",
+            "",
+        ];
+        assert_eq!(written(plane.clone(), ["mm", "um"]), lines.join("\n"));
+        assert!(written(plane, ["", "um"]).ends_with("  x         -0.25\n  y         1e-9\n"));
+        let cubic = FormNumbers { coefficients: Some(vec![1.0; 10]), about: Some([5.0, 3.0]), ..none() };
+        let found = written(cubic, ["m", "m"]);
+        assert!(found.contains("which count from 5, 3 m\n"), "{found}");
+        assert!(found.contains("\n  x^2 y     1.0 m/m^3\n") && found.ends_with("\n  y^3       1.0 m/m^3\n"), "{found}");
+        let sphere = FormNumbers { kind: "sphere".into(), center: Some([1.0, 2.0, -3.0]), radius: Some(4.0), ..none() };
+        let found = written(sphere, ["mm", "um"]);
+        assert!(found.contains("sphere of radius 4") && found.contains(" mm at height -3") && found.ends_with(" um\n"));
+    }
 }

@@ -19,7 +19,7 @@ use crate::gpu::splat::layout::{
 use crate::gpu::surface::layout::{Draw, SurfaceStep, SurfaceUniform};
 use crate::gpu::target::FrameUniform;
 use crate::gpu::tiles::layout::{Portion as TilePortion, SPOT_BYTES, TileUniform};
-use crate::gpu::volume::field::layout::{FieldLine, FieldUniform};
+use crate::gpu::volume::field::layout::{FieldLine, FieldUniform, SlopeUniform};
 use crate::gpu::volume::layout::{Portion, REACH_BYTES, TierPortion, TierUniform, Turn, VolumeUniform};
 use crate::gpu::volume::march::MarchUniform;
 use std::collections::BTreeSet;
@@ -475,6 +475,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             unused,
         }),
         "lines" => layout!(FieldLine { start, world }),
+        "slopes" => layout!(SlopeUniform { right, up, forward, start, shape, scale, slices, is_log, low, per }),
         "integrals" => layout!(IntegralUniform {
             samples,
             world,
@@ -596,7 +597,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 91, "{compared:?}");
+    assert_eq!(compared.len(), 92, "{compared:?}");
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use super::constants::{BIN_GROUP, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK};
 use super::cut::Cut;
-use super::field::layout::{FieldUniform, lines};
+use super::field::layout::{FieldUniform, SlopeUniform, lines};
 use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, REACH_BYTES, Turn, VolumeUniform};
 use super::march::{self, MarchUniform};
-use super::programs::{Kind, Variant, matter_layout};
+use super::programs::{Kind, Variant, matter_layout, slope_layout};
 use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob};
 use super::work::Means;
@@ -60,6 +60,8 @@ pub struct Groups {
     pub measure: Option<BindGroup>,
     /// [`Kind::Occlusion`] and [`Kind::Raycast`], for pictures slab by slab.
     pub rays: Option<[BindGroup; 2]>,
+    /// What surfaces of a sampled field face by.
+    pub slopes: Option<BindGroup>,
     /// [`Kind::March`] and what matter is read from, for pictures of Cartesian grids.
     pub march: Option<[BindGroup; 2]>,
     /// [`Kind::Field`] for each level that a field is read from.
@@ -146,6 +148,8 @@ pub struct Wanted<'a> {
     pub digits: u32,
     /// Levels of a field that its bricks are filled from.
     pub levels: &'a BTreeSet<usize>,
+    /// Slices that are filled from the finest of them.
+    pub finest_slices: u32,
 }
 
 /// The offset of an entry of a list of uniforms.
@@ -167,7 +171,7 @@ impl Bindings {
     /// Takes what is wanted from a store.
     pub fn new(wanted: Wanted<'_>, store: &mut Store, means: &Means<'_>) -> Bindings {
         let Wanted { job, variant, cut, grids, uniform, portions, places, readers, .. } = wanted;
-        let Wanted { pixels, particles, candidates, turns, digits, levels, .. } = wanted;
+        let Wanted { pixels, particles, candidates, turns, digits, levels, finest_slices, .. } = wanted;
         let Means { device, queue, cache, .. } = *means;
         // What outlives a slab has a buffer for each kind of job, since both are on their way at the same time.
         let own = match job.shows {
@@ -202,6 +206,11 @@ impl Bindings {
             };
             let uniforms: Vec<(usize, Held)> = levels.iter().map(&mut of_level).collect();
             (lines, uniforms)
+        });
+        let facing = job.field().zip(levels.first()).filter(|_| variant.has_slopes()).map(|(picture, &level)| {
+            let finest = (level, finest_slices);
+            let uniform = SlopeUniform::new(&job.view, &job.grid, &picture.field, &picture.axis, finest);
+            (level, put("deepfield volume slopes", 0, bytemuck::bytes_of(&uniform)))
         });
         let rooms: u32 = job.cartesian().map_or(0, |picture| march::rooms(picture).iter().product());
 
@@ -378,6 +387,10 @@ impl Bindings {
             ];
             of_levels.insert(*level, group(Kind::Field, &list));
         }
+        let slopes = facing.as_ref().and_then(|(level, uniform)| {
+            let [shown, _] = store.samples.as_ref()?.of_level(*level)?;
+            Some(group_of(&slope_layout(), &[uniform.binding(), BindingResource::TextureView(&shown)]))
+        });
         let project = [all.binding(), spots.binding(), amounts.binding(), visible.binding()];
         let groups = Groups {
             project: group(Kind::Project, &project),
@@ -390,6 +403,7 @@ impl Bindings {
             interpolate: group(Kind::Interpolate, &interpolate),
             measure: (own == 1).then(measure),
             rays: table.as_ref().filter(|_| march.is_none()).map(rays_groups),
+            slopes,
             march: march.as_ref().zip(table.as_ref()).zip(target.as_ref()).map(march_groups),
             field: of_levels,
         };

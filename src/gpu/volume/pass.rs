@@ -218,6 +218,9 @@ fn finish_slab(
     if let Some([hides, rays]) = &work.groups.rays {
         steps.take(Step::FindReach, hides, &[at], groups((columns * slab.layers).div_ceil(BRICK_GROUP)));
         let [x, y] = work.panes[slab.pane].size().map(|pixels| pixels.div_ceil(PIXEL_GROUP));
+        if let Some(slopes) = &work.groups.slopes {
+            steps.pass.set_bind_group(1, slopes, &[]);
+        }
         steps.take(Step::CastRays, rays, &[at], [x, y, 1]);
         if occlusion {
             steps.take(Step::Occlude, hides, &[at], groups(columns));

@@ -1,6 +1,6 @@
 //! The compute pipelines of volumes: which shader each step runs, and what it binds.
 
-use super::field::layout::FieldUniform;
+use super::field::layout::{FieldUniform, SlopeUniform};
 use super::layout::{Portion, Turn, VolumeUniform};
 use super::march::MarchUniform;
 use crate::gpu::matter::LookupUniform;
@@ -133,6 +133,11 @@ impl Variant {
     /// Parts of a brick that workgroups gather on their own: `PARTS` in the shaders.
     pub fn parts(self) -> u32 {
         if self.vectors { 4 } else { 1 }
+    }
+
+    /// Whether samples say which way surfaces face.
+    pub fn has_slopes(self) -> bool {
+        self.field && self.surfaces
     }
 
     /// Particles that a brick gathers in one turn, `TURN` in the shaders: a software driver ends an invocation's loops after 65535
@@ -317,7 +322,8 @@ impl Kind {
         defs
     }
 
-    /// Its bindings; those of [`Kind::Project`] are group 1, behind the particles. [`Kind::March`] has [`matter_layout`] too.
+    /// Its bindings; those of [`Kind::Project`] are group 1, behind the particles. [`Kind::March`] has [`matter_layout`] too, and
+    /// [`Kind::Raycast`] [`slope_layout`] for surfaces of a sampled field.
     pub fn layout(self) -> BindGroupLayoutDescriptor {
         let uniform = |bytes: usize, moves| uniform_buffer_sized(moves, NonZeroU64::new(bytes as u64));
         let view = || uniform(size_of::<VolumeUniform>(), false);
@@ -376,6 +382,14 @@ pub fn matter_layout() -> BindGroupLayoutDescriptor {
     BindGroupLayoutDescriptor::new("deepfield volume matter", &entries)
 }
 
+/// What shaders bind that import `deepfield::field_slope`.
+pub fn slope_layout() -> BindGroupLayoutDescriptor {
+    let slopes = uniform_buffer_sized(false, NonZeroU64::new(size_of::<SlopeUniform>() as u64));
+    let entries = [slopes, texture_3d(TextureSampleType::Uint)];
+    let entries = [0, 1].map(|binding: usize| entries[binding].build(binding as u32, ShaderStages::COMPUTE));
+    BindGroupLayoutDescriptor::new("deepfield volume slopes", &entries)
+}
+
 /// The pipelines of all variants that have been asked for.
 #[derive(Resource)]
 pub struct VolumePipelines {
@@ -403,6 +417,7 @@ impl VolumePipelines {
                 match kind {
                     Kind::Project => layout.insert(0, particle_layout()),
                     Kind::March => layout.push(matter_layout()),
+                    Kind::Raycast if variant.has_slopes() => layout.push(slope_layout()),
                     _ => {}
                 }
                 cache.queue_compute_pipeline(ComputePipelineDescriptor {

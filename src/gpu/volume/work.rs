@@ -281,6 +281,8 @@ impl Work {
             }
         }
 
+        let is_finest = |level: &&usize| of_layers.first() == Some(*level);
+        let finest_slices = BRICK * of_layers.iter().take_while(is_finest).count() as u32;
         let pixels = panes.iter().map(Pane::len).max().unwrap_or(0);
         let wanted = Wanted {
             job,
@@ -297,6 +299,7 @@ impl Work {
             turns: most_turns,
             digits,
             levels: &of_layers.iter().copied().collect(),
+            finest_slices,
         };
         let Bindings { groups, buffers, one, target, answer } = Bindings::new(wanted, store, means);
         Some(Work {

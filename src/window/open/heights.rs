@@ -45,7 +45,7 @@ pub(super) fn open_heights(
     let members = members.map_err(|error| error.to_string())?;
     let Some(Member { path, said, .. }) = members.first().cloned() else { return Err("no heights".into()) };
     let told = |error: &dyn std::fmt::Display| error.to_string();
-    let open = OpenHeights::open(&path, &said.options(read)).map_err(|error| told(&error))?;
+    let (open, _) = OpenHeights::for_pictures(&path, &said.options(read)).map_err(|error| told(&error))?;
     check_map(&path, open.grid(), seen)?;
     let (file, keeps) = match open {
         OpenHeights::Pages(file) => {

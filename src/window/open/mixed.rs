@@ -1,4 +1,4 @@
-//! Opening heights with particles or with other heights: as one scene, which the processor draws.
+//! Opening several kinds of data, or several of one that is no particles: as one scene, which the processor draws.
 
 use super::heights::check_map;
 use super::sketch::sketched;
@@ -8,7 +8,8 @@ use crate::mode::{SettingValue, Settings};
 use crate::model::progress::Progress;
 use crate::model::{ReadMethod, When};
 use crate::picture::PictureError;
-use crate::picture::surface::OpenMixed;
+use crate::picture::field::MEMORY;
+use crate::picture::mixed::OpenMixed;
 use crate::stream::first_frame;
 use crate::window::options::Opener;
 use crate::window::sampled::Sampled;
@@ -16,7 +17,7 @@ use crate::window::scene::SceneField;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Opens datasets of which one at least is of heights.
+/// Opens datasets of which one at least is no particles.
 ///
 /// # Errors
 /// When they cannot be read, or built, or do not fit together.
@@ -35,14 +36,14 @@ pub(super) fn open_mixed(
     let settings = Settings(map.map(|map| ("map".to_owned(), map)).into_iter().collect());
     let built = |path: &Path, said: &HeightsSaid| opener(path, said, progress).map_err(PictureError::Asked);
     let when = time.or(look.and_then(|look| look.time));
-    let opened = OpenMixed::open(&members, (read, when), &settings, built);
+    let opened = OpenMixed::open(&members, (read, when), MEMORY, &settings, built);
     let (opened, notes) = opened.map_err(|error| error.to_string())?;
-    for field in opened.fields() {
+    for field in opened.heights() {
         check_map(&field.member.path, &field.opened.file().about().grid, seen)?;
     }
     let sampled = Sampled::Mixed(Arc::new(opened));
     let particles = sampled.mixed().and_then(|opened| opened.particles().cloned());
-    // Where there are none, a few samples of the first field stand in.
+    // Where there are none, a few samples of the first of the others stand in.
     let (file, folder) = match particles {
         Some(file) => (file, None),
         None => {
@@ -51,7 +52,11 @@ pub(super) fn open_mixed(
         }
     };
     let families: Vec<u32> = (0..file.metadata().families.len() as u32).collect();
-    let frame = first_frame(&*file, &families, 0.0);
+    let own = sampled.mixed().filter(|opened| opened.usual_mode().takes_fields() || opened.particles().is_none());
+    let frame = match own {
+        Some(opened) => opened.bounds(&settings).map_err(|error| error.to_string())?,
+        None => first_frame(&*file, &families, 0.0),
+    };
     Ok(Opened {
         path: members.first().map(|member| member.path.clone()).unwrap_or_default(),
         members,
@@ -112,7 +117,7 @@ mod tests {
         for (paths, index) in [([&field, &particles], 0), ([&particles, &field], 1)] {
             let opened = open(paths, None).unwrap();
             let mixed = opened.field.as_ref().unwrap().opened.mixed().cloned().unwrap();
-            let fields = mixed.fields();
+            let fields = mixed.heights();
             assert_eq!((fields.len(), fields[0].index, opened.members.len()), (1, index, 2));
             assert_eq!(fields[0].opened.file().about().facts.valid, 5, "what is said goes into the file");
             assert_eq!(opened.file.metadata().particles(), mixed.particles().unwrap().metadata().particles());
@@ -120,14 +125,15 @@ mod tests {
             // The panel tells both.
             let sampled = &opened.field.as_ref().unwrap().opened;
             let facts = Facts::of(&opened.file, &sampled.of_particles(&opened.members)).with_samples(sampled);
-            assert_eq!((facts.heights.len(), facts.heights[0].index, &*facts.heights[0].name), (1, index, "field.asc"));
+            let (kind, fact) = &facts.sampled[0];
+            assert_eq!((facts.sampled.len(), *kind, fact.index, &*fact.name), (1, "Heights", index, "field.asc"));
             assert!(facts.rows.contains(&("Datasets", "2".to_owned())) && !facts.families.is_empty());
         }
         // Fields alone: a few of their samples stand in for particles.
         let opened = open([&field, &field], None).unwrap();
         let sampled = &opened.field.as_ref().unwrap().opened;
         let facts = Facts::of(&opened.file, &sampled.of_particles(&opened.members)).with_samples(sampled);
-        assert!(facts.families.is_empty() && facts.heights.len() == 2 && sampled.has_z_up());
+        assert!(facts.families.is_empty() && facts.sampled.len() == 2 && sampled.has_z_up());
         let refused = open([&field, &particles], Some("globe")).err().unwrap();
         assert!(refused.starts_with(&format!("{}: ", field.display())) && refused.contains("globe"), "{refused}");
     }

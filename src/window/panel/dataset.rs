@@ -38,7 +38,7 @@ pub static SECTION: Section = Section {
 fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &mut bool) -> Option<usize> {
     let scene = state.scene.as_ref()?;
     // Of several datasets each has its name above its families.
-    if !scene.file.is_joined() && scene.facts.heights.is_empty() {
+    if !scene.file.is_joined() && scene.facts.sampled.is_empty() {
         let name = scene.path.file_name().map_or_else(|| scene.path.to_string_lossy(), |name| name.to_string_lossy());
         ui.add(egui::Label::new(RichText::new(name).color(theme::TEXT).size(14.0)).truncate())
             .on_hover_text(scene.path.display().to_string());
@@ -59,12 +59,12 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, families: &mut [bool], adds: &m
     }
     ui.add_space(3.0);
     let mut removed = None;
-    for field in &scene.facts.heights {
+    for (kind, field) in &scene.facts.sampled {
         // The last dataset stays.
         if heading_of(ui, field) && scene.members.len() > 1 {
             removed = Some(field.index);
         }
-        theme::fact(ui, "Heights", field.details.lines().nth(1).unwrap_or_default());
+        theme::fact(ui, kind, field.details.lines().nth(1).unwrap_or_default());
     }
     let described = scene.facts.families.iter().zip(&scene.metadata().families).zip(families);
     for (i, ((fact, family), visible)) in described.enumerate() {

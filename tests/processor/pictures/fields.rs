@@ -179,10 +179,40 @@ fn parts_are_given_back_as_they_are_asked_for() {
     let say = |words: &[&str]| refused(folder, &[&["reconstruct"][..], words].concat());
     let why = say(&["blobs.df", "-o", "x.npy", "--region", "0:1000,0:10"]);
     assert!(why.contains("--region: found 0:1000,0:10, expected a part of 32 x 32 x 24 of uint8"), "{why}");
+    // Levels: from the root down to the samples.
+    let why = say(&["blobs.df", "-o", "x.npy", "--level", "6"]);
+    assert!(why.contains("blobs.df: --level: found 6, expected 0 (the samples) to 5 (a single node)"), "{why}");
+    let both = run(folder, &["reconstruct", "blobs.df", "-o", "x.npy", "--level", "2", "--points", "9"]);
+    assert_eq!(both.status.code(), Some(2), "{}", String::from_utf8_lossy(&both.stderr));
+    let of_level = |data: &str, level: &str| {
+        let told = done(folder, &["reconstruct", data, "-o", "level.nrrd", "--level", level, "--json", "-"]);
+        (number(&told, &["points"]), number(&told, &["error_value", "rms"]))
+    };
+    let levels = ["5", "4", "3", "2", "1", "0"].map(|level| of_level("blobs.df", level));
+    assert!(levels.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 >= pair[1].1), "{levels:?}");
+    assert!(levels[0].0 <= 3.0 && levels[5].1 == 0.0, "{levels:?}");
+    assert!(std::fs::read(folder.join("level.nrrd")).unwrap().ends_with(&samples), "level 0 is the samples");
+    assert_eq!(of_level("blobs.nrrd", "3").0, levels[2].0, "of a source as of what was built of it");
     let why = say(&["blobs.df", "-o", "missing/x.npy"]);
     assert!(why.contains("missing/x.npy: cannot be written: ") && !why.contains(".deepfield-"), "{why}");
     let why = say(&["blobs.df", "-o", "x.png"]);
     assert!(why.contains("found 32 x 32 x 24 of uint8, expected an image or one layer of a volume"), "{why}");
+    // What counts as air takes no points.
+    let output = run(folder, &["build", "blobs.nrrd", "-o", "air.df", "--ignore-below", "5"]);
+    let noted = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && noted.contains("values below 5 count as air"), "{noted}");
+    assert!(done(folder, &["info", "air.df"]).contains("values below 5 count as air"));
+    let matter = samples.iter().filter(|value| **value >= 5).count() as f64;
+    for data in [&["air.df"][..], &["blobs.nrrd", "--ignore-below", "5"]] {
+        let words = ["reconstruct", "-o", "x.npy", "--error-value", "1.5", "--json", "-"];
+        let told = done(folder, &[&words[..], data].concat());
+        assert!(number(&told, &["points"]) <= matter && number(&told, &["error_value", "max"]) <= 1.5, "{told}");
+    }
+    for mode in ["volume", "primitives"] {
+        done(folder, &["render", "air.df", "-o", "air.png", "--mode", mode, "--splats", "500", "--size", "60x40"]);
+    }
+    let why = say(&["air.df", "-o", "x.npy", "--ignore-below", "5"]);
+    assert!(why.contains("air.df: --ignore-below: found a built image or volume"), "{why}");
     // What holds no grid.
     done(folder, &["build", "blobs.nrrd", "-o", "v.df", "--as", "particles"]);
     std::fs::write(folder.join("p.csv"), "x,y,z\n0,0,0\n1,2,3\n").unwrap();
@@ -190,6 +220,8 @@ fn parts_are_given_back_as_they_are_asked_for() {
     assert!(why.contains("v.df: content: found a page file of particles, expected an image or a volume"), "{why}");
     let why = say(&["p.csv", "-o", "x.npy"]);
     assert!(why.contains("p.csv: content: found particles, expected an image or a volume"), "{why}");
+    let why = refused(folder, &["build", "p.csv", "-o", "w.df", "--ignore-below", "5"]);
+    assert!(why.contains("p.csv: --ignore-below: found particles, expected an image or a volume"), "{why}");
     let why = refused(folder, &["build", "v.df", "-o", "w.df"]);
     assert!(why.contains("v.df: content: found a page file of particles, expected a source"), "{why}");
     let why = refused(folder, &["build", "blobs.df", "-o", "w.df"]);

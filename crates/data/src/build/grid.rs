@@ -184,6 +184,12 @@ fn build_here(
     rounded(&mut top.nodes, grid.sample_type);
     levels.iter_mut().skip(bricks.levels()).zip(&top.nodes.kinds()).for_each(|(level, kinds)| *level += kinds);
     let mut notes = about.notes.clone();
+    // Where nothing is below it, the file is the one without.
+    let ignore_below = options.points.ignore_below.filter(|_| survey.has_holes());
+    if let (Some(below), Some(channel)) = (ignore_below, grid.channels.first()) {
+        let below = channel.scale.value(f64::from(below)) as f32;
+        notes.push(format!("values below {below} count as air: no points stand for them"));
+    }
     if top.is_noise {
         notes.push("nearly all points are leaves: samples that change like noise have no shorter form".into());
     }
@@ -194,7 +200,7 @@ fn build_here(
         notes,
         grid: grid.clone(),
         statistics: statistics(&summary),
-        options: options.points,
+        options: Options { ignore_below, ..options.points },
         ranges: survey.ranges().to_vec(),
         has_holes: survey.has_holes(),
         levels: levels.into_iter().enumerate().map(told).collect(),

@@ -56,7 +56,7 @@ impl Memory {
         let bucket = bucket_particle * (most as u64).min(count);
         // Particles that wait for company in each bucket: half of a run on average.
         let waiting = 1024 * particle * buckets as u64;
-        let fixed = BASE.min(allowed / 4) + waiting.min(count * particle);
+        let fixed = BASE.min(allowed / 3) + waiting.min(count * particle);
         let rest = allowed.saturating_sub(fixed);
         let workers = (rayon::current_num_threads() as u64).min((rest / 2) / bucket.max(1)).max(1);
         let building = (workers * bucket).min(rest);

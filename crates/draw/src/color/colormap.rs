@@ -107,6 +107,35 @@ const ENTRIES: &[Entry] = &[
     entry!("rd-bu", rd_bu, "diverging: red, white, blue"),
     entry!("greys", greys, "white to black"),
     entry!("sinebow", sinebow, "cyclic: all hues"),
+    straight!(
+        "hues",
+        "cyclic in even steps: all hues, equally light, from blue by red, amber and green to blue",
+        [110, 167, 240],
+        [135, 160, 241],
+        [157, 153, 238],
+        [176, 146, 230],
+        [193, 140, 217],
+        [207, 136, 201],
+        [218, 132, 182],
+        [226, 131, 161],
+        [230, 131, 140],
+        [231, 134, 118],
+        [227, 139, 98],
+        [220, 145, 80],
+        [209, 153, 66],
+        [194, 161, 62],
+        [176, 169, 68],
+        [155, 176, 82],
+        [131, 182, 102],
+        [104, 186, 123],
+        [74, 189, 145],
+        [42, 189, 167],
+        [8, 188, 188],
+        [20, 185, 207],
+        [53, 180, 222],
+        [83, 174, 233],
+        [110, 167, 240]
+    ),
 ];
 
 /// A stop of a colour map: its place within [0, 1], and its colour there.
@@ -291,6 +320,18 @@ mod tests {
             let mean = (lightness[16] - lightness[0]) / 16.0;
             assert!(steps.iter().all(|step| (step / mean - 1.0).abs() < 0.45), "{name}: {steps:?}");
         }
+    }
+
+    #[test]
+    fn hues_go_round_in_even_steps_and_are_equally_light() {
+        let colors = ColorMap::named("hues").unwrap().sample(49);
+        assert!((0..3).all(|k| (colors[0][k] - colors[48][k]).abs() < 1e-5), "{colors:?}");
+        let lab: Vec<[f32; 4]> = colors.iter().map(|&[r, g, b]| Color::new(r, g, b, 1.0).to_oklaba()).collect();
+        assert!(lab.iter().all(|color| (color[0] - lab[0][0]).abs() < 0.005), "{lab:?}");
+        let step = |pair: &[[f32; 4]]| (pair[1][1] - pair[0][1]).hypot(pair[1][2] - pair[0][2]);
+        let steps: Vec<f32> = lab.windows(2).map(step).collect();
+        let mean = steps.iter().sum::<f32>() / 48.0;
+        assert!(mean > 0.01 && steps.iter().all(|step| (step / mean - 1.0).abs() < 0.2), "{steps:?}");
     }
 
     #[test]

@@ -5,6 +5,9 @@
 //! surfaces' depths tells which, and they are drawn as ever, or not at all. The few that a surface cuts are summed sample by sample: of a kernel
 //! counts what lies in front along each ray ([`super::half_line`]), so that nothing jumps where a particle comes through a surface.
 //!
+//! Volumes that are seen through are in front of a splat in part all over: a small one, in whose pixels they are much the same, is drawn as ever with the mean share
+//! that they let through, of all of it, not of its middle.
+//!
 //! A splat of a fixed size in pixels is the glare of a point: it is seen as a whole, as far as its middle is.
 
 use super::about_eye::Stretched;
@@ -25,6 +28,8 @@ const SAMPLES: f64 = 8.0;
 const FINEST: f64 = 4096.0;
 /// The shortest semi-axis of an ellipsoid that is cut, over the longest.
 const FLATTEST: f64 = 0.05;
+/// Radius up to which a splat among what is seen through is drawn as a whole, pixels.
+const SMALL: f64 = 4.0;
 /// Surfaces that let less through cover a pixel.
 const CLOSED: f32 = 1e-5;
 
@@ -79,6 +84,27 @@ pub(super) fn share_of(lens: &Lens, surfaces: &PathFragments, camera: DVec3) -> 
     visible(surfaces.of(x, y), camera.z as f32)
 }
 
+/// The share of a small splat, whose middle and reach in depth are these, that what is seen through lets through: the mean at its middle and around it.
+fn haze(surfaces: &PathFragments, footprint: &Footprint, table: &HalfLine, [middle, reach]: [f64; 2]) -> f32 {
+    let place = |axis: usize, share: f64| {
+        let (min, max) = (footprint.min[axis], footprint.max[axis]);
+        ((min + share * (max - min)).max(0.0) as usize).min(surfaces.size[axis].saturating_sub(1))
+    };
+    // Within a pixel all places are one.
+    let shares: &[f64] = if footprint.radius <= 0.5 { &[0.5] } else { &[0.25, 0.5, 0.75] };
+    let mut sum = 0.0;
+    for (down, across) in shares.iter().flat_map(|down| shares.iter().map(move |across| (down, across))) {
+        let (mut met, mut through) = (0.0, 1.0);
+        for fragment in surfaces.of(place(0, *across), place(1, *down)) {
+            let alpha = f64::from(fragment.alpha);
+            met += through * alpha * table.front((f64::from(fragment.depth) - middle) / reach.max(f64::MIN_POSITIVE));
+            through *= 1.0 - alpha;
+        }
+        sum += met + through;
+    }
+    (sum / (shares.len() * shares.len()) as f64) as f32
+}
+
 /// What becomes of a batch.
 struct Sorted {
     /// Weights of what is drawn as ever; what is hidden or cut has none that is a number. `None` where nothing is either.
@@ -113,6 +139,9 @@ fn sorted(
                 match depths.side([camera.z - reach, camera.z + reach], &footprint) {
                     Side::Front => 1.0,
                     Side::Behind => 0.0,
+                    Side::Cut if surfaces.is_hazy && footprint.radius <= SMALL => {
+                        haze(surfaces, &footprint, HalfLine::of(options.kernel), [camera.z, reach])
+                    }
                     Side::Cut => {
                         sorted.cut.extend(Cut::of(view, batch, index, footprint, options));
                         0.0

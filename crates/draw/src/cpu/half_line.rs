@@ -19,6 +19,8 @@ const STEPS: usize = 8;
 /// The share of a kernel's line integral that lies before the eye, read with bilinear interpolation to 1e-3.
 pub struct HalfLine {
     shares: Vec<f64>,
+    /// The share of all of a kernel that lies on one side of a plane, for planes from one end of it to the other.
+    fronts: Vec<f64>,
     line: &'static LineTable,
 }
 
@@ -45,7 +47,22 @@ impl HalfLine {
             let all = sums[COLUMNS];
             shares.extend(sums.iter().map(|sum| if all > 0.0 { sum / all } else { 0.0 }));
         }
-        HalfLine { shares, line: LineTable::of(kernel) }
+        let table = HalfLine { shares, fronts: Vec::new(), line: LineTable::of(kernel) };
+        let front = |along: f64| -> f64 {
+            let ring = |row: usize| (row as f64 + 0.5) / ROWS as f64;
+            (0..ROWS).map(|row| ring(row) * table.at(ring(row).powi(2), along)).sum()
+        };
+        let all = front(f64::INFINITY);
+        let fronts = (0..=COLUMNS).map(|column| front(2.0 * column as f64 / COLUMNS as f64 - 1.0) / all).collect();
+        HalfLine { fronts, ..table }
+    }
+
+    /// The share of all of a kernel of `h` 1 that lies before a plane, which is so far behind its centre.
+    pub fn front(&self, plane: f64) -> f64 {
+        let place = 0.5 * (plane.clamp(-1.0, 1.0) + 1.0) * COLUMNS as f64;
+        let index = (place as usize).min(COLUMNS - 1);
+        let share = place - index as f64;
+        self.fronts[index] * (1.0 - share) + self.fronts[index + 1] * share
     }
 
     /// What a ray from the eye meets of a kernel of `h` 1: `square` is the squared distance of ray and centre, `along` the
@@ -74,6 +91,25 @@ impl HalfLine {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn shares_before_planes_are_integrals_over_all_of_a_kernel() {
+        for kernel in Kernel::ALL {
+            let table = HalfLine::of(kernel);
+            // Of a ball of kernel values, the disc at `z` holds the integral of 2 pi r W.
+            let disc = |z: f64| -> f64 {
+                let ring = |k: i32| (f64::from(k) + 0.5) / 500.0;
+                (0..500).map(|k| ring(k) * kernel.value(ring(k).hypot(z))).sum()
+            };
+            let discs: Vec<f64> = (0..400).map(|k| disc((f64::from(k) + 0.5) / 200.0 - 1.0)).collect();
+            let all: f64 = discs.iter().sum();
+            for k in [0, 30, 100, 200, 250, 333, 400] {
+                let (expected, found) = (discs[..k].iter().sum::<f64>() / all, table.front(k as f64 / 200.0 - 1.0));
+                assert!((found - expected).abs() < 2e-3, "{kernel:?} {k}: {found}, expected {expected}");
+            }
+            assert_eq!((table.front(-7.0), table.front(-1.0)), (0.0, 0.0));
+        }
+    }
 
     #[test]
     fn shares_are_integrals_along_the_half_line() {

@@ -1,7 +1,9 @@
 //! A scene's data: by path, and by a fingerprint that tells whether it is still the same.
 
-use super::{HeightsSaid, Member, SceneError, SceneFile, data_file};
+use super::{Attribute, HeightsSaid, Member, SceneError, SceneFile, TakenFor, data_file};
+use crate::color::transfer::TransferFunction;
 use crate::heights::import::PhotoChoice;
+use crate::mode::{Mode, Settings};
 use crate::model::{FamilyName, Unit};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -22,8 +24,28 @@ pub struct DatasetRef {
     pub offset: [f64; 3],
     /// Scene lengths for one of its own; what the units say, and else 1, where it is `None`.
     pub scale: Option<f64>,
-    /// What is said of it where it is a source of heights; paths of a photo and of an earlier state are as the dataset's.
+    /// What is said of it; paths of a photo and of an earlier state of heights are as the dataset's.
     pub said: HeightsSaid,
+    /// How it is drawn among other data where it is an image or a volume.
+    pub own_look: Option<OwnLook>,
+}
+
+/// How an image or a volume is drawn among other data.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OwnLook {
+    /// The mode; `volume` or `image` where it is `None`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mode: Option<&'static Mode>,
+    /// Its settings.
+    #[serde(skip_serializing_if = "Settings::is_empty")]
+    pub settings: Settings,
+    /// Which channel gives the hue.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attribute: Option<Attribute>,
+    /// From values to colours; the usual one of such values where it is `None`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transfer: Option<TransferFunction>,
 }
 
 /// A dataset as files have it.
@@ -40,7 +62,7 @@ struct DatasetText {
     #[serde(default)]
     scale: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    kind: Option<DatasetKind>,
+    kind: Option<TakenFor>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     nodata: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -55,21 +77,15 @@ struct DatasetText {
     texture_at: Option<[f64; 4]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     before: Option<PathBuf>,
-}
-
-/// What a file is taken for, where its content leaves that open.
-#[derive(Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum DatasetKind {
-    Heights,
-    Other,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    look: Option<OwnLook>,
 }
 
 impl From<DatasetText> for DatasetRef {
     fn from(text: DatasetText) -> DatasetRef {
         let rectangle = text.texture_at;
         let said = HeightsSaid {
-            is_heights: text.kind.map(|kind| matches!(kind, DatasetKind::Heights)),
+            taken_for: text.kind,
             nodata: text.nodata,
             spacing: text.spacing,
             xy_unit: text.xy_unit.map(Unit::new),
@@ -77,22 +93,21 @@ impl From<DatasetText> for DatasetRef {
             texture: text.texture.map(|path| PhotoChoice { path, rectangle }),
             before: text.before,
         };
-        let DatasetText { path, fingerprint, families, offset, scale, .. } = text;
-        DatasetRef { path, fingerprint, families, offset, scale, said }
+        let DatasetText { path, fingerprint, families, offset, scale, look, .. } = text;
+        DatasetRef { path, fingerprint, families, offset, scale, said, own_look: look }
     }
 }
 
 impl From<DatasetRef> for DatasetText {
     fn from(dataset: DatasetRef) -> DatasetText {
-        let DatasetRef { path, fingerprint, families, offset, scale, said } = dataset;
-        let kind = |is_heights: bool| if is_heights { DatasetKind::Heights } else { DatasetKind::Other };
+        let DatasetRef { path, fingerprint, families, offset, scale, said, own_look } = dataset;
         DatasetText {
             path,
             fingerprint,
             families,
             offset,
             scale,
-            kind: said.is_heights.map(kind),
+            kind: said.taken_for,
             nodata: said.nodata,
             spacing: said.spacing,
             xy_unit: said.xy_unit.map(|unit| unit.0),
@@ -100,6 +115,7 @@ impl From<DatasetRef> for DatasetText {
             texture_at: said.texture.as_ref().and_then(|photo| photo.rectangle),
             texture: said.texture.map(|photo| photo.path),
             before: said.before,
+            look: own_look,
         }
     }
 }
@@ -172,8 +188,8 @@ impl DatasetRef {
         let photo = |photo: PhotoChoice| PhotoChoice { path: relative_to(&photo.path, scene), ..photo };
         let before = member.said.before.as_ref().map(|before| relative_to(before, scene));
         let said = HeightsSaid { texture: member.said.texture.clone().map(photo), before, ..member.said.clone() };
-        let (offset, scale) = (member.offset.to_array(), member.scale);
-        DatasetRef { offset, scale, said, ..DatasetRef::of(&member.path, scene) }
+        let (offset, scale, own_look) = (member.offset.to_array(), member.scale, member.own_look.clone());
+        DatasetRef { offset, scale, said, own_look, ..DatasetRef::of(&member.path, scene) }
     }
 
     /// Finds the data of the scene file `scene`: where it says, else beside the scene file.
@@ -217,7 +233,8 @@ impl DatasetRef {
         let photo = |photo: PhotoChoice| PhotoChoice { path: located(&photo.path, scene), ..photo };
         let before = self.said.before.as_ref().map(|before| located(before, scene));
         let said = HeightsSaid { texture: self.said.texture.clone().map(photo), before, ..self.said.clone() };
-        Ok(Located { members: vec![Member { path, offset, scale, families, said }], notes })
+        let own_look = self.own_look.clone();
+        Ok(Located { members: vec![Member { path, offset, scale, families, said, own_look }], notes })
     }
 }
 

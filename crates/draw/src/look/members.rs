@@ -1,6 +1,6 @@
 //! The datasets of a scene: where each lies, and which of its families are drawn.
 
-use super::{HeightsSaid, data_file};
+use super::{HeightsSaid, OwnLook, TakenFor, data_file, is_field};
 use crate::heights::is_heights;
 use crate::import::ImportError;
 use crate::model::{FamilyName, Placement, Unit};
@@ -20,8 +20,21 @@ pub struct Member {
     pub scale: Option<f64>,
     /// The families that are drawn; all where it is `None`.
     pub families: Option<Vec<FamilyName>>,
-    /// What the user says of it where it is of heights.
+    /// What the user says of it: what it is taken for, and of heights what they are.
     pub said: HeightsSaid,
+    /// How it is drawn among other data where it is an image or a volume; as usual, or as the scene's look says, without.
+    pub own_look: Option<OwnLook>,
+}
+
+/// What a dataset is drawn as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemberKind {
+    /// Measured heights.
+    Heights,
+    /// An image or a volume.
+    Field,
+    /// Particles.
+    Particles,
 }
 
 impl Member {
@@ -32,7 +45,17 @@ impl Member {
 
     /// Whether it is taken for measured heights, built or not: as the user says, else as its content tells.
     pub fn is_of_heights(&self) -> bool {
-        self.said.is_heights.unwrap_or_else(|| is_heights(&self.path))
+        self.said.is_heights().unwrap_or_else(|| is_heights(&self.path))
+    }
+
+    /// What it is drawn as, built or not: as the user says, else as its content tells.
+    pub fn kind(&self) -> MemberKind {
+        match self.said.taken_for {
+            _ if self.is_of_heights() => MemberKind::Heights,
+            Some(TakenFor::Particles) => MemberKind::Particles,
+            _ if is_field(&self.path) => MemberKind::Field,
+            _ => MemberKind::Particles,
+        }
     }
 
     /// Where it lies: its own unit of lengths and of masses are given, and those of the scene.
@@ -58,12 +81,13 @@ impl Member {
     }
 }
 
-/// Says of datasets what a user says of all heights among them; what a file is taken for, and what it is compared with, of the first alone. What was said of them before holds
-/// where he says nothing.
+/// Says of datasets what a user says of all heights among them; that a file is taken for something else than particles, and what it is compared with, of the first
+/// alone. What was said of them before holds where he says nothing.
 pub fn say(members: &mut [Member], said: &HeightsSaid) {
     for (index, member) in members.iter_mut().enumerate() {
-        let (is_heights, before) = if index == 0 { (said.is_heights, said.before.clone()) } else { (None, None) };
-        let own = HeightsSaid { is_heights, before, ..said.clone() };
+        let is_first = index == 0;
+        let taken_for = said.taken_for.filter(|kind| is_first || *kind == TakenFor::Particles);
+        let own = HeightsSaid { taken_for, before: said.before.clone().filter(|_| is_first), ..said.clone() };
         member.said = own.or(&member.said);
     }
 }

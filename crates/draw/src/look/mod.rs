@@ -17,15 +17,15 @@ mod said;
 mod shot;
 mod text;
 
-pub use dataset::{DatasetRef, Fingerprint, Located};
+pub use dataset::{DatasetRef, Fingerprint, Located, OwnLook};
 pub use film::Film;
-pub use members::{Member, say, shown_families};
+pub use members::{Member, MemberKind, say, shown_families};
 pub use mix::{mix, mix_time};
-pub use open_data::{DataKind, OpenData, data_file, one_snapshot};
+pub use open_data::{DataKind, OpenData, data_file, is_field, one_snapshot};
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};
 pub(crate) use patch::{define_look_text, with_look_fields};
 pub use picture_config::{Backend, CameraConfig, PictureConfig};
-pub use said::HeightsSaid;
+pub use said::{HeightsSaid, TakenFor};
 pub use shot::Shot;
 pub use text::{SceneError, is_scene_file};
 

@@ -4,7 +4,7 @@ use super::Member;
 use crate::explore::Following;
 use crate::heights::store::HeightFile;
 use crate::hierarchy::spacetime::Interpolation;
-use crate::import::{ImportError, file_in, file_of_step};
+use crate::import::{ImportError, file_in, file_of_step, grid_format};
 use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When};
 use crate::store::run::RunTree;
 use crate::store::{GridFile, Metadata, PageFile, RunFile, StoreError, Tree};
@@ -71,6 +71,15 @@ impl DataKind {
             }
             kind => Ok(kind.unwrap_or(DataKind::Pages)),
         }
+    }
+}
+
+/// Whether a file is of an image or a volume, built or not.
+pub fn is_field(path: &Path) -> bool {
+    match DataKind::of(path) {
+        Ok(DataKind::Grid) => true,
+        Ok(DataKind::Source) => matches!(grid_format(path), Ok(Some(_))),
+        _ => false,
     }
 }
 

@@ -1,14 +1,28 @@
-//! What a user says of a dataset of heights in place of its file.
+//! What a user says of a dataset in place of its file: what it is taken for and, of heights, what they are.
 
 use crate::heights::import::{HeightOptions, PhotoChoice};
 use crate::model::{ReadMethod, Unit};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
+
+/// What a file is taken for that could be several things.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TakenFor {
+    /// Measured heights.
+    Heights,
+    /// An image or a volume.
+    #[serde(alias = "other")]
+    Image,
+    /// Particles: also the pixels or voxels of a source.
+    Particles,
+}
 
 /// What is said of heights; of a page file it is in it already.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HeightsSaid {
-    /// Whether the file is taken for heights; as its content tells where it is `None`.
-    pub is_heights: Option<bool>,
+    /// What the file is taken for; what its content tells where it is `None`.
+    pub taken_for: Option<TakenFor>,
     /// The stored value of samples that were not measured.
     pub nodata: Option<f64>,
     /// Distances of columns and of rows.
@@ -24,10 +38,15 @@ pub struct HeightsSaid {
 }
 
 impl HeightsSaid {
+    /// Whether the file is taken for heights; as its content tells where it is `None`.
+    pub fn is_heights(&self) -> Option<bool> {
+        self.taken_for.map(|kind| kind == TakenFor::Heights)
+    }
+
     /// The same as importers are told, who read files in a way.
     pub fn options(&self, read: ReadMethod) -> HeightOptions {
         HeightOptions {
-            is_asked: self.is_heights == Some(true),
+            is_asked: self.is_heights() == Some(true),
             no_data: self.nodata,
             spacing: self.spacing,
             xy_unit: self.xy_unit.clone(),
@@ -41,7 +60,7 @@ impl HeightsSaid {
     #[must_use]
     pub fn or(self, other: &HeightsSaid) -> HeightsSaid {
         HeightsSaid {
-            is_heights: self.is_heights.or(other.is_heights),
+            taken_for: self.taken_for.or(other.taken_for),
             nodata: self.nodata.or(other.nodata),
             spacing: self.spacing.or(other.spacing),
             xy_unit: self.xy_unit.or(other.xy_unit.clone()),

@@ -24,8 +24,10 @@ pub use technique::{
     SplatSums, Technique, Terms,
 };
 
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::model::Unit;
+use crate::view::perspective_grid::GridError;
 
 /// The description of a mode.
 pub struct Mode {
@@ -173,6 +175,23 @@ impl Mode {
     pub fn field_passes(&self, job: &FieldJob<'_>) -> Result<Option<FieldPasses>, VolumeError> {
         self.takes(job)?;
         self.technique.field_passes(job)
+    }
+
+    /// What an image or a volume shows in each pixel, in parts from front to back that something else is drawn among.
+    ///
+    /// # Errors
+    /// As [`Mode::draw_field`], but none where nothing is in view.
+    pub fn field_parts(&self, job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
+        self.takes(job)?;
+        match self.technique.field_parts(job) {
+            Err(VolumeError::Grid(GridError::NothingInView)) => Ok(PathFragments::nothing(job.view)),
+            parts => parts,
+        }
+    }
+
+    /// Whether it draws fields of so many dimensions among other data.
+    pub fn takes_field_among(&self, dimensions: usize) -> bool {
+        self.takes_fields_of(dimensions) && self.technique.has_field_parts()
     }
 
     /// Refuses fields that it does not draw.

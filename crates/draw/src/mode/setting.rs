@@ -179,6 +179,11 @@ impl Setting {
 pub struct Settings(pub BTreeMap<String, SettingValue>);
 
 impl Settings {
+    /// Whether nothing is set.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Whether `mode` has all these settings and takes their values.
     ///
     /// # Errors

@@ -196,12 +196,32 @@ pub trait Technique: Sync {
         false
     }
 
+    /// How many points it draws of images and volumes that have some, where nothing is said of their number or of errors; `None`: as many as
+    /// values or colours ask for.
+    fn usual_points(&self) -> Option<u64> {
+        None
+    }
+
     /// Draws an image or a volume on the processor; [`super::Mode::draw_field`] calls it for fields of such dimensions, or with their points.
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
     fn draw_field(&self, _job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
         Err(VolumeError::OnlyParticles)
+    }
+
+    /// Whether an image or a volume may lie among other data: [`Technique::field_parts`].
+    fn has_field_parts(&self) -> bool {
+        false
+    }
+
+    /// What an image or a volume shows in each pixel, in parts from front to back that something else is drawn among; nothing where nothing of it is
+    /// in view. [`super::Mode::field_parts`] calls it for fields of the dimensions that it draws.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit the data or each other.
+    fn field_parts(&self, _job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
+        Err(VolumeError::OnlyAlone)
     }
 
     /// Draws on the processor; [`super::Mode::draw`] calls it for techniques that do.

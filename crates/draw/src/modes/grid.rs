@@ -3,6 +3,7 @@
 use super::samples;
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{
     self, Classifier, FieldRange, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range,
@@ -388,6 +389,14 @@ impl Technique for Marched {
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
         Ok(Raw::Light(samples::march(job, &self.0)?))
+    }
+
+    fn has_field_parts(&self) -> bool {
+        true
+    }
+
+    fn field_parts(&self, job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
+        samples::march_in_parts(job, &self.0)
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {

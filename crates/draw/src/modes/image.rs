@@ -2,12 +2,20 @@
 
 use super::{grid, samples};
 use crate::cpu::field::plane::Plane;
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::mode::{FieldJob, Mode, Output, Raw};
 use glam::DVec3;
 
+/// Where it lies, in indices of samples.
+const PLANE: Plane = Plane { normal: DVec3::Z, distance: 0.0 };
+
 fn draw(job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-    samples::on_plane(job, &Plane { normal: DVec3::Z, distance: 0.0 })
+    samples::on_plane(job, &PLANE)
+}
+
+fn parts(job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
+    samples::parts_of_plane(job, &PLANE)
 }
 
 /// The image's own colours, or those of its values.
@@ -15,7 +23,14 @@ pub static MODE: Mode = Mode {
     name: "image",
     help: "of images: the picture itself, in its own colours or those of a transfer function",
     settings: &[samples::SAMPLES],
-    technique: &samples::OfFields { output: Output::Light, dimensions: &[2], is_integral: false, facing: None, draw },
+    technique: &samples::OfFields {
+        output: Output::Light,
+        dimensions: &[2],
+        is_integral: false,
+        facing: None,
+        draw,
+        parts: Some(parts),
+    },
     quantity: "value",
     ..grid::MODE
 };

@@ -64,6 +64,8 @@ const TYPES: [[f32; 3]; 3] = [[0.95, 0.95, 0.9], [0.25, 0.75, 0.95], [1.0, 0.55,
 const UNKNOWN: [f32; 3] = [0.5, 0.5, 0.5];
 /// Where a colour map begins: its dark end cannot be seen.
 const DARKEST: f64 = 0.3;
+/// Points of images and volumes that are outlined where nothing is said of their number: more than these hide each other.
+const USUAL_POINTS: u64 = 10_000;
 /// Entries of a colour map.
 const ENTRIES: usize = 256;
 
@@ -124,6 +126,10 @@ impl Technique for Primitives {
 
     fn takes_points(&self) -> bool {
         true
+    }
+
+    fn usual_points(&self) -> Option<u64> {
+        Some(USUAL_POINTS)
     }
 
     fn for_panorama(&self, settings: &mut Settings, all: &[Splats<'_>], kernel: Kernel) {

@@ -5,8 +5,9 @@ use crate::color::colors::to_linear;
 use crate::color::transfer::{Curve, Hue, Range, TransferFunction, UnitLength};
 use crate::cpu::field::plane::{self, Plane};
 use crate::cpu::field::{FieldBricks, ValueAxis};
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::bricks::BrickGrid;
-use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast};
+use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast, cast_in_parts};
 use crate::mode::{
     FieldJob, FieldMarch, FieldPasses, FieldValues, Job, LightPicture, Mode, Output, Raw, Setting, SettingKind,
     Settings, Technique,
@@ -193,15 +194,38 @@ pub fn plan(job: &FieldJob<'_>, layers: &Layers) -> Result<FieldMarch, VolumeErr
 /// As [`plan`].
 pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, VolumeError> {
     let FieldMarch { grid, axis, scenery, options, levels, isovalues } = plan(job, layers)?;
-    let brick_grid = BrickGrid::new(&grid);
-    let mut bricks = FieldBricks::new(job.field, axis, job.view, &grid, &brick_grid);
-    (bricks.hue, bricks.least) = (job.hue, scenery.least());
     let planes = [grid.near, grid.far];
     let mut report = VolumeReport { grid: grid.size, planes, slabs: 0, ..VolumeReport::default() };
+    let brick_grid = BrickGrid::new(&grid);
+    let mut bricks = bricks(job, axis, (&grid, &brick_grid), &scenery);
     let colors = cast(job.view, (&grid, &brick_grid), &mut bricks, &scenery, &options, job.paths, &mut report);
     // What hides particles is told by their sizes; nothing of a field is left out for it.
     report.opaque = None;
     Ok(LightPicture { colors, report, levels, isovalues })
+}
+
+/// What layers of a field show in each pixel, in parts from front to back that something else is drawn among.
+///
+/// # Errors
+/// As [`plan`].
+pub fn march_in_parts(job: &FieldJob<'_>, layers: &Layers) -> Result<PathFragments, VolumeError> {
+    let FieldMarch { grid, axis, scenery, options, .. } = plan(job, layers)?;
+    let brick_grid = BrickGrid::new(&grid);
+    let mut bricks = bricks(job, axis, (&grid, &brick_grid), &scenery);
+    let (grids, report) = ((&grid, &brick_grid), &mut VolumeReport::default());
+    Ok(cast_in_parts(job.view, grids, &mut bricks, &scenery, &options, report))
+}
+
+/// What fills the perspective grid from a field.
+fn bricks<'a>(
+    job: &FieldJob<'a>,
+    axis: ValueAxis,
+    (grid, brick_grid): (&'a PerspectiveGrid, &'a BrickGrid),
+    scenery: &Scenery,
+) -> FieldBricks<'a> {
+    let mut bricks = FieldBricks::new(job.field, axis, job.view, grid, brick_grid);
+    (bricks.hue, bricks.least) = (job.hue, scenery.least());
+    bricks
 }
 
 /// A picture's colours of the values of a field's channels, light and opacity: its own, or those of a transfer function.
@@ -250,6 +274,14 @@ pub fn on_plane(job: &FieldJob<'_>, plane: &Plane) -> Result<Raw, VolumeError> {
     Ok(Raw::Light(LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }))
 }
 
+/// What lies on a plane, in its colours, as parts of pixels that something else is drawn among.
+///
+/// # Errors
+/// As [`FieldLook::new`].
+pub fn parts_of_plane(job: &FieldJob<'_>, plane: &Plane) -> Result<PathFragments, VolumeError> {
+    Ok(plane::fragments(job.view, job.field, plane, colors_of(job)?.1))
+}
+
 /// How a mode that draws images or volumes alone is drawn.
 pub struct OfFields {
     /// What its pictures are made of.
@@ -262,6 +294,8 @@ pub struct OfFields {
     pub facing: Option<fn(&Settings, &DAffine3) -> Option<DVec3>>,
     /// Draws one of the kind.
     pub draw: fn(&FieldJob<'_>) -> Result<Raw, VolumeError>,
+    /// See [`Technique::field_parts`].
+    pub parts: Option<fn(&FieldJob<'_>) -> Result<PathFragments, VolumeError>>,
 }
 
 impl Technique for OfFields {
@@ -295,5 +329,13 @@ impl Technique for OfFields {
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
         (self.draw)(job)
+    }
+
+    fn has_field_parts(&self) -> bool {
+        self.parts.is_some()
+    }
+
+    fn field_parts(&self, job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
+        self.parts.map_or(Err(VolumeError::OnlyAlone), |parts| parts(job))
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{grid, samples};
 use crate::cpu::field::plane::Plane;
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
 use crate::mode::{FieldJob, Mode, Output, Raw, Setting, SettingKind, Settings};
 use glam::{DAffine3, DVec3};
@@ -71,6 +72,10 @@ fn draw(job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
     samples::on_plane(job, &plane(job)?)
 }
 
+fn parts(job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
+    samples::parts_of_plane(job, &plane(job)?)
+}
+
 /// The value on a plane.
 pub static MODE: Mode = Mode {
     name: "slice",
@@ -82,6 +87,7 @@ pub static MODE: Mode = Mode {
         is_integral: false,
         facing: Some(facing),
         draw,
+        parts: Some(parts),
     },
     quantity: "value",
     ..grid::MODE

@@ -416,31 +416,61 @@ pub fn quantity_of(attribute: Attribute) -> Option<(&'static str, Option<&'stati
 pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
     let name = match attribute {
         Attribute::Curvature | Attribute::Residual | Attribute::Difference => "signed",
+        // North is as far from 359 degrees as from 1.
+        Attribute::Aspect => "cyclic",
         Attribute::Plane(_) => "grey",
         _ => MODE.transfer[0],
     };
     TransferFunction::preset(name).unwrap_or_default()
 }
 
-/// A transfer function as a field has it: where places are degrees and the range goes across height 0, the colours of `terrain` have their shore
-/// there.
-pub fn with_shore(transfer: TransferFunction, attribute: Attribute, about: &HeightAbout) -> TransferFunction {
-    let is_of_places = attribute == Attribute::Height && units::is_degrees(&about.grid.xy_unit);
-    let [low, high] = range_of(&transfer, attribute, &about.facts, 2, 1.0);
+/// A transfer function as a field has it, whose colours are spread over these `heights`: where places are degrees and the range goes across height 0,
+/// the colours of `terrain` have their shore there.
+pub fn with_shore(
+    transfer: TransferFunction,
+    attribute: Attribute,
+    grid: &HeightGrid,
+    heights: [f64; 2],
+) -> TransferFunction {
+    let is_of_places = attribute == Attribute::Height && units::is_degrees(&grid.xy_unit);
+    let [low, high] = range_of(&transfer, attribute, heights, 2, 1.0);
     match is_of_places && low < 0.0 && high > 0.0 {
         true => transfer.with_shore(Scale::Linear.place(0.0, [low, high])),
         false => transfer,
     }
 }
 
-/// The range that colours are spread over: the transfer function's own, or what suits the attribute. Of curvatures, residuals and
-/// differences `most` is the largest that matters.
-pub fn range_of(transfer: &TransferFunction, attribute: Attribute, facts: &Facts, levels: u32, most: f64) -> [f64; 2] {
+/// The share of heights at either end that colours are not spread over where few heights are far from all others.
+pub const OUTLIERS: f64 = 1e-3;
+/// How many times as far as the others such heights have to reach.
+const STRETCH: f64 = 3.0;
+
+/// The heights that colours are spread over, of a field with an even share of its heights: from the least to the largest, but from the quantile
+/// [`OUTLIERS`] to the quantile 1 - [`OUTLIERS`] where these are so close that a few outliers would have most of the colours.
+pub fn usual_heights(facts: &Facts, share: impl Iterator<Item = f64>) -> [f64; 2] {
+    let mut sorted: Vec<f64> = share.filter(|height| height.is_finite()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let at = |part: f64| sorted.get((part * sorted.len().saturating_sub(1) as f64).round() as usize).copied();
+    match (at(OUTLIERS), at(1.0 - OUTLIERS)) {
+        (Some(low), Some(high)) if low < high && facts.max - facts.min > STRETCH * (high - low) => [low, high],
+        _ => [facts.min, facts.max],
+    }
+}
+
+/// The range that colours are spread over: the transfer function's own, or what suits the attribute. `heights` are those that matter
+/// ([`usual_heights`]); of curvatures, residuals and differences `most` is the largest that matters.
+pub fn range_of(
+    transfer: &TransferFunction,
+    attribute: Attribute,
+    heights: [f64; 2],
+    levels: u32,
+    most: f64,
+) -> [f64; 2] {
     if let Range::Fixed(low, high) = transfer.range {
         return [low, high];
     }
     let [low, high] = match attribute {
-        Attribute::Height => [facts.min, facts.max],
+        Attribute::Height => heights,
         Attribute::Slope => [0.0, 60.0],
         Attribute::Aspect => [0.0, 360.0],
         Attribute::Curvature | Attribute::Residual | Attribute::Difference => [-most, most],
@@ -530,6 +560,31 @@ pub static MODE: Mode = Mode {
 mod tests {
     use super::*;
     use crate::model::{SampleType, Unit};
+
+    #[test]
+    fn a_few_outliers_do_not_have_the_colours() {
+        let facts = |min: f64, max: f64| Facts { valid: 10_000, lone: 0, min, max, mean: 0.0 };
+        let ramp = || (0..10_001).map(|k| f64::from(k) / 10_000.0);
+        assert_eq!(usual_heights(&facts(0.0, 1.0), ramp()), [0.0, 1.0]);
+        // As far as three times the others is no outlier.
+        assert_eq!(usual_heights(&facts(-0.9, 2.0), ramp()), [-0.9, 2.0]);
+        let spikes = ramp().map(|height| if height < 0.0005 { -50.0 } else { height });
+        assert_eq!(usual_heights(&facts(-50.0, 1.0), spikes), [0.001, 0.999]);
+        // Of a level field what is not level counts.
+        let bump = ramp().map(|height| if height > 0.9995 { 7.0 } else { 2.0 });
+        assert_eq!(usual_heights(&facts(2.0, 7.0), bump), [2.0, 7.0]);
+        assert_eq!(usual_heights(&facts(1.0, 3.0), std::iter::empty()), [1.0, 3.0]);
+        assert_eq!(usual_heights(&facts(1.0, 3.0), std::iter::once(f64::NAN)), [1.0, 3.0]);
+    }
+
+    #[test]
+    fn aspects_go_round() {
+        let colors = usual_transfer(Attribute::Aspect).bake_colors();
+        let [first, last] = [0, colors.rgba.len() - 1].map(|at| colors.rgba[at]);
+        assert!((0..3).all(|k| first[k].abs_diff(last[k]) <= 1), "{first:?} {last:?}");
+        let range = range_of(&usual_transfer(Attribute::Aspect), Attribute::Aspect, [5.0, 6.0], 2, 1.0);
+        assert_eq!(range, [0.0, 360.0]);
+    }
 
     #[test]
     fn degrees_are_a_globe_from_twenty_on() {

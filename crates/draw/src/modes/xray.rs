@@ -14,7 +14,14 @@ pub static MODE: Mode = Mode {
     name: "xray",
     help: "of volumes: the integral of the value along each ray, as in an X-ray picture",
     settings: &[samples::SAMPLES],
-    technique: &samples::OfFields { output: Output::Values, dimensions: &[3], is_integral: true, facing: None, draw },
+    technique: &samples::OfFields {
+        output: Output::Values,
+        dimensions: &[3],
+        is_integral: true,
+        facing: None,
+        draw,
+        parts: None,
+    },
     quantity: "line integral",
     transfer: ["density", "density-hue"],
     ..grid::MODE

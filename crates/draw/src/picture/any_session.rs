@@ -1,8 +1,9 @@
 //! What draws shots of data, whatever it is: particles, an image or a volume, measured heights, or these among other things.
 
 use super::field::FieldSession;
+use super::mixed::MixedSession;
 use super::ranges::{Format, Measured};
-use super::surface::{MixedSession, SurfaceSession};
+use super::surface::SurfaceSession;
 use super::{Picture, PictureError, Session};
 use crate::color::Image;
 use crate::color::transfer::Levels;
@@ -18,7 +19,7 @@ pub enum AnySession {
     Field(Box<FieldSession>),
     /// Of measured heights.
     Surface(Box<SurfaceSession>),
-    /// Of heights with particles or with other heights.
+    /// Of several kinds of data, or of several of one that is no particles.
     Mixed(Box<MixedSession>),
 }
 

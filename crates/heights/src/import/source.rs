@@ -113,6 +113,13 @@ impl HeightSource {
         &mut self.about
     }
 
+    /// The same with a note.
+    #[must_use]
+    pub fn noting(mut self, note: String) -> HeightSource {
+        self.about.notes.push(note);
+        self
+    }
+
     /// What stands for samples that were not measured.
     pub fn no_data(&self) -> NoData {
         self.no_data

@@ -271,6 +271,39 @@ pub struct FormNumbers {
     pub axis: Option<[f64; 3]>,
 }
 
+impl FormNumbers {
+    /// Of each coefficient of a polynomial what it is a factor of (`1`, `x`, `y`, `x^2`, `x y`, ...), and its unit in a field of this grid: `um`, `um/mm`, `um/mm^2`;
+    /// empty where that is not known.
+    pub fn terms(&self, grid: &HeightGrid) -> Vec<(String, String)> {
+        let count = self.coefficients.as_ref().map_or(0, Vec::len);
+        let (heights, places) = (&grid.height_unit, &grid.xy_unit);
+        let unit = |degree: usize| match degree {
+            0 => heights.0.clone(),
+            _ if heights.is_unknown() || places.is_unknown() => String::new(),
+            1 => format!("{heights}/{places}"),
+            _ => format!("{heights}/{places}^{degree}"),
+        };
+        terms(FormKind::LARGEST_DEGREE as usize)
+            .into_iter()
+            .take(count)
+            .map(|[x, y]| {
+                let factors = [power("x", x), power("y", y)];
+                let named: Vec<String> = factors.into_iter().flatten().collect();
+                (if named.is_empty() { "1".to_owned() } else { named.join(" ") }, unit(x + y))
+            })
+            .collect()
+    }
+}
+
+/// A power of a variable in words; `None` of the power 0.
+fn power(name: &str, exponent: usize) -> Option<String> {
+    match exponent {
+        0 => None,
+        1 => Some(name.to_owned()),
+        _ => Some(format!("{name}^{exponent}")),
+    }
+}
+
 impl Form {
     /// The plane `c + a x + b y`, for a field.
     pub fn plane(grid: &HeightGrid, [c, a, b]: [f64; 3]) -> Form {

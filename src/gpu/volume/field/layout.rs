@@ -49,8 +49,43 @@ pub struct FieldLine {
     pub world: [f32; 4],
 }
 
+/// WGSL `SlopeView`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SlopeUniform {
+    /// What a unit of length to the right adds to indices of samples.
+    pub right: [f32; 4],
+    /// What one upwards adds.
+    pub up: [f32; 4],
+    /// What one of depth adds.
+    pub forward: [f32; 4],
+    /// Indices on the middle line of sight at a depth, and that depth.
+    pub start: [f32; 4],
+    /// Samples of the level along each axis.
+    pub shape: [u32; 3],
+    /// The level's own indices for an index of samples.
+    pub scale: f32,
+    /// Slices of the grid that are filled from it.
+    pub slices: u32,
+    /// 1: the logarithm of values is placed.
+    pub is_log: u32,
+    /// The value, or its base-2 logarithm, at place 1.
+    pub low: f32,
+    /// Places for a unit of it.
+    pub per: f32,
+}
+
 fn vector(vector: DVec3, last: f32) -> [f32; 4] {
     vector.as_vec3().extend(last).to_array()
+}
+
+/// The value at place 1, or its base-2 logarithm where that is placed, and the places for a unit of it.
+fn placing(axis: &ValueAxis) -> [f32; 2] {
+    let [low, high] = match axis.scale {
+        Scale::Log => axis.range.map(f64::log2),
+        Scale::Linear => axis.range,
+    };
+    [low as f32, (1.0 / (high - low)) as f32]
 }
 
 /// The box outside of which a view shows nothing of a field: a little larger than that of the samples where nothing is cut.
@@ -65,10 +100,7 @@ impl FieldUniform {
     pub fn new(view: &View, field: &Field, level: usize, axis: &ValueAxis) -> FieldUniform {
         let own = &field.channels[0].levels[level];
         let clip = clip_box(view, field);
-        let [low, high] = match axis.scale {
-            Scale::Log => axis.range.map(f64::log2),
-            Scale::Linear => axis.range,
-        };
+        let [low, per] = placing(axis);
         let to_index = |world: DVec3| vector(field.to_index.transform_vector3(world), 0.0);
         FieldUniform {
             right: to_index(view.right),
@@ -81,9 +113,38 @@ impl FieldUniform {
             scale: 1.0 / (1u32 << level) as f32,
             blocks: own.blocks().map(|blocks| blocks as u32),
             is_log: u32::from(axis.scale == Scale::Log),
-            low: low as f32,
-            per: (1.0 / (high - low)) as f32,
+            low,
+            per,
             unused: [0; 2],
+        }
+    }
+}
+
+impl SlopeUniform {
+    /// What the level of the nearest slices of a grid, so many of them, is in a view.
+    pub fn new(
+        view: &View,
+        grid: &PerspectiveGrid,
+        field: &Field,
+        axis: &ValueAxis,
+        (level, slices): (usize, u32),
+    ) -> SlopeUniform {
+        // Told from the grid's middle: from an eye that is far away places would be rounded.
+        let depth = grid.depth(0.5 * f64::from(grid.size[2])) as f32;
+        let start = field.to_index.transform_point3(view.eye + f64::from(depth) * view.forward);
+        let [low, per] = placing(axis);
+        let to_index = |world: DVec3| vector(field.to_index.transform_vector3(world), 0.0);
+        SlopeUniform {
+            right: to_index(view.right),
+            up: to_index(view.up),
+            forward: to_index(view.forward),
+            start: vector(start, depth),
+            shape: field.channels[0].levels[level].shape.map(|side| side as u32),
+            scale: 1.0 / (1u32 << level) as f32,
+            slices,
+            is_log: u32::from(axis.scale == Scale::Log),
+            low,
+            per,
         }
     }
 }

@@ -5,7 +5,7 @@
 //! 2. `fill`: each cell gets the value at its centre.
 //!
 //! A layer of bricks is filled from the level of the field whose samples lie as close as its cells; [`runs`] take those of a slab together
-//! that have the same. The levels that a picture needs lie in textures on the adapter ([`crate::gpu::field_samples`]), from picture to picture.
+//! that have the same. Surfaces in the nearest slices, all that have the finest level, face as its samples say. The levels that a picture needs lie in textures on the adapter ([`crate::gpu::field_samples`]), from picture to picture.
 
 pub mod layout;
 

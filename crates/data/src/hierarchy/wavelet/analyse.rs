@@ -297,7 +297,7 @@ mod tests {
     fn found_of(dimensions: usize, shape: Shape, value: impl Fn(Shape) -> f64, level: usize) -> (Shape, Vec<Found>) {
         let values: Vec<f32> = (0..volume(shape)).map(|i| value(place(shape, i)) as f32).collect();
         let samples = Samples { dimensions, shape, channels: vec![&values] };
-        let options = Options { types: Types::Gabor, metric: Metric::Gabor, colours: false };
+        let options = Options { types: Types::Gabor, metric: Metric::Gabor, ..Options::default() };
         let bricks = super::super::bricks::Bricks { dimensions, shape };
         let shelf = InMemory::new(shelf_len(bricks, 1, &options));
         let found = Survey::new(&samples, &shelf, &options, 4).and_then(|survey| {

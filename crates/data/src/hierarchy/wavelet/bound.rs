@@ -1,4 +1,4 @@
-//! The cut in which no sample is further off than a bound.
+//! The cut in which no sample is further off than a bound, and that of a single level.
 //!
 //! Measured largest differences choose it from the top: a node is drawn as soon as its large point, or else its directed set, is near
 //! enough. They were measured among neighbours of the same level. Among others what blends may be further off, so the grid is compared
@@ -44,6 +44,20 @@ impl Hierarchy {
     /// The cut of all samples, but for nodes that are constant: they are one point.
     pub fn exact(&self) -> Cut {
         self.cut(|at, node| if self.levels[at].large_max[node] == 0.0 { Drawn::Large } else { Drawn::Refined })
+    }
+
+    /// The cut of all nodes of a level (0: the samples), as their directed sets where they have any. What is constant in a node above is one
+    /// point there.
+    pub fn cut_of_level(&self, level: usize) -> Cut {
+        self.cut(|at, node| {
+            if self.levels[at].large_max[node] == 0.0 {
+                Drawn::Large
+            } else if at < level {
+                Drawn::Directed
+            } else {
+                Drawn::Refined
+            }
+        })
     }
 
     /// Refines drawn nodes in which a sample is further off than `most`; whether there were any.

@@ -55,7 +55,7 @@ impl<F: Feed, S: Shelf> Survey<'_, F, S> {
         &self.ranges
     }
 
-    /// Whether some samples are no numbers.
+    /// Whether some samples are no numbers, or count as air.
     pub fn has_holes(&self) -> bool {
         self.rules.filling.is_some()
     }

@@ -40,6 +40,8 @@ pub struct Options {
     pub metric: Metric,
     /// Whether three or four channels are red, green and blue: then differences of lightness count most.
     pub colours: bool,
+    /// Samples below this in all channels count as air: they are left out as those that are no numbers are. In stored values.
+    pub ignore_below: Option<f32>,
 }
 
 /// Errors of a grid against its samples, over all samples that are numbers and all channels.

@@ -1,4 +1,5 @@
-//! What stands where samples are no numbers while points are fitted: the mean of the smallest node around a hole that has samples.
+//! What stands where samples are no numbers, or count as air, while points are fitted: the mean of the smallest node around a hole that has
+//! samples.
 
 use super::bricks::{Bricks, Part};
 use super::feed::Feed;
@@ -18,14 +19,18 @@ type Sum = (f64, f64);
 pub(super) struct Filling {
     dimensions: usize,
     shape: Shape,
+    /// What is below this counts as air.
+    below: Option<f32>,
     /// Of each channel and level from [`KEPT`] on; of the last level one node.
     kept: Vec<Vec<(Shape, Vec<Sum>)>>,
 }
 
-/// Where a place of any channel is a hole.
-pub(super) fn holes(channels: &[Vec<f32>]) -> Vec<bool> {
+/// Where a place of any channel is a hole, or of all channels is below what counts as more than air.
+fn holes(channels: &[Vec<f32>], below: Option<f32>) -> Vec<bool> {
     let count = channels.first().map_or(0, Vec::len);
-    (0..count).into_par_iter().map(|i| channels.iter().any(|channel| !channel[i].is_finite())).collect()
+    let is_air = |i: usize| below.is_some_and(|below| channels.iter().all(|channel| channel[i] < below));
+    let is_hole = |i: usize| channels.iter().any(|channel| !channel[i].is_finite()) || is_air(i);
+    (0..count).into_par_iter().map(is_hole).collect()
 }
 
 /// The sums over the nodes of a level in a box from those below.
@@ -60,8 +65,13 @@ fn sums(
 }
 
 impl Filling {
-    /// Reads all samples; `None` where all are numbers.
-    pub fn survey<F: Feed>(feed: &F, bricks: Bricks, at_once: usize) -> Result<Option<Filling>, F::Error> {
+    /// Reads all samples; `None` where all are numbers and none counts as air.
+    pub fn survey<F: Feed>(
+        feed: &F,
+        bricks: Bricks,
+        below: Option<f32>,
+        at_once: usize,
+    ) -> Result<Option<Filling>, F::Error> {
         let d = bricks.dimensions;
         let of = |level: usize| bricks.level_shape(level);
         let kept_shape = of(KEPT);
@@ -72,7 +82,7 @@ impl Filling {
             let of_brick = |&brick: &usize| -> Result<_, F::Error> {
                 let part = bricks.part(brick, 0);
                 let channels = feed.read(&part)?;
-                let holes = holes(&channels);
+                let holes = holes(&channels, below);
                 let last = |channel: &Vec<f32>| sums(d, &of, (channel, &holes), &part, KEPT).pop();
                 Ok((holes.contains(&true), channels.iter().map(last).collect::<Vec<_>>()))
             };
@@ -97,7 +107,12 @@ impl Filling {
             }
             levels
         };
-        Ok(Some(Filling { dimensions: d, shape: bricks.shape, kept: kept.into_iter().map(up).collect() }))
+        Ok(Some(Filling { dimensions: d, shape: bricks.shape, below, kept: kept.into_iter().map(up).collect() }))
+    }
+
+    /// Where the places of a box are holes.
+    pub fn holes(&self, channels: &[Vec<f32>]) -> Vec<bool> {
+        holes(channels, self.below)
     }
 
     /// The smallest box around one that can be filled.

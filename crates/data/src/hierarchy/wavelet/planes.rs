@@ -1,9 +1,10 @@
 //! What is measured: channels without holes, colours as lightness and two differences.
 
 use super::bricks::{Bricks, Part};
+use super::error::Options;
 use super::feed::Feed;
 use super::grid::Samples;
-use super::holes::{Filling, holes};
+use super::holes::Filling;
 use rayon::prelude::*;
 use std::convert::Infallible;
 
@@ -22,7 +23,7 @@ pub struct Planes {
     pub weights: Vec<f32>,
     /// Whether the first three are lightness and differences of colour.
     pub colours: bool,
-    /// Where samples are holes, in any channel; empty where none are.
+    /// Where samples are holes, in any channel, or count as air; empty where none do.
     pub holes: Vec<bool>,
 }
 
@@ -37,10 +38,13 @@ pub(super) struct Rules {
 
 impl Rules {
     /// The rules for channels of which the first may be colours. Reads all samples where some may be holes.
-    pub fn new<F: Feed>(feed: &F, bricks: Bricks, colours: bool, at_once: usize) -> Result<Rules, F::Error> {
-        let count = feed.channels();
-        let filling = if feed.may_have_holes() { Filling::survey(feed, bricks, at_once)? } else { None };
-        Ok(Rules { colours: colours && (count == 3 || count == 4), filling })
+    pub fn new<F: Feed>(feed: &F, bricks: Bricks, options: &Options, at_once: usize) -> Result<Rules, F::Error> {
+        let (count, below) = (feed.channels(), options.ignore_below);
+        let filling = match feed.may_have_holes() || below.is_some() {
+            true => Filling::survey(feed, bricks, below, at_once)?,
+            false => None,
+        };
+        Ok(Rules { colours: options.colours && (count == 3 || count == 4), filling })
     }
 
     /// The planes' values in a box, and where holes are; no mask where the grid has none.
@@ -52,7 +56,7 @@ impl Rules {
         };
         let aligned = filling.aligned(part);
         let mut channels = feed.read(&aligned)?;
-        let holes = holes(&channels);
+        let holes = filling.holes(&channels);
         filling.fill(&aligned, &mut channels, &holes);
         self.turn(&mut channels);
         let values = channels.iter().map(|channel| within(channel, &aligned, part)).collect();
@@ -98,12 +102,12 @@ fn within<T: Copy>(values: &[T], from: &Part, part: &Part) -> Vec<T> {
 }
 
 impl Planes {
-    /// The planes of samples.
-    pub fn new(samples: &Samples, colours: bool) -> Planes {
+    /// The planes of samples of which a hierarchy is built so.
+    pub fn new(samples: &Samples, options: &Options) -> Planes {
         let bricks = Bricks { dimensions: samples.dimensions, shape: samples.shape };
         let all = Part::whole(samples.shape);
         let read = || -> Result<(Rules, (Vec<Vec<f32>>, Vec<bool>)), Infallible> {
-            let rules = Rules::new(samples, bricks, colours, bricks.len())?;
+            let rules = Rules::new(samples, bricks, options, bricks.len())?;
             let read = rules.read(samples, &all)?;
             Ok((rules, read))
         };

@@ -9,6 +9,7 @@ use super::tree::Hierarchy;
 use rayon::prelude::*;
 
 /// Smallest and largest sample of one channel below each node, level by level, the finest first; `[inf, -inf]` where none is a number.
+/// What counts as air does not count.
 #[derive(Clone, Debug, Default)]
 pub struct Ranges(Vec<Vec<[f32; 2]>>);
 
@@ -17,11 +18,16 @@ impl Ranges {
     pub fn new(hierarchy: &Hierarchy, channel: &[f32]) -> Ranges {
         let mut levels: Vec<Vec<[f32; 2]>> = Vec::new();
         let mut finer = hierarchy.shape;
+        let holes = &hierarchy.planes.holes;
         for level in &hierarchy.levels {
             let below = levels.last();
             levels.push(for_each_place(level.shape, |at| {
                 children(hierarchy.dimensions, finer, at).fold([f32::INFINITY, f32::NEG_INFINITY], |range, child| {
-                    let [low, high] = below.map_or([channel[child]; 2], |below| below[child]);
+                    let [low, high] = match below {
+                        Some(below) => below[child],
+                        None if holes.get(child) == Some(&true) => [f32::NAN; 2],
+                        None => [channel[child]; 2],
+                    };
                     // Comparisons with NaN leave the range as it is.
                     [if low < range[0] { low } else { range[0] }, if high > range[1] { high } else { range[1] }]
                 })
@@ -45,7 +51,7 @@ impl Ranges {
         values: &mut [f32],
         is_held: impl Fn(usize, usize) -> bool + Sync,
     ) {
-        let shape = hierarchy.shape;
+        let (shape, holes) = (hierarchy.shape, &hierarchy.planes.holes);
         let row_of = |place: usize, level: usize, axis: usize| {
             if axis < hierarchy.dimensions { place >> (level + 1) } else { 0 }
         };
@@ -58,7 +64,9 @@ impl Ranges {
                     let node = first + x;
                     let [low, high] = self.0[level][node];
                     if low <= high && cut.drawn[level][node] == Drawn::Large && is_held(level, node) {
-                        values.iter_mut().for_each(|value| *value = value.clamp(low, high));
+                        let first = row * shape[0] + (x << (level + 1));
+                        let shown = values.iter_mut().enumerate().filter(|(i, _)| holes.get(first + i) != Some(&true));
+                        shown.for_each(|(_, value)| *value = value.clamp(low, high));
                     }
                 }
             }

@@ -70,7 +70,7 @@ impl<'a, F: Feed, S: Shelf> Survey<'a, F, S> {
     /// [`Fault`] where the samples cannot be read, or the shelf not be written.
     pub fn new(feed: &'a F, shelf: &'a S, options: &Options, at_once: usize) -> Result<Self, FaultOf<F, S>> {
         let bricks = Bricks { dimensions: feed.dimensions(), shape: feed.shape() };
-        let rules = Rules::new(feed, bricks, options.colours, at_once).map_err(Fault::Feed)?;
+        let rules = Rules::new(feed, bricks, options, at_once).map_err(Fault::Feed)?;
         let planes = feed.channels();
         let (fields, coefficients) = places(bricks, planes, options);
         let mut survey = Survey {

@@ -35,7 +35,7 @@ pub struct Level {
     pub large_max: Vec<f32>,
     /// The same of the directed set.
     pub set_max: Vec<f32>,
-    /// Samples that are numbers.
+    /// Samples that are numbers and do not count as air.
     pub samples: Vec<u32>,
     /// The error that a point more must spare so that the node is refined; see [`super::cut`].
     pub refine: Vec<f32>,
@@ -126,7 +126,7 @@ impl Hierarchy {
         let mut hierarchy = Hierarchy {
             dimensions: samples.dimensions,
             shape: samples.shape,
-            planes: Planes::new(samples, options.colours),
+            planes: Planes::new(samples, options),
             levels: (1..=bricks.all_levels()).map(|level| Level::empty(bricks.level_shape(level), planes)).collect(),
             types: options.types,
             ranges: survey.ranges().to_vec(),

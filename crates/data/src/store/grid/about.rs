@@ -8,6 +8,8 @@ use glam::{DAffine3, DMat3};
 use serde::Serialize;
 use std::path::PathBuf;
 
+/// What the flag for holes is where samples below a value count as air; the value follows.
+const AIR: u8 = 2;
 /// Parts of a channel's histogram.
 const MOST_BINS: usize = 1 << 16;
 
@@ -30,7 +32,7 @@ pub struct GridAbout {
     pub options: Options,
     /// The smallest and the largest value of each plane.
     pub ranges: Vec<(f32, f32)>,
-    /// Whether some samples are no numbers.
+    /// Whether some samples are no numbers, or count as air.
     pub has_holes: bool,
     /// Its levels, the finest first.
     pub levels: Vec<WaveletLevel>,
@@ -124,7 +126,13 @@ pub(super) fn encode(about: &GridAbout) -> Vec<u8> {
     out.u8(about.options.colours.into());
     out.u32(about.ranges.len() as u32);
     about.ranges.iter().for_each(|(low, high)| out.f32s(&[*low, *high]));
-    out.u8(about.has_holes.into());
+    match (about.has_holes, about.options.ignore_below) {
+        (true, Some(below)) => {
+            out.u8(AIR);
+            out.f32s(&[below]);
+        }
+        (has_holes, _) => out.u8(has_holes.into()),
+    }
     out.u32(about.levels.len() as u32);
     for level in &about.levels {
         out.u32(level.level);
@@ -203,11 +211,17 @@ pub(super) fn decode(bytes: &[u8]) -> Result<GridAbout, Damage> {
         2 => Metric::Gabor,
         other => return Err(wrong(format!("errors as 0, 1 or 2 says, found {other}"))),
     };
-    let options = Options { types, metric, colours: flag(input, "colours")? };
+    let colours = flag(input, "colours")?;
     let ranges = (0..input.count(8, "ranges")?)
         .map(|_| Ok((input.f32("a range")?, input.f32("a range")?)))
         .collect::<Result<Vec<_>, Damage>>()?;
-    let has_holes = flag(input, "holes")?;
+    let (has_holes, ignore_below) = match input.u8("holes")? {
+        0 => (false, None),
+        1 => (true, None),
+        AIR => (true, Some(input.f32("what counts as air")?)),
+        other => return Err(wrong(format!("holes of 0, 1 or {AIR}, found {other}"))),
+    };
+    let options = Options { types, metric, colours, ignore_below };
     let level = |input: &mut Decoder<'_>| -> Result<WaveletLevel, Damage> {
         let level = input.u32("a level")?;
         let mut next = || input.u64("a level's counts");

@@ -28,7 +28,7 @@ impl GridFile {
         let mut hierarchy = Hierarchy {
             dimensions: bricks.dimensions,
             shape: bricks.shape,
-            planes: Planes::new(&samples, about.options.colours),
+            planes: Planes::new(&samples, &about.options),
             levels: (1..=bricks.all_levels()).map(level).collect(),
             types: about.options.types,
             ranges: about.ranges.clone(),

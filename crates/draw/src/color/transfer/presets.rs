@@ -14,6 +14,7 @@ const PRESETS: &[(&str, &str)] = &[
     ("grey", include_str!("../../../../../assets/transfer/grey.ron")),
     ("terrain", include_str!("../../../../../assets/transfer/terrain.ron")),
     ("signed", include_str!("../../../../../assets/transfer/signed.ron")),
+    ("cyclic", include_str!("../../../../../assets/transfer/cyclic.ron")),
     ("volume", include_str!("../../../../../assets/transfer/volume.ron")),
     ("volume-hue", include_str!("../../../../../assets/transfer/volume-hue.ron")),
     ("volume-values", include_str!("../../../../../assets/transfer/volume-values.ron")),
@@ -114,7 +115,7 @@ mod tests {
             assert_eq!(TransferFunction::named(path.to_str().unwrap(), None).unwrap(), own);
         }
         let all = names(at);
-        assert_eq!((all.len(), all.last().map(String::as_str)), (10, Some("my_own-2")));
+        assert_eq!((all.len(), all.last().map(String::as_str)), (11, Some("my_own-2")));
         for wrong in ["", "../up", "a/b", "a b", ".hidden"] {
             assert!(own.save(wrong, folder.path()).unwrap_err().to_string().contains("the preset's name"), "{wrong}");
             assert!(TransferFunction::named(wrong, at).unwrap_err().to_string().contains("density-hue"), "{wrong}");

@@ -29,7 +29,7 @@ fn surfaces(side: u32, mut of: impl FnMut() -> Vec<PathFragment>) -> PathFragmen
         tile.fragments.extend(of());
         tile.starts.push(tile.fragments.len() as u32);
     }
-    PathFragments { size: [side as usize; 2], side: side as usize, tiles: vec![tile] }
+    PathFragments { size: [side as usize; 2], side: side as usize, tiles: vec![tile], is_hazy: false }
 }
 
 fn fragment(depth: f64, alpha: f64) -> PathFragment {

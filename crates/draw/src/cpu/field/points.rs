@@ -4,8 +4,8 @@
 //! A point stands for its share of the samples of its node ([`Set::shares`]): all of them where the node is one large point, and a sample for
 //! itself. A sample is a box of the grid, not a place. So the point's volume is that of these boxes, its place their mean and its shape their
 //! second moments: round in the grid's own steps, or thin across the direction of a set; where the grid ends within the node, or samples are no
-//! numbers, what is there counts. Its value is the mean of what the cut shows of its share, so that the sum of values times volumes is the integral
-//! of the field that is shown, however large points blend with their neighbours.
+//! numbers or count as air, what is there counts. Its value is the mean of what the cut shows of its share, so that the sum of values times volumes
+//! is the integral of the field that is shown, however large points blend with their neighbours.
 
 use super::Field;
 use crate::cpu::{NodeTraits, SplatKind};
@@ -230,10 +230,15 @@ impl<'a> Cutting<'a> {
         (z * height + y) * width + x
     }
 
+    /// Whether no point stands for a sample: it is no number, or counts as air.
+    fn is_hole(&self, index: usize) -> bool {
+        self.channels[0][index].is_nan() || self.hierarchy.planes.holes.get(index) == Some(&true)
+    }
+
     /// Adds a sample as a point; none that is no number.
     fn sample(&self, at: [usize; 3], batch: &mut PointBatch) {
         let index = self.index(at);
-        if self.channels[0][index].is_nan() {
+        if self.is_hole(index) {
             return;
         }
         let place = self.to_world.transform_point3(DVec3::from_array(at.map(|step| step as f64)));
@@ -256,11 +261,10 @@ impl<'a> Cutting<'a> {
         shown.fill(Shown::default());
         self.each(corner, side, |at| {
             let index = self.index(at);
-            let value = self.channels[0][index];
-            if value.is_nan() {
+            if self.is_hole(index) {
                 return;
             }
-            let off = f64::from(value) - f64::from(self.samples[index]);
+            let off = f64::from(self.channels[0][index]) - f64::from(self.samples[index]);
             squares += off * off;
             numbers += 1.0;
             let place = DVec3::from_array(at.map(|step| step as f64)) - middle;

@@ -1,11 +1,15 @@
-//! What of paths, or of measured surfaces, is in each pixel: fragments from front to back.
+//! What of paths, measured surfaces or volumes is in each pixel: fragments from front to back.
 
 use crate::color::Colors;
 use crate::color::colors::{to_encoded, to_linear};
 use crate::color::composite::Image;
+use crate::view::View;
 use rayon::prelude::*;
 
-/// A part of a path or a surface in a pixel.
+/// Most pixels along the side of a tile of what is merged, so that tiles are worth sharing out.
+const TILE: usize = 64;
+
+/// A part of a path, a surface or a volume in a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PathFragment {
     /// Distance from the plane of the eye, world units.
@@ -34,16 +38,23 @@ pub struct PathFragments {
     pub side: usize,
     /// The tiles, row by row; a tile without fragments may be empty.
     pub tiles: Vec<TileFragments>,
+    /// Whether none of them is a surface: they stand for what is seen through, which has no edge that a small splat could show.
+    pub is_hazy: bool,
 }
 
 impl PathFragments {
+    /// A view's picture without any.
+    pub fn nothing(view: &View) -> PathFragments {
+        PathFragments { is_hazy: true, ..PathFragments::everywhere([view.width as usize, view.height as usize], &[]) }
+    }
+
     /// A picture with the same fragments in every pixel, from front to back.
     pub fn everywhere(size: [usize; 2], fragments: &[PathFragment]) -> PathFragments {
         let pixels = size[0] * size[1];
         let starts = (0..=pixels).map(|pixel| (pixel * fragments.len()) as u32).collect();
         let all = TileFragments { starts, fragments: fragments.repeat(pixels) };
         // One tile, as wide as the picture.
-        PathFragments { size, side: size[0].max(size[1]), tiles: vec![all] }
+        PathFragments { size, side: size[0].max(size[1]), tiles: vec![all], is_hazy: false }
     }
 
     /// Those of a pixel, from front to back.
@@ -64,7 +75,7 @@ impl PathFragments {
     /// same size.
     #[must_use]
     pub fn merged(&self, other: &PathFragments) -> PathFragments {
-        let ([width, height], side) = (self.size, self.side.max(1));
+        let ([width, height], side) = (self.size, self.side.clamp(1, TILE));
         let [across, down] = self.size.map(|pixels| pixels.div_ceil(side));
         let tile = |index: usize| {
             let (left, top) = (index % across * side, index / across * side);
@@ -88,7 +99,16 @@ impl PathFragments {
             }
             tile
         };
-        PathFragments { size: self.size, side, tiles: (0..across * down).into_par_iter().map(tile).collect() }
+        let tiles = (0..across * down).into_par_iter().map(tile).collect();
+        PathFragments { size: self.size, side, tiles, is_hazy: self.is_hazy && other.is_hazy }
+    }
+
+    /// Makes lengths so many times longer.
+    pub fn scale_depths(&mut self, scale: f64) {
+        if scale != 1.0 {
+            let all = self.tiles.iter_mut().flat_map(|tile| &mut tile.fragments);
+            all.for_each(|fragment| fragment.depth = (f64::from(fragment.depth) * scale) as f32);
+        }
     }
 
     /// Their colours as far as what `hides` them lets them through: what is in front of each of them takes its share.

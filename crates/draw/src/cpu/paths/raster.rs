@@ -233,7 +233,7 @@ impl Canvas {
             out
         };
         let tiles = (0..across * down).into_par_iter().map_init(Scratch::default, tile).collect();
-        PathFragments { size: self.size, side: SIDE, tiles }
+        PathFragments { size: self.size, side: SIDE, tiles, is_hazy: false }
     }
 
     /// The fragments of each pixel over one another.

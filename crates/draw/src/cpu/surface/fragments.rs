@@ -105,7 +105,7 @@ pub fn fragments(layers: &[Layer<'_>]) -> (PathFragments, SurfaceReport) {
     let (tiles, covered): (Vec<TileFragments>, Vec<f64>) =
         (0..across * height.div_ceil(SIDE)).into_par_iter().map(tile).unzip();
     whole.covered = covered.iter().sum();
-    (PathFragments { size: [width, height], side: SIDE, tiles }, whole)
+    (PathFragments { size: [width, height], side: SIDE, tiles, is_hazy: false }, whole)
 }
 
 /// What the samples of a pixel show of all surfaces, in any order, and how much of it is covered by what was measured.

@@ -21,6 +21,7 @@ pub mod surface;
 pub mod variability;
 
 mod block;
+mod parts;
 #[cfg(test)]
 pub(in crate::cpu) mod tests;
 
@@ -92,6 +93,9 @@ pub enum VolumeError {
     /// A mode that draws images or volumes alone.
     #[error("mode: found one that draws images or volumes, expected one that draws particles")]
     OnlyFields,
+    /// A mode of images or volumes that draws them alone.
+    #[error("mode: found one that draws an image or a volume alone, expected one that draws it among other data")]
+    OnlyAlone,
     /// A mode that draws heights alone.
     #[error("mode: found one that draws heights, expected one that draws particles")]
     OnlyHeights,
@@ -170,7 +174,7 @@ pub struct VolumeReport {
 }
 
 /// What fills the bricks of a perspective grid, from front to back.
-pub trait Fill {
+pub trait Fill: Sync {
     /// Fills layers of the grid that follow those of the last call. Bricks of columns that are `hidden` (one flag for each, row by row; none
     /// for an empty slice) are left out; they have to stay hidden.
     fn fill(&mut self, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work);
@@ -180,6 +184,12 @@ pub trait Fill {
 
     /// Whether cells have an attribute.
     fn has_attribute(&self) -> bool;
+
+    /// Which way the surface of a value rises in camera axes, by what the grid is filled from, in a column and row of the grid at a share of a
+    /// step; `None` where differences between cells say it.
+    fn slope(&self, _place: [f64; 2], _step: usize, _share: f32, _value: f32) -> Option<[f32; 3]> {
+        None
+    }
 
     /// Memory of what it is filled from, bytes.
     fn bytes(&self) -> u64;
@@ -273,10 +283,40 @@ pub fn cast(
     paths: Option<&PathFragments>,
     report: &mut VolumeReport,
 ) -> Colors {
+    let rays = Rays::new(grid, brick_grid, view.width, view.height);
+    let rays = march(view, (grid, brick_grid), resampler, scenery, options, paths, report, rays);
+    let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
+    Colors { width: view.width, height: view.height, rgba }
+}
+
+/// The same in parts, each with its depth: what something else is drawn among.
+pub fn cast_in_parts(
+    view: &View,
+    (grid, brick_grid): (&PerspectiveGrid, &BrickGrid),
+    resampler: &mut dyn Fill,
+    scenery: &Scenery,
+    options: &VolumeOptions,
+    report: &mut VolumeReport,
+) -> PathFragments {
+    let rays = Rays::new(grid, brick_grid, view.width, view.height).in_parts();
+    let rays = march(view, (grid, brick_grid), resampler, scenery, options, None, report, rays);
+    rays.fragments(scenery.surfaces.is_empty())
+}
+
+/// Has rays that have gathered nothing go through a grid while it is filled.
+fn march(
+    view: &View,
+    (grid, brick_grid): (&PerspectiveGrid, &BrickGrid),
+    resampler: &mut dyn Fill,
+    scenery: &Scenery,
+    options: &VolumeOptions,
+    paths: Option<&PathFragments>,
+    report: &mut VolumeReport,
+    mut rays: Rays,
+) -> Rays {
     let cell_bytes = 4 * (1 + u64::from(resampler.has_attribute()));
     let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
     report.slabs = slabs.len();
-    let mut rays = Rays::new(grid, brick_grid, view.width, view.height);
     if let Some(paths) = paths {
         rays.look_for(grid, paths);
     }
@@ -294,7 +334,7 @@ pub fn cast(
         held.layers.extend(resampled);
         let held_now = resampler.bytes() + held.bytes() + rays.bytes();
         report.memory = report.memory.max(Some(held_now));
-        let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery, paths);
+        let effort = rays.advance(grid, brick_grid, &held, slab.steps, scenery, resampler, paths);
         *report.samples.get_or_insert(0) += effort.samples;
         *report.crossings.get_or_insert(0) += effort.crossings;
         kept = held.split_last(|layers| resampler.recycle(layers));
@@ -314,8 +354,7 @@ pub fn cast(
         let depths = rays.opaque_depths(grid, scenery.termination);
         report.opaque = Some(Arc::new(OpaqueDepths::new(view, depths, grid.cell, options.smallest)));
     }
-    let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
-    Colors { width: view.width, height: view.height, rgba }
+    rays
 }
 
 /// The columns of bricks that no ray reads any more.

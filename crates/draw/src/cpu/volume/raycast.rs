@@ -5,10 +5,13 @@
 //! cell (F12 3.5.3). A surface that is crossed within a step divides the cells on both sides of it. What a ray has gathered
 //! is carried from slab to slab, so that slabs change nothing.
 
+use super::Fill;
 use super::block::{BEFORE, Block, FRONT, Place, SIDE};
 use super::bricks::{BORDER, BRICK, BrickGrid, Slab};
 use super::classify::Classifier;
+use super::parts::Parts;
 use super::surface::{Crossings, Light, Surface, gradient};
+use crate::cpu::paths::fragments::TileFragments;
 use crate::cpu::paths::{PathFragment, PathFragments};
 use crate::view::PerspectiveGrid;
 use rayon::prelude::*;
@@ -96,9 +99,16 @@ pub struct Tile {
     pub rows: [usize; 2],
     /// The rays, row by row.
     pub rays: Vec<Ray>,
+    /// What they have gathered in parts, where that is kept.
+    parts: Option<Parts>,
 }
 
 impl Tile {
+    /// The parts that have ended, with the indices of their rays.
+    fn ended(&self) -> &[(u32, PathFragment)] {
+        self.parts.as_ref().map_or(&[], Parts::ended)
+    }
+
     /// Hands each ray to `with`, with the fragments of paths in its pixel.
     fn each(&mut self, paths: &PathFragments, mut with: impl FnMut(&mut Ray, &[PathFragment])) {
         let width = (self.columns[1] - self.columns[0]).max(1);
@@ -181,9 +191,17 @@ impl Rays {
                     Ray { until: f32::INFINITY, ..Ray::default() };
                     (columns[1] - columns[0]) * (rows[1] - rows[0])
                 ],
+                parts: None,
             })
         });
         Rays { tiles: tiles.collect(), width: width as usize, height: height as usize, places }
+    }
+
+    /// The same that keep in parts what they gather.
+    #[must_use]
+    pub fn in_parts(mut self) -> Rays {
+        self.tiles.iter_mut().for_each(|tile| tile.parts = Some(Parts::new(tile.rays.len())));
+        self
     }
 
     /// Memory that they take.
@@ -211,6 +229,7 @@ impl Rays {
         slab: &Slab,
         steps: std::ops::Range<u32>,
         scenery: &Scenery,
+        source: &dyn Fill,
         paths: Option<&PathFragments>,
     ) -> Effort {
         let Rays { tiles, places, .. } = self;
@@ -234,7 +253,7 @@ impl Rays {
                 };
                 if block.fill(slab, brick_grid, [at[0], at[1], layer], least) {
                     let steps = step..end;
-                    let march = March { grid, brick_grid, block: &block, layer, steps, scenery, places, paths };
+                    let march = March { grid, brick_grid, block: &block, layer, steps, scenery, source, places, paths };
                     march.tile(at, tile, &mut effort);
                 } else {
                     tile.rays.iter_mut().for_each(|ray| ray.done = 0.0);
@@ -266,6 +285,33 @@ impl Rays {
             }
         }
         out
+    }
+
+    /// The parts of what each ray has gathered, where they were kept; `is_hazy` as in [`PathFragments`].
+    pub fn fragments(mut self, is_hazy: bool) -> PathFragments {
+        for tile in &mut self.tiles {
+            let Some(parts) = &mut tile.parts else { continue };
+            tile.rays.iter().enumerate().for_each(|(index, ray)| parts.end(index, ray));
+        }
+        let pixel = |tile: &Tile, index: u32| {
+            let across = (tile.columns[1] - tile.columns[0]).max(1);
+            (tile.rows[0] + index as usize / across) * self.width + tile.columns[0] + index as usize % across
+        };
+        let ended = || {
+            let of_tile = |tile| Tile::ended(tile).iter().map(move |(index, part)| (pixel(tile, *index), *part));
+            self.tiles.iter().flat_map(of_tile)
+        };
+        let mut starts = vec![0u32; self.width * self.height + 1];
+        ended().for_each(|(pixel, _)| starts[pixel + 1] += 1);
+        (1..starts.len()).for_each(|pixel| starts[pixel] += starts[pixel - 1]);
+        let (mut next, most) = (starts.clone(), starts.last().map_or(0, |all| *all as usize));
+        let mut fragments = vec![PathFragment::default(); most];
+        for (pixel, part) in ended() {
+            fragments[next[pixel] as usize] = part;
+            next[pixel] += 1;
+        }
+        let size = [self.width, self.height];
+        PathFragments { size, side: size[0].max(size[1]), tiles: vec![TileFragments { starts, fragments }], is_hazy }
     }
 
     /// For each pixel, row by row, a depth behind which its ray has read nothing and will not; infinite for rays that go on.
@@ -314,17 +360,19 @@ struct March<'a> {
     layer: usize,
     steps: std::ops::Range<usize>,
     scenery: &'a Scenery,
+    /// What the grid is filled from.
+    source: &'a dyn Fill,
     places: &'a [Vec<(usize, f32)>; 2],
     paths: Option<&'a PathFragments>,
 }
 
 impl March<'_> {
     fn tile(&self, [column, row]: [usize; 2], tile: &mut Tile, effort: &mut Effort) {
-        let mut rays = tile.rays.iter_mut();
+        let mut rays = tile.rays.iter_mut().enumerate();
         for y in tile.rows[0]..tile.rows[1] {
             let (cell_y, share_y) = self.places[1][y];
             for x in tile.columns[0]..tile.columns[1] {
-                let Some(ray) = rays.next() else { return };
+                let Some((index, ray)) = rays.next() else { return };
                 if ray.alpha >= self.scenery.termination {
                     continue;
                 }
@@ -336,7 +384,8 @@ impl March<'_> {
                 };
                 let grid_place = [(x as f64 + 0.5) / self.grid.cell, (y as f64 + 0.5) / self.grid.cell];
                 let fragments = self.paths.map_or(&[][..], |paths| paths.of(x, y));
-                self.ray(ray, &place, grid_place, fragments, effort);
+                let parts = tile.parts.as_mut().map(|parts| (parts, index));
+                self.ray(ray, &place, grid_place, (fragments, parts), effort);
             }
         }
     }
@@ -348,7 +397,14 @@ impl March<'_> {
     }
 
     #[inline]
-    fn ray(&self, ray: &mut Ray, place: &Place, at: [f64; 2], fragments: &[PathFragment], effort: &mut Effort) {
+    fn ray(
+        &self,
+        ray: &mut Ray,
+        place: &Place,
+        at: [f64; 2],
+        (fragments, mut parts): (&[PathFragment], Option<(&mut Parts, usize)>),
+        effort: &mut Effort,
+    ) {
         let slices = self.brick_grid.slices;
         let secant = self.grid.secant(at) as f32;
         let least = self.scenery.least();
@@ -400,7 +456,16 @@ impl March<'_> {
                         ray.meet_next(self.grid, fragments);
                     } else if let Some(crossing) = surfaces.next() {
                         effort.crossings += 1;
+                        let mut note = |ray: &Ray| {
+                            if let Some((parts, index)) = &mut parts {
+                                let depth = self.grid.depth(step as f64 - 0.5 + f64::from(crossing.at));
+                                parts.note(*index, ray, depth as f32);
+                                parts.end(*index, ray);
+                            }
+                        };
+                        note(ray);
                         self.surface(ray, place, at, step, crossing.at, crossing.surface, [before, now]);
+                        note(ray);
                     }
                 }
             }
@@ -408,6 +473,9 @@ impl March<'_> {
                 self.through(ray, step - 1, before, 1.0 - ray.done, secant, effort);
             }
             ray.done = next_done;
+            if let Some((parts, index)) = &mut parts {
+                parts.note(*index, ray, self.grid.depth(step as f64 - 0.5) as f32);
+            }
             if ray.alpha >= self.scenery.termination {
                 ray.end = step as u32;
                 return;
@@ -454,7 +522,12 @@ impl March<'_> {
         });
         if let Some(light) = &self.scenery.light {
             let middle = [0, 1].map(|axis| (at[axis] - self.grid.middle[axis]) as f32);
-            let [x, y, z] = gradient(self.block, self.brick_grid, place, middle, step, self.local(step), share);
+            let z = self.local(step);
+            // Where a field ends or is cut the cells alone say which way it faces: what is outside is 0.
+            let is_within = self.block.least(place, z - 1).min(self.block.least(place, z)) > 0.0;
+            let slope = if is_within { self.source.slope(at, step, share, surface.value) } else { None };
+            let [x, y, z] =
+                slope.unwrap_or_else(|| gradient(self.block, self.brick_grid, place, middle, step, z, share));
             let length = (x * x + y * y + z * z).sqrt();
             let ray = match self.grid.perspective {
                 true => [middle[0] * self.grid.sigma as f32, -middle[1] * self.grid.sigma as f32, 1.0],

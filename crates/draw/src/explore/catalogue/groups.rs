@@ -51,6 +51,7 @@ fn read_kinds(path: &Path, source: &dyn Source, kinds: &[Kind]) -> Result<Catalo
         box_size: about.box_size,
         left_out: 0,
         objects: Vec::new(),
+        is_in_plane: false,
         tree: None,
     };
     for (index, info) in about.families.iter().enumerate() {

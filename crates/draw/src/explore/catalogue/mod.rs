@@ -50,6 +50,9 @@ pub struct Catalogue {
     pub left_out: u64,
     /// The objects.
     pub objects: Vec<Object>,
+    /// Whether positions are places in a plane alone, on which they have z 0 ([`Catalogue::in_plane`]).
+    #[serde(skip)]
+    pub is_in_plane: bool,
     /// Where the file has objects of several steps: all of them.
     #[serde(skip)]
     pub tree: Option<Arc<MergerTree>>,
@@ -119,6 +122,7 @@ impl Catalogue {
             box_size: tree.box_size,
             left_out: 0,
             objects: tree.objects_at(time),
+            is_in_plane: false,
             tree: Some(tree),
         };
         catalogue.checked()

@@ -66,6 +66,7 @@ pub(super) fn read(path: &Path) -> Result<Catalogue, ExploreError> {
         box_size: None,
         left_out: 0,
         objects: names.into_iter().zip(positions).enumerate().map(object).collect(),
+        is_in_plane: false,
         tree: None,
     })
 }
@@ -113,6 +114,7 @@ pub(super) fn read_in_plane(path: &Path) -> Result<Option<Catalogue>, ExploreErr
         box_size: None,
         left_out: 0,
         objects,
+        is_in_plane: true,
         tree: None,
     }))
 }

@@ -7,7 +7,9 @@ use crate::color::transfer::{Hue, Range, TransferFunction};
 use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::heights::import::PhotoChoice;
 use crate::look::Film;
-use crate::look::{Attribute, Bookmark, Camera, DatasetRef, Fingerprint, HeightsSaid, LookPatch, Panels, VERSION_TIME};
+use crate::look::{
+    Attribute, Bookmark, Camera, DatasetRef, Fingerprint, HeightsSaid, LookPatch, Panels, TakenFor, VERSION_TIME,
+};
 use crate::mode::{Focus, PathSettings, PathShape, PathsOf, SettingValue, Settings, Span};
 use crate::model::{Unit, When};
 use crate::modes::volume_isosurface;
@@ -41,7 +43,7 @@ fn full() -> SceneFile {
         offset: [0.5, -1.0, 1e3],
         scale: Some(0.25),
         said: HeightsSaid {
-            is_heights: Some(true),
+            taken_for: Some(TakenFor::Heights),
             nodata: Some(-9999.0),
             spacing: Some([0.5, 2.0]),
             xy_unit: Some(Unit::new("um")),

@@ -5,15 +5,16 @@ use super::opened::{OpenField, Shown, Wanted, colors_of};
 use super::painting::{Painter, Painting};
 use super::perception;
 use super::report::PointsReport;
+use crate::annotate::Units;
 use crate::color::Image;
 use crate::color::composite::composite_at;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::field::{Field, FieldPoints};
+use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::{Variability, VolumeError, VolumeLevels};
 use crate::hierarchy::wavelet::Weighting;
-use crate::import::grid_format;
-use crate::look::{Camera, DataKind, LookPatch, Shot};
-use crate::mode::{FieldJob, FieldPasses, FieldValues, Mode, Output, Raw, Settings, ValueStatistics};
+use crate::look::{Camera, LookPatch, Shot};
+use crate::mode::{Depiction, FieldJob, FieldPasses, FieldValues, Mode, Output, Raw, Settings, ValueStatistics};
 use crate::model::{Bounds, Grid};
 use crate::modes;
 use crate::modes::grid::Layers;
@@ -30,6 +31,7 @@ use crate::picture::{Picture, PictureError, SessionOptions};
 use crate::view::perspective_grid::GridError;
 use crate::view::{Projection, View};
 use glam::DVec3;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -48,15 +50,6 @@ pub struct FieldSession {
 }
 
 impl FieldSession {
-    /// Whether a file is of an image or a volume, built or not.
-    pub fn is_field(path: &Path) -> bool {
-        match DataKind::of(path) {
-            Ok(DataKind::Grid) => true,
-            Ok(DataKind::Source) => matches!(grid_format(path), Ok(Some(_))),
-            _ => false,
-        }
-    }
-
     /// Opens an image or a volume.
     ///
     /// # Errors
@@ -224,13 +217,36 @@ impl FieldSession {
         }
         let Some(values) = drawn else { return Err(PictureError::Stopped) };
         let drawn_by = painting.drawn_by;
-        let PreparedField { mode, transfer, report, .. } = &prepared;
-        let attribute = shot.look.attribute_name();
-        let depiction = self.opened.depiction(mode, shot.look.settings.clone(), attribute, choice);
+        let picture = self.pictured(shot, (view, bounds), &prepared, values, times.medians())?;
+        Ok(Picture { drawn_by, ..picture })
+    }
+
+    /// What a legend tells of a look: the mode with what colours it, and units.
+    pub(in crate::picture) fn told(
+        &self,
+        prepared: &PreparedField,
+        look: &LookPatch,
+    ) -> Result<(Depiction, Units), PictureError> {
+        let (attribute, choice) = (look.attribute_name(), look.budget.level_choice());
+        let depiction = self.opened.depiction(prepared.mode, look.settings.clone(), attribute, choice);
         let depiction = depiction.map_err(|why| PictureError::of(self.opened.path(), why))?;
         let units = self.opened.units(&depiction);
+        Ok((depiction, units))
+    }
+
+    /// The picture of a shot from a view, with what is in a box, of values that the processor has drawn.
+    pub(in crate::picture) fn pictured(
+        &self,
+        shot: &Shot,
+        (view, bounds): (View, Bounds),
+        prepared: &PreparedField,
+        values: Raw,
+        milliseconds: BTreeMap<String, f64>,
+    ) -> Result<Picture, PictureError> {
+        let (depiction, units) = self.told(prepared, &shot.look)?;
         let annotation = Annotation::new(shot, view, bounds, None, units, None, &depiction, &*self.reporter)?;
-        let levels = prepared.drawn_from();
+        let PreparedField { transfer, report, .. } = prepared;
+        let (levels, choice) = (prepared.drawn_from(), shot.look.budget.level_choice());
         let level_report =
             LevelReport { levels, splats: report.points, budget: choice.splats, ..LevelReport::default() };
         Ok(Picture {
@@ -244,8 +260,8 @@ impl FieldSession {
             drawn_from: levels,
             left_out: LeftOut::default(),
             level_report,
-            drawn_by,
-            milliseconds: times.medians(),
+            drawn_by: ["cpu", "cpu"].map(str::to_owned),
+            milliseconds,
             moment: None,
             paths: None,
             ground: None,
@@ -360,8 +376,9 @@ impl FieldSession {
     /// The points that a shot asks for; `None` for the samples.
     fn wanted(&self, shot: &Shot, mode: &Mode, look: &FieldLook) -> Result<Option<Wanted>, PictureError> {
         let settings = &shot.look.settings;
-        let points = shot.look.budget.level_choice().splats;
         let error = Some(settings.number(&ERROR_VALUE)).filter(|error| *error > 0.0);
+        let usual = if error.is_none() && self.opened.has_points() { mode.technique.usual_points() } else { None };
+        let points = shot.look.budget.level_choice().splats.or(usual);
         Ok(match points {
             _ if self.options.exact.is_some() => None,
             Some(points) => {
@@ -448,6 +465,14 @@ impl PreparedField {
     /// [`VolumeError`] for settings that do not fit the field, and where nothing is in view.
     pub fn draw(&self, view: &View) -> Result<Raw, VolumeError> {
         self.mode.draw_field(&self.job(view))
+    }
+
+    /// What a view shows of it in parts from front to back, which something else is drawn among.
+    ///
+    /// # Errors
+    /// [`VolumeError`] for settings that do not fit the field.
+    pub fn parts(&self, view: &View) -> Result<PathFragments, VolumeError> {
+        self.mode.field_parts(&self.job(view))
     }
 
     /// What an adapter's passes draw of a view; `None` where the processor draws it.

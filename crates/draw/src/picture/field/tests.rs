@@ -68,6 +68,39 @@ fn pixels(path: &Path, shot: &Shot) -> Vec<[f32; 4]> {
 const HAZE: &str = "(scale: linear, range: fixed(0.0, 255.0), color_map: [(0.0, \"#000000\"), (1.0, \"#ffffff\")], \
                     opacity: [(0.0, 0.1), (1.0, 0.1)], brightness: [(0.0, 0.0), (1.0, 1.0)], unit_length: fixed(2.0))";
 
+/// Parts that something else is drawn among come to the picture itself, in every pixel, and are few and in order.
+#[test]
+fn parts_come_to_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = volume(folder.path(), [24, 20, 28], |[x, y, z]| {
+        8.0 * x as f64 + 3.0 * ((y * z) as f64 * 0.2).sin().abs() * y as f64
+    });
+    let mut session = FieldSession::open(&path, SessionOptions::default(), Arc::new(())).unwrap();
+    let camera = CameraConfig { eye: Some([40.0, 30.0, 60.0]), fov: Some(35.0), ..CameraConfig::default() };
+    for (mode, most) in [("volume", 17), ("isosurface", 8), ("volume-isosurface", 40), ("slice", 1)] {
+        for transfer in [HAZE, ""] {
+            let own = shot(mode, transfer, camera, (80, 60));
+            let prepared = session.prepare(&own).unwrap();
+            let view = own.view(session.opened().grid().bounds(), None).unwrap();
+            let Raw::Light(whole) = prepared.draw(&view).unwrap() else { panic!("light") };
+            let parts = prepared.parts(&view).unwrap();
+            let together = parts.colors();
+            let mut lit = 0;
+            for (index, (own, expected)) in together.rgba.iter().zip(&whole.colors.rgba).enumerate() {
+                assert!((0..4).all(|k| (own[k] - expected[k]).abs() < 2e-5), "{mode}: {own:?}, not {expected:?}");
+                let of = parts.of(index % 80, index / 80);
+                assert!(of.len() <= most && of.is_sorted_by(|a, b| a.depth <= b.depth), "{mode}: {of:?}");
+                lit += usize::from(!of.is_empty());
+            }
+            assert!(lit > 500, "{mode}: {lit}");
+        }
+    }
+    let away = shot("volume", HAZE, CameraConfig { target: Some([90.0, 90.0, 900.0]), ..camera }, (80, 60));
+    let prepared = session.prepare(&away).unwrap();
+    let view = away.view(session.opened().grid().bounds(), None).unwrap();
+    assert!(prepared.parts(&view).unwrap().colors().rgba.iter().all(|color| *color == [0.0; 4]));
+}
+
 #[test]
 fn opacity_is_that_of_the_way_through() {
     let folder = tempfile::tempdir().unwrap();

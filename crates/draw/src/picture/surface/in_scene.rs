@@ -1,12 +1,13 @@
 //! Fields of heights where they stand in a scene: which of them is seen under a pixel, and where their places are drawn.
 
+use super::names::standing;
 use super::opened::OpenSurface;
-use super::placement::FieldPlacement;
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::sight::Sight;
 use crate::heights::measure::Pick;
 use crate::mode::Settings;
 use crate::picture::PictureError;
+use crate::picture::placement::FieldPlacement;
 use crate::view::View;
 use glam::DVec3;
 use std::sync::Arc;
@@ -21,7 +22,7 @@ pub struct FieldInScene {
     /// How it stands in its own world.
     pub placed: Placed,
     /// Where that world is in the scene.
-    pub(super) placement: FieldPlacement,
+    pub(in crate::picture) placement: FieldPlacement,
 }
 
 impl FieldInScene {
@@ -47,6 +48,15 @@ impl FieldInScene {
     /// How it would stand in its own world without exaggeration.
     pub fn without_exaggeration(&self) -> Placed {
         Placed { zero: 0.0, lift: self.placed.true_lift, ..self.placed }
+    }
+
+    /// Row, column and height of those of numbered places, x and y in its file's coordinates, at which it has a surface.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn standing(&self, places: Vec<(usize, [f64; 2])>) -> Result<Vec<(usize, [f64; 3])>, PictureError> {
+        let found = standing(&**self.opened.file(), &self.placed, places);
+        found.map_err(|error| PictureError::of(self.opened.path(), error.to_string()))
     }
 
     /// What of it is under a pixel of a flat picture; `None` where nothing can be seen. A hit's parameter is its depth, in its own lengths.
@@ -90,6 +100,20 @@ mod tests {
     use super::*;
     use crate::picture::surface::fixtures::opened;
     use crate::view::Projection;
+
+    #[test]
+    fn places_stand_on_the_surface_where_there_is_one() {
+        let ground = opened("m", [41, 41], [-20.0, -20.0], 1.0, |x, y| 2.0 * x + y);
+        let field = FieldInScene::alone(ground.opened(), &Settings::default()).unwrap();
+        let mut found = field.standing(vec![(4, [30.0, 0.0]), (7, [2.5, -3.25]), (1, [-20.0, 20.0])]).unwrap();
+        found.sort_by_key(|(index, _)| *index);
+        let numbers: Vec<usize> = found.iter().map(|(index, _)| *index).collect();
+        assert_eq!(numbers, [1, 7]);
+        for ((_, [row, column, height]), [x, y]) in found.into_iter().zip([[-20.0, 20.0], [2.5, -3.25]]) {
+            let place = field.in_scene(row, column, height);
+            assert!((place - DVec3::new(x, y, 2.0 * x + y)).length() < 1e-6, "{place}");
+        }
+    }
 
     #[test]
     fn of_two_fields_the_one_in_front_is_asked() {

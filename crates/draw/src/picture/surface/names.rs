@@ -1,7 +1,6 @@
 //! Names of a table that says where things are but not how high: they stand on the surface.
 
 use super::clearance::height_on;
-use super::placement::FieldPlacement;
 use crate::annotate::Label;
 use crate::cpu::surface::horizon::Horizon;
 use crate::cpu::surface::placed::Placed;
@@ -11,6 +10,7 @@ use crate::heights::measure::Tiles;
 use crate::heights::model::{HeightError, Heights, units};
 use crate::look::Shot;
 use crate::picture::PictureError;
+use crate::picture::placement::FieldPlacement;
 use crate::picture::session::Reporter;
 use crate::view::View;
 use std::path::{Path, PathBuf};
@@ -21,17 +21,17 @@ const PART: f64 = 256.0;
 
 /// A field that names may stand on, as it is drawn.
 #[derive(Clone, Copy)]
-pub(super) struct Floor {
+pub(in crate::picture) struct Floor {
     /// How it stands in its own world.
-    pub(super) placed: Placed,
+    pub(in crate::picture) placed: Placed,
     /// Where that world is in the scene.
-    pub(super) placement: FieldPlacement,
+    pub(in crate::picture) placement: FieldPlacement,
     /// Its least height.
-    pub(super) lowest: f64,
+    pub(in crate::picture) lowest: f64,
 }
 
 /// The names of a table, and where they stand on fields.
-pub(super) struct Names {
+pub(in crate::picture) struct Names {
     path: PathBuf,
     /// Where the fields are the same again: there T depends on the map.
     around: Vec<Option<u64>>,
@@ -56,7 +56,7 @@ struct Place {
 }
 
 /// The names of one picture.
-pub(super) struct NamesShown {
+pub(in crate::picture) struct NamesShown {
     floors: Vec<Floor>,
     spots: Arc<Vec<Spot>>,
 }
@@ -66,7 +66,7 @@ pub(super) struct NamesShown {
 ///
 /// # Errors
 /// What is wrong with the table, and fields that cannot be read.
-pub(super) fn take(
+pub(in crate::picture) fn take(
     known: &mut Option<Names>,
     shot: &mut Shot,
     fields: &[(&dyn Heights, Floor)],
@@ -99,19 +99,10 @@ impl Names {
         let mut places: Vec<Option<Place>> = vec![None; objects.len()];
         for (field, (heights, floor)) in fields.iter().enumerate() {
             let free = objects.iter().enumerate().filter(|(index, _)| places[*index].is_none());
-            let mut free: Vec<(usize, f64, f64)> = free
-                .map(|(index, object)| {
-                    let Placed { file_origin, file_step, .. } = floor.placed;
-                    let [x, y] = [object.position.x, object.position.y];
-                    (index, (y - file_origin[1]) / file_step[1], (x - file_origin[0]) / file_step[0])
-                })
-                .collect();
-            free.sort_by_key(|(_, row, column)| [*row, *column].map(|at| (at / PART) as i64));
-            let mut tiles = Tiles::new(*heights);
-            for (index, row, column) in free {
-                let place = place_on(&mut tiles, floor, row, column);
-                let place = place.map_err(|error| PictureError::Asked(error.to_string()))?;
-                places[index] = place.map(|(column, height)| Place { field, row, column, height });
+            let free = free.map(|(index, object)| (index, [object.position.x, object.position.y])).collect();
+            let found = standing(*heights, &floor.placed, free);
+            for (index, [row, column, height]) in found.map_err(|error| PictureError::Asked(error.to_string()))? {
+                places[index] = Some(Place { field, row, column, height });
             }
         }
         let all = objects.len() as u64 + left_out;
@@ -129,12 +120,37 @@ impl Names {
     }
 }
 
+/// Row, column and T's height of those of numbered places, x and y in the file's coordinates, at which there is a surface.
+///
+/// # Errors
+/// Where the field cannot be read.
+pub(super) fn standing(
+    heights: &dyn Heights,
+    placed: &Placed,
+    places: Vec<(usize, [f64; 2])>,
+) -> Result<Vec<(usize, [f64; 3])>, HeightError> {
+    let Placed { file_origin, file_step, .. } = *placed;
+    let cell = |(index, [x, y]): (usize, [f64; 2])| {
+        (index, (y - file_origin[1]) / file_step[1], (x - file_origin[0]) / file_step[0])
+    };
+    let mut cells: Vec<(usize, f64, f64)> = places.into_iter().map(cell).collect();
+    cells.sort_by_key(|(_, row, column)| [*row, *column].map(|at| (at / PART) as i64));
+    let mut tiles = Tiles::new(heights);
+    let mut found = Vec::new();
+    for (index, row, column) in cells {
+        if let Some((column, height)) = place_on(&mut tiles, placed, row, column)? {
+            found.push((index, [row, column, height]));
+        }
+    }
+    Ok(found)
+}
+
 /// T's height at a row and a column, and that column: in degrees it may be some turns further. `None` where there is no surface.
-fn place_on(tiles: &mut Tiles<'_>, floor: &Floor, row: f64, column: f64) -> Result<Option<(f64, f64)>, HeightError> {
-    let turn = 360.0 / floor.placed.file_step[0].abs();
+fn place_on(tiles: &mut Tiles<'_>, placed: &Placed, row: f64, column: f64) -> Result<Option<(f64, f64)>, HeightError> {
+    let turn = 360.0 / placed.file_step[0].abs();
     let turned = units::is_degrees(&tiles.grid().xy_unit).then(|| column.rem_euclid(turn));
     for column in std::iter::once(column).chain(turned) {
-        if let Some(height) = height_on(tiles, &floor.placed, row, column)? {
+        if let Some(height) = height_on(tiles, placed, row, column)? {
             return Ok(Some((column, height)));
         }
     }
@@ -143,7 +159,7 @@ fn place_on(tiles: &mut Tiles<'_>, floor: &Floor, row: f64, column: f64) -> Resu
 
 impl NamesShown {
     /// Those that a globe's own horizon does not hide from a view, the most important one first.
-    pub(super) fn seen(&self, view: &View) -> Vec<Label> {
+    pub(in crate::picture) fn seen(&self, view: &View) -> Vec<Label> {
         let horizon = |floor: &Floor| {
             let sight = Sight::Flat(floor.placement.view(view));
             Horizon::new(&floor.placed, &sight, floor.placed.lifted(floor.lowest))

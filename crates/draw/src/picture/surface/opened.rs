@@ -3,6 +3,7 @@
 use super::clearance::Ground;
 use super::earlier::Earlier;
 use super::painting::not_yet;
+use crate::annotate::number::stepped;
 use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::surface::look::Attribute as Coloured;
@@ -22,6 +23,7 @@ use crate::picture::session::Reporter;
 use crate::view::View;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use tempfile::TempDir;
 
@@ -35,6 +37,10 @@ pub struct OpenSurface {
     file: Arc<HeightFile>,
     /// The chunk that all of the field is.
     coarse: Coarse,
+    /// The heights that colours are spread over where nothing else is said.
+    usual_heights: [f64; 2],
+    /// Whether it was told that they are not all.
+    has_told_heights: AtomicBool,
     /// Forms that were fitted to it.
     forms: Mutex<Vec<FittedForm>>,
     /// The field that it is compared with.
@@ -66,7 +72,17 @@ impl OpenSurface {
         };
         let positions = [0, 1].map(|axis| nodes.lattice().places(root, axis));
         let coarse = Coarse { samples, positions, delta: facts.delta };
-        Ok(OpenSurface { path: path.into(), file, coarse, forms: Mutex::default(), earlier: None, folder: None })
+        let heights = coarse.samples.heights.iter().filter(|height| !height.is_nan());
+        Ok(OpenSurface {
+            usual_heights: surface::usual_heights(&file.about().facts, heights),
+            path: path.into(),
+            file,
+            coarse,
+            has_told_heights: AtomicBool::new(false),
+            forms: Mutex::default(),
+            earlier: None,
+            folder: None,
+        })
     }
 
     /// The same with the folder that its page file lies in, which goes when nobody needs it any more.
@@ -164,7 +180,29 @@ impl OpenSurface {
 
     /// A transfer function as a depiction of it has it.
     pub fn shown_transfer(&self, depiction: &Depiction, transfer: &TransferFunction) -> TransferFunction {
-        surface::with_shore(transfer.clone(), self.coloured(depiction), self.file.about())
+        self.with_shore(transfer.clone(), self.coloured(depiction))
+    }
+
+    /// A transfer function as an attribute of it has it.
+    pub(super) fn with_shore(&self, transfer: TransferFunction, attribute: Coloured) -> TransferFunction {
+        surface::with_shore(transfer, attribute, &self.file.about().grid, self.usual_heights)
+    }
+
+    /// The heights that colours are spread over where nothing else is said: without a few that are far from all others, which `reporter` is told once.
+    pub(super) fn usual_heights(&self, reporter: &dyn Reporter) -> [f64; 2] {
+        let (about, [low, high]) = (self.file.about(), self.usual_heights);
+        let [min, max] = [about.facts.min, about.facts.max];
+        if [low, high] != [min, max] && !self.has_told_heights.swap(true, Ordering::Relaxed) {
+            let shown = |height: f64| stepped(height, 0.01 * (high - low), min.abs().max(max.abs()));
+            let [low, high, min, max] = [low, high, min, max].map(shown);
+            let most = 100.0 * (1.0 - 2.0 * surface::OUTLIERS);
+            let path = self.path.display();
+            reporter.tell(format!(
+                "{path}: colours are spread over {most:.1} % of heights, from {low} to {high}, not over all, from {min} to {max}: a transfer function \
+                 with a range of its own says otherwise"
+            ));
+        }
+        [low, high]
     }
 
     /// What a legend calls the values of a depiction.

@@ -6,11 +6,10 @@ use super::letters::ProgramFont;
 use super::names::{Floor, Names, take};
 use super::opened::OpenSurface;
 use super::painting::{DrawnBy, Field, Painter, not_yet};
-use super::placement::FieldPlacement;
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::standing::{bounds_of, standing};
 use crate::annotate::{Annotations, Units};
-use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::transfer::{Levels, Range, TransferFunction};
 use crate::color::{Colors, Image};
 use crate::cpu::paths::PathFragments;
 use crate::cpu::surface::fragments::{Layer, fragments};
@@ -37,6 +36,7 @@ use crate::picture::annotation::Annotation;
 use crate::picture::drawn::CHUNKS;
 use crate::picture::left_out::LeftOut;
 use crate::picture::level_report::LevelReport;
+use crate::picture::placement::FieldPlacement;
 use crate::picture::projected::Projector;
 use crate::picture::ranges::{Format, Measured};
 use crate::picture::session::Reporter;
@@ -82,14 +82,14 @@ pub struct SeenSurface<P = SurfacePicture> {
 }
 
 /// What is drawn of a field, whatever the view.
-pub(super) struct Prepared {
-    pub(super) mode: &'static Mode,
-    pub(super) settings: SurfaceSettings,
-    pub(super) placed: Placed,
-    pub(super) attribute: Attribute,
-    pub(super) look: Look,
+pub(in crate::picture) struct Prepared {
+    pub(in crate::picture) mode: &'static Mode,
+    pub(in crate::picture) settings: SurfaceSettings,
+    pub(in crate::picture) placed: Placed,
+    pub(in crate::picture) attribute: Attribute,
+    pub(in crate::picture) look: Look,
     /// What residuals are what is left of, where they are shown.
-    pub(super) form: Option<Arc<Form>>,
+    pub(in crate::picture) form: Option<Arc<Form>>,
 }
 
 impl SurfaceSession {
@@ -164,7 +164,7 @@ impl SurfaceSession {
     }
 
     /// What a look comes to.
-    pub(super) fn prepare(&self, look: &LookPatch) -> Result<Prepared, PictureError> {
+    pub(in crate::picture) fn prepare(&self, look: &LookPatch) -> Result<Prepared, PictureError> {
         let mode = look.mode.unwrap_or(&surface::MODE);
         let refuse = |why: String| PictureError::of(self.opened.path(), why);
         if !mode.takes_surfaces() {
@@ -179,7 +179,7 @@ impl SurfaceSession {
         let attribute = self.opened.attribute(look.attribute_name()).map_err(refuse)?;
         let placed = self.placed(&settings);
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
-        let transfer = surface::with_shore(transfer, attribute, about);
+        let transfer = self.opened.with_shore(transfer, attribute);
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
         let levels = about.levels.len() as u32;
@@ -191,34 +191,31 @@ impl SurfaceSession {
         let residual = fitted.as_ref().map(|fitted| fitted.most.min(OUTLIERS * fitted.root_mean_square));
         let change = self.opened.earlier().filter(|_| attribute == Attribute::Difference).map(|earlier| earlier.most);
         let most = residual.or(change).unwrap_or(curvature);
-        let range = surface::range_of(&transfer, attribute, &about.facts, levels, most);
+        let is_by_height = attribute == Attribute::Height && transfer.range == Range::Auto;
+        let heights = if is_by_height { self.opened.usual_heights(&*self.reporter) } else { self.extremes() };
+        let range = surface::range_of(&transfer, attribute, heights, levels, most);
         let look = settings.look(attribute, transfer, range);
         let form = fitted.map(|fitted| Arc::new(fitted.form));
         Ok(Prepared { mode, settings, placed, attribute, look, form })
     }
 
     /// How a look is drawn.
-    pub(super) fn surface_options(&self, prepared: &Prepared, look: &LookPatch) -> SurfaceOptions {
+    pub(in crate::picture) fn surface_options(&self, prepared: &Prepared, look: &LookPatch) -> SurfaceOptions {
         let (own, form) = (prepared.look.clone(), prepared.form.clone());
         let options = SurfaceOptions { form, ..prepared.settings.options(own, look.error_px) };
         let tau = if self.options.exact.is_some() { 0.0 } else { options.tau };
         SurfaceOptions { tau, raw: self.options.raw, ..options }
     }
 
-    /// What messages name.
-    pub(super) fn path(&self) -> &Path {
-        self.opened.path()
-    }
-
     /// The chunks, placed and compared as a look has it.
-    pub(super) fn nodes(&mut self, prepared: &Prepared) -> &PagedSurface {
+    pub(in crate::picture) fn nodes(&mut self, prepared: &Prepared) -> &PagedSurface {
         self.nodes.place(&prepared.placed);
         self.nodes.compare(self.since.as_ref().filter(|_| prepared.attribute == Attribute::Difference));
         &self.nodes
     }
 
     /// Keeps the eye of a shot above the surface, which lies somewhere in the shot's world; tells where it stands then, if it was lifted.
-    pub(super) fn keep_above(
+    pub(in crate::picture) fn keep_above(
         &self,
         shot: &mut Shot,
         prepared: &Prepared,
@@ -233,12 +230,12 @@ impl SurfaceSession {
     }
 
     /// What names stand on, where the field lies somewhere in a scene.
-    pub(super) fn floor(&self, prepared: &Prepared, placement: FieldPlacement) -> Floor {
+    pub(in crate::picture) fn floor(&self, prepared: &Prepared, placement: FieldPlacement) -> Floor {
         Floor { placed: prepared.placed, placement, lowest: self.extremes()[0] }
     }
 
     /// The box around the surface as it is placed.
-    pub(super) fn bounds(&self, placed: &Placed) -> Bounds {
+    pub(in crate::picture) fn bounds(&self, placed: &Placed) -> Bounds {
         bounds_of(placed, self.extremes())
     }
 
@@ -297,7 +294,7 @@ impl SurfaceSession {
     }
 
     /// What a legend tells of a look: the mode with its attribute, and units.
-    pub(super) fn told(&self, prepared: &Prepared, look: &LookPatch) -> (Depiction, Units) {
+    pub(in crate::picture) fn told(&self, prepared: &Prepared, look: &LookPatch) -> (Depiction, Units) {
         let name = look.attribute_name();
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: prepared.look.range[0] });
         let (mode, choice) = (prepared.mode, look.budget.level_choice());
@@ -309,7 +306,7 @@ impl SurfaceSession {
     ///
     /// # Errors
     /// What is wrong with the catalogue of the objects to name.
-    pub(super) fn pictured(
+    pub(in crate::picture) fn pictured(
         &self,
         shot: &Shot,
         (view, bounds): (View, Bounds),
@@ -539,7 +536,7 @@ fn page_file(
     reporter: &dyn Reporter,
 ) -> Result<(HeightFile, Option<TempDir>), PictureError> {
     let told = |error: &dyn std::fmt::Display| PictureError::Asked(error.to_string());
-    let open = OpenHeights::open(path, said).map_err(|error| told(&error))?;
+    let (open, _) = OpenHeights::for_pictures(path, said).map_err(|error| told(&error))?;
     let (file, folder) = match open {
         OpenHeights::Pages(file) => (*file, None),
         open @ OpenHeights::Source(_) => {

@@ -81,7 +81,7 @@ pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Vi
 }
 
 /// A shot with a camera that stands, unless it says otherwise, above and in front of the surface, with z up.
-pub(super) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Shot, PictureError> {
+pub(in crate::picture) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Shot, PictureError> {
     let mut shot = shot.clone();
     let camera = &mut shot.camera;
     camera.up = Some(camera.up.unwrap_or([0.0, 0.0, 1.0]));

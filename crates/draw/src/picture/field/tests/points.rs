@@ -150,6 +150,13 @@ fn every_point_has_an_outline() {
             assert!(light(&picture).colors.rgba.iter().any(|pixel| pixel[3] > 0.9 && pixel[0] > 0.01));
         }
     }
+    // Where nothing is said, as many as can be told from each other.
+    let own = shot("primitives", everything, of_volume, (80, 80));
+    let told = drawn(&volume, &own, false).points.unwrap();
+    assert!(told.points > 9000 && told.points <= 10_000 && told.weighting == Some("rms"), "{told:?}");
+    let near = with(own.clone(), "error-value", SettingValue::Number(1.0));
+    assert_eq!(drawn(&volume, &near, false).points.unwrap().weighting, None, "as near as asked");
+    assert_eq!(drawn(&volume, &own, true).points.unwrap().points, samples);
     // Air has none: it is invisible by the usual colours.
     let own = shot("primitives", "", of_volume, (80, 80));
     let picture = drawn(&volume, &of_points(&own, samples / 10), false);

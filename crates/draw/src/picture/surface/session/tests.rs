@@ -7,7 +7,7 @@ use crate::look::CameraConfig;
 use crate::mode::LevelChoice;
 use crate::model::Unit;
 use crate::modes::surface::MODE;
-use crate::picture::surface::fixtures::opened;
+use crate::picture::surface::fixtures::{field, opened};
 
 /// A ramp from -300 to 900 along x, drawn from above without shades: its picture.
 fn ramp(unit: &str, settings: &str, transfer: Option<TransferFunction>) -> Picture {
@@ -79,4 +79,36 @@ fn lengths_are_told_in_the_unit_that_a_map_gives_them() {
         let depiction = Depiction { mode: &MODE, settings, attribute, choice: LevelChoice::default() };
         assert_eq!(session.opened().units(&depiction).length, Unit::new(unit), "{map}");
     }
+}
+
+#[test]
+fn spikes_do_not_have_the_colours_of_a_field() {
+    let hill = |x: f64, y: f64| 0.01 * (x + y);
+    let range = |spike: f64, transfer: Option<TransferFunction>| {
+        let session =
+            opened("m", [101, 101], [0.0, 0.0], 1.0, |x, y| if [x, y] == [50.0, 50.0] { spike } else { hill(x, y) });
+        session.prepare(&LookPatch { transfer, ..LookPatch::default() }).unwrap().look.range
+    };
+    assert_eq!(range(4.0, None), [0.0, 4.0]);
+    let [low, high] = range(900.0, None);
+    assert!((0.0..0.2).contains(&low) && (1.8..=2.0).contains(&high), "{low} {high}");
+    let own = TransferFunction { range: Range::Fixed(-5.0, 900.0), ..TransferFunction::default() };
+    assert_eq!(range(900.0, Some(own)), [-5.0, 900.0]);
+}
+
+#[test]
+fn degrees_that_are_not_said_to_be_are_taken_for_such_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let steep = |x: f64, y: f64| 500.0 + 9e3 * (x + 84.0) + 7e3 * (y - 36.0);
+    let path = field(folder.path(), "steep.asc", [30, 20], [-84.0, 36.0], 0.001, steep);
+    let unit = |said: HeightsSaid| {
+        let session = SurfaceSession::open(&path, &said, SessionOptions::default(), Arc::new(())).unwrap();
+        let about = session.file().about();
+        (about.grid.xy_unit.0.clone(), about.notes.iter().any(|note| note.contains(": --xy-unit m")))
+    };
+    assert_eq!(unit(HeightsSaid::default()), ("deg".to_owned(), true));
+    let said = HeightsSaid { xy_unit: Some(Unit::new("m")), ..HeightsSaid::default() };
+    assert_eq!(unit(said), ("m".to_owned(), false));
+    let said = HeightsSaid { height_unit: Some(Unit::new("um")), ..HeightsSaid::default() };
+    assert_eq!(unit(said), (String::new(), false));
 }

@@ -10,11 +10,12 @@ use crate::heights::{OpenHeights, is_heights};
 use crate::look::{CameraConfig, HeightsSaid, say};
 use crate::mode::Settings;
 use crate::model::{Attribute as Field, Dataset, Family, FamilyName, Kernel, Provenance};
-use crate::picture::surface::OpenMixed;
 use crate::picture::surface::fixtures::field;
 use crate::synth::random::Random;
 use crate::view::{Eyes, Stereo, StereoKind, Surround};
 use glam::DVec3;
+
+mod fields;
 
 /// Particles at these places, of these smoothing lengths and masses.
 fn particles(folder: &Path, name: &str, of: &[(DVec3, f64, f64)], unit: &str, magnitude: Option<f32>) -> PathBuf {
@@ -292,8 +293,8 @@ fn sessions_of_what_is_open_draw_the_same() {
         HeightsSaid { xy_unit: Some(Unit::new("m")), height_unit: Some(Unit::new("m")), ..HeightsSaid::default() };
     say(&mut members, &metres);
     let read = (ReadMethod::default(), None);
-    let (opened, notes) = OpenMixed::open(&members, read, &Settings::default(), built(folder)).unwrap();
-    assert!(notes.is_empty() && opened.begins_with_heights() && opened.fields().len() == 1, "{notes:?}");
+    let (opened, notes) = OpenMixed::open(&members, read, 1 << 30, &Settings::default(), built(folder)).unwrap();
+    assert!(notes.is_empty() && opened.begins_with_heights() && opened.heights().len() == 1, "{notes:?}");
     let reporter: Arc<dyn Reporter> = Arc::new(());
     let (mut one, mut other) = (opened.session(&reporter), open(&members, "m", SessionOptions::default()));
     for mode in [None, Some("column-density"), Some("points"), Some("volume")] {
@@ -315,21 +316,21 @@ fn sessions_of_what_is_open_draw_the_same() {
     // What is drawn, and what is asked: the first field lies elsewhere.
     let draws = |name: &str| opened.is_drawn_by(modes::find(name).unwrap());
     assert!(draws("surface") && draws("points") && draws("volume") && !draws("cartesian"));
-    assert!(opened.asked().is_none() && opened.is_about_heights(&surface::MODE));
+    assert!(opened.asked().is_none() && opened.told_by(&surface::MODE).is_some());
     assert_eq!((opened.of_particles(&["plane", "cloud"]), opened.usual_mode().name), (vec!["cloud"], "surface"));
     // What is said of a file that was built is refused, and particles that come first have the world.
     let [plane, cloud] = members;
     let page_file = plane.path.with_extension("df");
     let again = [Member::new(&page_file), cloud.clone()];
-    let (first, _) = OpenMixed::open(&again, read, &Settings::default(), built(folder)).unwrap();
+    let (first, _) = OpenMixed::open(&again, read, 1 << 30, &Settings::default(), built(folder)).unwrap();
     assert!(first.asked().is_some());
     let mut wrong = again.clone();
     say(&mut wrong, &HeightsSaid { nodata: Some(0.0), ..HeightsSaid::default() });
-    let refused = OpenMixed::open(&wrong, read, &Settings::default(), built(folder)).err().unwrap();
+    let refused = OpenMixed::open(&wrong, read, 1 << 30, &Settings::default(), built(folder)).err().unwrap();
     assert!(refused.to_string().contains("--nodata: found a page file"), "{refused}");
     let last = [cloud, Member { scale: None, ..plane }];
-    let (last, _) = OpenMixed::open(&last, read, &Settings::default(), built(folder)).unwrap();
+    let (last, _) = OpenMixed::open(&last, read, 1 << 30, &Settings::default(), built(folder)).unwrap();
     assert!(!last.begins_with_heights() && last.asked().is_none());
-    assert_eq!((last.usual_mode().name, last.fields()[0].index), ("column-density", 1));
+    assert_eq!((last.usual_mode().name, last.heights()[0].index), ("column-density", 1));
     assert!(last.home(&Settings::default(), 45.0, (160, 120)).unwrap().is_none());
 }

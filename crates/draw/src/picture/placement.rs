@@ -7,7 +7,7 @@ use glam::DVec3;
 
 /// Where a field's world lies in a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct FieldPlacement {
+pub struct FieldPlacement {
     /// Where its origin is, lengths of the scene.
     pub offset: DVec3,
     /// Lengths of the scene for one of its own.

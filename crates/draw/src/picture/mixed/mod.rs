@@ -1,0 +1,559 @@
+//! Several kinds of data in one picture, or several fields of heights, images or volumes: depth decides what hides what.
+//!
+//! A look is that of the kind that its mode draws, or where it names none, of the first dataset: attribute, colours and legend are of that kind,
+//! and the others are drawn as usual, heights as `surface`, volumes as `volume`, particles in the mode that suits them. Settings are those of all these modes. An image or
+//! a volume may have a look of its own.
+
+mod fields;
+mod heights;
+mod looks;
+mod opened;
+mod seen;
+#[cfg(test)]
+mod tests;
+
+pub use opened::{FieldAmong, HeightsField, OpenMixed, Samples};
+pub use seen::{Colored, ParticlesSeen, SeenMixed};
+
+use self::fields::{FieldsAmong, Lying};
+use self::heights::HeightsAmong;
+use self::looks::{Kinds, Looks};
+use crate::annotate::Units;
+use crate::color::transfer::Levels;
+use crate::color::{Colors, Image};
+use crate::cpu::paths::PathFragments;
+use crate::cpu::surface::sight::Sight;
+use crate::heights::model::{Heights, units};
+use crate::import;
+use crate::look::{Backend, Camera, CameraConfig, DataKind, LookPatch, Member, MemberKind, Shot};
+use crate::mode::{LightPicture, Raw};
+use crate::model::{Bounds, ReadMethod, Unit};
+use crate::modes::{self, surface};
+use crate::picture::drawn::Coloration;
+use crate::picture::field::{FieldSession, PreparedField};
+use crate::picture::ground::Ground;
+use crate::picture::placement::FieldPlacement;
+use crate::picture::projected::Projector;
+use crate::picture::ranges::{Format, Measured};
+use crate::picture::session::Reporter;
+use crate::picture::surface::names::{Floor, Names, take};
+use crate::picture::surface::session::Prepared;
+use crate::picture::surface::standing::standing;
+use crate::picture::surface::{SurfaceDepths, SurfaceSession, SurfaceShown};
+use crate::picture::times::Times;
+use crate::picture::{Picture, PictureError, Session, SessionOptions};
+use crate::store::{Metadata, PageFile, RunFile};
+use crate::view::{Panorama, View};
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Draws pictures of several kinds of data.
+pub struct MixedSession {
+    /// The fields of heights, each as a member.
+    heights: Vec<(Member, SurfaceSession)>,
+    /// The images and volumes, each as a member.
+    fields: Vec<(Member, FieldSession)>,
+    particles: Option<Session>,
+    /// Of each dataset, in their order.
+    kinds: Vec<MemberKind>,
+    is_raw: bool,
+    backend: Option<Backend>,
+    /// Names that stand on heights.
+    names: Option<Names>,
+    reporter: Arc<dyn Reporter>,
+}
+
+/// What a look comes to on all that is not particles, ready for any view.
+struct Ready {
+    heights: Vec<Prepared>,
+    fields: Vec<PreparedField>,
+}
+
+/// Where each of them lies.
+struct Placements {
+    heights: Vec<FieldPlacement>,
+    fields: Vec<FieldPlacement>,
+}
+
+/// What particles are drawn among.
+struct Among<'a> {
+    heights: HeightsAmong<'a>,
+    fields: FieldsAmong,
+    /// How far what covers pixels is away in the last picture.
+    depths: Mutex<Option<SurfaceDepths>>,
+}
+
+impl Among<'_> {
+    /// Why something could not be read or drawn.
+    fn error(&self) -> Option<String> {
+        self.heights.error().or_else(|| self.fields.error())
+    }
+}
+
+impl Ground for Among<'_> {
+    fn fragments(&self, view: &View) -> PathFragments {
+        let fields = self.fields.fragments(view);
+        let found = match self.heights.is_empty() {
+            true => fields,
+            false => self.heights.fragments(view).merged(&fields),
+        };
+        *self.depths.lock().unwrap_or_else(PoisonError::into_inner) = SurfaceDepths::of_fragments(view, &found);
+        found
+    }
+}
+
+/// What came of a picture.
+enum Drawn {
+    Particles(Box<Picture>),
+    Rest(Colors),
+}
+
+impl MixedSession {
+    /// Whether it draws datasets: where there is something else than particles among several, or heights, an image or a volume that lie elsewhere than by
+    /// themselves.
+    pub fn is_for(members: &[Member]) -> bool {
+        let is_alone = matches!(members, [only] if only.is_in_place());
+        !is_alone && members.iter().any(|member| member.kind() != MemberKind::Particles)
+    }
+
+    /// Opens datasets, of which one at least is no particles. `page_file` turns what the user names into a page file of particles; these are read as
+    /// the shots that will be drawn need them.
+    ///
+    /// # Errors
+    /// As [`SurfaceSession::open`], [`FieldSession::open`] and [`Session::open`].
+    pub fn open<'a>(
+        members: &[Member],
+        options: SessionOptions,
+        shots: impl IntoIterator<Item = &'a Shot>,
+        mut page_file: impl FnMut(&Path) -> Result<PathBuf, PictureError>,
+        reporter: Arc<dyn Reporter>,
+    ) -> Result<MixedSession, PictureError> {
+        let kinds: Vec<MemberKind> = members.iter().map(Member::kind).collect();
+        let (mut heights, mut fields, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        for (member, kind) in members.iter().zip(&kinds) {
+            let (options, reporter) = (options.clone(), Arc::clone(&reporter));
+            match kind {
+                MemberKind::Heights => {
+                    let session = SurfaceSession::open(&member.path, &member.said, options, reporter)?;
+                    heights.push((member.clone(), session));
+                }
+                MemberKind::Field => {
+                    fields.push((member.clone(), FieldSession::open(&member.path, options, reporter)?));
+                }
+                MemberKind::Particles => others.push(member.clone()),
+            }
+        }
+        let mut opened = MixedSession {
+            heights,
+            fields,
+            particles: None,
+            kinds,
+            is_raw: options.raw,
+            backend: options.backend,
+            names: None,
+            reporter: Arc::clone(&reporter),
+        };
+        if others.is_empty() {
+            return Ok(opened);
+        }
+        let shots: Vec<&Shot> = shots.into_iter().collect();
+        if opened.first_kind() != MemberKind::Particles {
+            let look = shots.first().map(|shot| shot.look.clone()).unwrap_or_default();
+            let unit = opened.own_unit(&look)?;
+            in_lengths_of(&unit, &mut others, options.read, &mut page_file)?;
+        }
+        // What a look about something else says of an attribute is none of the particles'.
+        let kinds = opened.kinds(None);
+        let own = |shot: &&Shot| match kinds.about(shot.look.mode) {
+            MemberKind::Particles => (*shot).clone(),
+            _ => Shot { look: LookPatch { mode: None, attribute: None, ..shot.look.clone() }, ..Shot::default() },
+        };
+        let shots: Vec<Shot> = shots.iter().map(own).collect();
+        opened.particles = Some(Session::open(&others, options, &shots, page_file, reporter)?);
+        Ok(opened)
+    }
+
+    /// What draws the particles, where there are some.
+    pub fn particles(&mut self) -> Option<&mut Session> {
+        self.particles.as_mut()
+    }
+
+    /// Whether the first dataset is of heights: then the world is theirs, with z up.
+    pub fn begins_with_heights(&self) -> bool {
+        self.first_kind() == MemberKind::Heights
+    }
+
+    fn first_kind(&self) -> MemberKind {
+        self.kinds.first().copied().unwrap_or(MemberKind::Particles)
+    }
+
+    /// The kinds of its data, of particles that are known by `metadata`.
+    fn kinds(&self, metadata: Option<&Metadata>) -> Kinds {
+        let dimensions = self.fields.iter().map(|(_, session)| session.opened().grid().dimensions);
+        Kinds { all: self.kinds.clone(), dimensions: dimensions.collect(), of_particles: usual_of(metadata) }
+    }
+
+    /// What a look says of each kind.
+    fn looks(&self, look: &LookPatch) -> Result<Looks, PictureError> {
+        let kinds = self.kinds(self.particles.as_ref().map(|session| session.tree().metadata()));
+        let own: Vec<&Member> = self.fields.iter().map(|(member, _)| member).collect();
+        kinds.looks(look, &own)
+    }
+
+    /// What it comes to on all that is not particles, in the order of each kind.
+    fn prepare(&mut self, looks: &Looks) -> Result<Ready, PictureError> {
+        let heights = self.heights.iter().map(|(_, session)| session.prepare(&looks.heights));
+        let heights = heights.collect::<Result<_, _>>()?;
+        let fields = self.fields.iter_mut().zip(&looks.fields);
+        let fields =
+            fields.map(|((_, session), look)| session.prepare(&Shot { look: look.clone(), ..Shot::default() }));
+        Ok(Ready { heights, fields: fields.collect::<Result<_, _>>()? })
+    }
+
+    /// The unit of the lengths of the first dataset that is no particles.
+    fn own_unit(&self, look: &LookPatch) -> Result<Unit, PictureError> {
+        match (self.first_kind(), self.heights.first(), self.fields.first()) {
+            (MemberKind::Field, _, Some((_, session))) => Ok(session.opened().grid().length_unit.clone()),
+            (_, Some((_, session)), _) => {
+                let look = LookPatch {
+                    mode: Some(&surface::MODE),
+                    settings: look.settings.of_mode(&surface::MODE),
+                    ..look.clone()
+                };
+                // What colours them is no question of lengths.
+                let look = LookPatch { attribute: None, transfer: None, ..look };
+                Ok(session.opened().length_unit(session.prepare(&look)?.placed.map))
+            }
+            _ => Ok(Unit::default()),
+        }
+    }
+
+    /// The box that a look's pictures are framed by: that of the first dataset, of data of one kind that is no particles that of all.
+    ///
+    /// # Errors
+    /// Settings that do not fit the data.
+    pub fn framed(&mut self, look: &LookPatch) -> Result<Bounds, PictureError> {
+        let looks = self.looks(look)?;
+        if let (MemberKind::Particles, Some(session)) = (self.first_kind(), &mut self.particles) {
+            return session.framed(&looks.particles);
+        }
+        let ready = self.prepare(&looks)?;
+        Ok(self.bounds(&ready))
+    }
+
+    /// The box of the first dataset that is no particles, or of all where they are of one kind.
+    fn bounds(&self, ready: &Ready) -> Bounds {
+        let first = self.first_kind();
+        let is_one = self.kinds.iter().all(|kind| *kind == first);
+        let Placements { heights, fields } = self.placements(ready);
+        let of_heights = self.heights.iter().zip(&ready.heights).zip(heights);
+        let of_heights =
+            of_heights.map(|(((_, session), prepared), placement)| placement.bounds(session.bounds(&prepared.placed)));
+        let of_fields = self.fields.iter().zip(fields);
+        let of_fields = of_fields.map(|((_, session), placement)| placement.bounds(session.opened().grid().bounds()));
+        let all: Vec<Bounds> = match first {
+            MemberKind::Field => of_fields.collect(),
+            _ => of_heights.collect(),
+        };
+        let count = if is_one { all.len() } else { 1 };
+        all.into_iter().take(count).reduce(Bounds::union).unwrap_or(Bounds::EMPTY)
+    }
+
+    /// The unit of the scene's lengths: that of its first dataset.
+    fn unit(&self, ready: &Ready) -> Unit {
+        match (self.first_kind(), &self.particles, self.heights.first().zip(ready.heights.first())) {
+            (MemberKind::Particles, Some(session), _) => session.tree().metadata().length_unit.clone(),
+            (MemberKind::Heights, _, Some(((_, session), prepared))) => {
+                session.opened().length_unit(prepared.placed.map)
+            }
+            _ => {
+                self.fields.first().map(|(_, session)| session.opened().grid().length_unit.clone()).unwrap_or_default()
+            }
+        }
+    }
+
+    /// Where each lies.
+    fn placements(&self, ready: &Ready) -> Placements {
+        let scene = self.unit(ready);
+        let heights = self.heights.iter().zip(&ready.heights).map(|((member, session), prepared)| {
+            placement_of(member, &session.opened().length_unit(prepared.placed.map), &scene)
+        });
+        let fields = self
+            .fields
+            .iter()
+            .map(|(member, session)| placement_of(member, &session.opened().grid().length_unit, &scene));
+        Placements { heights: heights.collect(), fields: fields.collect() }
+    }
+
+    /// What particles are drawn among, and what draws these, where there are some.
+    fn among<'s>(
+        &'s mut self,
+        ready: &Ready,
+        placements: Placements,
+        looks: &Looks,
+    ) -> (Among<'s>, Option<&'s mut Session>) {
+        let heights = HeightsAmong::new(&mut self.heights, &ready.heights, placements.heights, &looks.heights);
+        let fields = ready.fields.iter().zip(placements.fields);
+        let fields = fields.map(|(prepared, placement)| Lying { prepared: prepared.clone(), placement });
+        let among = Among { heights, fields: FieldsAmong::new(fields.collect()), depths: Mutex::default() };
+        (among, self.particles.as_mut())
+    }
+
+    /// Draws a shot.
+    ///
+    /// # Errors
+    /// [`PictureError`] when the data cannot be read, a setting does not fit it, or nothing draws a mode among other data.
+    pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
+        let looks = self.looks(&shot.look)?;
+        let ready = self.prepare(&looks)?;
+        let (unit, bounds, placements) = (self.unit(&ready), self.bounds(&ready), self.placements(&ready));
+        self.check(shot, &ready)?;
+        let (mut shot, mut lifted) = (shot.clone(), None);
+        match (self.first_kind(), ready.heights.first()) {
+            (MemberKind::Heights, Some(first)) => {
+                shot = standing(&shot, bounds, &first.placed)?;
+                for (((_, session), prepared), placement) in
+                    self.heights.iter().zip(&ready.heights).zip(&placements.heights)
+                {
+                    lifted = session.keep_above(&mut shot, prepared, placement)?.or(lifted);
+                }
+            }
+            (MemberKind::Field, _) => shot = framed_by(&shot, bounds)?,
+            _ => {}
+        }
+        let each = self.heights.iter().zip(&ready.heights).zip(&placements.heights);
+        let floors: Vec<(&dyn Heights, Floor)> = each
+            .map(|(((_, session), prepared), placement)| {
+                (session.file() as &dyn Heights, session.floor(prepared, *placement))
+            })
+            .collect();
+        let names = take(&mut self.names, &mut shot, &floors, &*self.reporter)?;
+        let (shot, is_raw) = (&shot, self.is_raw);
+        let (ground, particles) = self.among(&ready, placements, &looks);
+        let mut times = Times::default();
+        let (drawn, view) = match particles {
+            Some(session) => {
+                let look = looks.particles.clone();
+                let picture = session.draw_among(&Shot { look, ..shot.clone() }, Some(&ground))?;
+                let view = picture.annotation.view;
+                (Drawn::Particles(Box::new(picture)), view)
+            }
+            None => {
+                let view = shot.view(bounds, None)?;
+                let colors = times.frame(|times| times.measure("draw", || alone(&ground, shot, &view)))?;
+                (Drawn::Rest(colors), view)
+            }
+        };
+        let channels = match is_raw && !ground.heights.is_empty() {
+            true => Some(ground.heights.channels(&sight_of(&view, shot)?)),
+            false => None,
+        };
+        let (report, error) = (ground.heights.report(), ground.error());
+        let shown = (!ground.heights.is_empty()).then_some(SurfaceShown { report, channels, labels: None, lifted });
+        drop(ground);
+        if let Some(error) = &error {
+            self.reporter.tell(error.clone());
+        }
+        let is_whole = report.is_converged && error.is_none();
+        let names = names.map(|names| names.seen(&view));
+        let points = ready.fields.first().map(|first| first.report);
+        let (first_heights, first_field) = (self.heights.first(), self.fields.first());
+        let mut prepared = (ready.heights.into_iter().next(), ready.fields.into_iter().next());
+        let picture = match drawn {
+            Drawn::Rest(colors) => {
+                let at = (view, bounds);
+                let picture = match (looks.about, first_heights.zip(prepared.0.take()), first_field.zip(prepared.1)) {
+                    (MemberKind::Field, _, Some(((_, session), prepared))) => {
+                        let look = looks.fields.first().cloned().unwrap_or_default();
+                        let light = LightPicture { levels: prepared.levels, ..LightPicture::of(colors) };
+                        let shot = Shot { look, ..shot.clone() };
+                        session.pictured(&shot, at, &prepared, Raw::Light(light), times.medians())?
+                    }
+                    (_, Some(((_, session), prepared)), _) => {
+                        let shown = shown.clone().unwrap_or_default();
+                        let shot = Shot { look: looks.heights, ..shot.clone() };
+                        session.pictured(&shot, at, prepared, colors, shown, times.medians())?
+                    }
+                    _ => return Err(PictureError::Stopped),
+                };
+                let annotation = picture.annotation.naming(names);
+                let error_px = picture.error_px.max(report.error_px);
+                return Ok(Picture { converged: is_whole, error_px, annotation, points, surface: shown, ..picture });
+            }
+            Drawn::Particles(picture) => *picture,
+        };
+        let (depiction, units, told) = match (looks.about, first_heights.zip(prepared.0), first_field.zip(prepared.1)) {
+            (MemberKind::Heights, Some(((_, session), about)), _) => {
+                let (depiction, units) = session.told(&about, &looks.heights);
+                let levels = Levels { p: about.look.range, s: [0.0, 1.0] };
+                (depiction, units, Some(Coloration { transfer: about.look.transfer, levels }))
+            }
+            (MemberKind::Field, _, Some(((_, session), about))) => {
+                let look = looks.fields.first().cloned().unwrap_or_default();
+                let (depiction, units) = session.told(&about, &look)?;
+                let levels = Levels { p: about.levels.density, s: about.levels.attribute };
+                (depiction, units, Some(Coloration { transfer: about.transfer.clone(), levels }))
+            }
+            _ => (picture.annotation.depiction.clone(), picture.annotation.units().clone(), None),
+        };
+        Ok(Picture {
+            converged: picture.converged && is_whole,
+            error_px: picture.error_px.max(report.error_px),
+            annotation: picture.annotation.telling(depiction, Units { length: unit, ..units }).naming(names),
+            told,
+            points: points.or(picture.points),
+            surface: shown,
+            ..picture
+        })
+    }
+
+    /// Refuses what there is none of.
+    fn check(&self, shot: &Shot, ready: &Ready) -> Result<(), PictureError> {
+        let is_flat = ready.heights.iter().all(|prepared| prepared.placed.is_flat());
+        if self.is_raw && !self.heights.is_empty() && (shot.stereo.is_some() || !is_flat && !shot.surround.is_flat()) {
+            let why =
+                "--raw: expected one picture with rays of its own: no pair for two eyes, and no globe around the eye";
+            return Err(self.refuse(why));
+        }
+        if self.particles.is_none() && shot.look.time.is_some() {
+            return Err(self.refuse("--time: heights, images and volumes have no times"));
+        }
+        if self.particles.is_none()
+            && !self.fields.is_empty()
+            && matches!(self.backend, Some(Backend::Compute | Backend::Raster))
+        {
+            return Err(self.refuse("--backend: expected cpu, which alone draws images and volumes among other data"));
+        }
+        Ok(())
+    }
+
+    fn refuse(&self, why: &str) -> PictureError {
+        let heights = self.heights.first().map(|(member, _)| member);
+        let first = heights.or(self.fields.first().map(|(member, _)| member));
+        PictureError::of(first.map_or(Path::new(""), |member| &member.path), why)
+    }
+
+    /// A drawn picture in colours, with what the shot's film does to it.
+    ///
+    /// # Errors
+    /// As [`MixedSession::draw`] for the picture that it is blended with, and where a picture over it cannot be read.
+    pub fn finished(&mut self, shot: &Shot, picture: &Picture) -> Result<Image, PictureError> {
+        picture.finished_by(shot, |before| self.draw(before))
+    }
+
+    /// A look's picture of a view, of about `limit` particles at most; colours of what it is about have the ranges `levels`, or their own. And how
+    /// many particles it took.
+    ///
+    /// # Errors
+    /// As [`MixedSession::draw`].
+    pub fn image(
+        &mut self,
+        look: &LookPatch,
+        view: &View,
+        levels: Option<Levels>,
+        diameter: f64,
+        limit: u64,
+    ) -> Result<(Image, u64), PictureError> {
+        let seen = self.seen(look, view, levels, (diameter, limit))?;
+        Ok((seen.image, seen.particles.taken))
+    }
+
+    /// What is known of a look's picture from a camera: the ranges of what it is about.
+    ///
+    /// # Errors
+    /// As [`MixedSession::draw`].
+    pub fn ranges(&mut self, look: &LookPatch, camera: &Camera, format: Format) -> Result<Measured, PictureError> {
+        let looks = self.looks(look)?;
+        match (looks.about, &mut self.particles, self.heights.first_mut(), self.fields.first_mut()) {
+            (MemberKind::Particles, Some(session), ..) => session.ranges(&looks.particles, camera, format),
+            (MemberKind::Heights, _, Some((_, first)), _) => first.ranges(&looks.heights, camera, format),
+            (MemberKind::Field, .., Some((_, first))) => {
+                first.ranges(looks.fields.first().unwrap_or(look), camera, format)
+            }
+            _ => Err(PictureError::Stopped),
+        }
+    }
+}
+
+/// The mode of particles that nobody has chosen one for.
+fn usual_of(metadata: Option<&Metadata>) -> &'static crate::mode::Mode {
+    let attributes = metadata.iter().flat_map(|metadata| &metadata.families).flat_map(|family| &family.attributes);
+    modes::usual(attributes.map(|attribute| attribute.name.as_str()))
+}
+
+/// A shot with the camera that it has where nothing is there but what is in a box.
+fn framed_by(shot: &Shot, bounds: Bounds) -> Result<Shot, PictureError> {
+    let view = shot.view(bounds, None)?;
+    let target = match shot.surround.is_flat() {
+        true => shot.camera.target.map_or(bounds.center(), DVec3::from),
+        false => view.eye + view.forward * bounds.size().length().max(1e-30),
+    };
+    let (eye, target) = (Some(view.eye.to_array()), Some(target.to_array()));
+    Ok(Shot { camera: CameraConfig { eye, target, ..shot.camera }, ..shot.clone() })
+}
+
+/// Where a field lies that has lengths of its own.
+pub(super) fn placement_of(member: &Member, own: &Unit, scene: &Unit) -> FieldPlacement {
+    let scale = member.scale.or_else(|| ratio(own, scene)).unwrap_or(1.0);
+    // A ratio of units that are the same may differ from 1 by rounding.
+    let scale = if (scale - 1.0).abs() < 1e-12 { 1.0 } else { scale };
+    FieldPlacement { offset: member.offset, scale }
+}
+
+/// Says of particles how long their lengths are in a world of something else, where both units are known and nobody has said it.
+pub(super) fn in_lengths_of(
+    unit: &Unit,
+    particles: &mut [Member],
+    read: ReadMethod,
+    page_file: &mut dyn FnMut(&Path) -> Result<PathBuf, PictureError>,
+) -> Result<(), PictureError> {
+    for member in particles.iter_mut().filter(|member| member.scale.is_none()) {
+        let own = unit_of(&member.path, read, page_file)?;
+        member.scale = ratio(&own, unit).filter(|ratio| (ratio - 1.0).abs() > 1e-12);
+    }
+    Ok(())
+}
+
+/// The line of sight of each pixel of a picture.
+fn sight_of(view: &View, shot: &Shot) -> Result<Sight, PictureError> {
+    Ok(match Panorama::around(view, shot.surround)? {
+        None => Sight::Flat(*view),
+        Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
+    })
+}
+
+/// What there is without particles, in colours.
+fn alone(ground: &Among<'_>, shot: &Shot, view: &View) -> Result<Colors, PictureError> {
+    if !shot.is_projected() {
+        return Ok(ground.fragments(view).colors());
+    }
+    let projector = Projector::new(*view, shot.surround, shot.stereo)?;
+    let each = |view: &View| Ok(Some(Raw::Light(LightPicture::of(ground.fragments(view).colors()))));
+    match projector.draw_each(true, each)? {
+        Raw::Light(light) => Ok(light.colors),
+        Raw::Sums(..) => Err(PictureError::Stopped),
+    }
+}
+
+/// How many of another unit one is, where both are lengths.
+fn ratio(own: &Unit, other: &Unit) -> Option<f64> {
+    let metres = |unit: &Unit| units::metres(unit).or_else(|| unit.ratio(&Unit::new("m")));
+    metres(own).zip(metres(other)).map(|(own, other)| own / other).or_else(|| own.ratio(other))
+}
+
+/// The unit of a dataset's lengths.
+fn unit_of(
+    path: &Path,
+    read: ReadMethod,
+    page_file: &mut dyn FnMut(&Path) -> Result<PathBuf, PictureError>,
+) -> Result<Unit, PictureError> {
+    if matches!(DataKind::of(path), Ok(DataKind::Source)) {
+        return Ok(import::open(path)?.description().length_unit.clone());
+    }
+    let path = page_file(path)?;
+    Ok(match DataKind::of_particles(&path)? {
+        DataKind::Run => RunFile::open(&path, read)?.directory().length_unit.clone(),
+        _ => PageFile::open_with(&path, read)?.metadata().length_unit.clone(),
+    })
+}
