@@ -116,34 +116,51 @@ fn build_command(source: &Path, out: &Path, memory: &str) -> Command {
     command
 }
 
+/// Kills builds after these shares of the time that one takes: the file that was there stays whole, and what dead ones
+/// leave is removed by those that follow.
+fn kill_builds(build: impl Fn(&Path) -> Command, moments: &[f64]) {
+    let results = tempfile::tempdir().unwrap();
+    let out = results.path().join("out.df");
+    let start = Instant::now();
+    assert!(build(&out).status().unwrap().success());
+    let whole = start.elapsed();
+    let finished = std::fs::read(&out).unwrap();
+    std::fs::write(&out, b"the old file").unwrap();
+    let mut killed = 0;
+    for moment in moments {
+        let mut child = build(&out).spawn().unwrap();
+        std::thread::sleep(whole.mul_f64(*moment));
+        child.kill().unwrap();
+        killed += usize::from(!child.wait().unwrap().success());
+        let now = std::fs::read(&out).unwrap();
+        // A build that had come to its end before it was killed may have replaced the file, as a whole.
+        assert!(now == b"the old file" || now == finished, "killed after {moment} of its time");
+        let left = std::fs::read_dir(results.path()).unwrap().count();
+        assert!(left <= 3, "{left} files: what dead runs left is not removed");
+    }
+    assert!(2 * killed >= moments.len(), "{killed} of {} builds were killed", moments.len());
+    assert!(build(&out).status().unwrap().success());
+    assert!(std::fs::read(&out).unwrap() == finished);
+    assert_eq!(std::fs::read_dir(results.path()).unwrap().count(), 1);
+}
+
 #[test]
 fn builds_killed_at_any_moment_leave_the_old_file_and_the_next_one_cleans_up() {
     let folder = tempfile::tempdir().unwrap();
     let source = snapshot(&folder, 150_000);
-    let results = tempfile::tempdir().unwrap();
-    let out = results.path().join("out.df");
-    let start = Instant::now();
-    assert!(build_command(&source, &out, "100MiB").status().unwrap().success());
-    let whole = start.elapsed();
-    let finished = std::fs::read(&out).unwrap();
-    std::fs::write(&out, b"the old file").unwrap();
     let mut random = Random(9);
-    let mut killed = 0;
-    for _ in 0..60 {
-        let mut child = build_command(&source, &out, "100MiB").spawn().unwrap();
-        std::thread::sleep(whole.mul_f64(1.1 * random.next()));
-        child.kill().unwrap();
-        killed += u32::from(!child.wait().unwrap().success());
-        let now = std::fs::read(&out).unwrap();
-        // A build that had come to its end before it was killed may have replaced the file, as a whole.
-        assert!(now == b"the old file" || now == finished);
-        let left = std::fs::read_dir(results.path()).unwrap().count();
-        assert!(left <= 3, "{left} files: what dead runs left is not removed");
-    }
-    assert!(killed >= 30, "{killed} builds were killed");
-    assert!(build_command(&source, &out, "100MiB").status().unwrap().success());
-    assert!(std::fs::read(&out).unwrap() == finished);
-    assert_eq!(std::fs::read_dir(results.path()).unwrap().count(), 1);
+    let moments: Vec<f64> = (0..60).map(|_| 1.1 * random.next()).collect();
+    kill_builds(|out| build_command(&source, out, "100MiB"), &moments);
+}
+
+#[test]
+fn builds_of_heights_killed_at_any_moment_leave_the_old_file_and_the_next_one_cleans_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("hills.npy");
+    let hills = ["synth", "surface", "--shape", "fbm", "--type", "i16", "--size", "2000,1600", "-o"];
+    assert!(deepfield().args(hills).arg(&source).status().unwrap().success());
+    let moments: Vec<f64> = (0..20).map(|k| (f64::from(k) + 0.5) / 20.0).collect();
+    kill_builds(|out| build_command(&source, out, "100MiB"), &moments);
 }
 
 /// A limit on the length of files stands in for a full disk: both end in an error of the write.

@@ -31,6 +31,14 @@ pub fn picture_at(path: &Path) -> Image {
     Image { width: info.width, height: info.height, rgba }
 }
 
+/// Compares a picture with its golden image, which `DEEPFIELD_BLESS=1` writes anew.
+pub fn check(name: &str, image: &Image) {
+    if std::env::var_os("DEEPFIELD_BLESS").is_some() {
+        write_png(&in_repository("tests/golden").join(format!("{name}.png")), image).unwrap();
+    }
+    check_against(name, image);
+}
+
 /// Compares a picture with its mode's golden image, whoever drew it.
 pub fn check_against(mode: &str, image: &Image) {
     let name = format!("{mode}.png");

@@ -1,13 +1,12 @@
 //! Golden images, one for each mode: the whole way from the demo snapshot to colours. `DEEPFIELD_BLESS=1` writes them
 //! anew; look at them before committing.
 
-use crate::support::golden::{TOLERANCE, check_against, difference, golden};
-use crate::support::{built, demo, draw_pages, draw_source, in_repository, paint_pages, view_from};
+use crate::support::golden::{TOLERANCE, check, difference, golden};
+use crate::support::{built, demo, draw_pages, draw_source, paint_pages, view_from};
 use deepfield::annotate::{self, Annotations, Label, Legend, Subject, Units};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
 use deepfield::color::composite::{Image, composite, composite_at};
-use deepfield::color::output::write_png;
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::Method;
 use deepfield::mode::{Depiction, Settings};
@@ -19,14 +18,6 @@ use std::sync::Arc;
 fn colors(mode: &str, picture: &Accumulation) -> Image {
     let preset = modes::find(mode).unwrap().transfer[usize::from(picture.has_attribute())];
     composite(picture, &TransferFunction::preset(preset).unwrap())
-}
-
-fn check(mode: &str, image: &Image) {
-    let name = format!("{mode}.png");
-    if std::env::var_os("DEEPFIELD_BLESS").is_some() {
-        write_png(&in_repository("tests/golden").join(&name), image).unwrap();
-    }
-    check_against(mode, image);
 }
 
 #[test]

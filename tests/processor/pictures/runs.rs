@@ -1,8 +1,8 @@
 //! Golden images of runs between their steps, by the program: paths over the particles, a surface of what moves, and a periodic box
 //! whose paths cross its faces. `DEEPFIELD_BLESS=1` writes them anew; look at them before committing.
 
-use crate::support::golden::{check_against, picture_at};
-use crate::support::{in_repository, run};
+use crate::support::golden::{self, picture_at};
+use crate::support::run;
 use std::path::{Path, PathBuf};
 
 fn ok(folder: &Path, arguments: &[&str]) {
@@ -14,11 +14,7 @@ fn ok(folder: &Path, arguments: &[&str]) {
 fn check(folder: &Path, name: &str, arguments: &[&str]) {
     let common = ["render", "run.df", "-o", "picture.png", "--size", "240x160", "--backend", "cpu"];
     ok(folder, &[&common[..], arguments].concat());
-    let picture = folder.join("picture.png");
-    if std::env::var_os("DEEPFIELD_BLESS").is_some() {
-        std::fs::copy(&picture, in_repository("tests/golden").join(format!("{name}.png"))).unwrap();
-    }
-    check_against(name, &picture_at(&picture));
+    golden::check(name, &picture_at(&folder.join("picture.png")));
 }
 
 fn sequence(name: &str) -> PathBuf {
