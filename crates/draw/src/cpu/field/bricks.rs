@@ -62,6 +62,14 @@ impl<'a> FieldBricks<'a> {
         self.field.to_index.transform_point3(eye + camera.x * right + camera.y * up + camera.z * forward)
     }
 
+    /// Where a value of a level's samples is placed.
+    fn placed(&self, value: f32) -> f32 {
+        match self.axis.linear() {
+            Some([low, per]) => 1.0 + ((value - low) * per).clamp(0.0, 1.0),
+            None => self.axis.place(value),
+        }
+    }
+
     fn brick(&self, layer: usize, place: usize) -> Option<Brick> {
         let first = [place % self.brick_grid.bricks[0], place / self.brick_grid.bricks[0]];
         let corner = first.map(|brick| (brick * BRICK) as f64 - BORDER as f64);
@@ -170,6 +178,24 @@ impl Fill for FieldBricks<'_> {
 
     fn has_attribute(&self) -> bool {
         self.hue.is_some()
+    }
+
+    fn slope(&self, [x, y]: [f64; 2], step: usize, share: f32, value: f32) -> Option<[f32; 3]> {
+        // Further away cells are about as wide as the means that they are filled from: their differences do.
+        let number = level_of_layer(self.field, self.grid, 0);
+        if level_of_layer(self.field, self.grid, step / BRICK) != number {
+            return None;
+        }
+        let level = &self.field.channels[self.channel].levels[number];
+        let [from, to] = [-0.5, 0.5].map(|away| self.indices([x, y, step as f64 + away]));
+        let at = (from + f64::from(share) * (to - from)).as_vec3().to_array();
+        // A hole is taken for the surface, so that it turns none.
+        let above = |sample: f32| if sample.is_nan() { 0.0 } else { self.placed(sample) - value };
+        let slope = DVec3::from_array(level.slope(FieldLevel::indices(number, at), above).map(f64::from));
+        let View { right, up, forward, .. } = *self.view;
+        // A gradient is turned by the inverse of what turns places, transposed.
+        let along = |axis: DVec3| slope.dot(self.field.to_index.transform_vector3(axis)) as f32;
+        Some([right, up, forward].map(along))
     }
 
     fn bytes(&self) -> u64 {

@@ -135,6 +135,26 @@ impl Field {
     }
 }
 
+/// What four samples count for in a cubic B-spline, at a share of the way from the second to the third, and in its slope.
+fn spline(t: f32) -> [[f32; 4]; 2] {
+    let (s, [t2, t3]) = (1.0 - t, [t * t, t * t * t]);
+    let shares = [s * s * s, 3.0 * t3 - 6.0 * t2 + 4.0, 3.0 * (t + t2 - t3) + 1.0, t3].map(|share| share / 6.0);
+    [shares, [-0.5 * s * s, 1.5 * t2 - 2.0 * t, 0.5 + t - 1.5 * t2, 0.5 * t2]]
+}
+
+/// What they count for where the second is the sample `first` of those up to `last`: one that is missing lies on the line of its neighbours.
+fn within(mut weights: [f32; 4], first: usize, last: usize) -> [f32; 4] {
+    if first == 0 {
+        let [missing, a, b, c] = weights;
+        weights = [0.0, a + 2.0 * missing, b - missing, c];
+    }
+    if first + 2 > last {
+        let [a, b, c, missing] = weights;
+        weights = [a, b - missing, c + 2.0 * missing, 0.0];
+    }
+    weights
+}
+
 fn both(a: [f32; 2], b: [f32; 2]) -> [f32; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }
@@ -278,6 +298,37 @@ impl FieldLevel {
         sum / weights
     }
 
+    /// How the field changes along each axis for a unit of the level's indices, by cubic B-splines of what `place` makes of samples: what is
+    /// interpolated linearly has slopes that jump from sample to sample. Beyond the outermost samples it goes on as it ends; of holes `place`
+    /// says what they are taken for.
+    pub fn slope(&self, at: [f32; 3], place: impl Fn(f32) -> f32) -> [f32; 3] {
+        let axis = |axis: usize| {
+            let last = self.shape[axis] - 1;
+            let at = at[axis].clamp(0.0, last as f32);
+            let first = (at as usize).min(last.saturating_sub(1));
+            let samples = [0, 1, 2, 3].map(|k: usize| (first + k).saturating_sub(1).min(last));
+            let [shares, slopes] = spline(at - first as f32).map(|weights| within(weights, first, last));
+            (samples, shares, slopes)
+        };
+        let [x, y, z] = [0, 1, 2].map(axis);
+        let mut sum = [0.0f32; 3];
+        for k in 0..4 {
+            for j in 0..4 {
+                let row = (z.0[k] * self.shape[1] + y.0[j]) * self.shape[0];
+                let (mut value, mut slope) = (0.0, 0.0);
+                for i in 0..4 {
+                    let sample = place(self.values[row + x.0[i]]);
+                    value += x.1[i] * sample;
+                    slope += x.2[i] * sample;
+                }
+                sum[0] += y.1[j] * z.1[k] * slope;
+                sum[1] += y.2[j] * z.1[k] * value;
+                sum[2] += y.1[j] * z.2[k] * value;
+            }
+        }
+        sum
+    }
+
     /// The first and the last index of a level at which so many samples along an axis, each with its surroundings, still are.
     pub fn ends(level: usize, samples: f64) -> [f64; 2] {
         [-0.5, samples / f64::from(1u32 << level) - 0.5]
@@ -323,6 +374,17 @@ mod tests {
         }
         assert_eq!(field.range(0), Some([linear(0.0, 15.0, 0.0), linear(31.0, 0.0, 23.0)]));
         assert_eq!((field.level_for(0.5), field.level_for(2.0), field.level_for(1e9)), (0, 1, 5));
+    }
+
+    #[test]
+    fn slopes_of_what_is_linear_are_exact_up_to_the_border() {
+        let field = field([9, 6, 7], |x, y, z| 3.0 + 2.0 * x as f32 - y as f32 + 0.5 * z as f32);
+        for i in 0..200 {
+            let at = [-0.5 + 0.0455 * i as f32, 5.5 - 0.0301 * i as f32, -0.5 + 0.0352 * i as f32];
+            let found = field.channels[0].levels[0].slope(at, |value| value);
+            let error = found.iter().zip([2.0f32, -1.0, 0.5]).map(|(found, slope)| (found - slope).abs());
+            assert!(error.fold(0.0, f32::max) < 1e-4, "{at:?} {found:?}");
+        }
     }
 
     #[test]

@@ -67,6 +67,15 @@ impl Block {
         [read(&self.density), if self.weighted.is_empty() { 0.0 } else { read(&self.weighted) }]
     }
 
+    /// The least density of the cells that a sample is made of.
+    pub fn least(&self, at: &Place, z: usize) -> f32 {
+        let start = (z * SIDE + at.y) * SIDE + at.x;
+        match at.shares {
+            [0.0, 0.0] => self.density[start],
+            _ => [0, 1, SIDE, SIDE + 1].map(|offset| self.density[start + offset]).into_iter().fold(f32::MAX, f32::min),
+        }
+    }
+
     /// The density alone.
     #[inline]
     pub fn density(&self, at: &Place, z: usize) -> f32 {
