@@ -1,6 +1,6 @@
 //! Values of a scene that are of the right type and make no sense all the same.
 
-use super::{Camera, ERRORS_PX, SceneFile, VERSION, VERSION_TIME};
+use super::{Camera, ERRORS_PX, LookPatch, SceneFile, VERSION, VERSION_TIME};
 use crate::model::ron_file::RonError;
 use crate::model::ron_place::Place;
 use crate::view::Stereo;
@@ -25,6 +25,20 @@ pub(super) fn check(scene: &SceneFile, file: &str, text: &str) -> Result<(), Ron
     for dataset in &scene.datasets {
         if !dataset.offset.iter().all(|x| x.is_finite()) {
             return Err(place.refuse(&["datasets", "offset"], format!("{:?}", dataset.offset), "finite numbers"));
+        }
+        if let Some(own) = &dataset.own_look {
+            let look = LookPatch {
+                mode: own.mode,
+                settings: own.settings.clone(),
+                attribute: own.attribute.clone(),
+                transfer: own.transfer.clone(),
+                ..LookPatch::default()
+            };
+            let refuse = |path: &[&str], found, expected| {
+                let path: Vec<&str> = ["datasets", "look"].iter().chain(path).copied().collect();
+                place.refuse(&path, found, expected)
+            };
+            look.check(look.mode_of_settings(), ERRORS_PX, &refuse)?;
         }
         if let Some(scale) = dataset.scale.filter(|scale| !(1e-30..=1e30).contains(scale)) {
             return Err(place.refuse(&["datasets", "scale"], scale, "a positive number, 1e-30 to 1e30"));

@@ -469,18 +469,18 @@ impl Session {
     fn check_among(&self, depiction: &Depiction) -> Result<(), PictureError> {
         let asked = |why: String| Err(PictureError::Asked(why));
         match self.options.backend {
-            _ if self.options.overdraw.is_some() => asked("--overdraw: is for pictures without heights".into()),
+            _ if self.options.overdraw.is_some() => asked("--overdraw: is for pictures of particles alone".into()),
             _ if !depiction.blended().mode.technique.meets_surfaces() => {
                 let modes =
                     modes::all().into_iter().filter(|mode| mode.takes_particles() && mode.technique.meets_surfaces());
                 let modes: Vec<&str> = modes.map(|mode| mode.name).collect();
                 let (found, expected) = (depiction.mode.name, modes.join(", "));
                 asked(format!(
-                    "mode: found {found}, which knows no heights among its particles, expected one of {expected}"
+                    "mode: found {found}, which draws no particles among other data, expected one of {expected}"
                 ))
             }
             Some(Backend::Compute | Backend::Raster) => {
-                asked("--backend: expected cpu, which alone draws particles among heights".into())
+                asked("--backend: expected cpu, which alone draws particles among other data".into())
             }
             _ => Ok(()),
         }

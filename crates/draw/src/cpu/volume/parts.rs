@@ -25,6 +25,8 @@ struct Begun {
     /// Opacity gathered since, and the sum of its depths by their opacity.
     gathered: f32,
     depths: f32,
+    /// The depth of the part before, which rounding must not put behind this one.
+    before: f32,
 }
 
 impl Parts {
@@ -53,12 +55,14 @@ impl Parts {
         let begun =
             std::mem::replace(&mut self.begun[index], Begun { color: ray.color, alpha: ray.alpha, ..Begun::default() });
         let added = ray.alpha - begun.alpha;
+        let depth = if begun.gathered > 0.0 { (begun.depths / begun.gathered).max(begun.before) } else { begun.before };
+        self.begun[index].before = depth;
         if added <= 0.0 || begun.gathered <= 0.0 {
             return;
         }
         let color = [0, 1, 2].map(|k| (ray.color[k] - begun.color[k]) / added);
         let alpha = (added / (1.0 - begun.alpha)).min(1.0);
-        self.ended.push((index as u32, PathFragment { depth: begun.depths / begun.gathered, color, alpha }));
+        self.ended.push((index as u32, PathFragment { depth, color, alpha }));
     }
 
     /// Those that have ended, with their rays.

@@ -8,7 +8,8 @@ use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
 use crate::heights::import::PhotoChoice;
 use crate::look::Film;
 use crate::look::{
-    Attribute, Bookmark, Camera, DatasetRef, Fingerprint, HeightsSaid, LookPatch, Panels, TakenFor, VERSION_TIME,
+    Attribute, Bookmark, Camera, DatasetRef, Fingerprint, HeightsSaid, LookPatch, OwnLook, Panels, TakenFor,
+    VERSION_TIME,
 };
 use crate::mode::{Focus, PathSettings, PathShape, PathsOf, SettingValue, Settings, Span};
 use crate::model::{Unit, When};
@@ -51,6 +52,12 @@ fn full() -> SceneFile {
             texture: Some(PhotoChoice { path: "photo.jpg".into(), rectangle: Some([-1.0, 0.0, 1.0, 2.5]) }),
             before: Some("before.df".into()),
         },
+        own_look: Some(OwnLook {
+            mode: Some(&volume_isosurface::MODE),
+            settings: Settings([("isovalues".to_owned(), SettingValue::Numbers(vec![0.5, 2.0]))].into_iter().collect()),
+            attribute: Some(Attribute::Named("metallicity".into())),
+            transfer: Some(TransferFunction::of_values(true)),
+        }),
     };
     SceneFile {
         version: VERSION_TIME,

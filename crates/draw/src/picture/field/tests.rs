@@ -77,7 +77,7 @@ fn parts_come_to_the_whole() {
     });
     let mut session = FieldSession::open(&path, SessionOptions::default(), Arc::new(())).unwrap();
     let camera = CameraConfig { eye: Some([40.0, 30.0, 60.0]), fov: Some(35.0), ..CameraConfig::default() };
-    for (mode, most) in [("volume", 17), ("isosurface", 8), ("volume-isosurface", 40), ("slice", 1)] {
+    for (mode, most) in [("volume", 17), ("isosurface", 40), ("volume-isosurface", 40), ("slice", 1)] {
         for transfer in [HAZE, ""] {
             let own = shot(mode, transfer, camera, (80, 60));
             let prepared = session.prepare(&own).unwrap();

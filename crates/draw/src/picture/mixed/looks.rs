@@ -104,20 +104,26 @@ impl Kinds {
         for (dimensions, member) in self.dimensions.iter().zip(own) {
             let usual = of_kind(MemberKind::Field, of_field(*dimensions));
             let look = member.own_look.as_ref().map_or_else(|| usual.clone(), |own| own_look(&usual, own, *dimensions));
-            if let Some(mode) = look.mode.filter(|mode| !mode.takes_field_among(*dimensions)) {
-                let all = modes::all().into_iter().filter(|mode| mode.takes_field_among(*dimensions));
-                let expected: Vec<&str> = all.map(|mode| mode.name).collect();
-                let kind = if *dimensions == 2 { "image" } else { "volume" };
-                let (found, expected) = (mode.name, expected.join(", "));
-                let why =
-                    format!("mode: found {found}, which draws no {kind} among other data, expected one of {expected}");
-                return Err(PictureError::of(&member.path, why));
+            for mode in [&usual, &look].into_iter().filter_map(|look| look.mode) {
+                draws_among(mode, *dimensions).map_err(|why| PictureError::of(&member.path, why))?;
             }
             fields.push(look);
         }
         let heights = of_kind(MemberKind::Heights, of_heights);
         Ok(Looks { heights, fields, particles: of_kind(MemberKind::Particles, of_particles), about })
     }
+}
+
+/// Refuses modes that draw an image or a volume alone.
+fn draws_among(mode: &Mode, dimensions: usize) -> Result<(), String> {
+    if mode.takes_field_among(dimensions) {
+        return Ok(());
+    }
+    let all = modes::all().into_iter().filter(|mode| mode.takes_field_among(dimensions));
+    let expected: Vec<&str> = all.map(|mode| mode.name).collect();
+    let kind = if dimensions == 2 { "image" } else { "volume" };
+    let (found, expected) = (mode.name, expected.join(", "));
+    Err(format!("mode: found {found}, which draws no {kind} among other data, expected one of {expected}"))
 }
 
 /// A look in another mode.

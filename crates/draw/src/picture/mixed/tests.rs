@@ -266,8 +266,9 @@ fn settings_are_those_of_both_modes_and_no_others() {
     let [plane, cloud] = members;
     let mut session = open(&[cloud, Member { scale: None, ..plane }], "m", SessionOptions::default());
     assert!(!session.begins_with_heights());
-    let prepared = session.prepare(&LookPatch::default()).unwrap();
-    assert_eq!(session.placements(&prepared)[0].scale, 1e-3);
+    let looks = session.looks(&LookPatch::default()).unwrap();
+    let ready = session.prepare(&looks).unwrap();
+    assert_eq!(session.placements(&ready).heights[0].scale, 1e-3);
     assert!(session.framed(&LookPatch::default()).unwrap().size().length() < 0.01);
 }
 

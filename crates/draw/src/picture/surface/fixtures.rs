@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A field of heights in metres as text, its first sample at the lowest x and y.
-pub(super) fn field(
+pub(in crate::picture) fn field(
     folder: &Path,
     name: &str,
     [columns, rows]: [usize; 2],

@@ -87,7 +87,7 @@ fn haze_dims_what_is_in_it_by_the_way_through() {
             let way = (23.5 - z).clamp(0.0, 24.0);
             let spread = if way > 0.0 && way < 24.0 { (per_length * h).powi(2) } else { 0.0 };
             let expected = (-per_length * way).exp();
-            assert!((found - expected).abs() < 0.035 + spread, "{mode} {h} at {z}: {found}, expected {expected}");
+            assert!((found - expected).abs() < 0.04 + spread, "{mode} {h} at {z}: {found}, expected {expected}");
         }
     }
 }
@@ -96,7 +96,7 @@ fn haze_dims_what_is_in_it_by_the_way_through() {
 fn each_is_drawn_in_its_own_mode() {
     let folder = tempfile::tempdir().unwrap();
     let (source, built) = (ball(folder.path()), folder.path().join("ball.df"));
-    build_grid(&*open_grid(&source, &GridOptions::default()).unwrap(), &GridBuildOptions::default(), &built, &())
+    build_grid(&open_grid(&source, &GridOptions::default()).unwrap(), &GridBuildOptions::default(), &built, &())
         .unwrap();
     let stars: Vec<_> = (0..40)
         .map(|k| {
@@ -149,7 +149,7 @@ fn each_is_drawn_in_its_own_mode() {
 fn surfaces_of_volumes_and_slices_hide_what_is_behind() {
     let folder = tempfile::tempdir().unwrap();
     let ball = ball(folder.path());
-    for (mode, settings) in [("isosurface", r#"{"isovalues": [100.0], "opacities": [1.0]}"#), ("slice", "{}")] {
+    for (mode, settings) in [("isosurface", r#"{"isovalues": [100.0], "iso-opacities": [1.0]}"#), ("slice", "{}")] {
         for (z, is_seen) in [(2.0, false), (14.0, false), (30.0, true)] {
             let star =
                 particles(folder.path(), &format!("{mode}{z}.df"), &[(DVec3::new(15.5, 15.5, z), 0.5, 1.0)], "m", None);
