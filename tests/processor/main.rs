@@ -29,6 +29,7 @@ mod pictures {
     mod fields;
     mod golden;
     mod guarantee;
+    mod heights;
     mod joined;
     mod lod_budget;
     mod paths;

@@ -116,11 +116,19 @@ pub fn composite_on(picture: &Accumulation, function: &TransferFunction, levels:
     }
 }
 
-/// Colours of a picture with given ranges over another one of the same size: as before a background of each pixel's colour.
-pub fn composite_over(picture: &Accumulation, function: &TransferFunction, levels: &Levels, behind: &Image) -> Image {
+/// Colours of a picture with given ranges over another one of the same size: as before a background of each pixel's colour. Of what is seen through
+/// something, `through` has the share of each pixel.
+pub fn composite_over(
+    picture: &Accumulation,
+    function: &TransferFunction,
+    levels: &Levels,
+    behind: &Image,
+    through: Option<&[f32]>,
+) -> Image {
     let mut image = with_lut(picture, function, levels, &function.bake_transparent());
-    image.rgba.par_iter_mut().zip(&behind.rgba).for_each(|(pixel, behind)| {
-        let (alpha, under) = (f32::from(pixel[3]) / 255.0, f32::from(behind[3]) / 255.0);
+    image.rgba.par_iter_mut().zip(&behind.rgba).enumerate().for_each(|(index, (pixel, behind))| {
+        let share = through.and_then(|through| through.get(index)).copied().unwrap_or(1.0);
+        let (alpha, under) = (share * f32::from(pixel[3]) / 255.0, f32::from(behind[3]) / 255.0);
         let left = under * (1.0 - alpha);
         let whole = alpha + left;
         let over = |k: usize| (f32::from(pixel[k]) * alpha + f32::from(behind[k]) * left) / whole.max(1e-6);

@@ -3,6 +3,7 @@
 use super::annotation::Annotation;
 use super::error::PictureError;
 use super::field::PointsReport;
+use super::ground::through;
 use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
 use super::level_report::LevelReport;
@@ -10,7 +11,7 @@ use super::paths::PathCounts;
 use super::surface::{CHANNELS, SurfaceShown};
 use crate::annotate::overlay::mix_into;
 use crate::color::transfer::{Levels, TransferFunction};
-use crate::color::{Colors, Image, composite, output};
+use crate::color::{Accumulation, Colors, Image, composite, output};
 use crate::cpu::paths::fragments::lay_over;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Film, Shot};
@@ -54,6 +55,8 @@ pub struct Picture {
     pub paths: Option<Arc<Colors>>,
     /// Measured surfaces under sums; those of colours are among its values.
     pub ground: Option<Arc<Colors>>,
+    /// Sums as they would be without what they are seen through, such as a volume: their colours are those of these, dimmed by what it takes.
+    pub unfiltered: Option<Arc<Accumulation>>,
     /// What a legend tells, where that is not how its values became colours.
     pub told: Option<Coloration>,
     /// Of images and volumes: the points that it was drawn from.
@@ -134,7 +137,7 @@ impl Picture {
     /// How its values become colours.
     pub fn coloration(&self) -> Coloration {
         let levels = match &self.values {
-            Raw::Sums(sums, _) => self.transfer.levels(sums),
+            Raw::Sums(sums, _) => self.transfer.levels(self.unfiltered.as_deref().unwrap_or(sums)),
             Raw::Light(painted) => Levels { p: painted.levels.density, s: painted.levels.attribute },
         };
         Coloration { transfer: self.transfer.clone(), levels }
@@ -153,7 +156,10 @@ impl Picture {
                 None => composite::composite_on(sums, &self.transfer, &coloration.levels, background),
                 Some(ground) => {
                     let behind = ground.image_on(background);
-                    composite::composite_over(sums, &self.transfer, &coloration.levels, &behind)
+                    let whole = self.unfiltered.as_deref();
+                    let through = whole.map(|whole| through(sums, whole));
+                    let (sums, levels) = (whole.unwrap_or(sums), &coloration.levels);
+                    composite::composite_over(sums, &self.transfer, levels, &behind, through.as_deref())
                 }
             },
             Raw::Light(painted) => painted.colors.image_on(background),

@@ -1,13 +1,40 @@
-//! Measured surfaces in a picture of something else: one depth for all of it.
+//! Measured surfaces, images and volumes in a picture of something else: one depth for all of it.
 
+use crate::color::Accumulation;
 use crate::cpu::paths::PathFragments;
 use crate::view::View;
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// What particles, paths and volumes are drawn among.
 pub trait Ground: Sync {
     /// What each pixel of a view shows of it, from front to back, in colours and with depths in the view's lengths.
     fn fragments(&self, view: &View) -> PathFragments;
+
+    /// Whether some of it is seen through, as a volume is: what is added up behind that has its own colours, and less light.
+    fn is_filter(&self) -> bool {
+        false
+    }
+
+    /// What of it is not seen through.
+    fn solid(&self, view: &View) -> PathFragments {
+        self.fragments(view)
+    }
+}
+
+/// What of a ground is not seen through.
+pub(super) struct Solid<'a>(pub &'a dyn Ground);
+
+impl Ground for Solid<'_> {
+    fn fragments(&self, view: &View) -> PathFragments {
+        self.0.solid(view)
+    }
+}
+
+/// The share of each pixel's sums that comes through what is before them; `whole` is what there would be without that.
+pub(super) fn through(seen: &Accumulation, whole: &Accumulation) -> Vec<f32> {
+    let share = |(seen, whole): (&f32, &f32)| if *whole > 0.0 { (seen / whole).clamp(0.0, 1.0) } else { 1.0 };
+    seen.p.par_iter().zip(&whole.p).map(share).collect()
 }
 
 /// What something is drawn among: paths, surfaces or both.

@@ -12,7 +12,7 @@ use super::adapter::{self, Adapter, Passes};
 use super::annotation::{Annotation, FollowedPlaces};
 use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
-use super::ground::Ground;
+use super::ground::{Ground, Solid, through};
 use super::hiding::Hiding;
 use super::left_out::LeftOut;
 use super::level_report::LevelReport;
@@ -334,10 +334,23 @@ impl Session {
         self.check_blend(&depiction, shot)?;
         let view = shot.view(framed, tree.metadata().periodic_box())?;
         let shown = Shown { shot, view, framed, depiction: &depiction, transfer: &transfer, ground };
-        let drawn = match shot.is_projected() {
+        let mut drawn = match shot.is_projected() {
             true => self.draw_projected(&*tree, &shown),
             false => self.draw_flat(&*tree, &shown),
         };
+        if let (Ok(picture), Some(ground)) = (&mut drawn, ground.filter(|ground| ground.is_filter()))
+            && matches!(picture.values, Raw::Sums(..))
+        {
+            let solid = Solid(ground);
+            let shown = Shown { ground: Some(&solid), ..shown };
+            let whole = match shot.is_projected() {
+                true => self.draw_projected(&*tree, &shown)?,
+                false => self.draw_flat(&*tree, &shown)?,
+            };
+            if let Raw::Sums(whole, _) = whole.values {
+                picture.unfiltered = Some(Arc::new(whole));
+            }
+        }
         if let Ok(picture) = &drawn {
             self.tell_of_levels(picture, &depiction, tree.metadata());
         }
@@ -437,10 +450,20 @@ impl Session {
         let nodes = subject.decode(view, &selection.nodes, &plan);
         let (image, levels, sums) = match subject.draw_with_paths(view, &nodes, &plan, surfaces.as_ref()) {
             Ok(Raw::Sums(sums, _)) => {
-                let levels = levels.unwrap_or_else(|| transfer.levels(&sums));
+                let solid = ground.filter(|ground| ground.is_filter()).map(|ground| ground.solid(view));
+                let whole = solid.map(|solid| subject.draw_with_paths(view, &nodes, &plan, Some(&solid)));
+                let whole = match whole.transpose()? {
+                    Some(Raw::Sums(whole, _)) => Some(whole),
+                    _ => None,
+                };
+                let shown = whole.as_ref().unwrap_or(&sums);
+                let levels = levels.unwrap_or_else(|| transfer.levels(shown));
                 let image = match &surfaces {
-                    None => composite_at(&sums, &transfer, &levels),
-                    Some(surfaces) => composite_over(&sums, &transfer, &levels, &surfaces.colors().image()),
+                    None => composite_at(shown, &transfer, &levels),
+                    Some(surfaces) => {
+                        let through = whole.as_ref().map(|whole| through(&sums, whole));
+                        composite_over(shown, &transfer, &levels, &surfaces.colors().image(), through.as_deref())
+                    }
                 };
                 (image, Some(levels), Some(sums))
             }
@@ -587,6 +610,7 @@ impl Session {
             moment: self.shown_moment(0),
             paths: None,
             ground: None,
+            unfiltered: None,
             told: None,
             points: None,
             surface: None,

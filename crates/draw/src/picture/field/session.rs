@@ -265,6 +265,7 @@ impl FieldSession {
             moment: None,
             paths: None,
             ground: None,
+            unfiltered: None,
             told: None,
             points: Some(*report),
             surface: None,

@@ -25,6 +25,11 @@ impl FieldsAmong {
         FieldsAmong { fields, error: Mutex::default() }
     }
 
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.fields.is_empty()
+    }
+
     /// Why one could not be drawn.
     pub fn error(&self) -> Option<String> {
         self.error.lock().unwrap_or_else(PoisonError::into_inner).clone()

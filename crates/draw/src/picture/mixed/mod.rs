@@ -101,6 +101,14 @@ impl Ground for Among<'_> {
         *self.depths.lock().unwrap_or_else(PoisonError::into_inner) = SurfaceDepths::of_fragments(view, &found);
         found
     }
+
+    fn is_filter(&self) -> bool {
+        !self.fields.is_empty()
+    }
+
+    fn solid(&self, view: &View) -> PathFragments {
+        if self.heights.is_empty() { PathFragments::nothing(view) } else { self.heights.fragments(view) }
+    }
 }
 
 /// What came of a picture.

@@ -336,6 +336,7 @@ impl SurfaceSession {
             moment: None,
             paths: None,
             ground: None,
+            unfiltered: None,
             told: None,
             points: None,
             surface: Some(shown),

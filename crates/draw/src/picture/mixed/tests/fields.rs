@@ -92,6 +92,49 @@ fn haze_dims_what_is_in_it_by_the_way_through() {
     }
 }
 
+/// What is seen through something has its own colour, dimmed: not the one that a logarithm gives to less of it.
+#[test]
+fn what_is_seen_through_is_dimmer_by_what_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let haze = volume(folder.path(), "haze.nrrd", [32, 32, 24], |_| 100.0);
+    let star = particles(folder.path(), "star.df", &[(DVec3::new(15.5, 15.5, -4.0), 3.0, 1.0)], "m", None);
+    let dark = HAZE.replace("#ffffff", "#000000");
+    let own_look = Some(OwnLook { transfer: transfer(&dark), ..OwnLook::default() });
+    let behind = [Member::new(&star), Member { own_look: own_look.clone(), ..Member::new(&haze) }];
+    // The haze lies elsewhere.
+    let free = [Member::new(&star), Member { own_look, offset: DVec3::X * 1e4, ..Member::new(&haze) }];
+    let brightest = |members: &[Member], surround: Surround| {
+        let mut shot = above(Some("column-density"), None);
+        shot.surround = surround;
+        if !surround.is_flat() {
+            (shot.camera.eye, shot.size) = (Some([15.5, 15.5, 40.0]), Some((128, 64)));
+        }
+        let mut session = mixed(members);
+        let picture = session.draw(&shot).unwrap();
+        assert!(picture.unfiltered.is_some());
+        let image = picture.image(&shot).unwrap();
+        let (_, most) = session
+            .image(&shot.look, &picture.annotation.view, None, 10.0, u64::MAX)
+            .map(|(image, _)| most_of(&image))
+            .map(|most| (0, most))
+            .unwrap();
+        (most_of(&image), most)
+    };
+    let let_through = 0.9_f64.powf(12.0);
+    for surround in [Surround::Flat, Surround::Equirectangular] {
+        let ((behind, seen), (free, seen_free)) = (brightest(&behind, surround), brightest(&free, surround));
+        let pairs = if surround.is_flat() { vec![(behind, free), (seen, seen_free)] } else { vec![(behind, free)] };
+        for (behind, free) in pairs {
+            assert!(free > 100.0 && (behind / free - let_through).abs() < 0.05, "{surround:?}: {behind} of {free}");
+        }
+    }
+}
+
+/// The brightest value of a picture.
+fn most_of(image: &Image) -> f64 {
+    image.rgba.iter().flat_map(|color| &color[..3]).fold(0, |most: u8, value| most.max(*value)).into()
+}
+
 #[test]
 fn each_is_drawn_in_its_own_mode() {
     let folder = tempfile::tempdir().unwrap();
