@@ -1,7 +1,7 @@
 // From a particle in camera space to its splat: where it lies in the picture, its shape there, and the pyramid level that
 // it is drawn in (F12 4.9.1).
 #define_import_path deepfield::projection
-#import deepfield::constants::{SAMPLED_RADIUS, TILE}
+#import deepfield::constants::TILE
 #import deepfield::particle::{view, Particle}
 #import deepfield::splat_view::{Splat, SAMPLED, SMALL, EVERYWHERE, INVISIBLE, DROPPED, ELLIPSE, SMALL_ELLIPSE}
 #ifdef ELLIPSOIDS
@@ -22,6 +22,8 @@ struct Camera {
     margin: u32,
     faintest: f32,
     peak: f32,
+    /// Radius in cells from which on splats are sampled.
+    sampled_radius: f32,
 }
 
 fn camera() -> Camera {
@@ -37,6 +39,7 @@ fn camera() -> Camera {
         view.levels[0].margin,
         view.faintest,
         view.peak,
+        view.levels[0].sampled_radius,
     );
 }
 
@@ -97,7 +100,7 @@ fn project_ellipse(camera: Camera, particle: Particle, ellipse: Ellipse) -> Proj
     let short = area / long;
     let weight = particle.weight * ellipse.flux * vec2(1.0, particle.quantity);
     var result: Projected;
-    if short < SAMPLED_RADIUS {
+    if short < camera.sampled_radius {
         let cut_along_y = yy >= xx;
         let height = select(xx, yy, cut_along_y);
         let half = sqrt(vec2(determinant / height, height));
@@ -106,7 +109,7 @@ fn project_ellipse(camera: Camera, particle: Particle, ellipse: Ellipse) -> Proj
         result.kind = SMALL_ELLIPSE;
     } else {
         result.splat = Splat(vec4(center, vec2(yy, -xy) / determinant), vec4(xx / determinant, weight / area, long));
-        result.level = min(u32(log2(short / SAMPLED_RADIUS)), camera.level_count - 1u);
+        result.level = min(u32(log2(short / camera.sampled_radius)), camera.level_count - 1u);
         result.kind = ELLIPSE;
     }
     let outside = any(abs(center - 0.5 * camera.size) > 0.5 * camera.size + sqrt(vec2(xx, yy)) + 0.5);
@@ -175,7 +178,7 @@ fn project(camera: Camera, particle: Particle) -> Projected {
     let straight = vec3(1.0 / (minor * minor), 0.0, 1.0 / (minor * minor));
     let form = select(straight, tilted, perspective && !is_point);
 
-    let ratio = minor / SAMPLED_RADIUS;
+    let ratio = minor / camera.sampled_radius;
     var result: Projected;
     let signed_reach = select(reach, -reach, perspective && !is_point && distance <= h);
     result.splat = Splat(vec4(center, form.xy), vec4(form.z, weight, signed_reach));

@@ -26,8 +26,9 @@ struct Level {
     /// First bin of the ellipses that are sampled, and of those that are integrated: bins as fine as tiles, then of twice the edge, and so on
     /// to a single one for all tiles, each of these with a margin around, and one more for what reaches further than any margin.
     ellipse_bins: vec2<u32>,
-    unused_a: u32,
-    unused_b: u32,
+    /// Splats with a radius of at least this many cells are sampled; the same in every level.
+    sampled_radius: f32,
+    unused: u32,
 }
 
 /// What differs between the passes of a picture.

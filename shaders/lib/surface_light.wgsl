@@ -1,9 +1,10 @@
 // What a place of measured heights looks like: its attribute's colour, the light on it, lines of equal height (crates/draw/src/cpu/surface/shade.rs).
 #define_import_path deepfield::surface_light
-#import deepfield::surface_constants::{FINER, SECANTS, MINOR, EDGE, REACH, BY_HEIGHT, BY_SLOPE, BY_ASPECT, BY_CURVATURE, BY_LEVEL, BY_PRIMITIVE, BY_RESIDUAL, BY_DIFFERENCE, BY_PLANE, BY_TEXTURE, BESIDE, UNMEASURED, NONE, POINTS}
+#import deepfield::surface_constants::{FINER, SECANTS, MINOR, EDGE, REACH, BY_HEIGHT, BY_SLOPE, BY_ASPECT, BY_CURVATURE, BY_LEVEL, BY_PRIMITIVE, BY_RESIDUAL, BY_DIFFERENCE, BY_PLANE, BY_TEXTURE, BY_PHOTO, BESIDE, UNMEASURED, NONE, POINTS}
 #import deepfield::surface_globe::{frame_at, rise_of, sight_at}
 #import deepfield::surface_levels::{between, index_of, share_of, levels_of, level_at, normal_of}
 #import deepfield::surface_look::{look, number_at}
+#import deepfield::surface_photo::photo_of
 #import deepfield::surface_ray::{Hit, ray_at, walk, WIDE, ENDLESS}
 #import deepfield::surface_view::{surface, words, draws}
 
@@ -52,7 +53,7 @@ fn texel_at(hit: Hit, level: u32) -> Texel {
         sum += weight;
         texel.normal += weight * normal;
         texel.height += weight * bitcast<f32>(words[four.start + index]);
-        if surface.colored_by >= BY_PLANE {
+        if surface.colored_by == BY_PLANE || surface.colored_by == BY_TEXTURE {
             texel.planes += weight * decoded(unpack4x8unorm(words[four.start + 3u * four.count + index]).xyz);
         } else if has_values() {
             let value = bitcast<f32>(words[four.start + 3u * four.count + index]);
@@ -308,6 +309,8 @@ fn color_of(hit: Hit, place: vec2<f32>) -> vec4<f32> {
     var plain = colored(value);
     if surface.colored_by == BY_TEXTURE {
         plain = texel.planes;
+    } else if surface.colored_by == BY_PHOTO {
+        plain = photo_of(hit, normal, place);
     }
     plain = select(plain, BESIDE, is_beside);
     var toward = -surface.world_forward;

@@ -94,7 +94,25 @@ struct SurfaceView {
     lift: f32,
     /// World lengths of a column and of a row that normals are made with.
     lengths: vec2<f32>,
-    unused: vec2<u32>,
+    /// Rows and columns of a photo's pixels, the pixel that others are counted from, and where the anchor is from that one's edge.
+    photo_size: vec2<u32>,
+    photo_anchor: vec2<i32>,
+    photo_at: vec2<f32>,
+    /// Pixels that a row and a column are long.
+    photo_per: vec2<f32>,
+    /// The field's first and last row, and its first and last column, in pixels.
+    photo_rows: vec2<f32>,
+    photo_columns: vec2<f32>,
+    /// After how many pixels the photo repeats, 0 where it does not, and whether it goes all around.
+    photo_period: f32,
+    photo_is_endless: u32,
+    /// Where `lists` has the light of a photo's values.
+    photo_light: u32,
+    /// Where it has of each level of the photo where it lists its tiles, `NONE` for those that are not there, and how many of them are in a row;
+    /// and how many levels there are.
+    photo_table: u32,
+    photo_levels: u32,
+    unused: u32,
 }
 
 /// A chunk that is drawn.

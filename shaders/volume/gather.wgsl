@@ -53,6 +53,35 @@ fn kernel(q2: vec4<f32>) -> vec4<f32> {
 #ifdef POLY6
     let t = max(1.0 - q2, vec4(0.0));
     return t * t * t;
+#else ifdef QUARTIC_SPLINE
+    // (1 - q)^4 - 5 (3/5 - q)^4 + 10 (1/5 - q)^4, each where its base is positive.
+    let q = sqrt(q2);
+    let a = max(1.0 - q, vec4(0.0));
+    let b = max(0.6 - q, vec4(0.0));
+    let c = max(0.2 - q, vec4(0.0));
+    return a * a * a * a - 5.0 * (b * b * b * b) + 10.0 * (c * c * c * c);
+#else ifdef QUINTIC_SPLINE
+    // (1 - q)^5 - 6 (2/3 - q)^5 + 15 (1/3 - q)^5, each where its base is positive.
+    let q = sqrt(q2);
+    let a = max(1.0 - q, vec4(0.0));
+    let b = max(2.0 / 3.0 - q, vec4(0.0));
+    let c = max(1.0 / 3.0 - q, vec4(0.0));
+    return a * a * a * a * a - 6.0 * (b * b * b * b * b) + 15.0 * (c * c * c * c * c);
+#else ifdef WENDLAND_C2
+    let q = sqrt(q2);
+    let a = max(1.0 - q, vec4(0.0));
+    return a * a * a * a * fma(q, vec4(4.0), vec4(1.0));
+#else ifdef WENDLAND_C4
+    let q = sqrt(q2);
+    let a = max(1.0 - q, vec4(0.0));
+    let a3 = a * a * a;
+    return a3 * a3 * fma(q, fma(q, vec4(35.0 / 3.0), vec4(6.0)), vec4(1.0));
+#else ifdef WENDLAND_C6
+    let q = sqrt(q2);
+    let a = max(1.0 - q, vec4(0.0));
+    let a2 = a * a;
+    let a4 = a2 * a2;
+    return a4 * a4 * fma(q, fma(q, fma(q, vec4(32.0), vec4(25.0)), vec4(8.0)), vec4(1.0));
 #else
     // 2 (1 - q)^3 - 8 (1/2 - q)^3, each where it is positive.
     let q = sqrt(q2);

@@ -19,6 +19,7 @@ pub mod members_options;
 pub mod modes;
 pub mod page_file_info;
 pub mod paths;
+pub mod plot;
 pub mod probe;
 pub mod projection_options;
 pub mod raw_options;
@@ -32,6 +33,7 @@ pub mod select;
 pub mod statistics;
 #[cfg(feature = "viewer")]
 mod supervise;
+pub mod surface;
 pub mod synth;
 pub mod tour;
 pub mod trace_options;
@@ -53,11 +55,13 @@ pub enum Command {
     Extract(extract::Arguments),
     Verify(verify::Arguments),
     Probe(Box<probe::Arguments>),
+    Plot(Box<plot::Arguments>),
     Select(Box<select::Arguments>),
     Paths(Box<paths::Arguments>),
     Contours(Box<contours::Arguments>),
     Difference(Box<difference::Arguments>),
     Export(Box<export::Arguments>),
+    Surface(Box<surface::Arguments>),
     Catalogue(catalogue::Arguments),
     Tour(Box<tour::Arguments>),
     Key(key::Arguments),
@@ -81,11 +85,13 @@ impl Command {
             Command::Extract(arguments) => extract::run(arguments),
             Command::Verify(arguments) => verify::run(arguments),
             Command::Probe(arguments) => probe::run(arguments),
+            Command::Plot(arguments) => plot::run(arguments),
             Command::Select(arguments) => select::run(arguments),
             Command::Paths(arguments) => paths::run(arguments),
             Command::Contours(arguments) => contours::run(arguments),
             Command::Difference(arguments) => difference::run(arguments),
             Command::Export(arguments) => export::run(arguments),
+            Command::Surface(arguments) => surface::run(arguments),
             Command::Catalogue(arguments) => catalogue::run(arguments),
             Command::Tour(arguments) => tour::run(arguments),
             Command::Key(arguments) => key::run(arguments),

@@ -114,6 +114,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/surface_levels.wgsl", include_str!("../../shaders/lib/surface_levels.wgsl")),
     ("lib/surface_globe.wgsl", include_str!("../../shaders/lib/surface_globe.wgsl")),
     ("lib/surface_look.wgsl", include_str!("../../shaders/lib/surface_look.wgsl")),
+    ("lib/surface_photo.wgsl", include_str!("../../shaders/lib/surface_photo.wgsl")),
     ("lib/surface_light.wgsl", include_str!("../../shaders/lib/surface_light.wgsl")),
     ("surface/visible.wgsl", include_str!("../../shaders/surface/visible.wgsl")),
     ("surface/raster.wgsl", include_str!("../../shaders/surface/raster.wgsl")),

@@ -148,8 +148,10 @@ fn large_splats() {
 }
 
 #[test]
-fn poly6() {
-    compare("poly6", &particles(3_000, 1.0, 0.001, 0.3, 4), Footprint::Kernel(Kernel::Poly6));
+fn other_kernels() {
+    for kernel in Kernel::ALL {
+        compare(kernel.name(), &particles(3_000, 1.0, 0.001, 0.3, 4), Footprint::Kernel(kernel));
+    }
 }
 
 #[test]

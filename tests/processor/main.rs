@@ -72,8 +72,10 @@ mod explore {
 }
 
 mod heights;
+mod meshes;
 mod network;
 mod outputs;
+mod plots;
 mod tours;
 mod tracked;
 mod vector_fields;

@@ -83,14 +83,15 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        for index in 0..64 {
+        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..32).map(move |index| (kernel, index)));
+        for (kernel, index) in choices {
             let variant = volume::Variant {
-                kernel: Kernel::ALL[index & 1],
-                attribute: index & 2 > 0,
-                surfaces: index & 4 > 0,
-                centered: index & 8 > 0,
-                vectors: index & 16 > 0,
-                field: index & 32 > 0,
+                kernel,
+                attribute: index & 1 > 0,
+                surfaces: index & 2 > 0,
+                centered: index & 4 > 0,
+                vectors: index & 8 > 0,
+                field: index & 16 > 0,
             };
             let defs = kind.defs(variant);
             if !built.contains(&defs) {

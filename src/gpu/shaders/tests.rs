@@ -562,6 +562,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
                     scale,
                     atlas_row,
                     ellipse_bins,
+                    sampled_radius,
                     unused,
                 });
                 assert_eq!(shader_layout(&module, base), expected, "{place}: levels");

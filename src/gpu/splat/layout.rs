@@ -12,8 +12,19 @@ use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 /// Splats with a radius of at least this many cells are sampled; those of a smaller radius in pixels are integrated.
-/// A splat in level `l` has a radius from `SAMPLED_RADIUS` to twice that in cells of `2^l` pixels.
-pub const SAMPLED_RADIUS: f32 = 4.0;
+/// A splat in level `l` has a radius from this to twice that in cells of `2^l` pixels.
+///
+/// Kernels that are narrower for their support are as well sampled from a larger radius on: a lone splat of this radius is reconstructed
+/// to 2e-3 to 4e-3 (L2), and of twice that to 3e-4.
+pub const fn sampled_radius(kernel: Kernel) -> f32 {
+    match kernel {
+        Kernel::CubicSpline | Kernel::Poly6 => 4.0,
+        Kernel::QuarticSpline => 4.5,
+        Kernel::WendlandC2 => 4.75,
+        Kernel::QuinticSpline | Kernel::WendlandC4 => 5.0,
+        Kernel::WendlandC6 => 5.5,
+    }
+}
 /// Most particles of a block.
 pub const BLOCK: u32 = 1024;
 /// Edge of a tile and of a bin, cells.
@@ -60,8 +71,10 @@ pub struct Level {
     /// First bin of the ellipses that are sampled in the level, and of those that are integrated over pixels. Their grids are ever coarser
     /// (see [`stretched_bins`]); 0 where there are no ellipses.
     pub ellipse_bins: [u32; 2],
+    /// See [`sampled_radius`]; the same in every level.
+    pub sampled_radius: f32,
     /// Padding.
-    pub unused: [u32; 2],
+    pub unused: u32,
 }
 
 /// WGSL `SplatView`.
@@ -339,14 +352,21 @@ impl Grids {
         let longest = f64::from(view.width.max(view.height));
         // The last level still resolves a splat that fills the picture, or, in perspective, a right angle.
         let coarsest = if perspective { longest.min(focal) } else { longest };
-        let doublings = (coarsest / (2.0 * f64::from(SAMPLED_RADIUS))).log2().floor();
+        let (kernel, fixed_radius) = match footprint {
+            Footprint::Kernel(kernel) => (kernel, 0.0),
+            Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.max(0.01)),
+        };
+        let sampled_radius = sampled_radius(kernel);
+        let doublings = (coarsest / (2.0 * f64::from(sampled_radius))).log2().floor();
         let level_count = (doublings.max(0.0) as usize + 1).min(MAX_LEVELS);
+        // In tiles. That of the cubic spline is 1.
+        let radius = 2.0 * f64::from(sampled_radius) / f64::from(TILE);
         let margin = if perspective {
             // A sphere's picture at the corner is longer than wide by the secant of the angle off the axis.
             let [x, y] = view.edges().map(|[low, high]| high.max(-low));
-            (1.15 * x.hypot(y).hypot(1.0)).ceil().clamp(1.0, 12.0) as u32
+            (1.15 * radius * x.hypot(y).hypot(1.0)).ceil().clamp(1.0, 12.0) as u32
         } else {
-            1
+            radius.ceil() as u32
         };
 
         let (mut cells, mut tiles, mut bins, mut atlas_row) = (0, 0, 0, 0);
@@ -370,6 +390,7 @@ impl Grids {
                 margin,
                 scale: (1_u32 << l) as f32,
                 atlas_row,
+                sampled_radius,
                 ..Level::default()
             };
             atlas_row = if l == 0 { 0 } else { atlas_row + height };
@@ -400,10 +421,6 @@ impl Grids {
 
         let widest = levels[1..level_count].iter().map(|level| level.width).max().unwrap_or(0);
         let atlas = [view.width + widest, view.height.max(atlas_row)];
-        let (kernel, fixed_radius) = match footprint {
-            Footprint::Kernel(kernel) => (kernel, 0.0),
-            Footprint::Pixels { radius } => (Kernel::CubicSpline, radius.max(0.01)),
-        };
         let axis = |axis: glam::DVec3| axis.as_vec3().extend(0.0).to_array();
         // Shaders need not know infinity.
         let corner = |corner: glam::DVec3| axis(corner.clamp(glam::DVec3::splat(-1e37), glam::DVec3::splat(1e37)));
@@ -444,7 +461,7 @@ impl Grids {
 }
 
 /// Weights of the cells at -4 .. 3 for a value at -1/4 of a cell: the least-squares solution for the spectra of cubic
-/// splines with radii from [`SAMPLED_RADIUS`] to twice that, reproducing constants and ramps exactly. Its error is
+/// splines with radii from their [`sampled_radius`] to twice that, reproducing constants and ramps exactly. Its error is
 /// 6e-4 in L2 for each axis.
 pub const RECONSTRUCTION: [f32; RECONSTRUCTION_TAPS as usize] =
     [-0.005_387_49, 0.028_831_85, -0.091_422_73, 0.291_506_86, 0.875_815_4, -0.128_552_04, 0.035_465_39, -0.006_257_25];

@@ -1,6 +1,6 @@
 //! Splatting: accumulates `P` and `P S` (F12 4.9) on an image pyramid, by one of two techniques.
 //!
-//! Splats below [`layout::SAMPLED_RADIUS`] pixels are integrated over pixels (their weight is conserved exactly); larger
+//! Splats below [`layout::sampled_radius`] pixels are integrated over pixels (their weight is conserved exactly); larger
 //! ones are sampled at the cell centres of the pyramid level where their radius is one to two times that many cells, with
 //! the second-order correction from sample to pixel mean. So a splat touches a bounded number of cells, whatever its
 //! size. Then each level is interpolated and added to the next finer one, coarse to fine.

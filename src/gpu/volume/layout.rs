@@ -8,11 +8,10 @@ use super::view::VolumeJob;
 use crate::color::transfer::Scale;
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::coarse;
+use crate::cpu::volume::gather;
 use crate::cpu::volume::surface::MOST_SURFACES;
 use crate::cpu::volume::{Light, Scenery};
-use crate::model::Kernel;
 use bytemuck::{Pod, Zeroable};
-use std::f32::consts::PI;
 use std::ops::Range;
 
 /// Bytes of WGSL `Reach` in bin.wgsl.
@@ -246,10 +245,7 @@ impl VolumeUniform {
             slice_rate: (f64::from(grid.size[2]) / span) as f32,
             brick_room: cut.tiers.iter().map(|tier| tier.columns() * tier.layers).sum(),
             smallest: job.options.smallest as f32,
-            kernel_factor: match job.options.kernel {
-                Kernel::CubicSpline => 8.0 / PI,
-                Kernel::Poly6 => 315.0 / (64.0 * PI),
-            },
+            kernel_factor: gather::leading(job.options.kernel),
             stride: job.stride,
             growth: f64::from(job.stride).cbrt() as f32,
             cells: job.view.edges().map(|[low, high]| ((high - low) / grid.sigma) as f32),

@@ -5,6 +5,7 @@ use super::layout::{Portion, Turn, VolumeUniform};
 use super::march::MarchUniform;
 use crate::gpu::matter::LookupUniform;
 use crate::gpu::shaders;
+use crate::gpu::splat::constants::kernel_defs;
 use crate::gpu::splat::particle_layout;
 use crate::model::Kernel;
 use bevy::asset::{AssetServer, Handle};
@@ -301,8 +302,8 @@ impl Kind {
         if self.has_subgroups() && variant.vectors {
             defs.push("SUBGROUP".into());
         }
-        if self == Kind::Gather && variant.kernel == Kernel::Poly6 {
-            defs.push("POLY6".into());
+        if self == Kind::Gather {
+            defs.extend(kernel_defs(variant.kernel));
         }
         if with_cells && variant.attribute {
             defs.push("ATTRIBUTE".into());

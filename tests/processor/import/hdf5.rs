@@ -7,7 +7,7 @@ use deepfield::build::{BuildOptions, RunBuild, TrackOptions, compare_with_source
 use deepfield::import::{
     AttributeChoice, FieldKind, LoadOptions, RunOptions, Smoothing, Source, load, open, open_run, summarize,
 };
-use deepfield::model::{FamilyName, ReadMethod};
+use deepfield::model::{FamilyName, Kernel, ReadMethod};
 use deepfield::store::RunFile;
 use std::path::Path;
 use std::sync::Arc;
@@ -32,6 +32,34 @@ fn swift_smoothing_lengths_become_support_radii() {
     assert_eq!(unit(source.as_ref(), 0, "position"), "a Mpc");
     assert_eq!(unit(source.as_ref(), 0, "velocity"), "a Mpc/Gyr");
     assert_eq!(unit(source.as_ref(), 0, "internal-energy"), "(Mpc/Gyr)^2/a^2");
+}
+
+#[test]
+fn swifts_kernels_are_taken_by_name() {
+    assert_eq!(open(&data("swift.hdf5")).unwrap().description().kernel, Kernel::WendlandC2);
+    let bytes = std::fs::read(data("swift.hdf5")).unwrap();
+    let name = b"Wendland C2";
+    let place = bytes.windows(name.len()).position(|window| window == name).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for (name, kernel, gamma) in [
+        (b"Cubic (M4) ", Kernel::CubicSpline, 1.825742),
+        (b"Quartic(M5)", Kernel::QuarticSpline, 2.018932),
+        (b"Quintic(M6)", Kernel::QuinticSpline, 2.195775),
+        (b"Wendland-C4", Kernel::WendlandC4, 2.207940),
+        (b"Wendland C6", Kernel::WendlandC6, 2.449490),
+        (b"Gauss by us", Kernel::CubicSpline, 1.825742),
+    ] {
+        let mut other = bytes.clone();
+        other[place..place + name.len()].copy_from_slice(name);
+        let path = folder.path().join("named.hdf5");
+        std::fs::write(&path, other).unwrap();
+        let source = open(&path).unwrap();
+        assert_eq!(source.description().kernel, kernel);
+        let lengths = read_all(source.as_ref(), 0, "smoothing-length", 40);
+        assert!(lengths.iter().all(|h| (h - 0.5 * gamma).abs() < 1e-9), "{lengths:?}");
+        let is_unknown = source.description().notes.iter().any(|note| note.contains("Gauss by us"));
+        assert_eq!(is_unknown, name == b"Gauss by us");
+    }
 }
 
 #[test]

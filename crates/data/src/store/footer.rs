@@ -40,16 +40,26 @@ pub(super) fn version(metadata: &Metadata) -> u32 {
     }
 }
 
+/// The number that stands for a kernel.
+fn kernel_code(kernel: Kernel) -> u8 {
+    match kernel {
+        Kernel::CubicSpline => 0,
+        Kernel::Poly6 => 1,
+        Kernel::QuarticSpline => 2,
+        Kernel::QuinticSpline => 3,
+        Kernel::WendlandC2 => 4,
+        Kernel::WendlandC4 => 5,
+        Kernel::WendlandC6 => 6,
+    }
+}
+
 /// The footer's bytes after the page table.
 pub(super) fn encode(metadata: &Metadata) -> Vec<u8> {
     let version = version(metadata);
     let mut out = Encoder::default();
     out.text(&metadata.length_unit.0);
     out.text(&metadata.mass_unit.0);
-    out.u8(match metadata.kernel {
-        Kernel::CubicSpline => 0,
-        Kernel::Poly6 => 1,
-    });
+    out.u8(kernel_code(metadata.kernel));
     out.u8(metadata.vq_bits.bits());
     encode_provenance(&mut out, &metadata.provenance);
     out.u32(metadata.skipped.len() as u32);
@@ -69,11 +79,9 @@ pub(super) fn decode(bytes: &[u8], version: u32) -> Result<Metadata, Damage> {
     let mut input = Decoder::new(bytes, "footer");
     let length_unit = Unit(input.text("the length unit")?);
     let mass_unit = Unit(input.text("the mass unit")?);
-    let kernel = match input.u8("the kernel")? {
-        0 => Kernel::CubicSpline,
-        1 => Kernel::Poly6,
-        other => return Err(Damage::new("footer", format!("kernel 0 or 1, found {other}"))),
-    };
+    let code = input.u8("the kernel")?;
+    let kernel = Kernel::ALL.into_iter().find(|&kernel| kernel_code(kernel) == code);
+    let kernel = kernel.ok_or_else(|| Damage::new("footer", format!("kernel 0 to 6, found {code}")))?;
     let vq_bits = VqBits::try_from(input.u8("the index bits")?).map_err(|error| Damage::new("footer", error))?;
     let provenance = decode_provenance(&mut input)?;
     let skipped = (0..input.count(12, "reasons of skipping")?)

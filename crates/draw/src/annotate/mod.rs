@@ -4,6 +4,7 @@
 //! picture: the window's user interface, or [`fn@paint`] on the processor. Both measure text with the same font.
 
 pub mod axes;
+pub mod chart;
 pub mod clock;
 pub mod color_bar;
 pub mod display_list;
@@ -15,8 +16,10 @@ pub mod overlay;
 pub mod paint;
 pub mod plot;
 pub mod scale_bar;
+pub mod svg;
 pub mod ticks;
 
+pub use chart::{Chart, ChartAxis, Marks, roomy};
 pub use display_list::{Anchor, DisplayList, Rgba, Shape};
 pub use labels::Label;
 pub use legend::{Legend, LegendAxis, Shown, Units};

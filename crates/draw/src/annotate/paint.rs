@@ -31,8 +31,8 @@ impl Paper {
         }
     }
 
-    /// A colour that is meant for dark pictures, on this paper: what was light is dark, of the same hue.
-    fn ink(self, color: Rgba) -> Rgba {
+    /// A colour that is meant for dark pictures, on this paper: what was light is dark, of the same hue. Twice it is what it was.
+    pub fn ink(self, color: Rgba) -> Rgba {
         let [r, g, b, a] = color;
         let (most, least) = (r.max(g).max(b), r.min(g).min(b));
         let turn = |channel: u8| (255 - most).saturating_add(channel - least);

@@ -25,6 +25,7 @@ pub mod footprint;
 pub mod half_line;
 pub mod kernel_products;
 pub mod layered;
+pub mod mesh;
 pub mod outlines;
 pub mod over;
 pub mod overdraw;

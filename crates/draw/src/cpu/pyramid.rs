@@ -7,7 +7,8 @@
 //!
 //! Nothing of the sum is lost: samples of a kernel that is smooth on the grid add up to its integral (1e-6 at radius 6
 //! cells), and both filters have unit gain. For a single splat the worst relative error, at radius 6 cells on a coarse
-//! level, is 1.4e-3 (L1) and 8e-4 (L2); it falls with the sixth power of the radius, to 4e-4 and 3e-4 at 8 cells.
+//! level, is 1.4e-3 (L1) and 8e-4 (L2); it falls with the sixth power of the radius, to 4e-4 and 3e-4 at 8 cells. Of other kernels it is
+//! as large, but of Wendland's C6, the narrowest for its support, 3e-3 and 2e-3 at 6 cells and 4e-4 and 2e-4 at 8.
 //!
 //! [`UPSAMPLE`] is the least-squares solution for the spectra of the cubic spline with radii of 6 to 12 cells, under
 //! the conditions that constants and linear ramps are reproduced exactly.

@@ -6,6 +6,7 @@
 //! any size. This room knows no window; commands and the window use it alike.
 
 pub mod batch;
+pub mod binned;
 pub mod catalogue;
 pub mod center;
 pub mod data;
@@ -17,6 +18,7 @@ pub mod highlight;
 pub mod histogram;
 pub mod identify;
 pub mod ids;
+pub mod isosurface;
 pub mod lasso;
 pub mod marks;
 pub mod merger_tree;
@@ -35,16 +37,18 @@ mod paged;
 mod sourced;
 
 pub use batch::{Batch, Gather, Uncertain, Work};
+pub use binned::{Binned, BinnedAxis, BinnedError, Radial, RadialError, Weight, binned, edges, farthest, radial};
 pub use catalogue::{Catalogue, Object};
 pub use center::{Center, CenterSums, center};
 pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;
-pub use export::{Exported, Format, Frame, export};
+pub use export::{Exported, Format, Frame, export, mesh::MeshFormat};
 pub use followed::{Followed, Following};
 pub use highlight::{Highlighter, Marked};
 pub use histogram::{Axis, AxisOptions, FieldHistogram, Scatter, histogram, scatter};
 pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
+pub use isosurface::{Isosurface, IsosurfaceOptions, isosurface};
 pub use lasso::{Lasso, LassoProjection};
 pub use merger_tree::MergerTree;
 pub use over_time::{AtStep, OverTime, over_time};

@@ -112,6 +112,17 @@ impl Shells {
         }
     }
 
+    /// The mass of a run of particles that are nearer than `reach` to an edge between shells.
+    pub(super) fn near_edges(&self, batch: &Batch, reach: f64) -> f64 {
+        let last = self.edges.len() - 1;
+        let shell = |radius: f64| self.edges.partition_point(|&edge| edge < radius).min(last);
+        let near = |at: &DVec3| {
+            let radius = (*at - self.center).length();
+            shell(radius - reach) != shell(radius + reach)
+        };
+        batch.relative.iter().zip(&batch.mass).filter(|(at, _)| near(at)).map(|(_, mass)| mass).sum()
+    }
+
     /// The shells as numbers.
     pub(super) fn finish(&self, filled: &Filled) -> Vec<Shell> {
         let inner = std::iter::once(0.0).chain(self.edges.iter().copied());

@@ -300,7 +300,7 @@ mod tests {
             (r#"{"isovalues": [-1e39]}"#, "isovalues is [-1000"),
             (r#"{"isovalues": 3.0}"#, "isovalues is 3, expected a list"),
             (r##"{"iso-colors": ["red"]}"##, "iso-colors is [red], expected a list of up to 8 colours"),
-            (r#"{"kernel": "gauss"}"#, "kernel is gauss, expected one of data, cubic-spline, poly6"),
+            (r#"{"kernel": "gauss"}"#, "kernel is gauss, expected one of data, cubic-spline, poly6, quartic-spline, "),
             (r#"{"presence": 2.0}"#, "isosurface has no setting presence"),
         ] {
             let message = check(wrong).unwrap_err();

@@ -82,11 +82,21 @@ pub static SMALLEST_CELLS: Setting = Setting {
     kind: SettingKind::Number { min: 0.0, max: 8.0, default: SMALLEST },
     help: "least smoothing length: smaller particles are enlarged to it, with their mass (F12 5.5); 0: none",
 };
+/// The data's own kernel, and those of [`Kernel::ALL`] by name.
+const KERNELS: &[&str] = &{
+    let mut names = ["data"; Kernel::ALL.len() + 1];
+    let mut index = 0;
+    while index < Kernel::ALL.len() {
+        names[index + 1] = Kernel::ALL[index].name();
+        index += 1;
+    }
+    names
+};
 /// The kernel.
 pub static KERNEL: Setting = Setting {
     name: "kernel",
     unit: "",
-    kind: SettingKind::Choice { options: &["data", "cubic-spline", "poly6"] },
+    kind: SettingKind::Choice { options: KERNELS },
     help: "the kernel that densities are summed with: the data's own, or another",
 };
 /// What all modes of volumes share; each has its own name, help, settings and technique. Particles weigh their mass, so that their
@@ -410,11 +420,7 @@ impl Technique for Marched {
 /// How a volume is sampled; `kernel` is the data's own.
 pub fn options(settings: &Settings, kernel: Kernel) -> VolumeOptions {
     let plane = |setting: &Setting| Some(settings.number(setting)).filter(|&depth| depth > 0.0);
-    let kernel = match settings.name(&KERNEL).as_str() {
-        "cubic-spline" => Kernel::CubicSpline,
-        "poly6" => Kernel::Poly6,
-        _ => kernel,
-    };
+    let kernel = Kernel::of_name(settings.name(&KERNEL).as_str()).unwrap_or(kernel);
     VolumeOptions {
         grid: GridOptions { resolution: settings.number(&RESOLUTION), lambda: settings.flag(&LAMBDA) },
         near: plane(&NEAR),

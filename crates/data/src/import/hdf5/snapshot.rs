@@ -7,7 +7,7 @@ use super::units;
 use crate::import::multifile;
 use crate::import::units::conversion;
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
-use crate::model::{FamilyName, ReadMethod, Unit};
+use crate::model::{FamilyName, Kernel, ReadMethod, Unit};
 use std::ops::Range;
 use std::path::Path;
 
@@ -210,13 +210,23 @@ fn describe(path: &Path, files: &[File]) -> Description {
         (None, _) if files[0].groups.iter().any(|group| group.starts_with("PartType")) => "gadget-hdf5",
         (None, _) => "hdf5",
     };
-    Description {
+    let mut about = Description {
         files: files.len(),
         time: header.time,
         redshift: header.redshift,
         box_size: header.box_size,
         ..Description::unitless(path, format, files.iter().map(|file| file.h5.bytes).sum())
+    };
+    if header.swift {
+        match (swift_kernel(header), &header.kernel) {
+            (Some((_, kernel, _)), _) => about.kernel = *kernel,
+            (None, Some(name)) => {
+                about.notes.push(format!("SWIFT kernel function \"{name}\" is not known: taken for the cubic spline"));
+            }
+            (None, None) => {}
+        }
     }
+    about
 }
 
 fn open_family(
@@ -463,21 +473,27 @@ impl Planned {
     }
 }
 
-/// The support radius of SWIFT's kernel over its smoothing length, in three dimensions (Dehnen and Aly 2012, table 1).
+/// A part of the name that SWIFT gives its kernel, which that is, and its support radius over SWIFT's smoothing length, in three
+/// dimensions (Dehnen and Aly 2012, table 1).
+type Named = (&'static str, Kernel, f64);
+
+const SWIFT_KERNELS: [Named; 6] = [
+    ("cubic", Kernel::CubicSpline, 1.825742),
+    ("quartic", Kernel::QuarticSpline, 2.018932),
+    ("quintic", Kernel::QuinticSpline, 2.195775),
+    ("wendland c2", Kernel::WendlandC2, 1.936492),
+    ("wendland c4", Kernel::WendlandC4, 2.207940),
+    ("wendland c6", Kernel::WendlandC6, 2.449490),
+];
+
+/// SWIFT's kernel, where it is named and known.
+fn swift_kernel(header: &Header) -> Option<&'static Named> {
+    let name = header.kernel.as_deref()?.to_lowercase().replace('-', " ");
+    SWIFT_KERNELS.iter().find(|(kernel, ..)| name.contains(kernel))
+}
+
+/// The support radius of SWIFT's kernel over its smoothing length: of the cubic spline where no kernel is told.
 fn kernel_gamma(header: &Header) -> f64 {
-    if let Some(gamma) = header.gamma.filter(|gamma| (1.0..=4.0).contains(gamma)) {
-        return gamma;
-    }
-    let name = header.kernel.as_deref().unwrap_or("").to_lowercase();
-    let gammas = [
-        ("quartic", 2.018932),
-        ("quintic", 2.195775),
-        ("wendland c2", 1.936492),
-        ("wendland-c2", 1.936492),
-        ("wendland c4", 2.207940),
-        ("wendland-c4", 2.207940),
-        ("wendland c6", 2.449490),
-        ("wendland-c6", 2.449490),
-    ];
-    gammas.iter().find(|(kernel, _)| name.contains(kernel)).map_or(1.825742, |(_, gamma)| *gamma)
+    let stated = header.gamma.filter(|gamma| (1.0..=4.0).contains(gamma));
+    stated.or_else(|| swift_kernel(header).map(|(.., gamma)| *gamma)).unwrap_or(SWIFT_KERNELS[0].2)
 }

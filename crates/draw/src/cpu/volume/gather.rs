@@ -7,6 +7,15 @@ use crate::model::Kernel;
 use pulp::{Arch, Simd, WithSimd};
 use std::f32::consts::PI;
 
+// Kernels by their number, so that inner loops are compiled for each.
+const CUBIC_SPLINE: usize = Kernel::CubicSpline as usize;
+const POLY6: usize = Kernel::Poly6 as usize;
+const QUARTIC_SPLINE: usize = Kernel::QuarticSpline as usize;
+const QUINTIC_SPLINE: usize = Kernel::QuinticSpline as usize;
+const WENDLAND_C2: usize = Kernel::WendlandC2 as usize;
+const WENDLAND_C4: usize = Kernel::WendlandC4 as usize;
+const WENDLAND_C6: usize = Kernel::WendlandC6 as usize;
+
 /// One brick on its way to be filled.
 pub struct Gather<'a> {
     /// The bricks of its level.
@@ -29,21 +38,26 @@ impl WithSimd for Gather<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match self.kernel {
-            Kernel::CubicSpline => self.fill::<S, true>(simd),
-            Kernel::Poly6 => self.fill::<S, false>(simd),
+            Kernel::CubicSpline => self.fill::<S, CUBIC_SPLINE>(simd),
+            Kernel::Poly6 => self.fill::<S, POLY6>(simd),
+            Kernel::QuarticSpline => self.fill::<S, QUARTIC_SPLINE>(simd),
+            Kernel::QuinticSpline => self.fill::<S, QUINTIC_SPLINE>(simd),
+            Kernel::WendlandC2 => self.fill::<S, WENDLAND_C2>(simd),
+            Kernel::WendlandC4 => self.fill::<S, WENDLAND_C4>(simd),
+            Kernel::WendlandC6 => self.fill::<S, WENDLAND_C6>(simd),
         }
     }
 }
 
 impl Gather<'_> {
     #[inline(always)]
-    fn fill<S: Simd, const SPLINE: bool>(self, simd: S) {
+    fn fill<S: Simd, const KERNEL: usize>(self, simd: S) {
         for &[chunk, index] in self.pairs {
             let particle = &self.particles.chunks[chunk as usize][index as usize];
             match self.particles.shapes[chunk as usize].get(index as usize) {
-                None => add::<S, SPLINE>(simd, self.brick_grid, self.corner, particle, self.brick),
+                None => add::<S, KERNEL>(simd, self.brick_grid, self.corner, particle, self.brick),
                 Some(shape) => {
-                    add_stretched::<S, SPLINE>(simd, self.brick_grid, self.corner, (particle, shape), self.brick);
+                    add_stretched::<S, KERNEL>(simd, self.brick_grid, self.corner, (particle, shape), self.brick);
                 }
             }
         }
@@ -78,11 +92,23 @@ impl<I: Iterator<Item = Particle>> WithSimd for Alone<'_, I> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        match self.kernel {
+            Kernel::CubicSpline => self.fill::<S, CUBIC_SPLINE>(simd),
+            Kernel::Poly6 => self.fill::<S, POLY6>(simd),
+            Kernel::QuarticSpline => self.fill::<S, QUARTIC_SPLINE>(simd),
+            Kernel::QuinticSpline => self.fill::<S, QUINTIC_SPLINE>(simd),
+            Kernel::WendlandC2 => self.fill::<S, WENDLAND_C2>(simd),
+            Kernel::WendlandC4 => self.fill::<S, WENDLAND_C4>(simd),
+            Kernel::WendlandC6 => self.fill::<S, WENDLAND_C6>(simd),
+        }
+    }
+}
+
+impl<I: Iterator<Item = Particle>> Alone<'_, I> {
+    #[inline(always)]
+    fn fill<S: Simd, const KERNEL: usize>(self, simd: S) {
         for particle in self.particles {
-            match self.kernel {
-                Kernel::CubicSpline => add::<S, true>(simd, self.brick_grid, [0; 3], &particle, self.brick),
-                Kernel::Poly6 => add::<S, false>(simd, self.brick_grid, [0; 3], &particle, self.brick),
-            }
+            add::<S, KERNEL>(simd, self.brick_grid, [0; 3], &particle, self.brick);
         }
     }
 }
@@ -109,30 +135,81 @@ fn add_scaled<S: Simd>(simd: S, cells: &mut [f32], factor: S::f32s, values: S::f
 
 /// The kernel at squared distances in units of its support, but for its leading factor ([`leading`]).
 #[inline(always)]
-fn profile<S: Simd, const SPLINE: bool>(simd: S, q2: S::f32s) -> S::f32s {
+fn profile<S: Simd, const KERNEL: usize>(simd: S, q2: S::f32s) -> S::f32s {
     let [zero, half, one] = [0.0, 0.5, 1.0].map(|value| simd.splat_f32s(value));
-    if SPLINE {
+    if KERNEL == CUBIC_SPLINE {
         // 2 (1 - q)^3 - 8 (1/2 - q)^3, each where it is positive.
         let q = simd.sqrt_f32s(q2);
         let a = simd.max_f32s(simd.sub_f32s(one, q), zero);
         let b = simd.max_f32s(simd.sub_f32s(half, q), zero);
         let a3 = simd.mul_f32s(simd.mul_f32s(a, a), simd.add_f32s(a, a));
         let b3 = simd.mul_f32s(simd.mul_f32s(b, b), b);
-        simd.mul_add_e_f32s(b3, simd.splat_f32s(-8.0), a3)
-    } else {
+        return simd.mul_add_e_f32s(b3, simd.splat_f32s(-8.0), a3);
+    }
+    if KERNEL == POLY6 {
         let t = simd.max_f32s(simd.sub_f32s(one, q2), zero);
-        simd.mul_f32s(simd.mul_f32s(t, t), t)
+        return simd.mul_f32s(simd.mul_f32s(t, t), t);
+    }
+    let q = simd.sqrt_f32s(q2);
+    let [left, square, fourth] = until::<S>(simd, q, 1.0);
+    match KERNEL {
+        QUARTIC_SPLINE => {
+            // (1 - q)^4 - 5 (3/5 - q)^4 + 10 (1/5 - q)^4, each where its base is positive.
+            let ([.., b], [.., c]) = (until::<S>(simd, q, 0.6), until::<S>(simd, q, 0.2));
+            simd.mul_add_e_f32s(c, simd.splat_f32s(10.0), simd.mul_add_e_f32s(b, simd.splat_f32s(-5.0), fourth))
+        }
+        QUINTIC_SPLINE => {
+            // (1 - q)^5 - 6 (2/3 - q)^5 + 15 (1/3 - q)^5, each where its base is positive.
+            let [b, _, b4] = until::<S>(simd, q, 2.0 / 3.0);
+            let [c, _, c4] = until::<S>(simd, q, 1.0 / 3.0);
+            let (a5, b5, c5) = (simd.mul_f32s(left, fourth), simd.mul_f32s(b, b4), simd.mul_f32s(c, c4));
+            simd.mul_add_e_f32s(c5, simd.splat_f32s(15.0), simd.mul_add_e_f32s(b5, simd.splat_f32s(-6.0), a5))
+        }
+        // (1 - q)^4 (1 + 4 q)
+        WENDLAND_C2 => simd.mul_f32s(fourth, polynomial::<S, 2>(simd, q, [1.0, 4.0])),
+        // (1 - q)^6 (1 + 6 q + 35/3 q^2)
+        WENDLAND_C4 => {
+            let sixth = simd.mul_f32s(fourth, square);
+            simd.mul_f32s(sixth, polynomial::<S, 3>(simd, q, [1.0, 6.0, 35.0 / 3.0]))
+        }
+        // (1 - q)^8 (1 + 8 q + 25 q^2 + 32 q^3)
+        _ => {
+            let eighth = simd.mul_f32s(fourth, fourth);
+            simd.mul_f32s(eighth, polynomial::<S, 4>(simd, q, [1.0, 8.0, 25.0, 32.0]))
+        }
     }
 }
 
+/// What is left up to an end, its square and its fourth power; zero beyond.
+#[inline(always)]
+fn until<S: Simd>(simd: S, q: S::f32s, end: f32) -> [S::f32s; 3] {
+    let left = simd.max_f32s(simd.sub_f32s(simd.splat_f32s(end), q), simd.splat_f32s(0.0));
+    let square = simd.mul_f32s(left, left);
+    [left, square, simd.mul_f32s(square, square)]
+}
+
+/// A polynomial with coefficients in ascending order.
+#[inline(always)]
+fn polynomial<S: Simd, const TERMS: usize>(simd: S, q: S::f32s, coefficients: [f32; TERMS]) -> S::f32s {
+    let mut sum = simd.splat_f32s(coefficients[TERMS - 1]);
+    for power in (0..TERMS - 1).rev() {
+        sum = simd.mul_add_e_f32s(sum, q, simd.splat_f32s(coefficients[power]));
+    }
+    sum
+}
+
 /// The kernel's leading factor.
-const fn leading(spline: bool) -> f32 {
-    if spline { 8.0 / PI } else { 315.0 / (64.0 * PI) }
+pub const fn leading(kernel: Kernel) -> f32 {
+    match kernel {
+        Kernel::CubicSpline => 8.0 / PI,
+        Kernel::Poly6 => 315.0 / (64.0 * PI),
+        other => other.factor() as f32,
+    }
 }
 
 /// Adds a particle to the cells of a brick that its support reaches.
 #[inline(always)]
-fn add<S: Simd, const SPLINE: bool>(
+fn add<S: Simd, const KERNEL: usize>(
     simd: S,
     brick_grid: &BrickGrid,
     corner: [usize; 3],
@@ -141,7 +218,7 @@ fn add<S: Simd, const SPLINE: bool>(
 ) {
     let [x, y, z, h] = particle.place;
     let per_length = 1.0 / h;
-    let factor = leading(SPLINE) * per_length * per_length * per_length;
+    let factor = leading(Kernel::ALL[KERNEL]) * per_length * per_length * per_length;
     let amplitude = simd.splat_f32s(particle.mass * factor);
     let amplitude_s = simd.splat_f32s(particle.weighted * factor);
     let slices = corner[2]..corner[2] + BRICK;
@@ -173,7 +250,7 @@ fn add<S: Simd, const SPLINE: bool>(
             for j in top..bottom {
                 let dy = (j as f32 + 0.5 - row) * cell;
                 let q2 = simd.add_f32s(dx2, simd.splat_f32s(base + dy * dy));
-                let value = profile::<S, SPLINE>(simd, q2);
+                let value = profile::<S, KERNEL>(simd, q2);
                 let start = (slice * BRICK + j) * BRICK + first;
                 let cells = start..start + lanes;
                 add_scaled(simd, &mut brick.density[cells.clone()], amplitude, value);
@@ -187,7 +264,7 @@ fn add<S: Simd, const SPLINE: bool>(
 
 /// The same of an ellipsoid, row by row: see [`super::stretched`].
 #[inline(always)]
-fn add_stretched<S: Simd, const SPLINE: bool>(
+fn add_stretched<S: Simd, const KERNEL: usize>(
     simd: S,
     brick_grid: &BrickGrid,
     corner: [usize; 3],
@@ -197,7 +274,7 @@ fn add_stretched<S: Simd, const SPLINE: bool>(
     let [x, y, z, _] = particle.place;
     let [xx, xy, xz, yy, yz, zz] = shape.factor;
     let [per_x, per_y, per_z] = [xx, yy, zz].map(f32::recip);
-    let factor = leading(SPLINE) * per_x * per_y * per_z;
+    let factor = leading(Kernel::ALL[KERNEL]) * per_x * per_y * per_z;
     let amplitude = simd.splat_f32s(particle.mass * factor);
     let amplitude_s = simd.splat_f32s(particle.weighted * factor);
     let slices = corner[2]..corner[2] + BRICK;
@@ -227,7 +304,7 @@ fn add_stretched<S: Simd, const SPLINE: bool>(
             for first in (first..right).step_by(lanes) {
                 let (centers, _) = S::as_simd_f32s(&CENTERS[first..first + lanes]);
                 let across = simd.mul_f32s(simd.sub_f32s(centers[0], shift), scale);
-                let value = profile::<S, SPLINE>(simd, simd.mul_add_e_f32s(across, across, base));
+                let value = profile::<S, KERNEL>(simd, simd.mul_add_e_f32s(across, across, base));
                 let start = (slice * BRICK + j) * BRICK + first;
                 let cells = start..start + lanes;
                 add_scaled(simd, &mut brick.density[cells.clone()], amplitude, value);

@@ -198,7 +198,12 @@ fn wide_particles_are_interpolated_within_the_tolerance() {
             let options = VolumeOptions { kernel, near: Some(0.1), far: Some(16.0), ..EXACTLY };
             let errors = compare(&view, &cloud, &options, 4999);
             println!("{kernel:?} from {eye}: {errors:?}");
-            assert!(errors.samples > 1000 && errors.density < 3e-4 && errors.weighted < 3e-4, "{errors:?}");
+            // Interpolation errs by the fourth derivative.
+            let bound = 3e-4 * (Kernel::CubicSpline.variance() / kernel.variance()).max(1.0).powi(3);
+            assert!(
+                errors.samples > 1000 && errors.density < bound && errors.weighted < bound,
+                "{kernel:?} {errors:?}"
+            );
             let prepared = prepare(&view, &[cloud.batch()], &options).unwrap();
             assert!(prepared.levels.len() > 2, "{}", prepared.levels.len());
         }

@@ -8,6 +8,7 @@ mod csv;
 mod frame;
 pub mod gaussian_splats;
 pub mod grid;
+pub mod mesh;
 mod parquet;
 mod ply;
 mod thrift;

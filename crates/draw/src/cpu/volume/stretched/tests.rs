@@ -143,7 +143,12 @@ fn fields_are_the_exact_sums() {
                 most = most.max(exact.particles);
             }
             let errors = [0, 1].map(|k: usize| (squares[k] / norms[k]).sqrt());
-            assert!(samples > 500 && most > 3 && errors.iter().all(|&error| error < 5e-4), "{errors:?} of {samples}");
+            // Interpolation of wide ones errs by the fourth derivative.
+            let bound = 5e-4 * (Kernel::CubicSpline.variance() / kernel.variance()).max(1.0).powi(3);
+            assert!(
+                samples > 500 && most > 3 && errors.iter().all(|&error| error < bound),
+                "{kernel:?}: {errors:?} of {samples}"
+            );
         }
     }
 }

@@ -1,0 +1,116 @@
+//! Lattices of points, bricks of their cells, and the samples of a field at a brick's points.
+
+use crate::model::Bounds;
+use glam::DVec3;
+
+/// Cells along an edge of a block: the smallest part of a brick that may be left out.
+pub const BLOCK: usize = 8;
+
+/// Points of a brick's samples before its own along each axis; as many are behind. Slopes and curved edges need them.
+pub const BEFORE: usize = 1;
+
+/// Cells along an axis at most: the number of an edge is made of three numbers of 20 bits.
+pub const MOST_CELLS: u32 = (1 << 20) - 1;
+
+/// A regular lattice of points, and the cubes between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lattice {
+    /// Point 0 along each axis, world units.
+    pub origin: DVec3,
+    /// From a point to the next along each axis, world units; positive.
+    pub spacing: f64,
+    /// Number of cells along each axis, at most [`MOST_CELLS`].
+    pub cells: [u32; 3],
+}
+
+impl Lattice {
+    /// A lattice that holds `bounds` and a cell more on each side, with points at multiples of `spacing`; `None` where
+    /// it would have more than [`MOST_CELLS`] cells along an axis.
+    pub fn around(bounds: Bounds, spacing: f64) -> Option<Lattice> {
+        let first = (bounds.min / spacing).floor() - 1.0;
+        let last = (bounds.max / spacing).ceil() + 1.0;
+        let cells = last - first;
+        let fits = first.is_finite() && cells.cmpge(DVec3::ONE).all() && cells.max_element() <= f64::from(MOST_CELLS);
+        let cells = cells.to_array().map(|cells| cells as u32);
+        fits.then_some(Lattice { origin: first * spacing, spacing, cells })
+    }
+
+    /// Where the points of a number are along an axis.
+    #[inline]
+    pub fn coordinate(&self, axis: usize, point: i64) -> f64 {
+        self.origin[axis] + self.spacing * point as f64
+    }
+
+    /// The middle, world units.
+    pub fn center(&self) -> DVec3 {
+        self.origin + 0.5 * self.spacing * DVec3::from_array(self.cells.map(f64::from))
+    }
+
+    /// The first cells of all bricks of `side` cells along each edge.
+    pub fn bricks(&self, side: usize) -> Vec<[u32; 3]> {
+        let axis = |axis: usize| (0..self.cells[axis]).step_by(side);
+        axis(2).flat_map(|z| axis(1).flat_map(move |y| axis(0).map(move |x| [x, y, z]))).collect()
+    }
+}
+
+/// What a field is at the points of a brick and at one point more on each side.
+#[derive(Clone, Debug)]
+pub struct Samples {
+    side: usize,
+    /// The field, x first: [`Samples::index`]. Points that no active block and no point beside one has may hold
+    /// anything.
+    pub values: Vec<f64>,
+    /// `sum m A W` of the attribute `A` whose mean is wanted, in the same order; empty where none is.
+    pub weighted: Vec<f64>,
+    /// Whether the surface may pass each of the [`Samples::blocks`] cubed blocks, x first.
+    pub active: Vec<bool>,
+}
+
+impl Samples {
+    /// Those of a brick with `side` cells along each edge, a multiple of [`BLOCK`], with or without an attribute.
+    pub fn new(side: usize, has_attribute: bool) -> Samples {
+        debug_assert!(side > 0 && side.is_multiple_of(BLOCK));
+        let row = side + 1 + 2 * BEFORE;
+        let (points, blocks) = (row * row * row, side / BLOCK);
+        Samples {
+            side,
+            values: vec![0.0; points],
+            weighted: vec![0.0; if has_attribute { points } else { 0 }],
+            active: vec![false; blocks * blocks * blocks],
+        }
+    }
+
+    /// Bytes of memory that they take.
+    pub fn memory(side: usize, has_attribute: bool) -> u64 {
+        let row = (side + 1 + 2 * BEFORE) as u64;
+        row * row * row * if has_attribute { 16 } else { 8 }
+    }
+
+    /// Zero everywhere, and no block active.
+    pub fn clear(&mut self) {
+        self.values.fill(0.0);
+        self.weighted.fill(0.0);
+        self.active.fill(false);
+    }
+
+    /// Cells along an edge of the brick.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Blocks along an edge of the brick.
+    pub fn blocks(&self) -> usize {
+        self.side / BLOCK
+    }
+
+    /// Points along an edge, those around the brick included.
+    pub fn row(&self) -> usize {
+        self.side + 1 + 2 * BEFORE
+    }
+
+    /// The place of a point among the values; point 0 is the one before the brick's first.
+    #[inline]
+    pub fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.row() + y) * self.row() + x
+    }
+}

@@ -1,0 +1,270 @@
+//! Marching tetrahedra. Each cell is cut into six tetrahedra along its diagonal from the corner of smallest coordinates
+//! (Kuhn 1960, Freudenthal 1942). All cells are cut alike, so the faces of neighbours agree and the surface has no
+//! cracks; a tetrahedron has no ambiguous case.
+//!
+//! A corner of a cell is a mask: bit 0 stands for x, bit 1 for y, bit 2 for z. An edge of a tetrahedron leads from a
+//! point to one whose mask holds its own; the difference of both is the edge's direction, one of seven.
+
+use super::Vertex;
+use super::lattice::{BEFORE, BLOCK, Lattice, Samples};
+use super::weld::{BrickMesh, Shared};
+use glam::DVec3;
+
+/// Corners of each tetrahedron between corner 0 and corner 7, and whether they make a right-handed system.
+const TETRAHEDRA: [([usize; 4], bool); 6] = [
+    ([0, 1, 3, 7], true),
+    ([0, 2, 6, 7], true),
+    ([0, 4, 5, 7], true),
+    ([0, 1, 5, 7], false),
+    ([0, 2, 3, 7], false),
+    ([0, 4, 6, 7], false),
+];
+
+/// Directions of edges.
+const DIRECTIONS: usize = 7;
+
+/// Vertices keep this share of an edge away from its ends, so that no two of them fall together.
+const NEAREST: f64 = 1e-4;
+
+/// No vertex on this edge yet.
+const NONE: u32 = u32::MAX;
+
+/// The part of the surface in a brick whose first cell is `corner`. Cells beyond the lattice are left out.
+pub(super) fn march(lattice: &Lattice, corner: [u32; 3], samples: &Samples, isovalue: f64) -> BrickMesh {
+    let side = samples.side();
+    let points = (side + 1) * (side + 1) * DIRECTIONS;
+    let cells = [0, 1, 2].map(|axis| side.min(lattice.cells[axis].saturating_sub(corner[axis]) as usize));
+    let mut steps = [0; 8];
+    for (mask, step) in steps.iter_mut().enumerate() {
+        *step = samples.index([mask & 1, mask >> 1 & 1, mask >> 2]);
+    }
+    let mut marcher = Marcher {
+        lattice,
+        corner,
+        samples,
+        isovalue,
+        steps,
+        layers: [vec![NONE; points], vec![NONE; points]],
+        mesh: BrickMesh::default(),
+    };
+    for z in 0..cells[2] {
+        // What the layer before last was is the layer after this one.
+        marcher.layers[(z + 1) & 1].fill(NONE);
+        marcher.layer(z, cells);
+    }
+    let mut mesh = marcher.mesh;
+    mesh.finish(lattice.center());
+    mesh
+}
+
+struct Marcher<'a> {
+    lattice: &'a Lattice,
+    corner: [u32; 3],
+    samples: &'a Samples,
+    isovalue: f64,
+    /// From a point to each corner of its cell among the samples.
+    steps: [usize; 8],
+    /// Vertices on edges that begin at the points of even and of odd layers.
+    layers: [Vec<u32>; 2],
+    mesh: BrickMesh,
+}
+
+impl Marcher<'_> {
+    /// The active blocks' cells with this z.
+    fn layer(&mut self, z: usize, cells: [usize; 3]) {
+        let blocks = self.samples.blocks();
+        for y in 0..cells[1] {
+            for block in 0..blocks {
+                if !self.samples.active[((z / BLOCK) * blocks + y / BLOCK) * blocks + block] {
+                    continue;
+                }
+                for x in block * BLOCK..cells[0].min((block + 1) * BLOCK) {
+                    self.cell([x, y, z]);
+                }
+            }
+        }
+    }
+
+    fn cell(&mut self, cell: [usize; 3]) {
+        let at = self.samples.index(cell.map(|index| index + BEFORE));
+        let mut inside = 0_u8;
+        for (corner, step) in self.steps.iter().enumerate() {
+            inside |= u8::from(self.samples.values[at + step] >= self.isovalue) << corner;
+        }
+        if inside == 0 || inside == u8::MAX {
+            return;
+        }
+        for (corners, is_right) in TETRAHEDRA {
+            self.tetrahedron(cell, corners, is_right, inside);
+        }
+    }
+
+    /// Adds the triangles of a tetrahedron, each counter-clockwise as seen from where the field is low.
+    fn tetrahedron(&mut self, cell: [usize; 3], corners: [usize; 4], is_right: bool, inside: u8) {
+        let (mut within, mut without) = ([0; 4], [0; 4]);
+        let (mut high, mut low) = (0, 0);
+        // Whether putting the corners within first changes their handedness.
+        let mut is_odd = false;
+        for corner in corners {
+            if inside >> corner & 1 == 1 {
+                is_odd ^= low & 1 == 1;
+                within[high] = corner;
+                high += 1;
+            } else {
+                without[low] = corner;
+                low += 1;
+            }
+        }
+        // In a right-handed system (a, b, c, d) the triangle on the edges from a to b, c and d is seen
+        // counter-clockwise from their side. Moving the last corner to the front is an odd permutation, and looking
+        // from the other side undoes it.
+        let is_flipped = is_odd == is_right;
+        match high {
+            1 => {
+                let ends = without.map(|end| (within[0], end));
+                self.triangle(cell, [ends[0], ends[1], ends[2]], is_flipped);
+            }
+            3 => {
+                let ends = within.map(|end| (without[0], end));
+                self.triangle(cell, [ends[0], ends[1], ends[2]], is_flipped);
+            }
+            2 => {
+                let ([a, b, ..], [c, d, ..]) = (within, without);
+                self.triangle(cell, [(a, c), (a, d), (b, d)], is_flipped);
+                self.triangle(cell, [(a, c), (b, d), (b, c)], is_flipped);
+            }
+            _ => {}
+        }
+    }
+
+    fn triangle(&mut self, cell: [usize; 3], edges: [(usize, usize); 3], is_flipped: bool) {
+        let [a, b, c] = edges.map(|(from, to)| self.vertex(cell, from, to));
+        self.mesh.triangles.push(if is_flipped { [a, c, b] } else { [a, b, c] });
+    }
+
+    /// The number of the vertex between two corners of a cell, which is made where there is none yet.
+    fn vertex(&mut self, cell: [usize; 3], a: usize, b: usize) -> u32 {
+        let (lower, direction) = (a & b, a ^ b);
+        let point = [0, 1, 2].map(|axis| cell[axis] + (lower >> axis & 1));
+        let side = self.samples.side();
+        let slot = (point[1] * (side + 1) + point[0]) * DIRECTIONS + direction - 1;
+        let known = self.layers[point[2] & 1][slot];
+        if known != NONE {
+            return known;
+        }
+        let number = self.mesh.vertices.len() as u32;
+        self.layers[point[2] & 1][slot] = number;
+        let vertex = self.placed(point, direction);
+        self.mesh.vertices.push(vertex);
+        // Along each axis in whose face of the brick the edge lies there is another brick that has it.
+        let on_face = |axis: &usize| direction >> axis & 1 == 0 && (point[*axis] == 0 || point[*axis] == side);
+        let faces = (0..3).filter(on_face).count();
+        if faces > 0 {
+            let global = [0, 1, 2].map(|axis| u64::from(self.corner[axis]) + point[axis] as u64);
+            let key = ((global[2] << 20 | global[1]) << 20 | global[0]) << 3 | direction as u64;
+            self.mesh.shared.push(Shared { vertex: number, key, uses: 1 << faces, component: 0 });
+        }
+        number
+    }
+
+    /// The vertex on an edge. Nothing depends on the brick here, so that neighbours have the same one to the last bit.
+    fn placed(&self, point: [usize; 3], direction: usize) -> Vertex {
+        let values = &self.samples.values;
+        let at = self.samples.index(point.map(|index| index + BEFORE));
+        let step = self.steps[direction];
+        let to = at + step;
+        let around = [values[at - step], values[at], values[to], values[to + step]];
+        let share = crossing(around, self.isovalue);
+        let mut position = DVec3::ZERO;
+        for axis in 0..3 {
+            let along = if direction >> axis & 1 == 1 { self.lattice.spacing * share } else { 0.0 };
+            let index = i64::from(self.corner[axis]) + point[axis] as i64;
+            position[axis] = self.lattice.coordinate(axis, index) + along;
+        }
+        let slope = |at: usize| {
+            let axis = |mask: usize| values[at + self.steps[mask]] - values[at - self.steps[mask]];
+            DVec3::new(axis(1), axis(2), axis(4))
+        };
+        let gradient = slope(at).lerp(slope(to), share);
+        // Where the field is flat on both sides of a peak, the edge itself tells the way down.
+        let along = DVec3::from_array([0, 1, 2].map(|axis| (direction >> axis & 1) as f64)) * (values[to] - values[at]);
+        let normal = (-gradient).try_normalize().or_else(|| (-along).try_normalize()).unwrap_or(DVec3::Z);
+        let between = |of: &[f64]| of[at] + share * (of[to] - of[at]);
+        let value = if self.samples.weighted.is_empty() {
+            0.0
+        } else {
+            between(&self.samples.weighted) / between(&self.samples.values)
+        };
+        Vertex { position, normal: normal.as_vec3(), value: value as f32 }
+    }
+}
+
+/// Where between two neighbours the field is `isovalue`, as a share of the edge: on the cubic through four points in a
+/// row, whose slopes are limited so that it rises or falls all the way (Fritsch and Carlson 1980).
+fn crossing([before, from, to, behind]: [f64; 4], isovalue: f64) -> f64 {
+    let rise = to - from;
+    let target = (isovalue - from) / rise;
+    let slope = |six_times: f64| (six_times / (6.0 * rise)).clamp(0.0, 3.0);
+    let start = slope(6.0 * to - 3.0 * from - 2.0 * before - behind);
+    let end = slope(before - 6.0 * from + 3.0 * to + 2.0 * behind);
+    let (mut low, mut high, mut share) = (0.0, 1.0, target);
+    for _ in 0..24 {
+        let t: f64 = share;
+        let left = t - 1.0;
+        let off = t * (left * (left * start + t * end) + t * (3.0 - 2.0 * t)) - target;
+        if off.abs() < 1e-12 {
+            break;
+        }
+        if off > 0.0 {
+            high = t;
+        } else {
+            low = t;
+        }
+        let climb = start * (3.0 * t * t - 4.0 * t + 1.0) + end * (3.0 * t * t - 2.0 * t) + 6.0 * t * (1.0 - t);
+        let next = t - off / climb;
+        share = if next > low && next < high { next } else { 0.5 * (low + high) };
+    }
+    // Values beyond the largest number leave no share.
+    let share = if share.is_nan() { 0.5 } else { share };
+    share.clamp(NEAREST, 1.0 - NEAREST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn tetrahedra_fill_the_cell_and_are_handed_as_said() {
+        let corner = |mask: usize| DVec3::from_array([0, 1, 2].map(|axis| (mask >> axis & 1) as f64));
+        let mut volume = 0.0;
+        for (corners, is_right) in TETRAHEDRA {
+            let [a, b, c, d] = corners.map(corner);
+            let sixfold = (b - a).dot((c - a).cross(d - a));
+            assert_eq!(sixfold > 0.0, is_right, "{corners:?}");
+            volume += sixfold.abs() / 6.0;
+        }
+        assert!((volume - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn cubics_are_met_where_they_are() {
+        // 1 + t + t^2 / 4 + t^3 / 8 at -1, 0, 1, 2.
+        let cubic = |t: f64| 1.0 + t + 0.25 * t * t + 0.125 * t * t * t;
+        let around = [-1.0, 0.0, 1.0, 2.0].map(cubic);
+        for t in [0.1, 0.25, 0.5, 0.9] {
+            assert!((crossing(around, cubic(t)) - t).abs() < 1e-9, "{t}");
+            let [a, b, c, d] = around;
+            assert!((crossing([d, c, b, a], cubic(t)) - (1.0 - t)).abs() < 1e-9, "{t}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_crossing_is_on_its_edge(around in prop::array::uniform4(0.0..1e6f64), share in 0.0..1.0f64) {
+            let isovalue = around[1] + share * (around[2] - around[1]);
+            let found = crossing(around, isovalue);
+            prop_assert!((NEAREST..=1.0 - NEAREST).contains(&found), "{found}");
+        }
+    }
+}

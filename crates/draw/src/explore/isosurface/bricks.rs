@@ -1,0 +1,289 @@
+//! The density field at the points of bricks, and which bricks and blocks a surface may pass at all.
+//!
+//! In a box the field is at most the sum of the kernels' values at the points of the box nearest to each particle, and
+//! at least that of the farthest ones, since kernels fall with the distance. Where that says on which side of the
+//! isovalue the whole box is, the field is not summed up there.
+
+use super::particles::{Leaf, Particle, Particles};
+use crate::cpu::mesh::{BEFORE, BLOCK, Field, Lattice, Samples};
+use crate::explore::error::ExploreError;
+use crate::model::{Bounds, Kernel};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Parts along each edge of a box whose limits are found together.
+const PARTS: usize = 8;
+
+/// Rounding of a sum, relative to it.
+const ROUNDING: f64 = 1e-9;
+
+/// The bricks that a surface may pass.
+pub(super) struct Plan {
+    /// The first cell of each.
+    pub bricks: Vec<[u32; 3]>,
+    /// The leaves that reach a cube of bricks, by the cube's first cell.
+    leaves: HashMap<[u32; 3], Vec<u32>>,
+}
+
+/// The density of particles (F12 equation 3.1).
+pub(super) struct Density<'a> {
+    pub particles: &'a Particles<'a>,
+    pub leaves: &'a [Leaf],
+    pub lattice: Lattice,
+    pub isovalue: f64,
+    /// Cells along an edge of a brick.
+    pub side: usize,
+    pub has_attribute: bool,
+}
+
+/// Between what the field is in each part of a box.
+struct Limits {
+    upper: Vec<f64>,
+    lower: Vec<f64>,
+}
+
+impl Density<'_> {
+    /// Which bricks to look into; `None` where there are more than `most`.
+    pub fn plan(&self, most: u64) -> Result<Option<Plan>, ExploreError> {
+        let mut plan = Plan { bricks: Vec::new(), leaves: HashMap::new() };
+        let longest = self.lattice.cells.into_iter().max().unwrap_or(0) as usize;
+        let mut part = self.side;
+        while part * PARTS < longest {
+            part *= PARTS;
+        }
+        let all: Vec<u32> = (0..self.leaves.len() as u32).collect();
+        Ok(self.divide([0; 3], part, all, most, &mut plan)?.then_some(plan))
+    }
+
+    /// Looks into a cube of [`PARTS`] cubed parts with `part` cells along each edge. False where there are too many
+    /// bricks.
+    fn divide(
+        &self,
+        corner: [u32; 3],
+        part: usize,
+        leaves: Vec<u32>,
+        most: u64,
+        plan: &mut Plan,
+    ) -> Result<bool, ExploreError> {
+        self.particles.go_on()?;
+        let share = leaves.len().div_ceil(4 * rayon::current_num_threads()).max(8);
+        let found: Vec<Result<Limits, ExploreError>> =
+            leaves.par_chunks(share).map(|leaves| self.limits(leaves, corner, part, PARTS)).collect();
+        let mut limits = Limits::new(PARTS);
+        for part in found {
+            limits.add(&part?);
+        }
+        let mut bricks = Vec::new();
+        for index in 0..PARTS * PARTS * PARTS {
+            let place = [index % PARTS, index / PARTS % PARTS, index / PARTS / PARTS];
+            let first = [0, 1, 2].map(|axis| corner[axis] as usize + place[axis] * part);
+            let is_in = (0..3).all(|axis| first[axis] < self.lattice.cells[axis] as usize);
+            if !is_in || !limits.is_active(index, self.isovalue) {
+                continue;
+            }
+            let first = first.map(|cell| cell as u32);
+            if part == self.side {
+                bricks.push(first);
+                continue;
+            }
+            // The points around a brick are summed up with it.
+            let bounds = self.bounds(first, 1 + BEFORE as i64, part);
+            let below = leaves.iter().copied().filter(|&leaf| self.leaves[leaf as usize].reaches(&bounds)).collect();
+            if !self.divide(first, part / PARTS, below, most, plan)? {
+                return Ok(false);
+            }
+        }
+        if !bricks.is_empty() {
+            plan.bricks.extend(bricks);
+            plan.leaves.insert(corner, leaves);
+        }
+        Ok(plan.bricks.len() as u64 <= most)
+    }
+
+    /// The box of cells from `before` points before `first` to as many behind `side` cells.
+    fn bounds(&self, first: [u32; 3], before: i64, side: usize) -> Bounds {
+        let point = |offset: i64| {
+            DVec3::from_array([0, 1, 2].map(|axis| self.lattice.coordinate(axis, i64::from(first[axis]) + offset)))
+        };
+        Bounds { min: point(-before), max: point(side as i64 + before) }
+    }
+
+    /// Between what the field of these leaves is in each of `parts` cubed parts with `part` cells along each edge.
+    fn limits(&self, leaves: &[u32], corner: [u32; 3], part: usize, parts: usize) -> Result<Limits, ExploreError> {
+        let kernel = self.particles.kernel();
+        let (edge, origin) = (self.lattice.spacing * part as f64, self.bounds(corner, 0, part).min);
+        let mut limits = Limits::new(parts);
+        let leaves = leaves.iter().map(|&leaf| &self.leaves[leaf as usize]);
+        self.particles.each(leaves, |particle| limits.take(particle, kernel, origin, edge, parts))?;
+        Ok(limits)
+    }
+
+    /// The leaves that reach a brick and the points around it, in their order.
+    fn leaves_of(&self, plan: &Plan, corner: [u32; 3]) -> Vec<u32> {
+        let cube = (self.side * PARTS) as u32;
+        let Some(leaves) = plan.leaves.get(&corner.map(|cell| cell / cube * cube)) else { return Vec::new() };
+        let bounds = self.bounds(corner, 1 + BEFORE as i64, self.side);
+        leaves.iter().copied().filter(|&leaf| self.leaves[leaf as usize].reaches(&bounds)).collect()
+    }
+}
+
+impl Limits {
+    fn new(parts: usize) -> Limits {
+        let all = parts * parts * parts;
+        Limits { upper: vec![0.0; all], lower: vec![0.0; all] }
+    }
+
+    fn add(&mut self, other: &Limits) {
+        self.upper.iter_mut().zip(&other.upper).for_each(|(sum, part)| *sum += part);
+        self.lower.iter_mut().zip(&other.lower).for_each(|(sum, part)| *sum += part);
+    }
+
+    /// Whether the field may be on both sides of the isovalue in a part.
+    fn is_active(&self, index: usize, isovalue: f64) -> bool {
+        self.upper[index] * (1.0 + ROUNDING) >= isovalue && self.lower[index] * (1.0 - ROUNDING) < isovalue
+    }
+
+    /// Adds a particle to the parts that its kernel reaches. Lengths here are in units of a part's edge.
+    fn take(&mut self, particle: &Particle, kernel: Kernel, origin: DVec3, edge: f64, parts: usize) {
+        let place = (particle.position - origin) / edge;
+        let reach = particle.smoothing_length / edge;
+        let (mut first, mut last) = ([0_usize; 3], [0_usize; 3]);
+        // Squares of the smallest and the largest distance from each row of parts, relative to the reach.
+        let (mut nearest, mut farthest) = ([[0.0; PARTS]; 3], [[0.0; PARTS]; 3]);
+        for axis in 0..3 {
+            let (low, high) = ((place[axis] - reach).floor(), (place[axis] + reach).floor());
+            if high < 0.0 || low >= parts as f64 {
+                return;
+            }
+            first[axis] = low.max(0.0) as usize;
+            last[axis] = high.min((parts - 1) as f64) as usize;
+            for i in first[axis]..=last[axis] {
+                let (from, to) = (i as f64 - place[axis], (i + 1) as f64 - place[axis]);
+                let near = from.max(-to).max(0.0) / reach;
+                let far = from.abs().max(to.abs()) / reach;
+                nearest[axis][i] = near * near;
+                farthest[axis][i] = far * far;
+            }
+        }
+        let weight = particle.mass / particle.smoothing_length.powi(3);
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
+                let near = nearest[2][z] + nearest[1][y];
+                let far = farthest[2][z] + farthest[1][y];
+                for x in first[0]..=last[0] {
+                    let index = (z * parts + y) * parts + x;
+                    let (near, far) = (near + nearest[0][x], far + farthest[0][x]);
+                    if near < 1.0 {
+                        self.upper[index] += weight * kernel.value(near.sqrt());
+                    }
+                    if far < 1.0 {
+                        self.lower[index] += weight * kernel.value(far.sqrt());
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A density with the bricks that are looked into.
+pub(super) struct Planned<'a> {
+    pub density: &'a Density<'a>,
+    pub plan: &'a Plan,
+}
+
+impl Field for Planned<'_> {
+    type Error = ExploreError;
+
+    fn has_attribute(&self) -> bool {
+        self.density.has_attribute
+    }
+
+    fn sample(&self, corner: [u32; 3], samples: &mut Samples) -> Result<(), ExploreError> {
+        let Density { particles, leaves: all, lattice, isovalue, side, has_attribute } = *self.density;
+        particles.go_on()?;
+        let leaves = self.density.leaves_of(self.plan, corner);
+        let limits = self.density.limits(&leaves, corner, BLOCK, side / BLOCK)?;
+        for (index, active) in samples.active.iter_mut().enumerate() {
+            *active = limits.is_active(index, isovalue);
+        }
+        let spans = Spans::of(samples);
+        if spans.are_empty() {
+            return Ok(());
+        }
+        let row = samples.row();
+        let coordinates: [Vec<f64>; 3] = [0, 1, 2].map(|axis| {
+            let first = i64::from(corner[axis]) - BEFORE as i64;
+            (0..row as i64).map(|point| lattice.coordinate(axis, first + point)).collect()
+        });
+        let kernel = particles.kernel();
+        // Points within a kernel; one more on each side, so that rounding here decides nothing: distances do.
+        let range = |axis: usize, particle: &Particle| {
+            let (center, start) = (particle.position[axis], coordinates[axis][0]);
+            let low = ((center - particle.smoothing_length - start) / lattice.spacing).floor();
+            let high = ((center + particle.smoothing_length - start) / lattice.spacing).ceil() + 1.0;
+            low.clamp(0.0, row as f64) as usize..high.clamp(0.0, row as f64) as usize
+        };
+        particles.each(leaves.iter().map(|&leaf| &all[leaf as usize]), |particle| {
+            let inverse = 1.0 / particle.smoothing_length;
+            let weight = particle.mass * inverse * inverse * inverse;
+            let [along_x, along_y, along_z] = [0, 1, 2].map(|axis| range(axis, particle));
+            let square = |axis: usize, point: usize| {
+                let distance = (coordinates[axis][point] - particle.position[axis]) * inverse;
+                distance * distance
+            };
+            for z in along_z {
+                let in_z = square(2, z);
+                if in_z >= 1.0 {
+                    continue;
+                }
+                for y in along_y.clone() {
+                    let in_row = in_z + square(1, y);
+                    if in_row >= 1.0 {
+                        continue;
+                    }
+                    let span = &spans.rows[z * row + y];
+                    let start = samples.index([0, y, z]);
+                    for x in along_x.start.max(span.start)..along_x.end.min(span.end) {
+                        let squared = in_row + square(0, x);
+                        if squared < 1.0 {
+                            let density = weight * kernel.value(squared.sqrt());
+                            samples.values[start + x] += density;
+                            if has_attribute {
+                                samples.weighted[start + x] += particle.attribute * density;
+                            }
+                        }
+                    }
+                }
+            }
+        })
+    }
+}
+
+/// For each row of points along x the part that active blocks need, and the points beside them.
+struct Spans {
+    rows: Vec<std::ops::Range<usize>>,
+}
+
+impl Spans {
+    fn of(samples: &Samples) -> Spans {
+        let (row, blocks) = (samples.row(), samples.blocks());
+        let mut rows = vec![row..0; row * row];
+        for (index, _) in samples.active.iter().enumerate().filter(|(_, active)| **active) {
+            let [x, y, z] =
+                [index % blocks, index / blocks % blocks, index / blocks / blocks].map(|block| block * BLOCK);
+            // A block's own points and those before and behind.
+            let points = 2 * BEFORE + BLOCK + 1;
+            for z in z..z + points {
+                for span in &mut rows[z * row + y..z * row + y + points] {
+                    *span = span.start.min(x)..span.end.max(x + points);
+                }
+            }
+        }
+        Spans { rows }
+    }
+
+    fn are_empty(&self) -> bool {
+        self.rows.iter().all(std::ops::Range::is_empty)
+    }
+}
