@@ -10,9 +10,11 @@ use deepfield::cpu::surface::select::{CutNode, Primitive, SurfaceCut, Technique}
 use deepfield::cpu::surface::source::SurfaceNodes;
 use deepfield::cpu::surface::stitch::Scene;
 use deepfield::gpu::Offscreen;
-use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
+use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, Measured, build_heights};
 use deepfield::heights::hierarchy::chunks::ChunkKey;
-use deepfield::heights::model::{Globe, HeightField, Plane};
+use deepfield::heights::model::{
+    Globe, HeightError, HeightField, HeightGrid, Heights, PhotoAbout, PhotoPlace, PhotoRows, Plane, Window,
+};
 use deepfield::heights::store::HeightFile;
 use deepfield::look::{self, Backend, CameraConfig, HeightsSaid, LookPatch, Shot};
 use deepfield::mode::{SettingValue, Settings};
@@ -72,7 +74,7 @@ fn hills([columns, rows]: [usize; 2], holes: Holes) -> HeightField {
     field
 }
 
-fn built(folder: &Path, field: &HeightField) -> PathBuf {
+fn built(folder: &Path, field: &dyn Measured) -> PathBuf {
     let path = folder.join("field.df");
     build_heights(field, &HeightOrigin::default(), &HeightBuildOptions::default(), &path, &()).unwrap();
     path
@@ -329,7 +331,8 @@ fn nothing_shows_through_where_levels_meet_on_a_globe() {
         joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
         let passes = [Passes::Compute, Passes::Raster][round / 3 % 2];
         let (look, technique) = (look.clone(), Technique::Hybrid);
-        let job = AdapterSurface { scene, view, parts: 1, look, form: None, technique, reference: 0.0, passes };
+        let job =
+            AdapterSurface { scene, view, parts: 1, look, form: None, photo: None, technique, reference: 0.0, passes };
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
         assert_eq!(open, 0, "{passes:?}, round {round}: at {longitude} {latitude} {away} {aside}");
@@ -380,6 +383,123 @@ fn an_adapter_draws_what_is_left_of_a_form_and_what_has_changed() {
             let (share, mean) = differences(&found, &expected);
             println!("{what}, {passes}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}");
             assert!(share <= 0.01 && mean < 0.5, "{what}, {passes}: {share} {mean}");
+        }
+    }
+}
+
+/// A field with a photo over it.
+struct Covered {
+    field: HeightField,
+    photo: Pixels,
+}
+
+struct Pixels {
+    about: PhotoAbout,
+    values: Vec<u8>,
+}
+
+impl PhotoRows for Pixels {
+    fn about(&self) -> &PhotoAbout {
+        &self.about
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        0
+    }
+
+    fn rows(&self, first: u64, count: u64, out: &mut [u8]) -> Result<(), HeightError> {
+        let row = 3 * self.about.size[1] as usize;
+        out.copy_from_slice(&self.values[first as usize * row..][..count as usize * row]);
+        Ok(())
+    }
+}
+
+impl Heights for Covered {
+    fn grid(&self) -> &HeightGrid {
+        self.field.grid()
+    }
+
+    fn stored(&self, window: Window, out: &mut [f64]) -> Result<(), HeightError> {
+        self.field.stored(window, out)
+    }
+
+    fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
+        self.field.plane(plane, window, out)
+    }
+}
+
+impl Measured for Covered {
+    fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
+        Some(Box::new(&self.photo))
+    }
+}
+
+/// A field under a photo of waves and a little noise, several pixels to a sample, over all of it or somewhere.
+fn covered(mut field: HeightField, place: Option<PhotoPlace>) -> Covered {
+    (field.planes, field.grid.planes) = (Vec::new(), Vec::new());
+    let (rows, columns) = (1100, 1500);
+    let mut random = Random(5);
+    let values = (0..rows * columns * 3).map(|at| {
+        let (x, y) = ((at / 3 % columns) as f64, (at / 3 / columns) as f64);
+        let wave = (x / (110.0 + 40.0 * (at % 3) as f64) + (y / 160.0).cos()).sin();
+        (128.0 + 105.0 * wave + 12.0 * random.next()) as u8
+    });
+    let values = values.collect();
+    let (place, size) = (place.unwrap_or(PhotoPlace::whole(&field.grid)), [rows as u64, columns as u64]);
+    let about = PhotoAbout { path: "p".into(), format: "png".into(), bytes: 0, size, is_grey: false, place };
+    Covered { field, photo: Pixels { about, values } }
+}
+
+#[test]
+fn an_adapter_draws_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    let part = PhotoPlace { rows: [100.0, 330.0], columns: [-40.0, 420.0] };
+    // Over the seam of a globe.
+    let beyond = PhotoPlace { rows: [100.0, 430.0], columns: [450.0, 800.0] };
+    let all = PhotoPlace { rows: [-0.5, 529.5], columns: [-0.5, 619.5] };
+    let near = Wanted { eye: Some([310.0, 200.0, 40.0]), target: Some([500.0, 350.0, -20.0]), ..PLAIN };
+    let above_all = Wanted {
+        eye: Some([310.0, 265.0, 900.0]),
+        target: Some([310.0, 265.5, 0.0]),
+        ortho: Some(40.0),
+        settings: &[("technique", name("triangles"))],
+        ..PLAIN
+    };
+    let flat = [
+        ("far", Wanted { attribute: Some("texture"), ..PLAIN }),
+        ("near", Wanted { settings: &[("light", name("eye"))], ..near }),
+        ("lines", Wanted { settings: &[("contours", number(8.0))], ..near }),
+        ("pixels of the photo", above_all),
+    ];
+    let target = Some([0.0; 3]);
+    let high = [("exaggeration", number(3000.0)), ("light", name("eye"))];
+    let round = [
+        ("a globe", Wanted { ..PLAIN }),
+        ("the seam", Wanted { eye: above(180.0, 10.0, 2e7), target, settings: &high, ..PLAIN }),
+        ("a pole", Wanted { eye: above(30.0, 88.0, 8e6), target, settings: &high[1..], ..PLAIN }),
+    ];
+    let fields = [
+        ("flat", covered(hills(SIZE, Holes::None), None), &flat[..], 0.01),
+        ("lakes", covered(hills(SIZE, Holes::Lakes), None), &flat[..], 0.01),
+        ("a part", covered(hills(SIZE, Holes::None), Some(part)), &flat[..], 0.01),
+        ("globe", covered(world(Holes::None), Some(all)), &round[..], 0.01),
+        // Its edge is moved by parts of a pixel, as lines are.
+        ("a part of a globe", covered(world(Holes::None), Some(beyond)), &round[..], 0.02),
+    ];
+    for (field, covered, pictures, most) in &fields {
+        let path = built(folder.path(), covered);
+        let mut processor = session(&path, Backend::Cpu);
+        for (backend, passes) in [(Backend::Compute, "compute"), (Backend::Raster, "raster")] {
+            let mut adapter = session(&path, backend);
+            for (what, wanted) in *pictures {
+                let (_, expected) = wanted.draw(&mut processor);
+                let (picture, found) = wanted.draw(&mut adapter);
+                assert_eq!(picture.drawn_by[0], passes, "{field}, {what}");
+                let (share, mean) = differences(&found, &expected);
+                println!("{field}, {what}, {passes}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}");
+                assert!(share <= *most && mean < 1.0, "{field}, {what}, {passes}: {share} {mean}");
+                assert_eq!(wanted.draw(&mut adapter).1, found, "{field}, {what}, {passes}");
+            }
         }
     }
 }
@@ -505,7 +625,8 @@ fn nothing_shows_through_where_levels_meet() {
         let passes = [Passes::Compute, Passes::Raster][round % 2];
         let technique = Technique::Hybrid;
         let look = look.clone();
-        let job = AdapterSurface { scene, view, parts: 1, look, form: None, technique, reference: 0.0, passes };
+        let job =
+            AdapterSurface { scene, view, parts: 1, look, form: None, photo: None, technique, reference: 0.0, passes };
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
         assert_eq!(open, 0, "{passes:?}, round {round}: {view:?}");

@@ -403,6 +403,17 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             radius,
             lift,
             lengths,
+            photo_size,
+            photo_anchor,
+            photo_at,
+            photo_per,
+            photo_rows,
+            photo_columns,
+            photo_period,
+            photo_is_endless,
+            photo_light,
+            photo_table,
+            photo_levels,
             unused,
         }),
         "draws" => layout!(Draw {
@@ -598,7 +609,7 @@ fn buffers_are_laid_out_as_the_program_writes_them() {
             }
         }
     }
-    assert_eq!(compared.len(), 92, "{compared:?}");
+    assert_eq!(compared.len(), 93, "{compared:?}");
 }
 
 #[test]

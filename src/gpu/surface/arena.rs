@@ -1,8 +1,9 @@
-//! Samples of chunks on the adapter: one buffer of equal slots. A chunk is copied once while it stays; those that have not been drawn for
-//! longest make room.
+//! Samples of chunks on the adapter, each in a slot of a [`Pool`].
 
 use super::constants::{CHUNK, UNMEASURED};
 use super::layout::counted;
+use super::photo::PhotoTiles;
+use super::pool::{Held, Pool};
 use crate::color::colors::to_encoded;
 use crate::cpu::surface::look::Attribute;
 use crate::cpu::surface::source::NodeSamples;
@@ -11,18 +12,11 @@ use crate::heights::hierarchy::chunks::ChunkKey;
 use crate::heights::measure::Form;
 use crate::picture::adapter::AdapterSurface;
 use bevy::prelude::Resource;
-use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy::tasks::block_on;
-use rayon::prelude::*;
-use std::collections::HashMap;
-use std::sync::{Arc, Weak};
-use wgpu::ErrorFilter;
+use std::sync::Arc;
 
 /// Samples of a slot: of the largest chunk, which closes a globe and has a column more than others.
 const SLOT: u64 = ((CHUNK + 1) * (CHUNK + 2)) as u64;
-/// Chunks that are handed over at once: each time the driver holds a copy of them.
-const PORTION: usize = 64;
 
 /// What the words of a slot mean.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -46,15 +40,6 @@ enum Values {
     Form(Arc<Form>),
 }
 
-/// The chunk in a slot.
-#[derive(Debug, Default)]
-struct Slot {
-    /// As long as this is kept no other chunk has its address.
-    samples: Weak<NodeSamples>,
-    /// The picture that it was drawn in last.
-    used: u64,
-}
-
 impl Chunk<'_> {
     /// The heights of a form at its samples.
     fn heights_of(&self, form: &Form, scene: &Scene) -> Vec<f64> {
@@ -64,35 +49,18 @@ impl Chunk<'_> {
     }
 }
 
-/// Samples on the adapter (render world).
-#[derive(Resource, Debug, Default)]
+/// Samples on the adapter, and a photo that lies over them (render world).
+#[derive(Resource, Debug)]
 pub struct SurfaceArena {
-    buffer: Option<Buffer>,
     meaning: Meaning,
-    slots: Vec<Slot>,
-    /// Slots by the addresses of what is in them.
-    known: HashMap<usize, usize>,
-    /// Counts pictures.
-    picture: u64,
+    samples: Pool<NodeSamples>,
+    photo: PhotoTiles,
 }
 
-/// Where the chunks of a picture are.
-pub struct Held {
-    /// All slots.
-    pub buffer: Buffer,
-    slots: HashMap<usize, usize>,
-    slot_words: u64,
-}
-
-impl Held {
-    /// The first word of a chunk.
-    pub fn first_word(&self, samples: &Arc<NodeSamples>) -> Option<u32> {
-        self.slots.get(&address(samples)).map(|slot| (*slot as u64 * self.slot_words) as u32)
+impl Default for SurfaceArena {
+    fn default() -> SurfaceArena {
+        SurfaceArena::new(Meaning::default(), PhotoTiles::default())
     }
-}
-
-fn address(samples: &Arc<NodeSamples>) -> usize {
-    Arc::as_ptr(samples).addr()
 }
 
 /// A chunk that is drawn, or that one lies in.
@@ -104,100 +72,48 @@ pub struct Chunk<'a> {
 }
 
 impl SurfaceArena {
-    /// Bytes of the buffer.
-    pub fn bytes(&self) -> u64 {
-        self.buffer.as_ref().map_or(0, |buffer| buffer.size())
+    fn new(meaning: Meaning, photo: PhotoTiles) -> SurfaceArena {
+        let samples = Pool::new("deepfield surface samples", meaning.words() * SLOT);
+        SurfaceArena { meaning, samples, photo }
     }
 
-    /// Holds the chunks of a picture; `None` where there is no room for all of them in so much memory.
+    /// Bytes of the buffers.
+    pub fn bytes(&self) -> u64 {
+        self.samples.bytes() + self.photo.bytes()
+    }
+
+    /// Holds the chunks of a picture, and its photo; `None` where there is no room for all of them in so much memory, of which a photo has a
+    /// quarter.
     pub fn hold(
         &mut self,
         job: &AdapterSurface,
         memory: u64,
-        (device, queue): (&RenderDevice, &RenderQueue),
-    ) -> Option<Held> {
+        adapter: (&RenderDevice, &RenderQueue),
+    ) -> Option<(Held, Option<Held>)> {
         let scene = &job.scene;
         let drawn = scene.meshes.iter().map(|mesh| Chunk { key: mesh.node.key, samples: &mesh.samples });
         let above = scene.ancestors.iter().map(|(key, samples)| Chunk { key: *key, samples });
         let chunks: Vec<Chunk<'_>> = drawn.chain(above).collect();
         let meaning = Meaning { values: Values::of(job), reference: job.reference };
         if meaning != self.meaning {
-            *self = SurfaceArena { picture: self.picture, meaning, ..SurfaceArena::default() };
+            *self = SurfaceArena::new(meaning, std::mem::take(&mut self.photo));
         }
-        self.picture += 1;
-        let slot_words = self.meaning.words() * SLOT;
-        let limits = device.limits();
-        let most = memory.min(limits.max_buffer_size).min(limits.max_storage_buffer_binding_size);
-        let most = most.min(4 * u64::from(u32::MAX)) / (4 * slot_words);
-        if chunks.len() as u64 > most {
-            return None;
-        }
-        let mut missing = Vec::new();
-        for chunk in &chunks {
-            match self.known.get(&address(chunk.samples)) {
-                Some(slot) => self.slots[*slot].used = self.picture,
-                None => missing.push(chunk),
+        let for_photo = if job.photo.is_some() { memory / 4 } else { 0 };
+        let photo = match &job.photo {
+            Some(cut) => Some(self.photo.hold(cut, for_photo, adapter)?),
+            None => {
+                self.photo = PhotoTiles::default();
+                None
             }
-        }
-        let free = self.slots.iter().filter(|slot| slot.used < self.picture).count();
-        if missing.len() > free {
-            let needed = self.slots.len() + missing.len() - free;
-            self.grow(needed.max((2 * self.slots.len()).min(most as usize)), (device, queue))?;
-        }
-        self.copy(&missing, scene, queue);
-        let found = |chunk: &Chunk<'_>| Some((address(chunk.samples), *self.known.get(&address(chunk.samples))?));
-        let slots = chunks.iter().filter_map(found).collect();
-        Some(Held { buffer: self.buffer.clone()?, slots, slot_words })
-    }
-
-    /// Makes room for so many chunks; `None` where the adapter has none.
-    fn grow(&mut self, slots: usize, (device, queue): (&RenderDevice, &RenderQueue)) -> Option<()> {
-        let size = 4 * self.meaning.words() * SLOT * slots as u64;
-        let scope = device.wgpu_device().push_error_scope(ErrorFilter::OutOfMemory);
-        let buffer = device.create_buffer(&BufferDescriptor {
-            label: Some("deepfield surface samples"),
-            size,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
-            mapped_at_creation: false,
-        });
-        if block_on(scope.pop()).is_some() {
-            return None;
-        }
-        if let Some(before) = &self.buffer {
-            let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-            encoder.copy_buffer_to_buffer(before, 0, &buffer, 0, before.size());
-            queue.submit([encoder.finish()]);
-        }
-        self.buffer = Some(buffer);
-        self.slots.resize_with(slots, Slot::default);
-        Some(())
-    }
-
-    /// Copies chunks into slots that this picture does not need.
-    fn copy(&mut self, missing: &[&Chunk<'_>], scene: &Scene, queue: &RenderQueue) {
-        let Some(buffer) = self.buffer.clone() else { return };
-        let mut free: Vec<usize> = (0..self.slots.len()).filter(|slot| self.slots[*slot].used < self.picture).collect();
-        free.sort_by_key(|slot| self.slots[*slot].used);
-        let mut free = free.into_iter();
-        for portion in missing.chunks(PORTION) {
-            let packed: Vec<Vec<u32>> = portion
-                .par_iter()
-                .map(|chunk| self.meaning.packed(chunk.samples, |form| chunk.heights_of(form, scene)))
-                .collect();
-            for (chunk, words) in portion.iter().zip(packed) {
-                let Some(slot) = free.next() else { return };
-                let before = self.slots[slot].samples.as_ptr().addr();
-                if self.known.get(&before) == Some(&slot) {
-                    self.known.remove(&before);
-                }
-                self.slots[slot] = Slot { samples: Arc::downgrade(chunk.samples), used: self.picture };
-                self.known.insert(address(chunk.samples), slot);
-                let first = 4 * self.meaning.words() * SLOT * slot as u64;
-                queue.write_buffer(&buffer, first, bytemuck::cast_slice(&words));
-            }
-            // Or all copies would be there at the same time.
-            queue.submit([]);
-        }
+        };
+        let wanted: Vec<&Arc<NodeSamples>> = chunks.iter().map(|chunk| chunk.samples).collect();
+        let meaning = &self.meaning;
+        let packed = |number: usize| {
+            let chunk = &chunks[number];
+            meaning.packed(chunk.samples, |form| chunk.heights_of(form, scene))
+        };
+        let samples = self.samples.hold(&wanted, memory - for_photo, adapter, packed)?;
+        Some((samples, photo))
     }
 }
 

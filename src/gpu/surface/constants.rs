@@ -1,9 +1,11 @@
 //! What Rust and the surface's shaders both need, written as a shader module: one source, and constants that a shader's compiler sees.
 
 use crate::cpu::surface::look::{EDGE, MINOR};
+use crate::cpu::surface::photo::{MOST_TEXELS, nothing};
 use crate::cpu::surface::raster::{BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM};
-use crate::cpu::surface::shade::{BESIDE, ENDS, FINER, REACH, SECANTS};
+use crate::cpu::surface::shade::{BESIDE, ENDS, FINER, MOST_LONGER, REACH, SECANTS};
 use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
+use crate::heights::hierarchy::photo;
 
 /// Path of the module among the shaders.
 pub const PATH: &str = "lib/surface_constants.wgsl";
@@ -46,6 +48,9 @@ pub const FANNED: u32 = 6;
 /// Invocations of a workgroup.
 pub const GROUP: u32 = 256;
 
+/// Texels along the side of a photo's tile.
+const PHOTO_TILE: u32 = photo::TILE as u32;
+
 /// What a surface is coloured by.
 pub const BY_HEIGHT: u32 = 0;
 /// By how steep it is.
@@ -66,6 +71,8 @@ pub const BY_DIFFERENCE: u32 = 7;
 pub const BY_PLANE: u32 = 8;
 /// As three planes have it.
 pub const BY_TEXTURE: u32 = 9;
+/// As the photo that lies over it has it.
+pub const BY_PHOTO: u32 = 10;
 
 /// The module `deepfield::surface_constants`.
 pub fn wgsl() -> String {
@@ -101,9 +108,18 @@ pub fn wgsl() -> String {
         ("BY_DIFFERENCE", BY_DIFFERENCE),
         ("BY_PLANE", BY_PLANE),
         ("BY_TEXTURE", BY_TEXTURE),
+        ("BY_PHOTO", BY_PHOTO),
+        ("PHOTO_TILE", PHOTO_TILE),
     ];
-    let shares =
-        [("UNMEASURED", f64::from(UNMEASURED)), ("FINER", FINER), ("REACH", REACH), ("MINOR", MINOR), ("EDGE", EDGE)];
+    let shares = [
+        ("UNMEASURED", f64::from(UNMEASURED)),
+        ("FINER", FINER),
+        ("REACH", REACH),
+        ("MINOR", MINOR),
+        ("EDGE", EDGE),
+        ("MOST_TEXELS", MOST_TEXELS),
+        ("MOST_LONGER", MOST_LONGER),
+    ];
     let mut text = String::from("#define_import_path deepfield::surface_constants\n");
     for (name, number) in numbers {
         text += &format!("const {name}: u32 = {number}u;\n");
@@ -111,7 +127,9 @@ pub fn wgsl() -> String {
     for (name, share) in shares {
         text += &format!("const {name}: f32 = {share:e};\n");
     }
-    text += &format!("const BESIDE: vec3<f32> = vec3({:e}, {:e}, {:e});\n", BESIDE[0], BESIDE[1], BESIDE[2]);
+    for (name, [red, green, blue]) in [("BESIDE", BESIDE), ("NO_PHOTO", nothing())] {
+        text += &format!("const {name}: vec3<f32> = vec3({red:e}, {green:e}, {blue:e});\n");
+    }
     text
 }
 

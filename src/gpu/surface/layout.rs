@@ -1,8 +1,9 @@
 //! What shaders are told of a surface: who looks and what it looks like, its chunks, and lists of numbers, heights and triangles.
 
-use super::arena::Held;
 use super::constants::{self, CHUNK, FAN, FANNED, LAID, LEAF, MIXED, NONE, POINTS, SMALL, UNMEASURED};
 use super::globe::{Anchor, Tables, drawn_ends};
+use super::photo::{PhotoList, PhotoPlace};
+use super::pool::Held;
 use crate::color::transfer::Scale;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
 use crate::cpu::surface::raster::{POLE, Shown};
@@ -79,7 +80,18 @@ pub struct SurfaceUniform {
     pub radius: f32,
     pub lift: f32,
     pub lengths: [f32; 2],
-    pub unused: [u32; 2],
+    pub photo_size: [u32; 2],
+    pub photo_anchor: [i32; 2],
+    pub photo_at: [f32; 2],
+    pub photo_per: [f32; 2],
+    pub photo_rows: [f32; 2],
+    pub photo_columns: [f32; 2],
+    pub photo_period: f32,
+    pub photo_is_endless: u32,
+    pub photo_light: u32,
+    pub photo_table: u32,
+    pub photo_levels: u32,
+    pub unused: u32,
 }
 
 /// WGSL `Draw`.
@@ -152,6 +164,8 @@ pub struct DrawList {
     pub tree: u32,
     /// Where the rows of a globe's poles are listed.
     pub poles: [u32; 2],
+    /// Where what finds a photo's texels is.
+    pub photo: PhotoList,
 }
 
 /// A height as shaders have it.
@@ -160,8 +174,8 @@ pub fn counted(height: f64, reference: f64) -> f32 {
 }
 
 impl DrawList {
-    /// Of a scene whose samples are where `held` says.
-    pub fn new(job: &AdapterSurface, held: &Held) -> DrawList {
+    /// Of a scene whose samples, and whose photo, are where `held` and `photo` say.
+    pub fn new(job: &AdapterSurface, held: &Held, photo: Option<&Held>) -> DrawList {
         let scene = &job.scene;
         let is_far = |mesh: &Mesh| largest(job, mesh) < f64::from(SMALL) - 1.0;
         let (far, near): (Vec<usize>, Vec<usize>) =
@@ -238,7 +252,9 @@ impl DrawList {
         lists.extend(&fans);
         let count = fans.len() as u32 / FAN;
         let tree = Tree::of(scene).branch(scene.lattice.root(), &mut lists);
-        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree, poles }
+        let photo = job.photo.as_ref().zip(photo);
+        let photo = photo.map(|(cut, held)| PhotoList::new(cut, held, &mut lists)).unwrap_or_default();
+        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree, poles, photo }
     }
 }
 
@@ -390,6 +406,7 @@ impl SurfaceUniform {
                 Some(DVec3::new(level * east, level * north, up))
             }
         };
+        let photo = job.photo.as_ref().map(|cut| PhotoPlace::new(&cut.laid, placed, anchor)).unwrap_or_default();
         let [low, high] = look.range;
         let base = if look.attribute == Attribute::Height { job.reference } else { 0.0 };
         let (low, per_value, is_log) = match look.transfer.scale {
@@ -436,8 +453,7 @@ impl SurfaceUniform {
             lone_side: job.parts,
             clip_min: (cut.bounds.min - view.eye).max(DVec3::splat(-1e37)).as_vec3().to_array(),
             colored_by: match look.attribute {
-                // Photos are asked for of the processor.
-                Attribute::Height | Attribute::Photo => constants::BY_HEIGHT,
+                Attribute::Height => constants::BY_HEIGHT,
                 Attribute::Residual => constants::BY_RESIDUAL,
                 Attribute::Difference => constants::BY_DIFFERENCE,
                 Attribute::Slope => constants::BY_SLOPE,
@@ -447,6 +463,7 @@ impl SurfaceUniform {
                 Attribute::Primitive => constants::BY_PRIMITIVE,
                 Attribute::Plane(_) => constants::BY_PLANE,
                 Attribute::Texture(_) => constants::BY_TEXTURE,
+                Attribute::Photo => constants::BY_PHOTO,
             },
             clip_max: (cut.bounds.max - view.eye).min(DVec3::splat(1e37)).as_vec3().to_array(),
             ramp_last: ramp.saturating_sub(1),
@@ -482,7 +499,18 @@ impl SurfaceUniform {
             radius: on_globe.as_ref().map_or(0.0, Anchor::radius) as f32,
             lift: placed.lift as f32,
             lengths: placed.lengths().map(|length| length as f32),
-            unused: [0; 2],
+            photo_size: photo.size,
+            photo_anchor: photo.anchor,
+            photo_at: photo.at,
+            photo_per: photo.per,
+            photo_rows: photo.rows,
+            photo_columns: photo.columns,
+            photo_period: photo.period,
+            photo_is_endless: photo.is_endless,
+            photo_light: list.photo.light,
+            photo_table: list.photo.table,
+            photo_levels: list.photo.levels,
+            unused: 0,
         }
     }
 }

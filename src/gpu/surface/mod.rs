@@ -2,7 +2,7 @@
 //!
 //! The processor chooses chunks and joins them; a camera with a [`SurfaceView`] beside its [`LightView`](crate::gpu::LightView) draws them:
 //!
-//! 1. [`arena`] holds the samples of chunks, which are copied once while they stay.
+//! 1. [`arena`] holds the samples of chunks, and the tiles of a [`photo`] that lies over them, which are copied once while they stay ([`pool`]).
 //! 2. What is seen at each sample of the picture, as a number of a triangle or a point: by compute passes (`cells`, `fans`, `large`), which
 //!    draw all twice, for the least depth and then for the least number that has it; or by the adapter's rasteriser with a buffer of depths.
 //!    Places of corners are those of the sample alone, so that chunks have no cracks between them.
@@ -13,7 +13,9 @@ pub mod constants;
 mod globe;
 pub mod job;
 pub mod layout;
+pub mod photo;
 pub mod pipelines;
+pub mod pool;
 pub mod work;
 
 pub use arena::SurfaceArena;

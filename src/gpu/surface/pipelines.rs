@@ -153,7 +153,8 @@ impl SurfacePipelines {
         let seen = vec![step(), write(), write(), write(), write()];
         let visible = layout(ShaderStages::COMPUTE, "deepfield surface, what is seen", seen);
         let raster = layout(ShaderStages::VERTEX_FRAGMENT, "deepfield surface, rasterised", vec![step()]);
-        let resolve = layout(ShaderStages::COMPUTE, "deepfield surface, colours", vec![read(), read(), write()]);
+        let resolve =
+            layout(ShaderStages::COMPUTE, "deepfield surface, colours", vec![read(), read(), write(), read()]);
         SurfacePipelines { shared, visible, raster, resolve, sets: [None, None] }
     }
 

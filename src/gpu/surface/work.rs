@@ -64,6 +64,8 @@ struct Buffers {
     large: Option<Buffer>,
     counts: Option<Buffer>,
     ramp: Option<Buffer>,
+    /// In place of a photo's texels where there is none.
+    no_texels: Option<Buffer>,
 }
 
 /// What the rasteriser draws into.
@@ -146,10 +148,10 @@ impl SurfaceWork {
         if bytes + bytes / 4 + ALIGNMENT > most || 16 * width * height > most || is_large {
             return None;
         }
-        let held = arena.hold(job, view.memory, (device, queue))?;
+        let (held, photo) = arena.hold(job, view.memory, (device, queue))?;
         let ramp: Vec<[f32; 4]> =
             Ramp::new(&job.look.transfer).colors().iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-        let list = DrawList::new(job, &held);
+        let list = DrawList::new(job, &held, photo.as_ref());
         let most_large = (NEAR.min(list.near.1) * TRIANGLES).max(list.fans.1).max(GROUP * GROUP);
         let (steps, turns, counters) = turns_of(&list, most_large);
 
@@ -175,6 +177,8 @@ impl SurfaceWork {
         let steps = written(kept(|buffers| &mut buffers.steps, steps.len() as u64, uniform), &steps);
         let bytes_of_ramp: &[u8] = bytemuck::cast_slice(&ramp);
         let ramp = written(kept(|buffers| &mut buffers.ramp, bytes_of_ramp.len() as u64, storage), bytes_of_ramp);
+        let no_texels = kept(|buffers| &mut buffers.no_texels, 64, storage);
+        let texels = photo.map_or(no_texels, |photo| photo.buffer);
         let nearest = kept(|buffers| &mut buffers.nearest, if job.is_raster() { 64 } else { bytes }, storage);
         let shown = kept(|buffers| &mut buffers.shown, bytes, storage);
         let room = if job.is_raster() { 64 } else { 4 * u64::from(ENTRY) * u64::from(most_large) };
@@ -199,7 +203,8 @@ impl SurfaceWork {
         let seen = [step(), whole(&nearest), whole(&shown), whole(&large), whole(&counts)];
         let visible = group(&pipelines.visible, &seen);
         let raster = group(&pipelines.raster, &[step()]);
-        let resolve = group(&pipelines.resolve, &[whole(&shown), whole(&ramp), whole(&cells.buffer)]);
+        let colors = [whole(&shown), whole(&ramp), whole(&cells.buffer), whole(&texels)];
+        let resolve = group(&pipelines.resolve, &colors);
         let job = Arc::clone(job);
         let work = SurfaceWork { number: view.number, job, buffers, targets, shared, visible, raster, resolve, turns };
         Some((work, cells))

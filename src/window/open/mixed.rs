@@ -77,10 +77,13 @@ pub(super) fn open_mixed(
 mod tests {
     use super::*;
     use crate::build::{BuildOptions, build_source};
+    use crate::explore::export::grid::{GridFormat, write_grid};
     use crate::heights::OpenHeights;
     use crate::heights::build::HeightBuildOptions;
     use crate::import::LoadOptions;
     use crate::look::say;
+    use crate::model::{Channel, Grid, SampleType, Unit};
+    use crate::modes;
     use crate::window::facts::Facts;
     use std::path::PathBuf;
 
@@ -136,5 +139,38 @@ mod tests {
         assert!(facts.families.is_empty() && facts.sampled.len() == 2 && sampled.has_z_up());
         let refused = open([&field, &particles], Some("globe")).err().unwrap();
         assert!(refused.starts_with(&format!("{}: ", field.display())) && refused.contains("globe"), "{refused}");
+    }
+
+    #[test]
+    fn volumes_are_opened_among_particles_as_what_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let [_, particles] = data(folder.path());
+        let mut grid = Grid::volume([6, 5, 4], SampleType::U8, Channel::numbered(1));
+        grid.length_unit = Unit::new("m");
+        let volume = folder.path().join("volume.nrrd");
+        let samples: Vec<u8> = (0..120).collect();
+        write_grid(&volume, GridFormat::Nrrd, &grid, &samples).unwrap();
+        let opener: Opener = Arc::new(|path, _, _| Ok(path.to_owned()));
+        for (paths, index) in [([&particles, &volume], 1), ([&volume, &particles], 0)] {
+            let members = paths.map(Member::new).to_vec();
+            let seen = Seen { scene: None, map: None };
+            let opened = open_mixed(members, &seen, (ReadMethod::default(), None), &opener, &()).unwrap();
+            let sampled = &opened.field.as_ref().unwrap().opened;
+            let mixed = sampled.mixed().unwrap();
+            assert!(mixed.heights().is_empty() && mixed.particles().is_some() && !sampled.has_z_up());
+            let facts = Facts::of(&opened.file, &sampled.of_particles(&opened.members)).with_samples(sampled);
+            let (kind, fact) = &facts.sampled[0];
+            assert_eq!((facts.sampled.len(), *kind, fact.index, &*fact.name), (1, "Volume", index, "volume.nrrd"));
+            let is_first = index == 0;
+            assert_eq!(sampled.usual_mode().name, if is_first { "volume" } else { "column-density" });
+            let draws = |name: &str| sampled.is_drawn_by(modes::find(name).unwrap());
+            assert!(draws("volume") && draws("slice") && draws("points") && !draws("xray") && !draws("surface"));
+            // What both draw is about the first; what a picture is about has its channels.
+            let told = |name: &str| sampled.is_told_by(modes::find(name).unwrap());
+            assert_eq!((told("volume"), told("slice"), told("points")), (is_first, true, false));
+            assert_eq!(sampled.of_particles(&["a", "b"]), if is_first { ["b"] } else { ["a"] });
+            let size = opened.frame.size();
+            assert_eq!((size - glam::DVec3::new(6.0, 5.0, 4.0)).length() < 1e-9, is_first, "{size}");
+        }
     }
 }

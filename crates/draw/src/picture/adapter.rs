@@ -6,6 +6,7 @@ use crate::color::{Accumulation, Colors};
 use crate::cpu::field::Field;
 use crate::cpu::overdraw::Overdraw;
 use crate::cpu::surface::look::Look;
+use crate::cpu::surface::photo::PhotoCut;
 use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::stitch::Scene;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
@@ -103,6 +104,8 @@ pub struct AdapterSurface {
     pub look: Look,
     /// The form that residuals are what is left of; without one they are heights.
     pub form: Option<Arc<Form>>,
+    /// What is shown of the photo that lies over it, where that is what colours it.
+    pub photo: Option<PhotoCut>,
     /// What it is drawn as: no rays.
     pub technique: Technique,
     /// A height in the middle of the field's, which others are counted from in 32 bits.

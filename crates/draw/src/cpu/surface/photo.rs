@@ -15,8 +15,12 @@ use deepfield_heights::model::light::NO_PHOTO;
 use deepfield_heights::store::Tile;
 use std::sync::{Arc, OnceLock};
 
+mod needed;
+
+pub use needed::PhotoCut;
+
 /// Most texels that a box has a part of.
-const MOST_TEXELS: f64 = 20.0;
+pub const MOST_TEXELS: f64 = 20.0;
 
 /// Where a photo lies.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,6 +45,16 @@ pub trait PhotoTiles: Sync {
 /// Light where there is no photo.
 pub fn nothing() -> [f32; 3] {
     [to_linear(f32::from(NO_PHOTO) / 255.0); 3]
+}
+
+/// The level, of so many beside the finest one, of which a box covers a few texels. It is so wide, in pixels of the photo.
+fn level_of(wide: [f64; 2], most: usize) -> usize {
+    let count = |level: usize| {
+        let texel = (1_u64 << level) as f64;
+        wide.iter().map(|wide| (wide / texel).max(1.0) + 1.0).product::<f64>()
+    };
+    let guess = (0.5 * (wide[0] * wide[1] / MOST_TEXELS).log2()).max(0.0) as usize;
+    (guess.min(most)..most).find(|level| count(*level) <= MOST_TEXELS).unwrap_or(most)
 }
 
 /// A photo as a picture shows it.
@@ -158,14 +172,8 @@ impl<'a> PhotoLook<'a> {
     /// The mean light over a box.
     fn mean_of_box(&self, at: [f64; 2], wide: [f64; 2]) -> Option<[f32; 3]> {
         let most = self.laid.lattice.levels() as usize - 1 + self.above.len();
-        let count = |level: usize| {
-            let texel = (1_u64 << level) as f64;
-            wide.iter().map(|wide| (wide / texel).max(1.0) + 1.0).product::<f64>()
-        };
-        let guess = (0.5 * (wide[0] * wide[1] / MOST_TEXELS).log2()).max(0.0) as usize;
-        let first = (guess.min(most)..most).find(|level| count(*level) <= MOST_TEXELS).unwrap_or(most);
         // Where tiles cannot be read coarser ones stand in.
-        (first..=most).find_map(|level| self.of_level(at, wide, level))
+        (level_of(wide, most)..=most).find_map(|level| self.of_level(at, wide, level))
     }
 
     /// The mean over a level's texels, of which only those count that lie on the surface; all where none does.

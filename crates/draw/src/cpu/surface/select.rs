@@ -341,28 +341,8 @@ impl Chooser<'_> {
 
     /// The box around a rectangle of samples in the world.
     fn extent(&self, [rows, columns]: [[u64; 2]; 2], facts: &NodeFacts, level: u8) -> Extent {
-        let heights = [facts.min, facts.max];
-        if self.placed.is_flat() {
-            let corners = rows.iter().zip(columns).zip(heights);
-            let points = corners.map(|((row, column), height)| self.placed.world(*row as f64, column as f64, height));
-            return Extent { bounds: Bounds::of(points.map(|point| point.to_array())), margin: 0.0 };
-        }
-        // Places between those looked at stand out of their box by no more than the arc between them does.
-        const PARTS: u32 = 4;
-        let between = |ends: [u64; 2], part: u32| {
-            ends[0] as f64 + (ends[1] - ends[0]) as f64 * f64::from(part) / f64::from(PARTS)
-        };
-        let points = (0..=PARTS).flat_map(|i| (0..=PARTS).map(move |j| (i, j))).flat_map(|(i, j)| {
-            heights.map(|height| self.placed.world(between(rows, i), between(columns, j), height).to_array())
-        });
-        let bounds = Bounds::of(points);
-        let part = |ends: [u64; 2]| (ends[1] - ends[0]) as f64 / f64::from(PARTS);
-        let whole = (1_u64 << level) as f64;
-        let sag = self.placed.sag(part(columns).max(whole), part(rows).max(whole));
-        Extent {
-            bounds: Bounds { min: bounds.min - DVec3::splat(sag), max: bounds.max + DVec3::splat(sag) },
-            margin: 0.0,
-        }
+        let ends = [rows, columns].map(|ends| ends.map(|end| end as f64));
+        extent_of(self.placed, ends, [facts.min, facts.max], (1_u64 << level) as f64)
     }
 
     /// Refines chunks until what borders between levels add keeps within the error, too: a finer border lies on the coarser one's edges, which
@@ -462,6 +442,26 @@ impl Chooser<'_> {
         }
         found
     }
+}
+
+/// The box around what stands in the world between rows, between columns and between heights, of samples that are so many rows and columns apart.
+pub(super) fn extent_of(placed: &Placed, [rows, columns]: [[f64; 2]; 2], heights: [f64; 2], whole: f64) -> Extent {
+    if placed.is_flat() {
+        let corners = rows.into_iter().zip(columns).zip(heights);
+        let points = corners.map(|((row, column), height)| placed.world(row, column, height));
+        return Extent { bounds: Bounds::of(points.map(|point| point.to_array())), margin: 0.0 };
+    }
+    // Places between those looked at stand out of their box by no more than the arc between them does.
+    const PARTS: u32 = 4;
+    let between = |ends: [f64; 2], part: u32| ends[0] + (ends[1] - ends[0]) * f64::from(part) / f64::from(PARTS);
+    let points = (0..=PARTS).flat_map(|i| (0..=PARTS).map(move |j| (i, j))).flat_map(|(i, j)| {
+        heights.map(|height| placed.world(between(rows, i), between(columns, j), height).to_array())
+    });
+    let bounds = Bounds::of(points);
+    let part = |ends: [f64; 2]| (ends[1] - ends[0]) / f64::from(PARTS);
+    let sag = placed.sag(part(columns).max(whole), part(rows).max(whole));
+    let bounds = Bounds { min: bounds.min - DVec3::splat(sag), max: bounds.max + DVec3::splat(sag) };
+    Extent { bounds, margin: 0.0 }
 }
 
 /// The row (axis 0) or column (1) of cells on the other side of a chunk's first or last row or column; `None` at a rim. Where the field goes round,

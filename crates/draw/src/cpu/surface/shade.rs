@@ -32,7 +32,7 @@ const PLANES: usize = 4;
 pub const FINER: f64 = 0.65;
 
 /// How many times as far as from above a sample may reach where the surface is seen from its edge.
-const MOST_LONGER: f64 = 16.0;
+pub const MOST_LONGER: f64 = 16.0;
 /// Widths of a line from it within which a sample looks where it really is.
 pub const REACH: f64 = 1.2;
 /// Most steps to where a line is.

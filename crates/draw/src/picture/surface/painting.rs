@@ -4,10 +4,12 @@ use super::letters::ProgramFont;
 use crate::cpu::surface::holes::Holes;
 use crate::cpu::surface::look::Attribute;
 use crate::cpu::surface::paged::PagedSurface;
+use crate::cpu::surface::photo::PhotoCut;
 use crate::cpu::surface::picture::{counted, parts, report, scene};
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::sight::Sight;
+use crate::cpu::surface::source::SurfaceNodes as _;
 use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
 use crate::cpu::volume::VolumeError;
 use crate::look::Backend;
@@ -64,7 +66,9 @@ impl Field<'_> {
         let report = report(&scene, counted(&scene), f64::from(parts));
         let reference = 0.5 * (self.extremes[0] + self.extremes[1]);
         let (form, technique) = (options.form.clone(), options.technique);
-        Some((AdapterSurface { scene, view, parts, look, form, technique, reference, passes }, report))
+        let tiles = self.nodes.photo().filter(|_| look.attribute == Attribute::Photo);
+        let photo = tiles.and_then(|tiles| PhotoCut::new(tiles, &scene, &view));
+        Some((AdapterSurface { scene, view, parts, look, form, photo, technique, reference, passes }, report))
     }
 }
 
@@ -75,11 +79,10 @@ pub(super) fn not_yet(options: &SurfaceOptions) -> Option<&'static str> {
         _ if options.technique == Technique::Rays => Some("rays"),
         _ if options.holes != Holes::Open => Some("outlined and filled holes"),
         _ if options.walls.is_some() => Some("walls"),
-        _ => options.look.as_ref().and_then(|look| match (look.attribute, look.contours) {
-            (Attribute::Photo, _) => Some("photos"),
-            (_, Some(contours)) if contours.labels.is_some() => Some("labels of contours"),
-            _ => None,
-        }),
+        _ => {
+            let labels = options.look.as_ref().and_then(|look| look.contours?.labels);
+            labels.map(|_| "labels of contours")
+        }
     }
 }
 

@@ -2,8 +2,9 @@
 
 use super::super::look::{Attribute, Light, Look};
 use super::super::paged::PagedSurface;
-use super::super::picture::{SurfaceOptions, SurfacePicture, draw};
+use super::super::picture::{self, SurfaceOptions, SurfacePicture, draw};
 use super::super::placed::{Map, Placed};
+use super::super::shade::Shader;
 use super::super::sight::Sight;
 use super::*;
 use crate::color::TransferFunction;
@@ -11,11 +12,13 @@ use crate::color::colors::to_encoded;
 use crate::view::{Projection, View};
 use deepfield_data::model::{ReadMethod, Unit};
 use deepfield_heights::build::{HeightBuildOptions, HeightOrigin, Measured, build_heights};
-use deepfield_heights::model::{HeightError, HeightField, HeightGrid, Heights, PhotoAbout, PhotoRows, Window};
+use deepfield_heights::model::{Globe, HeightError, HeightField, HeightGrid, Heights, PhotoAbout, PhotoRows, Window};
 use deepfield_heights::store::HeightFile;
 use glam::DVec3;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
+use std::collections::BTreeSet;
+use std::sync::Mutex;
 
 struct Pixels {
     about: PhotoAbout,
@@ -253,4 +256,91 @@ fn damaged_tiles_have_coarser_ones_in_their_place() {
     let count = (0..600 * 600).filter(|at| changed(at % 600, at / 600)).count();
     assert!(count > 50_000 && count < 100_000, "{count}");
     assert!(own.colors.rgba.iter().all(|color| color[3] == 1.0));
+}
+
+/// The tiles of a photo, and which of them were asked for.
+struct Asked<'a> {
+    tiles: &'a PagedSurface,
+    keys: Mutex<BTreeSet<TileKey>>,
+}
+
+impl PhotoTiles for Asked<'_> {
+    fn laid(&self) -> Option<Laid> {
+        self.tiles.laid()
+    }
+
+    fn tile(&self, key: TileKey) -> Option<Arc<Tile>> {
+        self.keys.lock().unwrap().insert(key);
+        PhotoTiles::tile(self.tiles, key)
+    }
+}
+
+#[test]
+fn tiles_that_a_picture_needs_are_known_before_it_is_shaded() {
+    let hills = |row: u64, column: u64| 6.0 * ((row as f64 / 9.0).sin() + (column as f64 / 14.0).cos());
+    let mut covered = Covered::new([260, 330], [2600, 3300], hills);
+    for (place, world) in [(None, "flat"), (Some(-60.0), "globe")] {
+        if let Some(first) = place {
+            covered.field.grid.xy_unit = Unit::new("deg");
+            (covered.field.grid.origin, covered.field.grid.step) = ([-180.0, 89.0], [1.0, -0.5]);
+            // Over the first columns and over the last ones.
+            covered.photo.about.place = PhotoPlace { rows: [-20.0, 240.0], columns: [first, first + 330.0] };
+        }
+        let (surface, _folder) = covered.surface();
+        let globe = Globe { equator: 1000.0, pole: 990.0 };
+        let map = if place.is_some() { Map::Globe(globe) } else { Map::Plate };
+        let placed = Placed::new(&covered.field.grid, map, 1.0, 0.0);
+        let cameras = match place {
+            None => [
+                (DVec3::new(20.0, 30.0, 40.0), DVec3::new(120.0, 110.0, 0.0)),
+                (DVec3::new(160.0, 130.0, 300.0), DVec3::new(165.0, 135.0, 0.0)),
+                (DVec3::new(160.0, -300.0, 90.0), DVec3::new(165.0, 135.0, 0.0)),
+            ],
+            Some(_) => [
+                (1300.0 * DVec3::from(Globe::up(-150.0, 20.0)), DVec3::ZERO),
+                (3000.0 * DVec3::from(Globe::up(90.0, 40.0)), DVec3::ZERO),
+                (1100.0 * DVec3::from(Globe::up(30.0, 0.0)), 1000.0 * DVec3::from(Globe::up(60.0, 10.0))),
+            ],
+        };
+        for (eye, target) in cameras {
+            let projection = Projection::Perspective { fov_y: 0.7 };
+            let sight = Sight::Flat(View::look_at(eye, target, DVec3::Z, projection, 160, 120).unwrap());
+            let (attribute, transfer) = (Attribute::Photo, TransferFunction::default());
+            let look = Look { attribute, transfer, range: [0.0, 1.0], light: Light::Eye, ambient: 1.0, contours: None };
+            let options = SurfaceOptions { look: Some(look.clone()), ..SurfaceOptions::default() };
+            surface.prepare(&placed, &sight, &options);
+            let scene = picture::scene(&surface, &placed, &sight, &options);
+            let fine = sight.refined(2);
+            let Sight::Flat(view) = fine else { panic!("a flat picture") };
+            let asked = Asked { tiles: &surface, keys: Mutex::default() };
+            let (seen, _) = picture::visible(&scene, &fine, options.technique, 2);
+            Shader::new(&scene, &fine, &look, PhotoLook::new(&asked, &placed), 2).shade(&seen, [160, 120]);
+            let cut = PhotoCut::new(&surface, &scene, &view).unwrap();
+            assert_eq!(cut.levels(), 13);
+            let known: BTreeSet<TileKey> = cut.tiles.iter().map(|tile| tile.key).collect();
+            let asked = asked.keys.into_inner().unwrap();
+            let missed = asked.difference(&known).count();
+            println!("{world}: {} of {} tiles, {missed} missed", known.len(), asked.len());
+            assert!(50 * missed <= asked.len(), "{missed} of {}", asked.len());
+            assert!(known.len() <= 8 * asked.len() + 10, "{} for {}", known.len(), asked.len());
+        }
+    }
+}
+
+#[test]
+fn the_finest_levels_are_left_out_where_there_is_no_room() {
+    let covered = Covered::new([65, 65], [1024, 1024], |_, _| 0.0);
+    let (surface, _folder) = covered.surface();
+    let sight = from_above([32.0, 32.0], 64.0, [1024, 1024]);
+    let (attribute, transfer) = (Attribute::Photo, TransferFunction::default());
+    let look = Look { attribute, transfer, range: [0.0, 1.0], light: Light::Eye, ambient: 1.0, contours: None };
+    let options = SurfaceOptions { samples: 1, look: Some(look), ..SurfaceOptions::default() };
+    let scene = picture::scene(&surface, &covered.placed(), &sight, &options);
+    let Sight::Flat(view) = sight else { panic!("a flat picture") };
+    let cut = PhotoCut::new(&surface, &scene, &view).unwrap();
+    // 16, 4 and 1 tiles, and 8 levels above.
+    assert_eq!((cut.tiles.len(), cut.levels(), cut.above.texels.len()), (21, 11, 21_845));
+    for (most, expected) in [(21, 21), (20, 5), (5, 5), (4, 1), (1, 1), (0, 0)] {
+        assert_eq!(cut.within(most).len(), expected, "{most}");
+    }
 }
