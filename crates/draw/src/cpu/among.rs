@@ -5,8 +5,8 @@
 //! surfaces' depths tells which, and they are drawn as ever, or not at all. The few that a surface cuts are summed sample by sample: of a kernel
 //! counts what lies in front along each ray ([`super::half_line`]), so that nothing jumps where a particle comes through a surface.
 //!
-//! Volumes that are seen through are in front of a splat in part all over: a small one, in whose pixels they are much the same, is drawn as ever with the mean share
-//! that they let through, of all of it, not of its middle.
+//! Volumes that are seen through are in front of a splat in part all over, and much the same in neighbouring pixels: what they let through of it is found at a few
+//! places of its outline and taken to change evenly between them. A small splat is drawn as ever with the mean of that.
 //!
 //! A splat of a fixed size in pixels is the glare of a point: it is seen as a whole, as far as its middle is.
 
@@ -14,13 +14,14 @@ use super::about_eye::Stretched;
 use super::exact::{BAND, Band, Canvas, cells};
 use super::footprint::{Footprint, Lens};
 use super::half_line::HalfLine;
-use super::paths::PathFragments;
 use super::paths::fragments::visible;
+use super::paths::{PathFragment, PathFragments};
 use super::{Counts, Extent, SplatOptions, Splats, Sprite};
 use crate::color::Accumulation;
 use crate::view::{Projection, View};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Samples along the radius of a splat that is cut: the mean of samples in a pixel is that over its area to half a percent of the peak.
 const SAMPLES: f64 = 8.0;
@@ -30,6 +31,8 @@ const FINEST: f64 = 4096.0;
 const FLATTEST: f64 = 0.05;
 /// Radius up to which a splat among what is seen through is drawn as a whole, pixels.
 const SMALL: f64 = 4.0;
+/// Places along a side of a larger one at which it is found what is let through.
+const PLACES: usize = 9;
 /// Surfaces that let less through cover a pixel.
 const CLOSED: f32 = 1e-5;
 
@@ -57,19 +60,21 @@ pub fn draw(
         }
     }
     let (mut picture, mut counts) = super::draw_counted(view, &in_front, options);
-    let cut: Vec<&Cut> = sorted.iter().flat_map(|sorted| &sorted.cut).collect();
+    let cut: Vec<(&Cut, &[f32])> =
+        sorted.iter().flat_map(|sorted| sorted.cut.iter().map(|cut| (cut, &sorted.veils[cut.veil.clone()]))).collect();
     counts.drawn += cut.len() as u64;
     let table = HalfLine::of(options.kernel);
     let mut canvas = Canvas::new(view.width as usize, view.height as usize, picture.has_attribute());
     let mut of_bands: Vec<Vec<u32>> = vec![Vec::new(); (view.height as usize).div_ceil(BAND)];
-    for (number, splat) in (0..).zip(&cut) {
+    for (number, (splat, _)) in (0..).zip(&cut) {
         let rows = cells(splat.footprint.min[1], splat.footprint.max[1], 0, view.height as usize);
         let bands = rows.start / BAND..rows.end.div_ceil(BAND).min(of_bands.len());
         of_bands[bands].iter_mut().for_each(|band| band.push(number));
     }
     canvas.bands(|mut band| {
         for &number in &of_bands[band.first / BAND] {
-            cut[number as usize].add(&lens, table, surfaces, &mut band);
+            let (splat, veil) = cut[number as usize];
+            splat.add(&lens, table, surfaces, veil, &mut band);
         }
     });
     let channels = [(&mut picture.p, canvas.p), (&mut picture.ps, canvas.ps)];
@@ -92,17 +97,39 @@ fn haze(surfaces: &PathFragments, footprint: &Footprint, table: &HalfLine, [midd
     };
     // Within a pixel all places are one.
     let shares: &[f64] = if footprint.radius <= 0.5 { &[0.5] } else { &[0.25, 0.5, 0.75] };
-    let mut sum = 0.0;
-    for (down, across) in shares.iter().flat_map(|down| shares.iter().map(move |across| (down, across))) {
-        let (mut met, mut through) = (0.0, 1.0);
-        for fragment in surfaces.of(place(0, *across), place(1, *down)) {
-            let alpha = f64::from(fragment.alpha);
-            met += through * alpha * table.front((f64::from(fragment.depth) - middle) / reach.max(f64::MIN_POSITIVE));
-            through *= 1.0 - alpha;
-        }
-        sum += met + through;
-    }
+    let each = shares.iter().flat_map(|down| shares.iter().map(move |across| (place(0, *across), place(1, *down))));
+    let sum: f64 = each.map(|(x, y)| let_through(surfaces.of(x, y), table, [middle, reach])).sum();
     (sum / (shares.len() * shares.len()) as f64) as f32
+}
+
+/// The share of a kernel, whose middle and reach in depth are these, that fragments let through.
+fn let_through(fragments: &[PathFragment], table: &HalfLine, [middle, reach]: [f64; 2]) -> f64 {
+    let (mut met, mut through) = (0.0, 1.0);
+    for fragment in fragments {
+        let alpha = f64::from(fragment.alpha);
+        met += through * alpha * table.front((f64::from(fragment.depth) - middle) / reach.max(f64::MIN_POSITIVE));
+        through *= 1.0 - alpha;
+    }
+    met + through
+}
+
+/// What is let through of a splat at [`PLACES`] by as many places, row by row, from the first to the last pixel that it covers.
+fn veil(surfaces: &PathFragments, footprint: &Footprint, table: &HalfLine, depths: [f64; 2], shares: &mut Vec<f32>) {
+    let place = |axis: usize, number: usize| {
+        let [first, last] = ends(footprint, axis);
+        let at = first + (last - first) * number as f64 / (PLACES - 1) as f64;
+        (at.max(0.0) as usize).min(surfaces.size[axis].saturating_sub(1))
+    };
+    let columns: [usize; PLACES] = std::array::from_fn(|number| place(0, number));
+    for down in 0..PLACES {
+        let row = place(1, down);
+        shares.extend(columns.iter().map(|x| let_through(surfaces.of(*x, row), table, depths) as f32));
+    }
+}
+
+/// The outermost places of a splat along an axis at which it is found what is let through, pixels.
+fn ends(footprint: &Footprint, axis: usize) -> [f64; 2] {
+    [footprint.min[axis].floor() + 0.5, footprint.max[axis].floor() + 0.5]
 }
 
 /// What becomes of a batch.
@@ -110,6 +137,8 @@ struct Sorted {
     /// Weights of what is drawn as ever; what is hidden or cut has none that is a number. `None` where nothing is either.
     weight: Option<Vec<f32>>,
     cut: Vec<Cut>,
+    /// What is let through of those that are behind what is seen through, one after the other.
+    veils: Vec<f32>,
 }
 
 /// Sorts a batch.
@@ -121,7 +150,7 @@ fn sorted(
     surfaces: &PathFragments,
     depths: &Depths,
 ) -> Sorted {
-    let mut sorted = Sorted { weight: None, cut: Vec::new() };
+    let mut sorted = Sorted { weight: None, cut: Vec::new(), veils: Vec::new() };
     let is_glare = matches!(batch.extent(), Extent::Pixels(_)) || options.sprite != Sprite::Kernel;
     for index in 0..batch.len() {
         let camera = view.to_camera(batch.positions().world(index));
@@ -143,7 +172,15 @@ fn sorted(
                         haze(surfaces, &footprint, HalfLine::of(options.kernel), [camera.z, reach])
                     }
                     Side::Cut => {
-                        sorted.cut.extend(Cut::of(view, batch, index, footprint, options));
+                        if let Some(mut cut) = Cut::of(view, batch, index, footprint, options) {
+                            let begin = sorted.veils.len();
+                            if surfaces.is_hazy {
+                                let (table, depths) = (HalfLine::of(options.kernel), [camera.z, reach]);
+                                veil(surfaces, &cut.footprint, table, depths, &mut sorted.veils);
+                            }
+                            cut.veil = begin..sorted.veils.len();
+                            sorted.cut.push(cut);
+                        }
                         0.0
                     }
                 }
@@ -168,6 +205,8 @@ struct Cut {
     amplitudes: [f64; 2],
     /// Samples along a pixel's side.
     fine: usize,
+    /// Where it stands what is let through of it; empty among surfaces.
+    veil: Range<usize>,
 }
 
 impl Cut {
@@ -204,12 +243,13 @@ impl Cut {
             place,
             amplitudes: weights.map(|weight| weight / (volume * grown.powi(3))),
             fine: fine as usize,
+            veil: 0..0,
         };
         (place.is_finite() && cut.amplitudes.iter().all(|amplitude| amplitude.is_finite())).then_some(cut)
     }
 
-    /// Adds what of it is in front of surfaces to the pixels of a band.
-    fn add(&self, lens: &Lens, table: &HalfLine, surfaces: &PathFragments, band: &mut Band<'_>) {
+    /// Adds what of it is in front of surfaces to the pixels of a band, or what is let through of it.
+    fn add(&self, lens: &Lens, table: &HalfLine, surfaces: &PathFragments, veil: &[f32], band: &mut Band<'_>) {
         let Footprint { min, max, .. } = self.footprint;
         let fine = self.fine as f64;
         let columns = cells(min[0], max[0], 0, band.stride);
@@ -221,7 +261,7 @@ impl Cut {
         for row in cells(min[1], max[1], band.first as i64, band.rows()) {
             let y = band.first + row;
             for x in columns.clone() {
-                let fragments = surfaces.of(x, y);
+                let fragments = if veil.is_empty() { surfaces.of(x, y) } else { &[] };
                 let mut sum = 0.0;
                 for down in samples(1, y) {
                     for across in samples(0, x) {
@@ -245,11 +285,34 @@ impl Cut {
                         sum += met * direction.length() / longer;
                     }
                 }
+                if !veil.is_empty() {
+                    sum *= self.let_through(veil, [x, y]);
+                }
                 if sum > 0.0 {
                     band.add_amplitudes(row, x, self.amplitudes, sum / (fine * fine));
                 }
             }
         }
+    }
+}
+
+impl Cut {
+    /// What is let through of it in a pixel, between the places at which that is known.
+    fn let_through(&self, veil: &[f32], pixel: [usize; 2]) -> f64 {
+        let locate = |axis: usize| {
+            let [first, last] = ends(&self.footprint, axis);
+            let at = (pixel[axis] as f64 + 0.5 - first) / (last - first).max(1.0) * (PLACES - 1) as f64;
+            let at = at.clamp(0.0, (PLACES - 1) as f64);
+            let index = (at as usize).min(PLACES - 2);
+            (index, at - index as f64)
+        };
+        let ((x, u), (y, v)) = (locate(0), locate(1));
+        let row = |y: usize| {
+            let [left, right] = [0, 1].map(|step| f64::from(veil[y * PLACES + x + step]));
+            left + u * (right - left)
+        };
+        let (above, below) = (row(y), row(y + 1));
+        above + v * (below - above)
     }
 }
 

@@ -133,11 +133,11 @@ fn nothing_of_the_surface_is_left_out() {
 #[test]
 fn the_spacing_is_that_of_the_data_where_cells_are_enough() {
     let particles: Vec<(DVec3, f32)> =
-        (0..64).map(|i| (DVec3::from_array([i % 4, i / 4 % 4, i / 16].map(f64::from)), 2.0)).collect();
+        (0..64).map(|i| (DVec3::from_array([i % 4, i / 4 % 4, i / 16].map(f64::from)), 1.0)).collect();
     let tree = tree(&particles);
     let any = IsosurfaceOptions { spacing: None, ..options(0.5, 1.0) };
     let found = written(&tree, &any, 8).unwrap();
-    assert!((found.spacing - 1.0).abs() < 0.04 && found.finer_spacing.is_none(), "{found:?}");
+    assert!((found.spacing - 0.5).abs() < 0.02 && found.finer_spacing.is_none(), "{found:?}");
     assert_eq!(found.mesh.boundary_edges, 0);
     let few = written(&tree, &IsosurfaceOptions { most_cells: 512, ..any }, 8).unwrap();
     assert!(few.spacing > found.spacing && few.finer_spacing == Some(found.spacing) && few.cells <= 512, "{few:?}");
