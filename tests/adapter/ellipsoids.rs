@@ -85,10 +85,13 @@ impl Ellipsoids {
     }
 }
 
+/// The widest and the narrowest for their radius, and one between; round splats are compared with all of them.
+const KERNELS: [Kernel; 3] = [Kernel::Poly6, Kernel::CubicSpline, Kernel::WendlandC6];
+
 // Pixels are 1/200 to 1/240.
 #[test]
 fn of_pixels() {
-    for kernel in Kernel::ALL {
+    for kernel in KERNELS {
         ellipsoids(8000, [0.0004, 0.03], 0.2, kernel).compare("pixels", [2e-3; 2]);
     }
 }
@@ -100,7 +103,7 @@ fn slivers() {
 
 #[test]
 fn large_ones() {
-    for kernel in Kernel::ALL {
+    for kernel in KERNELS {
         ellipsoids(300, [0.05, 0.6], 0.1, kernel).compare("large", [2e-3, 2e-2]);
     }
 }

@@ -239,13 +239,17 @@ fn what_was_built_of_a_volume_is_no_particles() {
     let render = |first: &'static str, other: &'static str| {
         [&["render", first, "--with", other, "-o", "p.png", "--mode", "column-density"][..], &small[..]].concat()
     };
-    // The source's voxels stand among others.
-    done(folder, &render("p.csv", "blobs.nrrd"));
+    // Beside particles it is drawn as what it is, built or not; a source's voxels are particles where that is said.
+    for [first, other] in [["p.csv", "blobs.nrrd"], ["p.csv", "blobs.df"], ["blobs.df", "p.csv"]] {
+        done(folder, &render(first, other));
+    }
+    let as_particles = ["--kind", "particles"];
+    done(folder, &[&render("p.csv", "blobs.nrrd")[..], &as_particles].concat());
+    let alone = refused(folder, &render("blobs.df", "blobs.df"));
+    assert!(alone.contains("found column-density, which draws no volume among other data"), "{alone}");
     let expected = "blobs.df: content: found a built image or volume, expected particles, or a source";
     for words in [
-        render("p.csv", "blobs.df"),
-        render("blobs.df", "p.csv"),
-        render("blobs.df", "blobs.df"),
+        [&render("p.csv", "blobs.df")[..], &as_particles].concat(),
         vec!["export", "blobs.df", "--levels", "splats", "-o", "p.ply"],
     ] {
         let why = refused(folder, &words);
