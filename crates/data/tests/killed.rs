@@ -36,7 +36,7 @@ fn killed_builds_leave_nothing() {
         let folder = Path::new(&folder);
         let options = BuildOptions {
             hierarchies: Kinds::of_particles(),
-            memory: Some(10 << 20),
+            memory: Some(12 << 20),
             threads: Some(1),
             ..BuildOptions::default()
         };

@@ -215,7 +215,7 @@ fn light_is_the_weight_at_any_size() {
                     let sum_s: f64 = picture.ps.iter().map(|&v| f64::from(v)).sum();
                     let error = (picture.sum() / 2.5 - 1.0).abs().max((sum_s / -10.0 - 1.0).abs());
                     // The fast method's samples of what is sampled are what those of balls are.
-                    let bound = if method == Method::Exact { 1e-6 } else { 5e-5 };
+                    let bound = if method == Method::Exact { 1e-6 } else { 1e-4 };
                     assert!(error < bound, "{kernel:?} {method:?} {semi_axes}: {error}");
                 }
             }
@@ -336,7 +336,9 @@ fn second_moments_are_those_of_the_covariance_and_a_pixel() {
             let n = if size * flattest < 3.0 { 8 } else { 1 };
             let pixel = (1.0 - f64::from(n * n).recip() * f64::from(n > 1)) / 12.0;
             let scale = pixel + size * size * kernel.variance();
-            for (method, bound) in [(Method::Exact, 5e-4), (Method::Pyramid, 2e-3)] {
+            // Narrow ones have fewer samples across them on the pyramid's levels.
+            let of_levels = if matches!(kernel, Kernel::CubicSpline | Kernel::Poly6) { 2e-3 } else { 1e-2 };
+            for (method, bound) in [(Method::Exact, 5e-4), (Method::Pyramid, of_levels)] {
                 let found = second_moments(&cloud, n, method, kernel);
                 let expected = [xx + pixel, yy + pixel, xy];
                 let worst = (0..3).map(|k| (found[k] - expected[k]).abs() / scale).fold(0.0, f64::max);

@@ -134,7 +134,7 @@ fn one_ellipsoid_is_its_optical_depth_along_each_ray() {
                 assert!((f64::from(pixel[3]) - expected).abs() < 1e-3, "{kernel:?} {index}: {pixel:?} {expected}");
                 covered += usize::from(expected > 0.01);
             }
-            assert!(covered > 100, "{covered}");
+            assert!(covered > 60, "{kernel:?}: {covered}");
         }
     }
 }
