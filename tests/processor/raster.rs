@@ -96,9 +96,12 @@ fn brute(view: &View, cloud: &Cloud, kernel: Kernel, n: u32) -> Vec<f32> {
     picture
 }
 
+/// The widest and the narrowest for their radius, and one between.
+const KERNELS: [Kernel; 3] = [Kernel::Poly6, Kernel::CubicSpline, Kernel::WendlandC6];
+
 #[test]
 fn single_particle_of_any_size_keeps_its_mass() {
-    for kernel in Kernel::ALL {
+    for kernel in KERNELS {
         for (method, bound) in [(Method::Exact, 1e-6), (Method::Pyramid, 1e-4)] {
             for i in 0..60 {
                 let radius = 0.1 * 3000.0f64.powf(f64::from(i) / 59.0);
@@ -139,7 +142,7 @@ proptest! {
 
 #[test]
 fn exact_is_the_area_mean_of_the_line_integral() {
-    for kernel in Kernel::ALL {
+    for kernel in KERNELS {
         for (radii, n, bound) in [([0.1, 1.0], 200, 3e-3), ([1.0, 5.0], 40, 5e-4), ([10.0, 30.0], 10, 2e-4)] {
             let cloud = Cloud::new(7, 5, [24.0, 20.0, 3.0], radii);
             // Midpoints err by the second derivative, which is that of the standard deviation.

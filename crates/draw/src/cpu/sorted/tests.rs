@@ -111,7 +111,8 @@ fn one_ellipsoid_is_its_optical_depth_along_each_ray() {
     let plain = scenery(slab, [0.1, 10.0], 0.5, vec![]);
     let kappa = -(0.7f64.ln()) / 0.5;
     let mut random = Random::new(4, 4);
-    for kernel in Kernel::ALL {
+    // The widest and the narrowest for their radius, and one between.
+    for kernel in [Kernel::Poly6, Kernel::CubicSpline, Kernel::WendlandC6] {
         let mut all = Ellipsoids::default();
         all.push(DVec3::new(0.1, -0.05, 0.2), DVec3::new(0.7, 0.4, 0.15), rotation(&mut random), kernel, [0.3, 1.0]);
         let field = ExactField::new(&[all.batch()], kernel);
