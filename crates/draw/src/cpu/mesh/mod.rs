@@ -2,7 +2,7 @@
 //! size, since only a few bricks of the lattice and the front between them are in memory.
 //!
 //! A [`Field`] is sampled at the points of a [`Lattice`], brick by brick. Cells are cut into tetrahedra
-//! ([`tetrahedra`]), whose vertices lie on edges of the lattice and are joined by these across bricks ([`weld`]).
+//! (`tetrahedra`), whose vertices lie on edges of the lattice and are joined by these across bricks (`weld`).
 //! Triangles are counter-clockwise as seen from where the field is low; normals point there.
 
 pub mod lattice;
