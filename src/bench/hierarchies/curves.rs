@@ -2,13 +2,12 @@
 
 use super::{Outcome, Way};
 use crate::annotate::display_list::{Area, At};
-use crate::annotate::number::MINUS;
+use crate::annotate::svg::svg;
 use crate::annotate::ticks::ticks;
-use crate::annotate::{Anchor, DisplayList, Paper, QUIET, Rgba, Shape, TEXT, paint};
-use crate::bench::plot::{WIDTH, document};
+use crate::annotate::{Anchor, DisplayList, Paper, QUIET, Rgba, Shape, TEXT, paint, roomy};
+use crate::bench::plot::WIDTH;
 use crate::bench::splat::Failure;
 use crate::color::{Image, output};
-use std::fmt::Write;
 use std::path::Path;
 
 /// Height of a panel, pixels.
@@ -24,8 +23,6 @@ const STEP: f32 = 18.0;
 const DOT: f32 = 6.0;
 /// Pixels of the picture to one of the layout.
 const SCALE: f32 = 2.0;
-/// Where a line of SVG text stands in its box.
-const BASELINE: f32 = 0.8;
 /// Lines at numbers, as it is on white.
 const GRID: Rgba = [221, 221, 221, 255];
 /// Lines on white, one for each way: as far as they go, those that Okabe and Ito tell apart.
@@ -66,16 +63,13 @@ type Curve = (Way, Vec<[f64; 2]>);
 pub fn write(folder: &Path, outcomes: &[Outcome]) -> Result<(), Failure> {
     let list = layout(outcomes);
     output::write_png(&folder.join("curves.png"), &picture(&list))?;
-    output::write_atomically(&folder.join("curves.svg"), svg(&list).as_bytes())?;
+    output::write_atomically(&folder.join("curves.svg"), svg(&list, Paper::Light).as_bytes())?;
     Ok(())
 }
 
-/// A colour on white as display lists, which are meant for dark pictures, have it, and back: [`Paper::Light`] makes dark what is
-/// light, with the same hue.
-fn mirrored([r, g, b, a]: Rgba) -> Rgba {
-    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
-    let turn = |channel: u8| (255 - most) + (channel - least);
-    [turn(r), turn(g), turn(b), a]
+/// A colour on white as display lists, which are meant for dark pictures, have it: paper makes it what it was.
+fn on_white(color: Rgba) -> Rgba {
+    Paper::Light.ink(color)
 }
 
 /// A panel for each quantity.
@@ -121,7 +115,7 @@ fn panel(list: &mut DisplayList, frame: Area, curves: &[Curve]) {
     for x in [left, right] {
         list.line([x, top], [x, bottom], 1.0, QUIET);
     }
-    let along = |axis: usize| range(curves.iter().flat_map(|(_, points)| points).map(|point| point[axis]));
+    let along = |axis: usize| roomy(curves.iter().flat_map(|(_, points)| points).map(|point| point[axis]), true);
     let (Some(across), Some(up)) = (along(0), along(1)) else {
         let middle = [0.5 * (left + right), 0.5 * (top + bottom)];
         list.text(middle, Anchor::CENTER, "nothing was measured", TITLE, QUIET);
@@ -133,7 +127,7 @@ fn panel(list: &mut DisplayList, frame: Area, curves: &[Curve]) {
         [left + share(point[0], across) * (right - left), bottom - share(point[1], up) * (bottom - top)]
     };
     for (row, (way, points)) in curves.iter().filter(|(_, points)| !points.is_empty()).enumerate() {
-        let color = mirrored(COLORS[*way as usize]);
+        let color = on_white(COLORS[*way as usize]);
         let y = top + STEP * (row as f32 + 0.5);
         let places: Vec<At> = points.iter().map(place).collect();
         for ends in places.windows(2) {
@@ -148,19 +142,10 @@ fn panel(list: &mut DisplayList, frame: Area, curves: &[Curve]) {
     }
 }
 
-/// The range of positive values with some room at both ends, a factor of three at least; `None` of none.
-fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
-    let ends = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
-    let [low, high] = values.map(f64::ln).fold([f64::INFINITY, f64::NEG_INFINITY], ends);
-    let width = high - low;
-    let margin = (0.05 * width).max(0.5 * (3_f64.ln() - width));
-    (low <= high).then(|| [(low - margin).exp(), (high + margin).exp()])
-}
-
 /// Lines at round values and the values beside them, and short marks between.
 fn axes(list: &mut DisplayList, frame: Area, [across, up]: [[f64; 2]; 2]) {
     let Area { min: [left, top], max: [right, bottom] } = frame;
-    let grid = mirrored(GRID);
+    let grid = on_white(GRID);
     for tick in ticks(up, true) {
         let y = bottom - tick.place as f32 * (bottom - top);
         list.line([left - 4.0, y], [left, y], 1.0, QUIET);
@@ -187,45 +172,6 @@ fn picture(list: &DisplayList) -> Image {
     image
 }
 
-/// The same as SVG.
-fn svg(list: &DisplayList) -> String {
-    let hex = |color: &Rgba| {
-        let [r, g, b, _] = mirrored(*color);
-        format!("#{r:02x}{g:02x}{b:02x}")
-    };
-    let mut body = String::new();
-    for shape in &list.shapes {
-        // Writing to a string cannot fail.
-        let _ = match shape {
-            Shape::Line { from: [x1, y1], to: [x2, y2], width, color } => writeln!(
-                body,
-                r#"<line x1="{x1:.1}" y1="{y1:.1}" x2="{x2:.1}" y2="{y2:.1}" stroke="{}" stroke-width="{width}"/>"#,
-                hex(color)
-            ),
-            Shape::Circle { center: [x, y], radius, width, color } => writeln!(
-                body,
-                r#"<circle cx="{x:.1}" cy="{y:.1}" r="{radius}" fill="none" stroke="{}" stroke-width="{width}"/>"#,
-                hex(color)
-            ),
-            Shape::Text { at: [x, _], anchor: Anchor([side, _]), text, size, color } => {
-                let area = shape.area();
-                let y = area.min[1] + BASELINE * (area.max[1] - area.min[1]);
-                let end = ["start", "middle", "end"][(2.0 * *side) as usize];
-                // Only the program's own font lacks the sign.
-                let text = text.replace(MINUS, "\u{207b}");
-                writeln!(
-                    body,
-                    r#"<text x="{x:.1}" y="{y:.1}" font-size="{size}" text-anchor="{end}" fill="{}">{text}</text>"#,
-                    hex(color)
-                )
-            }
-            // There are none in the layout.
-            Shape::Rect { .. } | Shape::Mesh { .. } => Ok(()),
-        };
-    }
-    document(f64::from(list.size[1]), &body)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -236,7 +182,7 @@ mod tests {
     fn each_hierarchy_has_its_own_colour() {
         assert_eq!(COLORS.len(), Way::value_variants().len());
         assert_eq!(COLORS.iter().collect::<BTreeSet<_>>().len(), COLORS.len());
-        assert!(COLORS.iter().all(|color| mirrored(mirrored(*color)) == *color));
+        assert!(COLORS.iter().all(|color| on_white(on_white(*color)) == *color));
     }
 
     #[test]
@@ -245,7 +191,7 @@ mod tests {
             .map(|(splats, error)| Outcome::of_tests(Way::Pca, splats, splats, error))
             .into();
         let list = layout(&outcomes);
-        let text = svg(&list);
+        let text = svg(&list, Paper::Light);
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"));
         assert!(text.contains(">1000</text>") && text.contains(">0.1</text>"), "{text}");
         assert!(!text.contains("log10") && !text.contains("NaN") && !text.contains("inf"));
@@ -259,9 +205,9 @@ mod tests {
         // A single point shows, and what is exact harms nothing.
         outcomes.truncate(1);
         outcomes.push(Outcome::of_tests(Way::Sample, 100, 100, 0.0));
-        let text = svg(&layout(&outcomes));
+        let text = svg(&layout(&outcomes), Paper::Light);
         assert_eq!((text.matches("<circle").count(), text.matches(">sample<").count()), (4, 0));
         assert!(!text.contains("NaN") && !text.contains("inf"));
-        assert!(!svg(&layout(&[])).contains("NaN"));
+        assert!(!svg(&layout(&[]), Paper::Light).contains("NaN"));
     }
 }

@@ -272,7 +272,7 @@ mod tests {
         #[test]
         fn footprints_keep_flux_place_and_spread(
             place in prop::array::uniform2(-0.1..0.1f64), size in 0.001..0.3f64, thin in 0.05..1.0f64, turn in 0.0..3.2f64,
-            kernel in prop::sample::select(vec![Kernel::CubicSpline, Kernel::Poly6]), orthographic in any::<bool>(),
+            kernel in prop::sample::select(Kernel::ALL.to_vec()), orthographic in any::<bool>(),
         ) {
             let projection = match orthographic {
                 true => Projection::Orthographic { height: 2.0 },
@@ -298,14 +298,15 @@ mod tests {
                 // Area means of what is smaller than a pixel are in the middle of that, as the reference's.
                 let [x, y] = if sprite == Sprite::Disc { [expected[1], expected[2]] } else { place };
                 let apart = (found[1] - x).hypot(found[2] - y);
-                prop_assert!(apart < if sprite == Sprite::Pixel { 0.72 } else { 0.05 }, "{sprite:?}: {apart} pixels away");
+                prop_assert!(apart < if sprite == Sprite::Pixel { 0.72 } else { 0.08 }, "{sprite:?}: {apart} pixels away");
                 if sprite == Sprite::Pixel {
                     prop_assert!(found[3].abs() < 1e-6 && found[4].abs() < 1e-6, "in one pixel");
                     continue;
                 }
                 for k in 3..6 {
-                    // What ends at three standard deviations has 3 % less variance; a pixel's own is in all of them, or the blur in its place.
-                    let slack = 0.06 * (expected[3] + expected[4]) + if sprite == Sprite::Gaussian { PIXEL } else { 0.03 };
+                    // What ends at three standard deviations has 3 % less variance; a pixel's own is in all of them, or the blur in its place,
+                    // but for discs that end where pixels do: what a kernel has beyond is in further ones.
+                    let slack = 0.06 * (expected[3] + expected[4]) + if sprite == Sprite::Gaussian { PIXEL } else { 0.03 + 1.0 / 12.0 };
                     prop_assert!((found[k] - expected[k]).abs() < slack, "{sprite:?}: {k}: {} of {}", found[k], expected[k]);
                 }
             }

@@ -215,7 +215,12 @@ fn light_is_the_weight_at_any_size() {
                     let sum_s: f64 = picture.ps.iter().map(|&v| f64::from(v)).sum();
                     let error = (picture.sum() / 2.5 - 1.0).abs().max((sum_s / -10.0 - 1.0).abs());
                     // The fast method's samples of what is sampled are what those of balls are.
-                    let bound = if method == Method::Exact { 1e-6 } else { 2e-3 };
+                    let bound = match (method, kernel) {
+                        (Method::Exact, _) => 1e-6,
+                        (_, Kernel::CubicSpline | Kernel::Poly6) => 5e-5,
+                        // Narrower ones for the same radius have fewer samples across them.
+                        _ => 3e-4,
+                    };
                     assert!(error < bound, "{kernel:?} {method:?} {semi_axes}: {error}");
                 }
             }

@@ -32,20 +32,27 @@ pub struct Gather<'a> {
     pub brick: &'a mut Brick,
 }
 
+/// Has `fill` of something run that is compiled for its kernel.
+macro_rules! fill_of_kernel {
+    ($own:ident, $simd:ident) => {
+        match $own.kernel {
+            Kernel::CubicSpline => $own.fill::<S, CUBIC_SPLINE>($simd),
+            Kernel::Poly6 => $own.fill::<S, POLY6>($simd),
+            Kernel::QuarticSpline => $own.fill::<S, QUARTIC_SPLINE>($simd),
+            Kernel::QuinticSpline => $own.fill::<S, QUINTIC_SPLINE>($simd),
+            Kernel::WendlandC2 => $own.fill::<S, WENDLAND_C2>($simd),
+            Kernel::WendlandC4 => $own.fill::<S, WENDLAND_C4>($simd),
+            Kernel::WendlandC6 => $own.fill::<S, WENDLAND_C6>($simd),
+        }
+    };
+}
+
 impl WithSimd for Gather<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match self.kernel {
-            Kernel::CubicSpline => self.fill::<S, CUBIC_SPLINE>(simd),
-            Kernel::Poly6 => self.fill::<S, POLY6>(simd),
-            Kernel::QuarticSpline => self.fill::<S, QUARTIC_SPLINE>(simd),
-            Kernel::QuinticSpline => self.fill::<S, QUINTIC_SPLINE>(simd),
-            Kernel::WendlandC2 => self.fill::<S, WENDLAND_C2>(simd),
-            Kernel::WendlandC4 => self.fill::<S, WENDLAND_C4>(simd),
-            Kernel::WendlandC6 => self.fill::<S, WENDLAND_C6>(simd),
-        }
+        fill_of_kernel!(self, simd);
     }
 }
 
@@ -92,15 +99,7 @@ impl<I: Iterator<Item = Particle>> WithSimd for Alone<'_, I> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match self.kernel {
-            Kernel::CubicSpline => self.fill::<S, CUBIC_SPLINE>(simd),
-            Kernel::Poly6 => self.fill::<S, POLY6>(simd),
-            Kernel::QuarticSpline => self.fill::<S, QUARTIC_SPLINE>(simd),
-            Kernel::QuinticSpline => self.fill::<S, QUINTIC_SPLINE>(simd),
-            Kernel::WendlandC2 => self.fill::<S, WENDLAND_C2>(simd),
-            Kernel::WendlandC4 => self.fill::<S, WENDLAND_C4>(simd),
-            Kernel::WendlandC6 => self.fill::<S, WENDLAND_C6>(simd),
-        }
+        fill_of_kernel!(self, simd);
     }
 }
 
