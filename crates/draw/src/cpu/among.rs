@@ -33,8 +33,6 @@ const FLATTEST: f64 = 0.05;
 const SMALL: f64 = 4.0;
 /// Places along a side of a larger one at which it is found what is let through.
 const PLACES: usize = 9;
-/// By how much shares that are let through differ at most that count as the same: what is drawn is off by no more than half of it, as by parts themselves.
-const EVEN: f32 = 0.125;
 /// Surfaces that let less through cover a pixel.
 const CLOSED: f32 = 1e-5;
 
@@ -129,13 +127,6 @@ fn veil(surfaces: &PathFragments, footprint: &Footprint, table: &HalfLine, depth
     }
 }
 
-/// The mean of what is let through at places, where there are some that differ by no more than the opacity of two parts of a volume.
-fn even(shares: &[f32]) -> Option<f32> {
-    let (least, most) = shares.iter().fold((1.0f32, 0.0f32), |(least, most), &own| (least.min(own), most.max(own)));
-    let is_even = !shares.is_empty() && most - least <= EVEN;
-    is_even.then(|| shares.iter().sum::<f32>() / shares.len() as f32)
-}
-
 /// The outermost places of a splat along an axis at which it is found what is let through, pixels.
 fn ends(footprint: &Footprint, axis: usize) -> [f64; 2] {
     [footprint.min[axis].floor() + 0.5, footprint.max[axis].floor() + 0.5]
@@ -181,23 +172,16 @@ fn sorted(
                         haze(surfaces, &footprint, HalfLine::of(options.kernel), [camera.z, reach])
                     }
                     Side::Cut => {
-                        let begin = sorted.veils.len();
-                        if surfaces.is_hazy {
-                            let (table, depths) = (HalfLine::of(options.kernel), [camera.z, reach]);
-                            veil(surfaces, &footprint, table, depths, &mut sorted.veils);
-                        }
-                        let places = begin..sorted.veils.len();
-                        match even(&sorted.veils[places.clone()]) {
-                            Some(share) => {
-                                sorted.veils.truncate(begin);
-                                share
+                        if let Some(mut cut) = Cut::of(view, batch, index, footprint, options) {
+                            let begin = sorted.veils.len();
+                            if surfaces.is_hazy {
+                                let (table, depths) = (HalfLine::of(options.kernel), [camera.z, reach]);
+                                veil(surfaces, &cut.footprint, table, depths, &mut sorted.veils);
                             }
-                            None => {
-                                let cut = Cut::of(view, batch, index, footprint, options);
-                                sorted.cut.extend(cut.map(|cut| Cut { veil: places, ..cut }));
-                                0.0
-                            }
+                            cut.veil = begin..sorted.veils.len();
+                            sorted.cut.push(cut);
                         }
+                        0.0
                     }
                 }
             }

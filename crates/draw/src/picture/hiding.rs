@@ -168,7 +168,7 @@ mod tests {
         let transfer = TransferFunction { range, ..TransferFunction::of_volumes(false) };
         let (mode, transfer) = (Some(mode), Some(transfer));
         let look = LookPatch { mode, settings, transfer, error_px: Some(0.2), ..LookPatch::default() };
-        Shot { look, camera, size: Some((240, 192)), ..Shot::default() }
+        Shot { look, camera, size: Some((160, 128)), ..Shot::default() }
     }
 
     fn camera(eye: [f64; 3]) -> CameraConfig {
