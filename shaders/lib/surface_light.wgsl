@@ -4,7 +4,9 @@
 #import deepfield::surface_globe::{frame_at, rise_of, sight_at}
 #import deepfield::surface_levels::{between, index_of, share_of, levels_of, level_at, normal_of}
 #import deepfield::surface_look::{look, number_at}
+#ifdef PHOTO
 #import deepfield::surface_photo::photo_of
+#endif
 #import deepfield::surface_ray::{Hit, ray_at, walk, WIDE, ENDLESS}
 #import deepfield::surface_view::{surface, words, draws}
 
@@ -309,9 +311,12 @@ fn color_of(hit: Hit, place: vec2<f32>) -> vec4<f32> {
     var plain = colored(value);
     if surface.colored_by == BY_TEXTURE {
         plain = texel.planes;
-    } else if surface.colored_by == BY_PHOTO {
+    }
+#ifdef PHOTO
+    if surface.colored_by == BY_PHOTO {
         plain = photo_of(hit, normal, place);
     }
+#endif
     plain = select(plain, BESIDE, is_beside);
     var toward = -surface.world_forward;
     if surface.perspective != 0u {

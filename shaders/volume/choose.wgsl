@@ -6,7 +6,7 @@
 // by what they hold of their own and by what is known of the next tier: more than it has come to there, unless it is
 // complete. So first the coarser tiers are completed; then `mark` and `need` say which bricks of the second tier are wanted; and
 // when these are complete too, `mark` knows better which of the finest tier may show. Of that a brick beside one that may
-// show is read too, but not (ALONE) where rays go through cells' centres and meet no surfaces.
+// show is read too, but not (ALONE) where rays go through cells' centres, meet no surfaces and are not lit.
 //
 // Bricks of layers that slabs before have filled are chosen from again: whether they are needed is known only
 // when what is behind them is. Nothing has looked at what was left out until then.

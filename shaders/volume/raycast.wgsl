@@ -8,7 +8,7 @@
 // do, to surfaces, and to the next layer that is not empty in four loops, each within the one that follows.
 //
 // With CENTERED (cells are pixels) rays go through the cells' centres. With EVEN the table's entries lie evenly between 1 and 2: those of a
-// sampled field, whose samples say which way surfaces face.
+// sampled field, whose samples say which way surfaces face. With LIT the volume itself is lit, by differences of cells.
 #import deepfield::isosurface::{
     volume, Crossings, NO_CROSSING, crossings_of, is_crossed, shaded, surface_levels, take_nearest,
 }
@@ -52,6 +52,12 @@ struct Lookup {
     attribute_map: vec2<f32>,
 }
 var<private> lookup: Lookup;
+
+#ifdef LIT
+/// The ray's place, and its distance from the middle line of sight, cells.
+var<private> lit_place: Place;
+var<private> lit_middle: vec2<f32>;
+#endif
 
 struct Ray {
     color: vec3<f32>,
@@ -215,11 +221,17 @@ fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, se
         color = tinted(value.y / value.x, matter.y);
     }
 #endif
+#ifdef LIT
+    // The slice is where the step behind it begins, or where the last one ends.
+    let is_last = slice + 1u >= volume.slices;
+    let slope = gradient(lit_place, lit_middle, i32(select(slice + 1u, slice, is_last)), select(0.0, 1.0, is_last));
+    let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
+    color = shaded(color, slope, normalize(vec3(lit_middle.x * sigma, -lit_middle.y * sigma, 1.0)));
+#endif
     let passed = depths[slice].w * secant * share;
     under(ray, color, 1.0 - exp(-extinction * passed));
 }
 
-#ifdef SURFACES
 fn depth_of(place: Place, slice: i32) -> vec2<f32> {
     return depths[min(u32(max(slice, 0)), place.last_slice)].xy;
 }
@@ -251,6 +263,7 @@ fn gradient(place: Place, middle: vec2<f32>, step: i32, at: f32) -> vec3<f32> {
     return vec3(along.x / here.y, -along.y / here.y, along_z - shear);
 }
 
+#ifdef SURFACES
 #ifdef EVEN
 /// The least of the cells that a sample before the ray is made of.
 fn least_at(place: Place, slice: u32) -> f32 {
@@ -372,6 +385,10 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
         let within = place.cell & vec2(BRICK - 1u);
         place.here_cell = first_cell(place.here + column, within);
         place.front_cell = first_cell(place.front + column, within);
+#endif
+#ifdef LIT
+        lit_place = place;
+        lit_middle = middle;
 #endif
 #ifdef SURFACES
         while step < end && ray.alpha < termination {

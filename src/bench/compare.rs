@@ -336,7 +336,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Option<(Raw, AdapterFrame)>, Failure> {
         let Some(adapter) = self.adapter.as_deref_mut() else { return Ok(None) };
         // An error says only that other backends draw the mode.
-        let Ok(Some(passes)) = passes(depiction.mode, Some(self.backend), Some(&mut *adapter)) else {
+        let Ok(Some(passes)) = passes(depiction, Some(self.backend), Some(&mut *adapter)) else {
             return Ok(None);
         };
         let subject = Subject::new(self.metadata, depiction, transfer, self.diameter);

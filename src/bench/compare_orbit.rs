@@ -128,6 +128,7 @@ pub(super) fn measure(bench: &Bench<'_>, middle: DVec3, options: &Options) -> Re
         volume: true,
         surfaces: Vec::new(),
         light: None,
+        volume_light: None,
         termination: 0.999,
     };
     let kernel = bench.metadata.kernel;

@@ -1,5 +1,7 @@
 //! `deepfield bench heights`: building, pictures, a flight, picks and lines of equal height, of a field or of generated ground.
 
+mod ablations;
+
 use super::splat::Failure;
 use super::{Arguments, Times};
 use crate::cpu::surface::look::Look;
@@ -21,6 +23,7 @@ use crate::model::SampleType;
 use crate::modes::surface::{SurfaceSettings, attribute_of, range_of, usual_transfer};
 use crate::picture::surface::SurfaceSession;
 use crate::view::View;
+use ablations::Ablations;
 use glam::DVec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -62,6 +65,8 @@ pub struct Outcome {
     pub pick_ms: Option<f64>,
     /// Lines of equal height.
     pub contours: Lines,
+    /// Pictures without what makes them right, where these are asked for.
+    pub ablations: Option<Ablations>,
 }
 
 /// What building came to.
@@ -210,6 +215,7 @@ fn field(
         flight: if flies { bench.flight()? } else { None },
         pick_ms: bench.picks()?,
         contours: bench.contours()?,
+        ablations: if arguments.flight.ablations { Some(bench.ablations()?) } else { None },
     })
 }
 

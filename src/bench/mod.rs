@@ -42,6 +42,7 @@ use std::time::Duration;
   deepfield bench play run.df --duration 10 --frame-ms 100
   deepfield bench heights dem.df --duration 20 --json heights.json
   deepfield bench heights --sizes 1000000,64000000 --threads 2 --repeat 3 --duration 20
+  deepfield bench heights dem.df --repeat 3 --ablations
   deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
 pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what

@@ -18,7 +18,7 @@ use crate::import::{
     sources_of, steps_in,
 };
 use crate::look::DataKind;
-use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
+use crate::model::{ClockVariable, DerivedQuantity, FamilyName, ReadMethod, Skipped};
 use crate::store::run::{MOST_FLOW_LEVELS, Tangents};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -31,6 +31,8 @@ use std::path::{Path, PathBuf};
   deepfield build snap_099.0 -o gas.df --family gas --attributes temperature,metallicity --vq-bits 16
   deepfield build positions.hdf5 -o halo.df --smoothing knn:64
   deepfield build merger.hdf5 -o merger.df --volume-levels
+  deepfield build snapshot_099.hdf5 -o gas.df --family gas --derive velocity-dispersion,vorticity
+                                                             with attributes from velocities of neighbours
   deepfield build snapshot_099.hdf5 -o slow-disk.df --page-size 8MiB --thinning-budget 0
   deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch
   deepfield build snapshot_*.hdf5 -o run.df                  a run: the snapshots in the order of their times
@@ -101,10 +103,18 @@ pub struct Arguments {
     /// Where smoothing lengths come from: auto, field:NAME or knn:K (distance to the K-th neighbour).
     #[arg(long, value_name = "HOW", default_value = "auto", value_parser = smoothing)]
     pub smoothing: Smoothing,
+    /// Attributes to derive from velocities, beside those that are kept: velocity-dispersion, divergence, vorticity, mach-number, or all of
+    /// them. Each takes one of the five places for attributes.
+    #[arg(long, value_name = "A,B,...", value_parser = derived)]
+    pub derive: Option<DerivedQuantities>,
     /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space [default: 8; 16 of a source of less than
     /// 65536 particles, each of which then has its own values].
     #[arg(long, value_name = "BITS")]
     pub vq_bits: Option<VqBits>,
+    /// Leave out the four bits more that codes of leaves have, which tell smoothing lengths more finely: pictures of column density differ
+    /// several times as much from the source's, and older versions read the file. 16 bits have none left over.
+    #[arg(long)]
+    pub plain_codes: bool,
     /// Keep positions to 21 bits of a leaf's edge instead of rounding them to 1/512 of the smoothing length; takes more space.
     #[arg(long)]
     pub exact_positions: bool,
@@ -161,6 +171,35 @@ fn clock(text: &str) -> Result<ClockVariable, String> {
     found.ok_or_else(|| "expected time, scale-factor or log-scale-factor".into())
 }
 
+/// Quantities that are to be derived, each once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DerivedQuantities(pub Vec<DerivedQuantity>);
+
+fn derived(text: &str) -> Result<DerivedQuantities, String> {
+    if text == "all" {
+        return Ok(DerivedQuantities(DerivedQuantity::ALL.to_vec()));
+    }
+    let mut found = Vec::new();
+    for name in text.split(',') {
+        let quantity = DerivedQuantity::of_name(name).ok_or_else(|| {
+            let names = DerivedQuantity::ALL.map(DerivedQuantity::name).join(", ");
+            format!("expected all, or some of {names}; found {name:?}")
+        })?;
+        if !found.contains(&quantity) {
+            found.push(quantity);
+        }
+    }
+    Ok(DerivedQuantities(found))
+}
+
+/// Only particles have velocities to derive from.
+fn refuse_derived(arguments: &Arguments, path: &Path, found: &str) -> Result<(), String> {
+    match arguments.derive {
+        Some(_) => Err(format!("{}: --derive: found {found}, expected particles with velocities", path.display())),
+        None => Ok(()),
+    }
+}
+
 fn smoothing(text: &str) -> Result<Smoothing, String> {
     match text.split_once(':') {
         None if text == "auto" => Ok(Smoothing::Auto),
@@ -187,6 +226,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         && arguments.heights.takes(only)
     {
         arguments.wavelet.refuse(only, "heights")?;
+        refuse_derived(arguments, only, "heights")?;
         return heights::build::run(arguments, only);
     }
     arguments.texture.refuse()?;
@@ -195,6 +235,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         && trace.is_none()
         && (raw.is_some() || grid_format(only)?.is_some())
     {
+        refuse_derived(arguments, only, "an image or a volume")?;
         return grid(arguments, only, GridOptions { raw, read: arguments.read });
     }
     for path in &arguments.sources {
@@ -221,11 +262,14 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     };
     arguments.hierarchy.apply(&mut options);
     options.octree.exact_positions = arguments.exact_positions;
+    options.octree.refined = !arguments.plain_codes;
     options.octree.volume_levels = arguments.volume_levels;
+    let derive = arguments.derive.as_ref().map(|derived| derived.0.clone()).unwrap_or_default();
     let load_options = LoadOptions {
         families: arguments.family.clone(),
         attributes: arguments.attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),
         smoothing: arguments.smoothing.clone(),
+        derive: derive.clone(),
         ..LoadOptions::default()
     };
     let progress = TerminalProgress::new();
@@ -253,7 +297,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         times: arguments.times.clone(),
         every: arguments.every,
         skip_damaged: arguments.skip_damaged,
-        attributes: arguments.attributes.clone(),
+        attributes: arguments.attributes.clone().map(|mut names| {
+            names.retain(|name| !derive.iter().any(|quantity| quantity.name() == name));
+            names
+        }),
         clock: arguments.clock,
     };
     let run = open_run(&sources, &run_options, options.read)?;

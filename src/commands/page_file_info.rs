@@ -1,7 +1,7 @@
 //! What `deepfield info` says about a page file: the table of F12 4.1 for each family, the quantiser's errors, and all of
 //! it as JSON.
 
-use crate::codec::{Codebook, CodebookScope};
+use crate::codec::{CodeBits, Codebook, CodebookScope};
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, Metadata, PageFile};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -18,7 +18,8 @@ pub fn json(file: &PageFile) -> Value {
         "pages": file.page_count(),
         "particles": metadata.particles(),
         "bytes_per_particle": bytes_per_particle(file),
-        "vq_bits": metadata.vq_bits.bits(),
+        "vq_bits": metadata.bits.entries.bits(),
+        "leaf_bits": metadata.bits.leaves.bits(),
         "length_unit": metadata.length_unit,
         "mass_unit": metadata.mass_unit,
         "kernel": metadata.kernel,
@@ -55,6 +56,7 @@ fn family_json(family: &FamilyMetadata) -> Value {
         "clusters": family.clusters.as_ref().map(ClusterTree::finest),
         "cluster_levels": family.clusters.as_ref().map(|tree| tree.levels.iter().map(cluster_level_json).collect::<Vec<_>>()),
         "shape_bits": family.clusters.as_ref().map(|tree| tree.shape_bits),
+        "column_error": family.column_error,
         "codebooks": family.codebooks.iter().map(|codebook| codebook_json(family, codebook)).collect::<Vec<_>>(),
     })
 }
@@ -122,12 +124,12 @@ fn write_table(text: &mut String, file: &PageFile) -> std::fmt::Result {
     let provenance = &metadata.provenance;
     writeln!(
         text,
-        "deepfield page file, {} bytes in {} pages: {} particles, {:.2} bytes each, {}-bit codes",
+        "deepfield page file, {} bytes in {} pages: {} particles, {:.2} bytes each, {}",
         file.bytes(),
         file.page_count(),
         metadata.particles(),
         bytes_per_particle(file),
-        metadata.vq_bits
+        codes(metadata.bits)
     )?;
     writeln!(text, "source: {} ({}, {} bytes)", provenance.path.display(), provenance.format, provenance.bytes)?;
     writeln!(text, "hierarchies: {}", hierarchies(metadata).join(", "))?;
@@ -179,7 +181,22 @@ fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result 
         }
         writeln!(text)?;
     }
+    if let Some(error) = family.column_error {
+        writeln!(
+            text,
+            "  column density of the box at 1024 pixels, by the codes of leaves: about {:.2} % off",
+            100.0 * error
+        )?;
+    }
     Ok(())
+}
+
+/// What codes have how many bits.
+fn codes(bits: CodeBits) -> String {
+    match bits.is_refined() {
+        true => format!("{}-bit codes, {}-bit ones in leaves", bits.entries, bits.leaves),
+        false => format!("{}-bit codes", bits.entries),
+    }
 }
 
 /// The clusters of each depth.

@@ -8,6 +8,7 @@ use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress};
+pub(super) use crate::annotate::number::short;
 use crate::color::output::write_atomically;
 use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
 use crate::explore::{
@@ -389,35 +390,4 @@ fn write_histogram(text: &mut String, histogram: &FieldHistogram) -> std::fmt::R
         writeln!(text, " {from:>14} {to:>14} {count:>14} {:>14} {bar}", short(*mass))?;
     }
     Ok(())
-}
-
-/// Seven digits, as exponent where that is shorter.
-pub(super) fn short(value: f64) -> String {
-    match value.abs() {
-        0.0 => "0".into(),
-        size @ 1e-3..1e7 => {
-            let digits = (6.0 - size.log10().floor()).clamp(0.0, 9.0) as usize;
-            let text = format!("{value:.digits$}");
-            match text.contains('.') {
-                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-                false => text,
-            }
-        }
-        _ => format!("{value:.6e}"),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::short;
-
-    #[test]
-    fn numbers_have_seven_digits() {
-        let cases = [(0.0, "0"), (1.5, "1.5"), (100.0, "100"), (1234567.0, "1234567"), (-0.0123456789, "-0.01234568")];
-        for (value, text) in
-            cases.into_iter().chain([(1e7, "1.000000e7"), (1e-4, "1.000000e-4"), (13415.43, "13415.43")])
-        {
-            assert_eq!(short(value), text);
-        }
-    }
 }

@@ -6,6 +6,7 @@ use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptio
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
 use super::usage;
+use crate::build::default_memory;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
@@ -161,8 +162,9 @@ pub struct Arguments {
     /// Draw so many times and report median times.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
-    /// Memory that the samples of an image or a volume may take; of larger ones one in two, three, ... along each axis is drawn
-    /// [default: 4GiB].
+    /// Memory that pages of particles may take, with what is decoded of them at a time: sums that need more are drawn in passes, the
+    /// same picture; all else is drawn coarser, and told [default: half of what is free]. And what the samples of an image or a volume may
+    /// take; of larger ones one in two, three, ... along each axis is drawn [default: 4GiB].
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
     /// Threads of the CPU's part [default: all].
@@ -226,6 +228,7 @@ impl Arguments {
         }
         let named =
             self.config.as_deref().or(members.first().map(|member| member.path.as_path())).unwrap_or(&self.path);
+        let budget = config.residency.budget_mib.map(|mebibytes| mebibytes << 20);
         let options = SessionOptions {
             named: named.to_owned(),
             family: self.family.or(config.family),
@@ -239,7 +242,8 @@ impl Arguments {
             overdraw: self.overdraw.clone(),
             repeat: self.repeat,
             memory: self.memory,
-            chunk_memory: config.residency.budget_mib.map(|mebibytes| mebibytes << 20),
+            page_memory: Some(self.memory.or(budget).unwrap_or_else(default_memory)),
+            chunk_memory: budget,
             raw: self.raw.is_some(),
         };
         Ok(Request { members, shot, options })

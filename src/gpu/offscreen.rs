@@ -112,16 +112,16 @@ impl Adapter for Offscreen {
     }
 
     fn surface(&mut self, job: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
-        let (is_raster, [width, height]) = (job.is_raster(), job.size());
-        let request = HeadlessRequest::without_particles(&job.view.resized(width, height), false);
-        let view = SurfaceView { number: self.next(), job, memory: u64::MAX };
-        let drawn = self.with(move |slot| {
-            let renderer = loaded(slot, &request)?;
-            let (colors, (passes, frame)) = renderer.surface(view)?;
-            let backend = if is_raster { "raster" } else { "compute" };
-            Ok(AdapterFrame { backend, ..light_frame(colors, VolumeReport::default(), renderer, &passes, frame) })
-        });
-        drawn.map_err(device)
+        let drawn = self.heights(job, true, |_| Ok(()));
+        drawn.map(|(frame, ())| frame).map_err(device)
+    }
+
+    fn surface_seen(
+        &mut self,
+        job: Arc<AdapterSurface>,
+        is_colored: bool,
+    ) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
+        self.heights(job, is_colored, HeadlessRenderer::surface_seen).map_err(device)
     }
 
     fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
@@ -171,6 +171,26 @@ impl Offscreen {
         let request = request(job);
         let frame = self.with(move |slot| headless::render(able(slot, &request)?, request))?;
         Ok(sums_frame(frame))
+    }
+
+    /// Draws measured heights, in colours if they are wanted, and reads back what else is asked for.
+    fn heights<T: Send + 'static>(
+        &mut self,
+        job: Arc<AdapterSurface>,
+        is_colored: bool,
+        read: impl FnOnce(&mut HeadlessRenderer) -> Result<T, GpuError> + Send + 'static,
+    ) -> Result<(AdapterFrame, T), GpuError> {
+        let (is_raster, [width, height]) = (job.is_raster(), job.size());
+        let request = HeadlessRequest::without_particles(&job.view.resized(width, height), false);
+        let view = SurfaceView { number: self.next(), job, memory: u64::MAX, is_colored };
+        self.with(move |slot| {
+            let renderer = loaded(slot, &request)?;
+            let (colors, (passes, frame)) = renderer.surface(view)?;
+            let found = read(renderer)?;
+            let backend = if is_raster { "raster" } else { "compute" };
+            let frame = light_frame(colors, VolumeReport::default(), renderer, &passes, frame);
+            Ok((AdapterFrame { backend, ..frame }, found))
+        })
     }
 
     /// Draws line integrals of samples.

@@ -11,7 +11,8 @@ use super::mode_view::ModeView;
 use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
 use super::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatBuffers, SplatPipelines, pipeline_error};
-use super::surface::{SurfaceNews, SurfaceView};
+use super::surface::work::SurfaceWork;
+use super::surface::{SurfaceNews, SurfaceView, seen};
 use super::tile_passes::TilePasses;
 use super::tiles::TileNews;
 use super::timing::{FrameTimes, MeasuredPasses, PassTimes, median};
@@ -307,12 +308,12 @@ impl HeadlessRenderer {
         Ok((self.light()?, opaque, (passes, median(&mut frames))))
     }
 
-    /// Draws measured heights: their light, and the milliseconds of the passes and of a frame.
+    /// Draws measured heights: their light, if it is wanted, and the milliseconds of the passes and of a frame.
     ///
     /// # Errors
     /// As [`HeadlessRenderer::volume`].
     pub fn surface(&mut self, surface: SurfaceView) -> Result<(Colors, (MeasuredPasses, f64)), GpuError> {
-        let (number, [width, height]) = (surface.number, surface.job.size());
+        let (number, is_colored, [width, height]) = (surface.number, surface.is_colored, surface.job.size());
         self.insert((LightView::default(), surface));
         let start = Instant::now();
         let mut passes = MeasuredPasses::default();
@@ -327,7 +328,20 @@ impl HeadlessRenderer {
                 _ => self.check_shaders(start)?,
             }
         }
-        Ok((self.light()?, (passes, 1e3 * start.elapsed().as_secs_f64())))
+        let colors = if is_colored { self.light()? } else { Colors::default() };
+        Ok((colors, (passes, 1e3 * start.elapsed().as_secs_f64())))
+    }
+
+    /// Reads back the number of what each sample of the heights shows that were drawn last, row by row.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn surface_seen(&mut self) -> Result<Vec<u32>, GpuError> {
+        let (device, queue) = self.device();
+        let world = self.render_world();
+        let mut query = world.query::<&SurfaceWork>();
+        let found = query.iter(world).next().and_then(|work| seen::numbers(work, &device, &queue));
+        found.ok_or_else(|| GpuError::Failed("(reading back what is seen)".into()))
     }
 
     /// What has been found out about line integrals.

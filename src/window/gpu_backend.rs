@@ -87,9 +87,10 @@ pub struct GpuTables {
 const MEASURE_EVERY: Duration = Duration::from_millis(100);
 
 /// Whether something else draws the mode on an adapter than before.
-pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<(Adapter, bool)>>) -> bool {
+pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<(Adapter, [bool; 2])>>) -> bool {
     let technique = settings.drawn_mode().technique;
-    let now = Some((technique.adapter(), technique.tells_columns()));
+    let is_processors = technique.is_processors(&settings.look.settings);
+    let now = Some((technique.adapter(), [technique.tells_columns(), is_processors]));
     std::mem::replace(&mut *before, now) != now
 }
 
@@ -119,9 +120,13 @@ pub(super) fn choose_backend(
         settings.as_ref().is_some_and(|settings| field_backend::is_wanted(scene.as_deref(), settings, &live));
     let drawn = |settings: &Res<Settings>| scene.as_ref().is_some_and(|scene| surfaces.draws(scene, settings));
     let is_surface = is_field && settings.as_ref().is_some_and(drawn);
+    let is_left =
+        |settings: &Res<Settings>| !is_field && settings.drawn_mode().technique.is_processors(&settings.look.settings);
+    let is_left = settings.as_ref().is_some_and(is_left);
     let mode = settings.map_or(modes::first(), |settings| settings.drawn_mode());
     let adapter_of_mode = match mode.technique.tells_columns() {
         _ if is_surface => Adapter::Splats,
+        _ if is_left => Adapter::None,
         _ if is_field && mode.technique.has_field_passes() => Adapter::Light,
         // Ranges of the sums, which splats over each other are coloured by, no passes find beside them.
         true => Adapter::None,

@@ -97,7 +97,7 @@ pub enum Action {
     PlaySlower,
     /// Plays the run twice as fast.
     PlayFaster,
-    /// Leaves the help page, then flying, then the full screen, then the program.
+    /// Leaves the help page, then a brush, then a tool, then flying, then the full screen, then the program.
     Leave,
 }
 
@@ -185,6 +185,7 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
             ("Drag an end", "move one end of the range"),
             ("Drag between", "move both"),
             ("Double-click", "automatic range"),
+            ("Drag in a plot", "select those particles; a click lets go"),
         ],
     ),
     (
@@ -198,7 +199,7 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
             ("F12  or  P", "save the window as a PNG"),
             ("F1", "this page"),
             ("Drop a file", "open it"),
-            ("Esc", "leave help, a tool, flying, the full screen, the program"),
+            ("Esc", "leave help, a brush, a tool, flying, the full screen, the program"),
             ("Ctrl+Q", "end the program, or a show"),
         ],
     ),

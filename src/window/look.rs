@@ -139,6 +139,8 @@ pub(crate) fn follow_settings(
                 let other_kind = look.depiction.mode != depiction.mode
                     || look.depiction.attribute.is_some() != depiction.attribute.is_some();
                 let other_attribute = look.depiction.attribute != depiction.attribute;
+                let fields = |depiction: &Depiction| depiction.mode.technique.fields(&depiction.settings);
+                let other_fields = fields(&look.depiction) != fields(&depiction);
                 // What was kept came with the mode and the attribute. Heights and slopes have colours of their own.
                 let other_colors = other_attribute && is_of_heights(&scene, depiction.mode);
                 if (other_kind || other_colors) && !kept {
@@ -149,8 +151,11 @@ pub(crate) fn follow_settings(
                 {
                     hue.range = crate::color::transfer::Range::Auto;
                 }
+                if other_fields && !kept {
+                    settings.transfer.range = crate::color::transfer::Range::Auto;
+                }
                 // Another file, mode or attribute has other ranges altogether: no gliding there.
-                look.seeded &= !other_kind && !other_attribute && look.generation == scene.generation;
+                look.seeded &= !other_kind && !other_attribute && !other_fields && look.generation == scene.generation;
                 look.depiction = depiction;
                 look.lod_budget = settings.budget.lod_budget();
                 depicted = true;
@@ -161,6 +166,7 @@ pub(crate) fn follow_settings(
             Err(error) => {
                 notices.error(error);
                 settings.attribute = look.attribute.clone();
+                settings.look.settings = look.depiction.settings.clone();
                 settings.look.mode = over::own(look.depiction.mode);
             }
         }

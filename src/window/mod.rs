@@ -65,6 +65,7 @@ mod shader_reload;
 mod sheet;
 mod status;
 mod ui;
+mod written;
 
 pub use live::{LiveBuffer, LiveParticles};
 pub use options::{AppError, Extension, Grower, More, OpenRequest, Opener, WindowOptions};
@@ -220,6 +221,7 @@ impl Plugin for WindowApp {
         .insert_resource(objects)
         .init_resource::<scene_io::SceneFiles>()
         .init_resource::<scene_io::Bookmarks>()
+        .init_resource::<state::plots::PlotChoice>()
         .init_resource::<ui::Controls>()
         .init_resource::<overlay::tour::TourPictures>()
         .init_resource::<exposure::Exposure>()
@@ -231,6 +233,7 @@ impl Plugin for WindowApp {
         .init_resource::<field_backend::FieldPicture>()
         .init_resource::<field_backend::on_adapter::FieldOnAdapter>()
         .init_resource::<field_backend::surface_on_adapter::SurfaceOnAdapter>()
+        .init_resource::<written::WrittenHeights>()
         .init_resource::<paths::Paths>()
         .init_resource::<comparison::Comparison>()
         .init_resource::<run_ranges::RunRanges>()

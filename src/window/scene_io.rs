@@ -11,6 +11,8 @@ use super::playhead::Playhead;
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::state::panels::{Closed, Shown};
+use super::state::plots::PlotChoice;
+use crate::explore::PlotSettings;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::dataset::relative_to;
 use crate::look::{Bookmark, Camera, DatasetRef, Fingerprint, LookPatch, Member, Panels, SceneFile};
@@ -42,6 +44,7 @@ pub struct SceneParts<'w> {
     bookmarks: ResMut<'w, Bookmarks>,
     closed: ResMut<'w, Closed>,
     shown: ResMut<'w, Shown>,
+    plot: ResMut<'w, PlotChoice>,
     objects: ResMut<'w, Objects>,
 }
 
@@ -155,6 +158,7 @@ pub(crate) fn scene_file(
         bookmarks: parts.bookmarks.0.clone(),
         labels: parts.objects.path().map(|labels| relative_to(labels, path)),
         panels: Panels { shown: parts.shown.panel, closed: Some(parts.closed.0.iter().cloned().collect()) },
+        plot: Some(parts.plot.0.clone()).filter(|plot| *plot != PlotSettings::default()),
         look: settings.look.patch(),
         ..SceneFile::new(datasets)
     }
@@ -238,6 +242,7 @@ pub(crate) fn apply(
     if let Some(closed) = &scene.panels.closed {
         parts.closed.0 = closed.iter().cloned().collect();
     }
+    parts.plot.0 = scene.plot.clone().unwrap_or_default();
     parts.files.path = Some(path.clone());
 }
 

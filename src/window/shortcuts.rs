@@ -2,6 +2,7 @@
 
 use super::camera::{Anchor, DataDistance, Flight, Fly, Navigation, Viewpoint};
 use super::input::{Action, KEYS, PointerOwner, is_control};
+use super::looking::plotting::{brush_of, clear_brush};
 use super::picture::{DataCamera, Picture};
 use super::playhead::Playhead;
 use super::preset::Preset;
@@ -24,7 +25,7 @@ pub(super) fn run_shortcuts(
     keys: Res<ButtonInput<KeyCode>>,
     owner: Res<PointerOwner>,
     preset: Res<Preset>,
-    (scene, settings): (Option<Res<Scene>>, Res<Settings>),
+    (scene, mut settings): (Option<Res<Scene>>, ResMut<Settings>),
     picture: Res<Picture>,
     distance: Res<DataDistance>,
     mut shown: ResMut<Shown>,
@@ -97,6 +98,7 @@ pub(super) fn run_shortcuts(
                 }
             }
             Action::Leave if shown.help => shown.help = false,
+            Action::Leave if brush_of(&settings.selections).is_some() => clear_brush(&mut settings.selections),
             Action::Leave if *tool != Tool::Inspect => *tool = Tool::Inspect,
             Action::Leave if *navigation != Navigation::Orbit => {
                 *navigation = Navigation::Orbit;

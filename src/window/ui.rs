@@ -19,6 +19,7 @@ use super::state::tool::{Stroke, Tool};
 use super::statistics::ActiveBackend;
 use super::theme;
 use super::time_dock;
+use super::written::WrittenHeights;
 use crate::annotate;
 use crate::view::View;
 use bevy::prelude::*;
@@ -50,7 +51,8 @@ pub(super) fn draw_window(
     camera: Single<(&Viewpoint, &Navigation), With<DataCamera>>,
     mut clicked: ResMut<DoubleClick>,
     mut pointer: ResMut<PicturePointer>,
-    (mut layer, stroke, mut pictures): (ResMut<MarkLayer>, Res<Stroke>, ResMut<overlay::tour::TourPictures>),
+    (mut layer, stroke): (ResMut<MarkLayer>, Res<Stroke>),
+    (mut written, mut pictures): (ResMut<WrittenHeights>, ResMut<overlay::tour::TourPictures>),
     (shown, preset, mut playhead): (Res<Shown>, Res<Preset>, Option<ResMut<Playhead>>),
     (backend, letterbox): (Res<ActiveBackend>, Res<Letterbox>),
 ) -> Result {
@@ -123,6 +125,9 @@ pub(super) fn draw_window(
     let Rect { min, max } = letterbox.within(picture.rect, picture.scale);
     let place = egui::Rect::from_min_max(egui::pos2(min.x, min.y), egui::pos2(max.x, max.y));
     painter.image(picture.texture, place, whole, tint);
+    if let Some(view) = &view {
+        sheet::paint(&painter, rect, written.textures(&ctx, view));
+    }
     let mut on_divider = false;
     if is_flat {
         sheet::paint(&painter, rect, panel.paths.textures(&ctx));

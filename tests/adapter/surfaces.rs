@@ -1,5 +1,7 @@
 //! Measured heights by an adapter's passes: the processor's pictures, without cracks, and the same bits each time.
 
+mod seen;
+
 use crate::support::Random;
 use deepfield::color::Image;
 use deepfield::color::transfer::TransferFunction;

@@ -141,7 +141,8 @@ impl Cloud {
 
     pub fn volume(&self) -> Scenery {
         let classifier = self.classifier();
-        Scenery { classifier, volume: true, surfaces: Vec::new(), light: None, termination: 0.999 }
+        let (light, volume_light) = (None, None);
+        Scenery { classifier, volume: true, surfaces: Vec::new(), light, volume_light, termination: 0.999 }
     }
 
     /// The density at a place of the logarithmic range.
@@ -477,6 +478,25 @@ fn surfaces_are_the_cpus() {
         }
         let dark = Scenery { light: None, ..merger.surfaces(false, [0.2, 0.4, 1.0]) };
         compare(&mut renderer, &view, &merger, &dark, &options, "without light");
+    }
+}
+
+#[test]
+fn lit_volumes_are_the_cpus() {
+    let mut renderer = renderer();
+    let merger = Cloud::merger(6_000);
+    let view = near([25.0, 18.0, 40.0], 90, 70);
+    let volume_light = Some(Light { ambient: 0.12, specular: 0.15, shininess: 40.0 });
+    for (resolution, surfaces) in [(1.0, false), (0.5, false), (1.0, true)] {
+        let options = VolumeOptions { grid: GridOptions { resolution, lambda: true }, ..VolumeOptions::default() };
+        let plain = if surfaces { merger.surfaces(true, [0.2, 0.4, 1.0]) } else { merger.volume() };
+        let lit = Scenery { volume_light, ..plain.clone() };
+        let [without, with] = [&plain, &lit].map(|scenery| on_cpu(&view, &merger, scenery, &options).0);
+        assert!(difference(&with, &without).0 > 0.02, "light does not show");
+        let (l2, most) = difference(&renderer.draw(&view, &merger, &lit, &options).0, &with);
+        println!("resolution {resolution}, with surfaces: {surfaces}: L2 {l2:.2e}, at most {most:.2e}");
+        // Where a gradient is next to nothing its direction is that of rounding.
+        assert!(l2 < 5e-4, "resolution {resolution}, with surfaces: {surfaces}: L2 {l2}, at most {most}");
     }
 }
 

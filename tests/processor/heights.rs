@@ -1,7 +1,7 @@
 //! Measured heights from the command line: what is written is read back the same, pictures show the surface and nothing but it, and numbers are
 //! those of formulas.
 
-use crate::support::golden::picture_at;
+use crate::support::golden::{difference, picture_at};
 use crate::support::run;
 use deepfield::color::composite::Image;
 use deepfield::color::output::write_png;
@@ -543,4 +543,41 @@ fn depth_decides_among_heights_and_other_data() {
     assert!(told["surface"]["covered"].as_f64().unwrap() > 1000.0, "{told}");
     let cartesian = ["render", "globe.df", "--with", "behind.csv", "-o", "c.png", "--mode", "cartesian"];
     refused(folder, &[&cartesian[..], &camera].concat(), "mode: found cartesian");
+}
+
+/// x and y that look like degrees are so in pictures of a page file as in those of its source, and numbers are those of the file.
+#[test]
+fn page_files_without_a_unit_are_drawn_as_their_sources_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (columns, rows) = (400, 300);
+    let line = |row: usize| {
+        let heights = (0..columns).map(|column| format!("{:.2}", 650.0 + 20.0 * height(column, row)));
+        heights.collect::<Vec<_>>().join(" ")
+    };
+    let head = format!("ncols {columns}\nnrows {rows}\nxllcorner -84.41\nyllcorner 36.73\ncellsize {}", 1.0 / 1200.0);
+    let lines: Vec<String> = (0..rows).map(line).collect();
+    std::fs::write(folder.join("hills.asc"), format!("{head}\n{}\n", lines.join("\n"))).unwrap();
+    ok(folder, &["build", "hills.asc", "-o", "hills.df"]);
+    ok(folder, &["build", "hills.asc", "-o", "metres.df", "--xy-unit", "m"]);
+    let drawn = |name: &str| {
+        let size = ["--size", "80x60", "--attribute", "slope"];
+        let output = ok(folder, &[&["render", name, "-o", "x.png"][..], &size].concat());
+        (picture_at(&folder.join("x.png")), String::from_utf8(output.stderr).unwrap())
+    };
+    let [(source, told), (built, told_again), (metres, other)] = ["hills.asc", "hills.df", "metres.df"].map(drawn);
+    let found = difference(&built, &source);
+    assert!(found < 1.0, "{found} of 255");
+    assert!(difference(&metres, &source) > 20.0);
+    let taken = "heights 800.0 apart, and count as degrees in pictures: --xy-unit m if they are metres";
+    let is_told = |told: &str, end: &str| told.contains(&format!("{taken}{end}\n")) && !told.contains("--xy-unit deg");
+    assert!(is_told(&told, "") && is_told(&told_again, ", when it is built"), "{told}{told_again}");
+    assert!(!other.contains("count as degrees"), "{other}");
+    let [source, built] =
+        ["hills.asc", "hills.df"].map(|name| answer(folder, &["probe", name, "--point", "-84.3,36.9", "--json", "-"]));
+    assert!(built["slope"].as_f64().unwrap() > 100.0, "{built}");
+    assert_eq!((&source["height"], &source["slope"]), (&built["height"], &built["slope"]));
+    let told = answer(folder, &["info", "hills.df", "--json"]);
+    assert_eq!(told["xy_unit"], "");
+    assert!(told["notes"].to_string().contains("--xy-unit deg if these are degrees"), "{told}");
 }

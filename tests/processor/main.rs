@@ -23,6 +23,7 @@ mod out_of_core;
 mod pictures {
     mod clusters;
     mod clusters_around;
+    mod codes;
     mod color_error;
     mod conservation;
     mod cut;
@@ -32,6 +33,7 @@ mod pictures {
     mod heights;
     mod joined;
     mod lod_budget;
+    mod passes;
     mod paths;
     mod periodic;
     mod primitives;

@@ -157,9 +157,10 @@ fn builds_killed_at_any_moment_leave_the_old_file_and_the_next_one_cleans_up() {
 fn builds_of_heights_killed_at_any_moment_leave_the_old_file_and_the_next_one_cleans_up() {
     let folder = tempfile::tempdir().unwrap();
     let source = folder.path().join("hills.npy");
-    let hills = ["synth", "surface", "--shape", "fbm", "--type", "i16", "--size", "2000,1600", "-o"];
+    // Five by four chunks and what is above them: small, for there are many moments.
+    let hills = ["synth", "surface", "--shape", "fbm", "--type", "i16", "--size", "1100,900", "-o"];
     assert!(deepfield().args(hills).arg(&source).status().unwrap().success());
-    let moments: Vec<f64> = (0..20).map(|k| (f64::from(k) + 0.5) / 20.0).collect();
+    let moments: Vec<f64> = (0..50).map(|k| (f64::from(k) + 0.5) / 50.0).collect();
     kill_builds(|out| build_command(&source, out, "100MiB"), &moments);
 }
 

@@ -2,6 +2,11 @@
 //! other programs read.
 
 use crate::support::{Random, run};
+use deepfield::explore::plot::Part;
+use deepfield::explore::{
+    Data, Fields, Members, Plot, PlotKind, PlotScale, PlotSettings, ProbeOptions, Region, Work, edges, probe,
+};
+use deepfield::store::PageFile;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -259,5 +264,41 @@ fn what_cannot_be_plotted_is_told_in_one_line() {
         &["plot", "ball.df", "--phase", "density", "-o", "x.csv"],
     ] {
         assert_eq!(run(folder, wrong).status.code(), Some(2), "{wrong:?}");
+    }
+}
+
+#[test]
+fn what_is_brushed_from_edge_to_edge_is_what_the_cells_between_hold() {
+    let (folder, _) = folder();
+    let mut random = Random(33);
+    for name in ["ball.df", "coded.df"] {
+        let file = PageFile::open(&folder.path().join(name)).unwrap();
+        let (data, whole) = (Data::Pages(&file), Region::whole());
+        let settings = PlotSettings {
+            kind: PlotKind::Phase,
+            x: "density".into(),
+            y: "temperature".into(),
+            scale: PlotScale::Log,
+            ..PlotSettings::default()
+        };
+        let members = Members::Region(whole.clone());
+        let plot = Plot::find(data, &members, &settings.options(), None, Work::quiet()).unwrap();
+        let Plot::Binned(found) = &plot else { panic!("a phase diagram") };
+        let [across, up] = [&found.axes[0], &found.axes[1]].map(edges);
+        let columns = across.len() - 1;
+        for _ in 0..20 {
+            let mut ends = |edges: &[f64]| {
+                let first = (random.next() * (edges.len() - 1) as f64) as usize;
+                (first, first + 1 + (random.next() * (edges.len() - 1 - first) as f64) as usize)
+            };
+            let ((left, right), (low, high)) = (ends(&across), ends(&up));
+            let row = |row: usize| found.counts[row * columns + left..row * columns + right].iter().sum::<u64>();
+            let expected: u64 = (low..high).map(row).sum();
+            let part = Part { across: [across[left], across[right]], up: Some([up[low], up[high]]) };
+            let region = plot.brushed(&whole, &part);
+            let options = ProbeOptions { fields: Fields::None, ..ProbeOptions::default() };
+            let brushed = probe(data, &region, &options, Work::quiet()).unwrap().count;
+            assert_eq!(brushed, expected, "{name} {part:?}");
+        }
     }
 }

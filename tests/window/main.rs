@@ -22,6 +22,7 @@ mod over;
 mod panels;
 mod panorama;
 mod picture;
+mod plots;
 mod series;
 mod shaders;
 mod tools;

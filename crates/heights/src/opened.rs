@@ -57,15 +57,24 @@ impl OpenHeights {
         Ok(OpenHeights::Pages(Box::new(HeightFile::open(path, options.read)?)))
     }
 
-    /// Opens a source or a page file to draw it. x and y of a source that have no unit are taken for degrees where they may be, and would make a needle of
+    /// Opens a source or a page file to draw it. x and y that have no unit are taken for degrees where they may be, and would make a needle of
     /// the surface which pictures do not show: that is told, and is among its notes. To know it, all samples of a source that may be such a one are read.
     ///
     /// # Errors
     /// As [`OpenHeights::open`], and where samples cannot be read.
     pub fn for_pictures(path: &Path, options: &HeightOptions) -> Result<(OpenHeights, Option<String>), HeightError> {
         let open = OpenHeights::open(path, options)?;
-        if !matches!(open, OpenHeights::Source(_)) || !proportions::may_be_taken(open.grid()) {
+        if !proportions::may_be_taken(open.grid()) {
             return Ok((open, None));
+        }
+        if let OpenHeights::Pages(file) = open {
+            let range = [file.about().facts.min, file.about().facts.max];
+            let Some(note) = proportions::taken(file.grid(), range) else {
+                return Ok((OpenHeights::Pages(file), None));
+            };
+            let (asked, note) = (proportions::note(file.grid(), range), format!("{note}, when it is built"));
+            let file = file.in_degrees(asked.as_deref(), note.clone());
+            return Ok((OpenHeights::Pages(Box::new(file)), Some(note)));
         }
         let facts = facts_of(&open)?;
         let Some(note) = proportions::taken(open.grid(), [facts.min, facts.max]) else { return Ok((open, None)) };

@@ -87,7 +87,8 @@ pub struct Options {
     #[arg(long, value_name = "LEVELS", value_enum, default_value_t)]
     pub levels: Levels,
     /// Also fly without each of what saves work: particles that are merged or left out of coarse levels (where the data is
-    /// generated), presence acceleration, culling of single particles, samples, prefetching.
+    /// generated), presence acceleration, culling of single particles, samples, prefetching. `bench heights` draws pictures without each of
+    /// what makes them right: triangles, points, coverage, mean normals, corners that chunks share.
     #[arg(long)]
     pub ablations: bool,
     /// Also fly with pictures of other sizes.

@@ -96,7 +96,8 @@ pub struct Arguments {
     /// What draws: cpu, or compute or raster (an adapter, opened anew for each frame) [default: cpu].
     #[arg(long)]
     pub backend: Option<Backend>,
-    /// Memory that pages may keep between frames [default: 4GiB].
+    /// Memory that pages of particles may take, with what is decoded of them at a time: they stay from frame to frame, and those of the
+    /// next frame are read ahead. Sums that need more are drawn in passes [default: half of what is free].
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
     /// Threads that draw [default: all].

@@ -2,6 +2,7 @@
 
 use super::Arguments;
 use crate::annotate::overlay::Overlay;
+use crate::build::default_memory;
 use crate::color::{Image, output};
 use crate::commands::CommandResult;
 use crate::commands::request;
@@ -24,7 +25,6 @@ pub(super) struct Show {
     exposure: Exposure,
     /// The tour's folder.
     folder: PathBuf,
-    memory: u64,
 }
 
 /// A drawn frame.
@@ -34,9 +34,6 @@ pub(super) struct Take {
     /// What it was made from.
     pub picture: Picture,
 }
-
-/// Memory that pages keep between frames unless it is set.
-const MEMORY: u64 = 4 << 30;
 
 impl Show {
     /// Opens the data and resolves the tour for it.
@@ -50,7 +47,8 @@ impl Show {
         arguments: &Arguments,
     ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
         let backend = Some(arguments.backend.unwrap_or(Backend::Cpu));
-        let options = SessionOptions { backend, ..SessionOptions::default() };
+        let page_memory = Some(arguments.memory.unwrap_or_else(default_memory));
+        let options = SessionOptions { backend, page_memory, ..SessionOptions::default() };
         let mut session = request::open_any(std::slice::from_ref(&data), options, [])?;
         if session.has_z_up() {
             tour.up = tour.up.or(Some([0.0, 0.0, 1.0]));
@@ -82,7 +80,6 @@ impl Show {
             timeline,
             session,
             folder: folder.canonicalize().unwrap_or(folder),
-            memory: arguments.memory.unwrap_or(MEMORY),
         })
     }
 
@@ -163,7 +160,6 @@ impl Show {
         next: Option<f64>,
     ) -> Result<Take, Box<dyn std::error::Error + Send + Sync>> {
         if let Some(session) = self.session.particles() {
-            session.keep_within(self.memory);
             let (width, height) = self.tour.size;
             let periodic = session.tree().metadata().periodic_box();
             let ahead = next.map(|next| self.timeline.state(next)).and_then(|state| {
@@ -175,7 +171,12 @@ impl Show {
         let shot = Shot::of_scene(shot.clone(), Path::new(""));
         let picture = self.session.draw(&shot)?;
         if !picture.converged {
-            return Err(format!("{}: pages that the frame needs cannot be read", self.data.path.display()).into());
+            let lacks_memory = self.session.particles().is_some_and(|session| session.lacks_memory());
+            let why = match lacks_memory {
+                true => "pages that the frame needs do not fit into memory together; --memory sets how much there is",
+                false => "pages that the frame needs cannot be read",
+            };
+            return Err(format!("{}: {why}", self.data.path.display()).into());
         }
         let image = self.session.finished(&shot, &picture)?;
         Ok(Take { image, picture })

@@ -83,7 +83,7 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..32).map(move |index| (kernel, index)));
+        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..64).map(move |index| (kernel, index)));
         for (kernel, index) in choices {
             let variant = volume::Variant {
                 kernel,
@@ -92,6 +92,7 @@ pub fn variants() -> Vec<Variant> {
                 centered: index & 4 > 0,
                 vectors: index & 8 > 0,
                 field: index & 16 > 0,
+                lit: index & 32 > 0,
             };
             let defs = kind.defs(variant);
             if !built.contains(&defs) {

@@ -16,6 +16,8 @@ pub struct SurfaceView {
     pub job: Arc<AdapterSurface>,
     /// Bytes that samples may take.
     pub memory: u64,
+    /// Whether colours are drawn; else only what each sample shows is found.
+    pub is_colored: bool,
 }
 
 /// What has been found out about a picture.

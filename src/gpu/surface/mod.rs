@@ -7,6 +7,8 @@
 //!    draw all twice, for the least depth and then for the least number that has it; or by the adapter's rasteriser with a buffer of depths.
 //!    Places of corners are those of the sample alone, so that chunks have no cracks between them.
 //! 3. `resolve` finds the place that each sample shows, and its colour, and sums the samples of each pixel.
+//!
+//! What is seen can be read back ([`seen`]), for those who look for places in double precision.
 
 pub mod arena;
 pub mod constants;
@@ -16,6 +18,7 @@ pub mod layout;
 pub mod photo;
 pub mod pipelines;
 pub mod pool;
+pub mod seen;
 pub mod work;
 
 pub use arena::SurfaceArena;

@@ -120,7 +120,7 @@ pub fn draw_surfaces(
     }
     let Some(pipelines) = pipelines else { return };
     let Some(ready) = pipelines.ready(work.job.is_globe(), &cache) else { return };
-    if work.draw(&ready, &timer, context.command_encoder()).is_some() {
+    if work.draw(&ready, wanted.is_colored, &timer, context.command_encoder()).is_some() {
         cells.complete = true;
         news.tell(SurfaceFindings { number: work.number, no_room: false, is_drawn: true });
     }
@@ -180,7 +180,7 @@ impl SurfaceWork {
         let no_texels = kept(|buffers| &mut buffers.no_texels, 64, storage);
         let texels = photo.map_or(no_texels, |photo| photo.buffer);
         let nearest = kept(|buffers| &mut buffers.nearest, if job.is_raster() { 64 } else { bytes }, storage);
-        let shown = kept(|buffers| &mut buffers.shown, bytes, storage);
+        let shown = kept(|buffers| &mut buffers.shown, bytes, storage | BufferUsages::COPY_SRC);
         let room = if job.is_raster() { 64 } else { 4 * u64::from(ENTRY) * u64::from(most_large) };
         let large = kept(|buffers| &mut buffers.large, room, storage);
         let counts = kept(|buffers| &mut buffers.counts, 4 * u64::from(counters), storage);
@@ -210,15 +210,22 @@ impl SurfaceWork {
         Some((work, cells))
     }
 
-    /// Draws; `None` while pipelines are not compiled.
-    fn draw(&self, ready: &Ready<'_>, timer: &PassTimer, encoder: &mut CommandEncoder) -> Option<()> {
-        let resolve = ready.steps[Step::Resolve as usize]?;
+    /// The numbers of what its samples show, inverted: where they are, how many a row takes, and columns and rows of samples.
+    pub(super) fn shown(&self) -> Option<(&Buffer, u32, [u32; 2])> {
+        let [width, height] = [self.job.view.width, self.job.view.height];
+        Some((self.buffers.shown.as_ref()?, width.next_multiple_of(ROW), [width, height]))
+    }
+
+    /// Draws, in colours if they are wanted; `None` while pipelines are not compiled.
+    fn draw(&self, ready: &Ready<'_>, is_colored: bool, timer: &PassTimer, encoder: &mut CommandEncoder) -> Option<()> {
+        let resolve = if is_colored { Some(ready.steps[Step::Resolve as usize]?) } else { None };
         let span = timer.begin("visible", encoder);
         match &self.targets {
             Some(targets) => self.rasterise(targets, ready, encoder)?,
             None => self.compute(ready, encoder)?,
         }
         span.end(encoder);
+        let Some(resolve) = resolve else { return Some(()) };
         let span = timer.begin("resolve", encoder);
         {
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());

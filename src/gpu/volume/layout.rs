@@ -267,7 +267,8 @@ impl VolumeUniform {
             Scale::Log => ([1.0 / (max / min).log2(), -min.log2() / (max / min).log2()], 1),
             Scale::Linear => ([1.0 / (max - min), -min / (max - min)], 0),
         };
-        let light = scenery.light.unwrap_or(Light { ambient: 1.0, specular: 0.0, shininess: 1.0 });
+        let either = scenery.light.or(scenery.volume_light);
+        let light = either.unwrap_or(Light { ambient: 1.0, specular: 0.0, shininess: 1.0 });
         let (mut surfaces, mut colors) = ([[0.0; 4]; MOST_SURFACES], [[0.0; 4]; MOST_SURFACES]);
         for (index, surface) in scenery.surfaces.iter().take(MOST_SURFACES).enumerate() {
             let [r, g, b] = surface.color.unwrap_or_default();

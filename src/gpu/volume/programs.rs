@@ -128,6 +128,8 @@ pub struct Variant {
     pub vectors: bool,
     /// Whether a sampled field fills the grid.
     pub field: bool,
+    /// Whether the volume itself is lit.
+    pub lit: bool,
 }
 
 impl Variant {
@@ -311,7 +313,7 @@ impl Kind {
         if is_one_of(&[Kind::Raycast, Kind::March]) && variant.surfaces {
             defs.push("SURFACES".into());
         }
-        if self == Kind::Choose && variant.centered && !variant.surfaces {
+        if self == Kind::Choose && variant.centered && !variant.surfaces && !variant.lit {
             defs.push("ALONE".into());
         }
         if self == Kind::Raycast && variant.centered {
@@ -319,6 +321,9 @@ impl Kind {
         }
         if self == Kind::Raycast && variant.field {
             defs.push("EVEN".into());
+        }
+        if self == Kind::Raycast && variant.lit {
+            defs.push("LIT".into());
         }
         defs
     }

@@ -195,6 +195,7 @@ impl Work {
             centered: places.iter().all(|[_, share]| f32::from_bits(*share) == 0.0),
             vectors,
             field: job.field().is_some(),
+            lit: job.scenery().is_some_and(|scenery| scenery.volume_light.is_some()),
         };
         let uniform = VolumeUniform::new(job, &grids, &cut);
         let (of_layers, coarser) = levels(job, room, store, means)?;

@@ -2,9 +2,11 @@
 //! draw them.
 //!
 //! While the view moves, pictures have as many pixels as there is time for. What of lines and marks lies behind the surface is found by the
-//! processor when the view rests. Pictures that the passes do not draw are the processor's, as are those that the adapter has no room for.
+//! processor when the view rests, which then writes heights along lines, too. Pictures that the passes do not draw are the processor's, as are
+//! those that the adapter has no room for.
 
 use super::Report;
+use crate::color::Colors;
 use crate::color::transfer::TransferFunction;
 use crate::gpu::surface::{SurfaceNews, SurfaceView};
 use crate::gpu::{DrawItem, Fading, LightView, SplatView, Technique};
@@ -25,6 +27,7 @@ use crate::window::scene::{Scene, Settings};
 use crate::window::state::notices::Notices;
 use crate::window::statistics::{ActiveBackend, Converged, Statistics};
 use crate::window::touring::Before;
+use crate::window::written::WrittenHeights;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -63,6 +66,14 @@ struct Asked {
     since: Instant,
 }
 
+/// What the processor finds in a picture when the view rests.
+struct AtRest {
+    /// How far away heights are.
+    depths: Option<SurfaceDepths>,
+    /// Heights along lines.
+    heights: Option<Colors>,
+}
+
 /// A place in the queue of tasks.
 type Awaited<T> = Option<(Key, Task<Result<T, String>>)>;
 
@@ -73,9 +84,9 @@ pub(in crate::window) struct SurfaceOnAdapter {
     asked: Option<Asked>,
     wanted: Wanted<Content>,
     failed: Option<Key>,
-    /// How far away heights are in the picture of a key, or on the way to it.
-    depths: Awaited<Option<SurfaceDepths>>,
-    known_depths: Option<Key>,
+    /// What is found in the picture of a key at rest, or on the way to it.
+    at_rest: Awaited<AtRest>,
+    known_at_rest: Option<Key>,
     /// Counts pictures.
     number: u64,
     /// The last picture that was seen to be complete.
@@ -111,13 +122,14 @@ pub(in crate::window) fn draw_surface_on_adapter(
     (settings, held): (Res<Settings>, Res<Held>),
     (picture, preset, before): (Res<Picture>, Res<Preset>, Res<Before>),
     (mut exposure, mut statistics): (ResMut<Exposure>, ResMut<Statistics>),
-    (mut hiding, mut letterbox): (ResMut<Hiding>, ResMut<Letterbox>),
+    (mut hiding, mut written, mut letterbox): (ResMut<Hiding>, ResMut<WrittenHeights>, ResMut<Letterbox>),
     (mut converged, mut notices): (ResMut<Converged>, ResMut<Notices>),
     camera: Single<(Entity, Option<&LightView>), With<DataCamera>>,
 ) {
     let ActiveBackend::SurfaceOnGpu(technique) = *backend else {
         if surfaces.asked.is_some() || surfaces.task.is_some() {
             hiding.0 = None;
+            written.show(None);
             let (number, refused) = (surfaces.number, surfaces.refused);
             *surfaces = SurfaceOnAdapter { number, refused, ..default() };
         }
@@ -143,9 +155,11 @@ pub(in crate::window) fn draw_surface_on_adapter(
             }
         }
     }
-    if let Some((key, outcome)) = arrived(&mut surfaces.depths) {
-        hiding.0 = outcome.ok().flatten().map(Arc::new);
-        surfaces.known_depths = Some(key);
+    if let Some((key, outcome)) = arrived(&mut surfaces.at_rest) {
+        let AtRest { depths, heights } = outcome.unwrap_or(AtRest { depths: None, heights: None });
+        hiding.0 = depths.map(Arc::new);
+        written.show(heights.map(|heights| (key.content.view, heights)));
+        surfaces.known_at_rest = Some(key);
     }
     let (Some(scene), Some(look), Some(view)) = (scene, look, selection.view) else { return };
     let Some(open) = scene.field_for(look.depiction.mode) else { return };
@@ -189,14 +203,18 @@ pub(in crate::window) fn draw_surface_on_adapter(
         surfaces.task = Some((key.clone(), task));
     }
     // Depths of another view hide the wrong things.
-    if hiding.0.is_some() && surfaces.known_depths.as_ref().is_some_and(|known| known.content.view != view) {
-        (hiding.0, surfaces.known_depths) = (None, None);
+    if hiding.0.is_some() && surfaces.known_at_rest.as_ref().is_some_and(|known| known.content.view != view) {
+        (hiding.0, surfaces.known_at_rest) = (None, None);
     }
-    let has_depths = surfaces.known_depths.as_ref() == Some(&key);
-    if is_current && is_drawn && rests && !has_depths && surfaces.depths.is_none() {
+    let is_known = surfaces.known_at_rest.as_ref() == Some(&key);
+    if !is_known {
+        // Heights of another picture are not on its lines.
+        written.show(None);
+    }
+    if is_current && is_drawn && rests && !is_known && surfaces.at_rest.is_none() {
         let (view, patch) = (view.resized(size.x, size.y), patch());
-        let depths = move |session: &mut SurfaceSession| session.depths(&patch, &view).map_err(|why| why.to_string());
-        surfaces.depths = Some((key.clone(), with_heights(&open.session, depths)));
+        let task = with_heights(&open.session, move |session| find_at_rest(session, &patch, &view));
+        surfaces.at_rest = Some((key.clone(), task));
     }
     let (entity, shown) = camera.into_inner();
     let mut camera = commands.entity(entity);
@@ -204,14 +222,14 @@ pub(in crate::window) fn draw_surface_on_adapter(
     // No copies of pages are there beside it.
     let memory = preset.residency.gpu_bytes().iter().sum();
     camera.insert((
-        SurfaceView { number: asked.number, job: Arc::clone(&asked.job), memory },
+        SurfaceView { number: asked.number, job: Arc::clone(&asked.job), memory, is_colored: true },
         SplatView::without_particles(view, &surfaces.items),
     ));
     let light = LightView { before: before.fade().map(|(image, share)| Fading { image: Arc::clone(image), share }) };
     if shown != Some(&light) {
         camera.insert(light);
     }
-    let is_whole = asked.report.is_complete && is_current && is_drawn && has_depths;
+    let is_whole = asked.report.is_complete && is_current && is_drawn && is_known;
     converged.0 = is_whole && rests && size == full && look.settled && before.is_settled();
 }
 
@@ -233,6 +251,13 @@ fn with_heights<T: Send + 'static>(
             _ => Err("there are no heights that are open alone".to_owned()),
         }
     })
+}
+
+/// Depths, and heights along lines, of a picture.
+fn find_at_rest(session: &mut SurfaceSession, patch: &LookPatch, view: &View) -> Result<AtRest, String> {
+    let depths = session.depths(patch, view).map_err(|error| error.to_string())?;
+    let heights = session.lettering(patch, view).map_err(|error| error.to_string())?;
+    Ok(AtRest { depths, heights })
 }
 
 /// What the adapter is to draw of a picture.

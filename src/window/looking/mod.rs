@@ -4,6 +4,7 @@
 //! The window's layout tells where the pointer is ([`mod@pointer`]); the [tool](Tool) in hand makes of it a particle to inspect
 //! ([`Inspector`]), two points to measure between, or a region ([`Stroke`]) that is summed up ([`prober`]) and may be kept as a
 //! selection; of heights the samples, a profile, or the roughness of a region ([`mod@heights`]); [`marks`] and [`drawing`] show all that over the picture.
+//! [`plotting`] finds what the panel plots beside it.
 
 pub mod approach;
 pub mod asking;
@@ -15,6 +16,7 @@ pub mod ids;
 pub mod inspector;
 pub mod keeping;
 pub mod marks;
+pub mod plotting;
 pub mod pointer;
 pub mod prober;
 pub mod report;
@@ -66,6 +68,7 @@ impl Plugin for LookingPlugin {
             .init_resource::<RangeDraft>()
             .init_resource::<crate::window::bookmarks::AskedBookmark>()
             .init_resource::<keeping::Keeping>()
+            .init_resource::<plotting::Plotting>()
             .init_resource::<marks::MarkLayer>()
             .init_resource::<ids::LookedUp>()
             .init_resource::<ids::ByIds>()
@@ -75,7 +78,7 @@ impl Plugin for LookingPlugin {
                 Update,
                 (
                     (forget_other_data, inspector::receive_particle).chain(),
-                    (take_tool, receive_sums, keeping::receive_tables),
+                    (take_tool, receive_sums, keeping::receive_tables, plotting::follow_plot),
                     (ids::keep_ids, ids::look_up).chain().after(crate::window::adopt::adopt_opened),
                     (followed::follow, following::find_center)
                         .chain()

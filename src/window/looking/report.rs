@@ -1,9 +1,8 @@
 //! What looking closer has found, for scripts.
 
 use super::heights::OnHeights;
-use super::keeping::Plot;
 use super::state::LookingState;
-use crate::explore::{Identified, SelectionSet};
+use crate::explore::{Identified, Plot, SelectionSet};
 use crate::window::state::answer::Answer;
 use serde::Serialize;
 
@@ -102,6 +101,10 @@ struct Table {
 struct Plotted {
     particles: u64,
     points: usize,
+    /// Which plot it is, counted since the start.
+    revision: u64,
+    /// How many particles are brushed.
+    brushed: Option<u64>,
 }
 
 impl<'a> Report<'a> {
@@ -142,9 +145,14 @@ impl<'a> Report<'a> {
                 }
                 _ => None,
             },
-            plot: state.keeping.plot.here().map(|plot| match plot {
-                Plot::Histogram(histogram) => Plotted { particles: histogram.counts.iter().sum(), points: 0 },
-                Plot::Scatter(scatter) => Plotted { particles: scatter.of, points: scatter.x.len() },
+            plot: state.plotting.found.as_ref().map(|found| Plotted {
+                particles: found.plot.particles(),
+                points: match &*found.plot {
+                    Plot::Scatter { x, .. } => x.len(),
+                    Plot::Binned(_) | Plot::Radial(_) => 0,
+                },
+                revision: state.plotting.revision,
+                brushed: state.plotting.brushed.here().map(|brushed| brushed.count),
             }),
             found: selections.iter().map(|set| found(state, set)).collect(),
             following: state.following.center().map(|center| center.to_array()),

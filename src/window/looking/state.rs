@@ -5,6 +5,7 @@ use super::following::FollowedSelection;
 use super::heights::OnHeights;
 use super::ids::{ByIds, LookedUp};
 use super::keeping::Keeping;
+use super::plotting::Plotting;
 use super::prober::Prober;
 use super::{Inspector, Measure};
 use crate::model::Bounds;
@@ -16,6 +17,7 @@ use crate::window::picture::{DataCamera, Picture};
 use crate::window::preset::Preset;
 use crate::window::scene_io::Bookmarks;
 use crate::window::state::notices::Notices;
+use crate::window::state::plots::PlotChoice;
 use crate::window::state::tool::Tool;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -35,8 +37,12 @@ pub struct LookingState<'w> {
     pub heights: ResMut<'w, OnHeights>,
     /// What lies behind them.
     pub hiding: Res<'w, Hiding>,
-    /// Tables and plots.
+    /// Tables, and sums over time.
     pub keeping: ResMut<'w, Keeping>,
+    /// What is plotted, and what is brushed in it.
+    pub plotting: ResMut<'w, Plotting>,
+    /// The plot that is chosen.
+    pub plot: ResMut<'w, PlotChoice>,
     /// Where the particles of sets of ids are.
     pub looked_up: Res<'w, LookedUp>,
     /// Selections of a run that are followed.

@@ -5,7 +5,7 @@ use super::sketch::{PATIENCE, sketched};
 use super::{Opened, Seen};
 use crate::heights::OpenHeights;
 use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
-use crate::heights::import::HeightSource;
+use crate::heights::import::{HeightOptions, HeightSource};
 use crate::heights::model::{HeightField, HeightGrid, Heights, Window};
 use crate::heights::store::HeightFile;
 use crate::look::{HeightsSaid, Member};
@@ -74,12 +74,21 @@ pub(super) fn open_heights(
             }
             let built = opener(&path, &said, progress);
             let is_shown = std::mem::replace(&mut *locked(&state), State::Over) == State::Shown;
-            (HeightFile::open(&built?, read).map_err(|error| told(&error))?, is_shown)
+            (built_file(&built?, read)?, is_shown)
         }
     };
     let surface = OpenSurface::new(&path, file).map_err(|error| told(&error))?;
     let surface = compared(surface, &said, read, opener, progress)?;
     Ok(Opened { keeps, ..opened(&path, &members, seen, surface)? })
+}
+
+/// A file that was built, as pictures have it: one that was built before x and y of its source counted as degrees is in degrees, too.
+fn built_file(path: &Path, read: ReadMethod) -> Result<HeightFile, String> {
+    let options = HeightOptions { read, ..HeightOptions::default() };
+    match OpenHeights::for_pictures(path, &options).map_err(|error| error.to_string())? {
+        (OpenHeights::Pages(file), _) => Ok(*file),
+        (OpenHeights::Source(_), _) => Err(format!("{}: expected a page file of heights", path.display())),
+    }
 }
 
 /// Compares heights with the earlier ones that are named, if any.
@@ -92,11 +101,9 @@ fn compared(
 ) -> Result<OpenSurface, String> {
     let Some(before) = &said.before else { return Ok(surface) };
     let own = said.of_before();
-    let file = match OpenHeights::open(before, &own.options(read)).map_err(|error| error.to_string())? {
-        OpenHeights::Pages(file) => *file,
-        OpenHeights::Source(_) => {
-            HeightFile::open(&opener(before, &own, progress)?, read).map_err(|error| error.to_string())?
-        }
+    let file = match OpenHeights::for_pictures(before, &own.options(read)).map_err(|error| error.to_string())? {
+        (OpenHeights::Pages(file), _) => *file,
+        (OpenHeights::Source(_), _) => built_file(&opener(before, &own, progress)?, read)?,
     };
     surface.since(before, file, None).map_err(|error| error.to_string())
 }

@@ -119,8 +119,7 @@ fn row_of_source(ui: &mut Ui, inspector: &Inspector, unit: &str) -> bool {
                 "Asking the source",
                 share.map_or_else(String::new, |share| format!("{:.0} %", 100.0 * share)),
             );
-            theme::bar(ui, share.unwrap_or(0.0), theme::ACCENT);
-            ui.ctx().request_repaint();
+            super::progress(ui, &coming.progress);
             return false;
         }
         Answer::Here(Some(row)) => {

@@ -16,6 +16,7 @@ mod mode;
 mod objects;
 mod over_time;
 mod paths;
+mod plots;
 mod probe;
 mod projection;
 mod selections;
@@ -40,6 +41,7 @@ use super::scene_io::SceneFiles;
 use super::state::choices::Choices;
 use super::state::notices::Notices;
 use super::state::panels::{Closed, Dock};
+use super::state::progress::SharedProgress;
 use super::statistics::{Converged, FrameClock, Statistics};
 use super::theme;
 use super::touring::Player;
@@ -49,7 +51,7 @@ use bevy::prelude::*;
 use bevy_egui::egui::{self, RichText, Ui};
 
 /// The window's own sections, from the top of each dock.
-static SECTIONS: [&Section; 15] = [
+static SECTIONS: [&Section; 16] = [
     &dataset::SECTION,
     &mode::SECTION,
     &display::SECTION,
@@ -60,6 +62,8 @@ static SECTIONS: [&Section; 15] = [
     &closer::SECTION,
     &probe::SECTION,
     &objects::SECTION,
+    // What is brushed becomes a selection: the list of those is below, so that the plot stays where it is when it grows.
+    &plots::SECTION,
     &selections::SECTION,
     &bookmarks::SECTION,
     &tour::SECTION,
@@ -187,6 +191,12 @@ impl PanelState<'_, '_> {
         ui.add_space(4.0);
         ui.ctx().request_repaint();
     }
+}
+
+/// How far something is that is being worked out; frames follow one another until it is here.
+fn progress(ui: &mut Ui, progress: &SharedProgress) {
+    theme::bar(ui, progress.state().1.unwrap_or(0.0), theme::ACCENT);
+    ui.ctx().request_repaint();
 }
 
 #[cfg(test)]

@@ -23,7 +23,16 @@ pub static SECTION: Section = Section {
 };
 
 /// Settings of modes of particles and of fields alike that say something of particles alone.
-const OF_PARTICLES: [&Setting; 5] = [&grid::DETAIL, &grid::KERNEL, &grid::SMALLEST_CELLS, &LEVELS, &REPRESENTATIVE];
+const OF_PARTICLES: [&Setting; 8] = [
+    &grid::DETAIL,
+    &grid::KERNEL,
+    &grid::SMALLEST_CELLS,
+    &grid::FIELD,
+    &grid::SURFACE_FIELD,
+    &grid::FIELD_SUM,
+    &LEVELS,
+    &REPRESENTATIVE,
+];
 /// Settings of such modes that say something of fields alone.
 const OF_FIELDS: [&Setting; 2] = [&samples::ERROR_VALUE, &samples::TRANSFER_SENSITIVITY];
 
@@ -49,7 +58,7 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
         }
     };
     for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {
-        mode_setting(ui, setting, settings.values(setting));
+        mode_setting(ui, setting, &state.choices.attributes, settings.values(setting));
     }
     let is_surface = state.scene.as_ref().is_some_and(|scene| scene.is_about_heights(settings.mode));
     if is_field && !is_surface {
@@ -114,8 +123,8 @@ pub(super) fn label_of(setting: &Setting) -> String {
     label
 }
 
-/// A control for a setting of the mode.
-fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut crate::mode::Settings) {
+/// A control for a setting of the mode, of data with these columns.
+fn mode_setting(ui: &mut Ui, setting: &Setting, columns: &[String], values: &mut crate::mode::Settings) {
     let label = label_of(setting);
     let response = match setting.kind {
         SettingKind::Number { min, max, default } => {
@@ -143,21 +152,10 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut crate::mode::Settin
             response
         }
         SettingKind::Choice { options } => {
-            let current = values.name(setting);
-            theme::row(ui, &label, |ui| {
-                ui.add_space(theme::MARK_ROOM);
-                // Long names have their room, too.
-                let width = theme::VALUE.min(ui.available_width() - theme::MARK_ROOM);
-                ComboBox::from_id_salt(setting.name).width(width).selected_text(&current).show_ui(ui, |ui| {
-                    for &option in options {
-                        let chosen = ui.selectable_label(current == option, option);
-                        theme::register(ui, &format!("{}:{option}", setting.name), chosen.rect);
-                        if chosen.clicked() {
-                            values.set(setting, SettingValue::Name(option.to_owned()));
-                        }
-                    }
-                });
-            })
+            theme::row(ui, &label, |ui| name_setting(ui, setting, options.iter().copied(), values))
+        }
+        SettingKind::Column { .. } => {
+            theme::row(ui, &label, |ui| name_setting(ui, setting, columns.iter().map(String::as_str), values))
         }
         SettingKind::Numbers { .. } | SettingKind::Colors { .. } => {
             theme::row(ui, &label, |ui| list_setting(ui, setting, values))
@@ -169,6 +167,28 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, values: &mut crate::mode::Settin
         value => value.to_string(),
     };
     response.on_hover_text(format!("{}\n{}{unit}; default {default}", setting.help, setting.range()));
+}
+
+/// A name, one of `options`.
+fn name_setting<'a>(
+    ui: &mut Ui,
+    setting: &Setting,
+    options: impl Iterator<Item = &'a str>,
+    values: &mut crate::mode::Settings,
+) {
+    let current = values.name(setting);
+    ui.add_space(theme::MARK_ROOM);
+    // Long names have their room, too.
+    let width = theme::VALUE.min(ui.available_width() - theme::MARK_ROOM);
+    ComboBox::from_id_salt(setting.name).width(width).selected_text(&current).show_ui(ui, |ui| {
+        for option in options {
+            let chosen = ui.selectable_label(current == option, option);
+            theme::register(ui, &format!("{}:{option}", setting.name), chosen.rect);
+            if chosen.clicked() {
+                values.set(setting, SettingValue::Name(option.to_owned()));
+            }
+        }
+    });
 }
 
 /// A list as text with commas; taken over when the field is left and the list is right.

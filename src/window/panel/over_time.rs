@@ -16,8 +16,7 @@ pub(super) fn show(ui: &mut Ui, state: &PanelState<'_, '_>) {
         Answer::Nothing => {}
         Answer::Coming(coming) => {
             theme::fact(ui, "Over time", "");
-            theme::bar(ui, coming.progress.state().1.unwrap_or(0.0), theme::ACCENT);
-            ui.ctx().request_repaint();
+            super::progress(ui, &coming.progress);
         }
         Answer::Failed(why) => {
             ui.add(egui::Label::new(egui::RichText::new(why).size(12.0).color(theme::BAD)).wrap());

@@ -38,8 +38,7 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         Answer::Coming(coming) => {
             let (_, share) = coming.progress.state();
             theme::fact(ui, "Summing up", share.map_or_else(String::new, |share| format!("{:.0} %", 100.0 * share)));
-            theme::bar(ui, share.unwrap_or(0.0), theme::ACCENT);
-            ui.ctx().request_repaint();
+            super::progress(ui, &coming.progress);
             false
         }
         Answer::Here(probe) => {

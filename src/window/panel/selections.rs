@@ -1,15 +1,13 @@
-//! The section about selections: their colours, how they are shown, tables and plots of them.
+//! The section about selections: their colours, how they are shown, tables of them and plots over time.
 
 use super::{Dock, PanelState, Section, theme};
 use crate::annotate::number;
 use crate::explore::export::Format;
-use crate::explore::histogram::{FieldHistogram, Scatter};
 use crate::explore::selection::COLORS;
 use crate::explore::{Members, Region, SelectionSet, Show};
 use crate::window::looking::drawing::swatch;
-use crate::window::looking::keeping::{Asked, Plot};
 use crate::window::state::answer::Answer;
-use bevy_egui::egui::{self, Align2, ComboBox, FontId, Rect, RichText, Sense, TextEdit, Ui, pos2, vec2};
+use bevy_egui::egui::{self, ComboBox, RichText, TextEdit, Ui, vec2};
 
 /// The section.
 pub static SECTION: Section = Section {
@@ -53,13 +51,10 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
         state.settings.selections = sets;
     }
     if let Answer::Coming(coming) = &state.looking.keeping.export {
-        let (_, share) = coming.progress.state();
         theme::fact(ui, "Writing the table", "");
-        theme::bar(ui, share.unwrap_or(0.0), theme::ACCENT);
-        ui.ctx().request_repaint();
+        super::progress(ui, &coming.progress);
     }
     super::over_time::show(ui, state);
-    plots(ui, state);
 }
 
 /// Colour, name, how it is shown; whether it is to be removed.
@@ -145,8 +140,7 @@ fn actions(ui: &mut Ui, index: usize, set: &SelectionSet, state: &mut PanelState
 fn by_ids(ui: &mut Ui, set: &SelectionSet, state: &PanelState<'_, '_>) {
     let coming = |ui: &mut Ui, what: &str, progress: &crate::window::state::progress::SharedProgress| {
         theme::fact(ui, what, "");
-        theme::bar(ui, progress.state().1.unwrap_or(0.0), theme::ACCENT);
-        ui.ctx().request_repaint();
+        super::progress(ui, progress);
     };
     if let Some(who) = state.looking.followed.of(&set.members) {
         match who {
@@ -241,133 +235,4 @@ fn names<'a>(all: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
         }
     });
     names
-}
-
-/// A histogram or a scatter plot of what is probed, or of everything.
-fn plots(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
-    let Some(scene) = &state.scene else { return };
-    let metadata = scene.file.metadata();
-    let infos = metadata.families.iter().flat_map(|family| family.quantities.iter().chain(&family.attributes));
-    let fields = names(infos.map(|info| info.name.as_str()));
-    let Some(first) = fields.first() else { return };
-    let keeping = &mut *state.looking.keeping;
-    if !fields.contains(&keeping.fields.0.as_str()) {
-        keeping.fields = (fields.get(1).unwrap_or(first).to_string(), None);
-    }
-    ui.add_space(4.0);
-    theme::row(ui, "Plot", |ui| {
-        ui.spacing_mut().item_spacing.x = 3.0;
-        // Laid out from the right.
-        let x = keeping.fields.0.clone();
-        let along_x = ComboBox::from_id_salt("plot x").width(68.0).truncate().selected_text(x).show_ui(ui, |ui| {
-            for name in &fields {
-                let choice = ui.selectable_value(&mut keeping.fields.0, (*name).to_owned(), *name);
-                theme::register(ui, &format!("plot:x:{name}"), choice.rect);
-            }
-        });
-        theme::register(ui, "plot:x", along_x.response.rect);
-        ui.label(RichText::new("over").color(theme::LABEL));
-        let y = keeping.fields.1.clone().unwrap_or_else(|| "counts".to_owned());
-        let along_y = ComboBox::from_id_salt("plot y").width(68.0).truncate().selected_text(y).show_ui(ui, |ui| {
-            ui.selectable_value(&mut keeping.fields.1, None, "counts");
-            for name in &fields {
-                ui.selectable_value(&mut keeping.fields.1, Some((*name).to_owned()), *name);
-            }
-        });
-        theme::register(ui, "plot:y", along_y.response.rect);
-    });
-    let members = state.looking.prober.members.clone();
-    let whose = if members.is_some() { "of the region above" } else { "of all particles" };
-    let (x, y) = keeping.fields.clone();
-    // Everything is counted when asked for, not while the window opens.
-    let asked = Asked { members, x, y, generation: scene.generation };
-    let wanted = match &keeping.asked {
-        Some(before) => *before != asked,
-        None => asked.members.is_some() || theme::button(ui, "plot:draw", "Draw", true, "Count all particles"),
-    };
-    if wanted {
-        keeping.plot(scene, asked);
-    }
-    match &keeping.plot {
-        Answer::Nothing => {}
-        Answer::Failed(why) => {
-            ui.add(egui::Label::new(RichText::new(why).size(12.0).color(theme::BAD)).wrap());
-        }
-        Answer::Coming(coming) => {
-            theme::bar(ui, coming.progress.state().1.unwrap_or(0.0), theme::ACCENT);
-            ui.ctx().request_repaint();
-        }
-        Answer::Here(Plot::Histogram(histogram)) => bars(ui, histogram, whose),
-        Answer::Here(Plot::Scatter(scatter)) => dots(ui, scatter, whose),
-    }
-}
-
-/// The well of a plot, and a line below it.
-fn well(ui: &mut Ui) -> (Rect, Rect) {
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 110.0), Sense::hover());
-    let well = Rect::from_min_max(rect.min, pos2(rect.right(), rect.bottom() - 14.0));
-    ui.painter().rect_filled(well, 3.0, theme::WELL);
-    (well, rect)
-}
-
-fn labels(ui: &Ui, rect: Rect, [left, middle, right]: [&str; 3]) {
-    let font = FontId::proportional(theme::SMALL);
-    let painter = ui.painter();
-    painter.text(rect.left_bottom(), Align2::LEFT_BOTTOM, left, font.clone(), theme::TEXT);
-    painter.text(rect.center_bottom(), Align2::CENTER_BOTTOM, middle, font.clone(), theme::LABEL);
-    painter.text(rect.right_bottom(), Align2::RIGHT_BOTTOM, right, font, theme::TEXT);
-}
-
-fn bars(ui: &mut Ui, histogram: &FieldHistogram, whose: &str) {
-    let Some(axis) = histogram.axes.first() else { return };
-    let (well, rect) = well(ui);
-    let top = histogram.counts.iter().map(|&count| (count as f64).ln_1p()).fold(1e-9, f64::max);
-    let width = well.width() / histogram.counts.len().max(1) as f32;
-    for (bin, &count) in histogram.counts.iter().enumerate().filter(|(_, count)| **count > 0) {
-        let height = ((count as f64).ln_1p() / top) as f32 * (well.height() - 4.0);
-        let left = well.left() + width * bin as f32;
-        let bar =
-            Rect::from_min_max(pos2(left, well.bottom() - height), pos2(left + (width - 1.0).max(1.0), well.bottom()));
-        ui.painter().rect_filled(bar, 0.0, theme::ACCENT);
-    }
-    labels(ui, rect, [&number::quantity(axis.min), whose, &number::quantity(axis.max)]);
-}
-
-fn dots(ui: &mut Ui, scatter: &Scatter, whose: &str) {
-    let (well, rect) = well(ui);
-    let [x, y] = [&scatter.x, &scatter.y].map(|values| Scale::of(values));
-    for (a, b) in scatter.x.iter().zip(&scatter.y) {
-        if let (Some(a), Some(b)) = (x.place(*a), y.place(*b)) {
-            let at = pos2(
-                egui::lerp(well.left() + 3.0..=well.right() - 3.0, a),
-                egui::lerp(well.bottom() - 3.0..=well.top() + 3.0, b),
-            );
-            let dot = Rect::from_center_size(at, vec2(1.5, 1.5));
-            ui.painter().rect_filled(dot, 0.0, theme::ACCENT.gamma_multiply(0.6));
-        }
-    }
-    let middle = format!("{} of {}, {whose}", number::count(scatter.x.len() as u64), number::count(scatter.of));
-    labels(ui, rect, [&number::quantity(x.low), &middle, &number::quantity(x.high)]);
-}
-
-/// An axis of a scatter plot: logarithmic where all values are positive and span more than two decades.
-struct Scale {
-    low: f64,
-    high: f64,
-    log: bool,
-}
-
-impl Scale {
-    fn of(values: &[f64]) -> Scale {
-        let finite = values.iter().copied().filter(|value| value.is_finite());
-        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
-        Scale { low, high, log: low > 0.0 && high > 100.0 * low }
-    }
-
-    fn place(&self, value: f64) -> Option<f32> {
-        let forth = |x: f64| if self.log { x.ln() } else { x };
-        let (low, high) = (forth(self.low), forth(self.high));
-        let share = if high > low { (forth(value) - low) / (high - low) } else { 0.5 };
-        share.is_finite().then_some(share as f32)
-    }
 }

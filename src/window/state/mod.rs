@@ -6,6 +6,7 @@ pub mod choices;
 pub mod histogram;
 pub mod notices;
 pub mod panels;
+pub mod plots;
 pub mod progress;
 pub mod show;
 pub mod tool;

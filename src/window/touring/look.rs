@@ -106,6 +106,7 @@ pub(crate) mod tests {
             SettingKind::Number { min, max, .. } => SettingValue::Number(middle(min, max)),
             SettingKind::Flag { default } => SettingValue::Flag(!default),
             SettingKind::Choice { options } => SettingValue::Name(options.last().copied().unwrap_or_default().into()),
+            SettingKind::Column { .. } => SettingValue::Name("temperature".into()),
             SettingKind::Numbers { min, max, .. } => SettingValue::Numbers(vec![middle(min, max), max.min(1e6)]),
             SettingKind::Colors { .. } => SettingValue::Names(vec!["#ff8000".into()]),
         }
@@ -137,6 +138,7 @@ pub(crate) mod tests {
         world.init_resource::<Bookmarks>();
         world.init_resource::<Closed>();
         world.init_resource::<Shown>();
+        world.init_resource::<crate::window::state::plots::PlotChoice>();
         world.init_resource::<Objects>();
         let mut parts = SystemState::<SceneParts>::new(&mut world);
         let parts = parts.get_mut(&mut world).unwrap();

@@ -182,20 +182,23 @@ fn a_file_depends_on_the_particles_alone() {
     assert!(std::fs::read(built(folder.path(), family, &options(both(), SplitRule::Relative))).unwrap() == first);
 }
 
-/// The octree of a file is what it is without clusters, and such a file is a byte for byte what it was.
+/// The octree of a file is what it is without clusters.
 #[test]
 fn an_octree_is_the_same_with_clusters() {
     let folder = tempfile::tempdir().unwrap();
-    let without = built(folder.path(), particles(5000, 3, false), &options(Kinds::default(), SplitRule::Relative));
-    let plain = PageFile::open(&without).unwrap().metadata().clone();
-    assert_eq!(std::fs::read(&without).unwrap()[8], 2);
-    let with = built(folder.path(), particles(5000, 3, false), &options(both(), SplitRule::Relative));
-    assert_eq!(std::fs::read(&with).unwrap()[8], 4);
-    let both = PageFile::open(&with).unwrap().metadata().clone();
-    assert_eq!(
-        (&both.families[0].levels, &both.families[0].codebooks),
-        (&plain.families[0].levels, &plain.families[0].codebooks)
-    );
+    for (refined, versions) in [(false, [2, 4]), (true, [5, 5])] {
+        let of = |kinds: Kinds| {
+            let mut own = options(kinds, SplitRule::Relative);
+            own.octree.refined = refined;
+            let path = built(folder.path(), particles(5000, 3, false), &own);
+            (std::fs::read(&path).unwrap()[8], PageFile::open(&path).unwrap().metadata().clone())
+        };
+        let ((plain, without), (clustered, with)) = (of(Kinds::default()), of(both()));
+        assert_eq!([plain, clustered], versions);
+        let (with, without) = (&with.families[0], &without.families[0]);
+        assert_eq!((&with.levels, &with.codebooks), (&without.levels, &without.codebooks));
+        assert_eq!((&with.refinements, with.column_error), (&without.refinements, without.column_error));
+    }
 }
 
 #[test]

@@ -54,8 +54,14 @@ fn sound(has: Has) -> &'static [u8] {
             skipped: Vec::new(),
             provenance: Provenance { box_size: Some(1.0), ..Provenance::default() },
         };
-        let octree =
-            OctreeOptions { vq_bits: VqBits::Twelve, leaf_capacity, volume_levels, ..OctreeOptions::default() };
+        // Two kinds have the versions without refined codes.
+        let octree = OctreeOptions {
+            vq_bits: VqBits::Twelve,
+            refined: pca,
+            leaf_capacity,
+            volume_levels,
+            ..OctreeOptions::default()
+        };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("sound.df");
         let hierarchies = if pca { Kinds::of_particles() } else { Kinds::default() };

@@ -2,7 +2,7 @@
 
 use crate::support::Random;
 use deepfield::build::{BuildOptions, build};
-use deepfield::codec::{CodebookScope, VqBits};
+use deepfield::codec::{CodeBits, CodebookScope, VqBits};
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, ReadMethod, Skipped, Unit};
 use deepfield::store::{Encoding, Metadata, NodeRef, Page, PageFile, PageId, verify};
@@ -276,6 +276,7 @@ fn a_family_that_is_none_of_gadgets_keeps_its_name() {
     for volume_levels in [false, true] {
         let mut options = small_leaves(VqBits::Eight, 50);
         options.octree.volume_levels = volume_levels;
+        options.octree.refined = false;
         let version = |path: &std::path::Path| std::fs::read(path).unwrap()[8];
         let (path, written) = build_in(&folder, vec![named("gas"), named("tracer")], &options);
         let file = PageFile::open(&path).unwrap();
@@ -287,6 +288,40 @@ fn a_family_that_is_none_of_gadgets_keeps_its_name() {
         let (path, _) = build_in(&folder, vec![named("gas")], &options);
         assert_eq!(version(&path), if volume_levels { 3 } else { 2 });
     }
+}
+
+/// Codes of leaves are refined or not, those of other nodes never; and what a file says of it comes back.
+#[test]
+fn refined_codes_are_those_of_leaves() {
+    let folder = tempfile::tempdir().unwrap();
+    let error_of = |bits: VqBits, refined: bool| {
+        let mut options = small_leaves(bits, 300);
+        options.octree.refined = refined;
+        let (path, written) = build_in(&folder, vec![clustered(20_000, 8)], &options);
+        let tree = Tree::read(&path);
+        assert_eq!(tree.metadata, written);
+        let codes = if refined { CodeBits::refined(bits) } else { CodeBits::plain(bits) };
+        let version = if codes.is_refined() { 5 } else { 2 };
+        assert_eq!((written.bits, std::fs::read(&path).unwrap()[8]), (codes, version));
+        let family = &written.families[0];
+        assert_eq!(family.column_error.is_some(), codes.is_refined());
+        for book in &family.codebooks {
+            let is_refined = codes.is_refined() && book.scope == CodebookScope::Leaves;
+            assert!(book.len() <= codes.of(is_refined).entries(), "{:?}: {} entries", book.scope, book.len());
+        }
+        let leaves = family.codebooks.iter().filter(|book| book.scope == CodebookScope::Leaves).count();
+        assert_eq!(family.refinements.len(), if codes.is_refined() { leaves } else { 0 });
+        let error = |k: usize| {
+            let books = family.codebooks.iter().filter(|book| book.scope == CodebookScope::Leaves);
+            books.map(|book| book.particles as f64 * book.errors[k].mean).sum::<f64>() / 20_000.0
+        };
+        error(2)
+    };
+    let [plain, refined] = [false, true].map(|refined| error_of(VqBits::Eight, refined));
+    assert!(3.0 * refined < plain, "smoothing lengths are {plain} off, refined {refined}");
+    error_of(VqBits::Twelve, true);
+    // With 16 bits there is no place left.
+    assert_eq!(error_of(VqBits::Sixteen, true), error_of(VqBits::Sixteen, false));
 }
 
 #[test]
@@ -352,6 +387,7 @@ fn every_option_of_the_hierarchy_changes_what_it_says_and_is_noted() {
     let fused = |options: &mut BuildOptions| (options.octree.relay_fraction, options.octree.fusion) = (1.0, 8.0);
     assert!(count(fused, "fusion within 8 cells")[2] < count(whole, "relays from 1")[2]);
     assert_eq!(count(|options| options.octree.thinning_budget = 0.0, "thinning of 0")[3], 0);
+    assert_eq!(count(|options| options.octree.refined = false, "plain codes of leaves")[1], nodes);
     assert!(count(|options| options.octree.thinning_budget = 0.05, "thinning of 0.05")[3] > skipped);
     assert_eq!(count(whole, "relays from 1")[4], 0);
     assert!(count(|options| options.octree.relay_fraction = 0.1, "relays from 0.1")[4] > relays);

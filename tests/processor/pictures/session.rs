@@ -144,6 +144,10 @@ impl Adapter for Broken {
         Broken::fails("surface")
     }
 
+    fn surface_seen(&mut self, _: Arc<AdapterSurface>, _: bool) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
+        Broken::fails("surface")
+    }
+
     fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
         Broken::fails("ranges")
     }

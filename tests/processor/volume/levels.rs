@@ -195,8 +195,10 @@ proptest! {
     /// The levels for splats are the same with those for volumes beside them, and so are the leaves of both.
     #[test]
     fn both_trees_are_in_one_file(seed: u64, count in 1..2000_usize, capacity in 5..200_usize) {
-        let with = built(clumps(seed, count), options(VqBits::Eight, capacity));
-        let without = built(clumps(seed, count), OctreeOptions { volume_levels: false, ..options(VqBits::Eight, capacity) });
+        let refined = seed % 2 == 0;
+        let octree = OctreeOptions { refined, ..options(VqBits::Eight, capacity) };
+        let with = built(clumps(seed, count), octree);
+        let without = built(clumps(seed, count), OctreeOptions { volume_levels: false, ..octree });
         let (splats, plain) = (with.tree(Purpose::Splats), without.tree(Purpose::Splats));
         prop_assert_eq!(splats.len(), plain.len());
         for (&a, &b) in splats.iter().zip(&plain) {
@@ -223,7 +225,7 @@ proptest! {
         let cells = |levels| with.tree(levels).into_iter().map(|at| with.node(at).frame).collect::<Vec<_>>();
         prop_assert_eq!(cells(Purpose::Splats), cells(Purpose::Samples));
         let version = |built: &Built| std::fs::read(built.file.path()).unwrap()[8];
-        prop_assert_eq!((version(&with), version(&without)), (3, 2));
+        prop_assert_eq!((version(&with), version(&without)), if refined { (5, 5) } else { (3, 2) });
     }
 }
 

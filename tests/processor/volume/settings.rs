@@ -58,6 +58,21 @@ fn every_mode_draws_with_its_defaults() {
 }
 
 #[test]
+fn fields_of_attributes_are_drawn() {
+    for (name, mode, settings) in [
+        ("heat", "volume", r#""field": "internal-energy""#),
+        ("heat-sum", "volume", r#""field": "internal-energy", "field-sum": "plain", "volume-lighting": true"#),
+        ("hot", "isosurface", r#""surface-field": "internal-energy""#),
+        ("dense-in-heat", "volume-isosurface", r#""field": "internal-energy""#),
+        ("hot-in-gas", "volume-isosurface", r#""surface-field": "internal-energy""#),
+        ("large", "volume", r#""field": "smoothing-length""#),
+    ] {
+        let config = format!("(mode: \"{mode}\", family: gas, settings: {{{settings}}})");
+        render(name, &config).unwrap_or_else(|told| panic!("{name}: {told}"));
+    }
+}
+
+#[test]
 fn planes_that_make_no_sense_are_named_by_every_mode() {
     for mode in MODES {
         let with = |settings: &str| format!("(mode: \"{mode}\", settings: {{{settings}}})");

@@ -5,7 +5,7 @@ use super::spill::{Blob, Spill};
 use super::tree::{CodedTree, Grown};
 use crate::codec::clusters::{Ladder, PackedClusters, StoredStep, class_of};
 use crate::codec::shapes::{self, COORDINATES, Shape, ShapeCoder};
-use crate::codec::{BatchInfo, CodebookScope, Quantities, Scaling, VqBits};
+use crate::codec::{BatchInfo, CodeBits, CodebookScope, Quantities, Scaling, VqBits};
 use crate::hierarchy::octree::{Context, TreeNode};
 use crate::hierarchy::pca::{Members, SplitRule, Step, bright, members::trace, split, steps, take_over};
 use crate::hierarchy::{ClusterOptions, Encoding};
@@ -302,7 +302,8 @@ impl Clusters {
             rest.push(own);
         }
         let scope = |_| CodebookScope::Clusters;
-        let mut coded = coding::code(&[drafts], vec![batches], scaling, spill, vq_bits, scope, maker.progress)?;
+        let plain = CodeBits::plain(vq_bits);
+        let mut coded = coding::code(&[drafts], vec![batches], scaling, spill, plain, scope, None, maker.progress)?;
         let (Some(values), Some(numbers)) = (coded.codebooks.pop(), coded.numbers.pop()) else {
             return Err(io::Error::other("no clusters"));
         };

@@ -4,8 +4,13 @@
 //! are of no use to any one leaf; with several, each of its own range of densities, the same bits give much smaller
 //! errors. Each costs `entries * (3 + attributes) * 4` bytes once.
 
+use super::column_error::{Pair, Picture};
 use super::spill::{Blob, Spill};
-use crate::codec::{BatchInfo, Batches, Codebook, CodebookScope, Quantities, Quantized, Scaling, VqBits, quantize};
+use crate::codec::coordinates::unpack_leaf;
+use crate::codec::positions::decode_leaf;
+use crate::codec::{
+    BatchInfo, Batches, CodeBits, Codebook, CodebookScope, Quantities, Quantized, Refinement, Scaling, VqBits, quantize,
+};
 use crate::hierarchy::Encoding;
 use crate::hierarchy::octree::TreeNode;
 use crate::model::progress::Progress;
@@ -15,7 +20,8 @@ use std::io;
 /// Leaf particles for each codebook at least: with 8 bits the entries of one take a fortieth of the space of so many.
 const PARTICLES: u64 = 1 << 14;
 
-/// Entries of all leaf codebooks of a family at most, for bits that allow several; they stay in the GPU's memory.
+/// Entries of all leaf codebooks of a family at most, for bits that allow several, lines where codes are refined; they stay in the GPU's
+/// memory, a line as 16 entries.
 const ENTRIES: usize = 1 << 12;
 
 /// Particles whose quantities have been put away: one column after the other.
@@ -48,8 +54,18 @@ pub(super) struct Coding {
     pub nodes: Vec<Vec<CodedNode>>,
     /// Those of the leaves first, the thinnest first, then one for each depth that has grid nodes, the deepest first.
     pub codebooks: Vec<Codebook>,
+    /// How the lines of those of the leaves run, where codes are refined.
+    pub refinements: Vec<Refinement>,
     /// The entry of each code, for each codebook.
     pub numbers: Vec<Vec<u16>>,
+    /// Error of the picture that was asked for, relative to it.
+    pub column_error: Option<f64>,
+}
+
+/// A picture whose error is asked for, and where the sections of the leaves' positions are, by depth and index.
+pub(super) struct Measured<'a> {
+    pub picture: &'a Picture,
+    pub positions: &'a (dyn Fn(usize, usize) -> Option<&'a Blob> + Sync),
 }
 
 /// Codes all nodes, the grid nodes of each depth for its `scope`; the quantities are forgotten.
@@ -61,14 +77,17 @@ pub(super) fn code(
     batches: Vec<Vec<Vec<Batch>>>,
     scaling: &Scaling,
     spill: &Spill,
-    bits: VqBits,
+    bits: CodeBits,
     scope: impl Fn(u8) -> CodebookScope,
+    measured: Option<Measured<'_>>,
     progress: &dyn Progress,
 ) -> io::Result<Coding> {
     let mut coding = Coding {
         nodes: nodes.iter().map(|level| level.iter().map(|_| CodedNode::default()).collect()).collect(),
         codebooks: Vec::new(),
+        refinements: Vec::new(),
         numbers: Vec::new(),
+        column_error: None,
     };
     let mut leaves: Vec<Entry> = Vec::new();
     let mut grids: Vec<Vec<Entry>> = nodes.iter().map(|_| Vec::new()).collect();
@@ -79,19 +98,28 @@ pub(super) fn code(
             list.extend(batches.into_iter().map(|batch| Entry { depth, index, batch }));
         }
     }
-    let groups = by_density(leaves, scaling, spill, bits)?;
+    let groups = by_density(leaves, scaling, spill, bits.entries)?;
     let count = groups.len();
     let coded: Vec<_> = groups
         .par_iter()
-        .map(|group| Group { entries: group, scaling, spill, bits }.code(CodebookScope::Leaves, count))
+        .map(|group| {
+            let group = Group { entries: group, scaling, spill, bits: bits.leaves };
+            group.code(bits.entries, CodebookScope::Leaves, count)
+        })
         .collect::<Result<_, _>>()?;
+    if let Some(measured) = measured {
+        let groups: Vec<_> =
+            groups.iter().map(|entries| Group { entries, scaling, spill, bits: bits.leaves }).zip(&coded).collect();
+        coding.column_error = measured.error(nodes, &groups)?;
+    }
     for (group, coded) in groups.into_iter().zip(coded) {
         coding.take(group, coded, spill);
     }
     progress.advance(1);
     for (depth, entries) in grids.into_iter().enumerate().rev() {
         if !entries.is_empty() {
-            let coded = Group { entries: &entries, scaling, spill, bits }.code(scope(depth as u8), 1)?;
+            let group = Group { entries: &entries, scaling, spill, bits: bits.entries };
+            let coded = group.code(bits.entries, scope(depth as u8), 1)?;
             coding.take(entries, coded, spill);
         }
         progress.advance(1);
@@ -138,12 +166,72 @@ struct Group<'a> {
     entries: &'a [Entry],
     scaling: &'a Scaling,
     spill: &'a Spill,
+    /// Those of a code.
     bits: VqBits,
 }
 
 impl Group<'_> {
-    fn code(&self, scope: CodebookScope, books: usize) -> io::Result<Quantized<(Blob, usize)>> {
-        quantize(self, self.scaling, self.bits, scope, books)
+    /// Codes the batches with entries of so many bits; where a code has more it is refined.
+    fn code(&self, entries: VqBits, scope: CodebookScope, books: usize) -> io::Result<Quantized<(Blob, usize)>> {
+        quantize(self, self.scaling, entries, scope, books, self.bits != entries)
+    }
+}
+
+impl Measured<'_> {
+    /// The error of the picture by the codes of leaves; `None` where it has nothing.
+    fn error(
+        &self,
+        nodes: &[Vec<TreeNode<()>>],
+        groups: &[(Group<'_>, &Quantized<(Blob, usize)>)],
+    ) -> io::Result<Option<f64>> {
+        let leaves: Vec<(usize, usize)> = (0..groups.len())
+            .flat_map(|group| (0..groups[group].0.entries.len()).map(move |leaf| (group, leaf)))
+            .collect();
+        let about = |&(group, leaf): &(usize, usize)| {
+            let Entry { depth, index, batch } = &groups[group].0.entries[leaf];
+            (nodes[*depth][*index].key, batch.info.mass)
+        };
+        let squares: Vec<[f64; 2]> = self
+            .picture
+            .chosen(leaves.iter().map(about))
+            .par_iter()
+            .map(|&(number, factor)| -> io::Result<[f64; 2]> {
+                let (group, leaf) = leaves[number];
+                Ok(self.squares(nodes, &groups[group], leaf)?.map(|sum| sum * factor))
+            })
+            .collect::<Result<_, _>>()?;
+        let [difference, picture] = squares.iter().fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]]);
+        let error = (difference / picture).sqrt();
+        Ok(error.is_finite().then_some(error))
+    }
+
+    /// [`Picture::squares`] of a leaf of a group.
+    fn squares(
+        &self,
+        nodes: &[Vec<TreeNode<()>>],
+        (group, coded): &(Group<'_>, &Quantized<(Blob, usize)>),
+        leaf: usize,
+    ) -> io::Result<[f64; 2]> {
+        let (Entry { depth, index, batch }, decoded) = (&group.entries[leaf], &coded.batches[leaf]);
+        let node = &nodes[*depth][*index];
+        let Some(positions) = (self.positions)(*depth, *index) else { return Ok([0.0; 2]) };
+        let mut words = vec![0_u64; node.particles as usize];
+        decode_leaf(&group.spill.get(positions)?, node.points as usize, &mut words).map_err(io::Error::other)?;
+        let codes = group.codes(&decoded.codes)?;
+        // As the mode weighs it: so that the leaf's mass is its own.
+        let scale = super::tree::scale(batch.info.mass, decoded.mass);
+        batch.with(group.spill, |own| {
+            let pairs = words.iter().zip(&codes).enumerate().map(|(i, (&word, &code))| {
+                let entry = usize::from(coded.numbers[usize::from(code)]);
+                let book = &coded.codebook;
+                Pair {
+                    place: unpack_leaf(word),
+                    own: [own.mass[i], own.smoothing_length[i]],
+                    decoded: [scale * book.mass[entry], book.smoothing_length[entry]],
+                }
+            });
+            self.picture.squares(node.key, batch.info.mass, pairs)
+        })
     }
 }
 
@@ -194,6 +282,10 @@ impl Batches for Group<'_> {
         self.bits.unpack(&self.spill.get(&kept.0)?, kept.1, &mut codes);
         Ok(codes)
     }
+
+    fn forget(&self, kept: (Blob, usize)) {
+        self.spill.forget(kept.0);
+    }
 }
 
 impl Coding {
@@ -210,6 +302,7 @@ impl Coding {
             spill.forget(entry.batch.quantities);
         }
         self.codebooks.push(coded.codebook);
+        self.refinements.extend(coded.refinement);
         self.numbers.push(coded.numbers);
     }
 }

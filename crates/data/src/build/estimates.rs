@@ -22,7 +22,7 @@ const MARGIN: f64 = 1.3;
 /// Cells along each axis of the grid that says where the balls of some particles reach.
 const CELLS: usize = 128;
 /// Values of each column in the sample of a bucket at most, for the quantiser's scaling.
-const SAMPLE: usize = 1 << 10;
+pub(super) const SAMPLE: usize = 1 << 10;
 
 /// What is known of the estimated columns: density, then smoothing length.
 pub(super) struct Estimated {
@@ -158,7 +158,7 @@ fn of_block(
 }
 
 /// A place in world units from the root cell's corner: the same number whichever block it is read for.
-fn position(place: Place, root: RootCell) -> [f64; 3] {
+pub(super) fn position(place: Place, root: RootCell) -> [f64; 3] {
     place.unit().map(|x| x * root.size)
 }
 
@@ -315,20 +315,20 @@ fn positive(value: f64) -> f32 {
 }
 
 /// The box around a ball.
-fn around_ball(at: [f64; 3], radius: f64) -> Bounds {
+pub(super) fn around_ball(at: [f64; 3], radius: f64) -> Bounds {
     let (at, radius) = (DVec3::from_array(at), radius * (1.0 + 1e-9));
     Bounds { min: at - radius, max: at + radius }
 }
 
 /// Where some boxes reach, on a coarse grid: never less than they do.
-struct Reach {
-    bounds: Bounds,
+pub(super) struct Reach {
+    pub bounds: Bounds,
     step: DVec3,
     cells: Vec<bool>,
 }
 
 impl Reach {
-    fn of(boxes: &[Bounds]) -> Reach {
+    pub fn of(boxes: &[Bounds]) -> Reach {
         let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
         let step = (bounds.size() / CELLS as f64).max(DVec3::splat(f64::MIN_POSITIVE));
         let mut reach = Reach { bounds, step, cells: vec![false; CELLS * CELLS * CELLS] };
@@ -359,7 +359,7 @@ impl Reach {
         ((at - self.bounds.min) / self.step).to_array().map(|x| (x as usize).min(CELLS - 1))
     }
 
-    fn contains(&self, at: [f64; 3]) -> bool {
+    pub fn contains(&self, at: [f64; 3]) -> bool {
         let at = DVec3::from_array(at);
         let [x, y, z] = self.cell(at);
         self.bounds.contains(at) && self.cells[(z * CELLS + y) * CELLS + x]

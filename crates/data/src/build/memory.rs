@@ -64,7 +64,7 @@ impl Memory {
         let room = (rest - building) / 5 * 4;
         let for_particles = count * particle;
         let node_particles = NODE_PARTICLES + if options.octree.volume_levels { VOLUME_PARTICLES } else { 0.0 };
-        let for_nodes = (count as f64 * node_particles * (4.0 * (3 + attributes) as f64 + 5.0)) as u64;
+        let for_nodes = (count as f64 * node_particles * (4.0 * (3 + attributes) as f64 + 6.0)) as u64;
         let share = |needed: u64| (room as f64 * needed as f64 / (for_particles + for_nodes).max(1) as f64) as u64;
         let (particles, nodes) = (share(for_particles), share(for_nodes));
         let on_disk = for_particles.saturating_sub(particles) + for_nodes.saturating_sub(nodes);
@@ -88,6 +88,11 @@ impl Memory {
         ((self.nodes + self.buckets / 4) / NEIGHBOUR_PARTICLE) as usize
     }
 
+    /// Particles whose neighbours' motion may be looked at at a time: in the same memory, with densities and velocities of each.
+    pub fn motion_block(&self) -> usize {
+        self.neighbour_block() / 2
+    }
+
     /// How many buckets may be built at a time, the largest of which has so many particles.
     pub fn workers(&self, largest: usize, out: &Path) -> Result<usize, BuildError> {
         let needed = self.bucket_particle * largest as u64;
@@ -103,8 +108,8 @@ impl Memory {
     }
 }
 
-/// Half of what the machine has free.
-pub(super) fn default_memory() -> u64 {
+/// Bytes that work takes at most where nothing else is said: half of what the machine has free.
+pub fn default_memory() -> u64 {
     let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let available = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kibibytes = available.and_then(|text| text.trim().trim_end_matches("kB").trim().parse::<u64>().ok());

@@ -7,6 +7,8 @@
 mod against_sources;
 mod clusters;
 mod coding;
+mod column_error;
+mod derive;
 mod estimates;
 mod flow;
 mod flow_levels;
@@ -39,14 +41,19 @@ use crate::hierarchy::pca::SplitRule;
 use crate::hierarchy::{AttributeInfo, ClusterOptions, Kinds, LevelInfo, OctreeOptions, Purpose};
 use crate::import::{ImportError, LoadOptions, Source, SourceStream, open_with, replaced_densities, streams};
 use crate::model::progress::Progress;
-use crate::model::{Dataset, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError, Unit};
+use crate::model::{
+    Dataset, Derivation, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError, Unit,
+};
 use crate::store::paging::{FamilyTrees, PAGE_BYTES, write_trees};
 use crate::store::temporary::{clean, folder_of};
 use crate::store::writer::CompletePageFile;
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
 pub use against_sources::compare_with_sources;
+use column_error::Picture;
+use derive::Deriving;
 pub use flow::FlowOptions;
 use memory::Memory;
+pub use memory::default_memory;
 use partition::Partition;
 pub use run::{BuiltRun, RunBuild, StepProgress, StillOf};
 use spill::Spill;
@@ -147,6 +154,7 @@ impl BuildOptions {
         let differing = [
             (self.page_bytes != PAGE_BYTES, format!("pages of {} bytes", self.page_bytes)),
             (own.leaf_capacity != usual.leaf_capacity, format!("leaves of {} particles", own.leaf_capacity)),
+            (own.refined != usual.refined, "plain codes of leaves".to_owned()),
             (own.fusion != usual.fusion, format!("fusion within {} cells", own.fusion)),
             (own.thinning_budget != usual.thinning_budget, format!("thinning of {}", own.thinning_budget)),
             (own.relay_fraction != usual.relay_fraction, format!("relays from {}", own.relay_fraction)),
@@ -298,7 +306,14 @@ fn built_of(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Unnamed, BuildError> {
-    let choose = |names: &[&str]| chosen(names, options);
+    let choose = |names: &[&str]| {
+        let mut own = chosen(names, options);
+        // What is derived is asked for; the most telling others fill the rest.
+        if options.attributes.is_none() {
+            own.truncate(DEFAULT_ATTRIBUTES.saturating_sub(load_options.derive.len()));
+        }
+        own
+    };
     let streams = streams(source, load_options, &choose)?;
     let particles = source.description().families.iter().map(|family| family.count).sum();
     let options = &options.for_particles(particles);
@@ -423,8 +438,21 @@ impl<'a> Build<'a> {
         let root = survey.root(octree);
         let most = octree.bucket_size(survey.count);
         let plan = Plan::new(&survey.keys(root), survey.weight, most);
-        let attributes = stream.attributes();
-        let memory = Memory::plan(options, out, survey.count, attributes.len(), most, plan.len())?;
+        let own = stream.attributes();
+        let derivation = stream.derivation();
+        let attributes: Vec<(String, Unit)> =
+            derivation.into_iter().flat_map(Derivation::attributes).chain(own.iter().cloned()).collect();
+        if attributes.len() > MAX_ATTRIBUTES {
+            let what = format!(
+                "{} attributes of {}, {} of them derived; at most {MAX_ATTRIBUTES} can be kept",
+                attributes.len(),
+                stream.family(),
+                attributes.len() - own.len()
+            );
+            return Err(BuildError::Selection { path: out.to_owned(), what });
+        }
+        let columns = attributes.len() + stream.columns() - own.len();
+        let memory = Memory::plan(options, out, survey.count, columns, most, plan.len())?;
 
         if memory.on_disk > 0 {
             let (family, size) = (stream.family(), memory.on_disk.div_ceil(1 << 20));
@@ -432,8 +460,9 @@ impl<'a> Build<'a> {
         }
         let particles = Spill::new(out, &memory.folder, memory.particles, options.read);
         let neighbours = stream.neighbours().filter(|_| survey.is_lacking());
+        let extents = neighbours.is_some() || derivation.is_some();
         let (mut partition, mut histograms) =
-            Partition::of(stream, &survey.ranges, &plan, root, neighbours.is_some(), particles, progress)?;
+            Partition::of(stream, &survey.ranges, &plan, root, extents, particles, progress)?;
         if let Some(k) = neighbours {
             let lacking = survey.ranges[1].missing;
             if lacking > 0 && lacking < survey.count {
@@ -442,6 +471,13 @@ impl<'a> Build<'a> {
             let found = estimates::estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
             survey.estimated(found.ranges, found.samples);
             histograms.splice(1..3, found.histograms);
+        }
+        if let Some(derivation) = derivation {
+            let deriving = Deriving { derivation, kernel: self.kernel, root, own: own.len() };
+            let found = deriving.derive(&mut partition, memory.motion_block(), progress)?;
+            survey.derived(own.len(), found.ranges, found.samples);
+            histograms.truncate(3 + own.len());
+            histograms.splice(3..3, found.histograms);
         }
         let scaling = survey.scaling(attributes.iter().map(|(name, _)| name.as_str()));
         let rules: Vec<_> = scaling.attributes.iter().map(|(_, merge)| *merge).collect();
@@ -456,12 +492,14 @@ impl<'a> Build<'a> {
         let before = partition.on_disk();
         let trees = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
         let clustering = options.hierarchies.has(&PCA).then_some((&context, options.clusters, self.kernel));
-        let coded = tree::code(stream.family(), trees, clustering, &scaling, nodes, octree.vq_bits, progress)?;
+        let bits = octree.code_bits();
+        // Files with plain codes have no place for it.
+        let picture = Picture::new(root, survey.bounds, self.kernel).filter(|_| bits.is_refined());
+        let coded = tree::code(stream.family(), trees, clustering, &scaling, picture, nodes, bits, progress)?;
         self.temporary_bytes = self.temporary_bytes.max(before + coded.on_disk());
 
-        let sections = |levels, depth, index| {
-            coded.sections(levels, depth, index, octree.vq_bits).map_err(|error| coded.failed(error))
-        };
+        let sections =
+            |levels, depth, index| coded.sections(levels, depth, index, bits).map_err(|error| coded.failed(error));
         let number = self.families.len() as u32;
         let volume = coded.volume.as_ref().map(|tree| (Purpose::Samples, &tree.nodes[..]));
         let clusters = coded.clusters.as_ref().map(|tree| (Purpose::Clusters, &tree.nodes[..]));
@@ -494,13 +532,15 @@ impl<'a> Build<'a> {
             root,
             root_page: clusters.as_ref().filter(|_| !has_octree).map_or(splats.root_page, |tree| tree.root_page),
             quantities,
-            attributes: (3..).zip(attributes).map(|(k, (name, unit))| describe(k, name, unit)).collect(),
+            attributes: (3..).zip(&attributes).map(|(k, (name, unit))| describe(k, name, unit)).collect(),
             levels: own_levels(with_bytes(&coded.splats.levels, splats.bytes), has_octree),
             volume: volume.zip(coded.volume.as_ref()).map(|(written, tree)| VolumeTree {
                 root_page: written.root_page,
                 levels: with_bytes(&tree.levels, written.bytes),
             }),
-            codebooks: coded.codebooks,
+            codebooks: coded.books.codebooks,
+            refinements: coded.books.refinements,
+            column_error: coded.books.column_error,
             clusters: clusters.zip(coded.clusters).map(|(written, tree)| ClusterTree {
                 root_page: written.root_page,
                 levels: tree
@@ -532,7 +572,7 @@ impl<'a> Build<'a> {
             length_unit: about.length_unit,
             mass_unit: about.mass_unit,
             kernel: about.kernel,
-            vq_bits: self.options.octree.vq_bits,
+            bits: self.options.octree.code_bits(),
             provenance,
             skipped: about.skipped,
             families,

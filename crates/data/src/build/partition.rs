@@ -16,7 +16,12 @@ const RUN: usize = 1024;
 /// The particles of all buckets.
 pub(super) struct Partition {
     spill: Spill,
-    attributes: usize,
+    /// Attributes, and then the columns that others are derived from.
+    columns: usize,
+    /// The attributes among them.
+    own: usize,
+    /// What stands for missing values of each derived attribute.
+    means: Vec<f32>,
     buckets: Vec<Bucket>,
 }
 
@@ -30,6 +35,8 @@ struct Bucket {
     extent: Option<([f64; 3], [f64; 3])>,
     /// Densities, then smoothing lengths, in the order of reading, where they had to be estimated.
     estimates: Option<Blob>,
+    /// Derived attributes, one after the other, in the order of reading.
+    derived: Option<Blob>,
 }
 
 /// Bytes that a particle with so many attributes takes in a partition.
@@ -51,16 +58,16 @@ impl Partition {
         spill: Spill,
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Histogram>), BuildError> {
-        let attributes = stream.attributes().len();
+        let (own, columns) = (stream.attributes().len(), stream.columns());
         progress.begin(&format!("sorting {}", stream.family()), stream.particles());
-        let empty = || Bucket { columns: Columns::with_capacity(attributes, 0), ..Bucket::default() };
+        let empty = || Bucket { columns: Columns::with_capacity(columns, 0), ..Bucket::default() };
         let buckets: Vec<Mutex<Bucket>> = (0..plan.len()).map(|_| Mutex::new(empty())).collect();
         let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
         let counts = (0..stream.chunks())
             .into_par_iter()
             .map_init(Default::default, |(chunk, scratch): &mut (Chunk, Scratch), number| {
                 stream.read(number, chunk)?;
-                for (values, range) in chunk.attributes.iter_mut().zip(&ranges[3..]) {
+                for (values, range) in chunk.attributes.iter_mut().zip(&ranges[3..]).take(own) {
                     missing_replaced(values, range.mean() as f32);
                 }
                 let quantities = [&chunk.mass, &chunk.density, &chunk.smoothing_length];
@@ -82,7 +89,7 @@ impl Partition {
         let histograms = histograms.map(|((bins, counts), range)| bins.finish(counts, range.missing)).collect();
         let buckets =
             buckets.into_iter().map(|bucket| bucket.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
-        Ok((Partition { spill, attributes, buckets }, histograms))
+        Ok((Partition { spill, columns, own, means: Vec::new(), buckets }, histograms))
     }
 
     /// Number of buckets.
@@ -110,6 +117,22 @@ impl Partition {
         Ok(())
     }
 
+    /// Puts derived attributes of a bucket away, in the order of reading.
+    ///
+    /// # Errors
+    /// When they cannot be put away.
+    pub fn put_derived(&mut self, bucket: usize, attributes: &[Vec<f32>]) -> Result<(), BuildError> {
+        let parts: Vec<&[u8]> = attributes.iter().map(|values| bytemuck::cast_slice::<f32, u8>(values)).collect();
+        let blob = self.spill.put(&parts).map_err(|error| BuildError::temporary(&self.spill, error))?;
+        self.buckets[bucket].derived = Some(blob);
+        Ok(())
+    }
+
+    /// Says what stands for missing values of each derived attribute: from now on they are read, before the others.
+    pub fn derived(&mut self, means: Vec<f32>) {
+        self.means = means;
+    }
+
     /// Number of particles in a bucket.
     pub fn len(&self, bucket: usize) -> usize {
         self.buckets[bucket].runs.len() * RUN + self.buckets[bucket].places.len()
@@ -125,7 +148,27 @@ impl Partition {
     /// # Errors
     /// When they cannot be read back.
     pub fn read(&self, bucket: usize) -> Result<(Vec<Place>, Columns), BuildError> {
-        self.read_columns(bucket, 3 + self.attributes)
+        let (places, mut columns) = self.read_columns(bucket, 3 + self.own)?;
+        columns.attributes.truncate(self.own);
+        let mut derived: Vec<Vec<f32>> = vec![Vec::new(); self.means.len()];
+        if let Some(blob) = self.buckets[bucket].derived.as_ref().filter(|_| !places.is_empty()) {
+            let bytes = self.spill.get(blob).map_err(|error| BuildError::temporary(&self.spill, error))?;
+            let all = bytes.chunks_exact(places.len() * size_of::<f32>());
+            for ((values, bytes), &mean) in derived.iter_mut().zip(all).zip(&self.means) {
+                *values = bytemuck::cast_slice::<u8, f32>(bytes).to_vec();
+                missing_replaced(values, mean);
+            }
+        }
+        columns.attributes.splice(0..0, derived);
+        Ok((places, columns))
+    }
+
+    /// The particles of a bucket in no particular order, with the columns that attributes are derived from behind their own attributes.
+    ///
+    /// # Errors
+    /// When they cannot be read back.
+    pub fn read_inputs(&self, bucket: usize) -> Result<(Vec<Place>, Columns), BuildError> {
+        self.read_columns(bucket, 3 + self.columns)
     }
 
     /// Places and masses of the particles of a bucket, in the same order.
@@ -142,7 +185,7 @@ impl Partition {
         let Bucket { runs, places: waiting, columns: rest, estimates, .. } = &self.buckets[bucket];
         let len = self.len(bucket);
         let mut places = Vec::with_capacity(len);
-        let mut columns = Columns::with_capacity(self.attributes, 0);
+        let mut columns = Columns::with_capacity(self.columns, 0);
         columns.iter_mut().take(wanted).for_each(|column| column.reserve_exact(len));
         for run in runs {
             let bytes = self.spill.get(run).map_err(|error| BuildError::temporary(&self.spill, error))?;

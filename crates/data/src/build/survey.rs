@@ -33,7 +33,7 @@ impl Survey {
     /// # Errors
     /// When it cannot be read, or a column breaks its promise.
     pub fn of(stream: &dyn ParticleStream, progress: &dyn Progress) -> Result<Survey, BuildError> {
-        let attributes = stream.attributes().len();
+        let attributes = stream.columns();
         let stride = stream.particles().div_ceil(SAMPLE).max(1);
         progress.begin(&format!("looking through {}", stream.family()), stream.particles());
         let parts: Vec<Survey> = (0..stream.chunks())
@@ -106,6 +106,14 @@ impl Survey {
     pub fn estimated(&mut self, ranges: [Range; 2], [density, smoothing_length]: [Vec<f32>; 2]) {
         self.ranges[1..3].copy_from_slice(&ranges);
         (self.columns.density, self.columns.smoothing_length) = (density, smoothing_length);
+    }
+
+    /// Puts derived attributes in front of the `own` ones, and forgets the columns that they were derived from.
+    pub fn derived(&mut self, own: usize, ranges: Vec<Range>, samples: Vec<Vec<f32>>) {
+        self.ranges.truncate(3 + own);
+        self.ranges.splice(3..3, ranges);
+        self.columns.attributes.truncate(own);
+        self.columns.attributes.splice(0..0, samples);
     }
 
     /// Morton keys of the sample, sorted.

@@ -3,12 +3,13 @@
 
 use super::BuildError;
 use super::clusters::{CodedClusters, Maker};
-use super::coding::{self, Batch};
+use super::coding::{self, Batch, Measured};
+use super::column_error::Picture;
 use super::partition::Partition;
 use super::spill::{Blob, Spill};
 use crate::codec::coordinates::unpack_leaf;
 use crate::codec::positions::{decode_leaf, encode_grid, encode_leaf};
-use crate::codec::{BatchInfo, Codebook, CodebookScope, Quantities, Scaling, VqBits};
+use crate::codec::{BatchInfo, CodeBits, Codebook, CodebookScope, Quantities, Refinement, Scaling};
 use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, join};
 use crate::hierarchy::{ClusterOptions, Encoding, LevelInfo, Purpose};
 use crate::model::progress::Progress;
@@ -44,10 +45,21 @@ pub(super) struct CodedTrees {
     pub volume: Option<CodedTree>,
     /// Clusters.
     pub clusters: Option<CodedClusters>,
+    /// What codes stand for.
+    pub books: Books,
+}
+
+/// The codebooks of all trees, those of the first before those of the second.
+#[derive(Default)]
+pub(super) struct Books {
+    /// The codebooks.
+    pub codebooks: Vec<Codebook>,
+    /// How the lines of those of the leaves run, where codes are refined.
+    pub refinements: Vec<Refinement>,
+    /// What the codes of the leaves do to a picture of column density, where that was asked for.
+    pub column_error: Option<f64>,
     /// Entry of each code, for each codebook.
     numbers: Vec<Vec<u16>>,
-    /// The codebooks of all trees, those of the first before those of the second.
-    pub codebooks: Vec<Codebook>,
 }
 
 /// A coded tree.
@@ -133,7 +145,8 @@ pub(super) fn grow(
     Ok(trees)
 }
 
-/// Codes the trees of a family: that for splats, that for volumes if there is one, and clusters if `clustering` says how.
+/// Codes the trees of a family: that for splats, that for volumes if there is one, and clusters if `clustering` says how. What the codes do
+/// to `picture` is measured.
 ///
 /// # Errors
 /// When something cannot be put away or read back.
@@ -142,8 +155,9 @@ pub(super) fn code(
     trees: Vec<Grown>,
     clustering: Option<(&Context, ClusterOptions, Kernel)>,
     scaling: &Scaling,
+    picture: Option<Picture>,
     spill: Spill,
-    vq_bits: VqBits,
+    bits: CodeBits,
     progress: &dyn Progress,
 ) -> Result<CodedTrees, BuildError> {
     let temporary = |error| BuildError::temporary(&spill, error);
@@ -154,42 +168,37 @@ pub(super) fn code(
         maker.as_ref().zip(trees.first()).map(|(maker, tree)| maker.make(tree)).transpose().map_err(temporary)?;
     let steps = trees.iter().map(|tree| tree.nodes.len() as u64 + 1).sum();
     progress.begin(&format!("coding {family}"), steps);
-    let (mut numbers, mut codebooks) = (Vec::new(), Vec::new());
+    let mut books = Books::default();
     let mut trees = trees.into_iter();
     let mut next = |levels: Purpose, splats: Option<&CodedTree>| -> Result<Option<CodedTree>, BuildError> {
         let Some(tree) = trees.next() else { return Ok(None) };
-        let coder = Coder { scaling, spill: &spill, vq_bits, levels, progress };
-        let coded = coder.code(tree, splats, &mut codebooks, &mut numbers);
+        let coder = Coder { scaling, spill: &spill, bits, levels, picture: picture.as_ref(), progress };
+        let coded = coder.code(tree, splats, &mut books);
         coded.map(Some).map_err(|error| BuildError::temporary(&spill, error))
     };
     let splats = next(Purpose::Splats, None)?
         .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
     let volume = next(Purpose::Samples, Some(&splats))?;
     let clusters = maker.as_ref().zip(clusters);
-    let clusters = clusters.map(|(maker, clusters)| clusters.code(maker, &splats, scaling, vq_bits)).transpose();
+    let clusters = clusters.map(|(maker, clusters)| clusters.code(maker, &splats, scaling, bits.entries)).transpose();
     let clusters = clusters.map_err(temporary)?;
-    Ok(CodedTrees { spill, splats, volume, clusters, numbers, codebooks })
+    Ok(CodedTrees { spill, splats, volume, clusters, books })
 }
 
 /// What coding a tree needs beside the tree.
 struct Coder<'a> {
     scaling: &'a Scaling,
     spill: &'a Spill,
-    vq_bits: VqBits,
+    bits: CodeBits,
     levels: Purpose,
+    picture: Option<&'a Picture>,
     progress: &'a dyn Progress,
 }
 
 impl Coder<'_> {
     /// Codes a tree whose leaves are those of `shared`, if that is there, and appends its codebooks.
-    fn code(
-        &self,
-        tree: Grown,
-        shared: Option<&CodedTree>,
-        codebooks: &mut Vec<Codebook>,
-        numbers: &mut Vec<Vec<u16>>,
-    ) -> std::io::Result<CodedTree> {
-        let Coder { spill, vq_bits, .. } = *self;
+    fn code(&self, tree: Grown, shared: Option<&CodedTree>, books: &mut Books) -> std::io::Result<CodedTree> {
+        let Coder { spill, bits, .. } = *self;
         let Tree { nodes, mut levels } = tree;
         // Positions become sections; batches are listed by what shares a codebook.
         let mut sections: Vec<Vec<NodeSections>> = Vec::with_capacity(nodes.len());
@@ -211,10 +220,16 @@ impl Coder<'_> {
             Purpose::Splats => CodebookScope::Depth,
             Purpose::Samples | Purpose::Clusters => CodebookScope::VolumeDepth,
         };
-        let before = codebooks.len() as u16;
-        let mut coded = coding::code(&drafts, batches, self.scaling, spill, vq_bits, scope, self.progress)?;
-        codebooks.append(&mut coded.codebooks);
-        numbers.append(&mut coded.numbers);
+        let before = books.codebooks.len() as u16;
+        let positions = |depth: usize, index: usize| sections[depth][index].positions.as_ref();
+        // Leaves that are shared were measured with the tree that has them.
+        let picture = self.picture.filter(|_| shared.is_none());
+        let measured = picture.map(|picture| Measured { picture, positions: &positions });
+        let mut coded = coding::code(&drafts, batches, self.scaling, spill, bits, scope, measured, self.progress)?;
+        books.codebooks.append(&mut coded.codebooks);
+        books.refinements.append(&mut coded.refinements);
+        books.numbers.append(&mut coded.numbers);
+        books.column_error = books.column_error.or(coded.column_error);
         let mut planned: Vec<Vec<PlannedNode>> = Vec::with_capacity(drafts.len());
         for (depth, (level, coded)) in drafts.into_iter().zip(coded.nodes).enumerate().rev() {
             let mut own = Vec::with_capacity(level.len());
@@ -232,7 +247,8 @@ impl Coder<'_> {
                     .map(|child| child.node.smoothing_length_max)
                     .fold(draft.smoothing_length_max.max(coded.smoothing_length_max), f32::max);
                 let positions = sections[depth][index].positions.as_ref().map_or(0, Blob::len);
-                let codes = vq_bits.packed_len(draft.particles as usize).unwrap_or(0);
+                let packing = bits.of(draft.encoding == Encoding::Leaf);
+                let codes = packing.packed_len(draft.particles as usize).unwrap_or(0);
                 // Particles that were enlarged have lost density: only what coding has changed is made up for.
                 let mass_density = match self.levels {
                     Purpose::Splats => draft.mass_density,
@@ -373,7 +389,7 @@ impl CodedTrees {
     ///
     /// # Errors
     /// When they cannot be read back.
-    pub fn sections(&self, levels: Purpose, depth: usize, index: usize, vq_bits: VqBits) -> std::io::Result<Sections> {
+    pub fn sections(&self, levels: Purpose, depth: usize, index: usize, bits: CodeBits) -> std::io::Result<Sections> {
         if let (Some(clusters), Purpose::Clusters) = (&self.clusters, levels) {
             return clusters.sections(&self.spill, depth, index);
         }
@@ -381,16 +397,17 @@ impl CodedTrees {
         let NodeSections { positions, codes } = &tree.sections[depth][index];
         let node = &tree.nodes[depth][index].node;
         let positions = positions.as_ref().map(|blob| self.spill.get(blob)).transpose()?;
+        let bits = bits.of(node.encoding == Encoding::Leaf);
         let mut own = Vec::with_capacity(node.particles as usize);
         for (blob, count) in codes {
-            vq_bits.unpack(&self.spill.get(blob)?, *count, &mut own);
+            bits.unpack(&self.spill.get(blob)?, *count, &mut own);
         }
         if node.encoding != Encoding::Relay {
-            let numbers = &self.numbers[usize::from(node.codebook)];
+            let numbers = &self.books.numbers[usize::from(node.codebook)];
             own.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
         }
-        let mut packed = Vec::with_capacity(vq_bits.packed_len(own.len()).unwrap_or(0));
-        vq_bits.pack(&own, &mut packed);
+        let mut packed = Vec::with_capacity(bits.packed_len(own.len()).unwrap_or(0));
+        bits.pack(&own, &mut packed);
         Ok(Sections { positions: positions.map_or_else(Vec::new, |bytes| bytes.to_vec()), codes: packed })
     }
 

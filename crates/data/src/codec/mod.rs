@@ -10,6 +10,7 @@ pub mod packing;
 pub mod positions;
 pub mod quantize;
 pub mod quantizer;
+pub mod refinement;
 pub mod samples;
 pub mod scaling;
 pub mod shapes;
@@ -18,7 +19,8 @@ pub mod states;
 mod pca_split;
 
 pub use codebook::{Codebook, CodebookScope, QuantityError};
-pub use packing::VqBits;
+pub use packing::{CodeBits, VqBits};
 pub(crate) use pca_split::principal_component;
 pub use quantize::{BatchInfo, Batches, Coded, Quantities, Quantized, Scaling, quantize};
+pub use refinement::Refinement;
 pub use scaling::{AttributeMerge, ColumnScaling};

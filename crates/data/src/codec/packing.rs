@@ -1,5 +1,6 @@
 //! Codebook indices as bytes: 8 bits, 12 bits (two indices in three bytes) or 16 bits, little-endian.
 
+use super::refinement::REFINEMENT_BITS;
 use serde::{Deserialize, Serialize};
 
 /// Bits of a codebook index on disk.
@@ -28,6 +29,14 @@ impl VqBits {
     /// The largest number of entries that an index can name.
     pub const fn entries(self) -> usize {
         1 << self.bits()
+    }
+
+    /// The bits of an index that is refined, too; 16 have none left over.
+    pub const fn refined(self) -> VqBits {
+        match self {
+            VqBits::Eight => VqBits::Twelve,
+            VqBits::Twelve | VqBits::Sixteen => VqBits::Sixteen,
+        }
     }
 
     /// Bytes that `count` packed indices take; `None` where that overflows.
@@ -71,6 +80,41 @@ impl VqBits {
         }
     }
 }
+
+/// Bits of the codes of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CodeBits {
+    /// Those that name an entry of a codebook.
+    pub entries: VqBits,
+    /// Those of a leaf's code: the same, or [`VqBits::refined`].
+    pub leaves: VqBits,
+}
+
+impl CodeBits {
+    /// Leaves are coded like all else.
+    pub const fn plain(bits: VqBits) -> CodeBits {
+        CodeBits { entries: bits, leaves: bits }
+    }
+
+    /// Codes of leaves tell smoothing lengths more finely.
+    pub const fn refined(bits: VqBits) -> CodeBits {
+        CodeBits { entries: bits, leaves: bits.refined() }
+    }
+
+    /// Whether codes of leaves are refined.
+    pub fn is_refined(self) -> bool {
+        self.leaves != self.entries
+    }
+
+    /// The bits of a leaf's codes, or of other nodes'.
+    pub const fn of(self, is_leaf: bool) -> VqBits {
+        if is_leaf { self.leaves } else { self.entries }
+    }
+}
+
+// Where a code is refined it has as many bits more.
+const _: () = assert!(VqBits::Eight.refined().bits() as u32 == VqBits::Eight.bits() as u32 + REFINEMENT_BITS);
+const _: () = assert!(VqBits::Twelve.refined().bits() as u32 == VqBits::Twelve.bits() as u32 + REFINEMENT_BITS);
 
 impl TryFrom<u8> for VqBits {
     type Error = String;

@@ -3,6 +3,7 @@
 use super::codebook::{Codebook, CodebookScope, QuantityError};
 use super::packing::VqBits;
 use super::quantizer::{LbgLimits, Quantizer};
+use super::refinement::{Bend, Refinement, STEPS};
 use super::scaling::{AttributeMerge, ColumnScaling};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -97,6 +98,9 @@ pub trait Batches: Sync {
     /// # Errors
     /// When they cannot be read.
     fn codes(&self, kept: &Self::Kept) -> Result<Vec<u16>, Self::Error>;
+
+    /// Gives the room of kept codes back.
+    fn forget(&self, kept: Self::Kept);
 }
 
 /// A coded batch.
@@ -117,6 +121,8 @@ pub struct Coded<Kept> {
 pub struct Quantized<Kept> {
     /// The codebook.
     pub codebook: Codebook,
+    /// How its lines run, where codes are refined.
+    pub refinement: Option<Refinement>,
     /// The entry of each kept code.
     pub numbers: Vec<u16>,
     /// The batches, in order.
@@ -188,7 +194,8 @@ fn effort(bits: VqBits, books: usize) -> (usize, LbgLimits) {
 /// Trains a codebook on `batches` and codes them. The result depends on the batches only, not on the number of threads. A
 /// code's entry is computed from all particles that have it: the mean mass, the mass-weighted density, the smoothing length that
 /// keeps their `sum m / h^2` (central column density), and attributes as [`AttributeMerge`] says; so `sum m` and `sum m rho` over
-/// the batches are conserved. `books` is how many codebooks share the effort of training.
+/// the batches are conserved. `books` is how many codebooks share the effort of training. Where codes are to be refined ([`Refinement`])
+/// `bits` are those of a line.
 ///
 /// # Errors
 /// Those of the batches.
@@ -198,11 +205,12 @@ pub fn quantize<B: Batches>(
     bits: VqBits,
     scope: CodebookScope,
     books: usize,
+    is_refined: bool,
 ) -> Result<Quantized<B::Kept>, B::Error> {
     if scaling.attributes.len() <= 1 {
-        quantize_in::<4, B>(batches, scaling, bits, scope, books)
+        quantize_in::<4, B>(batches, scaling, bits, scope, books, is_refined)
     } else {
-        quantize_in::<8, B>(batches, scaling, bits, scope, books)
+        quantize_in::<8, B>(batches, scaling, bits, scope, books, is_refined)
     }
 }
 
@@ -212,9 +220,14 @@ fn quantize_in<const L: usize, B: Batches>(
     bits: VqBits,
     scope: CodebookScope,
     books: usize,
+    is_refined: bool,
 ) -> Result<Quantized<B::Kept>, B::Error> {
     let (sample_len, limits) = effort(bits, books);
     let mut sample = sample::<L, B>(batches, scaling, sample_len)?;
+    let bend = is_refined.then(|| Bend::of(&sample));
+    if let Some(bend) = bend {
+        sample.iter_mut().for_each(|vector| bend.bend(vector));
+    }
     let quantizer = Quantizer::train(&mut sample, bits.entries(), limits);
     drop(sample);
     let parts = parts(batches);
@@ -222,7 +235,7 @@ fn quantize_in<const L: usize, B: Batches>(
     let coded: Vec<(Vec<B::Kept>, Sums)> = parts
         .par_iter()
         .map(|part| {
-            let mut sums = Sums::new(quantizer.len(), columns);
+            let mut sums = Sums::new(quantizer.len(), columns, scope);
             let (mut vectors, mut codes) = ([[0.0; L]; RUN], [0; RUN]);
             let code = |batch: usize| {
                 let codes = batches.with(batch, |batch| {
@@ -231,6 +244,9 @@ fn quantize_in<const L: usize, B: Batches>(
                         let run = first..batch.len().min(first + RUN);
                         let codes = &mut codes[..run.len()];
                         scaling.vectors(batch, run.clone(), &mut vectors);
+                        if let Some(bend) = bend {
+                            vectors[..run.len()].iter_mut().for_each(|vector| bend.bend(vector));
+                        }
                         quantizer.codes(&vectors[..run.len()], codes);
                         run.zip(&*codes).for_each(|(i, &code)| sums.add(code as usize, batch, i, scaling));
                         all.extend(codes.iter().map(|&code| code as u16));
@@ -243,15 +259,27 @@ fn quantize_in<const L: usize, B: Batches>(
             kept.map(|kept| (kept, sums))
         })
         .collect::<Result<_, _>>()?;
-    let mut totals = Sums::new(quantizer.len(), columns);
+    let mut totals = Sums::new(quantizer.len(), columns, scope);
     for (_, sums) in &coded {
         totals.merge(sums);
     }
-    let (mut codebook, numbers) = totals.codebook(scaling, scope);
+    let mut kept: Vec<Vec<B::Kept>> = coded.into_iter().map(|(kept, _)| kept).collect();
+    let (mut codebook, mut numbers) = totals.codebook(scaling);
+    let mut refinement = None;
+    if let Some(bend) = bend {
+        let [_, density, smoothing_length] = &scaling.quantities;
+        let mut lines = totals.lines(&codebook, bend.power(density, smoothing_length));
+        let presence = totals.presence();
+        kept = refine(batches, &parts, kept, &mut lines, &numbers, (&presence[..], &codebook.mass[..]))?;
+        codebook = lines.unrolled(codebook);
+        // Refined codes name their entries.
+        numbers = (0..codebook.len()).map(|code| code as u16).collect();
+        refinement = Some(lines);
+    }
     let settled: Vec<(Vec<Coded<B::Kept>>, Vec<QuantityError>)> = parts
         .par_iter()
-        .zip(coded)
-        .map(|(part, (kept, _))| settle(batches, part.clone().zip(kept), scaling, &codebook, &numbers))
+        .zip(kept)
+        .map(|(part, kept)| settle(batches, part.clone().zip(kept), scaling, &codebook, &numbers))
         .collect::<Result<_, _>>()?;
     codebook.errors = (0..columns - 1)
         .map(|k| {
@@ -261,7 +289,49 @@ fn quantize_in<const L: usize, B: Batches>(
             QuantityError { mean: sum / codebook.particles.max(1) as f64, max }
         })
         .collect();
-    Ok(Quantized { codebook, numbers, batches: settled.into_iter().flat_map(|(coded, _)| coded).collect() })
+    let batches = settled.into_iter().flat_map(|(coded, _)| coded).collect();
+    Ok(Quantized { codebook, refinement, numbers, batches })
+}
+
+/// Replaces codes of lines, of which `numbers` has the lines, by refined ones; and makes the steps conserve what the lines do, `sum m rho`
+/// and the mass of a particle.
+fn refine<B: Batches>(
+    batches: &B,
+    parts: &[Range<usize>],
+    kept: Vec<Vec<B::Kept>>,
+    lines: &mut Refinement,
+    numbers: &[u16],
+    (presence, mass): (&[f64], &[f32]),
+) -> Result<Vec<Vec<B::Kept>>, B::Error> {
+    let finder = lines.finder();
+    let refined: Vec<(Vec<B::Kept>, Vec<u64>)> = parts
+        .par_iter()
+        .zip(kept)
+        .map(|(part, kept)| {
+            let mut counts = vec![0; mass.len() * STEPS];
+            let code = |(batch, kept): (usize, B::Kept)| {
+                let mut codes = batches.codes(&kept)?;
+                batches.forget(kept);
+                batches.with(batch, |batch| {
+                    for (code, &smoothing_length) in codes.iter_mut().zip(batch.smoothing_length) {
+                        let line = usize::from(numbers[usize::from(*code)]);
+                        let refined = Refinement::code(line, finder.step(line, smoothing_length));
+                        counts[refined] += 1;
+                        *code = refined as u16;
+                    }
+                })?;
+                batches.keep(codes)
+            };
+            let kept: Result<Vec<_>, _> = part.clone().zip(kept).map(code).collect();
+            kept.map(|kept| (kept, counts))
+        })
+        .collect::<Result<_, _>>()?;
+    let mut counts = vec![0; mass.len() * STEPS];
+    for (_, own) in &refined {
+        counts.iter_mut().zip(own).for_each(|(sum, count)| *sum += count);
+    }
+    lines.conserve(presence, mass, &counts);
+    Ok(refined.into_iter().map(|(kept, _)| kept).collect())
 }
 
 /// Contiguous runs of batches of about the same number of particles.
@@ -365,25 +435,38 @@ fn settle<B: Batches>(
     Ok((coded, errors))
 }
 
-/// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, weights, and weighted attributes.
+/// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, and weighted attributes; and the range of the smoothing lengths.
 struct Sums {
+    scope: CodebookScope,
     columns: usize,
     counts: Vec<u64>,
     values: Vec<f64>,
+    ranges: Vec<[f32; 2]>,
 }
 
 impl Sums {
-    fn new(codes: usize, columns: usize) -> Sums {
-        Sums { columns, counts: vec![0; codes], values: vec![0.0; codes * columns] }
+    fn new(codes: usize, columns: usize, scope: CodebookScope) -> Sums {
+        let ranges = vec![[f32::INFINITY, 0.0]; codes];
+        Sums { scope, columns, counts: vec![0; codes], values: vec![0.0; codes * columns], ranges }
+    }
+
+    /// Where a row has the sum of the weights of attributes.
+    fn weight(&self) -> usize {
+        match self.scope {
+            // Volumes are drawn by mass. So are leaves in most modes, and those of an entry hardly differ in density.
+            CodebookScope::Leaves | CodebookScope::VolumeDepth(_) => 0,
+            // As particles are merged for splats (F12 4.2).
+            CodebookScope::Depth(_) | CodebookScope::Clusters => 1,
+        }
     }
 
     #[inline]
     fn add(&mut self, code: usize, from: &Quantities, i: usize, scaling: &Scaling) {
         let (m, rho, h) = (f64::from(from.mass[i]), f64::from(from.density[i]), f64::from(from.smoothing_length[i]));
-        let weight = m * rho;
+        let weight = [m, m * rho][self.weight()];
         let row = &mut self.values[code * self.columns..][..self.columns];
         row[0] += m;
-        row[1] += weight;
+        row[1] += m * rho;
         row[2] += m / (h * h);
         for ((sum, (_, merge)), column) in row[3..].iter_mut().zip(&scaling.attributes).zip(&from.attributes) {
             *sum += match merge {
@@ -392,16 +475,41 @@ impl Sums {
             };
         }
         self.counts[code] += 1;
+        let [shortest, longest] = &mut self.ranges[code];
+        *shortest = shortest.min(from.smoothing_length[i]);
+        *longest = longest.max(from.smoothing_length[i]);
     }
 
     fn merge(&mut self, other: &Sums) {
         self.counts.iter_mut().zip(&other.counts).for_each(|(a, b)| *a += b);
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
+        self.ranges.iter_mut().zip(&other.ranges).for_each(|(a, b)| *a = [a[0].min(b[0]), a[1].max(b[1])]);
+    }
+
+    /// The codes in use.
+    fn used(&self) -> impl Iterator<Item = usize> {
+        (0..self.counts.len()).filter(|&code| self.counts[code] > 0)
+    }
+
+    /// The sum of `m rho` of each code in use.
+    fn presence(&self) -> Vec<f64> {
+        self.used().map(|code| self.values[code * self.columns + 1]).collect()
+    }
+
+    /// Lines for the codes in use, whose codebook this is; density follows this power of the smoothing length.
+    fn lines(&self, codebook: &Codebook, slope: f32) -> Refinement {
+        Refinement {
+            slope,
+            density: codebook.density.clone(),
+            shortest: self.used().map(|code| self.ranges[code][0]).collect(),
+            longest: self.used().map(|code| self.ranges[code][1]).collect(),
+        }
     }
 
     /// The codebook of the codes in use, and the new number of each code; 0 for one that is not in use.
-    fn codebook(&self, scaling: &Scaling, scope: CodebookScope) -> (Codebook, Vec<u16>) {
-        let used: Vec<usize> = (0..self.counts.len()).filter(|&code| self.counts[code] > 0).collect();
+    fn codebook(&self, scaling: &Scaling) -> (Codebook, Vec<u16>) {
+        let used: Vec<usize> = self.used().collect();
+        let weight = self.weight();
         let mut renumbered = vec![0; self.counts.len()];
         used.iter().enumerate().for_each(|(new, &old)| renumbered[old] = new as u16);
         let row = |code: usize| &self.values[code * self.columns..][..self.columns];
@@ -410,14 +518,14 @@ impl Sums {
         };
         let attributes = scaling.attributes.iter().enumerate();
         let codebook = Codebook {
-            scope,
+            scope: self.scope,
             particles: self.counts.iter().sum(),
             mass: column(&|row, count| row[0] / count),
             density: column(&|row, _| row[1] / row[0]),
             smoothing_length: column(&|row, _| (row[0] / row[2]).sqrt()),
             attributes: attributes
                 .map(|(k, (_, merge))| match merge {
-                    AttributeMerge::Mean => column(&|row, _| row[3 + k] / row[1]),
+                    AttributeMerge::Mean => column(&|row, _| row[3 + k] / row[weight]),
                     AttributeMerge::Magnitude => column(&|row, count| -2.5 * (row[3 + k] / count).log10()),
                 })
                 .collect(),
@@ -498,11 +606,19 @@ mod tests {
         fn codes(&self, kept: &Vec<u16>) -> Result<Vec<u16>, Self::Error> {
             Ok(kept.clone())
         }
+
+        fn forget(&self, _: Vec<u16>) {}
     }
 
-    fn run(columns: &Columns, len: usize) -> (Codebook, Vec<Vec<u16>>, Vec<Coded<Vec<u16>>>) {
+    fn run(
+        columns: &Columns,
+        len: usize,
+        scope: CodebookScope,
+        is_refined: bool,
+    ) -> (Codebook, Vec<Vec<u16>>, Vec<Coded<Vec<u16>>>) {
         let batches = InMemory(columns.batches(len));
-        let Ok(done) = quantize(&batches, &columns.scaling(), VqBits::Eight, CodebookScope::Leaves, 1);
+        let Ok(done) = quantize(&batches, &columns.scaling(), VqBits::Eight, scope, 1, is_refined);
+        assert_eq!(done.refinement.is_some(), is_refined);
         let number = |code: &u16| done.numbers[usize::from(*code)];
         let codes = done.batches.iter().map(|coded| coded.codes.iter().map(number).collect()).collect();
         (done.codebook, codes, done.batches)
@@ -522,8 +638,8 @@ mod tests {
         #![proptest_config(crate::cases::cases(24))]
 
         #[test]
-        fn sums_are_conserved(columns in columns(1..1500, 2)) {
-            let (book, codes, coded) = run(&columns, 100);
+        fn sums_are_conserved(columns in columns(1..1500, 2), is_refined: bool) {
+            let (book, codes, coded) = run(&columns, 100, CodebookScope::Leaves, is_refined);
             let codes: Vec<u16> = codes.concat();
             let sum = |value: &dyn Fn(usize) -> f64| (0..codes.len()).map(value).sum::<f64>();
             let entry = |i: usize| usize::from(codes[i]);
@@ -535,12 +651,50 @@ mod tests {
             let presence = sum(&|i| f64::from(columns.mass[i]) * f64::from(columns.density[i]));
             let decoded = sum(&|i| f64::from(book.mass[entry(i)]) * f64::from(book.density[entry(i)]));
             prop_assert!((presence - decoded).abs() <= 1e-6 * presence);
-            prop_assert!(book.len() <= 256 && book.particles == codes.len() as u64);
+            let most = 256 * if is_refined { STEPS } else { 1 };
+            prop_assert!(book.len() <= most);
+            prop_assert!(book.particles == codes.len() as u64);
+        }
+
+        /// Attributes keep their sums over what levels are drawn by: masses, or `m rho`.
+        #[test]
+        fn attributes_weigh_as_levels_are_drawn(columns in columns(300..1500, 1), is_refined: bool) {
+            let scopes = [
+                (CodebookScope::Leaves, 0.0, is_refined),
+                (CodebookScope::VolumeDepth(3), 0.0, false),
+                (CodebookScope::Depth(3), 1.0, false),
+            ];
+            for (scope, power, is_refined) in scopes {
+                let (book, codes, _) = run(&columns, 100, scope, is_refined);
+                let codes: Vec<usize> = codes.concat().into_iter().map(usize::from).collect();
+                let weight = |mass: f32, density: f32| f64::from(mass) * f64::from(density).powf(power);
+                let own = |i: usize| weight(columns.mass[i], columns.density[i]);
+                let sum: f64 = (0..codes.len()).map(|i| own(i) * f64::from(columns.attributes[0][i])).sum();
+                let size: f64 = (0..codes.len()).map(|i| own(i) * f64::from(columns.attributes[0][i].abs())).sum();
+                let entry = |&code: &usize| weight(book.mass[code], book.density[code]) * f64::from(book.attributes[0][code]);
+                let decoded: f64 = codes.iter().map(entry).sum();
+                prop_assert!((decoded - sum).abs() <= 1e-5 * size, "{scope:?}: {decoded} {sum}");
+            }
+        }
+
+        /// Where density and smoothing length are a power of one another, refined codes have both far more exactly, and the attribute, too.
+        #[test]
+        fn refined_codes_are_finer(seeds in prop::collection::vec((0.0..10.0_f32, -3.0..3.0_f32), 2000..3000)) {
+            let columns = Columns {
+                mass: vec![1.0; seeds.len()],
+                density: seeds.iter().map(|seed| (3.0 * seed.0 - 15.0).exp2()).collect(),
+                smoothing_length: seeds.iter().map(|seed| (5.0 - seed.0).exp2()).collect(),
+                attributes: vec![seeds.iter().map(|seed| seed.1).collect()],
+            };
+            let [plain, refined] = [false, true].map(|is_refined| run(&columns, 500, CodebookScope::Leaves, is_refined).0.errors);
+            for (k, least) in [(1, 4.0), (2, 4.0), (3, 1.2)] {
+                prop_assert!(least * refined[k].mean <= plain[k].mean, "{k}: {:?} {:?}", refined[k], plain[k]);
+            }
         }
 
         #[test]
         fn as_many_codes_as_particles_are_exact(columns in columns(1..250, 1)) {
-            let (book, codes, _) = run(&columns, 64);
+            let (book, codes, _) = run(&columns, 64, CodebookScope::Leaves, false);
             for (i, code) in codes.concat().into_iter().map(usize::from).enumerate() {
                 prop_assert_eq!(book.mass[code], columns.mass[i]);
                 prop_assert_eq!(book.density[code], columns.density[i]);
@@ -554,7 +708,7 @@ mod tests {
         fn threads_do_not_matter(columns in columns(500..3000, 3)) {
             let in_pool = |threads| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-                pool.install(|| run(&columns, 77))
+                pool.install(|| [false, true].map(|is_refined| run(&columns, 77, CodebookScope::Leaves, is_refined)))
             };
             prop_assert_eq!(in_pool(1), in_pool(3));
         }

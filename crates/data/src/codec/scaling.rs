@@ -82,6 +82,11 @@ impl ColumnScaling {
         ColumnScaling { factor: self.factor * weight, ..self }
     }
 
+    /// How far apart a value and its double are; of positive columns.
+    pub fn octave(&self) -> f32 {
+        self.factor
+    }
+
     /// The coordinate of a value.
     #[inline]
     pub fn map(&self, value: f32) -> f32 {

@@ -2,10 +2,14 @@
 
 use super::attributes;
 use super::choice::replaced_densities;
-use super::neighbours::Neighbours;
+use super::derived;
+use super::neighbours::{Moving, Neighbours};
 use super::stream::{SourceStream, streams};
 use super::{Description, ImportError, Source};
-use crate::model::{Attribute, Chunk, Dataset, Family, FamilyName, ParticleStream, Progress, Provenance};
+use crate::model::{
+    Attribute, Chunk, Dataset, Derivation, DerivedQuantity, Family, FamilyName, Kernel, ParticleStream, Progress,
+    Provenance,
+};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -49,6 +53,9 @@ pub struct LoadOptions {
     pub without: Vec<String>,
     /// Where smoothing lengths come from.
     pub smoothing: Smoothing,
+    /// What is derived from velocities, as further attributes before those that are chosen; it takes the place of the source's own of the
+    /// same name. A family that lacks what it takes goes without.
+    pub derive: Vec<DerivedQuantity>,
 }
 
 /// Opens the source at `path` and brings the chosen families and attributes into memory.
@@ -78,7 +85,8 @@ pub fn load_source(
     let mut about = streams.about;
     let mut families = Vec::new();
     for stream in &streams.families {
-        let family = complete(stream, gather(stream, progress)?, &mut about.provenance.notes, progress);
+        let kernel = about.kernel;
+        let family = complete(stream, gather(stream, progress)?, kernel, &mut about.provenance.notes, progress);
         if !family.is_empty() {
             families.push(family);
         }
@@ -120,7 +128,8 @@ pub(super) fn check_families(about: &Description, options: &LoadOptions) -> Resu
         }
     }
     if let AttributeChoice::Named(names) = &options.attributes {
-        for name in names {
+        let is_derived = |name: &&String| options.derive.iter().any(|quantity| quantity.name() == name.as_str());
+        for name in names.iter().filter(|name| !is_derived(name)) {
             if about.families.iter().all(|info| attributes::named(about, info, name).is_none()) {
                 let expected =
                     format!("one of {}", attributes::available(about).into_iter().collect::<Vec<_>>().join(", "));
@@ -140,7 +149,7 @@ fn gather(stream: &SourceStream, progress: &dyn Progress) -> Result<Chunk, Impor
         mass: Vec::with_capacity(most),
         density: Vec::with_capacity(most),
         smoothing_length: Vec::with_capacity(most),
-        attributes: stream.attributes().iter().map(|_| Vec::with_capacity(most)).collect(),
+        attributes: (0..stream.columns()).map(|_| Vec::with_capacity(most)).collect(),
     };
     let numbers: Vec<usize> = (0..stream.chunks()).collect();
     for some in numbers.chunks(CHUNKS_PER_THREAD * rayon::current_num_threads()) {
@@ -166,9 +175,15 @@ fn gather(stream: &SourceStream, progress: &dyn Progress) -> Result<Chunk, Impor
 const CHUNKS_PER_THREAD: usize = 8;
 
 /// Fills in smoothing lengths and densities that the source lacks; everything it returns is positive and finite.
-fn complete(stream: &SourceStream, particles: Chunk, notes: &mut Vec<String>, progress: &dyn Progress) -> Family {
+fn complete(
+    stream: &SourceStream,
+    particles: Chunk,
+    kernel: Kernel,
+    notes: &mut Vec<String>,
+    progress: &dyn Progress,
+) -> Family {
     let name = stream.family();
-    let Chunk { positions, mass, mut density, smoothing_length: mut lengths, attributes } = particles;
+    let Chunk { positions, mass, mut density, smoothing_length: mut lengths, mut attributes } = particles;
     let count = positions.len();
     let lacking = density.iter().filter(|rho| rho.is_nan()).count();
     if lacking > 0 && lacking < count {
@@ -189,9 +204,24 @@ fn complete(stream: &SourceStream, particles: Chunk, notes: &mut Vec<String>, pr
             Neighbours::of(&positions).map_or_else(Vec::new, |tree| tree.density(&lengths, &mass, None, progress));
         replace(&mut density, &mut sums.into_iter());
     }
-    let attributes = stream.attributes().iter().zip(attributes);
-    let attributes =
-        attributes.map(|((name, unit), values)| Attribute { name: name.clone(), unit: unit.clone(), values });
+    let inputs = attributes.split_off(stream.attributes().len());
+    let mut named = Vec::new();
+    if let Some(derivation) = stream.derivation() {
+        progress.begin(&format!("motion in {name}"), count as u64);
+        let velocities = derived::velocities(&inputs);
+        let heat = inputs.get(Derivation::COMPONENTS).map(Vec::as_slice);
+        let all = Moving {
+            positions: &positions,
+            mass: &mass,
+            density: &density,
+            smoothing_length: &lengths,
+            velocities: &velocities,
+        };
+        let columns = derived::columns(derivation, kernel, &all, (count, heat), progress);
+        named.extend(derivation.attributes().zip(columns));
+    }
+    named.extend(stream.attributes().iter().cloned().zip(attributes));
+    let attributes = named.into_iter().map(|((name, unit), values)| Attribute { name, unit, values });
     Family { name, positions, mass, smoothing_length: lengths, density, attributes: attributes.collect() }
 }
 

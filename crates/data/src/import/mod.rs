@@ -8,6 +8,7 @@ mod attributes;
 mod bytes;
 mod check;
 mod choice;
+pub(crate) mod derived;
 mod error;
 mod expansion;
 mod folder;

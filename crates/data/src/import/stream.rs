@@ -3,9 +3,10 @@
 use super::attributes::{self, Planned};
 use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks, drawable};
 use super::choice::Chosen;
+use super::derived;
 use super::load::{about_dataset, check_families};
 use super::{FamilyInfo, FieldKind, ImportError, LoadOptions, Source};
-use crate::model::{Chunk, Dataset, FamilyName, ParticleStream, Skipped, StreamError, Unit};
+use crate::model::{Chunk, Dataset, Derivation, FamilyName, ParticleStream, Skipped, StreamError, Unit};
 use std::cell::RefCell;
 use std::ops::Range;
 use std::sync::Mutex;
@@ -38,20 +39,35 @@ pub fn streams<'a>(
         }
         let chosen = Chosen::of(source, index, &options.smoothing)?;
         notes.extend(chosen.notes.iter().cloned());
-        let planned = attributes::plan(about, info, options);
+        let derived = derived::plan(about, info, options)?;
+        let mut planned = attributes::plan(about, info, options);
+        let mut derivation = None;
+        let mut inputs = Vec::new();
+        if let Some(derived) = derived {
+            let is_derived =
+                |name: &str| derived.derivation.quantities.iter().any(|(quantity, _)| quantity.name() == name);
+            planned.retain(|planned| !is_derived(&planned.name));
+            notes.extend(derived.notes);
+            inputs = derived.inputs;
+            derivation = Some(derived.derivation);
+        }
         let names: Vec<&str> = planned.iter().map(|planned| planned.name.as_str()).collect();
-        let planned: Vec<Planned> = choose(&names).into_iter().map(|index| planned[index].clone()).collect();
+        let mut planned: Vec<Planned> = choose(&names).into_iter().map(|index| planned[index].clone()).collect();
+        let attributes = planned.iter().map(|planned| (planned.name.clone(), planned.unit.clone())).collect();
+        planned.extend(inputs);
         families.push(SourceStream {
             source,
             family: index,
             info,
             chosen,
-            attributes: planned.iter().map(|planned| (planned.name.clone(), planned.unit.clone())).collect(),
+            attributes,
             planned,
+            derivation,
             counted: chunks(info.count).iter().map(|_| AtomicBool::new(false)).collect(),
             left_out: Mutex::new(LeftOut::default()),
         });
     }
+    derived::check(about, options, families.iter().filter_map(|family| family.derivation.as_ref()))?;
     Ok(Streams { about: about_dataset(about, notes), families })
 }
 
@@ -72,8 +88,10 @@ pub struct SourceStream<'a> {
     family: usize,
     info: &'a FamilyInfo,
     pub(super) chosen: Chosen,
+    /// Where attributes come from, and then the columns that the derivation takes.
     planned: Vec<Planned>,
     attributes: Vec<(String, Unit)>,
+    derivation: Option<Derivation>,
     /// Chunks that have been read once, so that what is left out is counted once.
     counted: Vec<AtomicBool>,
     left_out: Mutex<LeftOut>,
@@ -231,6 +249,10 @@ impl ParticleStream for SourceStream<'_> {
 
     fn neighbours(&self) -> Option<usize> {
         Some(self.chosen.neighbours)
+    }
+
+    fn derivation(&self) -> Option<&Derivation> {
+        self.derivation.as_ref()
     }
 
     fn read(&self, number: usize, into: &mut Chunk) -> Result<(), StreamError> {

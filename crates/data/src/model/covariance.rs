@@ -49,32 +49,37 @@ impl Covariance {
         self.principal().0.max(DVec3::ZERO).map(f64::sqrt)
     }
 
-    /// Eigenvalues, largest first, and unit eigenvectors as columns.
-    ///
-    /// Cyclic Jacobi rotations in double precision: eigenvalues to 1e-15 of the largest. The same matrix always gives the same
-    /// axes: of equal eigenvalues the earlier comes first, and the largest component of each axis (the first of equals) is
-    /// positive. Values that are not finite give values that are not finite.
+    /// Eigenvalues, largest first, and unit eigenvectors as columns: [`principal_axes`].
     pub fn principal(self) -> (DVec3, DMat3) {
-        let mut matrix: [[f64; 3]; 3] = self.matrix().to_cols_array_2d();
-        let mut axes = DMat3::IDENTITY.to_cols_array_2d();
-        for _ in 0..SWEEPS {
-            let off = matrix[0][1].abs() + matrix[0][2].abs() + matrix[1][2].abs();
-            if off == 0.0 {
-                break;
-            }
-            for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-                rotate(&mut matrix, &mut axes, p, q);
-            }
-        }
-        let mut order = [0, 1, 2];
-        order.sort_by(|&a, &b| matrix[b][b].total_cmp(&matrix[a][a]));
-        let axis = |k: usize| {
-            let axis = DVec3::from_array(axes[order[k]]);
-            let largest = (1..3).fold(0, |best, k| if axis[k].abs() > axis[best].abs() { k } else { best });
-            if axis[largest] < 0.0 { -axis } else { axis }
-        };
-        (DVec3::from_array(order.map(|k| matrix[k][k])), DMat3::from_cols(axis(0), axis(1), axis(2)))
+        principal_axes(self.matrix())
     }
+}
+
+/// Eigenvalues of a symmetric matrix, largest first, and unit eigenvectors as columns.
+///
+/// Cyclic Jacobi rotations in double precision: eigenvalues to 1e-15 of the largest. The same matrix always gives the same
+/// axes: of equal eigenvalues the earlier comes first, and the largest component of each axis (the first of equals) is
+/// positive. Values that are not finite give values that are not finite.
+pub fn principal_axes(matrix: DMat3) -> (DVec3, DMat3) {
+    let mut matrix: [[f64; 3]; 3] = matrix.to_cols_array_2d();
+    let mut axes = DMat3::IDENTITY.to_cols_array_2d();
+    for _ in 0..SWEEPS {
+        let off = matrix[0][1].abs() + matrix[0][2].abs() + matrix[1][2].abs();
+        if off == 0.0 {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            rotate(&mut matrix, &mut axes, p, q);
+        }
+    }
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| matrix[b][b].total_cmp(&matrix[a][a]));
+    let axis = |k: usize| {
+        let axis = DVec3::from_array(axes[order[k]]);
+        let largest = (1..3).fold(0, |best, k| if axis[k].abs() > axis[best].abs() { k } else { best });
+        if axis[largest] < 0.0 { -axis } else { axis }
+    };
+    (DVec3::from_array(order.map(|k| matrix[k][k])), DMat3::from_cols(axis(0), axis(1), axis(2)))
 }
 
 /// Makes the entry `(p, q)` of a symmetric matrix zero by a rotation, which the columns of `axes` take part in.

@@ -1,6 +1,6 @@
 //! Particles of a family in chunks, wherever they come from: what a build reads that does not fit in memory.
 
-use super::{Family, FamilyName, Unit};
+use super::{Derivation, Family, FamilyName, Unit};
 
 /// Why particles could not be read.
 pub type StreamError = Box<dyn std::error::Error + Send + Sync>;
@@ -16,7 +16,7 @@ pub struct Chunk {
     pub density: Vec<f32>,
     /// Smoothing lengths.
     pub smoothing_length: Vec<f32>,
-    /// The attributes, in the stream's order.
+    /// The attributes, in the stream's order, and after them the columns that a derivation takes.
     pub attributes: Vec<Vec<f32>>,
 }
 
@@ -38,6 +38,17 @@ pub trait ParticleStream: Sync {
     /// estimated.
     fn neighbours(&self) -> Option<usize> {
         None
+    }
+
+    /// What is to be derived once all particles are known.
+    fn derivation(&self) -> Option<&Derivation> {
+        None
+    }
+
+    /// Columns of a chunk's attributes: those of [`ParticleStream::attributes`], then those that the derivation takes, which may have
+    /// values that are not finite.
+    fn columns(&self) -> usize {
+        self.attributes().len() + self.derivation().map_or(0, Derivation::inputs)
     }
 
     /// Reads a chunk, replacing what `into` holds.

@@ -1,8 +1,9 @@
-//! The footer after its page table: metadata, attribute tables and codebooks as bytes and back. Files with families that are none of
-//! Gadget's, or with clusters, have version 4, else files with levels for volumes version 3, and all others version 2.
+//! The footer after its page table: metadata, attribute tables and codebooks as bytes and back. Files whose codes of leaves are refined
+//! have version 5, else files with families that are none of Gadget's, or with clusters, version 4, else files with levels for volumes
+//! version 3, and all others version 2.
 
 use super::error::Damage;
-use super::layout::{VERSION, VERSION_NAMED, VERSION_VOLUME};
+use super::layout::{VERSION, VERSION_NAMED, VERSION_REFINED, VERSION_VOLUME};
 use super::metadata::{
     AttributeInfo, AttributeMerge, ClusterBook, ClusterLevel, ClusterTree, FamilyMetadata, Histogram, LevelInfo,
     Metadata, VolumeTree,
@@ -10,8 +11,9 @@ use super::metadata::{
 use super::page::PageId;
 use super::wire::{Decoder, Encoder};
 use crate::codec::clusters::shape_packing;
+use crate::codec::refinement::STEPS;
 use crate::codec::shapes::{COORDINATES, ShapeBook};
-use crate::codec::{Codebook, CodebookScope, QuantityError, VqBits};
+use crate::codec::{CodeBits, Codebook, CodebookScope, QuantityError, Refinement, VqBits};
 use crate::hierarchy::RootCell;
 use crate::model::{Bounds, FamilyName, Kernel, Provenance, Skipped, Unit};
 use std::sync::Arc;
@@ -33,6 +35,9 @@ const NAMED: u8 = u8::MAX;
 pub(super) fn version(metadata: &Metadata) -> u32 {
     let any = |is: fn(&FamilyMetadata) -> bool| metadata.families.iter().any(is);
     let is_new = |family: &FamilyMetadata| family.name.gadget_type().is_none() || family.clusters.is_some();
+    if metadata.bits.is_refined() {
+        return VERSION_REFINED;
+    }
     match (any(is_new), any(|family| family.volume.is_some())) {
         (true, _) => VERSION_NAMED,
         (false, true) => VERSION_VOLUME,
@@ -60,7 +65,10 @@ pub(super) fn encode(metadata: &Metadata) -> Vec<u8> {
     out.text(&metadata.length_unit.0);
     out.text(&metadata.mass_unit.0);
     out.u8(kernel_code(metadata.kernel));
-    out.u8(metadata.vq_bits.bits());
+    out.u8(metadata.bits.entries.bits());
+    if version >= VERSION_REFINED {
+        out.u8(metadata.bits.leaves.bits());
+    }
     encode_provenance(&mut out, &metadata.provenance);
     out.u32(metadata.skipped.len() as u32);
     for skipped in &metadata.skipped {
@@ -82,15 +90,30 @@ pub(super) fn decode(bytes: &[u8], version: u32) -> Result<Metadata, Damage> {
     let code = input.u8("the kernel")?;
     let kernel = Kernel::ALL.into_iter().find(|&kernel| kernel_code(kernel) == code);
     let kernel = kernel.ok_or_else(|| Damage::new("footer", format!("kernel 0 to 6, found {code}")))?;
-    let vq_bits = VqBits::try_from(input.u8("the index bits")?).map_err(|error| Damage::new("footer", error))?;
+    let bits = decode_bits(&mut input, version)?;
     let provenance = decode_provenance(&mut input)?;
     let skipped = (0..input.count(12, "reasons of skipping")?)
         .map(|_| Ok(Skipped { reason: input.text("a reason")?, count: input.u64("a count")? }))
         .collect::<Result<_, Damage>>()?;
-    let families = (0..input.count(100, "families")?).map(|_| decode_family(&mut input, version));
+    let families = (0..input.count(100, "families")?).map(|_| decode_family(&mut input, version, bits));
     let families = families.collect::<Result<_, _>>()?;
     input.finish()?;
-    Ok(Metadata { length_unit, mass_unit, kernel, vq_bits, provenance, skipped, families })
+    Ok(Metadata { length_unit, mass_unit, kernel, bits, provenance, skipped, families })
+}
+
+fn decode_bits(input: &mut Decoder, version: u32) -> Result<CodeBits, Damage> {
+    let one = |bits: u8| VqBits::try_from(bits).map_err(|error| Damage::new("footer", error));
+    let plain = CodeBits::plain(one(input.u8("the index bits")?)?);
+    if version < VERSION_REFINED {
+        return Ok(plain);
+    }
+    let bits = CodeBits { leaves: one(input.u8("the bits of leaves' codes")?)?, ..plain };
+    let refined = CodeBits::refined(plain.entries);
+    if bits == plain || bits == refined {
+        return Ok(bits);
+    }
+    let expected = format!("{} or {} bits of leaves' codes, found {}", plain.leaves, refined.leaves, bits.leaves);
+    Err(Damage::new("footer", expected))
 }
 
 pub(super) fn encode_provenance(out: &mut Encoder, provenance: &Provenance) {
@@ -137,8 +160,13 @@ fn encode_family(out: &mut Encoder, family: &FamilyMetadata, version: u32) {
     }
     encode_levels(out, &family.levels);
     out.u32(family.codebooks.len() as u32);
+    let mut refinements = family.refinements.iter();
     for codebook in &family.codebooks {
-        encode_codebook(out, codebook);
+        let refinement = if codebook.scope == CodebookScope::Leaves { refinements.next() } else { None };
+        encode_codebook(out, codebook, refinement);
+    }
+    if version >= VERSION_REFINED {
+        out.option_f64(family.column_error);
     }
     if version >= VERSION_VOLUME {
         let volume = if family.volume.is_some() { VOLUME } else { 0 };
@@ -185,7 +213,7 @@ fn encode_levels(out: &mut Encoder, levels: &[LevelInfo]) {
     }
 }
 
-fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Damage> {
+fn decode_family(input: &mut Decoder, version: u32, bits: CodeBits) -> Result<FamilyMetadata, Damage> {
     let name = decode_family_name(input, version)?;
     let count = input.u64("a family's count")?;
     let mass = input.f64("a family's mass")?;
@@ -201,9 +229,14 @@ fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Da
     let quantities = [decode_attribute(input)?, decode_attribute(input)?, decode_attribute(input)?];
     let attributes: Vec<_> = (0..attributes).map(|_| decode_attribute(input)).collect::<Result<_, _>>()?;
     let levels = decode_levels(input)?;
-    let codebooks = (0..input.count(13, "codebooks")?)
-        .map(|_| decode_codebook(input, attributes.len()))
-        .collect::<Result<_, _>>()?;
+    let (mut codebooks, mut refinements) = (Vec::new(), Vec::new());
+    for _ in 0..input.count(13, "codebooks")? {
+        let (codebook, refinement) = decode_codebook(input, attributes.len(), bits)?;
+        codebooks.push(codebook);
+        refinements.extend(refinement);
+    }
+    let column_error =
+        if version >= VERSION_REFINED { input.option_f64("the error of column densities")? } else { None };
     let kinds = if version >= VERSION_VOLUME { input.u8("kinds of levels")? } else { 0 };
     if kinds > if version >= VERSION_NAMED { VOLUME | CLUSTERS } else { VOLUME } {
         return Err(Damage::new(
@@ -232,6 +265,8 @@ fn decode_family(input: &mut Decoder, version: u32) -> Result<FamilyMetadata, Da
         levels,
         volume,
         codebooks,
+        refinements,
+        column_error,
         clusters,
     })
 }
@@ -252,7 +287,7 @@ fn encode_clusters(out: &mut Encoder, clusters: &ClusterTree) {
     for step in clusters.book.shapes.entries.iter().flatten() {
         out.bytes.extend_from_slice(&step.to_le_bytes());
     }
-    encode_codebook(out, &clusters.book.values);
+    encode_codebook(out, &clusters.book.values, None);
 }
 
 fn decode_clusters(input: &mut Decoder, attributes: usize) -> Result<ClusterTree, Damage> {
@@ -282,7 +317,9 @@ fn decode_clusters(input: &mut Decoder, attributes: usize) -> Result<ClusterTree
     let step = |entry: &[u8], k: usize| i16::from_le_bytes([entry[2 * k], entry[2 * k + 1]]);
     let entry = |entry: &[u8]| std::array::from_fn(|k| step(entry, k));
     let shapes = ShapeBook { entries: bytes.chunks_exact(2 * COORDINATES).map(entry).collect() };
-    let book = Arc::new(ClusterBook::new(shapes, decode_codebook(input, attributes)?));
+    // Those of clusters are never refined.
+    let (values, _) = decode_codebook(input, attributes, CodeBits::plain(VqBits::Sixteen))?;
+    let book = Arc::new(ClusterBook::new(shapes, values));
     Ok(ClusterTree { root_page, levels, shape_bits, is_published, book })
 }
 
@@ -355,7 +392,8 @@ fn decode_attribute(input: &mut Decoder) -> Result<AttributeInfo, Damage> {
     })
 }
 
-fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
+/// A codebook, or the lines that were unrolled to it.
+fn encode_codebook(out: &mut Encoder, codebook: &Codebook, refinement: Option<&Refinement>) {
     // 255 is no depth, so it names the leaves; depths are far below 128.
     out.u8(match codebook.scope {
         CodebookScope::Leaves => u8::MAX,
@@ -364,6 +402,25 @@ fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
         CodebookScope::Clusters => CLUSTER_SCOPE,
     });
     out.u64(codebook.particles);
+    if let Some(lines) = refinement {
+        let of_lines = |column: &Vec<f32>| column.iter().copied().step_by(STEPS).collect::<Vec<f32>>();
+        out.u32(lines.density.len() as u32);
+        out.f32s(&[lines.slope]);
+        out.f32s(&of_lines(&codebook.mass));
+        out.f32s(&lines.density);
+        out.f32s(&lines.shortest);
+        out.f32s(&lines.longest);
+        codebook.attributes.iter().for_each(|column| out.f32s(&of_lines(column)));
+    } else {
+        encode_entries(out, codebook);
+    }
+    for error in &codebook.errors {
+        out.f64(error.mean);
+        out.f64(error.max);
+    }
+}
+
+fn encode_entries(out: &mut Encoder, codebook: &Codebook) {
     out.u32(codebook.len() as u32);
     // Masses and sizes of clusters are told elsewhere.
     let is_whole = codebook.scope != CodebookScope::Clusters;
@@ -375,13 +432,14 @@ fn encode_codebook(out: &mut Encoder, codebook: &Codebook) {
         out.f32s(&codebook.smoothing_length);
     }
     codebook.attributes.iter().for_each(|column| out.f32s(column));
-    for error in &codebook.errors {
-        out.f64(error.mean);
-        out.f64(error.max);
-    }
 }
 
-fn decode_codebook(input: &mut Decoder, attributes: usize) -> Result<Codebook, Damage> {
+/// A codebook of a file with codes like this, unrolled where it holds lines.
+fn decode_codebook(
+    input: &mut Decoder,
+    attributes: usize,
+    bits: CodeBits,
+) -> Result<(Codebook, Option<Refinement>), Damage> {
     let scope = match input.u8("a codebook's scope")? {
         u8::MAX => CodebookScope::Leaves,
         CLUSTER_SCOPE => CodebookScope::Clusters,
@@ -391,23 +449,37 @@ fn decode_codebook(input: &mut Decoder, attributes: usize) -> Result<Codebook, D
     let particles = input.u64("a codebook's particles")?;
     let columns = 3 + attributes;
     let is_whole = scope != CodebookScope::Clusters;
-    let told = if is_whole { columns } else { 1 + attributes };
+    let is_refined = scope == CodebookScope::Leaves && bits.is_refined();
+    let told = if is_whole { columns + usize::from(is_refined) } else { 1 + attributes };
     let entries = input.count(4 * told, "codebook entries")?;
-    if entries > VqBits::Sixteen.entries() {
-        return Err(Damage::new("footer", format!("at most 65536 codebook entries, found {entries}")));
+    let most = if is_refined { bits.entries.entries() } else { VqBits::Sixteen.entries() };
+    if entries > most {
+        return Err(Damage::new("footer", format!("at most {most} codebook entries, found {entries}")));
     }
+    let slope = if is_refined { Some(input.f32("a slope")?) } else { None };
     let mut column = || input.f32s(entries, "a codebook column");
-    Ok(Codebook {
-        scope,
-        particles,
-        mass: if is_whole { column()? } else { vec![1.0; entries] },
-        density: column()?,
-        smoothing_length: if is_whole { column()? } else { vec![1.0; entries] },
-        attributes: (0..attributes).map(|_| column()).collect::<Result<_, _>>()?,
-        errors: (0..columns)
-            .map(|_| Ok(QuantityError { mean: input.f64("an error")?, max: input.f64("an error")? }))
-            .collect::<Result<_, Damage>>()?,
-    })
+    let mass = if is_whole { column()? } else { vec![1.0; entries] };
+    let density = column()?;
+    let smoothing_length = if is_whole { column()? } else { vec![1.0; entries] };
+    let refinement = match slope {
+        None => None,
+        Some(slope) => {
+            Some(Refinement { slope, density: density.clone(), shortest: smoothing_length.clone(), longest: column()? })
+        }
+    };
+    let attributes: Vec<Vec<f32>> = (0..attributes).map(|_| column()).collect::<Result<_, _>>()?;
+    let errors: Vec<QuantityError> = (0..columns)
+        .map(|_| Ok(QuantityError { mean: input.f64("an error")?, max: input.f64("an error")? }))
+        .collect::<Result<_, Damage>>()?;
+    let stored = Codebook { scope, particles, mass, density, smoothing_length, attributes, errors };
+    match refinement {
+        Some(lines) if !lines.is_sound() => Err(Damage::new(
+            "footer",
+            "lines of a codebook with a slope within 4, from a positive smoothing length to one no shorter",
+        )),
+        Some(lines) => Ok((lines.unrolled(stored), Some(lines))),
+        None => Ok((stored, None)),
+    }
 }
 
 #[cfg(test)]

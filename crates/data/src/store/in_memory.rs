@@ -6,7 +6,7 @@ use super::metadata::{AttributeInfo, FamilyMetadata, Metadata};
 use super::page::{Branch, NODE_MEMORY, Node, Page, PageId};
 use super::page_file::PageBytes;
 use super::tree::Tree;
-use crate::codec::{Codebook, CodebookScope, QuantityError, VqBits};
+use crate::codec::{CodeBits, Codebook, CodebookScope, QuantityError, VqBits};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::attribute_info::{Histogram, Range, set_units};
 use crate::model::{Dataset, Family, Unit};
@@ -29,7 +29,7 @@ impl InMemory {
             mass_unit,
             kernel,
             // Nothing is coded.
-            vq_bits: VqBits::Sixteen,
+            bits: CodeBits::plain(VqBits::Sixteen),
             provenance,
             skipped,
             families: Vec::with_capacity(families.len()),
@@ -71,6 +71,8 @@ fn described(family: &Family, root_page: PageId) -> FamilyMetadata {
         levels: Vec::new(),
         volume: None,
         codebooks: Vec::new(),
+        refinements: Vec::new(),
+        column_error: None,
         clusters: None,
     }
 }

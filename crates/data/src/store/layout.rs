@@ -19,6 +19,8 @@ pub const VERSION: u32 = 2;
 pub const VERSION_VOLUME: u32 = 3;
 /// Version of files with families that are none of Gadget's, or with clusters.
 pub const VERSION_NAMED: u32 = 4;
+/// Version of files whose codes of leaves are refined.
+pub const VERSION_REFINED: u32 = 5;
 /// Pages and the footer start at multiples of this; the header takes one such block.
 pub const ALIGNMENT: u64 = 4096;
 /// Bytes of the header that hold something; the rest of its block is zero.
@@ -46,7 +48,7 @@ pub fn align_up(value: u64, alignment: u64) -> Option<u64> {
 pub struct Header {
     /// [`MAGIC`] or [`GRID_MAGIC`].
     pub magic: [u8; 8],
-    /// Of particles [`VERSION`], [`VERSION_VOLUME`] or [`VERSION_NAMED`].
+    /// Of particles [`VERSION`], [`VERSION_VOLUME`], [`VERSION_NAMED`] or [`VERSION_REFINED`].
     pub version: u32,
     /// Length of the whole file, bytes.
     pub file_len: u64,

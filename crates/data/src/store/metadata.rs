@@ -3,7 +3,7 @@
 use super::page::PageId;
 pub use crate::codec::AttributeMerge;
 use crate::codec::shapes::ShapeBook;
-use crate::codec::{Codebook, VqBits};
+use crate::codec::{CodeBits, Codebook, Refinement};
 pub use crate::hierarchy::{AttributeInfo, Histogram, LevelInfo};
 use crate::hierarchy::{Kind, Purpose, RootCell};
 use crate::model::{Bounds, FamilyName, Kernel, PeriodicBox, Provenance, Skipped, Unit};
@@ -18,8 +18,8 @@ pub struct Metadata {
     pub mass_unit: Unit,
     /// The kernel that the smoothing lengths belong to.
     pub kernel: Kernel,
-    /// Bits of a codebook index on disk.
-    pub vq_bits: VqBits,
+    /// Bits of codes on disk.
+    pub bits: CodeBits,
     /// The source.
     pub provenance: Provenance,
     /// Particles that the import left out.
@@ -64,6 +64,7 @@ impl Metadata {
             levels: Vec::new(),
             volume: None,
             codebooks: Vec::new(),
+            refinements: Vec::new(),
             clusters: None,
             ..family.clone()
         };
@@ -113,6 +114,11 @@ pub struct FamilyMetadata {
     pub volume: Option<VolumeTree>,
     /// The codebooks; [`super::Node::codebook`] indexes them.
     pub codebooks: Vec<Codebook>,
+    /// Where codes of leaves are refined, how the lines run of each codebook of leaves, in their order; what these hold has been unrolled.
+    pub refinements: Vec<Refinement>,
+    /// About how far pictures of column density are from those of the source by the codes of leaves alone, the root of the mean of squares
+    /// over that of the picture (relative L2), where that was measured: of the whole box along z, the longer of its sides 1024 pixels long.
+    pub column_error: Option<f64>,
     /// The levels of clusters, if the file has them.
     pub clusters: Option<ClusterTree>,
 }

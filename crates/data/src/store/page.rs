@@ -433,7 +433,8 @@ impl Page {
             let count = node.particles as usize;
             let start = at;
             // A code takes at least a byte, so that the page's length bounds what its particles take in memory.
-            let packed = metadata.vq_bits.packed_len(count).filter(|&len| len <= bytes.len());
+            let packing = metadata.bits.of(node.encoding == Encoding::Leaf);
+            let packed = packing.packed_len(count).filter(|&len| len <= bytes.len());
             let (Some(packed), true) = (packed, node.points <= node.particles && positions as usize == at) else {
                 let expected = "positions after the section before, room for its codes, and at most as many points";
                 return Err(Damage::new(here(), expected));
@@ -471,7 +472,7 @@ impl Page {
             let codes_end = section(bytes, &mut at, codes, packed)
                 .ok_or_else(|| Damage::new(here(), "codes inside the page, after its positions"))?;
             let first_code = page.codes.len();
-            metadata.vq_bits.unpack(&bytes[codes as usize..codes_end], count, &mut page.codes);
+            packing.unpack(&bytes[codes as usize..codes_end], count, &mut page.codes);
             page.sizes.push((NODE_RECORD_LEN + at - start) as u64);
             check_node(&node, family, &page.codes[first_code..], (id, i as u32), table)
                 .map_err(|expected| Damage::new(here(), expected))?;

@@ -4,7 +4,7 @@ use super::container::{Container, FileKind, RawPage};
 use super::disk::{Change, Disk};
 use super::error::{Damage, StoreError};
 use super::footer;
-use super::layout::{MAGIC, VERSION, VERSION_NAMED};
+use super::layout::{MAGIC, VERSION, VERSION_REFINED};
 use super::metadata::Metadata;
 use super::page::{NODE_MEMORY, Page, PageId};
 use crate::model::Placement;
@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Files of particles.
-pub(super) const KIND: FileKind = FileKind { name: "page file", magic: MAGIC, versions: [VERSION, VERSION_NAMED] };
+pub(super) const KIND: FileKind = FileKind { name: "page file", magic: MAGIC, versions: [VERSION, VERSION_REFINED] };
 
 /// An open page file. It holds the footer (28 bytes for each page of about 3 MB, attribute tables and codebooks), never pages.
 #[derive(Debug)]

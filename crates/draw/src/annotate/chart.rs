@@ -53,6 +53,19 @@ impl ChartAxis<'_> {
         };
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
     }
+
+    /// The value at a share of the way, and that of an end beyond it: what [`ChartAxis::share`] came from.
+    pub fn value(&self, share: f64) -> f64 {
+        let [low, high] = self.range;
+        // The ends as they are, not as the logarithm rounds them.
+        let value = match share {
+            share if share <= 0.0 => low,
+            share if share >= 1.0 => high,
+            share if self.logarithmic => low * (high / low).powf(share),
+            share => low + (high - low) * share,
+        };
+        value.max(low).min(high)
+    }
 }
 
 /// The range of finite values (positive ones alone of a logarithmic axis) with some room at both ends; `None` of none.
@@ -309,6 +322,7 @@ fn edge(list: &mut DisplayList, Area { min: [left, top], max: [right, bottom] }:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     const ACROSS: ChartAxis = ChartAxis { title: "density [g/cm^3]", range: [1.0, 1e4], logarithmic: true };
     const UP: ChartAxis = ChartAxis { title: "temperature [K]", range: [0.0, 8.0], logarithmic: false };
@@ -319,6 +333,19 @@ mod tests {
 
     fn pixels(image: &Image, color: Rgba) -> usize {
         image.rgba.iter().filter(|pixel| **pixel == color).count()
+    }
+
+    proptest! {
+        #[test]
+        fn values_and_shares_are_inverse(
+            low in 1e-6..1e6f64, span in 1e-3..1e9f64, share in 0.0..=1.0f64, logarithmic: bool
+        ) {
+            let axis = ChartAxis { title: "", range: [low, low + span], logarithmic };
+            let value = axis.value(share);
+            prop_assert!((low..=low + span).contains(&value));
+            prop_assert!((axis.share(value) - share).abs() < 1e-5, "{value}");
+            prop_assert_eq!([-0.5, 0.0, 1.0, 7.0].map(|end| axis.value(end)), [low, low, low + span, low + span]);
+        }
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::ticks::{Tick, ticks};
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
 use crate::mode::{Depiction, OwnColors};
 use crate::model::Unit;
+use crate::modes::volume_fields::DENSITY;
 use crate::store::Metadata;
 use std::sync::Arc;
 
@@ -71,15 +72,22 @@ pub enum Shown {
 impl Units {
     /// Those of some data.
     pub fn of(metadata: &Metadata, depiction: &Depiction) -> Units {
-        let columns = metadata.families.iter().flat_map(|family| family.attributes.iter().chain(&family.quantities));
-        let named = depiction.attribute.as_ref();
-        let mut attribute =
-            columns.filter(|info| named.is_some_and(|named| info.name == named.name)).map(|info| &info.unit);
+        let unit = |name: &str| {
+            let families = metadata.families.iter();
+            let mut columns = families.flat_map(|family| family.attributes.iter().chain(&family.quantities));
+            columns.find(|info| info.name == name).map(|info| info.unit.clone()).unwrap_or_default()
+        };
+        // Colours are the first field's, where they are not the mode's own quantity.
+        let field = depiction.mode.technique.fields(&depiction.settings).into_iter().next();
+        let value = match field.filter(|name| *name != DENSITY) {
+            Some(name) => Shown::Named(name.replace('-', " "), unit(&name)),
+            None => Shown::Mode,
+        };
         Units {
             mass: metadata.mass_unit.clone(),
             length: metadata.length_unit.clone(),
-            attribute: attribute.next().cloned().unwrap_or_default(),
-            value: Shown::Mode,
+            attribute: depiction.attribute.as_ref().map(|named| unit(&named.name)).unwrap_or_default(),
+            value,
         }
     }
 }

@@ -83,6 +83,22 @@ pub fn power_of_ten(exponent: i32) -> String {
 /// The raised minus that the program's font has (a macron; U+207B is in none of them).
 pub const MINUS: char = '¯';
 
+/// Seven digits in plain characters, as exponent where that is shorter: `0.01234568`, `1.000000e7`.
+pub fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".into(),
+        size @ 1e-3..1e7 => {
+            let digits = (6.0 - size.log10().floor()).clamp(0.0, 9.0) as usize;
+            let text = format!("{value:.digits$}");
+            match text.contains('.') {
+                true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+                false => text,
+            }
+        }
+        _ => format!("{value:.6e}"),
+    }
+}
+
 /// An integer in superscript digits.
 fn superscript(value: i32) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
@@ -98,6 +114,16 @@ fn trim(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_have_seven_digits() {
+        let cases = [(0.0, "0"), (1.5, "1.5"), (100.0, "100"), (1234567.0, "1234567"), (-0.0123456789, "-0.01234568")];
+        for (value, text) in
+            cases.into_iter().chain([(1e7, "1.000000e7"), (1e-4, "1.000000e-4"), (13415.43, "13415.43")])
+        {
+            assert_eq!(short(value), text);
+        }
+    }
 
     #[test]
     fn counts_are_grouped() {

@@ -15,7 +15,7 @@ use super::among::{self, share_of};
 use super::footprint::Lens;
 use super::half_line::HalfLine;
 use super::paths::PathFragments;
-use super::{Counts, Extent, Positions, SplatError, SplatOptions, Splats, draw_counted};
+use super::{Counts, Extent, Positions, SplatError, SplatOptions, Splats, Summation, draw_counted};
 use crate::color::Accumulation;
 use crate::model::{Covariance, Kernel};
 use crate::view::View;
@@ -99,8 +99,13 @@ pub fn draw_face_among(
     options: &SplatOptions,
     surfaces: Option<&PathFragments>,
 ) -> Result<(Accumulation, Counts), SplatError> {
+    let Some(surfaces) = surfaces else {
+        let mut sums = FaceSums::new(view, pixel, options);
+        sums.add(batches)?;
+        return Ok(sums.finish());
+    };
     let lens = Lens::new(view);
-    let share = |place: DVec3| surfaces.map_or(1.0, |surfaces| share_of(&lens, surfaces, view.to_camera(place)));
+    let share = |place: DVec3| share_of(&lens, surfaces, view.to_camera(place));
     let parts: Vec<Part> =
         batches.par_iter().map(|batch| part((view.eye, options.kernel), batch, pixel, &share)).collect();
     let (mut world, mut sky, mut near) = (Vec::new(), Vec::new(), Vec::new());
@@ -114,10 +119,7 @@ pub fn draw_face_among(
             Part::Sky(columns) => sky.push(columns.splats()?),
         }
     }
-    let (mut picture, mut counts) = match surfaces {
-        Some(surfaces) => among::draw(view, &world, options, surfaces)?,
-        None => draw_counted(view, &world, options),
-    };
+    let (mut picture, mut counts) = among::draw(view, &world, options, surfaces)?;
     if !sky.is_empty() {
         let (discs, drawn) = draw_counted(&View { eye: DVec3::ZERO, ..*view }, &sky, options);
         counts += drawn;
@@ -128,8 +130,73 @@ pub fn draw_face_among(
     }
     counts.drawn += near.len() as u64;
     let attribute = batches.iter().any(|batch| batch.attribute().is_some());
-    add_near(view, options.kernel, &near, attribute, surfaces, &mut picture);
+    add_near(view, options.kernel, &near, attribute, Some(surfaces), &mut picture);
     Ok((picture, counts))
+}
+
+/// A face that batches are added to, some at a time: it has the same bits whichever are added together, as long as their order is the same.
+pub struct FaceSums {
+    view: View,
+    pixel: f64,
+    kernel: Kernel,
+    /// What is drawn as it is, and spheres around the origin; whether there are any.
+    world: (Summation, bool),
+    sky: (Summation, bool),
+    near: Vec<Near>,
+    attribute: bool,
+}
+
+impl FaceSums {
+    /// Nothing is in it yet; the panorama's pixels are `pixel` radians wide.
+    pub fn new(view: &View, pixel: f64, options: &SplatOptions) -> FaceSums {
+        let world = (Summation::new(view, options), false);
+        let sky = (Summation::new(&View { eye: DVec3::ZERO, ..*view }, options), false);
+        let (kernel, near) = (options.kernel, Vec::new());
+        FaceSums { view: *view, pixel, kernel, world, sky, near, attribute: false }
+    }
+
+    /// Adds batches.
+    ///
+    /// # Errors
+    /// As [`draw_face`].
+    pub fn add(&mut self, batches: &[Splats<'_>]) -> Result<(), SplatError> {
+        let (about, pixel) = ((self.view.eye, self.kernel), self.pixel);
+        let parts: Vec<Part> = batches.par_iter().map(|batch| part(about, batch, pixel, &|_| 1.0)).collect();
+        let (mut world, mut sky) = (Vec::new(), Vec::new());
+        for (batch, part) in batches.iter().zip(&parts) {
+            match part {
+                Part::Whole => world.push(*batch),
+                Part::Split(about, others) => {
+                    self.near.extend_from_slice(about);
+                    world.push(others.splats()?);
+                }
+                Part::Sky(columns) => sky.push(columns.splats()?),
+            }
+        }
+        self.attribute |= batches.iter().any(|batch| batch.attribute().is_some());
+        for (sums, batches) in [(&mut self.world, world), (&mut self.sky, sky)] {
+            sums.0.add(&batches);
+            sums.1 |= !batches.is_empty();
+        }
+        Ok(())
+    }
+
+    /// The face, and what became of the particles.
+    pub fn finish(self) -> (Accumulation, Counts) {
+        let FaceSums { view, kernel, world: (world, has_world), sky: (sky, has_sky), near, attribute, .. } = self;
+        let (mut picture, mut counts) = world.finish();
+        if has_sky {
+            let (discs, drawn) = sky.finish();
+            counts += drawn;
+            match has_world {
+                true => add(&mut picture, &discs),
+                false => picture = discs,
+            }
+        }
+        counts.drawn += near.len() as u64;
+        add_near(&view, kernel, &near, attribute, None, &mut picture);
+        (picture, counts)
+    }
 }
 
 /// Adds pictures of the same size.

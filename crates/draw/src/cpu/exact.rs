@@ -73,6 +73,13 @@ impl Canvas {
         Canvas { stride, p: vec![0.0; stride * rows], ps: vec![0.0; if attribute { stride * rows } else { 0 }] }
     }
 
+    /// The same with the attribute's channel, if it is wanted.
+    pub(super) fn prepare(&mut self, attribute: bool) {
+        if attribute && self.ps.is_empty() {
+            self.ps = vec![0.0; self.p.len()];
+        }
+    }
+
     /// Calls `draw` for each band of rows, in parallel.
     pub(super) fn bands(&mut self, draw: impl Fn(Band<'_>) + Sync) {
         let stride = self.stride;
@@ -120,43 +127,71 @@ impl Band<'_> {
     }
 }
 
-/// Draws all batches; see [`super::draw`].
-pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Accumulation, Counts) {
-    let kernel = options.kernel;
-    let mut counts = Counts::default();
-    let attribute = batches.iter().any(|batch| batch.attribute().is_some());
-    let (width, height) = (view.width as usize, view.height as usize);
-    let lens = Lens::new(view);
-    let line = LineTable::of(kernel);
-    let mut area = Canvas::new(width, height, attribute);
-    let mut samples = Canvas::new(width + 2 * HALO, height + 2 * HALO, attribute);
-    for batch in batches {
-        for start in (0..batch.len()).step_by(BATCH) {
-            let end = batch.len().min(start + BATCH);
-            let mut footprints: Vec<Footprint> =
-                (start..end).into_par_iter().filter_map(|index| lens.footprint(batch, index, options.kernel)).collect();
-            let all = footprints.len();
-            footprints.retain(|footprint| lens.sees(footprint, HALO as f64));
-            let seen = footprints.len();
-            if options.faintest > 0.0 {
-                footprints.retain(|footprint| lens.presence(footprint, kernel) >= f64::from(options.faintest));
-            }
-            let drawn = footprints.len();
-            counts += Counts { drawn: drawn as u64, outside: (all - seen) as u64, faint: (seen - drawn) as u64 };
-            let (large, small): (Vec<Footprint>, Vec<Footprint>) =
-                footprints.into_iter().partition(|footprint| footprint.radius >= SAMPLED_RADIUS);
-            samples.bands(|mut band| large.iter().for_each(|footprint| sample(&lens, line, footprint, &mut band)));
-            area.bands(|mut band| {
-                for footprint in &small {
-                    area_means(&lens, kernel, footprint, Fineness::EXACT, &mut band);
-                }
-            });
+/// A picture that batches are added to.
+pub struct Drawing {
+    view: View,
+    options: SplatOptions,
+    attribute: bool,
+    counts: Counts,
+    area: Canvas,
+    samples: Canvas,
+}
+
+impl Drawing {
+    /// Nothing is in it yet.
+    pub fn new(view: &View, options: &SplatOptions) -> Drawing {
+        let (width, height) = (view.width as usize, view.height as usize);
+        Drawing {
+            view: *view,
+            options: *options,
+            attribute: false,
+            counts: Counts::default(),
+            area: Canvas::new(width, height, false),
+            samples: Canvas::new(width + 2 * HALO, height + 2 * HALO, false),
         }
     }
-    let mut picture = Accumulation::new(view.width, view.height, attribute);
-    picture.p = finish(&area.p, &samples.p, width);
-    picture.ps = finish(&area.ps, &samples.ps, width);
-    (picture, counts)
+
+    /// Adds batches, one after the other.
+    pub fn add(&mut self, batches: &[Splats<'_>]) {
+        self.attribute |= batches.iter().any(|batch| batch.attribute().is_some());
+        self.area.prepare(self.attribute);
+        self.samples.prepare(self.attribute);
+        let Drawing { view, options, counts, area, samples, .. } = self;
+        let (kernel, lens) = (options.kernel, Lens::new(view));
+        let line = LineTable::of(kernel);
+        for batch in batches {
+            for start in (0..batch.len()).step_by(BATCH) {
+                let end = batch.len().min(start + BATCH);
+                let mut footprints: Vec<Footprint> =
+                    (start..end).into_par_iter().filter_map(|index| lens.footprint(batch, index, kernel)).collect();
+                let all = footprints.len();
+                footprints.retain(|footprint| lens.sees(footprint, HALO as f64));
+                let seen = footprints.len();
+                if options.faintest > 0.0 {
+                    footprints.retain(|footprint| lens.presence(footprint, kernel) >= f64::from(options.faintest));
+                }
+                let drawn = footprints.len();
+                *counts += Counts { drawn: drawn as u64, outside: (all - seen) as u64, faint: (seen - drawn) as u64 };
+                let (large, small): (Vec<Footprint>, Vec<Footprint>) =
+                    footprints.into_iter().partition(|footprint| footprint.radius >= SAMPLED_RADIUS);
+                samples.bands(|mut band| large.iter().for_each(|footprint| sample(&lens, line, footprint, &mut band)));
+                area.bands(|mut band| {
+                    for footprint in &small {
+                        area_means(&lens, kernel, footprint, Fineness::EXACT, &mut band);
+                    }
+                });
+            }
+        }
+    }
+
+    /// The picture.
+    pub fn finish(self) -> (Accumulation, Counts) {
+        let Drawing { view, attribute, counts, area, samples, .. } = self;
+        let mut picture = Accumulation::new(view.width, view.height, attribute);
+        picture.p = finish(&area.p, &samples.p, view.width as usize);
+        picture.ps = finish(&area.ps, &samples.ps, view.width as usize);
+        (picture, counts)
+    }
 }
 
 /// Adds the exact integral of a splat that is too small to be sampled over each pixel of a band.

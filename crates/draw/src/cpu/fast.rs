@@ -1,7 +1,7 @@
 //! The fast path: splats sorted by tile, drawn in SIMD lanes into the levels of the image pyramid.
 //!
 //! The division of work depends on the particles alone and sums are added in a fixed order, so the picture is the same
-//! for any number of threads.
+//! for any number of threads, and however many of the batches are given at a time.
 
 use super::exact::{self, AREA_FILTER, Fineness};
 use super::footprint::{Footprint, Lens};
@@ -9,7 +9,7 @@ use super::lanes::{self, Canvas};
 use super::profile::{Profile, Profiles};
 use super::pyramid::{self, LevelImage, PADDING};
 use super::table::LineTable;
-use super::tiles::{self, Layer, Piece, Record, SIDE, STRIDE, Sorted};
+use super::tiles::{self, Layer, Piece, Record, SIDE, STRIDE, Sorted, Sorting};
 use super::{Counts, Extent, SplatOptions, Splats};
 use super::{ellipse_rows, small, sphere};
 use crate::color::accumulation::Accumulation;
@@ -37,46 +37,144 @@ impl Tile {
     fn prepare(&mut self, attribute: bool) {
         if self.p.is_empty() {
             self.p = vec![0.0; SIDE * STRIDE];
-            self.ps = vec![0.0; if attribute { SIDE * STRIDE } else { 0 }];
+        }
+        if attribute && self.ps.is_empty() {
+            self.ps = vec![0.0; SIDE * STRIDE];
         }
     }
 }
 
-/// Draws all batches; see [`super::draw`].
-pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Accumulation, Counts) {
-    let kernel = options.kernel;
-    let mut counts = Counts::default();
-    let attribute = batches.iter().any(|batch| batch.attribute().is_some());
-    let lens = Lens::new(view);
-    let layers = tiles::layers(view);
-    let profiles = Profiles::of(kernel);
-    let count = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
-    let mut drawn: Vec<Tile> = vec![Tile::default(); count];
-    let mut wide: Vec<(usize, Footprint)> = Vec::new();
-    let arch = Arch::new();
-    let shapes = |batch: &Splats<'_>| match (batch.extent(), view.projection) {
-        (Extent::Ellipsoids(_), _) => Shapes::Ellipses,
-        (Extent::World(_), Projection::Perspective { .. }) => Shapes::Spheres,
-        _ => Shapes::Circles,
-    };
-    for Round { shapes, tasks } in rounds(batches, shapes) {
-        let sorted: Vec<Sorted> =
-            tasks.par_iter().map(|pieces| tiles::sort(&lens, profiles, &layers, pieces, options)).collect();
+/// A picture that batches are added to.
+pub struct Drawing {
+    view: View,
+    options: SplatOptions,
+    lens: Lens,
+    layers: Vec<Layer>,
+    profiles: &'static Profiles,
+    attribute: bool,
+    counts: Counts,
+    tiles: Vec<Tile>,
+    wide: Vec<(usize, Footprint)>,
+    round: Round,
+}
+
+/// What has been sorted since tiles were drawn into last.
+struct Round {
+    /// What the splats look like; `None` before the first.
+    shapes: Option<Shapes>,
+    /// By tasks that are complete.
+    sorted: Vec<Sorted>,
+    /// The task that is not.
+    open: Option<Sorting>,
+    /// Particles of the last task, and of all.
+    in_task: usize,
+    particles: usize,
+}
+
+impl Round {
+    /// Without a task.
+    fn new(shapes: Option<Shapes>) -> Round {
+        Round { shapes, sorted: Vec::new(), open: None, in_task: CHUNK, particles: 0 }
+    }
+}
+
+impl Drawing {
+    /// Nothing is in it yet.
+    pub fn new(view: &View, options: &SplatOptions) -> Drawing {
+        let layers = tiles::layers(view);
+        let count = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
+        Drawing {
+            view: *view,
+            options: *options,
+            lens: Lens::new(view),
+            layers,
+            profiles: Profiles::of(options.kernel),
+            attribute: false,
+            counts: Counts::default(),
+            tiles: vec![Tile::default(); count],
+            wide: Vec::new(),
+            round: Round::new(None),
+        }
+    }
+
+    /// Adds batches. They are cut into tasks of [`CHUNK`] particles and those into rounds of [`ROUND`], whatever batches are added
+    /// together. Small batches share a task: a page file's view may have thousands of nodes, of which a sample keeps a few particles each.
+    pub fn add(&mut self, batches: &[Splats<'_>]) {
+        self.attribute |= batches.iter().any(|batch| batch.attribute().is_some());
+        let mut tasks: Vec<(Sorting, Vec<Piece<'_>>)> = Vec::new();
+        tasks.extend(self.round.open.take().map(|open| (open, Vec::new())));
+        for batch in batches {
+            let shapes = self.shapes_of(batch);
+            let mut start = 0;
+            while start < batch.len() {
+                if self.round.particles >= ROUND || self.round.shapes != Some(shapes) {
+                    self.sort(std::mem::take(&mut tasks));
+                    self.end_round();
+                    self.round = Round::new(Some(shapes));
+                }
+                if self.round.in_task >= CHUNK {
+                    tasks.push((Sorting::new(&self.layers), Vec::new()));
+                    self.round.in_task = 0;
+                }
+                let taken = (batch.len() - start).min(CHUNK - self.round.in_task);
+                if let Some((_, task)) = tasks.last_mut() {
+                    task.push((batch, start..start + taken));
+                }
+                start += taken;
+                self.round.in_task += taken;
+                self.round.particles += taken;
+            }
+        }
+        self.sort(tasks);
+    }
+
+    fn shapes_of(&self, batch: &Splats<'_>) -> Shapes {
+        match (batch.extent(), self.view.projection) {
+            (Extent::Ellipsoids(_), _) => Shapes::Ellipses,
+            (Extent::World(_), Projection::Perspective { .. }) => Shapes::Spheres,
+            _ => Shapes::Circles,
+        }
+    }
+
+    /// Does tasks; the last one stays open unless it has all the particles that a task may have.
+    fn sort(&mut self, mut tasks: Vec<(Sorting, Vec<Piece<'_>>)>) {
+        let last = if self.round.in_task < CHUNK { tasks.pop() } else { None };
+        let (lens, layers, options) = (&self.lens, &self.layers[..], &self.options);
+        let profiles = self.profiles;
+        let with = |sorting: Sorting, pieces: &[Piece<'_>]| sorting.with(lens, profiles, layers, pieces, options);
+        let complete = || -> Vec<Sorted> {
+            tasks.into_par_iter().map(|(sorting, pieces)| with(sorting, &pieces).sorted()).collect()
+        };
+        let (complete, open) = rayon::join(complete, || last.map(|(sorting, pieces)| with(sorting, &pieces)));
+        self.round.sorted.extend(complete);
+        self.round.open = open;
+    }
+
+    /// Draws what has been sorted into its tiles.
+    fn end_round(&mut self) {
+        let Drawing { options, lens, layers, profiles, attribute, counts, tiles: drawn, wide, round, .. } = self;
+        let (profiles, kernel, attribute) = (*profiles, options.kernel, *attribute);
+        let Round { shapes: Some(shapes), mut sorted, open, .. } = std::mem::replace(round, Round::new(None)) else {
+            return;
+        };
+        sorted.extend(open.map(Sorting::sorted));
         wide.extend(sorted.iter().flat_map(|chunk| &chunk.wide));
-        sorted.iter().for_each(|chunk| counts += chunk.counts);
+        sorted.iter().for_each(|chunk| *counts += chunk.counts);
+        let arch = Arch::new();
+        let lens = &*lens;
         layers.iter().enumerate().for_each(|(number, layer)| {
             let tiles = layer.first..layer.first + layer.tiles[0] * layer.tiles[1];
             let paint = |tile: usize, records: &[&[Record]], out: &mut Tile| {
                 out.prepare(attribute);
                 let small = number == 0;
-                arch.dispatch(Job { lens: &lens, layer, profiles, kernel, small, shapes, tile, records, out });
+                arch.dispatch(Job { lens, layer, profiles, kernel, small, shapes, tile, records, out });
             };
             drawn[tiles.clone()].par_iter_mut().zip(tiles.clone()).for_each(|(out, tile)| {
                 draw_tile(&sorted, tile, out, |records, out| paint(tile, records, out));
                 let splats: Vec<&Footprint> = sorted.iter().flat_map(|chunk| chunk.near(tile)).collect();
                 if !splats.is_empty() {
                     out.prepare(attribute);
-                    arch.dispatch(Near { lens: &lens, layer, profile: &profiles.sampled, tile, splats: &splats, out });
+                    arch.dispatch(Near { lens, layer, profile: &profiles.sampled, tile, splats: &splats, out });
                 }
             });
             if !options.culling {
@@ -88,7 +186,13 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Acc
             }
         });
     }
-    (finish(view, &lens, kernel, &layers, &drawn, &wide, attribute), counts)
+
+    /// The picture.
+    pub fn finish(mut self) -> (Accumulation, Counts) {
+        self.end_round();
+        let Drawing { view, options, lens, layers, attribute, counts, tiles, wide, .. } = self;
+        (finish(&view, &lens, options.kernel, &layers, &tiles, &wide, attribute), counts)
+    }
 }
 
 /// What the splats of a batch look like.
@@ -100,44 +204,6 @@ enum Shapes {
     Spheres,
     /// Ellipses, and what those are that are round.
     Ellipses,
-}
-
-/// What is sorted together and then drawn together.
-struct Round<'a> {
-    /// What the splats look like.
-    shapes: Shapes,
-    /// What each task sorts.
-    tasks: Vec<Vec<Piece<'a>>>,
-}
-
-/// Cuts batches into tasks of [`CHUNK`] particles and those into rounds of [`ROUND`]. Small batches share a task: a page file's
-/// view may have thousands of nodes, of which a sample keeps a few particles each.
-fn rounds<'a>(batches: &'a [Splats<'a>], shapes_of: impl Fn(&Splats<'_>) -> Shapes) -> Vec<Round<'a>> {
-    let mut rounds: Vec<Round<'a>> = Vec::new();
-    let (mut in_task, mut in_round) = (CHUNK, ROUND);
-    for batch in batches {
-        let shapes = shapes_of(batch);
-        let mut start = 0;
-        while start < batch.len() {
-            if in_round >= ROUND || rounds.last().is_none_or(|round| round.shapes != shapes) {
-                rounds.push(Round { shapes, tasks: Vec::new() });
-                (in_task, in_round) = (CHUNK, 0);
-            }
-            let Some(round) = rounds.last_mut() else { break };
-            if in_task >= CHUNK {
-                round.tasks.push(Vec::new());
-                in_task = 0;
-            }
-            let taken = (batch.len() - start).min(CHUNK - in_task);
-            if let Some(task) = round.tasks.last_mut() {
-                task.push((batch, start..start + taken));
-            }
-            start += taken;
-            in_task += taken;
-            in_round += taken;
-        }
-    }
-    rounds
 }
 
 /// Draws a tile's records, in several tasks when there are many.

@@ -49,11 +49,13 @@ mod lanes;
 mod profile;
 mod small;
 mod sphere;
+mod summation;
 mod tiles;
 
 pub use exact::AREA_FILTER;
 pub use splats::{Extent, NodeTraits, Positions, SplatError, SplatKind, Splats};
 pub use sprites::Sprite;
+pub use summation::Summation;
 
 use crate::color::Accumulation;
 use crate::model::Kernel;
@@ -127,9 +129,7 @@ pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> Accu
 
 /// As [`draw`], and says what became of the particles.
 pub fn draw_counted(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Accumulation, Counts) {
-    match options.method {
-        _ if options.sprite != Sprite::Kernel => sprites::draw(view, batches, options),
-        Method::Exact => exact::draw(view, batches, options),
-        Method::Pyramid => fast::draw(view, batches, options),
-    }
+    let mut sums = Summation::new(view, options);
+    sums.add(batches);
+    sums.finish()
 }

@@ -111,6 +111,7 @@ pub struct Splats<'a> {
     reach: Option<view::Extent>,
     traits: Option<NodeTraits>,
     misfits: Option<&'a [f32]>,
+    fields: &'a [Vec<f32>],
 }
 
 impl<'a> Splats<'a> {
@@ -140,7 +141,7 @@ impl<'a> Splats<'a> {
             check("attribute", attribute.len())?;
         }
         let (density, reach, traits, misfits) = (None, None, None, None);
-        Ok(Splats { positions, extent, weight, attribute, density, dilutes: true, reach, traits, misfits })
+        Ok(Splats { positions, extent, weight, attribute, density, dilutes: true, reach, traits, misfits, fields: &[] })
     }
 
     /// The same with each particle's own density, for what is classified particle by particle.
@@ -163,6 +164,28 @@ impl<'a> Splats<'a> {
         match values.len() {
             found if found == self.len() => Ok(Splats { density: Some(values), dilutes: false, ..self }),
             found => Err(SplatError::Length { column: "value", found, expected: self.len() }),
+        }
+    }
+
+    /// The same with this attribute.
+    ///
+    /// # Errors
+    /// [`SplatError::Length`] when the column's length differs from the number of positions.
+    pub fn with_attribute(self, attribute: &'a [f32]) -> Result<Splats<'a>, SplatError> {
+        match attribute.len() {
+            found if found == self.len() => Ok(Splats { attribute: Some(attribute), ..self }),
+            found => Err(SplatError::Length { column: "attribute", found, expected: self.len() }),
+        }
+    }
+
+    /// The same with columns whose fields are drawn, beside the attribute.
+    ///
+    /// # Errors
+    /// [`SplatError::Length`] when a column's length differs from the number of positions.
+    pub fn with_fields(self, fields: &'a [Vec<f32>]) -> Result<Splats<'a>, SplatError> {
+        match fields.iter().map(Vec::len).find(|found| *found != self.len()) {
+            None => Ok(Splats { fields, ..self }),
+            Some(found) => Err(SplatError::Length { column: "field", found, expected: self.len() }),
         }
     }
 
@@ -262,6 +285,11 @@ impl<'a> Splats<'a> {
     /// squared difference of values in their node.
     pub fn misfits(&self) -> Option<&'a [f32]> {
         self.misfits
+    }
+
+    /// Columns whose fields are drawn, beside the attribute.
+    pub fn fields(&self) -> &'a [Vec<f32>] {
+        self.fields
     }
 
     /// Attributes `a`, when the `S` channel is wanted.

@@ -63,49 +63,73 @@ struct Sprited {
     support: Ellipse,
 }
 
-/// Draws batches; as [`super::draw_counted`]. The method counts for nothing.
-pub fn draw(view: &View, batches: &[Splats<'_>], options: &SplatOptions) -> (Accumulation, Counts) {
-    let lens = Lens::new(view);
-    let attribute = batches.iter().any(|batch| batch.attribute().is_some());
-    let (width, height) = (view.width as usize, view.height as usize);
-    let mut canvas = Canvas::new(width, height, attribute);
-    let mut counts = Counts::default();
-    for batch in batches {
-        for start in (0..batch.len()).step_by(BATCH) {
-            let end = batch.len().min(start + BATCH);
-            let footprints = (start..end).into_par_iter().filter_map(|at| lens.footprint(batch, at, options.kernel));
-            let mut splats: Vec<Sprited> =
-                footprints.filter_map(|footprint| sprited(&lens, footprint, options)).collect();
-            let all = splats.len();
-            splats.retain(|splat| lens.sees(&splat.flux, 0.0));
-            let seen = splats.len();
-            splats.retain(|splat| options.faintest <= 0.0 || brightest(splat, options) >= f64::from(options.faintest));
-            counts += Counts {
-                drawn: splats.len() as u64,
-                outside: (all - seen) as u64,
-                faint: (seen - splats.len()) as u64,
-            };
-            let mut of_bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND)];
-            for (number, splat) in (0..).zip(&splats) {
-                let rows = cells(splat.flux.min[1], splat.flux.max[1], 0, height);
-                let bands = rows.start / BAND..rows.end.div_ceil(BAND).min(of_bands.len());
-                of_bands[bands].iter_mut().for_each(|band| band.push(number));
-            }
-            canvas.bands(|mut band| {
-                for splat in of_bands[band.first / BAND].iter().map(|&number| &splats[number as usize]) {
-                    match options.sprite {
-                        Sprite::Disc => disc(splat, options.kernel.variance(), &mut band),
-                        Sprite::Pixel => pixel(splat, &mut band),
-                        Sprite::Gaussian | Sprite::Kernel => gaussian(splat, options.kernel.variance(), &mut band),
-                    }
+/// A picture that batches are added to. The method counts for nothing.
+pub struct Drawing {
+    view: View,
+    options: SplatOptions,
+    attribute: bool,
+    counts: Counts,
+    canvas: Canvas,
+}
+
+impl Drawing {
+    /// Nothing is in it yet.
+    pub fn new(view: &View, options: &SplatOptions) -> Drawing {
+        let canvas = Canvas::new(view.width as usize, view.height as usize, false);
+        Drawing { view: *view, options: *options, attribute: false, counts: Counts::default(), canvas }
+    }
+
+    /// Adds batches, one after the other.
+    pub fn add(&mut self, batches: &[Splats<'_>]) {
+        self.attribute |= batches.iter().any(|batch| batch.attribute().is_some());
+        self.canvas.prepare(self.attribute);
+        let Drawing { view, options, counts, canvas, .. } = self;
+        let (options, lens, height) = (&*options, Lens::new(view), view.height as usize);
+        for batch in batches {
+            for start in (0..batch.len()).step_by(BATCH) {
+                let end = batch.len().min(start + BATCH);
+                let footprints =
+                    (start..end).into_par_iter().filter_map(|at| lens.footprint(batch, at, options.kernel));
+                let mut splats: Vec<Sprited> =
+                    footprints.filter_map(|footprint| sprited(&lens, footprint, options)).collect();
+                let all = splats.len();
+                splats.retain(|splat| lens.sees(&splat.flux, 0.0));
+                let seen = splats.len();
+                splats.retain(|splat| {
+                    options.faintest <= 0.0 || brightest(splat, options) >= f64::from(options.faintest)
+                });
+                *counts += Counts {
+                    drawn: splats.len() as u64,
+                    outside: (all - seen) as u64,
+                    faint: (seen - splats.len()) as u64,
+                };
+                let mut of_bands: Vec<Vec<u32>> = vec![Vec::new(); height.div_ceil(BAND)];
+                for (number, splat) in (0..).zip(&splats) {
+                    let rows = cells(splat.flux.min[1], splat.flux.max[1], 0, height);
+                    let bands = rows.start / BAND..rows.end.div_ceil(BAND).min(of_bands.len());
+                    of_bands[bands].iter_mut().for_each(|band| band.push(number));
                 }
-            });
+                canvas.bands(|mut band| {
+                    for splat in of_bands[band.first / BAND].iter().map(|&number| &splats[number as usize]) {
+                        match options.sprite {
+                            Sprite::Disc => disc(splat, options.kernel.variance(), &mut band),
+                            Sprite::Pixel => pixel(splat, &mut band),
+                            Sprite::Gaussian | Sprite::Kernel => gaussian(splat, options.kernel.variance(), &mut band),
+                        }
+                    }
+                });
+            }
         }
     }
-    let mut picture = Accumulation::new(view.width, view.height, attribute);
-    let singles = |channel: Vec<f64>| channel.into_par_iter().map(|value| value as f32).collect();
-    (picture.p, picture.ps) = (singles(canvas.p), singles(canvas.ps));
-    (picture, counts)
+
+    /// The picture.
+    pub fn finish(self) -> (Accumulation, Counts) {
+        let Drawing { view, attribute, counts, canvas, .. } = self;
+        let mut picture = Accumulation::new(view.width, view.height, attribute);
+        let singles = |channel: Vec<f64>| channel.into_par_iter().map(|value| value as f32).collect();
+        (picture.p, picture.ps) = (singles(canvas.p), singles(canvas.ps));
+        (picture, counts)
+    }
 }
 
 /// What a footprint is drawn as: its box is that of the sprite.
@@ -245,7 +269,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
     use super::*;
-    use crate::cpu::{Extent, Positions};
+    use crate::cpu::{Extent, Positions, draw_counted};
     use crate::model::{Covariance, Kernel};
     use crate::view::Projection;
     use glam::DVec3;
@@ -286,7 +310,7 @@ mod tests {
             ].map(|value| value as f32));
             let (places, weight) = ([[place[0], place[1], 0.0]], [2.5_f32]);
             let splats = Splats::new(Positions::World(&places), Extent::Ellipsoids(std::slice::from_ref(&covariance)), &weight, None).unwrap();
-            let picture = |sprite| draw(&view, &[splats], &SplatOptions { kernel, sprite, ..SplatOptions::default() }).0;
+            let picture = |sprite| draw_counted(&view, &[splats], &SplatOptions { kernel, sprite, ..SplatOptions::default() }).0;
             let reference = super::super::draw(&view, &[splats], &SplatOptions {
                 kernel, method: super::super::Method::Exact, ..SplatOptions::default()
             });
@@ -322,7 +346,7 @@ mod tests {
         let (places, weight, h) = ([[0.0; 3]], [1.0_f32], [0.5_f32]);
         let splats = Splats::new(Positions::World(&places), Extent::World(&h), &weight, None).unwrap();
         let (picture, counts) =
-            draw(&view, &[splats], &SplatOptions { kernel, sprite: Sprite::Disc, ..SplatOptions::default() });
+            draw_counted(&view, &[splats], &SplatOptions { kernel, sprite: Sprite::Disc, ..SplatOptions::default() });
         assert_eq!(counts.drawn, 1);
         let radius = 2.0 * kernel.variance().sqrt() * 0.5;
         let expected = 1.0 / (TAU / 2.0 * radius * radius);

@@ -187,17 +187,88 @@ impl Sorted {
 /// Some consecutive particles of a batch.
 pub type Piece<'a> = (&'a Splats<'a>, Range<usize>);
 
-/// Projects the particles of some pieces and sorts them by tile.
-pub fn sort(
+/// Splats on their way to their tiles.
+#[derive(Default)]
+pub struct Sorting {
+    /// How many records each tile has.
+    starts: Vec<u32>,
+    placed: Vec<(u32, Record)>,
+    wide: Vec<(usize, Footprint)>,
+    near: Vec<(usize, Footprint)>,
+    outside: Vec<(usize, Record)>,
+    counts: Counts,
+}
+
+impl Sorting {
+    /// None yet, of a picture with these layers.
+    pub fn new(layers: &[Layer]) -> Sorting {
+        let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
+        Sorting { starts: vec![0; tiles + 1], ..Sorting::default() }
+    }
+
+    /// With the particles of some pieces, projected.
+    #[must_use]
+    pub fn with(
+        mut self,
+        lens: &Lens,
+        profiles: &Profiles,
+        layers: &[Layer],
+        pieces: &[Piece<'_>],
+        options: &SplatOptions,
+    ) -> Sorting {
+        self.placed.reserve(pieces.iter().map(|piece| piece.1.len()).sum());
+        project(&mut self, lens, profiles, layers, pieces, options);
+        self
+    }
+
+    fn count(&mut self, seen: bool) {
+        self.counts.drawn += u64::from(seen);
+        self.counts.outside += u64::from(!seen);
+    }
+
+    /// Gives a footprint to its tile in a layer.
+    fn put(&mut self, layers: &[Layer], layer: usize, footprint: &Footprint, seen: bool) {
+        match place(&layers[layer], footprint) {
+            // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
+            Some(placed) if !seen => self.outside.push(placed),
+            None if !seen => {}
+            Some((tile, record)) => {
+                self.starts[tile] += 1;
+                self.placed.push((tile as u32, record));
+            }
+            None => self.wide.push((layer, *footprint)),
+        }
+    }
+
+    /// Sorted by tile, in their order within each.
+    pub fn sorted(self) -> Sorted {
+        let Sorting { mut starts, placed, wide, mut near, outside, counts } = self;
+        let mut next = 0;
+        for start in &mut starts {
+            next += std::mem::replace(start, next);
+        }
+        let blank = Record { place: [0.0; 5], amplitude: 0.0, amplitude_s: 0.0 };
+        let mut records = vec![blank; placed.len()];
+        let mut cursor = starts.clone();
+        for (tile, record) in placed {
+            let slot = &mut cursor[tile as usize];
+            records[*slot as usize] = record;
+            *slot += 1;
+        }
+        near.sort_by_key(|(tile, _)| *tile);
+        Sorted { records, starts, wide, near, outside, counts }
+    }
+}
+
+/// Projects the particles of some pieces.
+fn project(
+    sorting: &mut Sorting,
     lens: &Lens,
     profiles: &Profiles,
     layers: &[Layer],
     pieces: &[Piece<'_>],
     options: &SplatOptions,
-) -> Sorted {
-    let tiles = layers.last().map_or(0, |layer| layer.first + layer.tiles[0] * layer.tiles[1]);
-    let count = pieces.iter().map(|piece| piece.1.len()).sum();
-    let mut sorting = Sorting { starts: vec![0; tiles + 1], placed: Vec::with_capacity(count), ..Sorting::default() };
+) {
     for (splats, range) in pieces {
         for index in range.clone() {
             // How much of one that is faint shows depends on what exactly it covers.
@@ -251,58 +322,6 @@ pub fn sort(
                 circles => circles.iter().flatten().for_each(|circle| sorting.put(layers, layer, circle, seen)),
             }
         }
-    }
-    sorting.sorted()
-}
-
-/// Splats on their way to their tiles.
-#[derive(Default)]
-struct Sorting {
-    /// How many records each tile has.
-    starts: Vec<u32>,
-    placed: Vec<(u32, Record)>,
-    wide: Vec<(usize, Footprint)>,
-    near: Vec<(usize, Footprint)>,
-    outside: Vec<(usize, Record)>,
-    counts: Counts,
-}
-
-impl Sorting {
-    fn count(&mut self, seen: bool) {
-        self.counts.drawn += u64::from(seen);
-        self.counts.outside += u64::from(!seen);
-    }
-
-    /// Gives a footprint to its tile in a layer.
-    fn put(&mut self, layers: &[Layer], layer: usize, footprint: &Footprint, seen: bool) {
-        match place(&layers[layer], footprint) {
-            // It has been through everything that a splat goes through; none of its tile's cells is in its reach.
-            Some(placed) if !seen => self.outside.push(placed),
-            None if !seen => {}
-            Some((tile, record)) => {
-                self.starts[tile] += 1;
-                self.placed.push((tile as u32, record));
-            }
-            None => self.wide.push((layer, *footprint)),
-        }
-    }
-
-    fn sorted(self) -> Sorted {
-        let Sorting { mut starts, placed, wide, mut near, outside, counts } = self;
-        let mut next = 0;
-        for start in &mut starts {
-            next += std::mem::replace(start, next);
-        }
-        let blank = Record { place: [0.0; 5], amplitude: 0.0, amplitude_s: 0.0 };
-        let mut records = vec![blank; placed.len()];
-        let mut cursor = starts.clone();
-        for (tile, record) in placed {
-            let slot = &mut cursor[tile as usize];
-            records[*slot as usize] = record;
-            *slot += 1;
-        }
-        near.sort_by_key(|(tile, _)| *tile);
-        Sorted { records, starts, wide, near, outside, counts }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Looking closer: regions of space and of values, selections, sums over the whole data, ids, export, histograms and
+//! Looking closer: regions of space and of values, selections, sums over the whole data, ids, export, plots and
 //! catalogues of named objects.
 //!
 //! Everything here works over two kinds of [`Data`]: a page file (fast, within its stated quantisation error) and the source
@@ -26,18 +26,23 @@ pub mod moments;
 pub mod over_time;
 pub mod particle;
 pub mod places;
+pub mod plot;
 pub mod probe;
 pub mod profile;
 pub mod query;
+pub mod radial;
 pub mod region;
 pub mod selection;
 pub mod shape;
 
+mod bins;
+mod coded;
 mod paged;
 mod sourced;
 
 pub use batch::{Batch, Gather, Uncertain, Work};
-pub use binned::{Binned, BinnedAxis, BinnedError, Radial, RadialError, Weight, binned, edges, farthest, radial};
+pub use binned::{Binned, BinnedAxis, BinnedError, Weight, binned};
+pub use bins::edges;
 pub use catalogue::{Catalogue, Object};
 pub use center::{Center, CenterSums, center};
 pub use data::{Data, FieldAbout, source_of};
@@ -53,9 +58,11 @@ pub use lasso::{Lasso, LassoProjection};
 pub use merger_tree::MergerTree;
 pub use over_time::{AtStep, OverTime, over_time};
 pub use places::{FoundIds, Places};
+pub use plot::{ChartScales, Plot, PlotKind, PlotOf, PlotOptions, PlotScale, PlotSettings};
 pub use probe::{Fields, Probe, ProbeOptions, probe};
 pub use profile::ProfileOptions;
 pub use query::Of;
+pub use radial::{Radial, RadialError, farthest, members_about, radial};
 pub use region::{Region, Shape, ValueRange};
 pub use selection::{Members, SelectionSet, Show};
 pub use shape::{Cover, Shapes};

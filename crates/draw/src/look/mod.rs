@@ -29,6 +29,7 @@ pub use said::{HeightsSaid, TakenFor};
 pub use shot::Shot;
 pub use text::{SceneError, is_scene_file};
 
+use crate::explore::PlotSettings;
 use crate::view::{Projection, Stereo, Surround, View, ViewError};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -64,6 +65,8 @@ pub struct SceneFile {
     pub labels: Option<PathBuf>,
     /// The window's panels.
     pub panels: Panels,
+    /// What the window plots; the usual where it is `None`.
+    pub plot: Option<PlotSettings>,
     /// What a tour's picture has beyond a scene.
     pub film: Option<Film>,
 }
@@ -85,6 +88,8 @@ with_look_fields!(define_look_text! { written SceneText of SceneFile, attribute 
     labels: Option<PathBuf>,
     #[serde(default)]
     panels: Panels,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    plot: Option<PlotSettings>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     film: Option<Film>,
 }});
@@ -172,6 +177,7 @@ impl SceneFile {
             bookmarks: Vec::new(),
             labels: None,
             panels: Panels::default(),
+            plot: None,
             film: None,
         }
     }

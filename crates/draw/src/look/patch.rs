@@ -310,7 +310,9 @@ impl LookPatch {
         let scales = |look: &LookPatch| {
             look.transfer.as_ref().map(|transfer| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale)))
         };
+        let fields = |look: &LookPatch| look.mode_of_settings().technique.fields(&look.settings);
         self.mode == other.mode
+            && fields(self) == fields(other)
             && self.attribute == other.attribute
             && self.families == other.families
             && scales(self) == scales(other)

@@ -39,7 +39,7 @@ pub struct PictureConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Residency {
-    /// For decoded chunks of heights, mebibytes.
+    /// For pages of particles, with what is decoded of them at a time, and for decoded chunks of heights, mebibytes.
     pub budget_mib: Option<u64>,
 }
 

@@ -1,6 +1,6 @@
 //! A mode as the user has set it, applied to data: weights and attributes of particles and of codebook entries.
 
-use super::{Columns, Conserved, Footprint, LevelChoice, Levels, Mode, Needs, Settings, lod_budget};
+use super::{Adapter, Columns, Conserved, Footprint, LevelChoice, Levels, Mode, Needs, Settings, lod_budget};
 use crate::codec::Codebook;
 use crate::color::transfer::{Range, Scale, TransferFunction};
 use crate::hierarchy::Purpose;
@@ -42,6 +42,8 @@ pub struct CodeTable {
     pub attribute: Option<Vec<f32>>,
     /// The particles' own densities, if the mode draws with them.
     pub density: Option<Vec<f32>>,
+    /// The columns whose fields are drawn ([`super::Technique::fields`]); NaN for what has no value.
+    pub fields: Vec<Vec<f32>>,
     /// How much a particle's absence would show; see [`lod_budget::importance`].
     pub importance: Vec<f32>,
     /// The largest of them.
@@ -57,6 +59,8 @@ pub struct SourceColumns {
     pub attribute: Option<Vec<f32>>,
     /// The particles' own densities, if the mode draws with them.
     pub density: Option<Vec<f32>>,
+    /// The columns whose fields are drawn ([`super::Technique::fields`]); NaN for what has no value.
+    pub fields: Vec<Vec<f32>>,
 }
 
 impl Depiction {
@@ -81,6 +85,11 @@ impl Depiction {
         let mut names: Vec<&str> = columns.clone().map(|(info, _)| info.name.as_str()).collect();
         names.sort_unstable();
         names.dedup();
+        for field in mode.technique.fields(&settings) {
+            if !names.contains(&field.as_str()) {
+                return Err(format!("field {field} is not in the data, expected one of {}", names.join(", ")));
+            }
+        }
         let attribute = match mode.attribute(attribute, &names) {
             Some(name) if !names.contains(&name) => {
                 return Err(format!("attribute {name} is not in the data, expected one of {}", names.join(", ")));
@@ -113,6 +122,14 @@ impl Depiction {
             hue.scale = Scale::Linear;
         }
         transfer
+    }
+
+    /// What draws it on an adapter.
+    pub fn adapter(&self) -> Adapter {
+        match self.mode.technique.is_processors(&self.settings) {
+            true => Adapter::None,
+            false => self.mode.technique.adapter(),
+        }
     }
 
     /// What the mode's technique needs with these settings.
@@ -179,12 +196,12 @@ impl Depiction {
 
     /// What the codes of a codebook of `family` stand for.
     pub fn table(&self, family: &FamilyMetadata, codebook: &Codebook) -> CodeTable {
-        let SourceColumns { weight, attribute, density } = self.columns_of(family, codebook);
+        let SourceColumns { weight, attribute, density, fields } = self.columns_of(family, codebook);
         let pairs = codebook.mass.iter().zip(&codebook.smoothing_length);
         let importance: Vec<f32> = pairs.map(|(&m, &h)| lod_budget::importance(m, h)).collect();
         let most_important = importance.iter().copied().fold(0.0, f32::max);
         let smoothing_length = codebook.smoothing_length.clone();
-        CodeTable { smoothing_length, weight, attribute, density, importance, most_important }
+        CodeTable { smoothing_length, weight, attribute, density, fields, importance, most_important }
     }
 
     /// The factor on the decoded weights of `node` that makes them add up to what the node stands for.
@@ -214,13 +231,23 @@ impl Depiction {
 
     /// Weights and attributes of particles.
     pub fn values_of(&self, columns: &Columns<'_>) -> SourceColumns {
-        let weight = (self.mode.weight)(columns);
+        let fields = self.mode.technique.fields(&self.settings);
+        let weight = if fields.is_empty() { (self.mode.weight)(columns) } else { volumes(columns) };
+        let field = |name: &String| columns.named(name).map_or_else(|| vec![f32::NAN; weight.len()], <[f32]>::to_vec);
+        let fields = fields.iter().map(field).collect();
         let attribute = self.attribute.as_ref().map(|coloring| match columns.named(&coloring.name) {
             Some(values) => values.iter().map(|&a| if a.is_finite() { a } else { coloring.fallback }).collect(),
             None => vec![coloring.fallback; weight.len()],
         });
-        SourceColumns { weight, attribute, density: self.needs().densities.then(|| columns.density.to_vec()) }
+        let density = self.needs().densities.then(|| columns.density.to_vec());
+        SourceColumns { weight, attribute, density, fields }
     }
+}
+
+/// The space that particles stand for, `m / rho`; none for those of no density.
+fn volumes(columns: &Columns<'_>) -> Vec<f32> {
+    let of_one = |(mass, density): (&f32, &f32)| if *density > 0.0 { mass / density } else { 0.0 };
+    columns.mass.iter().zip(columns.density).map(of_one).collect()
 }
 
 #[cfg(test)]

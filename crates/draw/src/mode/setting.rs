@@ -40,6 +40,11 @@ pub enum SettingKind {
         /// The names; the first is the value unless set.
         options: &'static [&'static str],
     },
+    /// The name of a column of the particles: an attribute's, or one that all have (`density`, `mass`, `smoothing-length`).
+    Column {
+        /// The name unless set.
+        default: &'static str,
+    },
     /// A list of numbers, each within a range, both ends included; empty unless set.
     Numbers {
         /// Smallest value of each.
@@ -131,6 +136,7 @@ impl Setting {
             SettingKind::Number { default, .. } => SettingValue::Number(default),
             SettingKind::Flag { default } => SettingValue::Flag(default),
             SettingKind::Choice { options } => SettingValue::Name(options.first().copied().unwrap_or_default().into()),
+            SettingKind::Column { default } => SettingValue::Name(default.into()),
             SettingKind::Numbers { .. } | SettingKind::Colors { .. } => SettingValue::Numbers(Vec::new()),
         }
     }
@@ -141,6 +147,7 @@ impl Setting {
             SettingKind::Number { min, max, .. } => format!("a number from {} to {}", brief(min), brief(max)),
             SettingKind::Flag { .. } => "true or false".into(),
             SettingKind::Choice { options } => format!("one of {}", options.join(", ")),
+            SettingKind::Column { .. } => "the name of an attribute, density, mass or smoothing-length".into(),
             SettingKind::Numbers { min, max, most } => {
                 format!("a list of up to {most} numbers from {} to {}", brief(min), brief(max))
             }
@@ -157,6 +164,7 @@ impl Setting {
             (SettingKind::Number { min, max, .. }, SettingValue::Number(number)) => (min..=max).contains(number),
             (SettingKind::Flag { .. }, SettingValue::Flag(_)) => true,
             (SettingKind::Choice { options }, SettingValue::Name(name)) => options.contains(&name.as_str()),
+            (SettingKind::Column { .. }, SettingValue::Name(name)) => !name.is_empty(),
             (SettingKind::Numbers { min, max, most }, SettingValue::Numbers(numbers)) => {
                 numbers.len() <= most && numbers.iter().all(|number| (min..=max).contains(number))
             }
@@ -296,10 +304,13 @@ mod tests {
         };
         check(r##"{"isovalues": [0.1, 3.0], "iso-colors": ["#ff8000", "#00Ff00"], "kernel": "poly6"}"##).unwrap();
         check(r#"{"isovalues": [], "iso-colors": []}"#).unwrap();
+        check(r#"{"surface-field": "temperature"}"#).unwrap();
         for (wrong, part) in [
             (r#"{"isovalues": [-1e39]}"#, "isovalues is [-1000"),
             (r#"{"isovalues": 3.0}"#, "isovalues is 3, expected a list"),
             (r##"{"iso-colors": ["red"]}"##, "iso-colors is [red], expected a list of up to 8 colours"),
+            (r#"{"surface-field": ""}"#, "surface-field is , expected the name of an attribute, density, mass or"),
+            (r#"{"surface-field": 1.0}"#, "surface-field is 1, expected the name of an attribute"),
             (r#"{"kernel": "gauss"}"#, "kernel is gauss, expected one of data, cubic-spline, poly6, quartic-spline, "),
             (r#"{"presence": 2.0}"#, "isosurface has no setting presence"),
         ] {

@@ -13,7 +13,7 @@ use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
 use crate::cpu::volume::{
     Classifier, FieldRange, Light, Scenery, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
 };
-use crate::cpu::{Counts, SplatOptions, Splats, among, draw_counted};
+use crate::cpu::{Counts, SplatOptions, Splats, Summation, among, draw_counted};
 use crate::hierarchy::Purpose;
 use crate::model::{Bounds, Kernel};
 use crate::view::{Detail, View};
@@ -110,6 +110,17 @@ pub trait Technique: Sync {
     /// What draws it on an adapter.
     fn adapter(&self) -> Adapter {
         Adapter::None
+    }
+
+    /// The columns of particles whose fields it draws with these settings, by their names; particles weigh their volumes `m / rho` then, in
+    /// place of what the mode has them weigh. None: what it draws is made of these weights.
+    fn fields(&self, _settings: &Settings) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Whether nothing but the processor draws it with these settings, whatever [`Technique::adapter`] says.
+    fn is_processors(&self, settings: &Settings) -> bool {
+        !self.fields(settings).is_empty()
     }
 
     /// Whether [`Technique::draw`] draws.
@@ -222,6 +233,12 @@ pub trait Technique: Sync {
     /// [`VolumeError`] for settings that do not fit the data or each other.
     fn field_parts(&self, _job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
         Err(VolumeError::OnlyAlone)
+    }
+
+    /// What draws on the processor a picture whose batches are not all there at once: it is given them in their order, and the job's own do
+    /// not count. `None` where a picture needs all of them, as all but sums do.
+    fn summation(&self, _job: &Job<'_>) -> Option<Summation> {
+        None
     }
 
     /// Draws on the processor; [`super::Mode::draw`] calls it for techniques that do.
@@ -461,6 +478,10 @@ impl Technique for SplatSums {
 
     fn meets_surfaces(&self) -> bool {
         true
+    }
+
+    fn summation(&self, job: &Job<'_>) -> Option<Summation> {
+        job.paths.is_none().then(|| Summation::new(job.view, &job.options))
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {

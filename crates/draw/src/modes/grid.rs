@@ -1,6 +1,7 @@
 //! What the modes of the perspective grid (F12 chapter 5) share: their settings, and how these become a picture.
 
 use super::samples;
+use super::volume_fields::{self, VolumeFields};
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
 use crate::cpu::paths::PathFragments;
@@ -121,12 +122,35 @@ pub static OPACITY: Setting = Setting {
     kind: SettingKind::Number { min: 0.001, max: 2000.0, default: 1.0 },
     help: "how opaque the volume is: 2 is twice as much matter",
 };
+/// Whose values a volume shows.
+pub static FIELD: Setting = Setting {
+    name: "field",
+    unit: "",
+    kind: SettingKind::Column { default: volume_fields::DENSITY },
+    help: "what the volume shows of particles, and the transfer function's range is of: their density, or an attribute between them",
+};
+/// Whose values are the same on a surface.
+pub static SURFACE_FIELD: Setting = Setting {
+    name: "surface-field",
+    unit: "",
+    kind: SettingKind::Column { default: volume_fields::DENSITY },
+    help: "what isosurfaces are drawn of, and isovalues are of: the particles' density, or an attribute between them",
+};
+/// How attributes are read between particles.
+pub static FIELD_SUM: Setting = Setting {
+    name: "field-sum",
+    unit: "",
+    kind: SettingKind::Choice { options: &["normalised", volume_fields::PLAIN] },
+    help: "an attribute between particles: normalised, the mean weighted with volume; or plain, the sum over m A / rho W (F12 3.2), \
+           which falls to 0 where the gas ends",
+};
 /// Densities of the surfaces.
 pub static ISOVALUES: Setting = Setting {
     name: "isovalues",
     unit: "",
     kind: SettingKind::Numbers { min: -1e38, max: 1e38, most: volume::surface::MOST_SURFACES },
-    help: "densities of the isosurfaces (of images and volumes: values), in the data's units; without any they are chosen from the data",
+    help: "densities of the isosurfaces (values of another surface-field, of images and volumes), in the data's units; without any they are \
+           chosen from the data",
 };
 /// Their opacities.
 pub static ISO_OPACITIES: Setting = Setting {
@@ -149,19 +173,26 @@ pub static LIGHTING: Setting = Setting {
     kind: SettingKind::Flag { default: true },
     help: "isosurfaces are lit by a lamp at the eye",
 };
+/// Whether the volume itself is lit.
+pub static VOLUME_LIGHTING: Setting = Setting {
+    name: "volume-lighting",
+    unit: "",
+    kind: SettingKind::Flag { default: false },
+    help: "the volume itself is lit by a lamp at the eye, by the gradients of its values (F12 5.6)",
+};
 /// Light from everywhere.
 pub static AMBIENT: Setting = Setting {
     name: "ambient",
     unit: "",
     kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.12 },
-    help: "share of a surface's colour that is seen without light",
+    help: "share of a lit colour that is seen without light",
 };
 /// The highlight.
 pub static SPECULAR: Setting = Setting {
     name: "specular",
     unit: "",
     kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.15 },
-    help: "strength of the highlight on surfaces that face the eye",
+    help: "strength of the highlight where surfaces and gradients face the eye",
 };
 /// The highlight's exponent.
 pub static SHININESS: Setting = Setting {
@@ -179,6 +210,8 @@ pub static GRID: &[&Setting] = &[&RESOLUTION, &DETAIL, &LAMBDA, &SLAB_MEMORY, &O
 pub static SURFACES: &[&Setting] = &[&ISOVALUES, &ISO_OPACITIES, &ISO_COLORS];
 /// The light on surfaces.
 pub static LIGHT: &[&Setting] = &[&LIGHTING, &AMBIENT, &SPECULAR, &SHININESS];
+/// The light in a volume without surfaces.
+pub static LIGHT_OF_VOLUME: &[&Setting] = &[&VOLUME_LIGHTING, &AMBIENT, &SPECULAR, &SHININESS];
 
 /// What is drawn of a volume.
 #[derive(Clone, Copy, Debug)]
@@ -257,9 +290,7 @@ impl Look {
     /// The colour map's colour of a surface at a density, linear light. The map's dark end is no colour for a surface.
     pub fn surface_color(&self, gradient: &[[f32; 3]], density: f64) -> [f32; 3] {
         let [min, max] = self.levels.density;
-        let place = ((density / min).ln() / (max / min).ln()).clamp(0.0, 1.0);
-        let index = (55.0 + 200.0 * place) / 255.0 * gradient.len().saturating_sub(1) as f64;
-        gradient.get(index.round() as usize).map_or([1.0; 3], |color| color.map(to_linear))
+        color_at(gradient, ((density / min).ln() / (max / min).ln()).clamp(0.0, 1.0))
     }
 
     /// What is drawn, and the isosurfaces' densities.
@@ -269,10 +300,7 @@ impl Look {
     pub fn scenery(&self, terms: &Terms<'_>, layers: Layers) -> Result<(Scenery, Vec<f64>), VolumeError> {
         let settings = terms.settings;
         let isovalues = settings.numbers(&ISOVALUES);
-        let possible = |value: f64| value > 0.0 && value <= terms.densest;
-        if let Some((index, &value)) = isovalues.iter().enumerate().find(|(_, value)| !possible(**value)) {
-            return Err(VolumeError::IsoValue { index, value, largest: terms.densest });
-        }
+        check_densities(isovalues, terms.densest)?;
         let chosen: Vec<f64> = match isovalues {
             _ if layers.surfaces.is_empty() => Vec::new(),
             [] => layers.surfaces.iter().map(|&(place, _)| self.density_at(place)).collect(),
@@ -285,9 +313,28 @@ impl Look {
             volume: layers.volume,
             surfaces: surfaces(settings, &chosen, &layers, self.classifier.has_hues(), color)?,
             light: light(settings),
+            volume_light: volume_light(settings),
             termination: settings.number(&TERMINATION) as f32,
         };
         Ok((scenery, chosen))
+    }
+}
+
+/// The colour of a colour map, of which there are some, for a surface at a place of its range, linear light. The map's dark end is none.
+pub fn color_at(gradient: &[[f32; 3]], place: f64) -> [f32; 3] {
+    let index = (55.0 + 200.0 * place) / 255.0 * gradient.len().saturating_sub(1) as f64;
+    gradient.get(index.round() as usize).map_or([1.0; 3], |color| color.map(to_linear))
+}
+
+/// Whether there are surfaces of densities at these values.
+///
+/// # Errors
+/// [`VolumeError::IsoValue`] for the first at which there can be none.
+pub fn check_densities(isovalues: &[f64], largest: f64) -> Result<(), VolumeError> {
+    let is_possible = |value: f64| value > 0.0 && value <= largest;
+    match isovalues.iter().enumerate().find(|(_, value)| !is_possible(**value)) {
+        Some((index, &value)) => Err(VolumeError::IsoValue { index, value, largest }),
+        None => Ok(()),
     }
 }
 
@@ -328,11 +375,20 @@ pub fn surfaces(
 
 /// The light on surfaces; `None` where they are not lit.
 pub fn light(settings: &Settings) -> Option<Light> {
-    settings.flag(&LIGHTING).then(|| Light {
+    settings.flag(&LIGHTING).then(|| lamp(settings))
+}
+
+/// The light in the volume itself; `None` where it is not lit.
+pub fn volume_light(settings: &Settings) -> Option<Light> {
+    settings.flag(&VOLUME_LIGHTING).then(|| lamp(settings))
+}
+
+fn lamp(settings: &Settings) -> Light {
+    Light {
         ambient: settings.number(&AMBIENT) as f32,
         specular: settings.number(&SPECULAR) as f32,
         shininess: settings.number(&SHININESS) as f32,
-    })
+    }
 }
 
 /// The detail in which the nodes of data within these bounds are drawn. An automatic near plane is not known before nodes
@@ -371,8 +427,18 @@ impl Technique for Marched {
         true
     }
 
+    fn fields(&self, settings: &Settings) -> Vec<String> {
+        volume_fields::names(settings, &self.0)
+    }
+
     fn adapter(&self) -> Adapter {
         Adapter::Light
+    }
+
+    fn own_levels(&self, job: &Job<'_>) -> Option<VolumeLevels> {
+        let names = self.fields(job.settings);
+        let fields = || VolumeFields::new(job, &self.0, &names).ok();
+        (!names.is_empty()).then(fields).flatten().map(|fields| fields.levels)
     }
 
     fn takes_paths(&self) -> bool {
@@ -380,6 +446,9 @@ impl Technique for Marched {
     }
 
     fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        if self.is_processors(terms.settings) {
+            return Ok(None);
+        }
         let look = Look::of(terms, ranges)?;
         let (scenery, isovalues) = look.scenery(terms, self.0)?;
         Ok(Some(LightPlan { passes: LightPasses::March(scenery, look.options), levels: look.levels, isovalues }))
@@ -410,6 +479,10 @@ impl Technique for Marched {
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
+        let names = self.fields(job.settings);
+        if !names.is_empty() {
+            return Ok(Raw::Light(VolumeFields::new(job, &self.0, &names)?.draw(job)));
+        }
         let look = Look::new(job)?;
         let (scenery, isovalues) = look.scenery(&job.terms(), self.0)?;
         let (colors, report) = volume::draw_with_paths(job.view, job.batches, &scenery, &look.options, job.paths)?;

@@ -6,8 +6,15 @@ use crate::mode::Mode;
 /// Particles weigh their mass, so that their sum with the kernel is the density.
 pub static MODE: Mode = Mode {
     name: "isosurface",
-    help: "surfaces of equal density, lit from the eye; coloured by their density or by an attribute",
-    settings: &[grid::SURFACES, grid::LIGHT, grid::GRID, grid::COMMON, samples::SAMPLES],
+    help: "surfaces of equal density or of another field, lit from the eye; coloured by its value or by an attribute",
+    settings: &[
+        &[&grid::SURFACE_FIELD, &grid::FIELD_SUM],
+        grid::SURFACES,
+        grid::LIGHT,
+        grid::GRID,
+        grid::COMMON,
+        samples::SAMPLES,
+    ],
     technique: &grid::Marched(grid::Layers::SURFACES),
     ..grid::MODE
 };

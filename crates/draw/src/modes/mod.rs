@@ -18,6 +18,7 @@ pub mod sorted_splats;
 pub mod spheres;
 pub mod surface;
 pub mod volume;
+pub mod volume_fields;
 pub mod volume_isosurface;
 pub mod xray;
 

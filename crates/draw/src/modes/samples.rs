@@ -148,9 +148,7 @@ impl FieldLook {
     fn scenery(&self, settings: &Settings, layers: &Layers) -> Result<Scenery, VolumeError> {
         let gradient = self.transfer.color_map.sample(256);
         let color = |value: f64| {
-            let place = f64::from(self.transfer.scale.place(value as f32, self.levels.density));
-            let index = (55.0 + 200.0 * place) / 255.0 * gradient.len().saturating_sub(1) as f64;
-            gradient.get(index.round() as usize).map_or([1.0; 3], |color| color.map(to_linear))
+            grid::color_at(&gradient, f64::from(self.transfer.scale.place(value as f32, self.levels.density)))
         };
         let mut surfaces = grid::surfaces(settings, &self.isovalues, layers, self.classifier.has_hues(), color)?;
         surfaces.iter_mut().zip(&self.isovalues).for_each(|(surface, value)| {
@@ -161,6 +159,7 @@ impl FieldLook {
             volume: layers.volume,
             surfaces,
             light: grid::light(settings),
+            volume_light: grid::volume_light(settings),
             termination: settings.number(&grid::TERMINATION) as f32,
         })
     }

@@ -6,8 +6,14 @@ use crate::mode::Mode;
 /// Particles weigh their mass, so that their sum with the kernel is the density.
 pub static MODE: Mode = Mode {
     name: "volume",
-    help: "a volume that emits and absorbs light along each ray: dense gas bright and opaque; hue from an attribute",
-    settings: &[&[&grid::OPACITY], grid::GRID, grid::COMMON, samples::SAMPLES],
+    help: "a volume that emits and absorbs light along each ray: dense gas bright and opaque, or another field; hue from an attribute",
+    settings: &[
+        &[&grid::OPACITY, &grid::FIELD, &grid::FIELD_SUM],
+        grid::LIGHT_OF_VOLUME,
+        grid::GRID,
+        grid::COMMON,
+        samples::SAMPLES,
+    ],
     technique: &grid::Marched(grid::Layers::VOLUME),
     ..grid::MODE
 };

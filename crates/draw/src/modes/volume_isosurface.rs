@@ -6,8 +6,16 @@ use crate::mode::Mode;
 /// Particles weigh their mass, so that their sum with the kernel is the density.
 pub static MODE: Mode = Mode {
     name: "volume-isosurface",
-    help: "surfaces of equal density within a volume that emits and absorbs light",
-    settings: &[&[&grid::OPACITY], grid::SURFACES, grid::LIGHT, grid::GRID, grid::COMMON, samples::SAMPLES],
+    help: "surfaces of equal density or of another field within a volume that emits and absorbs light",
+    settings: &[
+        &[&grid::OPACITY, &grid::FIELD, &grid::SURFACE_FIELD, &grid::FIELD_SUM],
+        grid::SURFACES,
+        grid::LIGHT,
+        &[&grid::VOLUME_LIGHTING],
+        grid::GRID,
+        grid::COMMON,
+        samples::SAMPLES,
+    ],
     technique: &grid::Marched(grid::Layers::BOTH),
     ..grid::MODE
 };

@@ -43,6 +43,17 @@ pub trait Adapter: Send + Sync {
     /// [`VolumeError::Device`]: what is missing.
     fn surface(&mut self, job: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError>;
 
+    /// The same, with the number of what each of the picture's samples shows ([`Shown::pack`](crate::cpu::surface::raster::Shown::pack)), row by
+    /// row, and [`NO_NUMBER`](crate::cpu::surface::raster::NO_NUMBER) where nothing is; without colours where they are not wanted.
+    ///
+    /// # Errors
+    /// As [`Adapter::surface`].
+    fn surface_seen(
+        &mut self,
+        job: Arc<AdapterSurface>,
+        is_colored: bool,
+    ) -> Result<(AdapterFrame, Vec<u32>), VolumeError>;
+
     /// Between which values the mass of the nodes' field lies.
     ///
     /// # Errors
@@ -221,11 +232,12 @@ pub fn draws_fields(
 /// # Errors
 /// What draws the mode, where the backend that is asked for does not.
 pub fn passes(
-    mode: &Mode,
+    depiction: &Depiction,
     backend: Option<Backend>,
     adapter: Option<&mut (dyn Adapter + 'static)>,
 ) -> Result<Option<Passes>, String> {
     use mode::Adapter as Has;
+    let mode = depiction.mode;
     let on_processor = mode.technique.on_processor();
     let only = |names: &str| Err(format!("--backend: only {names} the mode {}", mode.name));
     let Some(adapter) = adapter else {
@@ -234,12 +246,15 @@ pub fn passes(
             _ => Ok(None),
         };
     };
-    match (backend, mode.technique.adapter()) {
+    match (backend, depiction.adapter()) {
         (Some(Backend::Cpu), _) | (None, Has::None) => Ok(None),
         (Some(Backend::Compute), Has::Splats | Has::Plugin | Has::Light) => Ok(Some(Passes::Compute)),
         (Some(Backend::Raster), Has::Splats) => Ok(Some(Passes::Raster)),
         (Some(_), Has::Plugin) if !on_processor => only("compute draws"),
         (Some(_), Has::Plugin | Has::Light) => only("compute and cpu draw"),
+        (Some(_), _) if mode.technique.is_processors(&depiction.settings) => {
+            Err(format!("--backend: only cpu draws the mode {} with these settings", mode.name))
+        }
         (Some(_), _) => only("cpu draws"),
         (None, Has::Splats) => Ok(adapter.is_card().then_some(Passes::Best)),
         (None, Has::Light) => Ok(adapter.is_card().then_some(Passes::Compute)),

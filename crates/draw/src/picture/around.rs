@@ -106,7 +106,8 @@ impl SharedLook {
         };
         depiction.mode.technique.for_panorama(settings, all, subject.metadata.kernel);
         let mut transfer = subject.transfer.clone();
-        if transfer.numbers().is_none() {
+        // Of other fields than the density ranges are not found here.
+        if transfer.numbers().is_none() && depiction.mode.technique.fields(settings).is_empty() {
             let flat = |_| VolumeError::Grid(GridError::NothingInView);
             let options = VolumeOptions { kernel: subject.metadata.kernel, ..VolumeOptions::default() };
             let FieldRange { density, attribute } =
@@ -143,7 +144,7 @@ impl SharedLook {
                     Sizes::Ellipsoids(covariances) => Extent::Ellipsoids(covariances),
                 };
                 let same = Splats::new(batch.positions(), extent, batch.weight(), batch.attribute())?;
-                same.with_traits(batch.traits()).with_density(density.as_deref())
+                same.with_traits(batch.traits()).with_density(density.as_deref())?.with_fields(batch.fields())
             }
         });
         let batches = batches.collect::<Result<Vec<_>, SplatError>>()?;

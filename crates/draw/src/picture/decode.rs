@@ -37,6 +37,7 @@ pub struct DecodedNode<'a> {
     weight: Vec<f32>,
     attribute: Option<Vec<f32>>,
     density: Option<Vec<f32>>,
+    fields: Vec<Vec<f32>>,
     /// `None` where the view leaves out all.
     reach: Option<view::Extent>,
     traits: Option<NodeTraits>,
@@ -45,7 +46,7 @@ pub struct DecodedNode<'a> {
 impl<'a> DecodedNode<'a> {
     /// All of a node that holds particles of its own, displaced by `offset`; what is as the node holds it is borrowed.
     fn whole(held: Cow<'a, Particles>, columns: SourceColumns, scale: f32, offset: DVec3) -> DecodedNode<'a> {
-        let SourceColumns { mut weight, attribute, density } = columns;
+        let SourceColumns { mut weight, attribute, density, fields } = columns;
         if scale != 1.0 {
             weight.iter_mut().for_each(|weight| *weight *= scale);
         }
@@ -59,7 +60,16 @@ impl<'a> DecodedNode<'a> {
             let moved = |&place: &[f64; 3]| (DVec3::from_array(place) + offset).to_array();
             places = places.par_iter().map(moved).collect::<Vec<_>>().into();
         }
-        DecodedNode { places, covariances, smoothing_length, weight, attribute, density, ..DecodedNode::default() }
+        DecodedNode {
+            places,
+            covariances,
+            smoothing_length,
+            weight,
+            attribute,
+            density,
+            fields,
+            ..DecodedNode::default()
+        }
     }
 
     /// Particles of a node's own with the factors of a sample on their weights, of which there is one for each, displaced by `offset`.
@@ -77,6 +87,7 @@ impl<'a> DecodedNode<'a> {
             weight: table.weight.iter().zip(factors).map(|(weight, factor)| factor * (scale * weight)).collect(),
             attribute: table.attribute.clone(),
             density: table.density.clone(),
+            fields: table.fields.clone(),
             ..DecodedNode::default()
         }
     }
@@ -86,6 +97,7 @@ impl<'a> DecodedNode<'a> {
         let mut out = DecodedNode {
             attribute: table.attribute.as_ref().map(|_| Vec::new()),
             density: table.density.as_ref().map(|_| Vec::new()),
+            fields: vec![Vec::new(); table.fields.len()],
             ..DecodedNode::default()
         };
         let (mut places, mut lengths) = (Vec::new(), Vec::new());
@@ -100,6 +112,7 @@ impl<'a> DecodedNode<'a> {
                     out.push(column[i]);
                 }
             }
+            out.fields.iter_mut().zip(&table.fields).for_each(|(out, column)| out.push(column[i]));
         });
         DecodedNode { places: places.into(), smoothing_length: lengths.into(), ..out }
     }
@@ -113,6 +126,7 @@ impl<'a> DecodedNode<'a> {
             let mut out = DecodedNode { origin: node.frame.min, size: node.frame.size, ..DecodedNode::default() };
             out.attribute = table.attribute.as_ref().map(|_| Vec::new());
             out.density = table.density.as_ref().map(|_| Vec::new());
+            out.fields = vec![Vec::new(); table.fields.len()];
             let mut lengths = Vec::new();
             let code = |i: u32| usize::from(particles.codes[i as usize]);
             let importance = |i: u32| table.importance[code(i)];
@@ -126,6 +140,7 @@ impl<'a> DecodedNode<'a> {
                         out.push(column[code(i)]);
                     }
                 }
+                out.fields.iter_mut().zip(&table.fields).for_each(|(out, column)| out.push(column[code(i)]));
             });
             return DecodedNode { smoothing_length: lengths.into(), ..out };
         }
@@ -141,6 +156,7 @@ impl<'a> DecodedNode<'a> {
             weight: particles.codes.iter().map(|&code| scale * table.weight[usize::from(code)]).collect(),
             attribute: table.attribute.as_deref().map(at),
             density: table.density.as_deref().map(at),
+            fields: table.fields.iter().map(|column| at(column)).collect(),
             reach: None,
             traits: None,
         }
@@ -151,6 +167,27 @@ impl DecodedNode<'_> {
     /// Number of particles that are drawn.
     pub fn len(&self) -> usize {
         self.weight.len()
+    }
+
+    /// The same without what it borrows.
+    pub(super) fn into_owned(self) -> DecodedNode<'static> {
+        let DecodedNode { origin, size, offsets, weight, attribute, density, fields, reach, traits, .. } = self;
+        let (places, covariances) = (self.places.into_owned().into(), self.covariances.into_owned().into());
+        let smoothing_length = self.smoothing_length.into_owned().into();
+        DecodedNode {
+            origin,
+            size,
+            offsets,
+            places,
+            covariances,
+            smoothing_length,
+            weight,
+            attribute,
+            density,
+            fields,
+            reach,
+            traits,
+        }
     }
 
     /// Weights, the sample's factor included.
@@ -170,8 +207,8 @@ impl DecodedNode<'_> {
 
     /// Drops the particles that the view leaves out, and fades the others.
     fn cut(&mut self, view: &View) {
-        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, attribute, density, reach, .. } =
-            self;
+        let DecodedNode { origin, size, offsets, places, smoothing_length, weight, reach, .. } = self;
+        let DecodedNode { attribute, density, fields, .. } = self;
         let (places, smoothing_length) = (places.to_mut(), smoothing_length.to_mut());
         let covariances = self.covariances.to_mut();
         *reach = reach.and_then(|reach| reach.within(&view.cut.bounds));
@@ -193,7 +230,7 @@ impl DecodedNode<'_> {
                 covariances[kept] = covariances[i];
             }
             weight[kept] = (f64::from(weight[i]) * view.fade(position)) as f32;
-            for column in [&mut *attribute, &mut *density].into_iter().flatten() {
+            for column in [&mut *attribute, &mut *density].into_iter().flatten().chain(&mut *fields) {
                 column[kept] = column[i];
             }
             kept += 1;
@@ -202,7 +239,7 @@ impl DecodedNode<'_> {
         places.truncate(kept);
         covariances.truncate(kept);
         let columns = [Some(smoothing_length), Some(weight), attribute.as_mut(), density.as_mut()];
-        columns.into_iter().flatten().for_each(|column| column.truncate(kept));
+        columns.into_iter().flatten().chain(fields).for_each(|column| column.truncate(kept));
     }
 
     /// Replaces the attribute; it has one value for each particle.
@@ -360,7 +397,8 @@ pub fn batches<'a>(depiction: &Depiction, nodes: &'a [DecodedNode<'_>]) -> Resul
                 &node.weight,
                 node.attribute.as_deref(),
             )?;
-            Ok(batch.with_density(node.density.as_deref())?.with_reach(node.reach).with_traits(node.traits))
+            let batch = batch.with_density(node.density.as_deref())?.with_fields(&node.fields)?;
+            Ok(batch.with_reach(node.reach).with_traits(node.traits))
         })
         .collect()
 }

@@ -38,7 +38,19 @@ impl LevelReport {
 /// differ in space from the particles they stand for ([`crate::hierarchy::pca::members::misfit`]), which projection does not enlarge. What
 /// codes round comes on top, and is far below it. `None` for weights other than mass, whose sums the hierarchy has no bounds for.
 pub fn bound(view: &View, depiction: &Depiction, nodes: &[SceneNode], total: f64) -> Option<f64> {
-    bound_of(depiction, nodes, total, |bounds, size| {
+    bound_of(depiction, misfit_in(view, nodes), total)
+}
+
+/// The same of a panorama about an eye, over the solid angle; `total`: the integral of its sums over that.
+pub fn bound_around(eye: DVec3, depiction: &Depiction, nodes: &[SceneNode], total: f64) -> Option<f64> {
+    let misfit =
+        misfit_of(nodes, |bounds, size| eye.distance(eye.clamp(bounds.min, bounds.max)).max(0.5 * size).recip());
+    bound_of(depiction, misfit, total)
+}
+
+/// How much the sums of nodes in a view, over all pixels, may differ from those of all leaves: that of several nodes is the sum of theirs.
+pub fn misfit_in(view: &View, nodes: &[SceneNode]) -> f64 {
+    misfit_of(nodes, |bounds, size| {
         let nearest = || view.nearest_depth(&Extent { bounds, margin: 0.0 }).max(0.5 * size);
         match view.projection {
             Projection::Orthographic { .. } => view.focal_pixels(),
@@ -47,29 +59,21 @@ pub fn bound(view: &View, depiction: &Depiction, nodes: &[SceneNode], total: f64
     })
 }
 
-/// The same of a panorama about an eye, over the solid angle; `total`: the integral of its sums over that.
-pub fn bound_around(eye: DVec3, depiction: &Depiction, nodes: &[SceneNode], total: f64) -> Option<f64> {
-    bound_of(depiction, nodes, total, |bounds, size| {
-        eye.distance(eye.clamp(bounds.min, bounds.max)).max(0.5 * size).recip()
-    })
-}
-
 /// The same where a world unit within a node of some bounds and size is so wide at most.
-fn bound_of(
-    depiction: &Depiction,
-    nodes: &[SceneNode],
-    total: f64,
-    widest: impl Fn(Bounds, f64) -> f64,
-) -> Option<f64> {
-    if depiction.mode.conserves != Conserved::Mass {
-        return None;
-    }
+fn misfit_of(nodes: &[SceneNode], widest: impl Fn(Bounds, f64) -> f64) -> f64 {
     let of = |drawn: &SceneNode| {
         let Some(node) = drawn.page.nodes.get(drawn.node.node as usize) else { return 0.0 };
         let Some(misfit) = misfit(drawn) else { return 0.0 };
         misfit * widest(node.bounds.moved(drawn.offset), node.frame.size).powi(2)
     };
-    let misfit: f64 = nodes.iter().map(of).sum();
+    nodes.iter().map(of).sum()
+}
+
+/// The bound that a misfit comes to, as [`bound`] says.
+pub fn bound_of(depiction: &Depiction, misfit: f64, total: f64) -> Option<f64> {
+    if depiction.mode.conserves != Conserved::Mass {
+        return None;
+    }
     let share = if misfit == 0.0 { 0.0 } else { misfit / total };
     Some((share + ROUNDING).min(2.0))
 }

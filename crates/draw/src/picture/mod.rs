@@ -29,6 +29,7 @@ pub mod source;
 pub mod splat_budget;
 pub mod stand_in;
 pub mod subject;
+pub mod summing;
 pub mod surface;
 mod times;
 

@@ -4,6 +4,8 @@
 //! direction, in pixels of the panorama's own rate. Within a number of splats they are selected once, for all faces and both eyes together:
 //! the number is that of the picture, and what one eye sees the other one sees, too.
 
+mod listed;
+
 use super::adapter::{Adapter, Passes};
 use super::adapter_faces;
 use super::around::{SharedLook, sketch, with_images};
@@ -34,6 +36,8 @@ const COLORS: Sampling = Sampling { oversampling: 1.0, density: 1.5, margin: 1 }
 pub(super) struct Means<'a> {
     /// What selects nodes.
     pub scene: &'a mut Scene,
+    /// Whether what a face of sums draws is not held at once.
+    pub lists: bool,
     /// An adapter, with the passes that draw the mode; else the processor draws.
     pub adapter: Option<(Passes, &'a mut (dyn Adapter + 'static))>,
     /// Who is told.
@@ -273,7 +277,7 @@ impl Projector {
         if depiction.mode.technique.tells_columns() {
             return Some("panoramas of splats over each other".into());
         }
-        let is_able = match depiction.mode.technique.adapter() {
+        let is_able = match depiction.adapter() {
             // Discs have as many pixels everywhere in a flat picture.
             mode::Adapter::Splats => matches!(depiction.footprint(), Footprint::Kernel),
             mode::Adapter::Light => true,
@@ -331,6 +335,13 @@ impl Projector {
             if is_decoded {
                 let (sums, counts) = subject.sum_batches(face.view, &seen_of(&decoded, &seen), pixel, surfaces)?;
                 tally.counts += counts;
+                return Ok(sums.into());
+            }
+            if whole.is_none()
+                && means.lists
+                && surfaces.is_none()
+                && let Some(sums) = listed::sums(means, subject, face, (&seen, tau), tally)?
+            {
                 return Ok(sums.into());
             }
             let own = match &whole {

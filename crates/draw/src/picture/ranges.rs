@@ -66,10 +66,18 @@ impl Session {
         let subject = Subject::new(metadata, &depiction, &transfer, 1.0);
         let levels = match format.surround.is_flat() {
             true => {
-                let selection = self.select(&depiction, &view, tau)?;
                 let lod_budget = look.budget.file_budget();
-                let plan = subject.plan(&view, &selection.nodes, &lod_budget, None)?;
-                subject.levels(&view, &subject.decode(&view, &selection.nodes, &plan), &plan)?
+                match self.listing(&subject, &view, tau, false)? {
+                    Some(listing) => {
+                        let plan = self.plan_listed(&subject, &view, &lod_budget, &listing)?;
+                        transfer.levels(&self.sums_of_listed(&subject, &view, &listing, &plan)?)
+                    }
+                    None => {
+                        let selection = self.select(&depiction, &view, tau)?;
+                        let plan = subject.plan(&view, &selection.nodes, &lod_budget, None)?;
+                        subject.levels_of_nodes(&view, &selection.nodes, &plan)?
+                    }
+                }
             }
             false => {
                 let projector = Projector::new(view, format.surround, None)?;

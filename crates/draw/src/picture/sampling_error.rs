@@ -49,13 +49,12 @@ pub(super) fn plan(
     lod_budget: &LodBudget,
     levels: Option<Levels>,
 ) -> Result<Plan, VolumeError> {
-    let &Subject { depiction, transfer, .. } = subject;
     let mut plan = Plan { culling: lod_budget.culling, ..Plan::default() };
     // Clusters were chosen as few as they may be.
     if has_clusters(nodes) {
         return Ok(plan);
     }
-    let thins = lod_budget.thinning > 0.0 && can_thin(depiction);
+    let thins = lod_budget.thinning > 0.0 && can_thin(subject.depiction);
     if !lod_budget.needs_levels() || (!thins && levels.is_some_and(|_| lod_budget.presence <= 0.0)) {
         return Ok(plan);
     }
@@ -63,15 +62,10 @@ pub(super) fn plan(
         plan.faintest = faintest(lod_budget, &levels);
         return Ok(plan);
     }
-    let mut pilot = Estimate::new(subject, view, nodes);
-    let picture = pilot.draw(1.0)?;
-    let levels = levels.unwrap_or_else(|| transfer.levels(&Accumulation { ps: Vec::new(), ..picture }));
-    plan.faintest = faintest(lod_budget, &levels);
-    if thins {
-        let curve = Curve::new(transfer, levels, depiction.attribute.is_some());
-        plan.keep = pilot.solve(lod_budget.thinning, &curve)?;
-    }
-    Ok(plan)
+    let particles = nodes.iter().map(|node| u64::from(node.page.nodes[node.node.node as usize].particles)).sum();
+    let mut pilot = Estimate::new(subject, view, particles);
+    pilot.add(nodes);
+    pilot.plan(lod_budget, levels)
 }
 
 fn faintest(lod_budget: &LodBudget, levels: &Levels) -> f32 {
@@ -79,20 +73,32 @@ fn faintest(lod_budget: &LodBudget, levels: &Levels) -> f32 {
 }
 
 /// Some particles of a picture, and what their absence would do.
-struct Estimate<'a> {
+pub(super) struct Estimate<'a> {
     subject: Subject<'a>,
+    /// The picture's view, and the pilot's.
+    whole: View,
     view: View,
-    nodes: Vec<DecodedNode<'a>>,
+    /// The share of the particles that the pilot draws.
+    share: f32,
+    nodes: Vec<DecodedNode<'static>>,
     /// For each particle `w min(integral of F^2, 1/pixel)`, and its probability for `c = 1`.
     columns: Vec<(Vec<f32>, Vec<f32>)>,
 }
 
 impl<'a> Estimate<'a> {
-    fn new(subject: &Subject<'a>, view: &View, nodes: &'a [SceneNode]) -> Estimate<'a> {
-        let Subject { metadata, depiction, .. } = *subject;
-        let particles: u64 =
-            nodes.iter().map(|node| u64::from(node.page.nodes[node.node.node as usize].particles)).sum();
+    /// Of a picture of nodes with so many particles.
+    pub fn new(subject: &Subject<'a>, view: &View, particles: u64) -> Estimate<'a> {
         let share = (PARTICLES / particles.max(1) as f64).min(1.0) as f32;
+        let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
+        let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
+        let pilot = view.resized(side(view.width), side(view.height));
+        Estimate { subject: *subject, whole: *view, view: pilot, share, nodes: Vec::new(), columns: Vec::new() }
+    }
+
+    /// Adds nodes of the picture, one after the other.
+    pub fn add(&mut self, nodes: &[SceneNode]) {
+        let Subject { metadata, depiction, .. } = self.subject;
+        let (view, share) = (&self.whole, self.share);
         let square = mean_square(metadata.kernel);
         // Each is as likely to be drawn as any other, and has its importance as attribute.
         let even = |table: CodeTable| CodeTable { attribute: Some(table.importance.clone()), ..table };
@@ -102,8 +108,7 @@ impl<'a> Estimate<'a> {
             if share < 1.0 { Sample { growth: 1.0, ..Sample::even(seed, share) } } else { Sample::ALL }
         };
         let decoded = cut(view, decode_some(depiction, metadata, nodes, even, Some(sample)));
-        let mut columns = Vec::with_capacity(decoded.len());
-        for (drawn, node) in nodes.iter().zip(&decoded) {
+        for (drawn, node) in nodes.iter().zip(decoded) {
             let family = &metadata.families[drawn.page.family as usize];
             let cell = drawn.page.nodes[drawn.node.node as usize].frame.bounds();
             let magnification = magnification(&view.of_image(drawn.offset), cell);
@@ -116,12 +121,25 @@ impl<'a> Estimate<'a> {
                 (own * (square / f64::from(h).powi(2)).min(magnification * magnification)) as f32
             });
             let probability = node.attribute().iter().map(|importance| factor * importance);
-            columns.push((variance.collect(), probability.collect()));
+            self.columns.push((variance.collect(), probability.collect()));
+            self.nodes.push(node.into_owned());
         }
-        let shrink = (f64::from(SIDE) / f64::from(view.width.max(view.height))).min(1.0);
-        let side = |pixels: u32| ((f64::from(pixels) * shrink).round() as u32).max(1);
-        let view = view.resized(side(view.width), side(view.height));
-        Estimate { subject: *subject, view, nodes: decoded, columns }
+    }
+
+    /// What `lod_budget` comes to, as [`plan`] says.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as the CPU renderer.
+    pub fn plan(mut self, lod_budget: &LodBudget, levels: Option<Levels>) -> Result<Plan, VolumeError> {
+        let Subject { depiction, transfer, .. } = self.subject;
+        let picture = self.draw(1.0)?;
+        let levels = levels.unwrap_or_else(|| transfer.levels(&Accumulation { ps: Vec::new(), ..picture }));
+        let mut plan = Plan { culling: lod_budget.culling, faintest: faintest(lod_budget, &levels), ..Plan::default() };
+        if lod_budget.thinning > 0.0 && can_thin(depiction) {
+            let curve = Curve::new(transfer, levels, depiction.attribute.is_some());
+            plan.keep = self.solve(lod_budget.thinning, &curve)?;
+        }
+        Ok(plan)
     }
 
     /// `P`, and in the attribute's channel `V` for thinning by `c`.

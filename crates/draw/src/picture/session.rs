@@ -5,6 +5,7 @@ mod clusters;
 mod flat;
 mod gaussian_splats;
 mod moments;
+mod passes;
 mod paths;
 mod projection;
 
@@ -36,7 +37,7 @@ use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod};
 use crate::modes;
 use crate::store::run::{RunSnapshot, RunTree};
 use crate::store::{InMemory, PageFile, RunFile, Tree};
-use crate::stream::{Scene, SceneSelection, first_frame};
+use crate::stream::{ResidencyStatistics, Scene, SceneSelection, first_frame};
 use crate::view::View;
 use crate::view::perspective_grid::GridError;
 use std::path::{Path, PathBuf};
@@ -82,6 +83,9 @@ pub struct SessionOptions {
     pub overdraw: Option<PathBuf>,
     /// Bytes that the samples of an image or a volume may take; more are thinned.
     pub memory: Option<u64>,
+    /// Bytes that pages of particles may take, with what is decoded of them at a time: sums whose pages do not fit are drawn in passes, all else is
+    /// drawn coarser then. `None`: whatever a picture needs is held at once.
+    pub page_memory: Option<u64>,
     /// Bytes that decoded chunks of heights may take.
     pub chunk_memory: Option<u64>,
     /// Whether the raw channels of heights are wanted, too.
@@ -132,6 +136,8 @@ pub struct Session {
     scene: Scene,
     /// What pages of what is open may take.
     budget_bytes: u64,
+    /// Whether sums whose pages take more are drawn in passes; else they are drawn coarser, as all else is.
+    draws_in_passes: bool,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
     /// How long the source took to load, until a picture has told it.
@@ -146,6 +152,9 @@ pub struct Session {
     told_of_paths: Option<&'static str>,
     /// Whether it was told that the file has not got what was asked of its levels.
     has_told_of_levels: bool,
+    /// Whether the picture that was drawn last needed more memory than pages may take, and whether that was told.
+    lacks_memory: bool,
+    has_told_of_memory: bool,
     reporter: Arc<dyn Reporter>,
 }
 
@@ -164,9 +173,10 @@ impl Session {
     ) -> Result<Session, PictureError> {
         if options.exact.is_none() {
             let opened = OpenData::open(members, options.read, page_file)?;
-            let (session, notes) = Session::of_opened(opened, members.to_vec())?;
+            let budget_bytes = options.page_memory.map_or(u64::MAX, passes::for_pages);
+            let (session, notes) = Session::of_opened_within(opened, members.to_vec(), budget_bytes)?;
             notes.into_iter().for_each(|note| reporter.tell(note));
-            return Ok(Session { options, reporter, ..session });
+            return Ok(Session { draws_in_passes: options.page_memory.is_some(), options, reporter, ..session });
         }
         let from = |shot: &'a Shot| shot.film.as_ref().and_then(|film| Some(&film.from.as_ref()?.look));
         let looks = shots.into_iter().flat_map(|shot| [Some(&shot.look), from(shot)]).flatten();
@@ -188,6 +198,7 @@ impl Session {
             tracks: None,
             scene,
             budget_bytes: u64::MAX,
+            draws_in_passes: false,
             framed,
             loading,
             ahead: None,
@@ -196,6 +207,8 @@ impl Session {
             paths: None,
             told_of_paths: None,
             has_told_of_levels: false,
+            lacks_memory: false,
+            has_told_of_memory: false,
             reporter,
         })
     }
@@ -223,13 +236,14 @@ impl Session {
         Ok((Session { members, opened: Some(opened), ..session }, notes))
     }
 
-    /// Draws an open page file; its pages may take `budget_bytes`.
+    /// Draws an open page file; its pages may take `budget_bytes`, and what needs more is drawn coarser.
     pub fn of(file: Arc<PageFile>, budget_bytes: u64) -> Session {
         Session {
             options: SessionOptions::default(),
             members: Vec::new(),
             scene: Scene::new(Arc::clone(&file), budget_bytes),
             budget_bytes,
+            draws_in_passes: false,
             data: Data::Pages(file),
             opened: None,
             moment: Moment::default(),
@@ -243,6 +257,8 @@ impl Session {
             paths: None,
             told_of_paths: None,
             has_told_of_levels: false,
+            lacks_memory: false,
+            has_told_of_memory: false,
             reporter: Arc::new(()),
         }
     }
@@ -269,12 +285,9 @@ impl Session {
         self.scene.streamer.residency.tree()
     }
 
-    /// Forgets pages where they take more than so many bytes.
-    pub fn keep_within(&mut self, bytes: u64) {
-        if self.scene.streamer.residency.statistics().bytes > bytes {
-            let time = self.scene.time;
-            self.scene = Scene { time, ..Scene::new(Arc::clone(self.tree()), self.budget_bytes) };
-        }
+    /// Which pages are in memory, and how much they take.
+    pub fn residency(&self) -> ResidencyStatistics {
+        self.scene.streamer.residency.statistics()
     }
 
     /// What this view needs, the one of the picture after the next one, is read while the next one is drawn.
@@ -322,6 +335,7 @@ impl Session {
     /// # Errors
     /// As [`Session::draw`], and for modes and adapters that draw nothing among surfaces.
     pub fn draw_among(&mut self, shot: &Shot, ground: Option<&dyn Ground>) -> Result<Picture, PictureError> {
+        self.lacks_memory = false;
         let framed = self.framed(&shot.look)?;
         let (tree, depiction, transfer) = self.show(&shot.look)?;
         if ground.is_some() {
@@ -539,12 +553,15 @@ impl Session {
     ) -> Result<SceneSelection, PictureError> {
         let detail = depiction.detail(view, tau, self.tree().metadata());
         let reporter = &*self.reporter;
-        Ok(self.scene.converge(&depiction.selection_view(view), detail, &mut |why| reporter.tell(why))?)
+        let selection = self.scene.converge(&depiction.selection_view(view), detail, &mut |why| reporter.tell(why))?;
+        self.tell_of_memory(selection.converged);
+        Ok(selection)
     }
 
     /// What draws faces of panoramas on the processor.
     pub(super) fn means(&mut self) -> Means<'_> {
-        Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: None, ground: None }
+        let lists = self.lists();
+        Means { scene: &mut self.scene, lists, adapter: None, reporter: &*self.reporter, paths: None, ground: None }
     }
 
     /// Indices of the families that a look draws.
@@ -635,13 +652,13 @@ impl Session {
         subject::mean_mass(self.scene.families.iter().filter_map(|index| families.get(*index as usize)))
     }
 
-    /// The passes of an adapter that draw a mode.
-    fn passes(&mut self, mode: &Mode) -> Result<Option<Passes>, PictureError> {
+    /// The passes of an adapter that draw a depiction.
+    fn passes(&mut self, depiction: &Depiction) -> Result<Option<Passes>, PictureError> {
         let backend = match self.options.exact {
             Some(Method::Exact) => Some(Backend::Cpu),
             _ => self.options.backend,
         };
-        adapter::passes(mode, backend, self.adapter.as_deref_mut()).map_err(PictureError::Asked)
+        adapter::passes(depiction, backend, self.adapter.as_deref_mut()).map_err(PictureError::Asked)
     }
 
     /// An annotation with a look's selections.

@@ -39,10 +39,15 @@ impl Wanted {
 
 /// The attributes that a look needs.
 fn attributes_of(look: &LookPatch) -> AttributeChoice {
-    let Some(attribute) = look.attribute_name() else { return AttributeChoice::Usual };
+    let fields = look.mode_of_settings().technique.fields(&look.settings);
+    let attribute = look.attribute_name();
+    if attribute.is_none() && fields.is_empty() {
+        return AttributeChoice::Usual;
+    }
     let weights = look.mode.iter().flat_map(|mode| mode.weight_attributes).copied();
     let own = ["mass", "density", "smoothing-length"];
-    let named = [attribute].into_iter().chain(weights).filter(|name| !own.contains(name));
+    let fields = fields.iter().map(String::as_str);
+    let named = attribute.into_iter().chain(weights).chain(fields).filter(|name| !own.contains(name));
     match named.map(str::to_owned).collect::<Vec<_>>() {
         named if named.is_empty() => AttributeChoice::Usual,
         named => AttributeChoice::Named(named),

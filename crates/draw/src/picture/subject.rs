@@ -2,6 +2,8 @@
 //! a picture may leave out is planned, the rest is decoded and drawn.
 
 use super::decode::{DecodedNode, batches, cut, decode, decode_planned};
+use super::sampling_error::Estimate;
+use super::summing::Summing;
 use super::{drawing_cost, sampling_error};
 use crate::codec::{Codebook, CodebookScope};
 use crate::color::Accumulation;
@@ -82,6 +84,13 @@ impl<'a> Subject<'a> {
         }
     }
 
+    /// What the plan for a picture is found by where that takes a look at its nodes, of which there are `particles`: they are added to it. `None`
+    /// where it does not, and [`Subject::plan`] needs none.
+    pub(super) fn estimating(&self, view: &View, particles: u64, lod_budget: &LodBudget) -> Option<Estimate<'a>> {
+        let is_sum = self.depiction.mode.technique.output() == Output::Sums;
+        (is_sum && lod_budget.needs_levels()).then(|| Estimate::new(self, view, particles))
+    }
+
     /// `plan`, or as even a sample as is within `limit` particles; and how many that are.
     pub fn within(&self, limit: u64, plan: Plan, view: &View, nodes: &[SceneNode]) -> (Plan, u64) {
         let important = drawing_cost::most_important(self.depiction, self.metadata);
@@ -115,12 +124,40 @@ impl<'a> Subject<'a> {
         self.draw_batches(view, &batches(self.depiction, nodes)?, plan, paths)
     }
 
-    /// Decodes nodes and draws them.
+    /// Decodes nodes and draws them; for sums a portion after the other.
     ///
     /// # Errors
     /// As [`Subject::draw`].
     pub fn draw_nodes(&self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<Raw, VolumeError> {
-        self.draw(view, &self.decode(view, nodes, plan), plan)
+        match self.summing(view, plan) {
+            Some(mut summing) => {
+                summing.add(nodes)?;
+                Ok(summing.finish())
+            }
+            None => self.draw(view, &self.decode(view, nodes, plan), plan),
+        }
+    }
+
+    /// What sums nodes that are not all there at once; `None` for pictures that are no sums of splats, each by itself.
+    pub fn summing(&self, view: &View, plan: &Plan) -> Option<Summing<'a>> {
+        let mode = self.depiction.mode;
+        if mode.technique.output() != Output::Sums || !mode.technique.on_processor() {
+            return None;
+        }
+        let sums = mode.technique.summation(&self.job(view, &[], plan))?;
+        Some(Summing::new(*self, view, *plan, sums.into()))
+    }
+
+    /// The same of a face of a panorama whose pixels are `pixel` radians wide, or of a flat picture.
+    pub(super) fn summing_face(&self, view: &View, pixel: Option<f64>) -> Option<Summing<'a>> {
+        let plan = Plan::default();
+        match (pixel, self.depiction.mode.technique.output()) {
+            (Some(pixel), Output::Sums) => {
+                let sums = around::FaceSums::new(view, pixel, &self.options(&plan));
+                Some(Summing::new(*self, view, plan, sums.into()))
+            }
+            _ => self.summing(view, &plan),
+        }
     }
 
     /// Draws batches of particles, with paths among them where the mode takes some.
@@ -162,6 +199,12 @@ impl<'a> Subject<'a> {
         pixel: Option<f64>,
         surfaces: Option<&PathFragments>,
     ) -> Result<(Accumulation, Counts), VolumeError> {
+        if surfaces.is_none()
+            && let Some(mut summing) = self.summing_face(view, pixel)
+        {
+            summing.add(nodes)?;
+            return summing.finish().sums(self.depiction.mode);
+        }
         let nodes = cut(view, decode(self.depiction, self.metadata, nodes));
         self.sum_batches(view, &batches(self.depiction, &nodes)?, pixel, surfaces)
     }
@@ -234,6 +277,17 @@ impl<'a> Subject<'a> {
     /// [`SplatError`] as [`Splats::new`].
     pub fn overdraw(&self, view: &View, nodes: &[DecodedNode<'_>], plan: &Plan) -> Result<Overdraw, SplatError> {
         Ok(overdraw(view, &batches(self.depiction, nodes)?, &self.options(plan)))
+    }
+
+    /// The ranges of the colours of these nodes' picture.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub fn levels_of_nodes(&self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<Levels, VolumeError> {
+        match self.depiction.mode.is_light() {
+            true => self.levels(view, &self.decode(view, nodes, plan), plan),
+            false => Ok(self.transfer.levels(&self.draw_nodes(view, nodes, plan)?.sums(self.depiction.mode)?.0)),
+        }
     }
 
     /// The ranges of the colours of these nodes' picture, found without drawing it where that can be.

@@ -6,7 +6,9 @@
 pub mod ahead;
 pub mod copies;
 pub mod frame;
+pub mod listing;
 pub mod loader;
+pub mod outline;
 pub mod pace;
 pub mod residency;
 pub mod scene;
@@ -18,6 +20,7 @@ mod report;
 pub use ahead::{Ahead, LookAhead};
 pub use copies::{Copies, CopyOptions, CopyPlan};
 pub use frame::first_frame;
+pub use listing::{Listing, Visited};
 pub use residency::{Failure, PageState, Residency, ResidencyStatistics};
 pub use scene::{Scene, SceneNode, SceneSelection, first_nodes};
 pub use streamer::{Arrivals, StreamOptions, Streamer};

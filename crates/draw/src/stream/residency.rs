@@ -4,7 +4,7 @@
 use super::ahead::Ahead;
 use super::recency::{Demand, Recency};
 use crate::hierarchy::pca::Step;
-use crate::store::{Encoding, NodeRef, Page, PageId, StoreError, Tree};
+use crate::store::{Encoding, Node, NodeRef, Page, PageId, StoreError, Tree};
 use crate::view::{Extent, NodeInfo, NodeTree};
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
@@ -59,6 +59,8 @@ pub struct ResidencyStatistics {
     pub failed: usize,
     /// Memory that resident pages take, bytes.
     pub bytes: u64,
+    /// The most that they have taken so far, with what was being read and what is kept beside them, bytes.
+    pub most_bytes: u64,
     /// How much they may take, bytes.
     pub budget_bytes: u64,
     /// Whether the last frame needed more than the budget.
@@ -92,7 +94,12 @@ pub struct Residency {
     evicted: Vec<(PageId, Option<Arc<Page>>)>,
     now: Duration,
     budget_bytes: u64,
+    /// Bytes of the budget that are not for pages.
+    aside_bytes: u64,
+    most_bytes: u64,
     over_budget: bool,
+    /// Whether any frame needed more since somebody asked.
+    was_over_budget: bool,
 }
 
 impl Residency {
@@ -114,8 +121,29 @@ impl Residency {
             evicted: Vec::new(),
             now: Duration::ZERO,
             budget_bytes,
+            aside_bytes: 0,
+            most_bytes: 0,
             over_budget: false,
+            was_over_budget: false,
         }
+    }
+
+    /// Whether any frame needed more than the budget since this was asked last.
+    pub fn take_over_budget(&mut self) -> bool {
+        std::mem::take(&mut self.was_over_budget)
+    }
+
+    /// So many bytes of the budget are taken by something else from now on; pages that the frame does not use make room for it.
+    pub fn set_aside(&mut self, bytes: u64) {
+        self.aside_bytes = bytes;
+        self.make_room(0, Demand::Miss);
+        self.note_most();
+    }
+
+    /// Whether the budget has room for all pages of the tree at once.
+    pub fn has_room_for_all(&self) -> bool {
+        let pages = (0..self.tree.page_count()).map(PageId);
+        pages.map(|page| self.tree.page_memory(page)).fold(0, u64::saturating_add) <= self.budget_bytes
     }
 
     /// The tree.
@@ -196,7 +224,7 @@ impl Residency {
             if self.may_load(page) {
                 let is_root = self.tree.is_root(page);
                 if !self.make_room(self.tree.page_memory(page), Demand::Miss) && !is_root {
-                    self.over_budget = true;
+                    self.exceed();
                     return None;
                 }
                 self.missed.pop_front();
@@ -234,13 +262,16 @@ impl Residency {
                 let is_root = self.tree.is_root(id);
                 // It may be larger than was expected.
                 if !self.make_room(bytes, demand) && !is_root {
-                    self.over_budget |= demand == Demand::Miss;
+                    if demand == Demand::Miss {
+                        self.exceed();
+                    }
                     self.states.remove(&id);
                     self.evicted.push((id, Some(Arc::new(page))));
                     return;
                 }
                 self.recency.insert(id, bytes, demand);
                 self.states.insert(id, PageState::Resident(Arc::new(page)));
+                self.note_most();
             }
             Err(error) => {
                 let attempts = self.attempts.entry(id).or_default();
@@ -304,6 +335,7 @@ impl Residency {
             queued: self.missed.len(),
             failed: self.failures().count(),
             bytes: self.recency.bytes(),
+            most_bytes: self.most_bytes,
             budget_bytes: self.budget_bytes,
             over_budget: self.over_budget,
         }
@@ -323,12 +355,26 @@ impl Residency {
         self.states.insert(page, PageState::Loading);
         self.loading.insert(page, Load { bytes, demand });
         self.loading_bytes += bytes;
+        self.note_most();
         page
+    }
+
+    fn exceed(&mut self) {
+        (self.over_budget, self.was_over_budget) = (true, true);
+    }
+
+    /// Bytes of the budget that are in use.
+    fn used_bytes(&self) -> u64 {
+        self.recency.bytes() + self.loading_bytes + self.aside_bytes
+    }
+
+    fn note_most(&mut self) {
+        self.most_bytes = self.most_bytes.max(self.used_bytes());
     }
 
     /// Evicts until there is room for so many bytes more; false where that needs pages that have to stay.
     fn make_room(&mut self, bytes: u64, demand: Demand) -> bool {
-        while self.recency.bytes() + self.loading_bytes + bytes > self.budget_bytes {
+        while self.used_bytes().saturating_add(bytes) > self.budget_bytes {
             let Some(page) = self.recency.evict(demand) else { return false };
             let held = match self.states.remove(&page) {
                 Some(PageState::Resident(held)) => Some(held),
@@ -340,23 +386,26 @@ impl Residency {
     }
 }
 
+/// What selection needs to know of a node.
+pub(super) fn info_of(node: &Node) -> NodeInfo {
+    NodeInfo {
+        extent: Extent { bounds: node.bounds, margin: f64::from(node.smoothing_length_max) },
+        delta: node.delta,
+        spacing: node.spacing,
+        particles: u64::from(node.particles),
+        source_particles: node.source_particles,
+        mass: node.mass,
+        is_leaf: node.children.is_empty(),
+        stands_for_leaf: node.encoding == Encoding::LeafClusters,
+        time: node.time,
+    }
+}
+
 impl NodeTree for Residency {
     type Id = NodeRef;
 
     fn node(&self, id: NodeRef) -> Option<NodeInfo> {
-        let page = self.page(id.page)?;
-        let node = page.nodes.get(id.node as usize)?;
-        Some(NodeInfo {
-            extent: Extent { bounds: node.bounds, margin: f64::from(node.smoothing_length_max) },
-            delta: node.delta,
-            spacing: node.spacing,
-            particles: u64::from(node.particles),
-            source_particles: node.source_particles,
-            mass: node.mass,
-            is_leaf: node.children.is_empty(),
-            stands_for_leaf: node.encoding == Encoding::LeafClusters,
-            time: node.time,
-        })
+        self.page(id.page)?.nodes.get(id.node as usize).map(info_of)
     }
 
     fn steps(&self, id: NodeRef) -> &[Step] {

@@ -1,10 +1,11 @@
 //! What one view draws of a page file: the chosen families, selected at an error bound from what is resident.
 
-use super::{PageState, StreamOptions, Streamer};
+use super::outline::Outline;
+use super::{LookAhead, PageState, StreamOptions, Streamer};
 use crate::hierarchy::Purpose;
 use crate::model::Bounds;
-use crate::store::{Metadata, NodeRef, Page, StoreError, Tree};
-use crate::view::{Detail, Extent, Hidden, Selection, View};
+use crate::store::{Metadata, NodeRef, Page, PageId, StoreError, Tree};
+use crate::view::{Detail, Drawn, Extent, Hidden, Selection, View};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,6 +20,8 @@ pub struct Scene {
     pub purpose: Purpose,
     /// When all views of it are, the data's unit of time; `None`: each has its own time.
     pub time: Option<f64>,
+    /// What is known of pages that views were listed of.
+    pub(super) outline: Outline,
 }
 
 /// A node to draw, with the page that holds it.
@@ -55,6 +58,25 @@ pub struct SceneSelection {
     pub hidden: Vec<Hidden<NodeRef>>,
 }
 
+impl SceneNode {
+    /// A node that a view draws, with its page, if that is in memory; leaves are looked at particle by particle from `tau` pixels on.
+    pub(super) fn of(streamer: &Streamer, view: &View, tau: f64, drawn: &Drawn<NodeRef>) -> Option<SceneNode> {
+        let residency = &streamer.residency;
+        let metadata = residency.tree().metadata();
+        let page = Arc::clone(residency.page(drawn.id.page)?);
+        let error_pixels = match page.nodes.get(drawn.id.node as usize)? {
+            // Of other content no more is known than of the node.
+            node if node.is_leaf() && drawn.error_pixels > tau && page.content(drawn.id.node as usize).is_none() => {
+                leaf_error_pixels(&view.of_image(drawn.offset), metadata, &page, drawn.id.node as usize)
+            }
+            _ => drawn.error_pixels,
+        };
+        let part = drawn.part.then_some(drawn.particles as u32);
+        let (node, offset) = (drawn.id, drawn.offset);
+        Some(SceneNode { page, node, error_pixels, offset, time: view.time, part })
+    }
+}
+
 /// Time without an answer after which a single picture does without a page.
 const STALL: Duration = Duration::from_secs(20);
 
@@ -67,28 +89,8 @@ impl SceneSelection {
         selection: &Selection<NodeRef>,
     ) -> SceneSelection {
         let tau = detail.into().tolerance(view);
-        let residency = &streamer.residency;
-        let metadata = residency.tree().metadata();
-        let nodes: Vec<SceneNode> = selection
-            .draw
-            .iter()
-            .filter_map(|drawn| {
-                let page = Arc::clone(residency.page(drawn.id.page)?);
-                let error_pixels = match page.nodes.get(drawn.id.node as usize)? {
-                    // Of other content no more is known than of the node.
-                    node if node.is_leaf()
-                        && drawn.error_pixels > tau
-                        && page.content(drawn.id.node as usize).is_none() =>
-                    {
-                        leaf_error_pixels(&view.of_image(drawn.offset), metadata, &page, drawn.id.node as usize)
-                    }
-                    _ => drawn.error_pixels,
-                };
-                let part = drawn.part.then_some(drawn.particles as u32);
-                let (node, offset) = (drawn.id, drawn.offset);
-                Some(SceneNode { page, node, error_pixels, offset, time: view.time, part })
-            })
-            .collect();
+        let nodes: Vec<SceneNode> =
+            selection.draw.iter().filter_map(|drawn| SceneNode::of(streamer, view, tau, drawn)).collect();
         SceneSelection {
             error_pixels: nodes.iter().fold(0.0, |largest, node| largest.max(node.error_pixels)),
             nodes,
@@ -103,26 +105,28 @@ impl SceneSelection {
 impl Scene {
     /// Draws all families of `tree`; resident pages may take `budget` bytes.
     pub fn new(tree: impl Tree + 'static, budget: u64) -> Scene {
-        Scene::with_options(
-            tree,
-            StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false, ..StreamOptions::default() },
-        )
+        // Nothing else reads while a picture is drawn.
+        let ahead = LookAhead { share: 1.0, ..LookAhead::default() };
+        let options =
+            StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false, ahead };
+        Scene::with_options(tree, options)
     }
 
     /// The same with all options.
     pub fn with_options(tree: impl Tree + 'static, options: StreamOptions) -> Scene {
         let families = (0..tree.metadata().families.len() as u32).collect();
-        Scene { streamer: Streamer::new(tree, options), families, purpose: Purpose::Splats, time: None }
+        let (purpose, outline) = (Purpose::Splats, Outline::default());
+        Scene { streamer: Streamer::new(tree, options), families, purpose, time: None, outline }
     }
 
-    fn timed(&self, view: &View) -> View {
+    pub(super) fn timed(&self, view: &View) -> View {
         View { time: self.time.unwrap_or(view.time), ..*view }
     }
 
     /// Starts a frame: selects what `view` draws in this detail (a number is an error in pixels) from what is in memory.
     pub fn select(&mut self, view: &View, detail: impl Into<Detail>) -> SceneSelection {
         let (view, detail) = (&self.timed(view), detail.into());
-        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose, view.time);
+        let roots = self.roots(view);
         let selection = self.streamer.select(view, detail, &roots);
         SceneSelection::of(&self.streamer, view, detail, &selection)
     }
@@ -140,34 +144,59 @@ impl Scene {
         tell: &mut dyn FnMut(String),
     ) -> Result<SceneSelection, StoreError> {
         let (view, detail) = (&self.timed(view), detail.into());
-        let roots = self.streamer.roots(self.families.iter().copied(), self.purpose, view.time);
+        let roots = self.roots(view);
         loop {
             let selection = self.streamer.select(view, detail, &roots);
             self.streamer.serve();
             self.streamer.take_evicted();
             if !self.streamer.is_busy() {
-                for root in &roots {
-                    match self.streamer.residency.state(root.page) {
-                        Some(PageState::Resident(_)) => {}
-                        // Read once more, for the error itself.
-                        Some(PageState::Failed(_)) => drop(self.streamer.residency.tree().read_page(root.page)?),
-                        _ => {
-                            let path = self.streamer.residency.tree().path().to_path_buf();
-                            let source = std::io::Error::from(std::io::ErrorKind::TimedOut);
-                            return Err(StoreError::Page { path, page: root.page.0, source });
-                        }
-                    }
-                }
+                self.check_roots(&roots, |_| false)?;
                 return Ok(SceneSelection::of(&self.streamer, view, detail, &selection));
             }
-            loop {
-                // Short waits, since a read that stalls ends none of them.
-                self.streamer.wait(Duration::from_millis(100));
-                let arrivals = self.streamer.arrive();
-                arrivals.messages.into_iter().for_each(&mut *tell);
-                if !arrivals.pages.is_empty() || self.streamer.is_retry_due() || !self.streamer.is_busy() {
-                    break;
+            self.wait(tell);
+        }
+    }
+
+    /// What a view that comes next needs is read while this one is drawn, as far as it is known.
+    pub fn look_ahead(&mut self, view: &View, detail: impl Into<Detail>) {
+        let view = &self.timed(view);
+        let roots = self.roots(view);
+        self.streamer.look_ahead(view, detail, &roots);
+        self.streamer.serve();
+    }
+
+    /// The first nodes of the families that are drawn.
+    pub(super) fn roots(&self, view: &View) -> Vec<NodeRef> {
+        self.streamer.roots(self.families.iter().copied(), self.purpose, view.time)
+    }
+
+    /// Whether all roots could be read, or are known anyway.
+    pub(super) fn check_roots(&self, roots: &[NodeRef], is_known: impl Fn(PageId) -> bool) -> Result<(), StoreError> {
+        let residency = &self.streamer.residency;
+        for root in roots.iter().filter(|root| !is_known(root.page)) {
+            match residency.state(root.page) {
+                Some(PageState::Resident(_)) => {}
+                // Read once more, for the error itself.
+                Some(PageState::Failed(_)) => drop(residency.tree().read_page(root.page)?),
+                _ => {
+                    let path = residency.tree().path().to_path_buf();
+                    let source = std::io::Error::from(std::io::ErrorKind::TimedOut);
+                    return Err(StoreError::Page { path, page: root.page.0, source });
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// Waits until something has come of what is being read, or may be tried again, or nothing will come. The pages whose reads have ended.
+    pub(super) fn wait(&mut self, tell: &mut dyn FnMut(String)) -> Vec<PageId> {
+        loop {
+            // Short waits, since a read that stalls ends none of them.
+            self.streamer.wait(Duration::from_millis(100));
+            let arrivals = self.streamer.arrive();
+            arrivals.messages.into_iter().for_each(&mut *tell);
+            if !arrivals.pages.is_empty() || self.streamer.is_retry_due() || !self.streamer.is_busy() {
+                return arrivals.pages;
             }
         }
     }

@@ -216,6 +216,53 @@ impl Streamer {
         self.uncopied = to_copy.iter().map(|id| id.page).filter(|page| seen.insert(*page)).collect();
     }
 
+    /// Starts a frame that nothing is selected for: what the one before used may make room.
+    pub fn begin(&mut self) {
+        self.residency.begin_frame(self.start.elapsed());
+    }
+
+    /// Uses the pages of these nodes as far as they are in memory, and asks for the others in the order of the file, in place of what was asked
+    /// for before. Whether any is lacked.
+    pub fn hold(&mut self, nodes: impl IntoIterator<Item = NodeRef>) -> bool {
+        let (held, mut lacked): (Vec<NodeRef>, Vec<NodeRef>) =
+            nodes.into_iter().partition(|node| self.residency.page(node.page).is_some());
+        self.residency.touch(held);
+        lacked.sort_unstable();
+        self.missing = lacked.iter().map(|node| node.page).collect();
+        self.missing.dedup();
+        self.uncopied.clear();
+        self.residency.request(lacked);
+        !self.missing.is_empty()
+    }
+
+    /// From now on the pages of these nodes are read ahead of time, the first ones first, and in place of what was to be read ahead before; of
+    /// those that are in memory, the first stay longest.
+    pub fn read_ahead(&mut self, nodes: impl IntoIterator<Item = NodeRef>) {
+        let (mut known, mut resident, mut missing) = (HashSet::new(), Vec::new(), Vec::new());
+        for page in nodes.into_iter().map(|node| node.page) {
+            if missing.len() >= self.options.ahead.pages {
+                break;
+            }
+            if known.insert(page) {
+                let is_here = self.residency.page(page).is_some();
+                let pages = if is_here { &mut resident } else { &mut missing };
+                pages.push((page, known.len() as f64));
+            }
+        }
+        // The least urgent first.
+        resident.reverse();
+        self.residency.anticipate(&Ahead { resident, missing, distance_world: 0.0 });
+    }
+
+    /// What another view draws below `roots` in this detail, which is known to come next, is read ahead of time from now on, as far as it is
+    /// known from what is in memory; what the present frame uses stays.
+    pub fn look_ahead(&mut self, view: &View, detail: impl Into<Detail>, roots: &[NodeRef]) {
+        let tree = Drawable { residency: &self.residency, copies: self.copies.as_ref() };
+        let next = select_unhidden(view, detail, self.occluder.as_deref(), &tree, roots);
+        let missing = next.missing.into_iter().map(|missing| missing.id);
+        self.read_ahead(missing.chain(next.visited));
+    }
+
     /// Begins to read what is missing. The pages that are being read from now on.
     pub fn serve(&mut self) -> Vec<PageId> {
         let StreamOptions { in_flight, ahead, .. } = self.options;

@@ -19,7 +19,7 @@ pub use writer::HeightFileWriter;
 
 use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Lattice, Part};
 use crate::model::{HeightError, HeightGrid, Heights, Window};
-use deepfield_data::model::ReadMethod;
+use deepfield_data::model::{ReadMethod, Unit};
 use deepfield_data::store::container::{Container, FileKind, RawPage};
 use deepfield_data::store::error::Damage;
 use deepfield_data::store::{Disk, LocalFile, PageId, StoreError};
@@ -77,6 +77,16 @@ impl HeightFile {
         let file = HeightFile { container, about, lattice, nodes };
         file.check_places().map_err(|damage| damage.in_file(path))?;
         Ok(file)
+    }
+
+    /// The same with x and y that count as degrees; `note` says so in the place of `asked`, if that is among its notes. Samples, and what the
+    /// file says of chunks, stay as they are.
+    #[must_use]
+    pub fn in_degrees(mut self, asked: Option<&str>, note: String) -> HeightFile {
+        self.about.grid.xy_unit = Unit::new("deg");
+        self.about.notes.retain(|own| asked != Some(own.as_str()));
+        self.about.notes.push(note);
+        self
     }
 
     /// Whether `bytes`, the first ones of a file, say that it is such a file.

@@ -67,6 +67,7 @@ fn window() -> App {
         .init_resource::<Closed>()
         .init_resource::<Shown>()
         .init_resource::<SceneFiles>()
+        .init_resource::<crate::window::state::plots::PlotChoice>()
         .init_resource::<Bookmarks>()
         .init_resource::<FrameClock>()
         .init_resource::<Statistics>()

@@ -226,6 +226,7 @@ mod tests {
         window
             .app
             .init_resource::<SceneFiles>()
+            .init_resource::<crate::window::state::plots::PlotChoice>()
             .init_resource::<Bookmarks>()
             .init_resource::<Closed>()
             .init_resource::<Shown>()

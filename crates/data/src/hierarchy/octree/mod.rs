@@ -48,7 +48,7 @@ pub use plan::Plan;
 pub use sorted::{Columns, Place};
 
 use super::{Purpose, RootCell};
-use crate::codec::{AttributeMerge, VqBits};
+use crate::codec::{AttributeMerge, CodeBits, VqBits};
 use crate::model::Bounds;
 
 /// Fewest and most particles of a bucket: enough for parallel work on small families, and little enough to fit in memory.
@@ -62,6 +62,8 @@ const BUCKETS: u64 = 1024;
 pub struct OctreeOptions {
     /// Bits of a codebook index.
     pub vq_bits: VqBits,
+    /// Whether codes of leaves have more bits, which tell smoothing lengths more finely ([`crate::codec::Refinement`]); 16 have none left.
+    pub refined: bool,
     /// Largest number of particles in a leaf that is not at the maximum depth.
     pub leaf_capacity: usize,
     /// Largest difference of smoothing lengths, in cells, of sprites that are merged (F12 4.7.3, `epsilon`).
@@ -86,6 +88,7 @@ impl Default for OctreeOptions {
     fn default() -> OctreeOptions {
         OctreeOptions {
             vq_bits: VqBits::Eight,
+            refined: true,
             leaf_capacity: 16384,
             fusion: 0.25,
             thinning_budget: 5e-4,
@@ -102,6 +105,11 @@ impl OctreeOptions {
     /// The levels to build, those that hold the leaves first.
     pub fn levels(&self) -> &'static [Purpose] {
         if self.volume_levels { &[Purpose::Splats, Purpose::Samples] } else { &[Purpose::Splats] }
+    }
+
+    /// Bits of codes.
+    pub fn code_bits(&self) -> CodeBits {
+        if self.refined { CodeBits::refined(self.vq_bits) } else { CodeBits::plain(self.vq_bits) }
     }
 
     /// Particles of a bucket of a family of so many.

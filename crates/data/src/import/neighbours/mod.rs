@@ -1,11 +1,13 @@
-//! Smoothing lengths and densities of particles that come without them, from their nearest neighbours.
+//! Smoothing lengths and densities of particles that come without them, from their nearest neighbours; and how neighbours move.
 
 mod group;
+mod motion;
 mod tree;
 
 use crate::model::{Bounds, Progress};
 use glam::DVec3;
 use group::Group;
+pub(crate) use motion::{LocalMotion, Moving};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use tree::{Item, LEAF, Near, Tree};

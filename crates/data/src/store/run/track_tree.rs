@@ -353,6 +353,8 @@ fn metadata(run: &RunFile) -> Result<Metadata, StoreError> {
             volume: None,
             clusters: None,
             codebooks: Vec::new(),
+            refinements: Vec::new(),
+            column_error: None,
         }
     });
     let families = families.collect();

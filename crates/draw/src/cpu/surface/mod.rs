@@ -4,12 +4,14 @@
 //! pixel shows, [`resolve`] where that is, [`shade`] what it looks like, and [`labels`] writes heights along lines; [`picture`] does it all, and
 //! [`fragments`] does it for what lies among other things.
 
+pub(crate) mod channels;
 mod closed;
 pub mod fragments;
 pub mod holes;
 pub(crate) mod horizon;
 pub mod labels;
 pub mod lambert;
+pub(crate) mod lettering;
 pub mod look;
 mod membrane;
 #[cfg(test)]
@@ -17,6 +19,7 @@ pub mod memory;
 pub mod paged;
 pub mod photo;
 pub mod picture;
+mod pieces;
 pub mod placed;
 pub mod raster;
 pub mod rays;

@@ -2,6 +2,7 @@
 
 mod decode;
 mod leaf;
+mod normals;
 mod photo;
 mod slopes;
 #[cfg(test)]
@@ -180,8 +181,7 @@ impl PagedSurface {
             SampleType::I32 | SampleType::U32 | SampleType::F64 => 8,
             _ => 4,
         };
-        let is_as_kept = key.level > 0 && self.decoder.keeps_normals();
-        let normal = if is_as_kept { 3 } else { size_of::<MeanNormal>() as u64 };
+        let normal = size_of::<MeanNormal>() as u64;
         let coverage = u64::from(!is_whole);
         let singles = grid.planes.len() as u64 + u64::from(self.since.is_some());
         rows * columns * (height + normal + coverage + 4 * singles)
@@ -194,7 +194,7 @@ impl PagedSurface {
     fn read(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
         match self.file.chunk(key) {
             Ok(Some(chunk)) => {
-                let mut samples = self.decoder.samples(chunk);
+                let mut samples = self.decoder.samples(chunk, &self.lattice);
                 if let Some(since) = &self.since {
                     samples.changes = since.changes(&self.lattice, key, &samples.heights);
                 }

@@ -1,14 +1,16 @@
 //! A picture of a surface, from the choice of its chunks to its colours.
 
+use super::channels::channels;
 use super::closed::Closed;
 use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
 use super::look::Attribute;
 use super::photo::PhotoLook;
+use super::pieces::Pieces;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
-use super::resolve::{CHANNELS, NOTHING, Resolver};
+use super::resolve::CHANNELS;
 use super::select::{Choice, MOST_NODES, Primitive, SurfaceCut, Technique, UNSEEN, USUAL_TAU, choose, looked};
 use super::shade::{Look, Shader};
 use super::sight::Sight;
@@ -165,7 +167,11 @@ pub fn draw_lettered(
     letters: Option<&dyn Letters>,
 ) -> SurfacePicture {
     let mut picture = SurfacePicture::default();
-    if let Some(look) = &options.look {
+    if let Some(look) = &options.look
+        && let Some(pieces) = Pieces::of(source, placed, sight, options)
+    {
+        picture = pieces.colored(source, placed, sight, options, look);
+    } else if let Some(look) = &options.look {
         let parts = parts(options.samples);
         let fine = sight.refined(parts);
         let scene = scene(source, placed, sight, options);
@@ -192,34 +198,15 @@ pub fn draw_lettered(
     if options.raw {
         // Raw channels are of the pixels' centres, and so drawn with one sample a pixel.
         let choice = SurfaceOptions { look: None, ..options.clone() };
-        let scene = scene(source, placed, sight, &choice);
-        let (seen, counts) = visible(&scene, sight, options.technique, 1);
-        let resolver = Resolver::new(&scene, sight);
-        let width = seen.width;
-        picture.raw = (0..width * seen.height)
-            .into_par_iter()
-            .map(|index| {
-                let pixel = [(index % width) as f64 + 0.5, (index / width) as f64 + 0.5];
-                let hit = seen.at(index).and_then(|shown| resolver.hit(shown, pixel));
-                hit.map_or(NOTHING, |hit| hit.raw(&scene))
-            })
-            .collect();
-        let raw = report(&scene, counts, 1.0);
-        let covered = picture.raw.iter().map(|channels| if channels[6].is_nan() { 0.0 } else { channels[6] }).sum();
-        picture.report = match options.look {
-            // Both pictures are within what is reported.
-            Some(_) => SurfaceReport {
-                error_px: raw.error_px.max(picture.report.error_px),
-                is_converged: raw.is_converged && picture.report.is_converged,
-                ..picture.report
-            },
-            None => SurfaceReport { covered, ..raw },
+        let (raw, report) = match Pieces::of(source, placed, sight, &choice) {
+            Some(pieces) => pieces.raw(source, placed, sight, &choice),
+            None => {
+                let scene = scene(source, placed, sight, &choice);
+                let (seen, counts) = visible(&scene, sight, options.technique, 1);
+                (channels(&scene, sight, &seen), report(&scene, counts, 1.0))
+            }
         };
-        picture.depth = picture
-            .raw
-            .iter()
-            .map(|channels| if channels[0].is_nan() { f32::INFINITY } else { channels[0] as f32 })
-            .collect();
+        picture.add_channels(raw, report);
     }
     picture
 }
@@ -269,13 +256,18 @@ pub fn counted(scene: &Scene) -> [u64; 3] {
 }
 
 /// What is said of a scene of which so many samples, points and triangles were drawn, whose error is in parts of pixels.
-pub fn report(scene: &Scene, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
-    let nodes = &scene.cut.nodes;
+pub fn report(scene: &Scene, counts: [u64; 3], parts: f64) -> SurfaceReport {
+    reported(&scene.cut, counts, parts)
+}
+
+/// The same of the chunks of a scene.
+pub(super) fn reported(cut: &SurfaceCut, [samples_drawn, points, triangles]: [u64; 3], parts: f64) -> SurfaceReport {
+    let nodes = &cut.nodes;
     let error = nodes.iter().map(|node| node.error_px).fold(0.0, f64::max);
     let level = |pick: fn(u8, u8) -> u8, first: u8| nodes.iter().map(|node| node.key.level).fold(first, pick);
     SurfaceReport {
         error_px: error / parts,
-        is_converged: scene.cut.is_converged,
+        is_converged: cut.is_converged,
         samples_drawn,
         points,
         triangles,

@@ -12,6 +12,9 @@
 //! What is nearest is kept, among equals the least number, by an atomic minimum: the picture is the same for any number of threads.
 
 mod line;
+mod numbers;
+
+pub use numbers::NO_NUMBER;
 
 use super::placed::Vantage;
 use super::select::Primitive;

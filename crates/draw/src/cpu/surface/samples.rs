@@ -1,6 +1,5 @@
 //! What is kept of a chunk's samples: heights in as few bytes as hold them exactly, and mean normals.
 
-use deepfield_heights::hierarchy::chunks::coarse::normal_of;
 use std::ops::Range;
 
 /// Heights, row by row; NaN where there is none.
@@ -116,9 +115,7 @@ impl SampleHeights {
 pub enum SampleNormals {
     /// So many that point up.
     Up(usize),
-    /// As files keep them ([`normal_of`]).
-    Bytes(Vec<[u8; 3]>),
-    /// Finer ones.
+    /// All of them.
     Parts(Vec<MeanNormal>),
 }
 
@@ -133,7 +130,6 @@ impl SampleNormals {
     pub fn len(&self) -> usize {
         match self {
             SampleNormals::Up(count) => *count,
-            SampleNormals::Bytes(normals) => normals.len(),
             SampleNormals::Parts(normals) => normals.len(),
         }
     }
@@ -148,7 +144,6 @@ impl SampleNormals {
     pub fn at(&self, index: usize) -> [f32; 3] {
         match self {
             SampleNormals::Up(_) => [0.0, 0.0, 1.0],
-            SampleNormals::Bytes(normals) => normal_of(normals[index]),
             SampleNormals::Parts(normals) => normals[index].vector(),
         }
     }
@@ -162,7 +157,6 @@ impl SampleNormals {
     pub fn bytes(&self) -> usize {
         match self {
             SampleNormals::Up(_) => 0,
-            SampleNormals::Bytes(normals) => size_of_val(normals.as_slice()),
             SampleNormals::Parts(normals) => size_of_val(normals.as_slice()),
         }
     }

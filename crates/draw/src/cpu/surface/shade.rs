@@ -21,6 +21,7 @@ use deepfield_heights::measure::Form;
 use deepfield_heights::model::Globe;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 pub use super::look::{Contours, Look};
 
@@ -208,31 +209,49 @@ impl<'a> Shader<'a> {
     /// Colours in linear light, premultiplied with alpha; depths, infinite where some sample of a pixel shows nothing, and how much of each
     /// pixel is covered by what was measured. Where the surface ends, but for holes, more rays say how much of a pixel it covers.
     pub fn shade(&self, seen: &Visibility, [width, height]: [usize; 2]) -> (Vec<[f32; 4]>, [Vec<f32>; 2]) {
-        let parts = self.parts as usize;
-        let pixel = |index: usize| {
-            let (x, y) = (index % width * parts, index / width * parts);
-            let is_end = parts > 1 && self.is_end(seen, [x, y]);
-            let (mut color, mut depth, mut covered) = ([0.0_f32; 4], 0.0_f32, 0.0_f32);
-            for (x, y) in (y..y + parts).flat_map(|y| (x..x + parts).map(move |x| (x, y))) {
-                let place = [x as f64 + 0.5, y as f64 + 0.5];
-                let hit = seen.at(y * seen.width + x).and_then(|shown| self.resolver.look(shown, place));
-                let Some((sample, sample_depth, sample_covered)) = self.sample(hit.as_ref(), place) else {
-                    depth = f32::INFINITY;
-                    continue;
-                };
-                depth = depth.max(sample_depth as f32);
-                (0..4).for_each(|k| color[k] += sample[k]);
-                covered += sample_covered;
-            }
-            if is_end {
-                let (color, covered) = self.end([x, y]);
-                return (color, (depth, covered));
-            }
-            let all = (parts * parts) as f32;
-            (color.map(|sum| sum / all), (depth, covered / all))
-        };
-        let (colors, (depth, covered)) = (0..width * height).into_par_iter().map(pixel).unzip();
+        self.shade_part(seen, &[0..width, 0..height])
+    }
+
+    /// The same of some columns and rows of pixels, row by row.
+    pub(super) fn shade_part(
+        &self,
+        seen: &Visibility,
+        [columns, rows]: &[Range<usize>; 2],
+    ) -> (Vec<[f32; 4]>, [Vec<f32>; 2]) {
+        let width = columns.len();
+        let pixel = |index: usize| self.pixel(seen, [columns.start + index % width, rows.start + index / width]);
+        let (colors, (depth, covered)) = (0..width * rows.len()).into_par_iter().map(pixel).unzip();
         (colors, [depth, covered])
+    }
+
+    /// The same colours of some pixels, which are numbered row by row.
+    pub fn shade_some(&self, seen: &Visibility, width: usize, pixels: &[usize]) -> Vec<[f32; 4]> {
+        pixels.par_iter().map(|index| self.pixel(seen, [index % width, index / width]).0).collect()
+    }
+
+    /// Colour, depth and cover of a pixel.
+    fn pixel(&self, seen: &Visibility, pixel: [usize; 2]) -> ([f32; 4], (f32, f32)) {
+        let parts = self.parts as usize;
+        let [x, y] = pixel.map(|at| at * parts);
+        let is_end = parts > 1 && self.is_end(seen, [x, y]);
+        let (mut color, mut depth, mut covered) = ([0.0_f32; 4], 0.0_f32, 0.0_f32);
+        for (x, y) in (y..y + parts).flat_map(|y| (x..x + parts).map(move |x| (x, y))) {
+            let place = [x as f64 + 0.5, y as f64 + 0.5];
+            let hit = seen.at(y * seen.width + x).and_then(|shown| self.resolver.look(shown, place));
+            let Some((sample, sample_depth, sample_covered)) = self.sample(hit.as_ref(), place) else {
+                depth = f32::INFINITY;
+                continue;
+            };
+            depth = depth.max(sample_depth as f32);
+            (0..4).for_each(|k| color[k] += sample[k]);
+            covered += sample_covered;
+        }
+        if is_end {
+            let (color, covered) = self.end([x, y]);
+            return (color, (depth, covered));
+        }
+        let all = (parts * parts) as f32;
+        (color.map(|sum| sum / all), (depth, covered / all))
     }
 
     /// Whether a surface without holes ends in a pixel or next to it.

@@ -1,5 +1,6 @@
 //! The cells around one brick, copied together: what the rays through it read, interpolation and gradients included.
 
+use super::Fill;
 use super::bricks::{BRICK, Brick, BrickGrid, Slab};
 
 /// Cells along a block's side: one more than the brick before it and two behind it across, three slices in front of it.
@@ -10,14 +11,33 @@ pub const BEFORE: usize = 1;
 /// the last step is the brick's last.
 pub const FRONT: usize = 3;
 
+/// Which of a block's numbers are meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Numbers {
+    /// The volume's.
+    Volume,
+    /// Those that surfaces are drawn of: where they have none of their own, the volume's.
+    Surfaces,
+}
+
 /// The field around a brick; cell `(x, y, z)` is at `(19 z + y) 19 + x`.
 #[derive(Clone, Debug, Default)]
 pub struct Block {
     density: Vec<f32>,
     weighted: Vec<f32>,
+    surface: Vec<f32>,
+    /// Whether surfaces have numbers of their own.
+    is_apart: bool,
+    /// Whether there is nothing where the volume's numbers, and the surfaces', are 0: no value that neighbours may be compared with.
+    has_holes: [bool; 2],
 }
 
 impl Block {
+    /// What blocks of a source are filled into.
+    pub fn of(source: &dyn Fill) -> Block {
+        Block { is_apart: source.has_surface_field(), has_holes: source.has_holes(), ..Block::default() }
+    }
+
     /// Fills the block of a brick. False, and nothing is filled, where no density in reach is above `least`.
     pub fn fill(&mut self, slab: &Slab, brick_grid: &BrickGrid, [column, row, layer]: [usize; 3], least: f32) -> bool {
         // Bricks around, the layer in front included; what is not in the slab reads as empty.
@@ -36,6 +56,7 @@ impl Block {
         }
         self.density.resize(SIDE * SIDE * SIDE, 0.0);
         self.weighted.resize(if attribute { SIDE * SIDE * SIDE } else { 0 }, 0.0);
+        self.surface.resize(if self.is_apart { SIDE * SIDE * SIDE } else { 0 }, 0.0);
         for z in 0..SIDE {
             // Slices beyond the grid's ends repeat the last one, so that the ends have no surfaces.
             let slice = (layer * BRICK + z).saturating_sub(FRONT).min(brick_grid.slices - 1);
@@ -48,6 +69,9 @@ impl Block {
                 if attribute {
                     copy_row(&mut self.weighted[out..out + SIDE], bricks, |brick| brick.weighted.get(start..));
                 }
+                if self.is_apart {
+                    copy_row(&mut self.surface[out..out + SIDE], bricks, |brick| brick.surface.get(start..));
+                }
             }
         }
         true
@@ -56,30 +80,46 @@ impl Block {
     /// Density and `sum m A W` at a place of a slice: bilinear between four cells.
     #[inline(always)]
     pub fn sample(&self, at: &Place, z: usize) -> [f32; 2] {
-        let start = (z * SIDE + at.y) * SIDE + at.x;
-        let read = |cells: &[f32]| match at.shares {
-            [0.0, 0.0] => cells[start],
-            [u, v] => {
-                let [a, b, c, d] = [0, 1, SIDE, SIDE + 1].map(|offset| cells[start + offset]);
-                (a + u * (b - a)) * (1.0 - v) + (c + u * (d - c)) * v
-            }
-        };
-        [read(&self.density), if self.weighted.is_empty() { 0.0 } else { read(&self.weighted) }]
+        let weighted = if self.weighted.is_empty() { 0.0 } else { read(&self.weighted, at, z) };
+        [read(&self.density, at, z), weighted]
     }
 
-    /// The least density of the cells that a sample is made of.
-    pub fn least(&self, at: &Place, z: usize) -> f32 {
-        let start = (z * SIDE + at.y) * SIDE + at.x;
+    /// One of the numbers there.
+    #[inline]
+    pub fn number(&self, of: Numbers, at: &Place, z: usize) -> f32 {
+        read(self.cells(of), at, z)
+    }
+
+    /// The same; `None` where there is nothing.
+    #[inline]
+    pub fn known(&self, of: Numbers, at: &Place, z: usize) -> Option<f32> {
+        (!self.has_holes[of as usize] || self.least(of, at, z) > 0.0).then(|| self.number(of, at, z))
+    }
+
+    /// The least of the numbers of the cells that a sample is made of.
+    pub fn least(&self, of: Numbers, at: &Place, z: usize) -> f32 {
+        let (cells, start) = (self.cells(of), (z * SIDE + at.y) * SIDE + at.x);
         match at.shares {
-            [0.0, 0.0] => self.density[start],
-            _ => [0, 1, SIDE, SIDE + 1].map(|offset| self.density[start + offset]).into_iter().fold(f32::MAX, f32::min),
+            [0.0, 0.0] => cells[start],
+            _ => [0, 1, SIDE, SIDE + 1].map(|offset| cells[start + offset]).into_iter().fold(f32::MAX, f32::min),
         }
     }
 
-    /// The density alone.
-    #[inline]
-    pub fn density(&self, at: &Place, z: usize) -> f32 {
-        self.sample(at, z)[0]
+    fn cells(&self, of: Numbers) -> &[f32] {
+        if of == Numbers::Surfaces && self.is_apart { &self.surface } else { &self.density }
+    }
+}
+
+/// A number at a place of a slice.
+#[inline(always)]
+fn read(cells: &[f32], at: &Place, z: usize) -> f32 {
+    let start = (z * SIDE + at.y) * SIDE + at.x;
+    match at.shares {
+        [0.0, 0.0] => cells[start],
+        [u, v] => {
+            let [a, b, c, d] = [0, 1, SIDE, SIDE + 1].map(|offset| cells[start + offset]);
+            (a + u * (b - a)) * (1.0 - v) + (c + u * (d - c)) * v
+        }
     }
 }
 

@@ -20,6 +20,8 @@ pub struct Brick {
     pub density: Box<[f32]>,
     /// `sum m A W`; empty without attribute.
     pub weighted: Box<[f32]>,
+    /// Values of another field, whose surfaces are drawn; empty where that is 0, or surfaces are the densities'.
+    pub surface: Box<[f32]>,
     /// The largest density; on coarser levels by amount, since cubics overshoot.
     pub densest: f32,
 }
@@ -167,7 +169,7 @@ impl Slab {
 
     /// Memory of the cells that are held.
     pub fn bytes(&self) -> u64 {
-        let cells = |brick: &Brick| brick.density.len() + brick.weighted.len();
+        let cells = |brick: &Brick| brick.density.len() + brick.weighted.len() + brick.surface.len();
         4 * self.layers.iter().flatten().flatten().map(|brick| cells(brick) as u64).sum::<u64>()
     }
 

@@ -4,6 +4,7 @@
 //! perspective grid ([`resample`]), and all rays go through it ([`raycast`]); where they have become opaque, later
 //! slabs are left out ([`occlusion`]). Nothing is kept but the slab and what the rays have gathered.
 
+pub mod attributes;
 pub mod behind;
 pub mod bricks;
 pub mod classify;
@@ -185,6 +186,16 @@ pub trait Fill: Sync {
     /// Whether cells have an attribute.
     fn has_attribute(&self) -> bool;
 
+    /// Whether surfaces have numbers of their own in the bricks.
+    fn has_surface_field(&self) -> bool {
+        false
+    }
+
+    /// Whether there is nothing where the volume's numbers, and those of surfaces, are 0, so that surfaces end there; else 0 is a value.
+    fn has_holes(&self) -> [bool; 2] {
+        [false; 2]
+    }
+
     /// Which way the surface of a value rises in camera axes, by what the grid is filled from, in a column and row of the grid at a share of a
     /// step; `None` where differences between cells say it.
     fn slope(&self, _place: [f64; 2], _step: usize, _share: f32, _value: f32) -> Option<[f32; 3]> {
@@ -314,7 +325,7 @@ fn march(
     report: &mut VolumeReport,
     mut rays: Rays,
 ) -> Rays {
-    let cell_bytes = 4 * (1 + u64::from(resampler.has_attribute()));
+    let cell_bytes = 4 * (1 + u64::from(resampler.has_attribute()) + u64::from(resampler.has_surface_field()));
     let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
     report.slabs = slabs.len();
     if let Some(paths) = paths {

@@ -131,7 +131,7 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    fn add(&mut self, value: f32, mass: f64) {
+    pub(super) fn add(&mut self, value: f32, mass: f64) {
         if value.is_finite() && mass.is_finite() {
             // Floats in the order of their bits: negative ones turned round, before the others.
             let bits = value.to_bits();
@@ -141,7 +141,7 @@ impl Histogram {
     }
 
     /// The values below which these shares of the mass lie; `None` without mass.
-    fn percentiles<const N: usize>(&self, shares: [f64; N]) -> Option<[f64; N]> {
+    pub(super) fn percentiles<const N: usize>(&self, shares: [f64; N]) -> Option<[f64; N]> {
         let total: f64 = self.0.iter().sum();
         (total > 0.0).then(|| {
             shares.map(|share| {

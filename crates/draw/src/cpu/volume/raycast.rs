@@ -6,7 +6,7 @@
 //! is carried from slab to slab, so that slabs change nothing.
 
 use super::Fill;
-use super::block::{BEFORE, Block, FRONT, Place, SIDE};
+use super::block::{BEFORE, Block, FRONT, Numbers, Place, SIDE};
 use super::bricks::{BORDER, BRICK, BrickGrid, Slab};
 use super::classify::Classifier;
 use super::parts::Parts;
@@ -30,6 +30,8 @@ pub struct Scenery {
     pub surfaces: Vec<Surface>,
     /// How surfaces are lit; plain colours without.
     pub light: Option<Light>,
+    /// How the volume itself is lit, by the gradients of its values; plain colours without.
+    pub volume_light: Option<Light>,
     /// Rays that are as opaque end.
     pub termination: f32,
 }
@@ -234,14 +236,15 @@ impl Rays {
     ) -> Effort {
         let Rays { tiles, places, .. } = self;
         let steps = steps.start as usize..steps.end as usize;
-        let least = scenery.least();
+        // Numbers of two fields have no bound in common.
+        let least = if source.has_surface_field() { 0.0 } else { scenery.least() };
         let work = |(index, tile): (usize, &mut Tile)| {
             let at = [index % brick_grid.bricks[0], index / brick_grid.bricks[0]];
             let mut effort = Effort::default();
             if tile.rays.iter().all(|ray| ray.alpha >= scenery.termination) {
                 return effort;
             }
-            let mut block = Block::default();
+            let mut block = Block::of(source);
             let mut step = steps.start;
             while step < steps.end {
                 // The layer of the slice after the step, for a gradient's sake; the last layer's steps go to the end.
@@ -253,7 +256,8 @@ impl Rays {
                 };
                 if block.fill(slab, brick_grid, [at[0], at[1], layer], least) {
                     let steps = step..end;
-                    let march = March { grid, brick_grid, block: &block, layer, steps, scenery, source, places, paths };
+                    let block = &block;
+                    let march = March { grid, brick_grid, block, layer, steps, scenery, least, source, places, paths };
                     march.tile(at, tile, &mut effort);
                 } else {
                     tile.rays.iter_mut().for_each(|ray| ray.done = 0.0);
@@ -360,10 +364,21 @@ struct March<'a> {
     layer: usize,
     steps: std::ops::Range<usize>,
     scenery: &'a Scenery,
+    /// Numbers up to this show nothing.
+    least: f32,
     /// What the grid is filled from.
     source: &'a dyn Fill,
     places: &'a [Vec<(usize, f32)>; 2],
     paths: Option<&'a PathFragments>,
+}
+
+/// Where a ray passes a block.
+struct Way<'a> {
+    place: &'a Place,
+    /// The same in the grid, cells.
+    at: [f64; 2],
+    /// How much longer it is than the middle one.
+    secant: f32,
 }
 
 impl March<'_> {
@@ -385,7 +400,8 @@ impl March<'_> {
                 let grid_place = [(x as f64 + 0.5) / self.grid.cell, (y as f64 + 0.5) / self.grid.cell];
                 let fragments = self.paths.map_or(&[][..], |paths| paths.of(x, y));
                 let parts = tile.parts.as_mut().map(|parts| (parts, index));
-                self.ray(ray, &place, grid_place, (fragments, parts), effort);
+                let way = Way { place: &place, at: grid_place, secant: self.grid.secant(grid_place) as f32 };
+                self.ray(ray, &way, (fragments, parts), effort);
             }
         }
     }
@@ -400,21 +416,20 @@ impl March<'_> {
     fn ray(
         &self,
         ray: &mut Ray,
-        place: &Place,
-        at: [f64; 2],
+        way: &Way<'_>,
         (fragments, mut parts): (&[PathFragment], Option<(&mut Parts, usize)>),
         effort: &mut Effort,
     ) {
         let slices = self.brick_grid.slices;
-        let secant = self.grid.secant(at) as f32;
-        let least = self.scenery.least();
+        let (place, least) = (way.place, self.least);
+        let [is_apart, ends] = [self.source.has_surface_field(), self.source.has_holes()[1]];
         let mut before = match self.steps.start {
             0 => [0.0; 2],
             step => self.block.sample(place, self.local(step - 1)),
         };
         for step in self.steps.clone() {
             let now = if step < slices { self.block.sample(place, self.local(step)) } else { [0.0; 2] };
-            let is_empty = step == 0 || (before[0] <= least && now[0] <= least);
+            let is_empty = step == 0 || (!is_apart && before[0] <= least && now[0] <= least);
             // The way of a step is from half a slice before it to half a slice behind.
             let meets = ray.until < step as f32 + 0.5;
             if is_empty && !meets {
@@ -424,9 +439,12 @@ impl March<'_> {
             }
             let crossings = if !is_empty && step < slices && !self.scenery.surfaces.is_empty() {
                 let z = self.local(step);
-                let (first, last) =
-                    (self.block.density(place, z - 2), self.block.density(place, (z + 1).min(SIDE - 1)));
-                Some(Crossings::find([first, before[0], now[0], last], &self.scenery.surfaces))
+                let around = [z - 2, z - 1, z, (z + 1).min(SIDE - 1)];
+                let samples = match ends {
+                    true => self.known_around(place, around),
+                    false => Some(around.map(|z| self.block.number(Numbers::Surfaces, place, z))),
+                };
+                samples.map(|samples| Crossings::find(samples, &self.scenery.surfaces))
             } else {
                 None
             };
@@ -444,12 +462,12 @@ impl March<'_> {
                     }
                     let until = (0.5 + event).min(1.0);
                     if step > 0 && until > ray.done {
-                        self.through(ray, step - 1, before, until - ray.done, secant, effort);
+                        self.through(ray, way, step - 1, before, until - ray.done, effort);
                     }
                     ray.done = ray.done.max(until);
                     let beyond = (event - 0.5).max(0.0);
                     if beyond > next_done {
-                        self.through(ray, step, now, beyond - next_done, secant, effort);
+                        self.through(ray, way, step, now, beyond - next_done, effort);
                         next_done = beyond;
                     }
                     if path < 1.0 && path <= surface {
@@ -464,13 +482,13 @@ impl March<'_> {
                             }
                         };
                         note(ray);
-                        self.surface(ray, place, at, step, crossing.at, crossing.surface, [before, now]);
+                        self.surface(ray, way, step, crossing.at, crossing.surface, [before, now]);
                         note(ray);
                     }
                 }
             }
             if step > 0 {
-                self.through(ray, step - 1, before, 1.0 - ray.done, secant, effort);
+                self.through(ray, way, step - 1, before, 1.0 - ray.done, effort);
             }
             ray.done = next_done;
             if let Some((parts, index)) = &mut parts {
@@ -484,15 +502,23 @@ impl March<'_> {
         }
     }
 
+    /// The surfaces' numbers at four slices; `None` where one of those in the middle is nothing, and the nearest that there is in place of one
+    /// further away that is.
+    fn known_around(&self, place: &Place, slices: [usize; 4]) -> Option<[f32; 4]> {
+        let [first, from, to, last] = slices.map(|z| self.block.known(Numbers::Surfaces, place, z));
+        let (from, to) = from.zip(to)?;
+        Some([first.unwrap_or(from), from, to, last.unwrap_or(to)])
+    }
+
     /// Passes a share of a cell.
     #[inline]
     fn through(
         &self,
         ray: &mut Ray,
+        way: &Way<'_>,
         slice: usize,
         [density, weighted]: [f32; 2],
         share: f32,
-        secant: f32,
         effort: &mut Effort,
     ) {
         if !self.scenery.volume || density <= self.scenery.classifier.least() || share <= 0.0 {
@@ -500,16 +526,41 @@ impl March<'_> {
         }
         effort.samples += 1;
         let matter = self.scenery.classifier.matter(density, weighted);
-        let distance = self.brick_grid.thickness[slice] * secant * share;
-        ray.under(matter.color, 1.0 - (-matter.extinction * distance).exp());
+        let distance = self.brick_grid.thickness[slice] * way.secant * share;
+        let mut color = matter.color;
+        if let Some(light) = self.scenery.volume_light.as_ref().filter(|_| matter.extinction > 0.0) {
+            // The slice is where the step behind it begins, or where the last one ends.
+            let at = if slice + 1 < self.brick_grid.slices { (slice + 1, 0.0) } else { (slice, 1.0) };
+            color = light.shade(color, self.cosine(Numbers::Volume, way, at, density));
+        }
+        ray.under(color, 1.0 - (-matter.extinction * distance).exp());
+    }
+
+    /// The cosine between a ray and the gradient of numbers at a share of a step, where one is `number`; 1 where they are all alike.
+    fn cosine(&self, of: Numbers, way: &Way<'_>, (step, share): (usize, f32), number: f32) -> f32 {
+        let Way { place, at, .. } = *way;
+        let middle = [0, 1].map(|axis| (at[axis] - self.grid.middle[axis]) as f32);
+        let z = self.local(step);
+        // Where a field ends or is cut the cells alone say which way it faces: what is outside is 0. So they do within a volume.
+        let is_within =
+            of == Numbers::Surfaces && self.block.least(of, place, z - 1).min(self.block.least(of, place, z)) > 0.0;
+        let slope = if is_within { self.source.slope(at, step, share, number) } else { None };
+        let [x, y, z] =
+            slope.unwrap_or_else(|| gradient((self.block, of), self.brick_grid, place, middle, step, z, share));
+        let length = (x * x + y * y + z * z).sqrt();
+        let ray = match self.grid.perspective {
+            true => [middle[0] * self.grid.sigma as f32, -middle[1] * self.grid.sigma as f32, 1.0],
+            false => [0.0, 0.0, 1.0],
+        };
+        let along = (x * ray[0] + y * ray[1] + z * ray[2]) / ray.iter().map(|c| c * c).sum::<f32>().sqrt();
+        if length > 0.0 { along / length } else { 1.0 }
     }
 
     /// Meets a surface.
     fn surface(
         &self,
         ray: &mut Ray,
-        place: &Place,
-        at: [f64; 2],
+        way: &Way<'_>,
         step: usize,
         share: f32,
         surface: usize,
@@ -521,20 +572,7 @@ impl March<'_> {
             self.scenery.classifier.tinted(weighted / density, SURFACE_BRIGHTNESS)
         });
         if let Some(light) = &self.scenery.light {
-            let middle = [0, 1].map(|axis| (at[axis] - self.grid.middle[axis]) as f32);
-            let z = self.local(step);
-            // Where a field ends or is cut the cells alone say which way it faces: what is outside is 0.
-            let is_within = self.block.least(place, z - 1).min(self.block.least(place, z)) > 0.0;
-            let slope = if is_within { self.source.slope(at, step, share, surface.value) } else { None };
-            let [x, y, z] =
-                slope.unwrap_or_else(|| gradient(self.block, self.brick_grid, place, middle, step, z, share));
-            let length = (x * x + y * y + z * z).sqrt();
-            let ray = match self.grid.perspective {
-                true => [middle[0] * self.grid.sigma as f32, -middle[1] * self.grid.sigma as f32, 1.0],
-                false => [0.0, 0.0, 1.0],
-            };
-            let along = (x * ray[0] + y * ray[1] + z * ray[2]) / ray.iter().map(|c| c * c).sum::<f32>().sqrt();
-            color = light.shade(color, if length > 0.0 { along / length } else { 1.0 });
+            color = light.shade(color, self.cosine(Numbers::Surfaces, way, (step, share), surface.value));
         }
         ray.under(color, surface.opacity);
     }

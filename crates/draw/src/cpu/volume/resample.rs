@@ -128,7 +128,7 @@ impl<'a> Resampler<'a> {
                 return None;
             }
             let weighted = if particles.attribute { self.cells() } else { Box::default() };
-            let mut brick = Brick { density: self.cells(), weighted, densest: 0.0 };
+            let mut brick = Brick { density: self.cells(), weighted, surface: Box::default(), densest: 0.0 };
             let (corner, kernel) = (at.map(|brick| brick * BRICK), self.kernel);
             arch.dispatch(Gather { brick_grid, corner, kernel, particles, pairs: bins.of(index), brick: &mut brick });
             if let Some(under) = under {

@@ -1,12 +1,12 @@
 //! Isosurfaces along a ray: where it crosses them, which way they face, and how they are lit.
 
-use super::block::{Block, Place, SIDE};
+use super::block::{Block, Numbers, Place, SIDE};
 use super::bricks::BrickGrid;
 
 /// One isosurface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// The density on it.
+    /// The density on it, or the value of another field as a number.
     pub value: f32,
     /// Its colour, linear light; `None` follows the attribute.
     pub color: Option<[f32; 3]>,
@@ -109,15 +109,15 @@ fn refine([before, from, to, after]: [f32; 4], value: f32) -> f32 {
     if at.is_finite() { at.clamp(0.0, 1.0) } else { 0.5 * (low + high) }
 }
 
-/// The gradient of the density in camera axes, at a share `at` of the step into slice `slice` of the grid, which is slice `z`
+/// The gradient of the density, or of other numbers, in camera axes, at a share `at` of the step into slice `slice` of the grid, which is slice `z`
 /// of the block (F12 5.6). `middle` is the distance of the ray from the middle line of sight, in cells.
 ///
 /// Differences are taken between neighbours in the grid and brought to camera space by the chain rule, with
 /// `x' = x / (sigma z)` and `z' = s_z^-1(z)`: `df/dx = f_x' / (sigma z)` and `df/dz = f_z' / s_z' - (x' f_x' + y' f_y') / z`.
 /// To second order that is the difference between the points `(x, y, z +- delta)` of F12, and stays inside the neighbouring
-/// cells at any field of view.
+/// cells at any field of view. Where there is nothing on one side, the difference is that to the other.
 pub fn gradient(
-    block: &Block,
+    (block, of): (&Block, Numbers),
     brick_grid: &BrickGrid,
     place: &Place,
     middle: [f32; 2],
@@ -126,14 +126,20 @@ pub fn gradient(
     at: f32,
 ) -> [f32; 3] {
     let here = |place: &Place| {
-        let [from, to] = [block.density(place, z - 1), block.density(place, z)];
-        from + at * (to - from)
+        let [from, to] = [block.known(of, place, z - 1)?, block.known(of, place, z)?];
+        Some(from + at * (to - from))
     };
     let moved = |dx: usize, dy: usize| Place { x: place.x + dx - 1, y: place.y + dy - 1, ..*place };
-    let along_x = 0.5 * (here(&moved(2, 1)) - here(&moved(0, 1)));
-    let along_y = 0.5 * (here(&moved(1, 2)) - here(&moved(1, 0)));
-    let [before, from, to] = [2, 1, 0].map(|back| block.density(place, z - back));
-    let after = block.density(place, (z + 1).min(SIDE - 1));
+    let across = |low: Place, high: Place| match (here(&low), here(&high)) {
+        (Some(low), Some(high)) => 0.5 * (high - low),
+        (Some(low), None) => here(place).map_or(0.0, |middle| middle - low),
+        (None, Some(high)) => here(place).map_or(0.0, |middle| high - middle),
+        (None, None) => 0.0,
+    };
+    let along_x = across(moved(0, 1), moved(2, 1));
+    let along_y = across(moved(1, 0), moved(1, 2));
+    let [before, from, to] = [2, 1, 0].map(|back| block.known(of, place, z - back));
+    let after = block.known(of, place, (z + 1).min(SIDE - 1));
     let last = brick_grid.slices - 1;
     let depth = |slice: usize| brick_grid.depth[slice.min(last)];
     // Differences at both ends of the step, weighted by where the crossing is.
@@ -141,8 +147,18 @@ pub fn gradient(
         distance if distance > 0.0 => (high - low) / distance,
         _ => 0.0,
     };
-    let start = differ(before, to, slice.saturating_sub(2), slice);
-    let end = differ(from, after, slice.saturating_sub(1), slice + 1);
+    let within = || match (from, to) {
+        (Some(from), Some(to)) => differ(from, to, slice.saturating_sub(1), slice),
+        _ => 0.0,
+    };
+    let start = match (before, to) {
+        (Some(before), Some(to)) => differ(before, to, slice.saturating_sub(2), slice),
+        _ => within(),
+    };
+    let end = match (from, after) {
+        (Some(from), Some(after)) => differ(from, after, slice.saturating_sub(1), slice + 1),
+        _ => within(),
+    };
     let along_z = start + at * (end - start);
     let z_here = depth(slice.saturating_sub(1)) + at * (depth(slice) - depth(slice.saturating_sub(1)));
     let spacing = {

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
-use super::block::{BEFORE, Block, FRONT, Place};
+use super::block::{BEFORE, Block, FRONT, Numbers, Place};
 use super::bricks::{BORDER, BRICK, Slab};
 use super::exact::ExactField;
 use super::surface::{Crossings, gradient};
@@ -141,7 +141,7 @@ fn compare(view: &View, cloud: &Cloud, options: &VolumeOptions, stride: usize) -
         let place = Place { x: x % BRICK + BEFORE, y: y % BRICK + BEFORE, shares: [0.0; 2] };
         let middle = [0, 1].map(|axis| (cell[axis] as f64 + 0.5 - grid.middle[axis]) as f32);
         let z = cell[2] + FRONT - layer * BRICK;
-        let ours = gradient(&block, brick_grid, &place, middle, cell[2], z, 1.0).map(f64::from);
+        let ours = gradient((&block, Numbers::Volume), brick_grid, &place, middle, cell[2], z, 1.0).map(f64::from);
         let ours = ours[0] * view.right + ours[1] * view.up + ours[2] * view.forward;
         let error = (ours - exact.gradient).length();
         squares[2] += error * error;
@@ -307,6 +307,7 @@ pub(in crate::cpu) fn scenery(transfer: &str, density: [f64; 2], unit_length: f6
         volume: true,
         surfaces,
         light: Some(Light { ambient: 0.2, specular: 0.2, shininess: 20.0 }),
+        volume_light: None,
         termination: 1.0,
     }
 }
@@ -600,7 +601,7 @@ fn surfaces_of_samples_face_as_the_body_that_was_sampled() {
                 let away = [0, 1].map(|axis: usize| (place[axis] - grid.middle[axis]) as f32);
                 let z = step + FRONT - layer * BRICK;
                 let by_samples = bricks.slope(place, step, at, surface.value).unwrap();
-                let by_cells = gradient(&block, &brick_grid, &cell, away, step, z, at);
+                let by_cells = gradient((&block, Numbers::Surfaces), &brick_grid, &cell, away, step, z, at);
                 for (k, slope) in [by_samples, by_cells].into_iter().enumerate() {
                     let slope = DVec3::from_array(slope.map(f64::from));
                     let slope = slope.x * view.right + slope.y * view.up + slope.z * view.forward;

@@ -4,7 +4,7 @@ use super::*;
 use crate::annotate::Annotations;
 use crate::annotate::overlay::{Corner, Overlay};
 use crate::color::transfer::{Hue, Range, TransferFunction};
-use crate::explore::{IdSet, Members, Region, SelectionSet, Show};
+use crate::explore::{IdSet, Members, PlotKind, PlotOf, PlotSettings, Region, SelectionSet, Show};
 use crate::heights::import::PhotoChoice;
 use crate::look::Film;
 use crate::look::{
@@ -124,6 +124,13 @@ fn full() -> SceneFile {
         ],
         labels: Some("groups.hdf5".into()),
         panels: Panels { shown: false, closed: Some(vec!["data".into()]) },
+        plot: Some(PlotSettings {
+            kind: PlotKind::Phase,
+            x: "density".into(),
+            y: "temperature".into(),
+            of: PlotOf::Selection("core".into()),
+            ..PlotSettings::default()
+        }),
         film: Some(Film {
             from: Some(Box::new(SceneFile {
                 labels: Some("haloes.csv".into()),

@@ -316,7 +316,7 @@ impl OpenMixed {
     }
 }
 
-/// The page file of heights that a user names and says something of.
+/// The page file of heights that a user names and says something of, as pictures have it.
 fn built_file(
     path: &Path,
     said: &HeightsSaid,
@@ -325,14 +325,14 @@ fn built_file(
 ) -> Result<HeightFile, PictureError> {
     let file = match DataKind::of(path) {
         // What is said of a file that was built is refused there.
-        Ok(DataKind::Heights) => OpenHeights::open(path, &said.options(read)),
+        Ok(DataKind::Heights) => OpenHeights::for_pictures(path, &said.options(read)),
         _ => {
             let built = page_file(path, said)?;
-            OpenHeights::open(&built, &HeightOptions { read, ..HeightOptions::default() })
+            OpenHeights::for_pictures(&built, &HeightOptions { read, ..HeightOptions::default() })
         }
     };
     match file.map_err(|error| PictureError::Asked(error.to_string()))? {
-        OpenHeights::Pages(file) => Ok(*file),
-        OpenHeights::Source(_) => Err(PictureError::of(path, "the file that was built of it holds no heights")),
+        (OpenHeights::Pages(file), _) => Ok(*file),
+        (OpenHeights::Source(_), _) => Err(PictureError::of(path, "the file that was built of it holds no heights")),
     }
 }

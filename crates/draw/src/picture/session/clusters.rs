@@ -180,9 +180,14 @@ impl Session {
         shown: &Shown<'_>,
         depiction: &Depiction,
     ) -> Result<Attempt, PictureError> {
-        let selection = self.select(depiction, &shown.view, shown.shot.look.error_px())?;
-        let (splats, has_clusters) = (selection.particles, has_clusters(&selection.nodes));
         let passes = self.passes_without_paths(&Shown { depiction, ..*shown })?;
+        let subject = Subject { depiction, ..self.subject(tree, shown) };
+        let tau = shown.shot.look.error_px();
+        if let Some(listing) = self.listing(&subject, &shown.view, tau, passes.is_some())? {
+            return self.attempt_listed(&subject, &shown.view, &listing, passes);
+        }
+        let selection = self.select(depiction, &shown.view, tau)?;
+        let (splats, has_clusters) = (selection.particles, has_clusters(&selection.nodes));
         let (view, nodes, plan) = (&shown.view, &selection.nodes, &Plan::default());
         if let Some((passes, adapter)) = passes.zip(self.adapter.as_mut()) {
             let metadata = tree.metadata();
@@ -193,7 +198,6 @@ impl Session {
                 return Ok(Attempt { splats, has_clusters, took, values: Raw::Sums(sums, Counts::default()) });
             }
         }
-        let subject = Subject { depiction, ..self.subject(tree, shown) };
         let start = Instant::now();
         let values = subject.draw_nodes(view, nodes, plan)?;
         Ok(Attempt { splats, has_clusters, took: start.elapsed(), values })

@@ -65,6 +65,13 @@ impl Session {
     fn draw_flat_as(&mut self, tree: &dyn Tree, shown: &Shown<'_>) -> Result<Picture, PictureError> {
         let Shown { view, depiction, transfer, .. } = *shown;
         let start = Instant::now();
+        if shown.ground.is_none() && self.lists() {
+            let has_adapter = self.passes_without_paths(shown)?.is_some();
+            let subject = self.subject(tree, shown);
+            if let Some(listing) = self.listing(&subject, &view, shown.shot.look.error_px(), has_adapter)? {
+                return self.draw_listed(tree, shown, (&listing, start.elapsed()));
+            }
+        }
         let is_sure =
             shown.ground.is_none() && matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);
         let mut known = match self.hiding.take() {
@@ -128,8 +135,7 @@ impl Session {
         if let Some(ahead) = self.ahead.take() {
             let from_there = known.and_then(|known| known.opaque.occluder(&ahead));
             let from_here = std::mem::replace(&mut self.scene.streamer.occluder, from_there);
-            self.scene.select(&ahead, detail);
-            self.scene.streamer.serve();
+            self.scene.look_ahead(&ahead, detail);
             self.scene.streamer.occluder = from_here;
         }
         // What is asked for at full precision is drawn as a whole.
@@ -209,6 +215,14 @@ impl Session {
                 }
                 let among = among(paths, surfaces.as_ref());
                 let selection = times.measure("select", || self.scene.select(&seen, detail));
+                if let (None, Some(mut summing)) = (&among, subject.summing(&view, &plan)) {
+                    summing.add(&selection.nodes)?;
+                    let [decoding, drawing] = summing.took();
+                    times.note("decode", decoding);
+                    times.note("draw", drawing);
+                    left_out.thinned = Some(selection.particles - summing.taken());
+                    return Ok::<_, PictureError>(summing.finish());
+                }
                 let nodes = times.measure("decode", || subject.decode(&view, &selection.nodes, &plan));
                 let drawn = || subject.draw_with_paths(&view, &nodes, &plan, among.as_deref());
                 let drawn = match (times.measure("draw", drawn), &among) {
@@ -220,7 +234,7 @@ impl Session {
                 };
                 let kept: u64 = nodes.iter().map(|node| node.len() as u64).sum();
                 left_out.thinned = Some(selection.particles - kept);
-                Ok::<_, PictureError>(drawn)
+                Ok(drawn)
             })?;
             match &values {
                 Raw::Sums(_, counts) => {
@@ -242,7 +256,7 @@ impl Session {
     /// The passes of an adapter that draw a picture: none where paths lie among what it shows.
     pub(super) fn passes_without_paths(&mut self, shown: &Shown<'_>) -> Result<Option<Passes>, PictureError> {
         let mode = shown.depiction.mode;
-        let passes = self.passes(mode)?.filter(|_| shown.ground.is_none());
+        let passes = self.passes(shown.depiction)?.filter(|_| shown.ground.is_none());
         if passes.is_some() && mode.technique.takes_paths() && self.has_paths(&shown.shot.look) {
             self.tell_of_paths("volumes with paths are drawn by the processor");
             return Ok(None);

@@ -66,10 +66,12 @@ impl Session {
         let mut times = Times::default();
         let subject = self.subject(tree, shown);
         let (tau, is_asked) = (shot.look.error_px(), self.options.backend.is_some());
+        let lists = self.lists();
         let adapter = passes.zip(self.adapter.as_deref_mut());
         let layer = self.paths.as_mut().zip(paths.as_mut());
         let ground = shown.ground;
-        let mut means = Means { scene: &mut self.scene, adapter, reporter: &*self.reporter, paths: layer, ground };
+        let scene = &mut self.scene;
+        let mut means = Means { scene, lists, adapter, reporter: &*self.reporter, paths: layer, ground };
         let drawn = times.measure("frame", || projector.draw(&mut means, &subject, tau));
         let (values, tally) = match drawn {
             Err(PictureError::Volume(VolumeError::Device(error))) if is_asked => return asked(&error),
@@ -88,6 +90,7 @@ impl Session {
             true => None,
             false => times.measure("surfaces", || projector.ground(&means))?.map(Arc::new),
         };
+        self.tell_of_memory(tally.converged);
         let on_processor = tally.drawn_by.is_none();
         let (outside, splats) = match depiction.mode.is_light() {
             true => (None, None),
@@ -167,9 +170,8 @@ impl Session {
         let blank = self.blank(shown, projector.base)?;
         let mut paths = paths.ok_or_else(|| self.no_paths())?;
         let layer = self.paths.as_mut().map(|layer| (layer, &mut paths));
-        let ground = shown.ground;
-        let mut means =
-            Means { scene: &mut self.scene, adapter: None, reporter: &*self.reporter, paths: layer, ground };
+        let (scene, ground) = (&mut self.scene, shown.ground);
+        let mut means = Means { scene, lists: false, adapter: None, reporter: &*self.reporter, paths: layer, ground };
         let mut colors = times.measure("frame", || projector.paths(&mut means))?;
         if let Some(mut under) = projector.ground(&means)? {
             lay_over_colors(&colors, &mut under);

@@ -1,12 +1,15 @@
 //! What draws surfaces: an adapter, where one is asked for or faster and knows how, else the processor.
 
 use super::letters::ProgramFont;
+use crate::cpu::surface::channels::channels;
 use crate::cpu::surface::holes::Holes;
+use crate::cpu::surface::lettering;
 use crate::cpu::surface::look::Attribute;
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::photo::PhotoCut;
 use crate::cpu::surface::picture::{counted, parts, report, scene};
 use crate::cpu::surface::placed::Placed;
+use crate::cpu::surface::raster::Visibility;
 use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::SurfaceNodes as _;
@@ -60,9 +63,30 @@ impl Field<'_> {
         options: &SurfaceOptions,
         passes: Passes,
     ) -> Option<(AdapterSurface, SurfaceReport)> {
-        let parts = parts(options.samples);
+        self.asked(sight, (options, options), parts(options.samples), passes)
+    }
+
+    /// The same of what raw channels are found in: a sample for each pixel, and chunks as pictures without colours have them.
+    fn channels_job(
+        &self,
+        sight: &Sight,
+        options: &SurfaceOptions,
+        passes: Passes,
+    ) -> Option<(AdapterSurface, SurfaceReport)> {
+        let chosen = SurfaceOptions { look: None, ..options.clone() };
+        self.asked(sight, (options, &chosen), 1, passes)
+    }
+
+    /// A picture with so many samples along a pixel's side, and with the chunks that `chosen` asks for.
+    fn asked(
+        &self,
+        sight: &Sight,
+        (options, chosen): (&SurfaceOptions, &SurfaceOptions),
+        parts: u32,
+        passes: Passes,
+    ) -> Option<(AdapterSurface, SurfaceReport)> {
         let (Sight::Flat(view), Some(look)) = (sight.refined(parts), options.look.clone()) else { return None };
-        let scene = scene(self.nodes, self.placed, sight, options);
+        let scene = scene(self.nodes, self.placed, sight, chosen);
         let report = report(&scene, counted(&scene), f64::from(parts));
         let reference = 0.5 * (self.extremes[0] + self.extremes[1]);
         let (form, technique) = (options.form.clone(), options.technique);
@@ -75,15 +99,23 @@ impl Field<'_> {
 /// What of a flat picture no adapter draws yet.
 pub(super) fn not_yet(options: &SurfaceOptions) -> Option<&'static str> {
     match () {
-        _ if options.raw => Some("raw channels"),
         _ if options.technique == Technique::Rays => Some("rays"),
         _ if options.holes != Holes::Open => Some("outlined and filled holes"),
         _ if options.walls.is_some() => Some("walls"),
-        _ => {
-            let labels = options.look.as_ref().and_then(|look| look.contours?.labels);
-            labels.map(|_| "labels of contours")
-        }
+        _ => None,
     }
+}
+
+/// Whether heights are written along lines.
+pub(super) fn has_labels(options: &SurfaceOptions) -> bool {
+    options.look.as_ref().and_then(|look| look.contours?.labels).is_some()
+}
+
+/// Who looks at what an adapter has drawn, sample by sample, and what the samples show by their numbers.
+fn found(job: &AdapterSurface, numbers: &[u32]) -> Result<(Sight, Visibility), VolumeError> {
+    let seen = Visibility::of_numbers([job.view.width, job.view.height], numbers, &job.scene);
+    let missing = || VolumeError::Device("the adapter does not tell what is seen of surfaces".into());
+    Ok((Sight::Flat(job.view), seen.ok_or_else(missing)?))
 }
 
 impl Painter {
@@ -152,15 +184,37 @@ impl Painter {
         else {
             return Ok(None);
         };
-        let frame = adapter.surface(Arc::new(job))?;
+        let (job, has_labels) = (Arc::new(job), has_labels(options));
+        let (frame, numbers) = match has_labels {
+            true => adapter.surface_seen(Arc::clone(&job), true)?,
+            false => (adapter.surface(Arc::clone(&job))?, Vec::new()),
+        };
         let AdapterValues::Light(colors, _) = frame.values else {
             return Err(VolumeError::Device("the adapter does not draw surfaces".into()));
         };
         report.covered = colors.rgba.iter().map(|color| f64::from(color[3])).sum();
         let names = [frame.backend.to_owned(), frame.adapter];
-        frame.note.into_iter().for_each(|note| self.tell(note, reporter));
-        let picture = SurfacePicture { colors, report, ..SurfacePicture::default() };
-        Ok(Some((picture, DrawnBy { names, milliseconds: frame.milliseconds })))
+        let (mut milliseconds, mut notes) = (frame.milliseconds, vec![frame.note]);
+        let mut picture = SurfacePicture { colors, report, ..SurfacePicture::default() };
+        if has_labels {
+            let (sight, seen) = found(&job, &numbers)?;
+            let seen = (&job.scene, &sight, &seen);
+            lettering::write(&mut picture, (field.nodes, field.placed), seen, options, &ProgramFont);
+        }
+        if options.raw
+            && let Some((job, report)) = field.channels_job(sight, options, passes)
+        {
+            let job = Arc::new(job);
+            let (frame, numbers) = adapter.surface_seen(Arc::clone(&job), false)?;
+            let (sight, seen) = found(&job, &numbers)?;
+            picture.add_channels(channels(&job.scene, &sight, &seen), report);
+            for (pass, time) in frame.milliseconds {
+                *milliseconds.entry(pass).or_default() += time;
+            }
+            notes.push(frame.note);
+        }
+        notes.into_iter().flatten().for_each(|note| self.tell(note, reporter));
+        Ok(Some((picture, DrawnBy { names, milliseconds })))
     }
 
     /// Tells something once.

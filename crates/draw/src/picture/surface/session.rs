@@ -5,7 +5,7 @@ use super::depths::SurfaceDepths;
 use super::letters::ProgramFont;
 use super::names::{Floor, Names, take};
 use super::opened::OpenSurface;
-use super::painting::{DrawnBy, Field, Painter, not_yet};
+use super::painting::{DrawnBy, Field, Painter, has_labels, not_yet};
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::standing::{bounds_of, standing};
 use crate::annotate::{Annotations, Units};
@@ -13,6 +13,7 @@ use crate::color::transfer::{Levels, Range, TransferFunction};
 use crate::color::{Colors, Image};
 use crate::cpu::paths::PathFragments;
 use crate::cpu::surface::fragments::{Layer, fragments};
+use crate::cpu::surface::lettering;
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
@@ -353,7 +354,9 @@ impl SurfaceSession {
     ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
         // Colours of a globe are sooner drawn on faces that are put together than by rays, and an adapter draws faces alone.
         let in_parts = SurfaceOptions { raw: false, ..options.clone() };
-        let is_one = placed.is_flat() && !self.painter.is_by_adapter(&in_parts, self.options.backend);
+        // Heights along lines are written into whole pictures.
+        let is_whole = has_labels(options) || !self.painter.is_by_adapter(&in_parts, self.options.backend);
+        let is_one = placed.is_flat() && is_whole;
         if shot.stereo.is_none() && (is_one || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
                 None => Sight::Flat(*view),
@@ -455,6 +458,19 @@ impl SurfaceSession {
             draw_lettered(field.nodes, field.placed, sight, &places, None)
         })?;
         Ok(SurfaceDepths::new(*view, seen.picture.depth))
+    }
+
+    /// The pixels of a look's picture that heights stand on along its lines, with these, and nothing elsewhere: for whoever shows a picture that has
+    /// lines all over it. `None` where no heights are asked for.
+    ///
+    /// # Errors
+    /// As [`SurfaceSession::draw`].
+    pub fn lettering(&mut self, look: &LookPatch, view: &View) -> Result<Option<Colors>, PictureError> {
+        let seen = self.seen_by(look, view, None, |field, sight, options| {
+            let layer = || lettering::layer((field.nodes, field.placed), sight, options, &ProgramFont);
+            has_labels(options).then(layer)
+        })?;
+        Ok(seen.picture)
     }
 
     fn seen_by<P>(

@@ -3,12 +3,26 @@
 use super::super::samples::{MeanNormal, SampleHeights, SampleNormals};
 use super::super::source::NodeSamples;
 use super::leaf::{self, Held};
+use super::normals::{Ground, of_heights, refined};
 use super::slopes::is_same;
 use crate::color::colors::to_linear;
 use deepfield_data::model::Scale;
-use deepfield_heights::hierarchy::chunks::Part;
-use deepfield_heights::hierarchy::chunks::coarse::normal_of;
+use deepfield_heights::hierarchy::chunks::{Lattice, Part};
 use deepfield_heights::store::{Chunk, HeightAbout};
+
+/// Normals of slopes that are flattened by this are made anew: what is left of their z in a byte says too little.
+const NEEDLE: f64 = 1.0 / 16.0;
+
+/// What becomes of the normals that a file keeps.
+#[derive(Clone, Copy)]
+enum Turn {
+    /// They stay.
+    Not,
+    /// The world is by so much steeper along columns and rows.
+    By([f32; 2]),
+    /// They are those of a needle, and none of the world's.
+    Anew,
+}
 
 /// What a chunk's values mean.
 pub(super) struct Decoder {
@@ -16,8 +30,10 @@ pub(super) struct Decoder {
     planes: usize,
     /// From differences of heights to slopes.
     slopes: [f64; 2],
-    /// By how much steeper these are than those that the file's normals are made of, where they differ.
-    steeper: Option<[f32; 2]>,
+    /// Those that the file's normals are made of.
+    kept: [f64; 2],
+    /// What becomes of these.
+    turn: Turn,
     /// Light of each value of a plane.
     light: [f32; 256],
 }
@@ -29,11 +45,17 @@ impl Decoder {
         let kept = about.slopes.map(|slope| slope / scale.slope);
         let steeper = [0, 1].map(|axis| slopes[axis] / kept[axis]);
         let is_usable = steeper.iter().all(|steeper| steeper.is_finite() && *steeper != 0.0);
+        let turn = match is_usable && !is_same(slopes, kept) {
+            false => Turn::Not,
+            true if steeper.iter().any(|steeper| steeper.abs() < NEEDLE) => Turn::Anew,
+            true => Turn::By(steeper.map(|steeper| steeper as f32)),
+        };
         Decoder {
             scale,
             planes: about.grid.planes.len(),
             slopes,
-            steeper: (is_usable && !is_same(slopes, kept)).then(|| steeper.map(|steeper| steeper as f32)),
+            kept,
+            turn,
             light: std::array::from_fn(|value| to_linear(value as f32 / 255.0)),
         }
     }
@@ -43,13 +65,8 @@ impl Decoder {
         self.slopes
     }
 
-    /// Whether normals of coarse chunks stay as the file keeps them.
-    pub(super) fn keeps_normals(&self) -> bool {
-        self.steeper.is_none()
-    }
-
     /// A chunk's samples.
-    pub(super) fn samples(&self, chunk: Chunk) -> NodeSamples {
+    pub(super) fn samples(&self, chunk: Chunk, lattice: &Lattice) -> NodeSamples {
         let Chunk { key, part, held, mut stored, coverage, normals, planes } = chunk;
         if self.scale != Scale::NONE {
             stored.iter_mut().for_each(|value| *value = self.scale.value(*value));
@@ -75,13 +92,17 @@ impl Decoder {
                 changes: Vec::new(),
             };
         }
-        let normals = match self.steeper {
-            _ if normals.is_empty() => SampleNormals::Up(part.len()),
-            None => SampleNormals::Bytes(normals),
-            Some(steeper) => {
-                let turned = |bytes: &[u8; 3]| MeanNormal::new(turned(normal_of(*bytes), steeper));
-                SampleNormals::Parts(normals.iter().map(turned).collect())
-            }
+        let places = [0, 1].map(|axis| lattice.places(key, axis));
+        let ground = |slopes: [f64; 2]| Ground { heights: &stored, places, slopes };
+        let normals = match self.turn {
+            Turn::Not => refined(&ground(self.kept), &normals, |normal| normal),
+            Turn::By(steeper) => refined(&ground(self.kept), &normals, |normal| turned(normal, steeper)),
+            Turn::Anew => of_heights(&ground(self.slopes)),
+        };
+        let up = MeanNormal::new([0.0, 0.0, 1.0]);
+        let normals = match normals.iter().all(|normal| *normal == up) {
+            true => SampleNormals::Up(part.len()),
+            false => SampleNormals::Parts(normals),
         };
         let heights = SampleHeights::of(&stored);
         NodeSamples { rows, columns, heights, coverage, normals, ranges: Vec::new(), planes, changes: Vec::new() }

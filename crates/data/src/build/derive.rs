@@ -1,0 +1,212 @@
+//! Attributes that are derived from how the neighbours of each particle move, some buckets at a time.
+//!
+//! The neighbours of a bucket's particles may lie in other buckets. As with [`super::estimates`], a block of buckets is searched together
+//! with everything in others that its particles' smoothing lengths reach, so that the result is that of a search among all particles, to
+//! the last bit; one search serves all quantities.
+
+use super::BuildError;
+use super::estimates::{Reach, SAMPLE, around_ball, position};
+use super::partition::Partition;
+use crate::hierarchy::attribute_info::{HistogramBins, Range};
+use crate::hierarchy::octree::{Columns, Place};
+use crate::hierarchy::{Histogram, RootCell};
+use crate::import::derived;
+use crate::import::neighbours::Moving;
+use crate::model::progress::Progress;
+use crate::model::{Bounds, Derivation, Kernel};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// What is known of the derived columns.
+pub(super) struct Derived {
+    /// Extremes and means.
+    pub ranges: Vec<Range>,
+    /// Histograms.
+    pub histograms: Vec<Histogram>,
+    /// A sample of each.
+    pub samples: Vec<Vec<f32>>,
+}
+
+/// Particles with world positions relative to the root cell's corner.
+#[derive(Default)]
+struct Particles {
+    positions: Vec<[f64; 3]>,
+    mass: Vec<f32>,
+    density: Vec<f32>,
+    smoothing_length: Vec<f32>,
+    velocities: Vec<[f64; 3]>,
+}
+
+/// How columns are derived: what, with which kernel, below which root cell, beside how many attributes.
+#[derive(Clone, Copy)]
+pub(super) struct Deriving<'a> {
+    pub derivation: &'a Derivation,
+    pub kernel: Kernel,
+    pub root: RootCell,
+    pub own: usize,
+}
+
+impl Deriving<'_> {
+    /// Adds the derived columns to a partition whose densities and smoothing lengths are complete, for buckets of about `block`
+    /// particles at a time; what is found does not depend on that number.
+    ///
+    /// # Errors
+    /// When particles cannot be read back, or what was found not be put away.
+    pub fn derive(
+        &self,
+        partition: &mut Partition,
+        block: usize,
+        progress: &dyn Progress,
+    ) -> Result<Derived, BuildError> {
+        let number = self.derivation.quantities.len();
+        let lens: Vec<usize> = (0..partition.buckets()).map(|bucket| partition.len(bucket)).collect();
+        progress.begin("looking at motion", lens.iter().sum::<usize>() as u64);
+        let mut ranges = vec![Range::EMPTY; number];
+        let mut samples: Vec<Vec<f32>> = vec![Vec::new(); number];
+        let mut first = 0;
+        while first < lens.len() {
+            let mut held = lens[first];
+            let mut end = first + 1;
+            while end < lens.len() && held + lens[end] <= block {
+                held += lens[end];
+                end += 1;
+            }
+            for (bucket, (order, sorted)) in (first..end).zip(self.of_block(partition, first..end, progress)?) {
+                for (column, values) in sorted.iter().enumerate() {
+                    ranges[column] = ranges[column].with(Range::of(values));
+                    let step = values.len().div_ceil(SAMPLE).max(1);
+                    samples[column].extend(values.iter().step_by(step));
+                }
+                let read: Vec<Vec<f32>> = sorted.iter().map(|sorted| in_reading_order(&order, sorted)).collect();
+                partition.put_derived(bucket, &read)?;
+            }
+            first = end;
+        }
+        partition.derived(ranges.iter().map(|range| range.mean() as f32).collect());
+        let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
+        let counts: Vec<Vec<Vec<u64>>> = (0..lens.len())
+            .into_par_iter()
+            .map(|bucket| {
+                let (_, columns) = partition.read(bucket)?;
+                Ok(bins.iter().zip(&columns.attributes).map(|(bins, values)| bins.count(values)).collect())
+            })
+            .collect::<Result<_, BuildError>>()?;
+        let finish = |(column, (bins, range)): (usize, (HistogramBins, &Range))| {
+            let mut total = vec![0_u64; counts.first().map_or(0, |counts| counts[column].len())];
+            for counts in &counts {
+                total.iter_mut().zip(&counts[column]).for_each(|(total, count)| *total += count);
+            }
+            bins.finish(total, range.missing)
+        };
+        let histograms = bins.into_iter().zip(&ranges).enumerate().map(finish).collect();
+        Ok(Derived { ranges, histograms, samples })
+    }
+
+    /// The derived columns of some buckets, each in an order that depends on its particles alone, with that order.
+    fn of_block(
+        &self,
+        partition: &Partition,
+        buckets: std::ops::Range<usize>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<(Vec<u32>, Vec<Vec<f32>>)>, BuildError> {
+        let parts: Vec<(Vec<u32>, Vec<[f64; 3]>, Columns)> = buckets
+            .clone()
+            .into_par_iter()
+            .map(|bucket| {
+                let (places, columns) = partition.read_inputs(bucket)?;
+                let order = columns.order(&places);
+                let positions = order.iter().map(|&i| position(places[i as usize], self.root)).collect();
+                let columns = columns.gather(&order);
+                Ok((order, positions, columns))
+            })
+            .collect::<Result<_, BuildError>>()?;
+        let mut all = Particles::default();
+        let mut heat: Vec<f32> = Vec::new();
+        let mut orders = Vec::new();
+        for (order, positions, columns) in parts {
+            let inputs = &columns.attributes[self.own..];
+            all.velocities.extend(derived::velocities(inputs));
+            heat.extend(inputs.get(Derivation::COMPONENTS).into_iter().flatten());
+            all.positions.extend(positions);
+            all.mass.extend(columns.mass);
+            all.density.extend(columns.density);
+            all.smoothing_length.extend(columns.smoothing_length);
+            orders.push(order);
+        }
+        let count = all.positions.len();
+        if self.derivation.needs_neighbours() && buckets.len() < partition.buckets() {
+            let balls = all.positions.iter().zip(&all.smoothing_length);
+            let balls: Vec<Bounds> = balls.map(|(at, &h)| around_ball(*at, f64::from(h))).collect();
+            self.add_others(partition, buckets, &Reach::of(&balls), &mut all)?;
+        }
+        let moving = Moving {
+            positions: &all.positions,
+            mass: &all.mass,
+            density: &all.density,
+            smoothing_length: &all.smoothing_length,
+            velocities: &all.velocities,
+        };
+        let found = derived::columns(self.derivation, self.kernel, &moving, (count, Some(&heat[..])), &());
+        progress.advance(count as u64);
+        let mut at = 0;
+        let of_bucket = |order: Vec<u32>| {
+            let run = at..at + order.len();
+            at = run.end;
+            let sorted = found.iter().map(|values| values[run.clone()].to_vec()).collect();
+            (order, sorted)
+        };
+        Ok(orders.into_iter().map(of_bucket).collect())
+    }
+
+    /// Appends the particles of other buckets that are within reach.
+    fn add_others(
+        &self,
+        partition: &Partition,
+        buckets: std::ops::Range<usize>,
+        reach: &Reach,
+        all: &mut Particles,
+    ) -> Result<(), BuildError> {
+        let meets = |bucket: &usize| {
+            let Some((low, high)) = partition.extent(*bucket) else { return false };
+            let (low, high) = (DVec3::from_array(low) * self.root.size, DVec3::from_array(high) * self.root.size);
+            !buckets.contains(bucket) && low.cmple(reach.bounds.max).all() && reach.bounds.min.cmple(high).all()
+        };
+        let parts: Vec<Particles> = (0..partition.buckets())
+            .into_par_iter()
+            .filter(meets)
+            .map(|bucket| {
+                let (places, columns) = partition.read_inputs(bucket)?;
+                Ok(self.within(reach, &places, &columns))
+            })
+            .collect::<Result<_, BuildError>>()?;
+        for part in parts {
+            all.positions.extend(part.positions);
+            all.mass.extend(part.mass);
+            all.density.extend(part.density);
+            all.smoothing_length.extend(part.smoothing_length);
+            all.velocities.extend(part.velocities);
+        }
+        Ok(())
+    }
+
+    /// Those particles of a bucket that are within reach.
+    fn within(&self, reach: &Reach, places: &[Place], columns: &Columns) -> Particles {
+        let near: Vec<u32> =
+            (0..places.len() as u32).filter(|&i| reach.contains(position(places[i as usize], self.root))).collect();
+        let columns = columns.gather(&near);
+        Particles {
+            positions: near.iter().map(|&i| position(places[i as usize], self.root)).collect(),
+            velocities: derived::velocities(&columns.attributes[self.own..]),
+            mass: columns.mass,
+            density: columns.density,
+            smoothing_length: columns.smoothing_length,
+        }
+    }
+}
+
+/// Values in the order in which a bucket's particles are read, of those in another order.
+fn in_reading_order(order: &[u32], sorted: &[f32]) -> Vec<f32> {
+    let mut read = vec![0.0; order.len()];
+    order.iter().zip(sorted).for_each(|(&i, &value)| read[i as usize] = value);
+    read
+}

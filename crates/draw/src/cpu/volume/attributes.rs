@@ -1,0 +1,279 @@
+//! Fields of the particles' columns, several in one picture (F12 3.2.1).
+//!
+//! Particles weigh their volumes `V = m / rho` here. What a grid holds of a column `A` is then `sum V W`, the share of space that is filled with
+//! particles, and `sum V A W`, which is F12's equation 3.2. Within the gas the former is about 1; where the gas ends both fall to 0, so that the
+//! mean `sum V A W / sum V W` keeps its value up to there. Of densities 3.2 is `sum m W`, as it is drawn without attributes.
+//!
+//! Each column is resampled by itself, and what a picture shows of them put together brick by brick: numbers for the volume, numbers of their
+//! own for surfaces where these are of another column, and the attribute that colours both. A particle without a value of a column is not
+//! there for its field.
+
+use super::bricks::{Brick, CELLS, Layer};
+use super::particles::{Taken, density_scale, project};
+use super::range::Histogram;
+use super::resample::{Resampler, Work};
+use super::{Fill, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport, cast, extents};
+use crate::color::Colors;
+use crate::cpu::field::ValueAxis;
+use crate::cpu::paths::PathFragments;
+use crate::cpu::{SplatError, Splats};
+use crate::model::Kernel;
+use crate::view::View;
+use crate::view::perspective_grid::GridError;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+/// A mean is known where at least this share of space is filled: with less, what interpolation of wide kernels errs by counts.
+pub const LEAST_FILLED: f32 = 0.01;
+
+/// A column of particles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Column {
+    /// What colours the picture.
+    Attribute,
+    /// One of [`Splats::fields`].
+    Field(usize),
+}
+
+impl Column {
+    /// The batches that have it, as their attribute.
+    fn of<'a>(self, batches: &[Splats<'a>]) -> Result<Vec<Splats<'a>>, SplatError> {
+        let values = |batch: &Splats<'a>| match self {
+            Column::Attribute => batch.attribute(),
+            Column::Field(index) => batch.fields().get(index).map(Vec::as_slice),
+        };
+        batches.iter().filter_map(|batch| Some(batch.with_attribute(values(batch)?))).collect()
+    }
+}
+
+/// How the field of a column is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reading {
+    /// The density: `sum V rho W = sum m W`, as it is.
+    Density,
+    /// `sum V A W` (F12 3.2) on an axis.
+    Sum(ValueAxis),
+    /// `sum V A W / sum V W` on an axis; nothing where less than [`LEAST_FILLED`] is filled.
+    Mean(ValueAxis),
+}
+
+impl Reading {
+    /// The axis of values that are placed on one.
+    pub fn axis(&self) -> Option<&ValueAxis> {
+        match self {
+            Reading::Density => None,
+            Reading::Sum(axis) | Reading::Mean(axis) => Some(axis),
+        }
+    }
+
+    /// The numbers of a brick that holds `sum V W` and `sum V A W`; `filling` is what the former is multiplied by to be a share of space.
+    fn read(&self, brick: &mut Brick, filling: f32) {
+        let number = |share: f32, sum: f32| match self {
+            Reading::Density => sum.max(0.0),
+            Reading::Sum(axis) if share > 0.0 => axis.place(sum * filling),
+            Reading::Mean(axis) if share * filling >= LEAST_FILLED => axis.place(sum / share),
+            Reading::Sum(_) | Reading::Mean(_) => 0.0,
+        };
+        brick.density.iter_mut().zip(&brick.weighted).for_each(|(cell, sum)| *cell = number(*cell, *sum));
+        brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
+        brick.weighted = Box::default();
+    }
+}
+
+/// What is shown of columns, in the order in which they are prepared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// The first one: the volume, and surfaces where these have no column of their own.
+    pub volume: Reading,
+    /// The second one, where surfaces are of it.
+    pub surface: Option<Reading>,
+    /// Whether the last one colours them.
+    pub has_hue: bool,
+}
+
+/// The particles of a view, once for each of some columns.
+pub struct Columns {
+    prepared: Vec<Prepared>,
+    /// What `sum V W` is multiplied by to be a share of space: files may have densities in another unit than their masses.
+    filling: f32,
+    kernel: Kernel,
+    /// How long it took.
+    took: Duration,
+}
+
+impl Columns {
+    /// Projects batches whose weights are volumes, and lays the grid around what is in view.
+    ///
+    /// # Errors
+    /// [`VolumeError::Grid`] when nothing with values is in view or the grid makes no sense.
+    pub fn prepare(
+        view: &View,
+        batches: &[Splats<'_>],
+        columns: &[Column],
+        options: &VolumeOptions,
+    ) -> Result<Columns, VolumeError> {
+        let start = Instant::now();
+        let (grid, widest) = extents::planes_and_widest(view, extents::of(batches), options)?;
+        let kernel = options.kernel;
+        let taken = Taken { sigma: grid.sigma, smallest: options.smallest, stride: 1, kernel };
+        let prepared = |column: &Column| {
+            let particles = project(view, &column.of(batches)?, &taken).unless_empty()?;
+            Ok::<_, VolumeError>(Prepared::new(grid, widest, particles))
+        };
+        let prepared = columns.iter().map(prepared).collect::<Result<Vec<_>, _>>()?;
+        if prepared.is_empty() {
+            return Err(GridError::NothingInView.into());
+        }
+        // With volumes `m / rho` this is `rho h^3 / m`.
+        let ratios = batches.iter().flat_map(|batch| {
+            let ratio = move |(i, volume): (usize, &f32)| Some(batch.ball(i)?.powi(3) / volume);
+            batch.weight().iter().enumerate().filter_map(ratio)
+        });
+        let filling = 1.0 / density_scale(ratios);
+        Ok(Columns { prepared, filling, kernel, took: start.elapsed() })
+    }
+
+    /// Between which values of a column most of what is in view lies: 3 % of the volume below and above; of densities 3 % of the mass below and
+    /// 0.5 % above, two decades apart at least.
+    ///
+    /// # Errors
+    /// [`GridError::NothingInView`] where no particle has mass.
+    pub fn range(&self, column: usize, is_density: bool) -> Result<[f64; 2], VolumeError> {
+        let mut histogram = Histogram::default();
+        for particle in self.prepared[column].particles.chunks.iter().flatten() {
+            let value = particle.weighted / particle.mass;
+            match is_density {
+                true => histogram.add(value / self.filling, f64::from(particle.weighted)),
+                false => histogram.add(value, f64::from(particle.mass)),
+            }
+        }
+        let found = histogram.percentiles([0.03, if is_density { 0.995 } else { 0.97 }]);
+        let [low, high] = found.ok_or(GridError::NothingInView)?;
+        Ok([if is_density { low.min(1e-2 * high) } else { low }, high])
+    }
+
+    /// Draws what `scenery` says of what is shown.
+    pub fn draw(
+        &self,
+        view: &View,
+        shown: &Shown,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+        paths: Option<&PathFragments>,
+    ) -> (Colors, VolumeReport) {
+        let Prepared { grid, particles, .. } = &self.prepared[0];
+        let mut report = VolumeReport {
+            grid: grid.size,
+            planes: [grid.near, grid.far],
+            particles: particles.len(),
+            raised: particles.raised,
+            resampling: self.took,
+            ..VolumeReport::default()
+        };
+        let grids = (grid, self.prepared[0].brick_grid());
+        let colors = cast(view, grids, &mut self.fields(shown), scenery, options, paths, &mut report);
+        (colors, report)
+    }
+
+    /// What fills bricks with what is shown.
+    pub fn fields(&self, shown: &Shown) -> Fields<'_> {
+        let resampler = |index: usize| Resampler::new(&self.prepared[index], self.kernel);
+        Fields {
+            filling: self.filling,
+            volume: (resampler(0), shown.volume),
+            surface: shown.surface.map(|reading| (resampler(1), reading)),
+            hue: shown.has_hue.then(|| resampler(self.prepared.len() - 1)),
+        }
+    }
+}
+
+/// Fills bricks with fields of columns.
+pub struct Fields<'a> {
+    filling: f32,
+    volume: (Resampler<'a>, Reading),
+    surface: Option<(Resampler<'a>, Reading)>,
+    hue: Option<Resampler<'a>>,
+}
+
+/// Layers of one column's numbers.
+fn numbers(
+    (resampler, reading): &mut (Resampler<'_>, Reading),
+    layers: Range<usize>,
+    hidden: &[bool],
+    filling: f32,
+) -> (Vec<Layer>, Work) {
+    let (mut filled, work) = resampler.resample(layers, hidden);
+    let bricks = filled.par_iter_mut().flatten().flatten();
+    bricks.for_each(|brick| reading.read(brick, filling));
+    (filled, work)
+}
+
+/// A brick with the numbers that surfaces are of.
+fn with_surface(brick: Option<Brick>, surface: Option<Brick>) -> Option<Brick> {
+    let Some(Brick { density: surface, densest, .. }) = surface else { return brick };
+    let nothing = || Brick {
+        density: vec![0.0; CELLS].into_boxed_slice(),
+        weighted: Box::default(),
+        surface: Box::default(),
+        densest: 0.0,
+    };
+    let brick = brick.unwrap_or_else(nothing);
+    Some(Brick { densest: brick.densest.max(densest), surface, ..brick })
+}
+
+/// Has a brick be coloured by the mean of an attribute, of which `found` holds `sum V W` and `sum V A W`.
+fn tint(brick: &mut Brick, found: &Brick) {
+    let mean = |(sum, share): (&f32, &f32)| if *share > 0.0 { sum / share } else { 0.0 };
+    let means = found.weighted.iter().zip(&found.density).map(mean);
+    brick.weighted = brick.density.iter().zip(means).map(|(number, mean)| number * mean).collect();
+}
+
+impl Fill for Fields<'_> {
+    fn fill(&mut self, layers: Range<usize>, hidden: &[bool]) -> (Vec<Layer>, Work) {
+        let (mut filled, mut work) = numbers(&mut self.volume, layers.clone(), hidden, self.filling);
+        if let Some(surface) = &mut self.surface {
+            let (found, more) = numbers(surface, layers.clone(), hidden, self.filling);
+            work.pairs += more.pairs;
+            for (bricks, found) in filled.iter_mut().zip(found) {
+                *bricks = std::mem::take(bricks).into_iter().zip(found).map(|(a, b)| with_surface(a, b)).collect();
+            }
+        }
+        if let Some(hue) = &mut self.hue {
+            let (found, more) = hue.resample(layers, hidden);
+            work.pairs += more.pairs;
+            let pairs = filled.iter_mut().flatten().zip(found.iter().flatten());
+            let pairs: Vec<_> = pairs.filter_map(|(brick, found)| Some((brick.as_mut()?, found.as_ref()?))).collect();
+            pairs.into_par_iter().for_each(|(brick, found)| tint(brick, found));
+            hue.recycle(found);
+        }
+        work.bricks = filled.iter().flatten().flatten().count() as u64;
+        (filled, work)
+    }
+
+    fn recycle(&mut self, layers: Vec<Layer>) {
+        self.volume.0.recycle(layers);
+    }
+
+    fn has_attribute(&self) -> bool {
+        self.hue.is_some()
+    }
+
+    fn has_surface_field(&self) -> bool {
+        self.surface.is_some()
+    }
+
+    fn has_holes(&self) -> [bool; 2] {
+        let surface = self.surface.as_ref().unwrap_or(&self.volume);
+        [&self.volume, surface].map(|(_, reading)| matches!(reading, Reading::Mean(_)))
+    }
+
+    fn bytes(&self) -> u64 {
+        let surface = self.surface.as_ref().map(|(resampler, _)| resampler);
+        let others = surface.into_iter().chain(&self.hue).map(Fill::bytes).sum::<u64>();
+        self.volume.0.bytes() + others
+    }
+}
+
+#[cfg(test)]
+mod tests;

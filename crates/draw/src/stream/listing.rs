@@ -1,0 +1,159 @@
+//! Views whose pages do not fit into memory together: what they draw is listed first, without particles ([`Outline`]), and then visited some
+//! pages at a time, in the order of the list.
+//!
+//! [`Outline`]: super::outline::Outline
+
+use super::{Scene, SceneNode};
+use crate::store::{NodeRef, PageId, StoreError};
+use crate::view::{Detail, Drawn, View, select};
+use std::collections::HashSet;
+
+/// What a view draws, without the pages that hold it.
+#[derive(Clone, Debug)]
+pub struct Listing {
+    /// The nodes; none is an ancestor of another.
+    pub nodes: Vec<Drawn<NodeRef>>,
+    /// Whether everything that the view needs at its error bound could be looked at.
+    pub converged: bool,
+    /// Particles in the nodes.
+    pub particles: u64,
+    /// Whether any of the nodes is drawn as clusters.
+    pub has_clusters: bool,
+    /// The view.
+    view: View,
+    /// Pixels from which on leaves are looked at particle by particle.
+    tau: f64,
+}
+
+/// What was found while a list was visited.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Visited {
+    /// Whether every node was there.
+    pub is_complete: bool,
+    /// Largest screen-space error among them, pixels.
+    pub error_pixels: f64,
+}
+
+/// Pages that are visited at a time take so much at most, bytes, and this share of the budget: others are read meanwhile.
+const GROUP_BYTES: u64 = 64 << 20;
+const GROUP_SHARE: u64 = 4;
+
+impl Scene {
+    /// Selects what a view draws in this detail, waiting for the disk: looks at every page that it needs, and holds none of them. What there is
+    /// to tell about that is handed to `tell`, a sentence at a time.
+    ///
+    /// # Errors
+    /// [`StoreError`] if a root page cannot be read, since then nothing can be drawn.
+    pub fn list(
+        &mut self,
+        view: &View,
+        detail: impl Into<Detail>,
+        tell: &mut dyn FnMut(String),
+    ) -> Result<Listing, StoreError> {
+        let (view, detail) = (self.timed(view), detail.into());
+        let roots = self.roots(&view);
+        loop {
+            let selection = select(&view, detail, &self.outline, &roots);
+            let known = self.outline.len();
+            let wanted: Vec<NodeRef> = selection.missing.iter().map(|missing| missing.id).collect();
+            self.look_at(wanted.iter().map(|node| node.page));
+            if self.outline.len() > known {
+                continue;
+            }
+            self.streamer.read_ahead([]);
+            self.streamer.begin();
+            self.streamer.hold(wanted);
+            self.streamer.serve();
+            self.streamer.take_evicted();
+            if !self.streamer.is_busy() {
+                self.check_roots(&roots, |page| self.outline.has(page))?;
+                let has_steps = |drawn: &Drawn<NodeRef>| self.outline.has_steps(drawn.id);
+                return Ok(Listing {
+                    converged: selection.is_converged(),
+                    particles: selection.particles(),
+                    has_clusters: selection.draw.iter().any(has_steps),
+                    nodes: selection.draw,
+                    tau: detail.tolerance(&view),
+                    view,
+                });
+            }
+            // Everything that was asked for is looked at before the view is selected again.
+            while self.streamer.is_busy() && !self.streamer.is_retry_due() {
+                let arrived = self.wait(tell);
+                self.look_at(arrived);
+                self.streamer.serve();
+                self.streamer.take_evicted();
+            }
+        }
+    }
+
+    /// The nodes that a view draws in this detail, as far as is known from the views that were listed before.
+    pub fn known(&self, view: &View, detail: impl Into<Detail>) -> Vec<Drawn<NodeRef>> {
+        let view = self.timed(view);
+        select(&view, detail, &self.outline, &self.roots(&view)).draw
+    }
+
+    /// Keeps what pages tell of their nodes, of those that are in memory: they may make room then.
+    fn look_at(&mut self, pages: impl IntoIterator<Item = PageId>) {
+        for page in pages {
+            if let Some(page) = self.streamer.residency.page(page) {
+                self.outline.add(page);
+            }
+        }
+        self.streamer.begin();
+        self.streamer.residency.set_aside(self.outline.bytes());
+    }
+
+    /// Hands over the listed nodes with their pages, some at a time and in their order, waiting for the disk; while they are in use, the pages of
+    /// those after them are read ahead, and at the end those of `next`. Nodes whose pages cannot be had are left out.
+    ///
+    /// # Errors
+    /// The first of `each`.
+    pub fn visit<E>(
+        &mut self,
+        listing: &Listing,
+        next: &[Drawn<NodeRef>],
+        tell: &mut dyn FnMut(String),
+        each: &mut dyn FnMut(&[SceneNode]) -> Result<(), E>,
+    ) -> Result<Visited, E> {
+        let mut visited = Visited { is_complete: true, error_pixels: 0.0 };
+        let mut rest = &listing.nodes[..];
+        while !rest.is_empty() {
+            let (group, after) = rest.split_at(self.group_of(rest));
+            loop {
+                self.streamer.begin();
+                let is_lacking = self.streamer.hold(group.iter().map(|drawn| drawn.id));
+                self.streamer.serve();
+                self.streamer.take_evicted();
+                if !is_lacking || !self.streamer.is_busy() {
+                    break;
+                }
+                self.wait(tell);
+            }
+            let node = |drawn: &Drawn<NodeRef>| SceneNode::of(&self.streamer, &listing.view, listing.tau, drawn);
+            let nodes: Vec<SceneNode> = group.iter().filter_map(node).collect();
+            visited.is_complete &= nodes.len() == group.len();
+            visited.error_pixels = nodes.iter().fold(visited.error_pixels, |most, node| most.max(node.error_pixels));
+            self.streamer.read_ahead(after.iter().chain(next).map(|drawn| drawn.id));
+            self.streamer.serve();
+            self.streamer.take_evicted();
+            each(&nodes)?;
+            rest = after;
+        }
+        Ok(visited)
+    }
+
+    /// How many of these nodes are visited together: one at least.
+    fn group_of(&self, nodes: &[Drawn<NodeRef>]) -> usize {
+        let residency = &self.streamer.residency;
+        let most = GROUP_BYTES.min(residency.statistics().budget_bytes / GROUP_SHARE);
+        let (mut pages, mut bytes) = (HashSet::new(), 0);
+        let fits = |drawn: &&Drawn<NodeRef>| {
+            if pages.insert(drawn.id.page) {
+                bytes += residency.tree().page_memory(drawn.id.page);
+            }
+            bytes <= most
+        };
+        nodes.iter().take_while(fits).count().max(1)
+    }
+}

@@ -1,0 +1,111 @@
+//! What selection needs to know of pages, without the particles in them: it stays where the pages themselves have to make room, so that a
+//! view can be selected whose pages do not fit into memory together.
+
+use super::residency::info_of;
+use crate::hierarchy::pca::Step;
+use crate::store::{NodeRef, Page, PageId};
+use crate::view::{NodeInfo, NodeTree};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// The nodes of a page.
+#[derive(Clone, Debug)]
+struct OutlinedPage {
+    nodes: Vec<OutlinedNode>,
+    children: Vec<NodeRef>,
+    steps: Vec<Step>,
+}
+
+/// A node, and which of its page's children and steps are its own.
+#[derive(Clone, Debug)]
+struct OutlinedNode {
+    info: NodeInfo,
+    children: Range<u32>,
+    steps: Range<u32>,
+}
+
+/// The pages of one tree that have been looked at.
+#[derive(Clone, Debug, Default)]
+pub struct Outline {
+    pages: HashMap<PageId, OutlinedPage>,
+    bytes: u64,
+}
+
+impl Outline {
+    /// Takes in what a page tells of its nodes.
+    pub fn add(&mut self, page: &Page) {
+        if self.has(page.id) {
+            return;
+        }
+        let (mut children, mut steps) = (Vec::new(), Vec::new());
+        let outlined = |(index, node)| {
+            let first = [children.len() as u32, steps.len() as u32];
+            children.extend_from_slice(page.children(index));
+            steps.extend_from_slice(page.content(index).map_or(&[], |content| content.steps()));
+            OutlinedNode {
+                info: info_of(node),
+                children: first[0]..children.len() as u32,
+                steps: first[1]..steps.len() as u32,
+            }
+        };
+        let nodes: Vec<OutlinedNode> = page.nodes.iter().enumerate().map(outlined).collect();
+        let sizes = [
+            nodes.len() * size_of::<OutlinedNode>(),
+            children.len() * size_of::<NodeRef>(),
+            steps.len() * size_of::<Step>(),
+        ];
+        self.bytes += sizes.iter().map(|size| *size as u64).sum::<u64>();
+        self.pages.insert(page.id, OutlinedPage { nodes, children, steps });
+    }
+
+    /// Whether a page has been looked at.
+    pub fn has(&self, page: PageId) -> bool {
+        self.pages.contains_key(&page)
+    }
+
+    /// How many have.
+    pub fn len(&self) -> usize {
+        self.pages.len()
+    }
+
+    /// Whether none has.
+    pub fn is_empty(&self) -> bool {
+        self.pages.is_empty()
+    }
+
+    /// Whether a node holds clusters.
+    pub fn has_steps(&self, id: NodeRef) -> bool {
+        !NodeTree::steps(self, id).is_empty()
+    }
+
+    /// Memory that it takes, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    fn found(&self, id: NodeRef) -> Option<(&OutlinedPage, &OutlinedNode)> {
+        let page = self.pages.get(&id.page)?;
+        Some((page, page.nodes.get(id.node as usize)?))
+    }
+}
+
+impl NodeTree for Outline {
+    type Id = NodeRef;
+
+    fn node(&self, id: NodeRef) -> Option<NodeInfo> {
+        self.found(id).map(|(_, node)| node.info)
+    }
+
+    fn children(&self, id: NodeRef) -> impl Iterator<Item = NodeRef> {
+        let own = self.found(id).and_then(|(page, node)| page.children.get(indices(&node.children)));
+        own.unwrap_or_default().iter().copied()
+    }
+
+    fn steps(&self, id: NodeRef) -> &[Step] {
+        self.found(id).and_then(|(page, node)| page.steps.get(indices(&node.steps))).unwrap_or_default()
+    }
+}
+
+fn indices(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
+}

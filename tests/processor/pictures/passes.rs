@@ -1,0 +1,269 @@
+//! Pictures of more pages than there is memory for: sums are drawn in passes and have the bits of a picture of all pages at once, and what is
+//! held never exceeds its budget; all else is drawn coarser, and told.
+
+use deepfield::build::{self, BuildOptions};
+use deepfield::color::Accumulation;
+use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::overdraw::Overdraw;
+use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
+use deepfield::hierarchy::{Kinds, OctreeOptions};
+use deepfield::look::{Camera, LookPatch, Member, SceneFile, Shot};
+use deepfield::mode::{Raw, SettingValue};
+use deepfield::model::Progress;
+use deepfield::modes;
+use deepfield::picture::adapter::{AdapterField, AdapterSurface, AdapterValues};
+use deepfield::picture::ranges::Format;
+use deepfield::picture::{
+    Adapter, AdapterFrame, AdapterJob, Picture, PictureError, Reporter, Session, SessionOptions, Subject,
+};
+use deepfield::store::{PageFile, PageId};
+use deepfield::stream::Scene;
+use deepfield::synth::{dataset, merger::Merger};
+use deepfield::view::{Surround, View};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// What pages may take, less than all of a file's.
+const BUDGETS: [u64; 2] = [384 << 10, 1 << 20];
+const SIZE: (u32, u32) = (150, 100);
+
+struct Data {
+    path: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+/// A page file of many small pages.
+fn data(particles: u64, hierarchies: Kinds) -> Data {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("merger.df");
+    let octree = OctreeOptions { leaf_capacity: 3000, ..OctreeOptions::default() };
+    let options = BuildOptions { octree, hierarchies, page_bytes: 32 << 10, ..BuildOptions::default() };
+    build::build(dataset(&Merger::new(3, particles)), &options, &path, &()).unwrap();
+    Data { path, _folder: folder }
+}
+
+/// What was told.
+#[derive(Default)]
+struct Told(Mutex<Vec<String>>);
+
+impl Reporter for Told {
+    fn tell(&self, message: String) {
+        self.0.lock().unwrap().push(message);
+    }
+
+    fn progress(&self) -> Box<dyn Progress + '_> {
+        Box::new(())
+    }
+}
+
+impl Data {
+    /// Pages may take the half of `memory`.
+    fn session(&self, memory: Option<u64>, told: &Arc<Told>) -> Session {
+        let options = SessionOptions { page_memory: memory, ..SessionOptions::default() };
+        let told: Arc<dyn Reporter> = told.clone();
+        let page_file = |path: &Path| -> Result<_, PictureError> { Ok(path.to_owned()) };
+        Session::open(&[Member::new(&self.path)], options, [&Shot::default()], page_file, told).unwrap()
+    }
+
+    /// Memory of all pages.
+    fn bytes(&self) -> u64 {
+        let file = PageFile::open(&self.path).unwrap();
+        (0..file.page_count()).map(|page| file.page_memory(PageId(page))).sum()
+    }
+}
+
+/// Nearly everything, from outside; in panoramas from within.
+fn shot(mode: &str, surround: Surround, session: &mut Session) -> (Shot, Camera) {
+    let look = LookPatch { mode: modes::find(mode), error_px: Some(0.02), ..LookPatch::default() };
+    let bounds = session.framed(&look).unwrap();
+    let away = if surround.is_flat() { 0.6 } else { 0.1 };
+    let eye = (bounds.center() + bounds.size() * away).into();
+    let camera = Camera { eye, target: bounds.center().into(), up: [0.0, 1.0, 0.0], fov: 45.0, ortho: None };
+    let scene = SceneFile { look, size: Some(SIZE), camera: Some(camera), ..SceneFile::new(Vec::new()) };
+    (Shot { surround, ..Shot::of_scene(scene, Path::new("")) }, camera)
+}
+
+fn sums(picture: &Picture) -> &Accumulation {
+    let Raw::Sums(sums, _) = &picture.values else { panic!("colours") };
+    sums
+}
+
+fn bits(sums: &Accumulation) -> Vec<u32> {
+    sums.p.iter().chain(&sums.ps).map(|value| value.to_bits()).collect()
+}
+
+/// A session in little memory draws what one draws that has as much as it needs, and keeps to its memory.
+fn is_the_same(data: &Data, change: &dyn Fn(&mut Shot), (mode, surround): (&str, Surround)) {
+    let told = Arc::default();
+    let mut whole = data.session(None, &told);
+    let (mut shot, camera) = shot(mode, surround, &mut whole);
+    change(&mut shot);
+    let expected = whole.draw(&shot).unwrap();
+    let format = Format { size: SIZE, surround };
+    let levels = whole.ranges(&shot.look, &camera, format).unwrap().levels;
+    assert!(expected.converged, "{mode}, {surround:?}");
+    for budget in BUDGETS {
+        let mut session = data.session(Some(2 * budget), &told);
+        let picture = session.draw(&shot).unwrap();
+        let about = format!("{mode}, {surround:?}, {budget}: {} nodes of {}", picture.nodes, expected.nodes);
+        assert!(picture.converged && bits(sums(&picture)) == bits(sums(&expected)), "{about}");
+        assert!(picture.image(&shot).unwrap() == expected.image(&shot).unwrap(), "{about}");
+        assert_eq!(
+            (picture.nodes, picture.particles, picture.error_px),
+            (expected.nodes, expected.particles, expected.error_px),
+            "{about}"
+        );
+        assert_eq!(picture.level_report.splats, expected.level_report.splats, "{about}");
+        let counts = |picture: &Picture| {
+            let left_out = &picture.left_out;
+            (left_out.splats, left_out.outside, left_out.faint, left_out.thinned)
+        };
+        assert_eq!(counts(&picture), counts(&expected), "{about}");
+        assert_eq!(session.ranges(&shot.look, &camera, format).unwrap().levels, levels, "{about}");
+        let held = session.residency();
+        assert!(held.most_bytes <= held.budget_bytes && held.budget_bytes == budget, "{about}: {held:?}");
+    }
+    assert!(told.0.lock().unwrap().is_empty(), "{:?}", told.0.lock().unwrap());
+}
+
+#[test]
+fn sums_have_the_same_bits_in_however_little_memory() {
+    let data = data(150_000, Kinds::default());
+    assert!(data.bytes() > 3 * BUDGETS[0] && data.bytes() > BUDGETS[1], "{} bytes", data.bytes());
+    for mode in ["column-density", "density-squared", "points"] {
+        is_the_same(&data, &|_| {}, (mode, Surround::Flat));
+    }
+    is_the_same(&data, &|_| {}, ("column-density", Surround::Equirectangular));
+    is_the_same(&data, &|_| {}, ("points", Surround::Equirectangular));
+    // What is left out depends on the whole picture.
+    let economic = |shot: &mut Shot| {
+        for (name, value) in [("presence", 50.0), ("thinning", 2.0)] {
+            shot.look.budget.0.insert(name.into(), SettingValue::Number(value));
+        }
+    };
+    is_the_same(&data, &economic, ("column-density", Surround::Flat));
+}
+
+#[test]
+fn clusters_have_the_same_bits_in_however_little_memory() {
+    let data = data(100_000, Kinds::of_particles());
+    assert!(data.bytes() > BUDGETS[1], "{} bytes", data.bytes());
+    let clusters = |shot: &mut Shot| {
+        shot.look.budget.0.insert("levels".into(), SettingValue::Name("clusters".into()));
+        shot.look.budget.0.insert("splats".into(), SettingValue::Number(20_000.0));
+    };
+    is_the_same(&data, &clusters, ("column-density", Surround::Flat));
+}
+
+#[test]
+fn what_needs_everything_at_once_is_drawn_coarser_and_told() {
+    let data = data(150_000, Kinds::default());
+    let told = Arc::default();
+    let mut session = data.session(Some(2 * BUDGETS[0]), &told);
+    let (shot, _) = shot("volume", Surround::Flat, &mut session);
+    let picture = session.draw(&shot).unwrap();
+    assert!(!picture.converged && session.lacks_memory());
+    let messages = told.0.lock().unwrap().clone();
+    assert!(matches!(&messages[..], [only] if only.contains("--memory") && only.contains("merger.df")), "{messages:?}");
+    let held = session.residency();
+    assert!(held.most_bytes <= held.budget_bytes, "{held:?}");
+    // With enough nothing is told.
+    let mut session = data.session(Some(1 << 30), &told);
+    assert!(session.draw(&shot).unwrap().converged && !session.lacks_memory());
+    assert_eq!(told.0.lock().unwrap().len(), 1);
+}
+
+/// A card that draws with the processor, and counts how often.
+struct Counting(Arc<AtomicUsize>);
+
+impl Adapter for Counting {
+    fn is_card(&mut self) -> bool {
+        true
+    }
+
+    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        let transfer = TransferFunction::default();
+        let subject = Subject::new(job.metadata, job.depiction, &transfer, 1.0);
+        let (sums, counts) = subject.draw_nodes(job.view, job.nodes, job.plan)?.sums(job.depiction.mode)?;
+        Ok(AdapterFrame {
+            values: AdapterValues::Sums(sums),
+            splats: Some(counts.drawn),
+            backend: "compute",
+            adapter: "counting".into(),
+            milliseconds: [("frame".to_owned(), 1.0)].into(),
+            note: None,
+        })
+    }
+
+    fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
+        Err(VolumeError::Device("no volume".into()))
+    }
+
+    fn surface(&mut self, _: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
+        Err(VolumeError::Device("no surface".into()))
+    }
+
+    fn surface_seen(&mut self, _: Arc<AdapterSurface>, _: bool) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
+        Err(VolumeError::Device("no surface".into()))
+    }
+
+    fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
+        Err(VolumeError::Device("no ranges".into()))
+    }
+
+    fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
+        Err(VolumeError::Device("no overdraw".into()))
+    }
+}
+
+#[test]
+fn an_adapter_draws_the_parts_and_they_are_added_up() {
+    let data = data(60_000, Kinds::default());
+    let told = Arc::default();
+    let mut whole = data.session(None, &told);
+    let (shot, _) = shot("column-density", Surround::Flat, &mut whole);
+    let expected = whole.draw(&shot).unwrap();
+    let draws = Arc::new(AtomicUsize::new(0));
+    let adapter = || -> Option<Box<dyn Adapter>> { Some(Box::new(Counting(draws.clone()))) };
+    let mut session = data.session(Some(2 * BUDGETS[0]), &told).with_adapter(adapter());
+    let picture = session.draw(&shot).unwrap();
+    assert!(picture.converged && picture.drawn_by[1] == "counting" && draws.load(Ordering::Relaxed) > 3);
+    assert_eq!(picture.left_out.splats, expected.left_out.splats);
+    let (sums, expected) = (sums(&picture), sums(&expected));
+    let differ: f64 = sums.p.iter().zip(&expected.p).map(|(a, b)| f64::from((a - b).abs())).sum();
+    assert!(differ <= 1e-6 * expected.p.iter().map(|p| f64::from(*p)).sum::<f64>(), "{differ}");
+    // An empty view is a black picture of the adapter's.
+    let mut away = shot.clone();
+    [away.camera.eye, away.camera.target] = [100.0, 200.0].map(|far| shot.camera.eye.map(|eye| eye.map(|x| far * x)));
+    let picture = session.draw(&away).unwrap();
+    assert!(
+        picture.nodes == 0 && self::sums(&picture).p.iter().all(|p| *p == 0.0) && picture.drawn_by[1] == "counting"
+    );
+}
+
+/// What comes next is read as far as there is room, and what is drawn stays.
+#[test]
+fn what_is_read_ahead_takes_no_room_from_what_is_drawn() {
+    let data = data(150_000, Kinds::default());
+    let file = Arc::new(PageFile::open(&data.path).unwrap());
+    let mut scene = Scene::new(Arc::clone(&file), 2 << 20);
+    let mut session = data.session(None, &Arc::default());
+    let (_, camera) = shot("column-density", Surround::Flat, &mut session);
+    let view = |zoom: f64| -> View { Camera { fov: zoom, ..camera }.view(SIZE.0, SIZE.1).unwrap() };
+    let drawn = scene.converge_blocking(&view(3.0), 0.5).unwrap();
+    assert!(drawn.converged);
+    let before = scene.streamer.residency.statistics();
+    scene.look_ahead(&view(20.0), 0.05);
+    while scene.streamer.is_busy() {
+        scene.streamer.wait(Duration::from_millis(10));
+        scene.streamer.arrive();
+        scene.streamer.serve();
+        scene.streamer.take_evicted();
+    }
+    let after = scene.streamer.residency.statistics();
+    assert!(after.bytes > before.bytes && after.most_bytes <= after.budget_bytes, "{before:?} {after:?}");
+    assert!(drawn.nodes.iter().all(|node| scene.streamer.residency.page(node.node.page).is_some()));
+}
