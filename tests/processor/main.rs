@@ -17,6 +17,7 @@ mod page_file {
     mod damage;
     mod promises;
 }
+mod derived;
 mod out_of_core;
 
 /// From source to picture, across the rooms: the screen-space guarantee, conservation, colour errors, golden images.

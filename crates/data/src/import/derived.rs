@@ -4,9 +4,9 @@
 //! those have; a periodic box has no neighbours across its borders, and the flow of the expanding universe is not in it. Only the Mach
 //! number brings velocity and speed of sound to one unit: it is the peculiar velocity's, of an ideal gas.
 
-use super::attributes::{Part, Planned};
+use super::attributes::{Part, Planned, has_attribute};
 use super::neighbours::{LocalMotion, Moving, Neighbours};
-use super::{Description, FamilyInfo, FieldKind, ImportError, LoadOptions};
+use super::{AttributeChoice, Description, FamilyInfo, FieldKind, ImportError, LoadOptions};
 use crate::model::{Derivation, DerivedQuantity, Kernel, Motion, Progress, Unit};
 
 /// Ratio of specific heats of a monatomic gas.
@@ -80,6 +80,19 @@ pub(super) fn plan(
     let mach_factor = sound.as_ref().map(|sound| sound.mach_factor);
     notes.extend(sound.map(|sound| format!("{name}: {}", sound.note)));
     Ok(Some(DerivedPlan { derivation: Derivation { quantities, mach_factor }, inputs, notes }))
+}
+
+/// Quantities among named attributes that a source lacks and its velocities give.
+pub fn derivable(about: &Description, attributes: &AttributeChoice) -> Vec<DerivedQuantity> {
+    let AttributeChoice::Named(names) = attributes else { return Vec::new() };
+    if about.families.iter().all(|info| info.find(FieldKind::Velocity).is_none()) {
+        return Vec::new();
+    }
+    let is_lacking = |quantity: &DerivedQuantity| {
+        let name = quantity.name();
+        names.iter().any(|other| other == name) && !has_attribute(about, name)
+    };
+    DerivedQuantity::ALL.into_iter().filter(is_lacking).collect()
 }
 
 /// Every quantity that is asked for is derived for one family at least.
@@ -180,10 +193,12 @@ fn metres_per_second(unit: &str) -> Option<f64> {
 
 /// The power of the scale factor that stored values take to be what the rest of the unit says.
 fn power_of_a(unit: &Unit) -> f64 {
-    let power = |word: &str| match word.strip_prefix("a^") {
-        _ if word == "a" => 1.0,
-        Some(power) => power.parse().unwrap_or(0.0),
-        None => 0.0,
+    let power = |word: &str| -> f64 {
+        match word.strip_prefix("a^") {
+            _ if word == "a" => 1.0,
+            Some(power) => power.parse().unwrap_or(0.0),
+            None => 0.0,
+        }
     };
     let mut parts = unit.0.split('/');
     let above: f64 = parts.next().unwrap_or_default().split(' ').map(power).sum();
@@ -205,9 +220,8 @@ pub(crate) fn columns(
     (count, heat): (usize, Option<&[f32]>),
     progress: &dyn Progress,
 ) -> Vec<Vec<f32>> {
-    let is_near = |(quantity, _): &(DerivedQuantity, Unit)| *quantity != DerivedQuantity::MachNumber;
     let mut motions = Vec::new();
-    if derivation.quantities.iter().any(is_near)
+    if derivation.needs_neighbours()
         && let Some(tree) = Neighbours::of(all.positions)
     {
         let wanted: Vec<bool> = (0..all.positions.len()).map(|particle| particle < count).collect();

@@ -36,6 +36,7 @@ pub mod vector_field;
 pub use attributes::has_attribute;
 pub use bytes::Order as ByteOrder;
 pub use choice::replaced_densities;
+pub use derived::derivable;
 pub use error::ImportError;
 pub use folder::{OtherKind, file_in};
 pub use format::{Format, HEAD, formats, names, open, open_with, register, steps_in};

@@ -3,7 +3,7 @@
 use super::error::PictureError;
 use super::session::Reporter;
 use crate::explore::data::source_path;
-use crate::import::{AttributeChoice, LoadOptions, load};
+use crate::import::{AttributeChoice, LoadOptions, derivable, load_source, open};
 use crate::look::{DataKind, LookPatch, Member};
 use crate::model::{Bounds, Dataset, FamilyName, ReadMethod, When};
 use crate::store::{PageFile, RunFile};
@@ -85,12 +85,15 @@ pub fn particles(
 
 fn load_one(member: &Member, wanted: &Wanted, reporter: &dyn Reporter) -> Result<(PathBuf, Dataset), PictureError> {
     let source = source_of(&member.path, wanted.time)?;
+    let opened = open(&source)?;
     let options = LoadOptions {
         families: wanted.family.map_or_else(|| member.families.clone().unwrap_or_default(), |family| vec![family]),
         attributes: wanted.attributes.clone(),
+        // A page file may have been built with attributes that follow from velocities.
+        derive: derivable(opened.description(), &wanted.attributes),
         ..LoadOptions::default()
     };
-    let dataset = load(&source, &options, &*reporter.progress())?;
+    let dataset = load_source(opened.as_ref(), &options, &*reporter.progress())?;
     Ok((source, dataset))
 }
 
