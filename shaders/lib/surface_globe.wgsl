@@ -43,7 +43,8 @@ fn hit_globe(shown: Shown, place: vec2<f32>) -> Hit {
     if shown.slot == POINT {
         let height = height_of(draw, shown.at);
         let camera = camera_of(corner_of(draw, shown.at), height);
-        var hit = Hit(shown.node, camera.z, sample_at(draw, shown.at), vec2(0.0), height, vec2(0.0), 1.0, vec2(0.0), true, false);
+        let first = sample_at(draw, shown.at);
+        var hit = Hit(shown.node, camera.z, first, vec2(0.0), height, vec2(0.0), 1.0, vec2(0.0), true, false, true, false, false);
         hit.slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, shown.at.x * draw.columns + shown.at.y));
         hit.aside = place_of_camera(camera) - place;
         hit.coverage = point_coverage(hit, shown.at);
@@ -54,11 +55,11 @@ fn hit_globe(shown: Shown, place: vec2<f32>) -> Hit {
         return hit_pole(shown, sight);
     }
     let cell = cell_of(draw, shown.at);
-    let half = half_of(cell.heights, shown.slot);
+    let half = half_of(cell.quad, shown.slot);
     var corners: array<vec3<f32>, 3>;
     for (var k = 0u; k < 3u; k++) {
         let corner = half.corners[k];
-        corners[k] = camera_of(corner_of(draw, shown.at + vec2(corner >> 1u, corner & 1u)), cell.heights[corner]);
+        corners[k] = camera_of(corner_of(draw, shown.at + vec2(corner >> 1u, corner & 1u)), cell.quad.heights[corner]);
     }
     let shares = shares_of(corners[0], corners[1], corners[2], sight);
     let depth = dot(shares, vec3(corners[0].z, corners[1].z, corners[2].z));
@@ -85,7 +86,7 @@ fn hit_pole(shown: Shown, sight: Sight) -> Hit {
     let slope = vec2((heights.z - heights.y) / columns, (heights.x - mix(heights.y, heights.z, along)) / rows);
     let depth = dot(shares, vec3(pole.z, left.z, right.z));
     let within = vec2(shares.x * rows, along * columns);
-    return Hit(shown.node, depth, first, within, dot(shares, heights), slope, 1.0, vec2(0.0), true, false);
+    return Hit(shown.node, depth, first, within, dot(shares, heights), slope, 1.0, vec2(0.0), true, false, false, false, true);
 }
 
 /// Where something is in the picture.

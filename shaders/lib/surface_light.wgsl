@@ -4,11 +4,18 @@
 #import deepfield::surface_globe::{frame_at, rise_of, sight_at}
 #import deepfield::surface_levels::{between, index_of, share_of, levels_of, level_at, normal_of}
 #import deepfield::surface_look::{look, number_at}
+#import deepfield::surface_ray::{Hit, ray_at, walk, WIDE, ENDLESS}
+#import deepfield::surface_view::{surface, words, draws, fade_at}
 #ifdef PHOTO
 #import deepfield::surface_photo::photo_of
 #endif
-#import deepfield::surface_ray::{Hit, ray_at, walk, WIDE, ENDLESS}
-#import deepfield::surface_view::{surface, words, draws}
+#ifdef RIMS
+#import deepfield::surface_constants::RIM
+#import deepfield::surface_rim::rim_share
+#endif
+#ifdef FILLED
+#import deepfield::surface_constants::HATCH
+#endif
 
 /// Colours over the range of values.
 @group(1) @binding(1) var<storage, read> ramp: array<vec4<f32>>;
@@ -276,11 +283,26 @@ fn line_at(hit: Hit, place: vec2<f32>) -> f32 {
     return line_share(number, away / parts, steep * parts);
 }
 
+#ifdef FILLED
+/// The light of a membrane at a place of the picture: stripes, which no data has.
+fn hatch(place: vec2<f32>) -> f32 {
+    let size = HATCH * f32(surface.parts);
+    let away = 2.0 * abs(fract((place.x + place.y) / (size * sqrt(2.0))) - 0.5);
+    return 0.5 - 0.38 * clamp((away - 0.5) * 0.5 * size + 0.5, 0.0, 1.0);
+}
+#endif
+
 /// The colour of a hit at a place of the picture: linear light, premultiplied.
 fn color_of(hit: Hit, place: vec2<f32>) -> vec4<f32> {
     let draw = draws[hit.node];
     let texel = texel_of(hit);
-    let normal = texel.normal;
+    var normal = texel.normal;
+#ifdef FILLED
+    if hit.is_membrane {
+        // Its triangle's own.
+        normal = normalize(vec3(-hit.slope * surface.true_lift / surface.lengths, 1.0));
+    }
+#endif
     var value = texel.height;
     // Whether there is nothing to compare it with.
     var is_beside = false;
@@ -318,6 +340,9 @@ fn color_of(hit: Hit, place: vec2<f32>) -> vec4<f32> {
     }
 #endif
     plain = select(plain, BESIDE, is_beside);
+#ifdef FILLED
+    plain = select(plain, vec3(hatch(place)), hit.is_membrane);
+#endif
     var toward = -surface.world_forward;
     if surface.perspective != 0u {
         let across = vec2(place.x - surface.middle.x, surface.middle.y - place.y) / surface.focal;
@@ -328,10 +353,21 @@ fn color_of(hit: Hit, place: vec2<f32>) -> vec4<f32> {
     toward = -normalize(sight_at(place).direction) * frame_at(hit).axes;
 #endif
     let bright = lit(normal, select(toward, surface.sun, surface.is_sun != 0u), toward);
-    var color = plain * (surface.ambient + (1.0 - surface.ambient) * bright);
-    if surface.contour_interval > 0.0 {
+    let light = surface.ambient + (1.0 - surface.ambient) * bright;
+    var color = plain * light;
+    if surface.contour_interval > 0.0 && !hit.is_membrane {
         color = mix(color, surface.contour_color, line_at(hit, place));
     }
-    let alpha = hit.coverage * exp(-surface.fade_rate * max(hit.depth - surface.fade_start, 0.0));
+#ifdef RIMS
+    color = mix(color, RIM, rim_share(hit, place));
+#endif
+    let whole = fade_at(hit.depth);
+    let alpha = hit.coverage * whole;
+#ifdef FILLED
+    // What a coarse sample leaves open are holes that are smaller than it.
+    if hit.coverage < 1.0 && surface.spans >= f32(1u << draw.level) {
+        return vec4(color * alpha + vec3(hatch(place) * light * (whole - alpha)), whole);
+    }
+#endif
     return vec4(color * alpha, alpha);
 }

@@ -38,7 +38,7 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
             return hit;
         }
     }
-    var hit = Hit(node, depth, first, vec2(0.0), height, vec2(0.0), 1.0, vec2(0.0), true, false);
+    var hit = Hit(node, depth, first, vec2(0.0), height, vec2(0.0), 1.0, vec2(0.0), true, false, true, false, false);
     hit.slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, at.x * draw.columns + at.y));
     // What lies under the middle of the sample of the picture, unless that plane is seen from its edge.
     let place_of_sample = vec2<f32>(vec2<i32>(first.yx) - surface.anchor);

@@ -3,7 +3,7 @@
 // Where the processor casts a ray through all of the surface, these follow it over cells from a little before what a sample shows.
 #define_import_path deepfield::surface_ray
 #import deepfield::surface_constants::{CHUNK, NONE, LEAF, MIXED}
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, height_of, camera_of, half_of, Half}
+#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, camera_of, quad_of, half_of, Half, Quad}
 
 /// Rounding may leave a place so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f32 = 1e-4;
@@ -45,15 +45,21 @@ struct Hit {
     exists: bool,
     /// Where there is none: whether there may be one all the same, beyond chunks that are not drawn.
     is_beside: bool,
+    /// Whether it is a sample's own place.
+    is_point: bool,
+    /// Whether it is of a membrane over a hole, and no data.
+    is_membrane: bool,
+    /// Whether it is between the field and a pole of its globe, and no data.
+    is_pole: bool,
 }
 
 fn no_hit(is_beside: bool) -> Hit {
-    return Hit(0u, 0.0, vec2(0u), vec2(0.0), 0.0, vec2(0.0), 0.0, vec2(0.0), false, is_beside);
+    return Hit(0u, 0.0, vec2(0u), vec2(0.0), 0.0, vec2(0.0), 0.0, vec2(0.0), false, is_beside, false, false, false);
 }
 
-/// A cell as rays meet it: the heights of its corners, where it begins, and how many rows and columns it is.
+/// A cell as rays meet it: its corners, where it begins, and how many rows and columns it is.
 struct Cell {
-    heights: vec4<f32>,
+    quad: Quad,
     first: vec2<u32>,
     size: vec2<f32>,
 }
@@ -61,13 +67,7 @@ struct Cell {
 fn cell_of(draw: Draw, at: vec2<u32>) -> Cell {
     let first = sample_at(draw, at);
     let next = sample_at(draw, at + 1u);
-    let heights = vec4(
-        height_of(draw, at),
-        height_of(draw, at + vec2(0u, 1u)),
-        height_of(draw, at + vec2(1u, 0u)),
-        height_of(draw, at + 1u),
-    );
-    return Cell(heights, first, vec2<f32>(next - first));
+    return Cell(quad_of(draw, at), first, vec2<f32>(next - first));
 }
 
 /// The height of a triangle at its cell's first corner, and what it adds along columns and along rows.
@@ -117,7 +117,7 @@ struct Meeting {
 }
 
 fn meeting_of(ray: Ray, cell: Cell, half: Half) -> Meeting {
-    let plane = plane_of(cell.heights, half);
+    let plane = plane_of(cell.quad.heights, half);
     let away = vec2<f32>(vec2<i32>(cell.first.yx) - surface.anchor);
     let size = cell.size.yx;
     let origin = (ray.origin.xy - away) / size;
@@ -137,9 +137,9 @@ fn coverage_of(draw: Draw, at: vec2<u32>) -> f32 {
 /// The hit of a ray that meets a triangle.
 fn hit_of(node: u32, at: vec2<u32>, cell: Cell, half: Half, place: vec2<f32>, depth: f32) -> Hit {
     let draw = draws[node];
-    let plane = plane_of(cell.heights, half);
+    let plane = plane_of(cell.quad.heights, half);
     var coverage = 1.0;
-    if draw.level > 0u && (draw.flags & MIXED) != 0u {
+    if !half.is_membrane && draw.level > 0u && (draw.flags & MIXED) != 0u {
         let weights = clamp(weights_of(half, place), vec3(0.0), vec3(1.0));
         var shares: vec3<f32>;
         for (var k = 0u; k < 3u; k++) {
@@ -148,13 +148,15 @@ fn hit_of(node: u32, at: vec2<u32>, cell: Cell, half: Half, place: vec2<f32>, de
         coverage = min(dot(weights, shares), 1.0);
     }
     let height = plane.x + dot(plane.yz, place);
-    return Hit(node, depth, cell.first, place.yx * cell.size, height, plane.yz / cell.size.yx, coverage, vec2(0.0), true, false);
+    let slope = plane.yz / cell.size.yx;
+    let within = place.yx * cell.size;
+    return Hit(node, depth, cell.first, within, height, slope, coverage, vec2(0.0), true, false, false, half.is_membrane, false);
 }
 
 /// The place on a triangle that a sample shows.
 fn hit_triangle(node: u32, at: vec2<u32>, slot: u32, ray: Ray) -> Hit {
     let cell = cell_of(draws[node], at);
-    let half = half_of(cell.heights, slot);
+    let half = half_of(cell.quad, slot);
     let met = meeting_of(ray, cell, half);
     if met.is_met {
         return hit_of(node, at, cell, half, met.at, met.depth);
@@ -166,7 +168,7 @@ fn hit_triangle(node: u32, at: vec2<u32>, slot: u32, ray: Ray) -> Hit {
         weights = inside / dot(inside, vec3(1.0));
     }
     let place = place_of(half, weights);
-    let plane = plane_of(cell.heights, half);
+    let plane = plane_of(cell.quad.heights, half);
     let camera = camera_at(cell.first, place.yx * cell.size, plane.x + dot(plane.yz, place));
     return hit_of(node, at, cell, half, place, camera.z);
 }
@@ -184,8 +186,8 @@ struct Passage {
     next: vec2<i32>,
 }
 
-/// Follows a ray through a chunk between two depths.
-fn pass_through(node: u32, ray: Ray, start: f32, end: f32) -> Passage {
+/// Follows a ray through a chunk between two depths, as far as it is in a part of it.
+fn pass_through(node: u32, ray: Ray, start: f32, end: f32, part: vec2<f32>) -> Passage {
     let draw = draws[node];
     let whole = f32(1u << draw.level);
     let corner = sample_at(draw, vec2(0u));
@@ -235,10 +237,10 @@ fn pass_through(node: u32, ray: Ray, start: f32, end: f32) -> Passage {
         var best = Meeting(vec2(0.0), 1e30, false);
         var best_half: Half;
         for (var slot = 0u; slot < 2u; slot++) {
-            let half = half_of(cell.heights, slot);
+            let half = half_of(cell.quad, slot);
             if half.exists {
                 let met = meeting_of(ray, cell, half);
-                if met.is_met && met.depth < best.depth {
+                if met.is_met && met.depth < best.depth && met.depth >= part.x && met.depth <= part.y {
                     best = met;
                     best_half = half;
                 }
@@ -274,12 +276,31 @@ fn chunk_at(cell: vec2<i32>) -> u32 {
     return select(found - LEAF, NONE, found == NONE);
 }
 
+/// The depths between which a ray is in the box outside of which nothing is drawn.
+fn kept_of(ray: Ray) -> vec2<f32> {
+    var part = vec2(0.0, 1e30);
+    if surface.clips == 0u {
+        return part;
+    }
+    for (var axis = 0u; axis < 3u; axis++) {
+        let away = vec2(surface.box_min[axis], surface.box_max[axis]) - ray.origin[axis];
+        if abs(ray.direction[axis]) > 1e-30 {
+            let ends = away / ray.direction[axis];
+            part = vec2(max(part.x, min(ends.x, ends.y)), min(part.y, max(ends.x, ends.y)));
+        } else if away.x > 0.0 || away.y < 0.0 {
+            part.y = -1.0;
+        }
+    }
+    return part;
+}
+
 /// Where a ray first meets the surface from so many of a chunk's cells before a depth on, to so many behind it.
 fn walk(node: u32, ray: Ray, depth: f32, before: f32, behind: f32) -> Hit {
     let whole = f32(1u << draws[node].level);
     let speed = max(max(abs(ray.direction.x), abs(ray.direction.y)) / whole, 1e-30);
-    var start = max(depth - before / speed, 0.0);
-    let end = min(depth + behind / speed, 1e30);
+    let part = kept_of(ray);
+    var start = max(depth - before / speed, part.x);
+    let end = min(depth + behind / speed, part.y);
     var chunk = node;
     let from_cell = vec2<i32>(floor(ray.origin.xy + start * ray.direction.xy)) + surface.anchor;
     if all(from_cell >= vec2(0)) && all(from_cell < vec2<i32>(surface.last)) {
@@ -287,7 +308,7 @@ fn walk(node: u32, ray: Ray, depth: f32, before: f32, behind: f32) -> Hit {
         chunk = select(found, node, found == NONE);
     }
     for (var count = 0u; count < CROSSED; count++) {
-        let passage = pass_through(chunk, ray, start, end);
+        let passage = pass_through(chunk, ray, start, end, part);
         if passage.hit.exists || !passage.leaves {
             return passage.hit;
         }
@@ -316,7 +337,7 @@ fn around(node: u32, at: vec2<u32>, ray: Ray) -> Hit {
         }
         let cell = cell_of(draw, place);
         for (var slot = 0u; slot < 2u; slot++) {
-            let half = half_of(cell.heights, slot);
+            let half = half_of(cell.quad, slot);
             if half.exists {
                 let met = meeting_of(ray, cell, half);
                 if met.is_met && (!hit.exists || met.depth < hit.depth) {

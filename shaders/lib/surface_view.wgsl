@@ -7,7 +7,7 @@
 // On a globe (`GLOBE`) rows and columns are looked up: of each `lists` has how far it is from the anchor, along axes that point away from the globe's
 // axis, to the east, and to the north. What is near the anchor is small in all of them, and so exact.
 #define_import_path deepfield::surface_view
-#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, ROW_WORDS, COLUMN_WORDS, NONE, MIXED}
+#import deepfield::surface_constants::{CHUNK, UNMEASURED, FRACTION, BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, ROW_WORDS, COLUMN_WORDS, SQUARE, NONE, MIXED}
 
 struct SurfaceView {
     /// The anchor at the reference height, and what a column, a row and a unit of height add, in the camera's coordinates; on a globe the axes
@@ -112,7 +112,15 @@ struct SurfaceView {
     /// and how many levels there are.
     photo_table: u32,
     photo_levels: u32,
-    unused: u32,
+    /// Width of lines along rims, samples of the picture.
+    rim_width: f32,
+    /// What is drawn of a flat field, in columns, rows and heights.
+    box_min: vec3<f32>,
+    /// The height that walls go down or up to.
+    wall_base: f32,
+    box_max: vec3<f32>,
+    /// Most cells that a membrane spans; 0 where there is none.
+    spans: f32,
 }
 
 /// A chunk that is drawn.
@@ -137,14 +145,20 @@ struct Draw {
     /// On a globe: where `lists` has its rows and its columns.
     rows_at: u32,
     columns_at: u32,
+    /// Where `lists` has squares of its cells with rims in them, and of its samples with a membrane; `NONE` where there are none.
+    rims: u32,
+    fill: u32,
 }
 
 @group(0) @binding(0) var<uniform> surface: SurfaceView;
 /// Samples of chunks: heights, then normals, then what is left of these and coverage, then colours.
 @group(0) @binding(1) var<storage, read> words: array<u32>;
 @group(0) @binding(2) var<storage, read> draws: array<Draw>;
-/// Numbers of chunks in the order in which they are drawn, heights of borders, chains, triangles, rows and columns of a globe, and a tree that finds
-/// chunks: of each branch the four below by row and column, where `lists` has the branch, a `LEAF`, or `NONE`.
+/// Numbers of chunks in the order in which they are drawn, heights of borders, chains, triangles, rows and columns of a globe, squares of chunks, and
+/// a tree that finds chunks: of each branch the four below by row and column, where `lists` has the branch, a `LEAF`, or `NONE`.
+///
+/// Squares of `SQUARE` x `SQUARE`, row by row, are where `lists` has what is in them, or `NONE`. Of cells with rims that is a byte each, of samples
+/// with a membrane a height.
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
 
 /// Where a level has a sample, row and column of the field.
@@ -285,29 +299,99 @@ fn is_kept(away: vec3<f32>) -> bool {
     return all(away >= surface.clip_min) && all(away <= surface.clip_max);
 }
 
-/// The corners of a cell, of 0 to 3, that make a triangle of it, and whether there is one.
+/// The share of light that comes from a depth.
+fn fade_at(depth: f32) -> f32 {
+    return exp(-surface.fade_rate * max(depth - surface.fade_start, 0.0));
+}
+
+/// The corners of a cell: their heights, and which of these were measured. Others are of a membrane, or there are none.
+struct Quad {
+    heights: vec4<f32>,
+    measured: vec4<bool>,
+}
+
+fn quad_of(draw: Draw, at: vec2<u32>) -> Quad {
+    var heights: vec4<f32>;
+    for (var k = 0u; k < 4u; k++) {
+        heights[k] = height_of(draw, at + vec2(k >> 1u, k & 1u));
+    }
+    let measured = heights < vec4(UNMEASURED);
+#ifdef FILLED
+    for (var k = 0u; k < 4u; k++) {
+        if !measured[k] {
+            heights[k] = fill_of(draw, at + vec2(k >> 1u, k & 1u));
+        }
+    }
+#endif
+    return Quad(heights, measured);
+}
+
+#ifdef FILLED
+/// The height of a membrane where a chunk's sample was not measured.
+fn fill_of(draw: Draw, at: vec2<u32>) -> f32 {
+    if draw.fill == NONE {
+        return UNMEASURED;
+    }
+    let square = at / SQUARE;
+    let entry = lists[draw.fill + square.x * ((draw.columns + SQUARE - 1u) / SQUARE) + square.y];
+    if entry == NONE {
+        return UNMEASURED;
+    }
+    let within = at % SQUARE;
+    return bitcast<f32>(lists[entry + SQUARE * within.x + within.y]);
+}
+#endif
+
+/// The corners of a cell, of 0 to 3, that make a triangle of it, whether there is one, and whether it is a membrane's.
 struct Half {
     corners: vec3<u32>,
     exists: bool,
+    is_membrane: bool,
 }
 
-/// One of the triangles of a cell of these heights: two, one or none (`Cell::triangles`).
-fn half_of(heights: vec4<f32>, slot: u32) -> Half {
-    let measured = heights < vec4(UNMEASURED);
-    if all(measured) {
-        return Half(select(vec3(0u, 2u, 3u), vec3(0u, 1u, 3u), slot == 0u), true);
+fn counted(corners: vec4<bool>) -> u32 {
+    return dot(select(vec4(0u), vec4(1u), corners), vec4(1u));
+}
+
+/// One of the triangles of these corners of a cell: two, one or none (`Cell::triangles`).
+fn half_between(corners: vec4<bool>, slot: u32) -> Half {
+    if all(corners) {
+        return Half(select(vec3(0u, 2u, 3u), vec3(0u, 1u, 3u), slot == 0u), true, false);
     }
-    let count = dot(select(vec4(0u), vec4(1u), measured), vec4(1u));
-    if count < 3u || slot > 0u {
-        return Half(vec3(0u), false);
+    if counted(corners) < 3u || slot > 0u {
+        return Half(vec3(0u), false, false);
     }
-    if !measured.x {
-        return Half(vec3(1u, 2u, 3u), true);
+    if !corners.x {
+        return Half(vec3(1u, 2u, 3u), true, false);
     }
-    if !measured.y {
-        return Half(vec3(0u, 2u, 3u), true);
+    if !corners.y {
+        return Half(vec3(0u, 2u, 3u), true, false);
     }
-    return Half(select(vec3(0u, 1u, 2u), vec3(0u, 1u, 3u), !measured.z), true);
+    return Half(select(vec3(0u, 1u, 2u), vec3(0u, 1u, 3u), !corners.z), true, false);
+}
+
+/// One of the triangles of a cell: those of the corners that were measured, then those of a membrane (`Mesh::triangles`).
+fn half_in(corners: vec4<bool>, measured: vec4<bool>, slot: u32) -> Half {
+    let own = half_between(measured, slot);
+#ifdef FILLED
+    let count = counted(measured);
+    if !own.exists && count < 4u {
+        var rest = corners;
+        if count == 3u {
+            // Opposite to the corner that was not measured is the triangle of those that were.
+            let open = dot(select(vec4(0u, 1u, 2u, 3u), vec4(0u), measured), vec4(1u));
+            rest = corners & (vec4(3u, 2u, 1u, 0u) != vec4(open));
+        }
+        var half = half_between(rest, slot - select(0u, 1u, count == 3u));
+        half.is_membrane = half.exists;
+        return half;
+    }
+#endif
+    return own;
+}
+
+fn half_of(quad: Quad, slot: u32) -> Half {
+    return half_in(quad.heights < vec4(UNMEASURED), quad.measured, slot);
 }
 
 /// What a number says: a chunk's cell and which of its triangles, a sample of a chunk, or a column of cells and the pole beside it.

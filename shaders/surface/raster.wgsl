@@ -1,7 +1,7 @@
 // Which triangle or point of a surface is seen at each sample of the picture, by the adapter's rasteriser: what visible.wgsl finds but for
 // how finely corners are rounded. Their places come from the same operations whatever they belong to.
 #import deepfield::surface_constants::{FAN, POINTS, LAID, FANNED}
-#import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, height_of, is_lone, is_measured, camera_of, from_eye, is_kept, half_of}
+#import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, height_of, is_lone, is_measured, camera_of, is_kept, quad_of, half_of}
 
 /// What is drawn at a time.
 struct SurfaceStep {
@@ -54,19 +54,15 @@ fn cell(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u3
         return nowhere();
     }
     let sides = u32(at.x == 0u) | u32(at.x + 2u == draw.rows) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 2u == draw.columns) << 3u;
-    if (draw.flags & POINTS) != 0u && (sides & (draw.flags >> LAID & 15u)) == 0u || (sides & (draw.flags >> FANNED)) != 0u {
-        return nowhere();
-    }
-    var heights: vec4<f32>;
-    for (var k = 0u; k < 4u; k++) {
-        heights[k] = height_of(draw, at + vec2(k >> 1u, k & 1u));
-    }
-    let half = half_of(heights, slot);
-    if !half.exists {
+    let is_dotted = (draw.flags & POINTS) != 0u && (sides & (draw.flags >> LAID & 15u)) == 0u;
+    let quad = quad_of(draw, at);
+    let half = half_of(quad, slot);
+    // Points and listed triangles stand for what was measured.
+    if !half.exists || !half.is_membrane && (is_dotted || (sides & (draw.flags >> FANNED)) != 0u) {
         return nowhere();
     }
     let corner = half.corners[index % 3u];
-    let camera = camera_of(corner_of(draw, at + vec2(corner >> 1u, corner & 1u)), heights[corner]);
+    let camera = camera_of(corner_of(draw, at + vec2(corner >> 1u, corner & 1u)), quad.heights[corner]);
     return corner_at(camera, node << 18u | 2u * (at.x * 256u + at.y) + slot);
 }
 

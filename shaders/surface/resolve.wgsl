@@ -1,11 +1,19 @@
 // What a surface looks like at each pixel: the colours of the places that its samples show. One invocation for each pixel.
+//
+// What a picture does not need is left out, as it takes long to compile: a photo (PHOTO), rims of holes (RIMS), a membrane over them (FILLED), and
+// the sides of the field (WALLS).
 #import deepfield::surface_constants::{ENDS, NONE, MIXED}
 #import deepfield::surface_light::color_of
 #import deepfield::surface_look::{look, number_at}
-#import deepfield::surface_ray::{ray_at, walk, WIDE, ENDLESS}
-#import deepfield::surface_view::{surface, draws}
+#import deepfield::surface_ray::{no_hit, ray_at, walk, WIDE, ENDLESS}
+#import deepfield::surface_view::{surface, draws, fade_at}
+#ifdef WALLS
+#import deepfield::surface_wall::wall_of
+#endif
 
 @group(1) @binding(2) var<storage, read_write> light: array<vec4<f32>>;
+/// How much of each pixel is covered by what was measured.
+@group(1) @binding(4) var<storage, read_write> measured: array<f32>;
 
 /// Whether a flat surface without holes ends in a pixel or next to it.
 fn is_end(corner: vec2<u32>) -> bool {
@@ -28,39 +36,30 @@ fn is_end(corner: vec2<u32>) -> bool {
     return hits && misses;
 }
 
-/// The colour of a pixel in which a surface ends: of more rays, each about the sample nearest to it that shows something.
-fn end_of(corner: vec2<u32>) -> vec4<f32> {
+/// What a ray is looked for about: what a sample of the picture shows, and where that is.
+struct Start {
+    number: u32,
+    place: vec2<f32>,
+}
+
+/// The sample nearest to a place of a pixel that shows something.
+fn nearest_to(place: vec2<f32>, corner: vec2<u32>) -> Start {
     let low = max(corner, vec2(1u)) - 1u;
     let high = min(corner + surface.parts + 1u, surface.size);
-    var sum = vec4(0.0);
-    for (var ray = 0u; ray < ENDS * ENDS; ray++) {
-        let share = (vec2(f32(ray % ENDS), f32(ray / ENDS)) + 0.5) / f32(ENDS);
-        let place = vec2<f32>(corner) + share * f32(surface.parts);
-        var number = NONE;
-        var at = vec2(0.0);
-        var best = 1e30;
-        for (var y = low.y; y < high.y; y++) {
-            for (var x = low.x; x < high.x; x++) {
-                let found = number_at(vec2(x, y));
-                let middle = vec2(f32(x), f32(y)) + 0.5;
-                let away = distance(middle, place);
-                if found != NONE && away < best {
-                    best = away;
-                    number = found;
-                    at = middle;
-                }
+    var start = Start(NONE, vec2(0.0));
+    var best = 1e30;
+    for (var y = low.y; y < high.y; y++) {
+        for (var x = low.x; x < high.x; x++) {
+            let found = number_at(vec2(x, y));
+            let middle = vec2(f32(x), f32(y)) + 0.5;
+            let away = distance(middle, place);
+            if found != NONE && away < best {
+                best = away;
+                start = Start(found, middle);
             }
         }
-        let near = look(number, at);
-        if !near.exists {
-            continue;
-        }
-        let hit = walk(near.node, ray_at(place), near.depth, WIDE, ENDLESS);
-        if hit.exists {
-            sum += color_of(hit, place);
-        }
     }
-    return sum / f32(ENDS * ENDS);
+    return start;
 }
 
 @compute @workgroup_size(8, 8)
@@ -71,29 +70,47 @@ fn resolve(@builtin(global_invocation_id) pixel: vec3<u32>) {
         return;
     }
     let corner = pixel.xy * parts;
-    var color = vec4(0.0);
 #ifdef GLOBE
     let is_ending = false;
 #else
+    // Where the surface ends there are more rays, each about the sample nearest to it that shows something.
     let is_ending = parts > 1u && is_end(corner);
-    if is_ending {
-        color = end_of(corner);
-    }
 #endif
-    if !is_ending {
-        for (var y = corner.y; y < corner.y + parts; y++) {
-            for (var x = corner.x; x < corner.x + parts; x++) {
-                let number = number_at(vec2(x, y));
-                if number != NONE {
-                    let place = vec2(f32(x), f32(y)) + 0.5;
-                    let hit = look(number, place);
-                    if hit.exists {
-                        color += color_of(hit, place);
-                    }
-                }
-            }
+    let along = select(parts, ENDS, is_ending);
+    var color = vec4(0.0);
+    var share = 0.0;
+    for (var ray = 0u; ray < along * along; ray++) {
+        let at = vec2(ray % along, ray / along);
+        var place = vec2<f32>(corner + at) + 0.5;
+        var start: Start;
+        if is_ending {
+            place = vec2<f32>(corner) + (vec2<f32>(at) + 0.5) / f32(ENDS) * f32(parts);
+            start = nearest_to(place, corner);
+        } else {
+            start = Start(number_at(corner + at), place);
         }
-        color /= f32(parts * parts);
+        var hit = no_hit(false);
+        if start.number != NONE {
+            hit = look(start.number, start.place);
+#ifndef GLOBE
+            if is_ending && hit.exists {
+                hit = walk(hit.node, ray_at(place), hit.depth, WIDE, ENDLESS);
+            }
+#endif
+        }
+#ifdef WALLS
+        let wall = wall_of(place, select(1e30, hit.depth, hit.exists));
+        if wall.exists {
+            color += wall.color;
+            continue;
+        }
+#endif
+        if hit.exists {
+            color += color_of(hit, place);
+            share += select(hit.coverage * fade_at(hit.depth), 0.0, hit.is_membrane || hit.is_pole);
+        }
     }
-    light[pixel.y * pixels.x + pixel.x] = color;
+    let index = pixel.y * pixels.x + pixel.x;
+    light[index] = color / f32(along * along);
+    measured[index] = share / f32(along * along);
 }

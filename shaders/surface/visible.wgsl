@@ -3,8 +3,11 @@
 //
 // Everything is drawn twice: the first time the least depth of each sample is found, the second time the least number among those that have it.
 // `cells` draws the triangles that are small and lists the others for `large`; `fans` does so with triangles whose corners are listed.
-#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN, NONE, POINTS, MIXED, LAID, FANNED}
-#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, half_of, NOTHING, BEHIND, AHEAD}
+#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN, NONE, POINTS, LAID, FANNED}
+#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, quad_of, half_of, half_in, NOTHING, AHEAD}
+#ifdef FILLED
+#import deepfield::surface_view::fill_of
+#endif
 
 /// What is drawn at a time.
 struct SurfaceStep {
@@ -33,6 +36,10 @@ const SIDE: u32 = TILE + 1u;
 const CORNERS: u32 = SIDE * SIDE;
 
 var<workgroup> corners: array<Corner, CORNERS>;
+#ifdef FILLED
+/// Which of them were measured; others are a membrane's.
+var<workgroup> measured: array<u32, CORNERS>;
+#endif
 
 /// Keeps the nearer of what is there and this.
 fn put(index: u32, depth: f32, number: u32) {
@@ -169,14 +176,21 @@ fn cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         let at = first + vec2(i / SIDE, i % SIDE);
         var corner = Corner(vec2(0), 0.0, NOTHING);
         if all(at < size) {
-            let height = height_of(draw, at);
+            let own = height_of(draw, at);
+            var height = own;
+#ifdef FILLED
+            if !is_measured(own) {
+                height = fill_of(draw, at);
+            }
+            measured[i] = u32(is_measured(own));
+#endif
             if is_measured(height) {
                 let camera = camera_of(corner_of(draw, at), height);
                 corner = snapped(camera);
                 // The last row and column of a square are the next one's first, but for the chunk's last.
                 let is_last = (at + 1u == size) | (at == vec2(CHUNK));
                 let is_own = (i / SIDE < TILE || is_last.x) && (i % SIDE < TILE || is_last.y);
-                if is_own && corner.state == AHEAD {
+                if is_own && corner.state == AHEAD && is_measured(own) {
                     let is_alone = is_lone(draw, at);
                     let on = u32(at.x == 0u) | u32(at.x + 1u == size.x) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 1u == size.y) << 3u;
                     if is_alone || is_points && (on & laid) == 0u {
@@ -197,29 +211,30 @@ fn cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         return;
     }
     let sides = sides_of(draw, cell);
-    if is_points && (sides & laid) == 0u || (sides & (draw.flags >> FANNED)) != 0u {
+    // Points and listed triangles stand for what was measured.
+    let is_left = is_points && (sides & laid) == 0u || (sides & (draw.flags >> FANNED)) != 0u;
+#ifdef FILLED
+    let is_empty = is_left && draw.fill == NONE;
+#else
+    let is_empty = is_left;
+#endif
+    if is_empty {
         return;
     }
     let at = within.x * SIDE + within.y;
-    let a = corners[at];
-    let b = corners[at + 1u];
-    let c = corners[at + SIDE];
-    let d = corners[at + SIDE + 1u];
-    let states = vec4(a.state, b.state, c.state, d.state);
-    let count = dot(select(vec4(0u), vec4(1u), states != vec4(NOTHING)), vec4(1u));
-    if count == 4u {
-        draw_triangle(a, b, d, number_of(node, cell, 0u), NONE);
-        draw_triangle(a, c, d, number_of(node, cell, 1u), NONE);
-    } else if count == 3u {
-        let number = number_of(node, cell, 0u);
-        if a.state == NOTHING {
-            draw_triangle(b, c, d, number, NONE);
-        } else if b.state == NOTHING {
-            draw_triangle(a, c, d, number, NONE);
-        } else if c.state == NOTHING {
-            draw_triangle(a, b, d, number, NONE);
-        } else {
-            draw_triangle(a, b, c, number, NONE);
+    let places = vec4(at, at + 1u, at + SIDE, at + SIDE + 1u);
+    let states = vec4(corners[places.x].state, corners[places.y].state, corners[places.z].state, corners[places.w].state);
+    let there = states != vec4(NOTHING);
+#ifdef FILLED
+    let own = vec4(measured[places.x], measured[places.y], measured[places.z], measured[places.w]) != vec4(0u);
+#else
+    let own = there;
+#endif
+    for (var slot = 0u; slot < 2u; slot++) {
+        let half = half_in(there, own, slot);
+        if half.exists && (half.is_membrane || !is_left) {
+            let of_half = vec3(places[half.corners.x], places[half.corners.y], places[half.corners.z]);
+            draw_triangle(corners[of_half.x], corners[of_half.y], corners[of_half.z], number_of(node, cell, slot), NONE);
         }
     }
 }
@@ -313,14 +328,11 @@ fn scan(at: u32, slice: u32, local: vec2<u32>) {
         let draw = draws[number >> 18u];
         let within = number & 0x1ffffu;
         let cell = vec2(within / 512u, within / 2u % 256u);
-        var heights: vec4<f32>;
-        for (var k = 0u; k < 4u; k++) {
-            heights[k] = height_of(draw, cell + vec2(k >> 1u, k & 1u));
-        }
-        let half = half_of(heights, within & 1u);
+        let quad = quad_of(draw, cell);
+        let half = half_of(quad, within & 1u);
         for (var k = 0u; k < 3u; k++) {
             let corner = half.corners[k];
-            space[k] = camera_of(corner_of(draw, cell + vec2(corner >> 1u, corner & 1u)), heights[corner]);
+            space[k] = camera_of(corner_of(draw, cell + vec2(corner >> 1u, corner & 1u)), quad.heights[corner]);
         }
     } else {
         for (var k = 0u; k < 3u; k++) {

@@ -186,10 +186,11 @@ impl Offscreen {
         self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
             let (colors, (passes, frame)) = renderer.surface(view)?;
+            let covered = is_colored.then(|| renderer.surface_covered()).transpose()?;
             let found = read(renderer)?;
             let backend = if is_raster { "raster" } else { "compute" };
             let frame = light_frame(colors, VolumeReport::default(), renderer, &passes, frame);
-            Ok((AdapterFrame { backend, ..frame }, found))
+            Ok((AdapterFrame { backend, covered, ..frame }, found))
         })
     }
 
@@ -272,6 +273,7 @@ fn sums_frame(frame: HeadlessFrame) -> AdapterFrame {
         splats: frame.stats.splats,
         backend: frame.stats.backend,
         adapter: frame.stats.adapter,
+        covered: None,
         note: None,
     }
 }
@@ -316,6 +318,7 @@ fn light_frame(
         backend: "compute",
         adapter: renderer.adapter().to_owned(),
         milliseconds: passes.chain([("frame".to_owned(), frame)]).collect(),
+        covered: None,
         note: None,
     }
 }

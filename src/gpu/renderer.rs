@@ -344,6 +344,18 @@ impl HeadlessRenderer {
         found.ok_or_else(|| GpuError::Failed("(reading back what is seen)".into()))
     }
 
+    /// Reads back how many pixels of the heights that were drawn last, in colours, are covered by what was measured.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn surface_covered(&mut self) -> Result<f64, GpuError> {
+        let (device, queue) = self.device();
+        let world = self.render_world();
+        let mut query = world.query::<&SurfaceWork>();
+        let found = query.iter(world).next().and_then(|work| seen::covered(work, &device, &queue));
+        found.ok_or_else(|| GpuError::Failed("(reading back what is covered)".into()))
+    }
+
     /// What has been found out about line integrals.
     pub fn integral_findings(&self) -> IntegralFindings {
         self.app.world().resource::<IntegralNews>().now()

@@ -115,6 +115,8 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/surface_globe.wgsl", include_str!("../../shaders/lib/surface_globe.wgsl")),
     ("lib/surface_look.wgsl", include_str!("../../shaders/lib/surface_look.wgsl")),
     ("lib/surface_photo.wgsl", include_str!("../../shaders/lib/surface_photo.wgsl")),
+    ("lib/surface_rim.wgsl", include_str!("../../shaders/lib/surface_rim.wgsl")),
+    ("lib/surface_wall.wgsl", include_str!("../../shaders/lib/surface_wall.wgsl")),
     ("lib/surface_light.wgsl", include_str!("../../shaders/lib/surface_light.wgsl")),
     ("surface/visible.wgsl", include_str!("../../shaders/surface/visible.wgsl")),
     ("surface/raster.wgsl", include_str!("../../shaders/surface/raster.wgsl")),

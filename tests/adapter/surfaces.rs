@@ -1,10 +1,12 @@
 //! Measured heights by an adapter's passes: the processor's pictures, without cracks, and the same bits each time.
 
+mod holes;
 mod seen;
 
 use crate::support::Random;
 use deepfield::color::Image;
 use deepfield::color::transfer::TransferFunction;
+use deepfield::cpu::surface::holes::Holes as HoleLook;
 use deepfield::cpu::surface::look::{Attribute, Light, Look};
 use deepfield::cpu::surface::paged::PagedSurface;
 use deepfield::cpu::surface::placed::{Map, Placed};
@@ -332,9 +334,7 @@ fn nothing_shows_through_where_levels_meet_on_a_globe() {
         let scene = Scene::new(&nodes, &placed, cut);
         joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
         let passes = [Passes::Compute, Passes::Raster][round / 3 % 2];
-        let (look, technique) = (look.clone(), Technique::Hybrid);
-        let job =
-            AdapterSurface { scene, view, parts: 1, look, form: None, photo: None, technique, reference: 0.0, passes };
+        let job = plain_job(scene, view, look.clone(), passes);
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
         assert_eq!(open, 0, "{passes:?}, round {round}: at {longitude} {latitude} {away} {aside}");
@@ -565,6 +565,23 @@ fn camera_over(field: &HeightField, random: &mut Random) -> View {
     }
 }
 
+/// What an adapter is asked for where only chunks and colours matter.
+fn plain_job(scene: Scene, view: View, look: Look, passes: Passes) -> AdapterSurface {
+    AdapterSurface {
+        scene,
+        view,
+        parts: 1,
+        look,
+        form: None,
+        photo: None,
+        technique: Technique::Hybrid,
+        holes: HoleLook::Open,
+        walls: None,
+        reference: 0.0,
+        passes,
+    }
+}
+
 /// Random chunks of all levels that cover a field, as points where these leave no gap.
 fn random_cut(nodes: &PagedSurface, placed: &Placed, view: &View, random: &mut Random) -> SurfaceCut {
     let lattice = nodes.lattice();
@@ -624,10 +641,7 @@ fn nothing_shows_through_where_levels_meet() {
         let scene = Scene::new(&nodes, &placed, cut);
         joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
         let passes = [Passes::Compute, Passes::Raster][round % 2];
-        let technique = Technique::Hybrid;
-        let look = look.clone();
-        let job =
-            AdapterSurface { scene, view, parts: 1, look, form: None, photo: None, technique, reference: 0.0, passes };
+        let job = plain_job(scene, view, look.clone(), passes);
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
         assert_eq!(open, 0, "{passes:?}, round {round}: {view:?}");

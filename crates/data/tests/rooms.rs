@@ -38,6 +38,7 @@ const WINDOW: [&[&str]; 4] = [
         "sheet",
         "picture_sizes",
         "hidden",
+        "written",
         "pass_times",
         "sampled",
         "facts",

@@ -148,8 +148,12 @@ impl Bench<'_> {
         exact: Option<&SurfacePicture>,
     ) -> (SurfacePicture, Ablated) {
         let plain = self.options();
-        let (tau, repeat) = if exact.is_some() { (plain.tau, self.arguments.repeat) } else { (0.0, 0) };
-        let options = SurfaceOptions { tau, technique: way.technique, holes_grow: way.grows, ..plain };
+        let repeat = if exact.is_some() { self.arguments.repeat } else { 0 };
+        let options = match exact {
+            Some(_) => SurfaceOptions { technique: way.technique, holes_grow: way.grows, ..plain },
+            // Points fill what they are in: of holes between them triangles know, at more places of a pixel.
+            None => SurfaceOptions { technique: Technique::Triangles, tau: 0.0, samples: 16, ..plain },
+        };
         surface.prepare(&self.placed, sight, &options);
         let less = Less::new(surface, way.left, &self.placed);
         let picture = draw(&less, &self.placed, sight, &options);

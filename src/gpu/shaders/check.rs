@@ -68,11 +68,21 @@ pub fn variants() -> Vec<Variant> {
     for path in ["sorted/arrange.wgsl", "over/arrange.wgsl", "spheres/arrange.wgsl"] {
         all.push(plain(path, vec![], vec!["arrange"]));
     }
-    for is_globe in [false, true] {
-        let defs = || surface::pipelines::defs(is_globe);
-        all.push(plain("surface/visible.wgsl", defs(), vec!["cells", "fans", "large"]));
-        all.push(plain("surface/raster.wgsl", defs(), vec!["cell", "fan", "point", "number"]));
-        all.push(plain("surface/resolve.wgsl", defs(), vec!["resolve"]));
+    for globe in [false, true] {
+        for filled in [false, true] {
+            let defs = || surface::pipelines::Variant { globe, filled, ..Default::default() }.defs();
+            all.push(plain("surface/visible.wgsl", defs(), vec!["cells", "fans", "large"]));
+            all.push(plain("surface/raster.wgsl", defs(), vec!["cell", "fan", "point", "number"]));
+        }
+        // What lies over holes is a membrane, or there are rims, or neither.
+        for (filled, rims) in [(false, false), (true, false), (false, true)] {
+            for (photo, walls) in [(false, false), (true, false), (false, true), (true, true)] {
+                if !(globe && walls) {
+                    let defs = surface::pipelines::Variant { globe, filled, photo, rims, walls }.defs();
+                    all.push(plain("surface/resolve.wgsl", defs, vec!["resolve"]));
+                }
+            }
+        }
     }
     all.push(plain("spheres/surface.wgsl", vec![], vec!["smooth_hits", "shade"]));
     for is_software in [false, true] {

@@ -1,7 +1,7 @@
 //! Samples of chunks on the adapter, each in a slot of a [`Pool`].
 
 use super::constants::{CHUNK, UNMEASURED};
-use super::layout::counted;
+use super::list::counted;
 use super::photo::PhotoTiles;
 use super::pool::{Held, Pool};
 use crate::color::colors::to_encoded;

@@ -3,7 +3,8 @@
 use crate::cpu::surface::look::{EDGE, MINOR};
 use crate::cpu::surface::photo::{MOST_TEXELS, nothing};
 use crate::cpu::surface::raster::{BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM};
-use crate::cpu::surface::shade::{BESIDE, ENDS, FINER, MOST_LONGER, REACH, SECANTS};
+use crate::cpu::surface::rims;
+use crate::cpu::surface::shade::{BESIDE, ENDS, FINER, HATCH, MOST_LONGER, REACH, RIM, SECANTS, WALL};
 use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
 use crate::heights::hierarchy::photo;
 
@@ -45,6 +46,8 @@ pub const MIXED: u32 = 2;
 pub const LAID: u32 = 2;
 /// The first bit of four flags of a chunk: a side whose cells' triangles are listed.
 pub const FANNED: u32 = 6;
+/// Cells, or samples, along the side of a square of what only parts of a chunk have.
+pub const SQUARE: u32 = rims::SQUARE as u32;
 /// Invocations of a workgroup.
 pub const GROUP: u32 = 256;
 
@@ -110,6 +113,7 @@ pub fn wgsl() -> String {
         ("BY_TEXTURE", BY_TEXTURE),
         ("BY_PHOTO", BY_PHOTO),
         ("PHOTO_TILE", PHOTO_TILE),
+        ("SQUARE", SQUARE),
     ];
     let shares = [
         ("UNMEASURED", f64::from(UNMEASURED)),
@@ -119,6 +123,12 @@ pub fn wgsl() -> String {
         ("EDGE", EDGE),
         ("MOST_TEXELS", MOST_TEXELS),
         ("MOST_LONGER", MOST_LONGER),
+        ("HATCH", HATCH),
+        ("RIM_CELLS", rims::MOST),
+        ("RIM_AROUND", rims::AROUND),
+        ("RIM_CROWDED", rims::CROWDED[0]),
+        ("RIM_ALL", rims::CROWDED[1]),
+        ("RIM_EDGE", rims::EDGE),
     ];
     let mut text = String::from("#define_import_path deepfield::surface_constants\n");
     for (name, number) in numbers {
@@ -127,7 +137,8 @@ pub fn wgsl() -> String {
     for (name, share) in shares {
         text += &format!("const {name}: f32 = {share:e};\n");
     }
-    for (name, [red, green, blue]) in [("BESIDE", BESIDE), ("NO_PHOTO", nothing())] {
+    let colors = [("BESIDE", BESIDE), ("NO_PHOTO", nothing()), ("RIM", RIM), ("WALL", WALL)];
+    for (name, [red, green, blue]) in colors {
         text += &format!("const {name}: vec3<f32> = vec3({red:e}, {green:e}, {blue:e});\n");
     }
     text

@@ -1,21 +1,18 @@
-//! What shaders are told of a surface: who looks and what it looks like, its chunks, and lists of numbers, heights and triangles.
+//! What shaders are told of a surface: who looks and what it looks like; a chunk; and what is drawn at a time.
 
-use super::constants::{self, CHUNK, FAN, FANNED, LAID, LEAF, MIXED, NONE, POINTS, SMALL, UNMEASURED};
-use super::globe::{Anchor, Tables, drawn_ends};
-use super::photo::{PhotoList, PhotoPlace};
-use super::pool::Held;
+use super::constants;
+use super::globe::{Anchor, drawn_ends};
+use super::list::{DrawList, counted};
+use super::photo::PhotoPlace;
 use crate::color::transfer::Scale;
+use crate::cpu::surface::holes::Holes;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
-use crate::cpu::surface::raster::{POLE, Shown};
-use crate::cpu::surface::select::{Primitive, Technique};
+use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::stitch::{Mesh, Scene};
-use crate::heights::hierarchy::chunks::ChunkKey;
 use crate::picture::adapter::AdapterSurface;
 use crate::view::{Projection, View};
 use bevy::math::DVec3;
 use bytemuck::{Pod, Zeroable};
-use rayon::prelude::*;
-use std::collections::{BTreeMap, HashSet};
 
 /// WGSL `SurfaceView`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -91,7 +88,11 @@ pub struct SurfaceUniform {
     pub photo_light: u32,
     pub photo_table: u32,
     pub photo_levels: u32,
-    pub unused: u32,
+    pub rim_width: f32,
+    pub box_min: [f32; 3],
+    pub wall_base: f32,
+    pub box_max: [f32; 3],
+    pub spans: f32,
 }
 
 /// WGSL `Draw`.
@@ -112,7 +113,7 @@ pub struct Draw {
     pub key_column: u32,
     /// Whether it is points, has holes, and which of its sides are special.
     pub flags: u32,
-    /// Where its heights along its sides are listed, or [`NONE`].
+    /// Where its heights along its sides are listed, or [`NONE`](constants::NONE).
     pub border: u32,
     /// Where the chunks that it lies in are listed.
     pub chain: u32,
@@ -126,6 +127,10 @@ pub struct Draw {
     pub rows_at: u32,
     /// And its columns.
     pub columns_at: u32,
+    /// Where its squares of cells with rims are listed, or [`NONE`](constants::NONE).
+    pub rims: u32,
+    /// Where its squares of samples with a membrane are listed, or [`NONE`](constants::NONE).
+    pub fill: u32,
 }
 
 /// WGSL `SurfaceStep`.
@@ -146,231 +151,6 @@ pub struct SurfaceStep {
     pub unused: u32,
     /// Padding.
     pub unused_end: [u32; 2],
-}
-
-/// What is drawn of a scene.
-pub struct DrawList {
-    /// The chunks, in the order of their numbers.
-    pub draws: Vec<Draw>,
-    /// Numbers, heights of borders, chains and triangles.
-    pub lists: Vec<u32>,
-    /// Chunks of which all triangles are small: where their numbers are listed, and how many.
-    pub far: (u32, u32),
-    /// Others.
-    pub near: (u32, u32),
-    /// Triangles whose corners are listed.
-    pub fans: (u32, u32),
-    /// The tree that finds chunks.
-    pub tree: u32,
-    /// Where the rows of a globe's poles are listed.
-    pub poles: [u32; 2],
-    /// Where what finds a photo's texels is.
-    pub photo: PhotoList,
-}
-
-/// A height as shaders have it.
-pub fn counted(height: f64, reference: f64) -> f32 {
-    if height.is_nan() { UNMEASURED } else { (height - reference) as f32 }
-}
-
-impl DrawList {
-    /// Of a scene whose samples, and whose photo, are where `held` and `photo` say.
-    pub fn new(job: &AdapterSurface, held: &Held, photo: Option<&Held>) -> DrawList {
-        let scene = &job.scene;
-        let is_far = |mesh: &Mesh| largest(job, mesh) < f64::from(SMALL) - 1.0;
-        let (far, near): (Vec<usize>, Vec<usize>) =
-            (0..scene.meshes.len()).partition(|number| is_far(&scene.meshes[*number]));
-        let mut lists: Vec<u32> = far.iter().chain(&near).map(|number| *number as u32).collect();
-        let (far, near) = (far.len() as u32, near.len() as u32);
-        let mut chains: BTreeMap<ChunkKey, u32> = BTreeMap::new();
-        let mut tables = Anchor::of(scene, job.view.eye, job.reference).map(Tables::new);
-        let mut draws = Vec::with_capacity(scene.meshes.len());
-        for mesh in &scene.meshes {
-            let key = mesh.node.key;
-            let border = border_of(mesh, job.reference);
-            let (facts, added) = (&mesh.node.facts, mesh.node.added);
-            // Coarse samples are where fine ones are, or fitted, and those of borders as far from them as is reckoned with.
-            let hair =
-                facts.delta + added + 1e-5 * (facts.max - facts.min) + 1e-6 * facts.max.abs().max(facts.min.abs());
-            let [low, high] = [facts.min - hair, facts.max + hair].map(|end| (end - job.reference) as f32);
-            let mut draw = Draw {
-                start: held.first_word(&mesh.samples).unwrap_or(NONE),
-                rows: mesh.samples.rows as u32,
-                columns: mesh.samples.columns as u32,
-                level: u32::from(key.level),
-                key_row: key.row,
-                key_column: key.column,
-                flags: flags_of(mesh),
-                low,
-                high,
-                border: if border.is_empty() { NONE } else { lists.len() as u32 },
-                ..Draw::default()
-            };
-            lists.extend(border);
-            if let Some(tables) = &mut tables {
-                [draw.rows_at, draw.columns_at] = tables.of_chunk(mesh, &mut lists);
-            }
-            let top = scene.lattice.top();
-            draw.chain_length = u32::from(top - key.level) + 1;
-            draw.chain = *chains.entry(key).or_insert_with(|| {
-                let first = lists.len() as u32;
-                for level in key.level..=top {
-                    let (samples, own) = match level == key.level {
-                        true => (Some(&mesh.samples), key),
-                        false => (scene.ancestors.get(&key.ancestor(level)), key.ancestor(level)),
-                    };
-                    let size = [0, 1].map(|axis| scene.lattice.span(own, axis).1 as u32);
-                    let word = samples.and_then(|samples| held.first_word(samples)).unwrap_or(NONE);
-                    lists.extend([word, size[0], size[1]]);
-                }
-                first
-            });
-            draws.push(draw);
-        }
-        let has_fans = |mesh: &Mesh| mesh.extras.iter().any(|side| !side.is_empty()) || is_seam(mesh, CHUNK as usize);
-        let fans: Vec<Vec<u32>> = scene
-            .meshes
-            .par_iter()
-            .enumerate()
-            .filter(|(_, mesh)| has_fans(mesh))
-            .map(|(number, mesh)| fans_of(mesh, number, job.reference))
-            .collect();
-        let mut fans = fans.concat();
-        let mut poles = [0; 2];
-        if let Some(tables) = &mut tables {
-            for corner in fans.chunks_exact_mut(FAN as usize).flat_map(|fan| fan[1..].chunks_exact_mut(3)) {
-                let at = tables.of_corner([corner[0].into(), corner[1].into()], &mut lists);
-                corner[..2].copy_from_slice(&at);
-            }
-            for (end, pole) in scene.poles.iter().enumerate() {
-                let Some(pole) = pole else { continue };
-                poles[end] = tables.of_pole(pole.latitude, &mut lists);
-                fans.extend(pole_of(job, (end, poles[end]), tables, &mut lists));
-            }
-        }
-        let first = lists.len() as u32;
-        lists.extend(&fans);
-        let count = fans.len() as u32 / FAN;
-        let tree = Tree::of(scene).branch(scene.lattice.root(), &mut lists);
-        let photo = job.photo.as_ref().zip(photo);
-        let photo = photo.map(|(cut, held)| PhotoList::new(cut, held, &mut lists)).unwrap_or_default();
-        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree, poles, photo }
-    }
-}
-
-/// The chunks that drawn ones lie in.
-struct Tree<'a> {
-    scene: &'a Scene,
-    inner: HashSet<ChunkKey>,
-}
-
-impl Tree<'_> {
-    fn of(scene: &Scene) -> Tree<'_> {
-        let above = |mesh: &Mesh| {
-            let key = mesh.node.key;
-            (key.level + 1..=scene.lattice.top()).map(move |level| key.ancestor(level))
-        };
-        Tree { scene, inner: scene.meshes.iter().flat_map(above).collect() }
-    }
-
-    /// What stands for a branch, with what is below it in the lists.
-    fn branch(&self, key: ChunkKey, lists: &mut Vec<u32>) -> u32 {
-        if let Some(number) = self.scene.cut.number(key) {
-            return LEAF + number as u32;
-        }
-        if !self.inner.contains(&key) {
-            return NONE;
-        }
-        let first = lists.len();
-        lists.extend([NONE; 4]);
-        for part in 0..4 {
-            let [row, column] = [2 * key.row + part / 2, 2 * key.column + part % 2];
-            lists[first + part as usize] = self.branch(ChunkKey { level: key.level - 1, row, column }, lists);
-        }
-        first as u32
-    }
-}
-
-/// The longest edge of a chunk's triangles that there may be in the picture, in its samples.
-fn largest(job: &AdapterSurface, mesh: &Mesh) -> f64 {
-    let (node, placed) = (&mesh.node, &job.scene.placed);
-    let [x, y] = placed.spacing().map(|step| step * (1_u64 << node.key.level) as f64);
-    let apart = x.hypot(y).hypot((node.facts.step + 2.0 * node.added) * placed.lift);
-    let up = if placed.is_flat() { DVec3::Z } else { DVec3::ONE };
-    let added = up * (node.added * placed.lift).abs();
-    let mut extent = node.extent;
-    (extent.bounds.min, extent.bounds.max) = (extent.bounds.min - added, extent.bounds.max + added);
-    job.view.error_pixels(&extent, apart)
-}
-
-fn flags_of(mesh: &Mesh) -> u32 {
-    let mut flags = if mesh.node.primitive == Primitive::Points { POINTS } else { 0 };
-    flags |= if mesh.samples.coverage.is_empty() { 0 } else { MIXED };
-    for side in 0..4 {
-        flags |= u32::from(mesh.is_laid[side]) << (LAID + side as u32);
-        flags |= u32::from(!mesh.extras[side].is_empty()) << (FANNED + side as u32);
-    }
-    flags
-}
-
-/// The heights along a chunk's first and last row and its first and last column, where they are not its samples' own.
-fn border_of(mesh: &Mesh, reference: f64) -> Vec<u32> {
-    if mesh.is_unchanged() {
-        return Vec::new();
-    }
-    let (rows, columns) = (mesh.samples.rows, mesh.samples.columns);
-    let along = [0, rows - 1].into_iter().flat_map(|row| (0..columns).map(move |column| row * columns + column));
-    let down = [0, columns - 1].into_iter().flat_map(|column| (0..rows).map(move |row| row * columns + column));
-    along.chain(down).map(|index| counted(mesh.height(index), reference).to_bits()).collect()
-}
-
-/// Whether a column of cells is that which closes a globe, and behind all others of its chunk: these are listed one by one.
-fn is_seam(mesh: &Mesh, column: usize) -> bool {
-    column == CHUNK as usize && column + 2 == mesh.samples.columns
-}
-
-/// The triangles of the cells along sides of a chunk that finer ones add corners to, and of those that close a globe.
-fn fans_of(mesh: &Mesh, number: usize, reference: f64) -> Vec<u32> {
-    let mut words = Vec::new();
-    let [rows, columns] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
-    let is_fanned =
-        |side: usize, row: usize, column: usize| !mesh.extras[side].is_empty() && mesh.is_along(side, row, column);
-    let is_points = mesh.node.primitive == Primitive::Points;
-    for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
-        let is_drawn = !is_points || mesh.is_strip(row, column);
-        if is_seam(mesh, column) || is_drawn && (0..4).any(|side| is_fanned(side, row, column)) {
-            mesh.fan([row, column], |slot, corners| {
-                words.push(Shown { node: number, at: [row, column], slot: Some(slot) }.pack());
-                for (row, column, height) in corners {
-                    words.extend([row as u32, column as u32, counted(height, reference).to_bits()]);
-                }
-            });
-        }
-    }
-    words
-}
-
-/// The triangles between a globe's first (0) or last (1) row and the pole beyond it, whose row is listed.
-fn pole_of(job: &AdapterSurface, (end, at): (usize, u32), tables: &mut Tables<'_>, lists: &mut Vec<u32>) -> Vec<u32> {
-    let mut words = Vec::new();
-    for (number, mesh) in job.scene.meshes.iter().enumerate() {
-        let Some(pole) = job.scene.pole_beside(mesh, end) else { continue };
-        let row = if end == 0 { 0 } else { mesh.samples.rows - 1 };
-        let height = |column: usize| mesh.height(row * mesh.samples.columns + column);
-        for column in 0..mesh.samples.columns - 1 {
-            if height(column).is_nan() || height(column + 1).is_nan() {
-                continue;
-            }
-            let corners = [column, column + 1].map(|column| {
-                let [row, at] = tables.of_corner([mesh.rows[row], mesh.columns[column]], lists);
-                [row, at, counted(height(column), job.reference).to_bits()]
-            });
-            words.push(Shown { node: number, at: [0, column], slot: Some(POLE + end) }.pack());
-            words.extend([at, corners[0][1], counted(pole.height, job.reference).to_bits()]);
-            words.extend(corners.as_flattened());
-        }
-    }
-    words
 }
 
 impl SurfaceUniform {
@@ -398,6 +178,11 @@ impl SurfaceUniform {
         let is_perspective = matches!(view.projection, Projection::Perspective { .. });
         let [x, y] = placed.spacing();
         let cut = &view.cut;
+        // The box as rows, columns and heights have it, which may run the other way.
+        let ends = |pick: fn(f64, f64) -> f64| -> [f32; 3] {
+            let [min, max] = [cut.bounds.min, cut.bounds.max].map(|end| (end - view.eye - at_anchor) / per);
+            std::array::from_fn(|axis| pick(min[axis], max[axis]).clamp(-1e37, 1e37) as f32)
+        };
         let sun = match look.light {
             Light::Eye => None,
             Light::Sun { azimuth, altitude } => {
@@ -510,7 +295,14 @@ impl SurfaceUniform {
             photo_light: list.photo.light,
             photo_table: list.photo.table,
             photo_levels: list.photo.levels,
-            unused: 0,
+            rim_width: match job.holes {
+                Holes::Outlined(width) => (width * f64::from(job.parts)) as f32,
+                Holes::Open | Holes::Filled(_) => 0.0,
+            },
+            box_min: ends(f64::min),
+            wall_base: (job.walls.unwrap_or(job.reference) - job.reference) as f32,
+            box_max: ends(f64::max),
+            spans: job.holes.spans(placed).into_iter().fold(0.0, f64::max).min(1e37) as f32,
         }
     }
 }

@@ -8,6 +8,9 @@
 //!    Places of corners are those of the sample alone, so that chunks have no cracks between them.
 //! 3. `resolve` finds the place that each sample shows, and its colour, and sums the samples of each pixel.
 //!
+//! Shaders are compiled when the first picture needs them, and without what it does not need ([`pipelines::Variant`]). What only parts of chunks have,
+//! rims of holes and membranes over them, is listed by squares of a chunk.
+//!
 //! What is seen can be read back ([`seen`]), for those who look for places in double precision.
 
 pub mod arena;
@@ -15,10 +18,12 @@ pub mod constants;
 mod globe;
 pub mod job;
 pub mod layout;
+pub mod list;
 pub mod photo;
 pub mod pipelines;
 pub mod pool;
 pub mod seen;
+mod squares;
 pub mod work;
 
 pub use arena::SurfaceArena;

@@ -2,8 +2,11 @@
 
 use super::job::SurfaceView;
 use super::layout::{SurfaceStep, SurfaceUniform};
+use crate::cpu::surface::holes::Holes;
+use crate::cpu::surface::look::Attribute;
 use crate::gpu::shaders;
 use crate::gpu::splat::SplatPipelines;
+use crate::picture::adapter::AdapterSurface;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
@@ -15,6 +18,7 @@ use bevy::render::render_resource::{
     ShaderStages, TextureFormat, VertexState,
 };
 use bevy::shader::ShaderDefVal;
+use std::collections::HashMap;
 use std::num::NonZeroU64;
 
 /// What rasterised triangles and points leave their numbers in.
@@ -23,7 +27,7 @@ pub const NUMBERS: TextureFormat = TextureFormat::R32Uint;
 pub const DEPTHS: TextureFormat = TextureFormat::Depth32Float;
 
 /// A pass of compute shaders.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Step {
     /// Small triangles and points of chunks.
     Cells,
@@ -51,7 +55,7 @@ impl Step {
 }
 
 /// What the rasteriser draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// Triangles of chunks.
     Cells,
@@ -71,6 +75,58 @@ impl Shape {
     }
 }
 
+/// What pictures are made of: shaders are compiled without what a picture does not need, as some of it takes long to compile, and to run where
+/// branches that are not taken cost as much as others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Variant {
+    /// The field stands on a globe.
+    pub globe: bool,
+    /// A membrane may be over holes.
+    pub filled: bool,
+    /// A photo colours the field.
+    pub photo: bool,
+    /// Rims of holes are lines.
+    pub rims: bool,
+    /// The field has sides.
+    pub walls: bool,
+}
+
+impl Variant {
+    /// What a picture needs.
+    pub fn of(job: &AdapterSurface) -> Variant {
+        let globe = job.is_globe();
+        Variant {
+            globe,
+            filled: matches!(job.holes, Holes::Filled(_)),
+            photo: job.look.attribute == Attribute::Photo,
+            rims: matches!(job.holes, Holes::Outlined(_)),
+            walls: job.walls.is_some() && !globe,
+        }
+    }
+
+    /// What of it finds out what is seen.
+    pub fn seen(self) -> Variant {
+        Variant { globe: self.globe, filled: self.filled, ..Variant::default() }
+    }
+
+    /// What of it a step needs.
+    fn of_step(self, step: Step) -> Variant {
+        if step == Step::Resolve { self } else { self.seen() }
+    }
+
+    /// What shaders are compiled with.
+    pub fn defs(self) -> Vec<ShaderDefVal> {
+        let all = [
+            (self.globe, "GLOBE"),
+            (self.filled, "FILLED"),
+            (self.photo, "PHOTO"),
+            (self.rims, "RIMS"),
+            (self.walls, "WALLS"),
+        ];
+        all.into_iter().filter(|(is_needed, _)| *is_needed).map(|(_, name)| name.into()).collect()
+    }
+}
+
 /// Layouts and pipelines (render world).
 #[derive(Resource)]
 pub struct SurfacePipelines {
@@ -82,14 +138,10 @@ pub struct SurfacePipelines {
     pub raster: BindGroupLayoutDescriptor,
     /// Colours.
     pub resolve: BindGroupLayoutDescriptor,
-    /// Those of flat fields and of globes, once they are wanted.
-    sets: [Option<Set>; 2],
-}
-
-/// The pipelines that draw fields that stand alike.
-struct Set {
-    steps: [CachedComputePipelineId; 4],
-    shapes: [CachedRenderPipelineId; 3],
+    /// Those of compute passes that were wanted once.
+    steps: HashMap<(Step, Variant), CachedComputePipelineId>,
+    /// Those of the rasteriser.
+    shapes: HashMap<(Shape, Variant), CachedRenderPipelineId>,
 }
 
 /// Compiled pipelines.
@@ -100,12 +152,7 @@ pub struct Ready<'a> {
     pub shapes: [Option<&'a RenderPipeline>; 3],
 }
 
-/// What shaders that draw flat fields, or globes, are compiled with.
-pub fn defs(is_globe: bool) -> Vec<ShaderDefVal> {
-    if is_globe { vec!["GLOBE".into()] } else { Vec::new() }
-}
-
-/// Has pipelines compiled when a flat field, or one on a globe, is shown for the first time, and again after a lost device.
+/// Has pipelines compiled when the first picture needs them, and again after a lost device.
 pub fn queue_surface_pipelines(
     mut commands: Commands,
     views: Query<&SurfaceView>,
@@ -117,14 +164,7 @@ pub fn queue_surface_pipelines(
     if !splats.is_some_and(|splats| splats.capabilities.compute) {
         return;
     }
-    let wanted = [false, true].map(|is_globe| views.iter().any(|view| view.job.is_globe() == is_globe));
-    let add = |pipelines: &mut SurfacePipelines| {
-        for (is_globe, _) in [false, true].into_iter().zip(wanted).filter(|(_, is_wanted)| *is_wanted) {
-            if pipelines.sets[usize::from(is_globe)].is_none() {
-                pipelines.sets[usize::from(is_globe)] = Some(pipelines.queued(is_globe, &server, &cache));
-            }
-        }
-    };
+    let add = |pipelines: &mut SurfacePipelines| views.iter().for_each(|view| pipelines.add(view, &server, &cache));
     match known {
         Some(mut known) => add(&mut known),
         None => {
@@ -154,69 +194,92 @@ impl SurfacePipelines {
         let visible = layout(ShaderStages::COMPUTE, "deepfield surface, what is seen", seen);
         let raster = layout(ShaderStages::VERTEX_FRAGMENT, "deepfield surface, rasterised", vec![step()]);
         let resolve =
-            layout(ShaderStages::COMPUTE, "deepfield surface, colours", vec![read(), read(), write(), read()]);
-        SurfacePipelines { shared, visible, raster, resolve, sets: [None, None] }
+            layout(ShaderStages::COMPUTE, "deepfield surface, colours", vec![read(), read(), write(), read(), write()]);
+        let (steps, shapes) = (HashMap::new(), HashMap::new());
+        SurfacePipelines { shared, visible, raster, resolve, steps, shapes }
     }
 
-    /// Has those of flat fields, or of globes, compiled.
-    fn queued(&self, is_globe: bool, server: &AssetServer, cache: &PipelineCache) -> Set {
-        let shader_defs = defs(is_globe);
-        let steps = Step::ALL.map(|step| {
-            let own = if step == Step::Resolve { &self.resolve } else { &self.visible };
-            cache.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some("deepfield surface".into()),
-                layout: vec![self.shared.clone(), own.clone()],
-                shader: shaders::load(server, step.shader()),
-                shader_defs: shader_defs.clone(),
-                entry_point: Some(step.entry().into()),
-                ..ComputePipelineDescriptor::default()
-            })
-        });
-        let shapes = Shape::ALL.map(|shape| {
-            let shader = shaders::load(server, "surface/raster.wgsl");
-            let topology = match shape {
-                Shape::Points => PrimitiveTopology::PointList,
-                _ => PrimitiveTopology::TriangleList,
-            };
-            cache.queue_render_pipeline(RenderPipelineDescriptor {
-                label: Some("deepfield surface".into()),
-                layout: vec![self.shared.clone(), self.raster.clone()],
-                vertex: VertexState {
-                    shader: shader.clone(),
-                    shader_defs: shader_defs.clone(),
-                    entry_point: Some(shape.entry().into()),
-                    buffers: Vec::new(),
-                },
-                primitive: PrimitiveState { topology, ..PrimitiveState::default() },
-                depth_stencil: Some(DepthStencilState {
-                    format: DEPTHS,
-                    depth_write_enabled: Some(true),
-                    depth_compare: Some(CompareFunction::Greater),
-                    stencil: default(),
-                    bias: default(),
-                }),
-                fragment: Some(FragmentState {
-                    shader,
-                    shader_defs: shader_defs.clone(),
-                    entry_point: Some("number".into()),
-                    targets: vec![Some(ColorTargetState {
-                        format: NUMBERS,
-                        blend: None,
-                        write_mask: ColorWrites::ALL,
-                    })],
-                }),
-                ..default()
-            })
-        });
-        Set { steps, shapes }
+    /// Has those of a picture compiled that are not yet.
+    fn add(&mut self, view: &SurfaceView, server: &AssetServer, cache: &PipelineCache) {
+        let variant = Variant::of(&view.job);
+        let is_raster = view.job.is_raster();
+        let is_needed = |step: &Step| match step {
+            Step::Resolve => view.is_colored,
+            Step::Cells | Step::Fans | Step::Large => !is_raster,
+        };
+        let steps = Step::ALL.into_iter().filter(is_needed).map(|step| (step, variant.of_step(step)));
+        let missing: Vec<(Step, Variant)> = steps.filter(|key| !self.steps.contains_key(key)).collect();
+        for key in missing {
+            let queued = self.queued_step(key, server, cache);
+            self.steps.insert(key, queued);
+        }
+        let shapes = Shape::ALL.into_iter().filter(|_| is_raster).map(|shape| (shape, variant.seen()));
+        let missing: Vec<(Shape, Variant)> = shapes.filter(|key| !self.shapes.contains_key(key)).collect();
+        for key in missing {
+            let queued = self.queued_shape(key, server, cache);
+            self.shapes.insert(key, queued);
+        }
     }
 
-    /// What is compiled of those that draw flat fields, or globes.
-    pub fn ready<'a>(&self, is_globe: bool, cache: &'a PipelineCache) -> Option<Ready<'a>> {
-        let set = self.sets[usize::from(is_globe)].as_ref()?;
-        Some(Ready {
-            steps: set.steps.map(|step| cache.get_compute_pipeline(step)),
-            shapes: set.shapes.map(|shape| cache.get_render_pipeline(shape)),
+    fn queued_step(
+        &self,
+        (step, variant): (Step, Variant),
+        server: &AssetServer,
+        cache: &PipelineCache,
+    ) -> CachedComputePipelineId {
+        let own = if step == Step::Resolve { &self.resolve } else { &self.visible };
+        cache.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some("deepfield surface".into()),
+            layout: vec![self.shared.clone(), own.clone()],
+            shader: shaders::load(server, step.shader()),
+            shader_defs: variant.defs(),
+            entry_point: Some(step.entry().into()),
+            ..ComputePipelineDescriptor::default()
         })
+    }
+
+    fn queued_shape(
+        &self,
+        (shape, variant): (Shape, Variant),
+        server: &AssetServer,
+        cache: &PipelineCache,
+    ) -> CachedRenderPipelineId {
+        let shader = shaders::load(server, "surface/raster.wgsl");
+        let topology = match shape {
+            Shape::Points => PrimitiveTopology::PointList,
+            _ => PrimitiveTopology::TriangleList,
+        };
+        cache.queue_render_pipeline(RenderPipelineDescriptor {
+            label: Some("deepfield surface".into()),
+            layout: vec![self.shared.clone(), self.raster.clone()],
+            vertex: VertexState {
+                shader: shader.clone(),
+                shader_defs: variant.defs(),
+                entry_point: Some(shape.entry().into()),
+                buffers: Vec::new(),
+            },
+            primitive: PrimitiveState { topology, ..PrimitiveState::default() },
+            depth_stencil: Some(DepthStencilState {
+                format: DEPTHS,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(CompareFunction::Greater),
+                stencil: default(),
+                bias: default(),
+            }),
+            fragment: Some(FragmentState {
+                shader,
+                shader_defs: variant.defs(),
+                entry_point: Some("number".into()),
+                targets: vec![Some(ColorTargetState { format: NUMBERS, blend: None, write_mask: ColorWrites::ALL })],
+            }),
+            ..default()
+        })
+    }
+
+    /// What is compiled of those that a picture needs.
+    pub fn ready<'a>(&self, variant: Variant, cache: &'a PipelineCache) -> Ready<'a> {
+        let step = |step: Step| cache.get_compute_pipeline(*self.steps.get(&(step, variant.of_step(step)))?);
+        let shape = |shape: Shape| cache.get_render_pipeline(*self.shapes.get(&(shape, variant.seen()))?);
+        Ready { steps: Step::ALL.map(step), shapes: Shape::ALL.map(shape) }
     }
 }

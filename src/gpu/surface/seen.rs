@@ -14,3 +14,10 @@ pub fn numbers(work: &SurfaceWork, device: &RenderDevice, queue: &RenderQueue) -
     // Passes keep them inverted: nothing is 0.
     Some(rows.map(|word| !word).collect())
 }
+
+/// How many pixels of a picture whose colours have been drawn are covered by what was measured. `None` where that cannot be read.
+pub fn covered(work: &SurfaceWork, device: &RenderDevice, queue: &RenderQueue) -> Option<f64> {
+    let (buffer, pixels) = work.covered()?;
+    let shares: Vec<f32> = bytemuck::pod_collect_to_vec(&read_buffer(device, queue, buffer, 0, 4 * pixels)?);
+    Some(shares.into_iter().map(f64::from).sum())
+}

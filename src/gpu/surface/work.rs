@@ -3,8 +3,9 @@
 use super::arena::SurfaceArena;
 use super::constants::{CHUNK, ENTRY, GROUP, SCANNERS, TILE};
 use super::job::{SurfaceFindings, SurfaceNews, SurfaceView};
-use super::layout::{DrawList, SurfaceStep, SurfaceUniform};
-use super::pipelines::{DEPTHS, NUMBERS, Ready, Step, SurfacePipelines};
+use super::layout::{SurfaceStep, SurfaceUniform};
+use super::list::DrawList;
+use super::pipelines::{DEPTHS, NUMBERS, Ready, Step, SurfacePipelines, Variant};
 use crate::cpu::surface::look::Ramp;
 use crate::gpu::light::{self, LightCells, LightView};
 use crate::gpu::splat::SplatBuffers;
@@ -64,6 +65,7 @@ struct Buffers {
     large: Option<Buffer>,
     counts: Option<Buffer>,
     ramp: Option<Buffer>,
+    covered: Option<Buffer>,
     /// In place of a photo's texels where there is none.
     no_texels: Option<Buffer>,
 }
@@ -119,7 +121,7 @@ pub fn draw_surfaces(
         return;
     }
     let Some(pipelines) = pipelines else { return };
-    let Some(ready) = pipelines.ready(work.job.is_globe(), &cache) else { return };
+    let ready = pipelines.ready(Variant::of(&work.job), &cache);
     if work.draw(&ready, wanted.is_colored, &timer, context.command_encoder()).is_some() {
         cells.complete = true;
         news.tell(SurfaceFindings { number: work.number, no_room: false, is_drawn: true });
@@ -152,6 +154,10 @@ impl SurfaceWork {
         let ramp: Vec<[f32; 4]> =
             Ramp::new(&job.look.transfer).colors().iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
         let list = DrawList::new(job, &held, photo.as_ref());
+        let listed = 4 * list.lists.len() as u64;
+        if listed + listed / 4 + ALIGNMENT > most {
+            return None;
+        }
         let most_large = (NEAR.min(list.near.1) * TRIANGLES).max(list.fans.1).max(GROUP * GROUP);
         let (steps, turns, counters) = turns_of(&list, most_large);
 
@@ -181,6 +187,7 @@ impl SurfaceWork {
         let texels = photo.map_or(no_texels, |photo| photo.buffer);
         let nearest = kept(|buffers| &mut buffers.nearest, if job.is_raster() { 64 } else { bytes }, storage);
         let shown = kept(|buffers| &mut buffers.shown, bytes, storage | BufferUsages::COPY_SRC);
+        let covered = kept(|buffers| &mut buffers.covered, 4 * width * height, storage | BufferUsages::COPY_SRC);
         let room = if job.is_raster() { 64 } else { 4 * u64::from(ENTRY) * u64::from(most_large) };
         let large = kept(|buffers| &mut buffers.large, room, storage);
         let counts = kept(|buffers| &mut buffers.counts, 4 * u64::from(counters), storage);
@@ -203,7 +210,7 @@ impl SurfaceWork {
         let seen = [step(), whole(&nearest), whole(&shown), whole(&large), whole(&counts)];
         let visible = group(&pipelines.visible, &seen);
         let raster = group(&pipelines.raster, &[step()]);
-        let colors = [whole(&shown), whole(&ramp), whole(&cells.buffer), whole(&texels)];
+        let colors = [whole(&shown), whole(&ramp), whole(&cells.buffer), whole(&texels), whole(&covered)];
         let resolve = group(&pipelines.resolve, &colors);
         let job = Arc::clone(job);
         let work = SurfaceWork { number: view.number, job, buffers, targets, shared, visible, raster, resolve, turns };
@@ -214,6 +221,12 @@ impl SurfaceWork {
     pub(super) fn shown(&self) -> Option<(&Buffer, u32, [u32; 2])> {
         let [width, height] = [self.job.view.width, self.job.view.height];
         Some((self.buffers.shown.as_ref()?, width.next_multiple_of(ROW), [width, height]))
+    }
+
+    /// How much of each pixel is covered by what was measured: where that is, and how many pixels there are.
+    pub(super) fn covered(&self) -> Option<(&Buffer, u64)> {
+        let pixels = self.job.size().into_iter().map(u64::from).product();
+        Some((self.buffers.covered.as_ref()?, pixels))
     }
 
     /// Draws, in colours if they are wanted; `None` while pipelines are not compiled.

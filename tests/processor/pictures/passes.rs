@@ -194,6 +194,7 @@ impl Adapter for Counting {
             backend: "compute",
             adapter: "counting".into(),
             milliseconds: [("frame".to_owned(), 1.0)].into(),
+            covered: None,
             note: None,
         })
     }
@@ -253,7 +254,7 @@ fn what_is_read_ahead_takes_no_room_from_what_is_drawn() {
     let mut session = data.session(None, &Arc::default());
     let (_, camera) = shot("column-density", Surround::Flat, &mut session);
     let view = |zoom: f64| -> View { Camera { fov: zoom, ..camera }.view(SIZE.0, SIZE.1).unwrap() };
-    let drawn = scene.converge_blocking(&view(3.0), 0.5).unwrap();
+    let drawn = scene.converge_blocking(&view(1.0), 2.0).unwrap();
     assert!(drawn.converged);
     let before = scene.streamer.residency.statistics();
     scene.look_ahead(&view(20.0), 0.05);

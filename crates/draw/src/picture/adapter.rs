@@ -5,6 +5,7 @@ use super::subject::Subject;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::field::Field;
 use crate::cpu::overdraw::Overdraw;
+use crate::cpu::surface::holes::Holes;
 use crate::cpu::surface::look::Look;
 use crate::cpu::surface::photo::PhotoCut;
 use crate::cpu::surface::select::Technique;
@@ -119,6 +120,10 @@ pub struct AdapterSurface {
     pub photo: Option<PhotoCut>,
     /// What it is drawn as: no rays.
     pub technique: Technique,
+    /// What is shown where nothing was measured; a membrane is in the scene.
+    pub holes: Holes,
+    /// The height that walls of a flat field go down or up to; `None`: there are none.
+    pub walls: Option<f64>,
     /// A height in the middle of the field's, which others are counted from in 32 bits.
     pub reference: f64,
     /// By which passes.
@@ -166,6 +171,8 @@ pub struct AdapterFrame {
     pub adapter: String,
     /// Median of each pass, milliseconds.
     pub milliseconds: BTreeMap<String, f64>,
+    /// Pixels that are covered by what was measured, of heights in colours.
+    pub covered: Option<f64>,
     /// What is not as it was asked for, in a sentence.
     pub note: Option<String>,
 }

@@ -25,13 +25,17 @@ fn noise(index: usize) -> f64 {
     (mixed >> 11) as f64 / (1_u64 << 53) as f64
 }
 
+/// Samples along the side of what was measured or not as a whole.
+const BLOCK: usize = 5;
+
 /// Gentle waves, rough from sample to sample, of which a share was not measured; and how pictures of a size are measured.
 fn built(open: f64, size: &str) -> (TempDir, PathBuf, Arguments) {
     let folder = tempfile::tempdir().unwrap();
     let height = |index: usize| {
         let [y, x] = [index / SIDE, index % SIDE].map(|at| at as f64 / 24.0);
         let height = 5.0 * (x.sin() + y.cos()) + noise(index);
-        if noise(SIDE * SIDE + index) < open { f64::NAN } else { f64::from(height as f32) }
+        let block = index / SIDE / BLOCK * SIDE + index % SIDE / BLOCK;
+        if noise(SIDE * SIDE + block) < open { f64::NAN } else { f64::from(height as f32) }
     };
     let mut field = HeightField::of(SIDE as u64, SIDE as u64, (0..SIDE * SIDE).map(height).collect());
     field.grid.sample_type = SampleType::F32;

@@ -24,7 +24,7 @@ pub mod placed;
 pub mod raster;
 pub mod rays;
 pub mod resolve;
-mod rims;
+pub mod rims;
 pub mod samples;
 pub mod select;
 pub mod shade;

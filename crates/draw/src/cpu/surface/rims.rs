@@ -7,18 +7,18 @@ use rayon::prelude::*;
 
 /// Corners of a cell's sides, in the order of a mesh's: first row, last row, first column, last column.
 const ENDS: [[usize; 2]; 4] = [[0, 1], [2, 3], [0, 2], [1, 3]];
-/// Squares of so many cells know whether there is a rim in them.
-const SQUARE: usize = 8;
+/// Squares of so many cells along a side know whether there is a rim in them.
+pub const SQUARE: usize = 8;
 /// Cells along rows and columns that are looked at around a place; more are there only where the surface is seen from its edge.
-const MOST: f64 = 40.0;
+pub const MOST: f64 = 40.0;
 /// Rims are looked for within so many widths: where there are many of them they fade, as coverage shows them.
-const AROUND: f64 = 2.0;
+pub const AROUND: f64 = 2.0;
 /// Lengths of rims within that, in parts of its radius, from which on lines fade, and where there are none: a straight one is 2.
-const CROWDED: [f64; 2] = [4.5, 7.0];
+pub const CROWDED: [f64; 2] = [4.5, 7.0];
 /// Cells that are smaller than this are looked at as if the picture were not in perspective, pixels.
 const SMALL: f64 = 8.0;
 /// Half of a line's soft edge, samples.
-const EDGE: f64 = 0.3;
+pub const EDGE: f64 = 0.3;
 
 /// The rims of what is drawn.
 pub(super) struct Rims {
@@ -108,6 +108,14 @@ fn is_open(scene: &Scene, mesh: &Mesh, [row, column]: [usize; 2], side: usize) -
     !has(&other.cell(row, column), opposite)
 }
 
+/// The cells of a square, row by row: a bit for each side that ends the surface, in the order of a mesh's, and one for the edge across the cell.
+pub type RimSquare = [u8; SQUARE * SQUARE];
+
+/// Of each chunk of a scene its squares of cells, row by row, where any of them has a rim; no squares where none has.
+pub fn squares(scene: &Scene) -> Vec<Vec<Option<RimSquare>>> {
+    scene.meshes.par_iter().map(|mesh| Edges::of(scene, mesh).squares_of(mesh)).collect()
+}
+
 impl Rims {
     /// Of a scene, for lines so wide, in the picture's samples.
     pub(super) fn new(scene: &Scene, width: f64) -> Rims {
@@ -166,6 +174,21 @@ impl Rims {
 }
 
 impl Edges {
+    /// The squares of cells, with what is in them.
+    fn squares_of(&self, mesh: &Mesh) -> Vec<Option<RimSquare>> {
+        let [rows, columns] = [mesh.samples.rows - 1, mesh.samples.columns - 1];
+        let wide = columns.div_ceil(SQUARE);
+        let cells = |square: usize| -> RimSquare {
+            let [down, right] = [square / wide, square % wide].map(|at| at * SQUARE);
+            std::array::from_fn(|cell| {
+                let [row, column] = [down + cell / SQUARE, right + cell % SQUARE];
+                // The last squares may be beyond the chunk.
+                if row < rows && column < columns { self.cells[row * columns + column] } else { 0 }
+            })
+        };
+        self.squares.iter().enumerate().map(|(square, has_any)| has_any.then(|| cells(square))).collect()
+    }
+
     /// Calls `each` for the cells between these rows and columns that have any.
     fn each(&self, mesh: &Mesh, bounds: [[f64; 2]; 2], mut each: impl FnMut([usize; 2], u8)) {
         let [rows, columns] = [0, 1].map(|axis| {

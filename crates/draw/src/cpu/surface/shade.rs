@@ -39,13 +39,13 @@ pub const REACH: f64 = 1.2;
 /// Most steps to where a line is.
 pub const SECANTS: u32 = 8;
 /// From a stripe of the membrane to the next, pixels.
-const HATCH: f64 = 5.0;
+pub const HATCH: f64 = 5.0;
 /// The colour of what a form or an earlier field is not over, linear light.
 pub const BESIDE: [f32; 3] = [0.2; 3];
 /// The colour of walls, linear light.
-const WALL: [f32; 3] = [0.34, 0.29, 0.24];
+pub const WALL: [f32; 3] = [0.34, 0.29, 0.24];
 /// The colour of rims of holes, linear light.
-const RIM: [f32; 3] = [0.8, 0.08, 0.01];
+pub const RIM: [f32; 3] = [0.8, 0.08, 0.01];
 /// Rays along a pixel's side where a surface ends in it.
 pub const ENDS: u32 = 4;
 

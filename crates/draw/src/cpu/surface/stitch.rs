@@ -87,6 +87,11 @@ impl Mesh {
         }
     }
 
+    /// Heights of a membrane where nothing was measured, NaN elsewhere; `None` where there is no membrane.
+    pub fn membrane(&self) -> Option<&[f64]> {
+        self.fill.as_deref()
+    }
+
     /// Whether all heights are its samples' own.
     pub fn is_unchanged(&self) -> bool {
         self.border.is_none()

@@ -2,7 +2,6 @@
 
 use super::letters::ProgramFont;
 use crate::cpu::surface::channels::channels;
-use crate::cpu::surface::holes::Holes;
 use crate::cpu::surface::lettering;
 use crate::cpu::surface::look::Attribute;
 use crate::cpu::surface::paged::PagedSurface;
@@ -89,21 +88,18 @@ impl Field<'_> {
         let scene = scene(self.nodes, self.placed, sight, chosen);
         let report = report(&scene, counted(&scene), f64::from(parts));
         let reference = 0.5 * (self.extremes[0] + self.extremes[1]);
-        let (form, technique) = (options.form.clone(), options.technique);
+        let SurfaceOptions { technique, holes, walls, .. } = *options;
+        let form = options.form.clone();
         let tiles = self.nodes.photo().filter(|_| look.attribute == Attribute::Photo);
         let photo = tiles.and_then(|tiles| PhotoCut::new(tiles, &scene, &view));
-        Some((AdapterSurface { scene, view, parts, look, form, photo, technique, reference, passes }, report))
+        let job = AdapterSurface { scene, view, parts, look, form, photo, technique, holes, walls, reference, passes };
+        Some((job, report))
     }
 }
 
 /// What of a flat picture no adapter draws yet.
 pub(super) fn not_yet(options: &SurfaceOptions) -> Option<&'static str> {
-    match () {
-        _ if options.technique == Technique::Rays => Some("rays"),
-        _ if options.holes != Holes::Open => Some("outlined and filled holes"),
-        _ if options.walls.is_some() => Some("walls"),
-        _ => None,
-    }
+    (options.technique == Technique::Rays).then_some("rays")
 }
 
 /// Whether heights are written along lines.
@@ -192,7 +188,8 @@ impl Painter {
         let AdapterValues::Light(colors, _) = frame.values else {
             return Err(VolumeError::Device("the adapter does not draw surfaces".into()));
         };
-        report.covered = colors.rgba.iter().map(|color| f64::from(color[3])).sum();
+        let alpha = || colors.rgba.iter().map(|color| f64::from(color[3])).sum::<f64>();
+        report.covered = frame.covered.unwrap_or_else(alpha);
         let names = [frame.backend.to_owned(), frame.adapter];
         let (mut milliseconds, mut notes) = (frame.milliseconds, vec![frame.note]);
         let mut picture = SurfacePicture { colors, report, ..SurfacePicture::default() };
