@@ -45,14 +45,15 @@ fn heights_are_drawn_as_they_are_rendered() {
         ", attribute: named(\"slope\"), settings: {\"light\": \"eye\", \"contours\": 4.0, \"exaggeration\": 2.0}";
     let dome = ", projection: dome(aperture: 180.0, tilt: 20.0)";
     let filled = ", settings: {\"holes\": \"filled\"}";
+    let rays = ", settings: {\"technique\": \"rays\"}";
     for (number, (more, [asked, draws])) in [
         ("", ["cpu"; 2]),
         (dome, ["cpu"; 2]),
         (slopes, ["cpu"; 2]),
         (slopes, ["compute"; 2]),
-        ("", ["raster"; 2]),
-        // Filled holes are the processor's.
-        (filled, ["compute", "cpu"]),
+        (filled, ["raster"; 2]),
+        // Rays are the processor's.
+        (rays, ["compute", "cpu"]),
     ]
     .into_iter()
     .enumerate()

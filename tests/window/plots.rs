@@ -93,7 +93,7 @@ fn what_is_brushed_in_a_plot_is_selected() {
     let table = folder.path().join("mass by temperature over density.csv");
     click(&program, &desktop, "plots:csv", |_| table.is_file());
     let mut rows = csv::Reader::from_path(&table).unwrap();
-    assert_eq!(rows.headers().unwrap().get(0), Some("density from [Msun/kpc^3]"));
+    assert_eq!(rows.headers().unwrap().get(0), Some("density from [(Msun)/(kpc)^3]"));
     let count = |row: csv::StringRecord| row.get(5).unwrap().parse::<usize>().unwrap();
     assert_eq!(rows.records().map(|row| count(row.unwrap())).sum::<usize>(), COUNT);
 }

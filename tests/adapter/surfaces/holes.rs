@@ -77,7 +77,7 @@ fn an_adapter_draws_holes_and_sides() {
         // Lines are the same function of what is seen, whatever found that.
         let rims = rims.iter().filter(|_| backend == Backend::Compute);
         for (what, shot) in rims.chain(&membranes) {
-            assert_alike((&mut processor, &mut adapter), shot, 0.01, what);
+            assert_alike((&mut processor, &mut adapter), shot, 0.025, what);
         }
     }
 }

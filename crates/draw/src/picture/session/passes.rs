@@ -20,12 +20,9 @@ use crate::stream::{Listing, SceneNode, Visited};
 use crate::view::{self, View};
 use std::time::{Duration, Instant};
 
-/// Bytes of a memory that are for what is decoded, sorted and drawn into at a time, at most; pages have the rest.
-const WORKING_BYTES: u64 = 512 << 20;
-
-/// What pages may take of a memory.
+/// What pages may take of a memory. The rest is for what is decoded, sorted and drawn into at a time, and for what allocators keep of pages that made room.
 pub(super) fn for_pages(memory: u64) -> u64 {
-    memory - WORKING_BYTES.min(memory / 2)
+    memory / 2
 }
 
 /// A list that was drawn.
