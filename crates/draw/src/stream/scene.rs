@@ -107,8 +107,7 @@ impl Scene {
     pub fn new(tree: impl Tree + 'static, budget: u64) -> Scene {
         // Nothing else reads while a picture is drawn.
         let ahead = LookAhead { share: 1.0, ..LookAhead::default() };
-        let options =
-            StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false, ahead };
+        let options = StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false, ahead };
         Scene::with_options(tree, options)
     }
 
