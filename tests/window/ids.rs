@@ -85,9 +85,12 @@ fn particles_are_identified_kept_by_id_followed_and_found_in_another_snapshot() 
     assert!((CLUMP / 2..CLUMP + 60).contains(&count), "{count}");
     assert!(known["settings"]["selections"][0]["members"]["Ids"].is_string(), "{known:#}");
 
-    // It is summed up and written from the source.
+    // It is summed up, written and plotted from the source.
     let is_exact = |probe: &Value| probe["count"].as_u64() == Some(count) && probe["exact"] == true;
     click(&program, &desktop, "selection:0:probe", |s| is_exact(&s["looking"]["probe"]));
+    // The table has no densities; the page file's are estimates.
+    let plotted = |s: &Value| s["looking"]["plot"]["particles"].as_u64() == Some(count);
+    choose(&program, &desktop, "plots:x", "plots:x:mass", plotted);
     let written = click(&program, &desktop, "selection:0:Parquet", |s| s["looking"]["table"].is_object());
     assert_eq!(written["looking"]["table"]["rows"].as_u64(), Some(count));
     let table = std::fs::read(written["looking"]["table"]["path"].as_str().unwrap()).unwrap();

@@ -59,19 +59,11 @@ impl Deriving<'_> {
         progress: &dyn Progress,
     ) -> Result<Derived, BuildError> {
         let number = self.derivation.quantities.len();
-        let lens: Vec<usize> = (0..partition.buckets()).map(|bucket| partition.len(bucket)).collect();
-        progress.begin("looking at motion", lens.iter().sum::<usize>() as u64);
+        progress.begin("looking at motion", partition.particles() as u64);
         let mut ranges = vec![Range::EMPTY; number];
         let mut samples: Vec<Vec<f32>> = vec![Vec::new(); number];
-        let mut first = 0;
-        while first < lens.len() {
-            let mut held = lens[first];
-            let mut end = first + 1;
-            while end < lens.len() && held + lens[end] <= block {
-                held += lens[end];
-                end += 1;
-            }
-            for (bucket, (order, sorted)) in (first..end).zip(self.of_block(partition, first..end, progress)?) {
+        for buckets in partition.blocks(block) {
+            for (bucket, (order, sorted)) in buckets.clone().zip(self.of_block(partition, buckets, progress)?) {
                 for (column, values) in sorted.iter().enumerate() {
                     ranges[column] = ranges[column].with(Range::of(values));
                     let step = values.len().div_ceil(SAMPLE).max(1);
@@ -80,11 +72,10 @@ impl Deriving<'_> {
                 let read: Vec<Vec<f32>> = sorted.iter().map(|sorted| in_reading_order(&order, sorted)).collect();
                 partition.put_derived(bucket, &read)?;
             }
-            first = end;
         }
         partition.derived(ranges.iter().map(|range| range.mean() as f32).collect());
         let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
-        let counts: Vec<Vec<Vec<u64>>> = (0..lens.len())
+        let counts: Vec<Vec<Vec<u64>>> = (0..partition.buckets())
             .into_par_iter()
             .map(|bucket| {
                 let (_, columns) = partition.read(bucket)?;

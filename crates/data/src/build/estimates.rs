@@ -53,19 +53,11 @@ pub(super) fn estimate(
     block: usize,
     progress: &dyn Progress,
 ) -> Result<Estimated, BuildError> {
-    let lens: Vec<usize> = (0..partition.buckets()).map(|bucket| partition.len(bucket)).collect();
-    progress.begin("finding neighbours", lens.iter().sum::<usize>() as u64);
+    progress.begin("finding neighbours", partition.particles() as u64);
     let mut ranges = [Range::EMPTY; 2];
     let mut samples = [Vec::new(), Vec::new()];
-    let mut first = 0;
-    while first < lens.len() {
-        let mut held = lens[first];
-        let mut end = first + 1;
-        while end < lens.len() && held + lens[end] <= block {
-            held += lens[end];
-            end += 1;
-        }
-        for (bucket, found) in (first..end).zip(of_block(partition, first..end, k, root, progress)?) {
+    for buckets in partition.blocks(block) {
+        for (bucket, found) in buckets.clone().zip(of_block(partition, buckets, k, root, progress)?) {
             for (column, values) in found.sorted.iter().enumerate() {
                 ranges[column] = ranges[column].with(Range::of(values));
                 samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE).max(1)));
@@ -73,10 +65,9 @@ pub(super) fn estimate(
             let [density, smoothing_length] = found.read;
             partition.put_estimates(bucket, &density, &smoothing_length)?;
         }
-        first = end;
     }
     let bins = ranges.each_ref().map(HistogramBins::of);
-    let counts: Vec<[Vec<u64>; 2]> = (0..lens.len())
+    let counts: Vec<[Vec<u64>; 2]> = (0..partition.buckets())
         .into_par_iter()
         .map(|bucket| {
             let (_, columns) = partition.read(bucket)?;

@@ -138,6 +138,23 @@ impl Partition {
         self.buckets[bucket].runs.len() * RUN + self.buckets[bucket].places.len()
     }
 
+    /// The buckets in groups that follow each other, of at most `block` particles each where a group has more than one bucket.
+    pub fn blocks(&self, block: usize) -> Vec<std::ops::Range<usize>> {
+        let mut blocks: Vec<std::ops::Range<usize>> = Vec::new();
+        let mut held = 0;
+        for bucket in 0..self.buckets() {
+            held += self.len(bucket);
+            match blocks.last_mut() {
+                Some(last) if held <= block => last.end = bucket + 1,
+                _ => {
+                    blocks.push(bucket..bucket + 1);
+                    held = self.len(bucket);
+                }
+            }
+        }
+        blocks
+    }
+
     /// Bytes in the temporary file.
     pub fn on_disk(&self) -> u64 {
         self.spill.on_disk()
