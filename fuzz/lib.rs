@@ -18,13 +18,45 @@ use deepfield::store::run::{RunTree, verify_run};
 use deepfield::store::{PageFile, PageId, RunFile, Tree, verify};
 use deepfield::tour::TourFile;
 use std::io::Write;
+use std::path::Path;
 
 /// Opens `bytes` as the format whose name begins with `format`, whatever they look like, and reads all of it. Errors are
 /// fine; panics, endless loops and runaway memory are what the fuzzer looks for.
 pub fn import(format: &str, bytes: &[u8]) {
-    let Some(file) = file(bytes) else { return };
+    if let Some(file) = file(bytes) {
+        read_source(format, file.path());
+    }
+}
+
+/// Opens `bytes` as the files of an output of RAMSES, of which the first four say how long those of grids and of their cells are, and as a file of a
+/// snapshot in the format nchilada, and reads all of them.
+pub fn outputs(bytes: &[u8]) {
+    const INFO: &[u8] =
+        b"ncpu = 1\nndim = 3\nboxlen = 1.0\naexp = 0.5\nH0 = 70.0\nunit_l = 1e24\nunit_d = 1e-28\nunit_t = 1e16\n";
+    let (Some((lengths, rest)), Ok(folder)) = (bytes.split_at_checked(4), tempfile::tempdir()) else { return };
+    let [grids, cells] = [0, 2].map(|at| usize::from(u16::from_le_bytes([lengths[at], lengths[at + 1]])));
+    let (grids, rest) = rest.split_at(grids.min(rest.len()));
+    let (cells, particles) = rest.split_at(cells.min(rest.len()));
+    let files = [
+        ("info_00001.txt", INFO),
+        ("amr_00001.out00001", grids),
+        ("hydro_00001.out00001", cells),
+        ("part_00001.out00001", particles),
+        ("gas/pos", bytes),
+    ];
+    if std::fs::create_dir(folder.path().join("gas")).is_err() {
+        return;
+    }
+    if files.iter().all(|(name, bytes)| std::fs::write(folder.path().join(name), bytes).is_ok()) {
+        read_source("RAMSES", &folder.path().join("info_00001.txt"));
+        read_source("nchilada", &folder.path().join("gas/pos"));
+    }
+}
+
+/// Opens a file as the format whose name begins with `format`, and reads all of it.
+fn read_source(format: &str, path: &Path) {
     let formats = formats().into_iter().filter(|candidate| candidate.name().starts_with(format));
-    for source in formats.filter_map(|candidate| candidate.open(file.path()).ok()) {
+    for source in formats.filter_map(|candidate| candidate.open(path, ReadMethod::default()).ok()) {
         let summary = summarize_source(source.as_ref());
         let loaded = load_source(source.as_ref(), &LoadOptions::default(), &());
         if let (Ok(summary), Ok(loaded)) = (summary, loaded) {

@@ -1,4 +1,4 @@
-// Samples of the levels around a place of measured heights, and how much of them is covered (crates/draw/src/cpu/surface/resolve.rs).
+// Samples of the levels around a place of measured heights, and how much of them is covered (resolve.rs and coverage.rs in crates/draw/src/cpu/surface).
 #define_import_path deepfield::surface_levels
 #import deepfield::surface_constants::{CHUNK, NONE}
 #import deepfield::surface_ray::{Hit, coverage_of}

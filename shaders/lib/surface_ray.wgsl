@@ -3,7 +3,7 @@
 // Where the processor casts a ray through all of the surface, these follow it over cells from a little before what a sample shows.
 #define_import_path deepfield::surface_ray
 #import deepfield::surface_constants::{CHUNK, NONE, LEAF, MIXED}
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, sample_at, camera_of, quad_of, half_of, Half, Quad}
+#import deepfield::surface_view::{surface, draws, lists, Draw, coverage_at, sample_at, camera_of, quad_of, half_of, Half, Quad}
 
 /// Rounding may leave a place so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f32 = 1e-4;
@@ -130,8 +130,22 @@ fn meeting_of(ray: Ray, cell: Cell, half: Half) -> Meeting {
 
 /// The share of a sample that is covered.
 fn coverage_of(draw: Draw, at: vec2<u32>) -> f32 {
-    let count = draw.rows * draw.columns;
-    return f32(words[draw.start + 2u * count + at.x * draw.columns + at.y] >> 16u & 255u) / 255.0;
+    return f32(coverage_at(draw, at)) / 255.0;
+}
+
+/// The share of a place of a coarse chunk's cell that is covered (crates/draw/src/cpu/surface/coverage.rs): columns, rows, and how many rows and columns
+/// the cell is.
+fn share_between(draw: Draw, at: vec2<u32>, place: vec2<f32>, size: vec2<f32>) -> f32 {
+    let upper = vec2(coverage_of(draw, at), coverage_of(draw, at + vec2(0u, 1u)));
+    let lower = vec2(coverage_of(draw, at + vec2(1u, 0u)), coverage_of(draw, at + vec2(1u, 1u)));
+    let within = clamp(place, vec2(0.0), vec2(1.0));
+    if min(min(upper.x, upper.y), min(lower.x, lower.y)) <= 0.0 {
+        let beyond = within * size.yx >= vec2(0.5 * f32(1u << draw.level));
+        let nearest = select(upper, lower, beyond.y);
+        return select(nearest.x, nearest.y, beyond.x);
+    }
+    let sides = mix(vec2(upper.x, lower.x), vec2(upper.y, lower.y), vec2(within.x));
+    return mix(sides.x, sides.y, within.y);
 }
 
 /// The hit of a ray that meets a triangle.
@@ -140,12 +154,7 @@ fn hit_of(node: u32, at: vec2<u32>, cell: Cell, half: Half, place: vec2<f32>, de
     let plane = plane_of(cell.quad.heights, half);
     var coverage = 1.0;
     if !half.is_membrane && draw.level > 0u && (draw.flags & MIXED) != 0u {
-        let weights = clamp(weights_of(half, place), vec3(0.0), vec3(1.0));
-        var shares: vec3<f32>;
-        for (var k = 0u; k < 3u; k++) {
-            shares[k] = coverage_of(draw, at + vec2(half.corners[k] >> 1u, half.corners[k] & 1u));
-        }
-        coverage = min(dot(weights, shares), 1.0);
+        coverage = max(share_between(draw, at, place, cell.size), 1.0 / 255.0);
     }
     let height = plane.x + dot(plane.yz, place);
     let slope = plane.yz / cell.size.yx;

@@ -211,14 +211,34 @@ fn is_measured(height: f32) -> bool {
     return height < UNMEASURED;
 }
 
-/// Whether a measured sample is in no triangle of its chunk; at full resolution in none at all.
+/// The coverage of a chunk's sample, of 255.
+fn coverage_at(draw: Draw, at: vec2<u32>) -> u32 {
+    return words[draw.start + 2u * draw.rows * draw.columns + at.x * draw.columns + at.y] >> 16u & 255u;
+}
+
+/// Whether a sample stands for places that are in none of its chunk's triangles (`Mesh::has_margin`).
+fn has_margin(draw: Draw, at: vec2<u32>) -> bool {
+    if draw.level == 0u || (draw.flags & MIXED) == 0u || coverage_at(draw, at) == 0u {
+        return false;
+    }
+    if any(at == vec2(0u)) || any(at + 1u == vec2(draw.rows, draw.columns)) {
+        return true;
+    }
+    let above = coverage_at(draw, at - vec2(1u, 0u));
+    let below = coverage_at(draw, at + vec2(1u, 0u));
+    let left = coverage_at(draw, at - vec2(0u, 1u));
+    let right = coverage_at(draw, at + vec2(0u, 1u));
+    return min(min(above, below), min(left, right)) == 0u;
+}
+
+/// Whether a measured sample is in no triangle, and stands for no other place (`Mesh::is_lone`).
 fn is_lone(draw: Draw, at: vec2<u32>) -> bool {
     if (draw.flags & MIXED) == 0u {
         return false;
     }
-    let index = at.x * draw.columns + at.y;
-    if draw.level == 0u {
-        return (words[draw.start + 2u * draw.rows * draw.columns + index] >> 16u) == 1u;
+    let is_least = coverage_at(draw, at) == 1u;
+    if draw.level == 0u || !is_least {
+        return is_least;
     }
     for (var k = 0u; k < 4u; k++) {
         let first = at - vec2(k >> 1u, k & 1u);

@@ -66,7 +66,8 @@ struct VolumeView {
     stride: u32,
     /// Factor on the smoothing lengths of those.
     growth: f32,
-    unused: u32,
+    /// How cells of fields of columns are read: EVEN_TABLE, HOLES_OF_VOLUME, HOLES_OF_SURFACES and DIMMED together.
+    columns_read: u32,
     /// Width and height of the picture, cells; the last ones may lie in it in part.
     cells: vec2<f32>,
     /// The tiers, finest first.

@@ -1,7 +1,7 @@
 // Which triangle or point of a surface is seen at each sample of the picture, by the adapter's rasteriser: what visible.wgsl finds but for
 // how finely corners are rounded. Their places come from the same operations whatever they belong to.
-#import deepfield::surface_constants::{FAN, POINTS, LAID, FANNED}
-#import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, height_of, is_lone, is_measured, camera_of, is_kept, quad_of, half_of}
+#import deepfield::surface_constants::{FAN, POINTS, LAID, FANNED, MARGIN}
+#import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, has_margin, height_of, is_lone, is_measured, camera_of, is_kept, quad_of, half_of}
 
 /// What is drawn at a time.
 struct SurfaceStep {
@@ -11,7 +11,8 @@ struct SurfaceStep {
     count: u32,
     counter: u32,
     most: u32,
-    unused: u32,
+    /// Pixels of the largest square about a sample.
+    squares: u32,
     unused_end: vec2<u32>,
 }
 
@@ -78,8 +79,8 @@ fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u
     let node = lists[surface_step.first + instance];
     let draw = draws[node];
     // Those of a larger square come one after the other.
-    let square = index % (surface.parts * surface.parts);
-    let sample = index / (surface.parts * surface.parts);
+    let square = index % surface_step.squares;
+    let sample = index / surface_step.squares;
     let at = vec2(sample / 257u, sample % 257u);
     let size = vec2(draw.rows, draw.columns);
     if any(at >= size) {
@@ -92,8 +93,17 @@ fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u
     let on = u32(at.x == 0u) | u32(at.x + 1u == size.x) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 1u == size.y) << 3u;
     let is_alone = is_lone(draw, at);
     let is_point = (draw.flags & POINTS) != 0u && (on & (draw.flags >> LAID)) == 0u;
-    let side = select(surface.point_side, surface.lone_side, is_alone);
-    if !is_alone && !is_point || square >= side * side {
+    let margin = draw.flags >> MARGIN & 63u;
+    var side = select(surface.point_side, surface.lone_side, is_alone);
+    var is_margin = false;
+    if !is_alone && !is_point {
+        if margin == 0u {
+            return nowhere();
+        }
+        is_margin = has_margin(draw, at);
+        side = select(0u, margin, is_margin);
+    }
+    if square >= side * side {
         return nowhere();
     }
     let camera = camera_of(corner_of(draw, at), height);
@@ -104,6 +114,10 @@ fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u
     let shift = vec2(f32(square % side), f32(square / side)) - 0.5 * f32(side - 1u);
     let middle = floor(place + shift) + 0.5;
     corner.place = vec4((middle / pixels * vec2(2.0, -2.0) + vec2(-1.0, 1.0)) * corner.place.w, corner.place.zw);
+    if is_margin {
+        // Behind all else: near is 1.
+        corner.place.z *= 1e-20;
+    }
     return corner;
 }
 

@@ -3,8 +3,8 @@
 //
 // Everything is drawn twice: the first time the least depth of each sample is found, the second time the least number among those that have it.
 // `cells` draws the triangles that are small and lists the others for `large`; `fans` does so with triangles whose corners are listed.
-#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN, NONE, POINTS, LAID, FANNED}
-#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, quad_of, half_of, half_in, NOTHING, AHEAD}
+#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN, NONE, POINTS, LAID, FANNED, MARGIN, FARTHER}
+#import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, has_margin, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, quad_of, half_of, half_in, NOTHING, AHEAD}
 #ifdef FILLED
 #import deepfield::surface_view::fill_of
 #endif
@@ -21,7 +21,8 @@ struct SurfaceStep {
     counter: u32,
     /// How many that list has room for.
     most: u32,
-    unused: u32,
+    /// Pixels of the largest square about a sample.
+    squares: u32,
     unused_end: vec2<u32>,
 }
 
@@ -62,9 +63,10 @@ fn show(pixel: vec2<i32>, depth: f32, number: u32) {
     put(u32(pixel.y) * surface.stride + u32(pixel.x), depth, number);
 }
 
-/// A point, as a square about its place.
-fn square(corner: Corner, side: u32, number: u32) {
-    let depth = select(corner.linear, 1.0 / corner.linear, surface.perspective != 0u);
+/// A point, as a square about its place; of a margin where nothing else is.
+fn square(corner: Corner, side: u32, is_margin: bool, number: u32) {
+    let own = select(corner.linear, 1.0 / corner.linear, surface.perspective != 0u);
+    let depth = select(own, max(own, 1e-6) * FARTHER, is_margin);
     let first = (corner.place - vec2((i32(side) - 1) * ONE / 2)) >> vec2(FRACTION);
     let from_pixel = max(first, vec2(0));
     let to_pixel = min(first + vec2(i32(side)), vec2<i32>(surface.size));
@@ -193,10 +195,17 @@ fn cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
                 if is_own && corner.state == AHEAD && is_measured(own) {
                     let is_alone = is_lone(draw, at);
                     let on = u32(at.x == 0u) | u32(at.x + 1u == size.x) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 1u == size.y) << 3u;
-                    if is_alone || is_points && (on & laid) == 0u {
+                    let is_point = is_alone || is_points && (on & laid) == 0u;
+                    let margin = draw.flags >> MARGIN & 63u;
+                    var is_margin = false;
+                    if !is_point && margin > 0u {
+                        is_margin = has_margin(draw, at);
+                    }
+                    if is_point || is_margin {
                         let away = camera.x * surface.world_right + camera.y * surface.world_up + camera.z * surface.world_forward;
                         if surface.clips == 0u || is_kept(away) {
-                            square(corner, select(surface.point_side, surface.lone_side, is_alone), number_of_point(node, at));
+                            let side = select(surface.point_side, surface.lone_side, is_alone);
+                            square(corner, select(side, margin, is_margin), is_margin, number_of_point(node, at));
                         }
                     }
                 }

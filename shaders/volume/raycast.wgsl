@@ -8,7 +8,9 @@
 // do, to surfaces, and to the next layer that is not empty in four loops, each within the one that follows.
 //
 // With CENTERED (cells are pixels) rays go through the cells' centres. With EVEN the table's entries lie evenly between 1 and 2: those of a
-// sampled field, whose samples say which way surfaces face. With LIT the volume itself is lit, by differences of cells.
+// sampled field, whose samples say which way surfaces face. With LIT the volume itself is lit, by differences of cells. With COLUMNS cells are
+// of fields of particles' columns: surfaces may be of numbers of their own, both may have holes, in which there is no value that neighbours may
+// be compared with, and the volume's extinction may be multiplied.
 #import deepfield::isosurface::{
     volume, Crossings, NO_CROSSING, crossings_of, is_crossed, shaded, surface_levels, take_nearest,
 }
@@ -20,6 +22,7 @@
 #import deepfield::volume_view::Portion
 #import deepfield::volume_constants::{
     BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS, VALUE_ENTRIES,
+    COLUMN_VALUES, DIMMED, EVEN_TABLE, HOLES_OF_SURFACES, HOLES_OF_VOLUME,
 }
 
 @group(0) @binding(1) var<uniform> portion: Portion;
@@ -53,10 +56,19 @@ struct Lookup {
 }
 var<private> lookup: Lookup;
 
-#ifdef LIT
+#ifdef COLUMNS
+/// How columns are read, the ray's place, and its distance from the middle line of sight, cells.
+var<private> columns_read: u32;
+var<private> ray_place: Place;
+var<private> ray_middle: vec2<f32>;
+/// Where cells have the numbers of the volume, those of surfaces, and what the extinction is multiplied by.
+const OWN_NUMBERS: u32 = 0u;
+const SURFACE_NUMBERS: u32 = 2u;
+const FACTORS: u32 = 3u;
+#else ifdef LIT
 /// The ray's place, and its distance from the middle line of sight, cells.
-var<private> lit_place: Place;
-var<private> lit_middle: vec2<f32>;
+var<private> ray_place: Place;
+var<private> ray_middle: vec2<f32>;
 #endif
 
 struct Ray {
@@ -85,7 +97,9 @@ struct Place {
 #endif
 }
 
-#ifdef ATTRIBUTE
+#ifdef COLUMNS
+const VALUES: u32 = COLUMN_VALUES;
+#else ifdef ATTRIBUTE
 const VALUES: u32 = 2u;
 #else
 const VALUES: u32 = 1u;
@@ -100,17 +114,26 @@ fn values_at(at: u32) -> vec2<f32> {
 #endif
 }
 
-/// Density and `sum m A W` of a stored cell.
-fn cell_at(place: Place, cell: vec2<u32>, slice: u32) -> vec2<f32> {
+/// The index of a stored cell; NOTHING where there is none.
+fn index_of(place: Place, cell: vec2<u32>, slice: u32) -> u32 {
     let brick = (cell >> vec2(BRICK_SHIFT)) - place.origin;
     let held = select(place.front, place.here, (slice >> BRICK_SHIFT) == place.layer)
         + brick.y * place.window.x + brick.x;
     let inside = vec3(cell, slice) & vec3(BRICK - 1u);
     // Parts that hold nothing are not written, and bricks outside the window do not exist.
     if any(brick >= place.window) || densest[held * #{PARTS}u + inside.y * #{PARTS}u / BRICK] <= 0.0 {
+        return NOTHING;
+    }
+    return held * VALUES * CELLS + ((((inside.z << BRICK_SHIFT) | inside.y) << BRICK_SHIFT) | inside.x);
+}
+
+/// Density and `sum m A W` of a stored cell.
+fn cell_at(place: Place, cell: vec2<u32>, slice: u32) -> vec2<f32> {
+    let at = index_of(place, cell, slice);
+    if at == NOTHING {
         return vec2(0.0);
     }
-    return values_at(held * VALUES * CELLS + ((((inside.z << BRICK_SHIFT) | inside.y) << BRICK_SHIFT) | inside.x));
+    return values_at(at);
 }
 
 /// Density and `sum m A W` before the ray, moved by whole cells: bilinear. Slices beyond the grid's ends repeat the last one.
@@ -142,6 +165,43 @@ fn on_ray(place: Place, slice: u32) -> vec2<f32> {
     return sample(place, vec2(0), i32(slice));
 #endif
 }
+
+#ifdef COLUMNS
+/// One of the values of a stored cell.
+fn value_of(place: Place, cell: vec2<u32>, slice: u32, value: u32) -> f32 {
+    let at = index_of(place, cell, slice);
+    if at == NOTHING {
+        return 0.0;
+    }
+    return field[at + value * CELLS];
+}
+
+/// The same before the ray, moved by whole cells: bilinear; below 0 where some of it is a hole, if there are holes.
+fn number_at(place: Place, moved: vec2<i32>, slice: i32, value: u32, has_holes: bool) -> f32 {
+    let z = min(u32(max(slice, 0)), place.last_slice);
+    let cell = vec2<u32>(vec2<i32>(place.cell) + moved);
+    let a = value_of(place, cell, z, value);
+#ifdef CENTERED
+    return select(a, -1.0, has_holes && a <= 0.0);
+#else
+    if all(place.shares == vec2(0.0)) {
+        return select(a, -1.0, has_holes && a <= 0.0);
+    }
+    let b = value_of(place, cell + vec2(1u, 0u), z, value);
+    let c = value_of(place, cell + vec2(0u, 1u), z, value);
+    let d = value_of(place, cell + vec2(1u, 1u), z, value);
+    let u = place.shares.x;
+    let v = place.shares.y;
+    let mean = (a + u * (b - a)) * (1.0 - v) + (c + u * (d - c)) * v;
+    return select(mean, -1.0, has_holes && min(min(a, b), min(c, d)) <= 0.0);
+#endif
+}
+
+/// The number that surfaces are of, before the ray; below 0 where there is nothing.
+fn level_at(place: Place, slice: i32) -> f32 {
+    return number_at(place, vec2(0), slice, SURFACE_NUMBERS, (columns_read & HOLES_OF_SURFACES) != 0u);
+}
+#endif
 
 #ifdef CENTERED
 /// Where a ray's own cells of a layer begin in a brick that is held, `within` it; NOTHING where its part holds nothing.
@@ -204,6 +264,13 @@ fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, se
             between = 1.0;
         }
     }
+#ifdef COLUMNS
+    if (columns_read & EVEN_TABLE) != 0u {
+        let even = clamp((value.x - 1.0) * f32(VALUE_ENTRIES - 1u), 0.0, f32(VALUE_ENTRIES - 1u));
+        at = min(u32(even), last);
+        between = even - f32(at);
+    }
+#endif
 #endif
     let low = table[at];
     let matter = low + between * (table[at + 1u] - low);
@@ -221,12 +288,23 @@ fn through(ray: ptr<function, Ray>, slice: u32, value: vec2<f32>, share: f32, se
         color = tinted(value.y / value.x, matter.y);
     }
 #endif
+#ifdef COLUMNS
+    if (columns_read & DIMMED) != 0u {
+        extinction *= number_at(ray_place, vec2(0), i32(slice), FACTORS, false);
+    }
+#endif
 #ifdef LIT
     // The slice is where the step behind it begins, or where the last one ends.
     let is_last = slice + 1u >= volume.slices;
-    let slope = gradient(lit_place, lit_middle, i32(select(slice + 1u, slice, is_last)), select(0.0, 1.0, is_last));
+    let lit_step = i32(select(slice + 1u, slice, is_last));
+#ifdef COLUMNS
+    let has_holes = (columns_read & HOLES_OF_VOLUME) != 0u;
+    let slope = gradient_of(ray_place, ray_middle, lit_step, select(0.0, 1.0, is_last), OWN_NUMBERS, has_holes);
+#else
+    let slope = gradient(ray_place, ray_middle, lit_step, select(0.0, 1.0, is_last));
+#endif
     let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
-    color = shaded(color, slope, normalize(vec3(lit_middle.x * sigma, -lit_middle.y * sigma, 1.0)));
+    color = shaded(color, slope, normalize(vec3(ray_middle.x * sigma, -ray_middle.y * sigma, 1.0)));
 #endif
     let passed = depths[slice].w * secant * share;
     under(ray, color, 1.0 - exp(-extinction * passed));
@@ -263,6 +341,54 @@ fn gradient(place: Place, middle: vec2<f32>, step: i32, at: f32) -> vec3<f32> {
     return vec3(along.x / here.y, -along.y / here.y, along_z - shear);
 }
 
+#ifdef COLUMNS
+/// The difference of two numbers at a distance from each other; another one where there is nothing at one of them.
+fn known_difference(low: f32, high: f32, distance: f32, otherwise: f32) -> f32 {
+    return select(otherwise, difference(low, high, distance), min(low, high) >= 0.0);
+}
+
+/// What a number is at a share of a step; below 0 where there is nothing at one end.
+fn known_within(place: Place, moved: vec2<i32>, step: i32, at: f32, value: u32, has_holes: bool) -> f32 {
+    let front = number_at(place, moved, step - 1, value, has_holes);
+    let back = number_at(place, moved, step, value, has_holes);
+    return select(-1.0, front + at * (back - front), min(front, back) >= 0.0);
+}
+
+/// Half of the difference between the numbers on both sides of a middle one; that to the middle one where there is nothing on one of them.
+fn known_across(low: f32, middle: f32, high: f32) -> f32 {
+    if min(low, high) >= 0.0 {
+        return 0.5 * (high - low);
+    }
+    if middle < 0.0 || max(low, high) < 0.0 {
+        return 0.0;
+    }
+    return select(high - middle, middle - low, low >= 0.0);
+}
+
+/// The gradient of one of the values of cells, as that of the density.
+fn gradient_of(place: Place, middle: vec2<f32>, step: i32, at: f32, value: u32, has_holes: bool) -> vec3<f32> {
+    let here = known_within(place, vec2(0), step, at, value, has_holes);
+    let left = known_within(place, vec2(-1, 0), step, at, value, has_holes);
+    let right = known_within(place, vec2(1, 0), step, at, value, has_holes);
+    let above = known_within(place, vec2(0, -1), step, at, value, has_holes);
+    let below = known_within(place, vec2(0, 1), step, at, value, has_holes);
+    let along = vec2(known_across(left, here, right), known_across(above, here, below));
+    let before = number_at(place, vec2(0), step - 2, value, has_holes);
+    let front = number_at(place, vec2(0), step - 1, value, has_holes);
+    let back = number_at(place, vec2(0), step, value, has_holes);
+    let behind = number_at(place, vec2(0), step + 1, value, has_holes);
+    let near_slice = depth_of(place, step - 1);
+    let far_slice = depth_of(place, step);
+    let within = known_difference(front, back, far_slice.x - near_slice.x, 0.0);
+    let start = known_difference(before, back, far_slice.x - depth_of(place, step - 2).x, within);
+    let end = known_difference(front, behind, depth_of(place, step + 1).x - near_slice.x, within);
+    let along_z = start + at * (end - start);
+    let depth = mix(near_slice, far_slice, at);
+    let shear = select(0.0, dot(middle, along) / depth.x, volume.perspective != 0u);
+    return vec3(along.x / depth.y, -along.y / depth.y, along_z - shear);
+}
+#endif
+
 #ifdef SURFACES
 #ifdef EVEN
 /// The least of the cells that a sample before the ray is made of.
@@ -290,7 +416,12 @@ fn slope_of(place: Place, middle: vec2<f32>, step: u32, at: f32, density: f32) -
         return slope_at(middle * here.y, here.x, density);
     }
 #endif
+#ifdef COLUMNS
+    let has_holes = (columns_read & HOLES_OF_SURFACES) != 0u;
+    return gradient_of(place, middle, i32(step), at, SURFACE_NUMBERS, has_holes);
+#else
     return gradient(place, middle, i32(step), at);
+#endif
 }
 
 /// Meets a surface at a share of a step.
@@ -329,6 +460,9 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
     lookup = Lookup(
         volume.first_entry, volume.last_entry, volume.hues, volume.plane, volume.attribute_log != 0u, volume.attribute_map,
     );
+#ifdef COLUMNS
+    columns_read = volume.columns_read;
+#endif
     let column_place = places[pixel.x];
     let row_place = places[portion.rows + pixel.y];
     var place: Place;
@@ -386,27 +520,47 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
         place.here_cell = first_cell(place.here + column, within);
         place.front_cell = first_cell(place.front + column, within);
 #endif
-#ifdef LIT
-        lit_place = place;
-        lit_middle = middle;
+#ifdef COLUMNS
+        ray_place = place;
+        ray_middle = middle;
+#else ifdef LIT
+        ray_place = place;
+        ray_middle = middle;
 #endif
 #ifdef SURFACES
         while step < end && ray.alpha < termination {
             var crossed = false;
             var before = on_ray(place, step - 1u).x;
+#ifdef COLUMNS
+            var level = level_at(place, i32(step) - 1);
+#endif
             while step < end && ray.alpha < termination {
                 var now = 0.0;
+#ifdef COLUMNS
+                var next_level = -1.0;
+#endif
                 for (; step < end; step++) {
                     now = 0.0;
+#ifdef COLUMNS
+                    next_level = -1.0;
+#endif
                     if step < slices {
                         now = on_ray(place, step).x;
+#ifdef COLUMNS
+                        next_level = level_at(place, i32(step));
+                        crossed = min(level, next_level) >= 0.0 && is_crossed(levels, level, next_level);
+#else
                         crossed = is_crossed(levels, before, now);
+#endif
                     }
                     if crossed || before > faintest {
                         break;
                     }
                     ray.done = 0.0;
                     before = now;
+#ifdef COLUMNS
+                    level = next_level;
+#endif
                 }
                 if crossed || step == end {
                     break;
@@ -414,14 +568,28 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
                 through(&ray, step - 1u, on_ray(place, step - 1u), 1.0 - ray.done, secant, faintest);
                 ray.done = 0.0;
                 before = now;
+#ifdef COLUMNS
+                level = next_level;
+#endif
                 step += select(0u, 1u, ray.alpha < termination);
             }
             if crossed {
-                let first = sample(place, vec2(0), i32(step) - 2).x;
                 let before = on_ray(place, step - 1u);
                 let now = on_ray(place, step);
+#ifdef COLUMNS
+                let from_level = level_at(place, i32(step) - 1);
+                let to_level = level_at(place, i32(step));
+                let first_level = level_at(place, i32(step) - 2);
+                let last_level = level_at(place, i32(step) + 1);
+                // The nearest that there is in place of what is nothing.
+                let first = select(first_level, from_level, first_level < 0.0);
+                let last = select(last_level, to_level, last_level < 0.0);
+                var left = crossings_of(vec4(first, from_level, to_level, last), levels);
+#else
+                let first = sample(place, vec2(0), i32(step) - 2).x;
                 let last = sample(place, vec2(0), i32(step) + 1).x;
                 var left = crossings_of(vec4(first, before.x, now.x, last), levels);
+#endif
                 var next_done = 0.0;
                 for (var n = 0u; n < 8u; n++) {
                     let nearest = take_nearest(&left);

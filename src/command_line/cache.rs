@@ -10,9 +10,9 @@ use crate::hierarchy::Kinds;
 use crate::hierarchy::kind::{OCTREE, PCA};
 use crate::import::{LoadOptions, file_of_step};
 use crate::look::{DataKind, HeightsSaid, data_file};
-use crate::model::{Progress, ReadMethod};
-use crate::store::PageFile;
+use crate::model::{DerivedQuantity, Progress, ReadMethod};
 use crate::store::temporary::free_bytes;
+use crate::store::{PageFile, RunFile};
 use etcetera::BaseStrategy;
 use std::ffi::OsString;
 use std::fs::DirEntry;
@@ -33,7 +33,7 @@ pub fn folder(name: &str) -> Result<PathBuf, std::io::Error> {
     Ok(folder)
 }
 
-/// As [`page_file_with`], where nothing is said of heights.
+/// As [`page_file_with`], where nothing is said of it.
 ///
 /// # Errors
 /// As [`page_file_with`].
@@ -42,24 +42,27 @@ pub fn page_file_of(path: &Path, progress: &dyn Progress) -> Result<PathBuf, Box
 }
 
 /// The path of a page file for `path`: itself if it is one or a run of them, else one in the cache, built first unless it is
-/// there already. What is said of heights goes into theirs, and each way to say it has a file of its own.
+/// there already. What is said of heights goes into theirs, what is derived for particles into theirs, and each way to say it has a file of
+/// its own.
 ///
 /// # Errors
-/// When the source cannot be read or the page file not be written.
+/// When the source cannot be read or the page file not be written, or a page file lacks what is to be derived.
 pub fn page_file_with(
     path: &Path,
     said: &HeightsSaid,
     progress: &dyn Progress,
 ) -> Result<PathBuf, Box<dyn std::error::Error + Send + Sync>> {
     let path = &data_file(path)?;
-    if DataKind::of(path)? != DataKind::Source {
+    let kind = DataKind::of(path)?;
+    if kind != DataKind::Source {
+        check_derived(path, kind, &said.derive)?;
         return Ok(path.to_owned());
     }
     let folder = folder("pages")?;
     let of_heights = said.is_heights().unwrap_or_else(|| is_heights(path));
     let cached = folder.join(match of_heights {
         true => cached_name_of_heights(path, said)?,
-        false => cached_name(path)?,
+        false => cached_name_of_particles(path, &said.derive)?,
     });
     let is_there = match of_heights {
         true => HeightFile::open(&cached, ReadMethod::default()).is_ok(),
@@ -74,10 +77,43 @@ pub fn page_file_with(
         let (heights, _) = OpenHeights::for_pictures(path, &said.options(ReadMethod::default()))?;
         heights.build(&HeightBuildOptions::default(), &cached, progress)?;
     } else {
-        build_source(path, &LoadOptions::default(), &build_options(), &cached, progress)?;
+        let load_options = LoadOptions { derive: said.derive.clone(), ..LoadOptions::default() };
+        build_source(path, &load_options, &build_options(), &cached, progress)?;
     }
     make_room(&folder, stated, &cached)?;
     Ok(cached)
+}
+
+/// A file that is built has the attributes that are to be derived: they cannot be derived from it.
+fn check_derived(
+    path: &Path,
+    kind: DataKind,
+    derive: &[DerivedQuantity],
+) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
+    if derive.is_empty() {
+        return Ok(());
+    }
+    let file = match kind {
+        DataKind::Pages => PageFile::open(path)?,
+        DataKind::Run => RunFile::open(path, ReadMethod::default())?.still(0)?,
+        DataKind::Grid | DataKind::Heights | DataKind::Source => {
+            let found = kind.described();
+            return Err(
+                format!("{}: --derive: found {found}, expected particles with velocities", path.display()).into()
+            );
+        }
+    };
+    let families = &file.metadata().families;
+    let is_lacking = |name: &&str| families.iter().all(|family| family.attribute(name).is_none());
+    let lacking: Vec<&str> = derive.iter().map(|quantity| quantity.name()).filter(is_lacking).collect();
+    if lacking.is_empty() {
+        return Ok(());
+    }
+    let (path, found, lacking) = (path.display(), kind.described(), lacking.join(","));
+    Err(format!(
+        "{path}: --derive: found {found} without {lacking}, expected its source: build --derive {lacking} adds them"
+    )
+    .into())
 }
 
 /// How page files in the cache are built: all that a window shows of them.
@@ -230,6 +266,18 @@ pub(super) fn cached_name(path: &Path) -> Result<String, std::io::Error> {
     Ok(format!("{stem}-{:016x}.df", hasher.finish()))
 }
 
+/// The same of particles: it changes with what is derived for them as well.
+fn cached_name_of_particles(path: &Path, derive: &[DerivedQuantity]) -> Result<String, std::io::Error> {
+    let name = cached_name(path)?;
+    if derive.is_empty() {
+        return Ok(name);
+    }
+    let mut hasher = DefaultHasher::new();
+    derive.iter().for_each(|quantity| quantity.name().hash(&mut hasher));
+    let stem = name.strip_suffix(".df").unwrap_or(&name);
+    Ok(format!("{stem}-{:016x}.df", hasher.finish()))
+}
+
 /// What is in a folder: names, lengths and times of change.
 fn files_of(folder: &Path) -> Result<Vec<(OsString, u64, Option<SystemTime>)>, std::io::Error> {
     let about = |entry: Result<DirEntry, std::io::Error>| -> Result<_, std::io::Error> {
@@ -247,12 +295,12 @@ fn files_of(folder: &Path) -> Result<Vec<(OsString, u64, Option<SystemTime>)>, s
 /// The same of heights: it changes with what is said of them as well, and with the photo over them.
 fn cached_name_of_heights(path: &Path, said: &HeightsSaid) -> Result<String, std::io::Error> {
     let name = cached_name(path)?;
-    // What they are compared with is in no file of theirs.
-    if *said == (HeightsSaid { before: said.before.clone(), ..HeightsSaid::default() }) {
+    let said = said.of_built_heights();
+    if said == HeightsSaid::default() {
         return Ok(name);
     }
     let mut hasher = DefaultHasher::new();
-    let HeightsSaid { taken_for: _, nodata, spacing, xy_unit, height_unit, texture, before: _ } = said;
+    let HeightsSaid { taken_for: _, nodata, spacing, xy_unit, height_unit, texture, before: _, derive: _ } = &said;
     let numbers = (nodata.map(f64::to_bits), spacing.map(|spacing| spacing.map(f64::to_bits)));
     let units = [xy_unit, height_unit].map(|unit| unit.as_ref().map(|unit| unit.0.as_str()));
     let photo = texture.as_ref().map(|photo| Ok::<_, std::io::Error>((cached_name(&photo.path)?, photo.rectangle)));
@@ -326,6 +374,17 @@ mod tests {
     }
 
     #[test]
+    fn each_choice_of_what_is_derived_has_a_file_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let source = file(folder.path(), "box.hdf5", 10, 5);
+        let of = |derive: &[DerivedQuantity]| cached_name_of_particles(&source, derive).unwrap();
+        let all = DerivedQuantity::ALL;
+        let names: BTreeSet<String> = (0..=all.len()).map(|count| of(&all[..count])).collect();
+        assert!(names.len() == all.len() + 1 && names.contains(&cached_name(&source).unwrap()));
+        assert_eq!(of(&all), of(&all));
+    }
+
+    #[test]
     fn each_way_to_say_what_heights_are_has_a_file_of_its_own() {
         let folder = tempfile::tempdir().unwrap();
         let [source, photo] = ["dem.tif", "photo.png"].map(|name| file(folder.path(), name, 10, 5));
@@ -356,6 +415,11 @@ mod tests {
         assert_eq!(before.intersection(&names()).count(), ways.len() - 2);
         std::fs::remove_file(&photo).unwrap();
         assert!(cached_name_of_heights(&source, &laid(None)).unwrap_err().to_string().contains("photo.png"));
+        let derive = DerivedQuantity::ALL.to_vec();
+        assert_eq!(
+            cached_name_of_heights(&source, &HeightsSaid { derive, ..nothing }).unwrap(),
+            cached_name(&source).unwrap()
+        );
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::CommandResult;
 use super::arguments::bytes;
+use super::derive_options::{DerivedQuantities, derived};
 use super::heights::{self, HeightsOptions, TextureOptions};
 use super::hierarchy_options::HierarchyOptions;
 use super::progress_bar::TerminalProgress;
@@ -18,7 +19,7 @@ use crate::import::{
     sources_of, steps_in,
 };
 use crate::look::DataKind;
-use crate::model::{ClockVariable, DerivedQuantity, FamilyName, ReadMethod, Skipped};
+use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
 use crate::store::run::{MOST_FLOW_LEVELS, Tangents};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -36,6 +37,7 @@ use std::path::{Path, PathBuf};
   deepfield build snapshot_099.hdf5 -o slow-disk.df --page-size 8MiB --thinning-budget 0
   deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch
   deepfield build snapshot_*.hdf5 -o run.df                  a run: the snapshots in the order of their times
+  deepfield build gaia/ -o gaia.df                           one table in many files, which are all of a folder
   deepfield build output/ -o run.df --every 5 --skip-damaged
   deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
   deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump
@@ -53,7 +55,7 @@ use std::path::{Path, PathBuf};
   deepfield build wind_*.vti --trace --times 0:60 -o wind.df  a field with a file for each time")]
 pub struct Arguments {
     /// The source; any file of a snapshot in several files. Several of them, a folder or a quoted pattern of them, or @LIST with one in
-    /// each line make a run.
+    /// each line make a run; a folder of tables with the same columns is one table without --times and --every.
     #[arg(required = true)]
     pub sources: Vec<PathBuf>,
     /// Times of the steps of a run in place of those in the headers: a list such as 0,0.5,2, FROM:STEP, or steps for their numbers.
@@ -169,27 +171,6 @@ pub enum As {
 fn clock(text: &str) -> Result<ClockVariable, String> {
     let found = ClockVariable::ALL.into_iter().find(|clock| clock.name() == text);
     found.ok_or_else(|| "expected time, scale-factor or log-scale-factor".into())
-}
-
-/// Quantities that are to be derived, each once.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DerivedQuantities(pub Vec<DerivedQuantity>);
-
-fn derived(text: &str) -> Result<DerivedQuantities, String> {
-    if text == "all" {
-        return Ok(DerivedQuantities(DerivedQuantity::ALL.to_vec()));
-    }
-    let mut found = Vec::new();
-    for name in text.split(',') {
-        let quantity = DerivedQuantity::of_name(name).ok_or_else(|| {
-            let names = DerivedQuantity::ALL.map(DerivedQuantity::name).join(", ");
-            format!("expected all, or some of {names}; found {name:?}")
-        })?;
-        if !found.contains(&quantity) {
-            found.push(quantity);
-        }
-    }
-    Ok(DerivedQuantities(found))
 }
 
 /// Only particles have velocities to derive from.

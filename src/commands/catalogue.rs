@@ -13,11 +13,13 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Lists the objects of a catalogue: a table (CSV), RON, a group catalogue of Gadget-4, AREPO or SUBFIND, or merger trees (HDF5).
+/// Lists the objects of a catalogue: a table (CSV), RON, a group catalogue of Gadget-4, AREPO or SUBFIND, haloes of Rockstar, AHF,
+/// VELOCIraptor or HBT+, or merger trees (HDF5).
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield catalogue groups.hdf5
   deepfield catalogue clusters.csv --most 5
+  deepfield catalogue rockstar/out_99.list
   deepfield catalogue groups.hdf5 --json objects.json
   deepfield catalogue trees.hdf5 --time z:2                             the haloes at a moment
   deepfield catalogue trees.hdf5 --history \"Subhalo 12\" -o halo.csv     what it was at each step

@@ -45,7 +45,7 @@ pub struct Arguments {
     /// The frame of lengths, densities and velocities of comoving data; regions are always in the data's own.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t)]
     pub frame: FrameName,
-    /// The table, .csv, .parquet or .ply.
+    /// The table, .csv, .parquet, .ply, .fits, .vtp (VTK) or .hdf5 (in Gadget's layout).
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
 }
@@ -58,7 +58,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let out = &arguments.out;
     let format = Format::of(out);
     let format =
-        format.ok_or_else(|| format!("{}: expected a name that ends in .csv, .parquet or .ply", out.display()))?;
+        format.ok_or_else(|| format!("{}: expected a name that ends in {}", out.display(), Format::ENDINGS))?;
     let opened = OpenRun::open(&arguments.path, &arguments.who, &arguments.region, ReadMethod::default())?;
     let path = arguments.path.display();
     let opened = opened.ok_or_else(|| format!("{path}: expected a run: deepfield build makes one of snapshots"))?;

@@ -1,6 +1,7 @@
 //! `deepfield plot`: histograms, phase diagrams, scatter plots and radial profiles of a selection, as tables, pictures and SVG.
 
-use super::arguments::{PictureSize, vector};
+use super::arguments::{PictureSize, not_negative, vector};
+use super::derive_options::DeriveOptions;
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
@@ -23,7 +24,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 ///
 /// Every particle counts. Of a source the answer is exact. Of a page file it comes from its leaves, whose places are rounded and whose
 /// values are coded, and what is written says which share of the weight may be in other bins; --exact asks the source that it was built
-/// from.
+/// from. With --error a part of the page file is read, and merged particles stand for the rest.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield plot galaxy.df --histogram temperature -o temperature.svg
@@ -32,6 +33,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield plot snapshot_099.hdf5 --scatter density,temperature --points 5000 --log -o scatter.png
   deepfield plot box.df --radial density --at groups.hdf5#0 --bins 40 -o halo.svg
   deepfield plot galaxy.df --radial temperature --about 21.9,39.0,33.1 --radius 1.5 --family gas --exact --json -
+  deepfield plot huge.df --phase density,temperature --error 0.01 -o phase.png    reads what that takes, and says how much
   deepfield plot run.df --time last --histogram density -o last.png")]
 pub struct Arguments {
     /// The source, page file or run.
@@ -76,6 +78,10 @@ pub struct Arguments {
     /// Most points of a scatter plot.
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub points: u32,
+    /// Relative error that is enough, such as 0.01: of a page file as many pages are read as keep bins to it, three standard errors, of
+    /// those with less than a hundredth of the weight to as much of that hundredth; 0: all are read.
+    #[arg(long, value_name = "E", value_parser = not_negative, conflicts_with_all = ["scatter", "radial", "exact"])]
+    pub error: Option<f64>,
     /// When it is asked.
     #[command(flatten)]
     pub when: At,
@@ -88,6 +94,9 @@ pub struct Arguments {
     /// Ask the source that the page file was built from.
     #[arg(long)]
     pub exact: bool,
+    /// What is derived.
+    #[command(flatten)]
+    pub derive: DeriveOptions,
     /// Width and height of the picture, pixels.
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "900x600")]
     pub size: PictureSize,
@@ -136,7 +145,7 @@ fn bins(text: &str) -> Result<[usize; 2], String> {
 /// When the data cannot be read or has no such field, family or object, no particle has a place in the plot, or a file cannot be
 /// written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, when, who, exact, size, out, json, read, .. } = arguments;
+    let Arguments { path, when, who, exact, derive, size, out, json, read, .. } = arguments;
     let formats = out.iter().map(|out| Format::of(out)).collect::<Result<Vec<_>, _>>()?;
     let region = &arguments.region_options();
     let progress = TerminalProgress::new();
@@ -147,8 +156,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let opened = match followed {
         Some(snapshot) => Opened::Source(Box::new(snapshot)),
         // Page files hold no ids.
-        None if *exact || !who.is_region() => Opened::source(path, *when, *read)?,
-        None => Opened::open(path, *when, *read)?,
+        None if *exact || !who.is_region() => {
+            derive.refuse(path, if *exact { "--exact" } else { "a selection by ids" })?;
+            Opened::source(path, *when, *read)?
+        }
+        None => derive.open(path, *when, *read, &progress)?,
     };
     let data = opened.data();
     let wanted = match &run {
@@ -166,17 +178,19 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     drop(progress);
     let notes = plot.notes();
     let (size, scales) = ([size.width, size.height], arguments.chart_scales());
+    // What is derived is in a file of the cache, which nobody has named.
+    let shown = if derive.is_empty() { data.path() } else { path.as_path() };
     for (out, format) in out.iter().zip(formats) {
         match format {
             Format::Csv => write_atomically(out, plot.csv().as_bytes())?,
-            Format::Png => plot.chart(data.path(), &notes, scales, |chart| write_png(out, &chart.picture(size)))?,
+            Format::Png => plot.chart(shown, &notes, scales, |chart| write_png(out, &chart.picture(size)))?,
             Format::Svg => {
-                plot.chart(data.path(), &notes, scales, |chart| write_atomically(out, chart.svg(size).as_bytes()))?;
+                plot.chart(shown, &notes, scales, |chart| write_atomically(out, chart.svg(size).as_bytes()))?;
             }
         }
     }
     if let Some(out) = json {
-        write_json(out, &Answer { path: data.path(), plot: &plot })?;
+        write_json(out, &Answer { path: shown, plot: &plot })?;
     }
     if json.as_deref() != Some(Path::new("-")) {
         for out in out {
@@ -210,7 +224,8 @@ impl Arguments {
 
     /// What is to be found.
     fn options(&self) -> Result<PlotOptions, Failure> {
-        let Arguments { weight, bins, .. } = self;
+        let Arguments { weight, bins, error: allowed, .. } = self;
+        let allowed = allowed.filter(|allowed| *allowed > 0.0);
         let axis = |number: usize, field: &str, bins: usize| BinnedAxis {
             field: field.to_owned(),
             bins,
@@ -219,12 +234,12 @@ impl Arguments {
         };
         if let Some(field) = &self.histogram {
             let axes = vec![axis(0, field, bins.map_or(BINS, |[bins, _]| bins))];
-            return Ok(PlotOptions::Binned { axes, weight: weight.clone() });
+            return Ok(PlotOptions::Binned { axes, weight: weight.clone(), allowed });
         }
         if let Some([x, y]) = &self.phase {
             let [across, up] = bins.unwrap_or([CELLS; 2]);
             let axes = vec![axis(0, x, across), axis(1, y, up)];
-            return Ok(PlotOptions::Binned { axes, weight: weight.clone() });
+            return Ok(PlotOptions::Binned { axes, weight: weight.clone(), allowed });
         }
         if let Some(fields) = &self.scatter {
             return Ok(PlotOptions::Scatter { fields: fields.clone(), points: self.points as usize });

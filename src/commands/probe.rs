@@ -1,6 +1,7 @@
 //! `deepfield probe`: sums over everything in a region, as tables for people or as JSON for programs.
 
 use super::arguments::Given;
+use super::derive_options::DeriveOptions;
 use super::frame_option::{FrameName, unknown};
 use super::heights::probe::HeightsProbe;
 use super::heights::{self, StatedOptions};
@@ -56,7 +57,7 @@ pub struct Arguments {
     #[command(flatten)]
     pub who: MembersOptions,
     /// At every step of the run, one row each: time, count, mass, centre, velocities, and the mean of each field.
-    #[arg(long, conflicts_with_all = ["time", "interpolation", "profile", "histograms", "exact"])]
+    #[arg(long, conflicts_with_all = ["time", "interpolation", "profile", "histograms", "exact", "derive"])]
     pub over_time: bool,
     /// The frame of places, distances and velocities over time of a comoving run; means of fields are as they are stored.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t, requires = "over_time")]
@@ -85,6 +86,9 @@ pub struct Arguments {
     /// Ask the source that the page file was built from.
     #[arg(long)]
     pub exact: bool,
+    /// What is derived.
+    #[command(flatten)]
+    pub derive: DeriveOptions,
     /// Write JSON to a file, or to standard output for `-`, instead of tables.
     #[arg(long, value_name = "FILE.json")]
     pub json: Option<PathBuf>,
@@ -142,6 +146,12 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return Err("-o: expected --over-time beside it, or heights with --line".into());
     }
     if is_field(&arguments.path) {
+        if !arguments.derive.is_empty() {
+            let path = arguments.path.display();
+            return Err(
+                format!("{path}: --derive: found an image or a volume, expected particles with velocities").into()
+            );
+        }
         return super::field_probe::run(arguments);
     }
     let progress = TerminalProgress::new();
@@ -163,8 +173,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let opened = match followed {
         Some(snapshot) => Opened::Source(Box::new(snapshot)),
         // Page files hold no ids.
-        None if arguments.exact || !is_region => Opened::source(&arguments.path, arguments.when, arguments.read)?,
-        None => Opened::open(&arguments.path, arguments.when, arguments.read)?,
+        None if arguments.exact || !is_region => {
+            arguments.derive.refuse(&arguments.path, if arguments.exact { "--exact" } else { "a selection by ids" })?;
+            Opened::source(&arguments.path, arguments.when, arguments.read)?
+        }
+        None => arguments.derive.open(&arguments.path, arguments.when, arguments.read, &progress)?,
     };
     let data = opened.data();
     let wanted = match &run {
@@ -201,7 +214,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let histograms = histograms.collect::<Result<Vec<_>, _>>()?;
     drop(progress);
     if let Some(out) = &arguments.json {
-        return write_json(out, &Answer { path: data.path(), region: &region, tracked_at, probe: &found, histograms });
+        // What is derived is in a file of the cache, which nobody has named.
+        let path = if arguments.derive.is_empty() { data.path() } else { &arguments.path };
+        return write_json(out, &Answer { path, region: &region, tracked_at, probe: &found, histograms });
     }
     let mut text = tables(data, &region, &found);
     // Writing to a string cannot fail.
@@ -218,6 +233,7 @@ impl Arguments {
             ("--fields", !self.fields.is_empty()),
             ("--histogram", !self.histograms.is_empty()),
             ("--bins", self.bins.is_some()),
+            ("--derive", !self.derive.is_empty()),
         ];
         [&self.when.given()[..], &self.region.given(), &self.who.given(), &own].concat()
     }

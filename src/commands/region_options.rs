@@ -37,7 +37,7 @@ pub struct RegionOptions {
     /// The sphere of the object of that name, of the catalogue.
     #[arg(long, value_name = "NAME", requires = "catalogue", conflicts_with = "sphere")]
     pub object: Option<String>,
-    /// Catalogue for --object: CSV, RON, or a group catalogue of Gadget-4, AREPO or SUBFIND.
+    /// Catalogue for --object: CSV, RON, a group catalogue of Gadget-4, AREPO or SUBFIND, or haloes of Rockstar, AHF, VELOCIraptor or HBT+.
     #[arg(long, value_name = "FILE")]
     pub catalogue: Option<PathBuf>,
     /// Radius of the sphere around an object [default: the catalogue's].

@@ -2,7 +2,9 @@
 
 use super::annotate::AnnotateOptions;
 use super::arguments::{Given, PictureSize, family_name, mode_name, not_negative, positive, transfer_named, vector};
+use super::derive_options::DeriveOptions;
 use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptions};
+use super::light_options::LightOptions;
 use super::projection_options::ProjectionOptions;
 use super::request::Request;
 use super::usage;
@@ -12,8 +14,8 @@ use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{
-    Attribute, Backend, CameraConfig, LookPatch, Member, MemberKind, PictureConfig, SceneFile, Shot, data_file,
-    is_scene_file, say,
+    Attribute, Backend, CameraConfig, LookPatch, Member, MemberKind, PictureConfig, SceneFile, Shot, check_derived,
+    data_file, is_scene_file, say,
 };
 use crate::mode::{Mode, PathsOf, SettingValue, Settings, levels, lod_budget};
 use crate::model::{FamilyName, ReadMethod, When};
@@ -44,6 +46,8 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield render after.df --before before.tif -o change.png          what has changed, over the later surface
   deepfield render dem.df -o low.png --eye 100,200,0 --target 900,200,0 --set clearance=2.0    2 above the ground at least
   deepfield render moon.tif --map globe:moon --with stars.csv -o moon.png    heights among particles: depth decides
+  deepfield render snapshot_099.hdf5 -o curl.png --family gas --derive vorticity --attribute vorticity
+  deepfield render hipparcos.csv -o sky.png --bloom 0.4 --bloom-radius 0.03    bright stars glow
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
     /// The source, page file or run, or a scene file.
@@ -162,8 +166,8 @@ pub struct Arguments {
     /// Draw so many times and report median times.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub repeat: u32,
-    /// Memory that pages of particles may take, with what is decoded of them at a time: sums that need more are drawn in passes, the
-    /// same picture; all else is drawn coarser, and told [default: half of what is free]. And what the samples of an image or a volume may
+    /// Memory that pages of particles may take, with what is drawn of them at a time: sums that need more are drawn in passes and volumes in
+    /// slabs, the same picture; all else is drawn coarser, and told [default: half of what is free]. And what the samples of an image or a volume may
     /// take; of larger ones one in two, three, ... along each axis is drawn [default: 4GiB].
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
@@ -195,9 +199,15 @@ pub struct Arguments {
     /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,
+    /// What is derived.
+    #[command(flatten)]
+    pub derive: DeriveOptions,
     /// What is behind the picture: black, transparent (an alpha channel) or a colour #rrggbb [default: black].
     #[arg(long, value_name = "COLOUR")]
     pub background: Option<Background>,
+    /// How light is exposed and spreads.
+    #[command(flatten)]
+    pub light: LightOptions,
 }
 
 impl Arguments {
@@ -216,8 +226,11 @@ impl Arguments {
         for member in &self.with {
             members.push(member.resolved()?);
         }
-        say(&mut members, &self.before.with(self.texture.with(self.heights.said(&self.spacing.spacing))));
+        let said = self.before.with(self.texture.with(self.heights.said(&self.spacing.spacing)));
+        say(&mut members, &self.derive.with(said));
+        check_derived(&members)?;
         let mut shot = self.over(config.clone(), base)?;
+        self.light.set(&mut shot.look);
         self.set_values(&mut shot.look)?;
         if let Some(map) = &self.map {
             shot.look.settings.0.insert("map".into(), SettingValue::Name(map.clone()));

@@ -4,7 +4,7 @@ use super::cache;
 use super::progress_bar::{Terminal, TerminalProgress};
 use crate::heights::import::height_format;
 use crate::import::{GridOptions, grid_format, open_grid};
-use crate::look::{DataKind, Member, Shot, TakenFor, is_field};
+use crate::look::{DataKind, Member, Shot, TakenFor, is_field, said_of_particles};
 use crate::mode::Mode;
 use crate::picture::field::FieldSession;
 use crate::picture::mixed::MixedSession;
@@ -39,6 +39,7 @@ pub fn open_any<'a>(
     let takes_fields = |shot: &&Shot| shot.look.mode.is_none_or(Mode::takes_fields);
     Ok(match members {
         _ if MixedSession::is_for(members) => {
+            let page_file = |path: &Path| page_file(members, path);
             let session = MixedSession::open(members, options, shots, page_file, Arc::new(Terminal))?;
             AnySession::Mixed(Box::new(session))
         }
@@ -92,9 +93,9 @@ fn refuse_grid(mode: &Mode, path: &Path) -> Result<(), PictureError> {
     Err(PictureError::Asked(format!("{}: mode {} draws heights, found {found}{hint}", path.display(), mode.name)))
 }
 
-/// The page file of what a user names.
-fn page_file(path: &Path) -> Result<PathBuf, PictureError> {
-    Ok(cache::page_file_of(path, &TerminalProgress::new())?)
+/// The page file of what a user names, with what is derived for the datasets that it is of.
+fn page_file(members: &[Member], path: &Path) -> Result<PathBuf, PictureError> {
+    Ok(cache::page_file_with(path, &said_of_particles(members, path), &TerminalProgress::new())?)
 }
 
 /// Opens datasets for pictures of these shots; sources by their page files in the cache, which are built first where there are
@@ -107,6 +108,7 @@ pub fn open<'a>(
     options: SessionOptions,
     shots: impl IntoIterator<Item = &'a Shot>,
 ) -> Result<Session, PictureError> {
+    let page_file = |path: &Path| page_file(members, path);
     let session = Session::open(members, options, shots, page_file, Arc::new(Terminal))?;
     #[cfg(feature = "viewer")]
     let session = session.with_adapter(Some(Box::new(crate::gpu::Offscreen::default())));

@@ -1,5 +1,6 @@
 //! `deepfield select`: the particles of a region, or those with certain ids, as a table or as a list of ids; heights as they are stored.
 
+use super::derive_options::DeriveOptions;
 use super::frame_option::{FrameName, unknown};
 use super::heights::select::{Corners, rectangle};
 use super::heights::{self, StatedOptions};
@@ -22,6 +23,7 @@ use std::path::PathBuf;
   deepfield select snapshot_099.hdf5 --sphere 21.9,39.0,33.1,1.5 -o halo.csv
   deepfield select box.df --at groups.hdf5#0 -o halo.ids             which particles they are
   deepfield select snapshot_010.hdf5 --ids halo.ids -o past.parquet  where they were
+  deepfield select snapshot_099.hdf5 --at rockstar/out_99.list#0 -o cluster.hdf5  a snapshot of a halo alone
   deepfield select run.df --tracked-at 9.6 --sphere 21.9,39.0,33.1,1.5 --time last -o now.csv
   deepfield select dem.df --rectangle 1000,2000,1500,2500 -o part.tif
   deepfield select galaxy.hdf5 --family gas --where temperature:..1e4 -o cold.parquet")]
@@ -37,6 +39,9 @@ pub struct Arguments {
     /// Which particles, wherever they are.
     #[command(flatten)]
     pub who: MembersOptions,
+    /// What is derived.
+    #[command(flatten)]
+    pub derive: DeriveOptions,
     /// The frame of lengths, densities and velocities of comoving data; regions are always in the data's own.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t)]
     pub frame: FrameName,
@@ -46,7 +51,8 @@ pub struct Arguments {
     /// What is said of heights.
     #[command(flatten)]
     pub heights: StatedOptions,
-    /// The table, .csv, .parquet or .ply, or the list of ids, .ids; of heights .npy, .tif, .asc, .x3p, .png or .csv.
+    /// The table, .csv, .parquet, .ply, .fits, .vtp (VTK) or .hdf5 (a snapshot as Gadget's), or the list of ids, .ids; of heights .npy, .tif,
+    /// .asc, .x3p, .png or .csv.
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
 }
@@ -56,9 +62,9 @@ pub struct Arguments {
 /// # Errors
 /// When the data cannot be read, or the file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, when, region, who, frame, rectangle, heights: said, out } = arguments;
+    let Arguments { path, when, region, who, derive, frame, rectangle, heights: said, out } = arguments;
     if said.takes(path) {
-        let own = [("--frame", *frame == FrameName::Physical)];
+        let own = [("--frame", *frame == FrameName::Physical), ("--derive", !derive.is_empty())];
         let of_particles = [&when.given()[..], &region.given(), &who.given(), &own].concat();
         heights::refuse_options(path, &of_particles, "; heights take --rectangle")?;
         return heights::select::run(path, said, *rectangle, out);
@@ -69,7 +75,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);
     if format.is_none() && extension != "ids" {
-        return Err(format!("{}: expected a name that ends in .csv, .parquet, .ply or .ids", out.display()).into());
+        let expected = format!("expected a name that ends in {}, or .ids", Format::ENDINGS);
+        return Err(format!("{}: {expected}", out.display()).into());
     }
     let progress = TerminalProgress::new();
     let work = Work::told(&progress);
@@ -78,6 +85,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let is_followed = followed.is_some();
     let opened = match followed {
         Some(snapshot) => Opened::Source(Box::new(snapshot)),
+        // Values are those of the page file, without ids.
+        None if !derive.is_empty() => {
+            if format.is_none() || !who.is_region() {
+                derive.refuse(path, "a selection of ids")?;
+            }
+            derive.open(path, *when, ReadMethod::default(), &progress)?
+        }
         None => match Opened::source(path, *when, ReadMethod::default()) {
             Ok(source) => source,
             Err(reason) => match Opened::open(path, *when, ReadMethod::default())? {

@@ -2,6 +2,7 @@
 
 use super::CommandResult;
 use crate::color::output;
+use crate::cpu::slice::arrows::ArrowKey;
 use crate::cpu::surface::SurfaceReport;
 use crate::mode::{LightPicture, Raw};
 use crate::picture::field::PointsReport;
@@ -81,7 +82,19 @@ enum Values<'a> {
         order: Option<&'static str>,
         grid: Box<Grid>,
         ranges: Ranges<'a>,
+        /// Of slices with arrows.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        arrows: Option<Arrows>,
     },
+}
+
+/// How long the arrows of a slice are.
+#[derive(Debug, Serialize)]
+struct Arrows {
+    /// Length of a vector whose arrow is as long as arrows are apart.
+    scale: f64,
+    /// That, pixels.
+    spacing: f64,
 }
 
 /// A height that is written along a line.
@@ -219,6 +232,7 @@ fn values(picture: &Picture) -> Values<'_> {
             unit_length: levels.unit_length,
             isovalues,
         },
+        arrows: picture.arrows().map(|ArrowKey { scale, spacing }| Arrows { scale, spacing }),
     }
 }
 

@@ -1,4 +1,4 @@
-//! `deepfield surface`: the surface of a density of particles, as a mesh.
+//! `deepfield surface`: the surface of a density of particles, or of a volume's values, as a mesh.
 
 use super::arguments::{bytes, count, positive};
 use super::cache::page_file_of;
@@ -7,48 +7,64 @@ use super::probe::short;
 use super::region_options::{At, Opened, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress, usage};
-use crate::explore::{Isosurface, IsosurfaceOptions, MeshFormat, Work, isosurface};
+use crate::explore::{Isosurface, IsosurfaceOptions, MeshFormat, ReadGrid, Work, isosurface, isosurface_of_grid};
 use crate::hierarchy::spacetime::Interpolation;
-use crate::import::step_at;
+use crate::import::{GridOptions, open_grid, step_at};
 use crate::look::{DataKind, data_file, is_field};
-use crate::model::{ReadMethod, Unit, When};
-use crate::store::Tree;
+use crate::model::{Channel, ReadMethod, Unit, When};
+use crate::store::{GridFile, Tree};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Writes the surface on which the density of particles is an isovalue as a mesh of triangles, closed and of any size.
+/// Writes the surface on which the density of particles, or a volume's value, is an isovalue as a mesh of triangles,
+/// closed and of any size.
 ///
 /// The density is the sum of the particles' kernels, each with its own smoothing length, on a lattice of points. It is
 /// summed up only near the surface, a brick of the lattice at a time, so that neither the particles nor the mesh need
-/// to fit in memory. Of a source the page file in the cache is used, which is built first where there is none.
+/// to fit in memory. Of a source the page file in the cache is used, which is built first where there is none. A periodic
+/// box is gone round: particles at a face add to the density at the opposite one.
+///
+/// Of a volume, built or not, the lattice is that of its samples, which are read in blocks.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield surface snapshot_099.hdf5 --isovalue 1e-4 -o merger.ply
   deepfield surface galaxy.df --isovalue 10 --family gas --attribute temperature -o gas.ply
   deepfield surface galaxy.df --isovalue 10 --sphere 21.9,39.0,33.1,1.5 --spacing 0.01 -o halo.stl
-  deepfield surface run.df --time last --isovalue 1e-4 -o last.obj --json -")]
+  deepfield surface run.df --time last --isovalue 1e-4 -o last.obj --json -
+  deepfield surface box.df --isovalue 30 --open -o tile.ply          what meets at opposite faces of the box is the same
+  deepfield surface head.nrrd --isovalue 300 --smooth 10 -o skull.stl
+  deepfield surface cube.fits --isovalue -0.5 --attribute velocity -o gas.ply    of a volume: another of its channels")]
 pub struct Arguments {
     /// The source, page file or run.
     pub path: PathBuf,
-    /// The density on the surface, in the data's unit of mass per cube of its unit of length.
-    #[arg(long, value_name = "DENSITY", value_parser = positive)]
+    /// The density on the surface, in the data's unit of mass per cube of its unit of length; of a volume the value on it.
+    #[arg(long, value_name = "VALUE", value_parser = finite, allow_hyphen_values = true)]
     pub isovalue: f64,
     /// From a point of the lattice to the next, in the data's unit of length [default: half the median smoothing length
-    /// of particles with densities near the isovalue, or as much more as --cells asks for].
+    /// of particles with densities near the isovalue, or as much more as --cells asks for]. Volumes have their own.
     #[arg(long, value_name = "LENGTH", value_parser = positive)]
     pub spacing: Option<f64>,
     /// Cells of the lattice that are looked into, at most: those of bricks that the surface may pass.
     #[arg(long, value_name = "N", value_parser = count, default_value = "1e9")]
     pub cells: u64,
-    /// Memory for pages and for bricks of the lattice.
+    /// Memory for pages and for bricks of the lattice, and for a mesh that is smoothed.
     #[arg(long, value_name = "BYTES", value_parser = bytes, default_value = "1GiB")]
     pub memory: u64,
-    /// The attribute whose mean, weighted with mass, vertices have as `value`; .ply alone holds it.
+    /// The attribute whose mean, weighted with mass, vertices have as `value`; .ply alone holds it. Of a volume the
+    /// channel that has the surface [default: the first].
     #[arg(long, value_name = "NAME")]
     pub attribute: Option<String>,
+    /// Leave the surface open at the faces of a periodic box or a volume; flat caps close it otherwise. What meets at
+    /// opposite faces of a periodic box has the same vertices, to the last bit.
+    #[arg(long)]
+    pub open: bool,
+    /// Steps of smoothing that keeps the volume (Taubin's filter). The mesh is in memory then: about 200 bytes for each
+    /// vertex.
+    #[arg(long, value_name = "STEPS", default_value_t = 0)]
+    pub smooth: u32,
     /// When, of a run: a time, step:12, z:1.5, a:0.4 or last; between steps the one before [default: the first step].
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     pub time: Option<When>,
@@ -68,10 +84,20 @@ pub struct Arguments {
 struct Told<'a> {
     path: &'a Path,
     length_unit: &'a Unit,
-    mass_unit: &'a Unit,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mass_unit: Option<&'a Unit>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    channel: Option<ChannelTold<'a>>,
     #[serde(flatten)]
     surface: &'a Isosurface,
     seconds: f64,
+}
+
+/// The channel of a volume that has the surface.
+#[derive(Serialize)]
+struct ChannelTold<'a> {
+    name: &'a str,
+    unit: &'a Unit,
 }
 
 /// Finds and writes the surface.
@@ -79,10 +105,17 @@ struct Told<'a> {
 /// # Errors
 /// When the data cannot be read, has no such surface, or the file cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
-    let Arguments { path, isovalue, spacing, cells, memory, attribute, time, region, json, output } = arguments;
-    heights::refuse(path, "particles")?;
+    let Arguments { path, isovalue, cells, attribute, time, region, output, .. } = arguments;
+    heights::refuse(path, "particles or a volume")?;
     let format = MeshFormat::of(output)
         .ok_or_else(|| format!("{}: expected a name that ends in .ply, .obj or .stl", output.display()))?;
+    let named = data_file(path)?;
+    if is_field(&named) {
+        return of_grid(arguments, &named, format);
+    }
+    if *isovalue <= 0.0 {
+        return Err(usage(format!("{}: --isovalue: found {isovalue}, expected a density above 0", path.display())));
+    }
     if attribute.is_some() && format != MeshFormat::Ply {
         return Err(usage(format!("{}: --attribute: expected a name that ends in .ply", output.display())));
     }
@@ -96,13 +129,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let tree: &dyn Tree = &**file;
     let chosen = region.region(opened.data())?;
     let periodic = region.periodic(opened.data())?;
-    let options = IsosurfaceOptions {
-        isovalue: *isovalue,
-        spacing: *spacing,
-        most_cells: *cells,
-        memory: *memory,
-        attribute: attribute.clone(),
-    };
+    let options = arguments.options();
     let surface = isosurface(tree, (&chosen, periodic), &options, (format, output), Work::told(&progress))?;
     drop(progress);
     let (length_unit, mass_unit) = (&tree.metadata().length_unit, &tree.metadata().mass_unit);
@@ -113,24 +140,79 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             path.display()
         );
     }
-    if let Some(json) = json {
-        let seconds = start.elapsed().as_secs_f64();
-        write_json(json, &Told { path, length_unit, mass_unit, surface: &surface, seconds })?;
-        // Standard output is the JSON's alone.
-        if json == Path::new("-") {
-            return Ok(());
+    let seconds = start.elapsed().as_secs_f64();
+    let told = Told { path, length_unit, mass_unit: Some(mass_unit), channel: None, surface: &surface, seconds };
+    arguments.tell(&told)
+}
+
+/// Finds and writes the surface of a volume.
+fn of_grid(arguments: &Arguments, path: &Path, format: MeshFormat) -> CommandResult {
+    let Arguments { spacing, time, region, output, .. } = arguments;
+    let own = [("--spacing", spacing.is_some()), ("--time", time.is_some())];
+    if let Some((name, _)) = own.into_iter().chain(region.given()).find(|(_, is_given)| *is_given) {
+        return Err(usage(format!("{}: {name}: found an image or a volume, expected particles", path.display())));
+    }
+    let start = Instant::now();
+    let progress = TerminalProgress::new();
+    let source: Box<dyn ReadGrid> = match DataKind::of(path)? {
+        DataKind::Grid => Box::new(GridFile::open(path, ReadMethod::default())?),
+        _ => Box::new(open_grid(path, &GridOptions::default())?),
+    };
+    let options = arguments.options();
+    let surface = isosurface_of_grid(&*source, &options, (format, output), Work::told(&progress))?;
+    drop(progress);
+    let (grid, seconds) = (source.grid(), start.elapsed().as_secs_f64());
+    let is_named = |channel: &&Channel| arguments.attribute.as_ref().is_none_or(|name| channel.name == *name);
+    let channel = grid.channels.iter().find(is_named);
+    arguments.tell(&Told {
+        path: &arguments.path,
+        length_unit: &grid.length_unit,
+        mass_unit: None,
+        channel: channel.map(|channel| ChannelTold { name: &channel.name, unit: &channel.unit }),
+        surface: &surface,
+        seconds,
+    })
+}
+
+impl Arguments {
+    fn options(&self) -> IsosurfaceOptions {
+        IsosurfaceOptions {
+            isovalue: self.isovalue,
+            spacing: self.spacing,
+            most_cells: self.cells,
+            memory: self.memory,
+            attribute: self.attribute.clone(),
+            is_open: self.open,
+            smooth: self.smooth,
         }
     }
-    let Isosurface { mesh, spacing, .. } = &surface;
-    let closed = match mesh.boundary_edges {
-        0 => "closed".to_owned(),
-        edges => format!("{edges} edges at its boundary"),
-    };
-    let parts = if mesh.components == 1 { "1 part".to_owned() } else { format!("{} parts", mesh.components) };
-    println!("{} triangles, {} vertices in {}: {closed}, {parts}", mesh.triangles, mesh.vertices, output.display());
-    let (volume, area, spacing) = (short(mesh.volume), short(mesh.area), short(*spacing));
-    println!("volume {volume}, area {area}, on a lattice of spacing {spacing}; lengths in {length_unit}");
-    Ok(())
+
+    /// Tells what was written, as JSON where that is asked for.
+    fn tell(&self, told: &Told) -> CommandResult {
+        if let Some(json) = &self.json {
+            write_json(json, told)?;
+            // Standard output is the JSON's alone.
+            if json == Path::new("-") {
+                return Ok(());
+            }
+        }
+        let (Isosurface { mesh, spacing, .. }, length_unit) = (told.surface, told.length_unit);
+        let closed = match mesh.boundary_edges {
+            0 => "closed".to_owned(),
+            edges => format!("{edges} edges at its boundary"),
+        };
+        let parts = if mesh.components == 1 { "1 part".to_owned() } else { format!("{} parts", mesh.components) };
+        let out = self.output.display();
+        println!("{} triangles, {} vertices in {out}: {closed}, {parts}", mesh.triangles, mesh.vertices);
+        let (volume, area, spacing) = (short(mesh.volume), short(mesh.area), short(*spacing));
+        println!("volume {volume}, area {area}, on a lattice of spacing {spacing}; lengths in {length_unit}");
+        Ok(())
+    }
+}
+
+/// A number.
+fn finite(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or_else(|| "expected a number".into())
 }
 
 /// Opens the page file of what the path names; of a run the step at or before a time.
@@ -139,9 +221,6 @@ fn open(path: &Path, time: Option<When>, progress: &TerminalProgress) -> Result<
     if DataKind::of(&path)? != DataKind::Source {
         let interpolation = Some(Interpolation::Hold);
         return Opened::open(&path, At { time, interpolation }, method);
-    }
-    if is_field(&path) {
-        return Err(format!("{}: content: found an image or a volume, expected particles", path.display()).into());
     }
     if let Some(when) = time
         && let Some(step) = step_at(&path, when, method)?

@@ -2,7 +2,9 @@
 
 use super::arguments::PictureSize;
 use super::cached_run::{CachedRun, Grown};
+use super::derive_options::DeriveOptions;
 use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptions};
+use super::light_options::LightOptions;
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
 use crate::import::{file_of_step, sources_of, steps_in};
@@ -29,6 +31,8 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view snapdir_099/                      the snapshot in a folder
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
   deepfield view hipparcos.csv --mode points
+  deepfield view gaia/                             one table in many files, which are all of a folder
+  deepfield view snapshot_099.hdf5 --derive velocity-dispersion    an attribute that it lacks, for the hue
   deepfield view before.hdf5 --with after.hdf5@120,0,0   two datasets side by side
   deepfield view 'snapshot_*.hdf5'                  a run of snapshots, built in the cache while its first step is shown
   deepfield view output/ --follow-folder           a run that is still being written
@@ -47,7 +51,8 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
     /// The source or page file, or a scene file; without it the data that the scene of --scene names. Several sources, a folder or a
-    /// quoted pattern of them, @LIST, or a file of many steps are a run, which is built in the cache while its first step is shown.
+    /// quoted pattern of them, @LIST, or a file of many steps are a run, which is built in the cache while its first step is shown; a folder
+    /// of tables with the same columns is one table.
     #[arg(required_unless_present_any = ["scene", "tour", "follow"])]
     pub paths: Vec<PathBuf>,
     /// The folder is still being written by a simulation: what it writes becomes steps of the run that is shown.
@@ -91,7 +96,8 @@ pub struct WindowArguments {
     /// memory. A small example of how a simulation that runs is shown (docs/prototyping.md).
     #[arg(long)]
     pub simulate: bool,
-    /// Names of objects from a catalogue over the picture (CSV, RON, or groups and subhaloes of Gadget-4 and SUBFIND).
+    /// Names of objects from a catalogue over the picture (CSV, RON, groups and subhaloes of Gadget-4 and SUBFIND, or
+    /// haloes of other finders; docs/regions.md).
     #[arg(long, value_name = "CATALOGUE")]
     pub labels: Option<PathBuf>,
     /// A tour to play (docs/tours.md); without data, over the data that it names.
@@ -138,9 +144,15 @@ pub struct WindowArguments {
     /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,
+    /// What is derived.
+    #[command(flatten)]
+    pub derive: DeriveOptions,
     /// What the picture is of all directions, or for two eyes.
     #[command(flatten)]
     pub projection: ProjectionOptions,
+    /// How light is exposed and spreads.
+    #[command(flatten)]
+    pub light: LightOptions,
     /// Fills the screen; F11 does so later.
     #[arg(long, conflicts_with = "output")]
     pub fullscreen: bool,
@@ -160,9 +172,9 @@ pub struct WindowArguments {
 
 #[cfg(feature = "viewer")]
 impl WindowArguments {
-    /// What is said of heights.
+    /// What is said of data.
     fn said(&self) -> HeightsSaid {
-        self.before.with(self.texture.with(self.heights.said(&self.spacing.spacing)))
+        self.derive.with(self.before.with(self.texture.with(self.heights.said(&self.spacing.spacing))))
     }
 }
 
@@ -256,6 +268,11 @@ fn show_run(mut run: CachedRun, settings: &WindowArguments) -> CommandResult {
     if with_others.contains(&true) || settings.simulate {
         return Err("--with, --tour, --simulate, --lead and --outputs go with one file: build the run first".into());
     }
+    if !settings.derive.is_empty() {
+        return Err(
+            "--derive: found a run, expected one snapshot: build --derive --stills-only builds the run with it".into(),
+        );
+    }
     let first = run.first(settings.time)?;
     #[cfg(feature = "viewer")]
     if has_display()
@@ -323,10 +340,12 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         time: settings.time,
         with: settings.with.clone(),
         projection: settings.projection.clone(),
+        light: settings.light.clone(),
         heights: settings.heights.clone(),
         spacing: settings.spacing.clone(),
         texture: settings.texture.clone(),
         before: settings.before.clone(),
+        derive: settings.derive.clone(),
         map: settings.map.clone(),
         annotate: super::annotate::AnnotateOptions { labels: settings.labels.clone(), ..Default::default() },
         path: path.to_owned(),
@@ -360,7 +379,9 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run:
     let opener = Arc::new(|path: &Path, said: &HeightsSaid, progress: &dyn crate::model::Progress| {
         super::cache::page_file_with(path, said, progress).map_err(|error| error.to_string())
     });
+    let light = settings.light.look();
     let request = OpenRequest {
+        light: light.clone(),
         members: (!path.as_os_str().is_empty())
             .then(|| Member::new(path))
             .into_iter()
@@ -389,6 +410,7 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run:
     options.frame_ms = settings.frame_ms;
     options.mode = settings.mode.map(|mode| mode.name.to_owned());
     options.projection = projection;
+    options.light = light;
     options.status = settings.status.clone();
     options.labels = settings.labels.clone();
     options.tour = settings.tour.clone();

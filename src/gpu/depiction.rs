@@ -2,8 +2,9 @@
 
 use crate::codec::Codebook;
 use crate::codec::clusters::{NO_CLASS, cluster_limit};
+use crate::cpu::volume::attributes::Column;
 use crate::gpu::clusters::ClusterNode;
-use crate::gpu::content_look::ContentLook;
+use crate::gpu::content_look::{ContentLook, of_column, table_of_column};
 use crate::gpu::{
     self, Backend, DeviceOptions, HeadlessNode, HeadlessRequest, ModeView, NodeId, NodeUpload, Payload, RawParticle,
 };
@@ -57,71 +58,24 @@ pub fn request_nodes(
     plan: &Plan,
     backend: Backend,
 ) -> HeadlessRequest {
-    request_from((view, view), depiction, metadata, nodes, plan, backend)
+    request_from((view, view), depiction, metadata, nodes, plan, (backend, &[Column::Attribute]))
 }
 
-/// A request for nodes that are selected for a view and whose particles another camera sees.
+/// A request for nodes that are selected for a view and whose particles another camera sees: all of them with each of the columns as their
+/// attribute, one column after the other.
 pub fn request_from(
     (view, camera): (&View, &View),
     depiction: &Depiction,
     metadata: &Metadata,
     nodes: &[SceneNode],
     plan: &Plan,
-    backend: Backend,
+    (backend, columns): (Backend, &[Column]),
 ) -> HeadlessRequest {
     let mut tables = Vec::new();
-    let mut first_table = Vec::with_capacity(metadata.families.len());
-    for family in &metadata.families {
-        first_table.push(tables.len());
-        tables.extend(family.codebooks.iter().map(|codebook| depiction.table(family, codebook)));
-    }
-    let look = Arc::new(ContentLook::new(depiction.clone(), metadata));
-    let mut requested = Vec::with_capacity(nodes.len());
-    for drawn in nodes {
-        let index = drawn.node.node;
-        let node = &drawn.page.nodes[index as usize];
-        let family = &metadata.families[drawn.page.family as usize];
-        let weight_scale = depiction.node_scale(node);
-        if let Some(content) = drawn.page.content(index as usize).filter(|content| !content.steps().is_empty()) {
-            let look = Arc::clone(&look);
-            requested.push(HeadlessNode {
-                upload: NodeUpload {
-                    id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
-                    min: node.frame.min,
-                    size: node.frame.size,
-                    payload: Payload::Clusters(ClusterNode { page: drawn.page.clone(), node: index, look }),
-                },
-                table: None,
-                weight_scale,
-                offset: drawn.offset,
-                sample: Sample::ALL,
-                limit: cluster_limit(drawn.part, node.particles),
-                reach: reach_of_clusters(drawn, content.steps(), metadata.kernel),
-            });
-            continue;
-        }
-        if let Some(content) = drawn.page.content(index as usize) {
-            let held = content.particles(drawn.time);
-            own_content(camera, depiction, family, (&held, weight_scale), drawn, &mut requested);
-            continue;
-        }
-        let table = first_table[drawn.page.family as usize] + usize::from(node.codebook);
-        let most_important = tables[table].most_important;
-        let sample = plan.sample(&view.of_image(drawn.offset), depiction, family, node, most_important);
-        requested.push(HeadlessNode {
-            upload: NodeUpload {
-                id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
-                min: node.frame.min,
-                size: node.frame.size,
-                payload: Payload::Page { page: drawn.page.clone(), node: index },
-            },
-            table: Some(table),
-            weight_scale,
-            offset: drawn.offset,
-            sample,
-            limit: NO_CLASS,
-            reach: reach(drawn, sample.growth),
-        });
+    let mut requested = Vec::with_capacity(columns.len() * nodes.len());
+    for (number, column) in columns.iter().enumerate() {
+        let with = With { view, camera, depiction, metadata, plan, number, column: *column };
+        with.add(nodes, &mut tables, &mut requested);
     }
     let tables = tables.iter().map(entries).collect();
     HeadlessRequest {
@@ -137,6 +91,82 @@ pub fn request_from(
         transfer: None,
         repeat: 1,
         device: DeviceOptions::default(),
+    }
+}
+
+/// Clusters with another column than the first are others: their names have its number from this bit on.
+const COLUMN_BIT: u32 = 24;
+
+/// How nodes are requested with a column as their attribute.
+struct With<'a> {
+    view: &'a View,
+    camera: &'a View,
+    depiction: &'a Depiction,
+    metadata: &'a Metadata,
+    plan: &'a Plan,
+    /// Which of the columns.
+    number: usize,
+    column: Column,
+}
+
+impl With<'_> {
+    /// Adds nodes, and the tables that they need.
+    fn add(&self, nodes: &[SceneNode], tables: &mut Vec<CodeTable>, requested: &mut Vec<HeadlessNode>) {
+        let With { view, depiction, metadata, plan, number, column, .. } = *self;
+        let mut first_table = Vec::with_capacity(metadata.families.len());
+        for family in &metadata.families {
+            first_table.push(tables.len());
+            let table = |codebook| table_of_column(depiction.table(family, codebook), column);
+            tables.extend(family.codebooks.iter().map(table));
+        }
+        let look = Arc::new(ContentLook::new(depiction.clone(), metadata).of_column(column));
+        for drawn in nodes {
+            let index = drawn.node.node;
+            let node = &drawn.page.nodes[index as usize];
+            let family = &metadata.families[drawn.page.family as usize];
+            let weight_scale = depiction.node_scale(node);
+            let source = drawn.page.family | (number as u32) << COLUMN_BIT;
+            if let Some(content) = drawn.page.content(index as usize).filter(|content| !content.steps().is_empty()) {
+                let look = Arc::clone(&look);
+                requested.push(HeadlessNode {
+                    upload: NodeUpload {
+                        id: NodeId { source, page: drawn.node.page.0, node: index },
+                        min: node.frame.min,
+                        size: node.frame.size,
+                        payload: Payload::Clusters(ClusterNode { page: drawn.page.clone(), node: index, look }),
+                    },
+                    table: None,
+                    weight_scale,
+                    offset: drawn.offset,
+                    sample: Sample::ALL,
+                    limit: cluster_limit(drawn.part, node.particles),
+                    reach: reach_of_clusters(drawn, content.steps(), metadata.kernel),
+                });
+                continue;
+            }
+            if let Some(content) = drawn.page.content(index as usize) {
+                let held = content.particles(drawn.time);
+                self.own_content(family, (&held, weight_scale), drawn, requested);
+                continue;
+            }
+            let table = first_table[drawn.page.family as usize] + usize::from(node.codebook);
+            let most_important = tables[table].most_important;
+            let sample = plan.sample(&view.of_image(drawn.offset), depiction, family, node, most_important);
+            requested.push(HeadlessNode {
+                upload: NodeUpload {
+                    id: NodeId { source: drawn.page.family, page: drawn.node.page.0, node: index },
+                    min: node.frame.min,
+                    size: node.frame.size,
+                    payload: Payload::Page { page: drawn.page.clone(), node: index },
+                },
+                table: Some(table),
+                weight_scale,
+                offset: drawn.offset,
+                sample,
+                limit: NO_CLASS,
+                reach: reach(drawn, sample.growth),
+            });
+        }
     }
 }
 
@@ -179,33 +209,34 @@ fn batches(positions: &[[f64; 3]], smoothing_length: &[f32], columns: &SourceCol
     (0..positions.len()).step_by(BATCH).map(batch).collect()
 }
 
-/// Adds a node whose particles are not coded, with the factor on their weights; their places are found in double precision,
-/// relative to the camera.
-fn own_content(
-    camera: &View,
-    depiction: &Depiction,
-    family: &FamilyMetadata,
-    (held, scale): (&Particles, f32),
-    drawn: &SceneNode,
-    nodes: &mut Vec<HeadlessNode>,
-) {
-    let offset = drawn.offset;
-    let columns = depiction.columns_of(family, &held.values);
-    let particle = |i: usize| {
-        let position = camera.to_camera(DVec3::from_array(held.positions[i]) + offset).as_vec3();
-        raw(i, position, held.values.smoothing_length[i], &columns, scale)
-    };
-    for start in (0..held.len()).step_by(BATCH) {
-        let particles = (start..held.len().min(start + BATCH)).into_par_iter().map(particle).collect();
-        let id = NodeId { source: OWN, page: nodes.len() as u32, node: 0 };
-        nodes.push(HeadlessNode {
-            upload: NodeUpload { id, min: DVec3::ZERO, size: 0.0, payload: Payload::Camera(particles) },
-            table: None,
-            weight_scale: 1.0,
-            offset: DVec3::ZERO,
-            sample: Sample::ALL,
-            limit: NO_CLASS,
-            reach: reach_now(drawn, held, 1.0),
-        });
+impl With<'_> {
+    /// Adds a node whose particles are not coded, with the factor on their weights; their places are found in double precision,
+    /// relative to the camera.
+    fn own_content(
+        &self,
+        family: &FamilyMetadata,
+        (held, scale): (&Particles, f32),
+        drawn: &SceneNode,
+        nodes: &mut Vec<HeadlessNode>,
+    ) {
+        let offset = drawn.offset;
+        let columns = of_column(self.depiction.columns_of(family, &held.values), self.column);
+        let particle = |i: usize| {
+            let position = self.camera.to_camera(DVec3::from_array(held.positions[i]) + offset).as_vec3();
+            raw(i, position, held.values.smoothing_length[i], &columns, scale)
+        };
+        for start in (0..held.len()).step_by(BATCH) {
+            let particles = (start..held.len().min(start + BATCH)).into_par_iter().map(particle).collect();
+            let id = NodeId { source: OWN, page: nodes.len() as u32, node: 0 };
+            nodes.push(HeadlessNode {
+                upload: NodeUpload { id, min: DVec3::ZERO, size: 0.0, payload: Payload::Camera(particles) },
+                table: None,
+                weight_scale: 1.0,
+                offset: DVec3::ZERO,
+                sample: Sample::ALL,
+                limit: NO_CLASS,
+                reach: reach_now(drawn, held, 1.0),
+            });
+        }
     }
 }

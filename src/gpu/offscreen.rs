@@ -13,6 +13,7 @@ use super::volume::{Shows, VolumeFindings, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
 use crate::cpu::overdraw::Overdraw;
+use crate::cpu::volume::attributes::Column;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::mode::{FieldPasses, LightPasses};
@@ -209,7 +210,11 @@ impl Offscreen {
     }
 
     fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, VolumeError> {
-        let request = request(job);
+        // The same particles are there once for each column.
+        let (request, columns) = match passes {
+            LightPasses::Columns(march) => (request_for(job, job.view, &march.columns), march.columns.len().max(1)),
+            _ => (request(job), 1),
+        };
         let extents: Vec<Extent> = within(job, &request).collect();
         let attribute = job.depiction.attribute.is_some();
         let Some(wanted) = VolumeJob::picture_of(self.next(), passes, job.view, &extents, attribute)? else {
@@ -223,7 +228,7 @@ impl Offscreen {
         };
         let request = match wanted.cartesian() {
             // What no page codes is in the space of the camera that it is brought to.
-            Some(_) if request.has_own_particles() => request_for(job, &wanted.view),
+            Some(_) if request.has_own_particles() => request_for(job, &wanted.view, &[Column::Attribute]),
             _ => request,
         };
         let volume = volume(job, &request, [Some(wanted), None]);
@@ -231,7 +236,8 @@ impl Offscreen {
             let renderer = loaded(slot, &request)?;
             let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
             let report = report_of((grid, planes), found, renderer);
-            Ok(light_frame(colors, report, renderer, &passes, frame))
+            let [particles, raised] = [report.particles, report.raised].map(|all| all / columns as u64);
+            Ok(light_frame(colors, VolumeReport { particles, raised, ..report }, renderer, &passes, frame))
         });
         drawn.map_err(|error| match (error, passes) {
             (GpuError::GridTooLarge { most }, LightPasses::Cartesian(_, _, cartesian)) => VolumeError::Setting {
@@ -346,17 +352,18 @@ fn loaded<'a>(
 
 /// What the renderer needs for a job.
 fn request(job: &AdapterJob<'_>) -> HeadlessRequest {
-    request_for(job, job.view)
+    request_for(job, job.view, &[Column::Attribute])
 }
 
-/// The same with particles that `camera` sees.
-fn request_for(job: &AdapterJob<'_>, camera: &View) -> HeadlessRequest {
+/// The same with particles that `camera` sees, once for each of some columns.
+fn request_for(job: &AdapterJob<'_>, camera: &View, columns: &[Column]) -> HeadlessRequest {
     let backend = match job.passes {
         Passes::Best => Backend::Auto,
         Passes::Compute => Backend::Compute,
         Passes::Raster => Backend::Raster,
     };
-    let request = request_from((job.view, camera), job.depiction, job.metadata, job.nodes, job.plan, backend);
+    let views = (job.view, camera);
+    let request = request_from(views, job.depiction, job.metadata, job.nodes, job.plan, (backend, columns));
     HeadlessRequest { repeat: job.repeat, ..request }
 }
 

@@ -83,6 +83,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/field_samples.wgsl", include_str!("../../shaders/lib/field_samples.wgsl")),
     ("lib/field_slope.wgsl", include_str!("../../shaders/lib/field_slope.wgsl")),
     ("volume/field.wgsl", include_str!("../../shaders/volume/field.wgsl")),
+    ("volume/column.wgsl", include_str!("../../shaders/volume/column.wgsl")),
     ("integrals/integrate.wgsl", include_str!("../../shaders/integrals/integrate.wgsl")),
     ("lib/frame.wgsl", include_str!("../../shaders/lib/frame.wgsl")),
     ("composite/light.wgsl", include_str!("../../shaders/composite/light.wgsl")),

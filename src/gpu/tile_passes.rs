@@ -48,7 +48,7 @@ impl TilePasses {
             planes_of(view, extents.iter().copied(), smallest, ends)
         };
         let (mode, occlusion) = match passes {
-            LightPasses::March(..) | LightPasses::Cartesian(..) => return Ok(None),
+            LightPasses::March(..) | LightPasses::Columns(_) | LightPasses::Cartesian(..) => return Ok(None),
             LightPasses::Sorted { classifier, options, termination, density_scale } => {
                 let mode = TileModes::Sorted(SortedSplats {
                     classifier: Arc::new(classifier.clone()),

@@ -19,7 +19,7 @@ use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
-use crate::color::composite::composite_at;
+use crate::color::composite::composite_glowing;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::OpaqueDepths;
@@ -50,6 +50,8 @@ struct DrawKey {
     particles: u64,
     /// The paths among what is shown; 0 without.
     paths: u64,
+    /// How its light spreads.
+    bloom: [u64; 3],
 }
 
 /// A picture that has been drawn.
@@ -213,6 +215,7 @@ pub(super) fn draw_on_cpu(
         size,
         particles: volume_limit(painted && moving, false, statistics.particles, motion),
         paths: among.as_ref().map_or(0, |(revision, _)| *revision),
+        bloom: settings.bloom.bits(),
     };
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| painted && levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
@@ -252,7 +255,7 @@ pub(super) fn draw_on_cpu(
         }
         None => Source::Nodes(Arc::clone(&selection.nodes)),
     };
-    let (levels, lod_budget) = (look.levels, look.lod_budget);
+    let (levels, lod_budget, bloom) = (look.levels, look.lod_budget, settings.bloom);
     let (complete, families) = (selection.complete, settings.families.clone());
     let (known, old_plan) = (look.settled.then_some(look.levels), cpu.plan);
     // Finding a plan takes longer than there is between two pictures of a motion.
@@ -299,7 +302,7 @@ pub(super) fn draw_on_cpu(
                     }
                     Some(Raw::Light(light)) => {
                         let found = Levels { p: light.levels.density, s: light.levels.attribute };
-                        painted(light.colors.image(), found, light.report.opaque, sampled)
+                        painted(bloom.image(&light.colors), found, light.report.opaque, sampled)
                     }
                     // A view without data is a black picture, and no error.
                     None => painted(Colors::black(size.x, size.y), levels, None, None),
@@ -313,7 +316,7 @@ pub(super) fn draw_on_cpu(
                 (exposure, (painted.image.clone(), levels, transfer.clone()))
             }
             None => {
-                let colors = (composite_at(&drawn.picture, &transfer, &levels), levels, transfer.clone());
+                let colors = (composite_glowing(&drawn.picture, &transfer, &levels, &bloom), levels, transfer.clone());
                 (Exposure::of(&drawn.picture, &transfer), colors)
             }
         };

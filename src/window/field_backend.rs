@@ -22,9 +22,9 @@ use super::scene_io::families_of;
 use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
-use crate::color::composite::composite_at;
+use crate::color::composite::composite_glowing;
 use crate::color::transfer::{Levels, TransferFunction};
-use crate::color::{Accumulation, Image as Colors};
+use crate::color::{Accumulation, Bloom, Image as Colors};
 use crate::cpu::surface::SurfaceReport;
 use crate::cpu::volume::VolumeError;
 use crate::look::{LookPatch, Member, Shot};
@@ -54,6 +54,8 @@ struct Content {
     error_px: f64,
     /// Of particles among heights: which families of each dataset are drawn.
     families: Vec<Option<Vec<FamilyName>>>,
+    /// How its light spreads.
+    bloom: Bloom,
 }
 
 /// A picture.
@@ -216,7 +218,8 @@ pub(super) fn draw_field(
     let (dataset, depiction) = (scene.dataset, look.depiction_revision);
     let families = if is_mixed { families_of(&scene, &settings) } else { Vec::new() };
     let (transfer_of_light, error_px) = (is_light.then(|| transfer.clone()), settings.error_px);
-    let content = Content { dataset, depiction, view, transfer: transfer_of_light, error_px, families };
+    let bloom = settings.bloom;
+    let content = Content { dataset, depiction, view, transfer: transfer_of_light, error_px, families, bloom };
     let full = picture.size();
     let (size, rests) = field.wanted.follow(&content, full, &preset);
     let key = Key { content, size };
@@ -275,7 +278,7 @@ fn draw(
     let values = match reused {
         Some(values) => values,
         None => match prepared.draw(&key.content.view.resized(width, height)) {
-            Ok(Raw::Light(light)) => Values::Light(Arc::new(light.colors.image())),
+            Ok(Raw::Light(light)) => Values::Light(Arc::new(key.content.bloom.image(&light.colors))),
             Ok(Raw::Sums(sums, _)) => Values::Sums(Arc::new(sums)),
             // A view without data is a black picture, and no error.
             Err(VolumeError::Grid(GridError::NothingInView)) => Values::Light(Arc::new(Colors::black(width, height))),
@@ -284,7 +287,10 @@ fn draw(
     };
     let (image, exposure) = match &values {
         Values::Light(image) => (Arc::clone(image), Exposure::of_field(&prepared)),
-        Values::Sums(sums) => (Arc::new(composite_at(sums, &transfer, &levels)), Exposure::of(sums, &transfer)),
+        Values::Sums(sums) => {
+            let image = composite_glowing(sums, &transfer, &levels, &key.content.bloom);
+            (Arc::new(image), Exposure::of(sums, &transfer))
+        }
     };
     Ok(Drawn {
         key,
@@ -318,7 +324,7 @@ fn draw_surface(
     let seen = session.seen(look, &view, None).map_err(|error| error.to_string())?;
     let exposure = Exposure::of_heights(session.opened(), seen.attribute, seen.transfer.scale, seen.levels);
     let report = Report::of_heights(&seen.picture.report, seen.error.is_none());
-    let image = Arc::new(seen.picture.colors.image());
+    let image = Arc::new(key.content.bloom.image(&seen.picture.colors));
     let depths = SurfaceDepths::new(view, seen.picture.depth).map(Arc::new);
     let milliseconds = Some(1e3 * start.elapsed().as_secs_f64());
     Ok(Drawn { key, values: Values::Light(Arc::clone(&image)), colored, image, exposure, report, depths, milliseconds })

@@ -86,11 +86,13 @@ pub struct GpuTables {
 /// Least time between two looks at how bright a view is that moves.
 const MEASURE_EVERY: Duration = Duration::from_millis(100);
 
-/// Whether something else draws the mode on an adapter than before.
-pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<(Adapter, [bool; 2])>>) -> bool {
+/// Whether something else draws the mode on an adapter than before, or light spreads now.
+pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<(Adapter, [bool; 3])>>) -> bool {
     let technique = settings.drawn_mode().technique;
-    let is_processors = technique.is_processors(&settings.look.settings);
-    let now = Some((technique.adapter(), [technique.tells_columns(), is_processors]));
+    let own = &settings.look.settings;
+    let is_processors = technique.is_processors(own) || !technique.fields(own).is_empty();
+    let glows = !settings.bloom.is_off();
+    let now = Some((technique.adapter(), [technique.tells_columns(), is_processors, glows]));
     std::mem::replace(&mut *before, now) != now
 }
 
@@ -120,25 +122,35 @@ pub(super) fn choose_backend(
         settings.as_ref().is_some_and(|settings| field_backend::is_wanted(scene.as_deref(), settings, &live));
     let drawn = |settings: &Res<Settings>| scene.as_ref().is_some_and(|scene| surfaces.draws(scene, settings));
     let is_surface = is_field && settings.as_ref().is_some_and(drawn);
-    let is_left =
-        |settings: &Res<Settings>| !is_field && settings.drawn_mode().technique.is_processors(&settings.look.settings);
+    // A frame has one table for the columns of its particles: fields of attributes are the processor's here.
+    let is_left = |settings: &Res<Settings>| {
+        let (technique, own) = (settings.drawn_mode().technique, &settings.look.settings);
+        !is_field && (technique.is_processors(own) || !technique.fields(own).is_empty())
+    };
     let is_left = settings.as_ref().is_some_and(is_left);
+    let is_processors_field =
+        |settings: &Res<Settings>| is_field && settings.drawn_mode().technique.is_processors(&settings.look.settings);
+    let is_processors_field = settings.as_ref().is_some_and(is_processors_field);
+    let glows = settings.as_ref().is_some_and(|settings| !settings.bloom.is_off());
     let mode = settings.map_or(modes::first(), |settings| settings.drawn_mode());
+    let has_field_passes = mode.technique.has_field_passes() && !is_processors_field;
     let adapter_of_mode = match mode.technique.tells_columns() {
         _ if is_surface => Adapter::Splats,
         _ if is_left => Adapter::None,
-        _ if is_field && mode.technique.has_field_passes() => Adapter::Light,
+        _ if is_field && has_field_passes => Adapter::Light,
         // Ranges of the sums, which splats over each other are coloured by, no passes find beside them.
         true => Adapter::None,
         false => mode.technique.adapter(),
     };
     let has_room = scene.as_ref().is_some_and(|scene| !field.is_refused(scene));
-    let is_processors = is_field && !is_surface && !(mode.technique.has_field_passes() && has_room);
+    let is_processors = is_field && !is_surface && !(has_field_passes && has_room);
     // A driver without a graphics card draws on the processor too, and volumes slower than our own renderer.
     let is_card = info.as_ref().is_some_and(|info| info.device_type != DeviceType::Cpu);
     let wanted = match asked {
         // Panoramas are put together from pages themselves.
         _ if surrounds || is_processors || adapter_of_mode == Adapter::None => None,
+        // Light spreads on the processor.
+        _ if glows && adapter_of_mode != Adapter::Plugin => None,
         // What paths hide, and what hides them, the processor knows.
         _ if paths.is_among() => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),

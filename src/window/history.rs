@@ -166,7 +166,7 @@ mod tests {
                 SettingKind::Choice { options } => {
                     SettingValue::Name(options[(value * options.len() as f64) as usize].to_owned())
                 }
-                SettingKind::Column { .. } => SettingValue::Name(format!("field {value}")),
+                SettingKind::Column { .. } | SettingKind::Vector { .. } => SettingValue::Name(format!("field {value}")),
                 SettingKind::Numbers { min, max, .. } => SettingValue::Numbers(vec![between(min, max, value)]),
                 SettingKind::Colors { .. } => SettingValue::Names(vec![format!("#{:06x}", (value * 1e7) as u32)]),
             };

@@ -4,13 +4,15 @@ use super::exposure::Exposure;
 use super::scene::{Scene, Settings, TransferKept};
 use super::state::choices::Choices;
 use super::state::notices::Notices;
+use super::statistics::Converged;
 use super::transfer_presets::TransferPresets;
 use crate::annotate::Legend;
-use crate::color::Image;
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::color::{ExposureMode, Image};
 use crate::gpu::{Composite, Fading};
 use crate::look::Attribute;
 use crate::mode::{Depiction, LevelChoice, LodBudget, Mode, over};
+use crate::modes::volume_fields::DENSITY;
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 use std::sync::Arc;
@@ -38,6 +40,7 @@ pub struct Look {
     pub levels: Levels,
     /// Whether the ranges have arrived.
     pub settled: bool,
+    dataset: u32,
     generation: u32,
     attribute: Attribute,
     seeded: bool,
@@ -117,6 +120,7 @@ pub(crate) fn follow_settings(
                     lod_budget: settings.budget.lod_budget(),
                     levels: Levels { p: [1e-6, 1.0], s: [0.0, 1.0] },
                     settled: false,
+                    dataset: scene.dataset,
                     generation: scene.generation,
                     attribute: settings.attribute.clone(),
                     seeded: false,
@@ -139,7 +143,12 @@ pub(crate) fn follow_settings(
                 let other_kind = look.depiction.mode != depiction.mode
                     || look.depiction.attribute.is_some() != depiction.attribute.is_some();
                 let other_attribute = look.depiction.attribute != depiction.attribute;
-                let fields = |depiction: &Depiction| depiction.mode.technique.fields(&depiction.settings);
+                // The density that opacity goes by has no part in the ranges.
+                let fields = |depiction: &Depiction| -> Vec<String> {
+                    let names = depiction.mode.technique.fields(&depiction.settings).into_iter().enumerate();
+                    let has_range = |(index, name): &(usize, String)| *index == 0 || name.as_str() != DENSITY;
+                    names.filter(has_range).map(|(_, name)| name).collect()
+                };
                 let other_fields = fields(&look.depiction) != fields(&depiction);
                 // What was kept came with the mode and the attribute. Heights and slopes have colours of their own.
                 let other_colors = other_attribute && is_of_heights(&scene, depiction.mode);
@@ -154,13 +163,17 @@ pub(crate) fn follow_settings(
                 if other_fields && !kept {
                     settings.transfer.range = crate::color::transfer::Range::Auto;
                 }
-                // Another file, mode or attribute has other ranges altogether: no gliding there.
-                look.seeded &= !other_kind && !other_attribute && !other_fields && look.generation == scene.generation;
+                // Another file, mode or attribute has other ranges altogether: no gliding there. Fixed ranges are those of all steps of a run.
+                let is_same_file = match settings.exposure {
+                    ExposureMode::Fixed => look.dataset == scene.dataset,
+                    _ => look.generation == scene.generation,
+                };
+                look.seeded &= !other_kind && !other_attribute && !other_fields && is_same_file;
                 look.depiction = depiction;
                 look.lod_budget = settings.budget.lod_budget();
                 depicted = true;
                 look.depiction_revision += 1;
-                look.generation = scene.generation;
+                (look.dataset, look.generation) = (scene.dataset, scene.generation);
                 look.attribute = settings.attribute.clone();
             }
             Err(error) => {
@@ -241,6 +254,8 @@ fn initial_transfer(scene: &Scene, depiction: &Depiction, presets: &mut Transfer
 
 /// Time in which the automatic ranges cover 63 % of the way to those of the present view, seconds.
 const GLIDE_SECS: f64 = 0.15;
+/// Time that a picture stands before its ranges are kept where they are fixed, seconds.
+const FIXED_AFTER_SECS: f32 = 0.5;
 /// Share of the range within which it has arrived.
 const ARRIVED: f64 = 0.004;
 
@@ -248,9 +263,10 @@ const ARRIVED: f64 = 0.004;
 /// elsewhere are used as they are.
 pub(crate) fn glide_levels(
     time: Res<Time<Real>>,
-    exposure: Res<Exposure>,
+    (exposure, settings, converged): (Res<Exposure>, Res<Settings>, Option<Res<Converged>>),
     held: Res<Held>,
     look: Option<ResMut<Look>>,
+    mut stood: Local<Stood>,
 ) {
     let Some(mut look) = look else { return };
     if let Some(levels) = held.0 {
@@ -259,8 +275,27 @@ pub(crate) fn glide_levels(
         }
         return;
     }
+    if !look.seeded {
+        // Something else is shown: what is kept begins anew.
+        *stood = Stood::default();
+    }
     let Some(wanted) = exposure.levels else { return };
-    let share = if look.seeded { 1.0 - (-time.delta_secs_f64() / GLIDE_SECS).exp() } else { 1.0 };
+    if settings.exposure == ExposureMode::Fixed
+        && look.seeded
+        && stood.is_kept(&look, converged.is_some_and(|converged| converged.0), time.delta_secs())
+    {
+        if !look.settled {
+            look.settled = true;
+        }
+        return;
+    }
+    let constant = match settings.exposure {
+        ExposureMode::Steady | ExposureMode::Fixed => GLIDE_SECS,
+        ExposureMode::Auto => 0.0,
+        ExposureMode::Adaptive { bright, .. } if wanted.p[1] > look.levels.p[1] => bright,
+        ExposureMode::Adaptive { dark, .. } => dark,
+    };
+    let share = if look.seeded && constant > 0.0 { 1.0 - (-time.delta_secs_f64() / constant).exp() } else { 1.0 };
     let hue_scale = look.transfer.hue.as_ref().map_or(Scale::default(), |hue| hue.scale);
     let p = approach(look.levels.p, wanted.p, look.transfer.scale, share);
     let s = approach(look.levels.s, wanted.s, hue_scale, share);
@@ -270,6 +305,26 @@ pub(crate) fn glide_levels(
         look.levels = levels;
         look.settled = settled;
         look.seeded = true;
+    }
+}
+
+/// How long a picture has stood with the same transfer function.
+#[derive(Default)]
+pub(crate) struct Stood {
+    transfer: Option<TransferFunction>,
+    seconds: f32,
+}
+
+impl Stood {
+    /// Whether its ranges are kept from now on: they are those of a whole picture with this function.
+    fn is_kept(&mut self, look: &Look, converged: bool, seconds: f32) -> bool {
+        if self.transfer.as_ref() != Some(&look.chosen) {
+            (self.transfer, self.seconds) = (Some(look.chosen.clone()), 0.0);
+        }
+        if self.seconds < FIXED_AFTER_SECS {
+            self.seconds = if converged && look.settled { self.seconds + seconds } else { 0.0 };
+        }
+        self.seconds >= FIXED_AFTER_SECS
     }
 }
 
@@ -317,6 +372,32 @@ mod tests {
                 assert_eq!(window.app.world().resource::<Settings>().transfer == first.transfer, kept);
             }
         }
+    }
+
+    /// They are kept once a picture has stood, in other steps of a run too, and begin anew where another file is shown with the same colours.
+    #[test]
+    fn fixed_ranges_are_those_that_each_file_is_found_with() {
+        let mut window = Window::new();
+        let app = &mut window.app;
+        app.init_resource::<TransferPresets>().init_resource::<Exposure>().init_resource::<Held>();
+        app.insert_resource(Converged(true)).add_systems(Last, (follow_settings, glide_levels).chain());
+        app.world_mut().resource_mut::<Settings>().exposure = ExposureMode::Fixed;
+        let shown = |window: &mut Window, high: f64| {
+            let levels = Levels { p: [1.0, high], s: [0.0, 1.0] };
+            window.app.world_mut().resource_mut::<Exposure>().levels = Some(levels);
+            (0..8).for_each(|_| window.frame(0.25));
+            window.app.world().resource::<Look>().levels.p[1]
+        };
+        assert_eq!([10.0, 1000.0].map(|high| shown(&mut window, high)), [10.0; 2]);
+        window.app.world_mut().resource_mut::<Scene>().generation += 1;
+        assert_eq!(shown(&mut window, 20.0), 10.0);
+        let mut scene = window.app.world_mut().resource_mut::<Scene>();
+        (scene.dataset, scene.generation) = (scene.dataset + 1, scene.generation + 1);
+        window.app.insert_resource(Converged(false));
+        // As long as its pages arrive, ranges follow.
+        assert_eq!([50.0, 70.0].map(|high| shown(&mut window, high)), [50.0, 70.0]);
+        window.app.insert_resource(Converged(true));
+        assert_eq!([70.0, 90.0].map(|high| shown(&mut window, high)), [70.0; 2]);
     }
 
     #[test]

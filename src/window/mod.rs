@@ -186,8 +186,9 @@ impl Plugin for WindowApp {
             objects.open(path);
         }
         let (surround, stereo) = self.options.projection;
-        let settings =
+        let mut settings =
             scene::Settings { surround, stereo, ..scene::Settings::new(&self.preset, self.options.mode.as_deref()) };
+        settings.look = settings.look.with(&self.options.light);
         let residency = &self.preset.residency;
         app.insert_resource(ParticleScene::new(residency.gpu_bytes()[0], residency.upload_mib << 20));
         app.add_plugins((
@@ -197,7 +198,7 @@ impl Plugin for WindowApp {
             CameraPlugin,
             pointer_motion::PointerMotionPlugin,
             pacing::PacingPlugin,
-            touring::TouringPlugin { open: self.options.tour.clone() },
+            touring::TouringPlugin { open: self.options.tour.clone(), light: self.options.light.clone() },
             pages::PagesPlugin,
             looking::LookingPlugin,
             panel::PanelPlugin,

@@ -116,10 +116,11 @@ impl Objects {
     }
 }
 
-/// Whether a file that is dropped on the window may name objects rather than being data: a group catalogue, or RON that is no scene.
+/// Whether a file that is dropped on the window may name objects rather than being data: a group catalogue, a halo finder's list, or RON that
+/// is no scene.
 pub fn may_be_catalogue(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    matches!(extension.to_ascii_lowercase().as_str(), "hdf5" | "h5" | "ron")
+    matches!(extension.to_ascii_lowercase().as_str(), "hdf5" | "h5" | "ron" | "list" | "ahf_halos" | "properties")
 }
 
 /// What an object takes up: a ball of its radius, or of `usual` where it has none.

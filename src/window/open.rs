@@ -11,7 +11,7 @@ use super::scene::SceneField;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
 use crate::hierarchy::spacetime::Interpolation;
-use crate::look::{HeightsSaid, Member, OpenData, SceneFile, is_field, is_scene_file, say};
+use crate::look::{Member, OpenData, SceneFile, check_derived, is_field, is_scene_file, said_of_particles, say};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Moment, ReadMethod, When};
 use crate::picture::mixed::MixedSession;
@@ -167,7 +167,7 @@ pub(super) fn open_members(
     let members = members.iter().map(Member::resolved).collect::<Result<Vec<_>, _>>();
     let members = members.map_err(|error| error.to_string())?;
     let path = members.first().map(|member| member.path.clone()).unwrap_or_default();
-    let built = |path: &Path| opener(path, &HeightsSaid::default(), progress).map_err(Failure);
+    let built = |path: &Path| opener(path, &said_of_particles(&members, path), progress).map_err(Failure);
     let data = OpenData::open(&members, read, built).map_err(|Failure(why)| why)?;
     let when = time.or(scene.as_ref().and_then(|opened| opened.scene.look.time));
     // A time that the data does not have is told, and the beginning is shown.
@@ -234,6 +234,7 @@ fn data_of(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedScene>), S
     let said = request.said.clone();
     let (mut members, scene) = data_and_scene(request)?;
     say(&mut members, &said);
+    check_derived(&members)?;
     let has_heights = members.iter().any(Member::is_of_heights);
     if let Some(photo) = said.texture.filter(|_| !has_heights) {
         return Err(format!("{}: --texture: found no heights to lay it over, expected some", photo.path.display()));
@@ -255,6 +256,7 @@ fn data_and_scene(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedSce
     if let Some((surround, stereo)) = request.projection {
         (scene.projection, scene.stereo) = (surround, stereo);
     }
+    scene.look = scene.look.then(&request.light);
     let mut notes = Vec::new();
     if own.is_empty() {
         let located = scene.locate(&path).map_err(|error| error.to_string())?;

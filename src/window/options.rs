@@ -1,7 +1,7 @@
 //! What a caller hands to the window, and the errors that keep it from opening.
 
 use super::preset::{Backend, Preset, PresetError};
-use crate::look::{HeightsSaid, Member};
+use crate::look::{HeightsSaid, LookPatch, Member};
 use crate::model::When;
 use crate::model::progress::Progress;
 use crate::view::{Stereo, Surround};
@@ -44,6 +44,8 @@ pub struct OpenRequest {
     pub scene: Option<PathBuf>,
     /// How directions become a picture, and for which eyes, in place of what the scene says.
     pub projection: Option<(Surround, Option<Stereo>)>,
+    /// Exposure and bloom, over what the scene says.
+    pub light: LookPatch,
     /// The moment of a run, in place of the one that the scene says.
     pub time: Option<When>,
     /// What is said of heights among the data, over what the scene says.
@@ -86,6 +88,8 @@ pub struct WindowOptions {
     pub mode: Option<String>,
     /// How directions become a picture to begin with, and for which eyes.
     pub projection: (Surround, Option<Stereo>),
+    /// Exposure and bloom to begin with.
+    pub light: LookPatch,
     /// A file that is rewritten with the window's state as JSON whenever it changes (for scripts and tests).
     pub status: Option<PathBuf>,
     /// The caller's plugins and systems.
@@ -114,6 +118,7 @@ impl WindowOptions {
             frame_ms: None,
             mode: None,
             projection: (Surround::Flat, None),
+            light: LookPatch::default(),
             status: None,
             extension: None,
             labels: None,

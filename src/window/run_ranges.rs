@@ -10,6 +10,7 @@ use super::scene::{Scene, Settings};
 use super::scene_io::camera_of;
 use super::state::answer::Answer;
 use super::statistics::Converged;
+use crate::color::ExposureMode;
 use crate::color::transfer::{Levels, Range, TransferFunction};
 use crate::look::{Camera, LookPatch};
 use crate::model::{FamilyName, When};
@@ -151,6 +152,12 @@ pub(super) fn measure_run(
     let shrink = (f64::from(SIDE) / f64::from(size.x.min(size.y).max(1))).min(1.0);
     let size = (size.x, size.y);
     let key = Key { dataset: scene.dataset, look, camera: camera_of(&camera, &settings.lens), size };
+    let is_fixed = settings.exposure == ExposureMode::Fixed;
+    let key = match &ranges.found {
+        // Wherever the camera is since.
+        Some((known, _)) if is_fixed && known.dataset == key.dataset && known.look == key.look => known.clone(),
+        _ => key,
+    };
     if ranges.wanted.as_ref().is_none_or(|(wanted, _)| *wanted != key) {
         ranges.wanted = Some((key.clone(), Instant::now()));
     }

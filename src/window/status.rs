@@ -21,6 +21,7 @@ use super::touring::{Player, Ranges};
 use super::ui::Controls;
 use crate::annotate::Annotations;
 use crate::color::transfer::TransferFunction;
+use crate::color::{Bloom, ExposureMode};
 use crate::explore::SelectionSet;
 use crate::look::Attribute;
 use crate::picture::decode::decoded_nodes;
@@ -177,6 +178,8 @@ struct SettingsStatus<'a> {
     values: &'a crate::mode::Settings,
     budget: &'a crate::mode::Settings,
     transfer: &'a TransferFunction,
+    exposure: ExposureMode,
+    bloom: Bloom,
     annotations: &'a Annotations,
     error_px: f64,
     families: &'a [bool],
@@ -264,6 +267,8 @@ pub(super) fn write_status(
             values: &settings.look.settings,
             budget: &settings.budget,
             transfer: &settings.transfer,
+            exposure: settings.exposure,
+            bloom: settings.bloom,
             annotations: &settings.annotations,
             error_px: settings.error_px,
             families: &settings.families,

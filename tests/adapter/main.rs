@@ -6,6 +6,7 @@
 mod support;
 
 mod cartesian;
+mod columns;
 mod compare;
 mod ellipsoids;
 mod fields;

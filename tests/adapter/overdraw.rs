@@ -1,6 +1,6 @@
 //! How many splats lie over each pixel, counted by an adapter and by the processor.
 
-use crate::support::{Built, Random, alone, built, demo, sum_nodes, view_of};
+use crate::support::{Built, Random, alone, built, built_plainly, demo, sum_nodes, view_of};
 use deepfield::annotate::overlay::read_png;
 use deepfield::codec::VqBits;
 use deepfield::cpu::overdraw::Overdraw;
@@ -47,7 +47,10 @@ struct Data {
 
 impl Data {
     fn new(mode: &str) -> Data {
-        let built = built(&demo(), VqBits::Eight);
+        Data::of(built(&demo(), VqBits::Eight), mode)
+    }
+
+    fn of(built: Built, mode: &str) -> Data {
         let depiction =
             Depiction::new(modes::find(mode).unwrap(), Settings::default(), None, built.file.metadata()).unwrap();
         Data { built, depiction }
@@ -140,7 +143,7 @@ fn what_a_view_leaves_out_is_not_counted() {
 
 #[test]
 fn parts_are_counted_as_the_whole() {
-    let data = Data::new("column-density");
+    let data = Data::of(built_plainly(&demo()), "column-density");
     let view = view_of(data.built.dataset.bounds(), DVec3::new(-0.7, 0.2, 0.4), 0.6, 300, 200);
     let (nodes, plan) = (data.nodes(&view), Plan::default());
     let expected = data.by_processor(&view, &nodes, &plan);

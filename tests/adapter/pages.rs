@@ -1,7 +1,7 @@
 //! Page files on the GPU techniques: the same selection, the same picture and the same colours as on the CPU.
 
 use crate::support::golden::check_against;
-use crate::support::{Built, built, demo, draw_nodes, sum_nodes, view_from};
+use crate::support::{Built, built, built_plainly, demo, draw_nodes, sum_nodes, view_from};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
 use deepfield::color::accumulation::relative_error;
@@ -122,7 +122,7 @@ fn regions_have_the_cpus_colors() {
 
 #[test]
 fn page_files_are_drawn_where_buffers_are_small() {
-    let built = built(&demo(), VqBits::Eight);
+    let built = built_plainly(&demo());
     let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.5, 160, 120);
     let metadata = built.file.metadata();
     let depiction = Depiction::new(modes::first(), Settings::default(), None, metadata).unwrap();

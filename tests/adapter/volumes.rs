@@ -233,7 +233,7 @@ impl Renderer {
 
     fn view(&mut self, cloud: &Cloud, extents: Vec<Extent>, job: VolumeJob) -> VolumeView {
         let (light, ranges) = match job.shows {
-            Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => (Some(job), None),
+            Shows::Light(_) | Shows::Columns(_) | Shows::Cartesian(_) | Shows::Field(_) => (Some(job), None),
             Shows::Ranges => (None, Some(job)),
         };
         let attribute = cloud.attribute.is_some();

@@ -18,6 +18,7 @@ mod page_file {
     mod promises;
 }
 mod derived;
+mod estimated_plots;
 mod out_of_core;
 
 /// From source to picture, across the rooms: the screen-space guarantee, conservation, colour errors, golden images.
@@ -32,6 +33,7 @@ mod pictures {
     mod golden;
     mod guarantee;
     mod heights;
+    mod hue;
     mod joined;
     mod lod_budget;
     mod passes;
@@ -40,6 +42,7 @@ mod pictures {
     mod primitives;
     mod runs;
     mod session;
+    mod slices;
     mod stand_in;
 }
 mod panoramas;
@@ -65,6 +68,7 @@ mod stream {
 mod explore {
     mod commands;
     mod export;
+    mod halo_catalogues;
     mod hostile;
     mod marks;
     mod merger_trees;

@@ -1,4 +1,4 @@
-//! Surfaces of particles by the program, and their files read back.
+//! Surfaces of particles and volumes by the program, and their files read back.
 
 use crate::support::run;
 use std::collections::HashMap;
@@ -176,6 +176,53 @@ fn vertices_have_means_and_regions_have_surfaces() {
     assert!(coarse["finer_spacing"].as_f64().is_none_or(|finer| finer < coarse["spacing"].as_f64().unwrap()));
 }
 
+/// A ball in a volume that cuts off some of it, as NRRD.
+fn write_ball(path: &Path) {
+    let sizes = [20, 22, 18];
+    let mut bytes = b"NRRD0004\ntype: float\ndimension: 3\nsizes: 20 22 18\nspacings: 0.5 0.5 0.5\n".to_vec();
+    bytes.extend_from_slice(b"encoding: raw\nendian: little\n\n");
+    for z in 0..sizes[2] {
+        for y in 0..sizes[1] {
+            for x in 0..sizes[0] {
+                let at = glam::DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+                bytes.extend_from_slice(&((7.0 - at.distance(glam::DVec3::new(9.3, 10.4, 5.2))) as f32).to_le_bytes());
+            }
+        }
+    }
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn volumes_have_surfaces_built_or_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_ball(&folder.join("ball.nrrd"));
+    assert!(run(folder, &["build", "ball.nrrd", "-o", "ball.df"]).status.success());
+    let made = |data: &str, name: &str, more: &[&str]| -> serde_json::Value {
+        let arguments = [&["surface", data, "--isovalue", "-0.25", "-o", name, "--json", "-"][..], more].concat();
+        let output = run(folder, &arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let told = made("ball.nrrd", "source.ply", &[]);
+    made("ball.df", "built.ply", &[]);
+    assert_eq!(std::fs::read(folder.join("source.ply")).unwrap(), std::fs::read(folder.join("built.ply")).unwrap());
+    let (mesh, _) = read_ply(&folder.join("source.ply"));
+    mesh.assert_closed();
+    let number = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap_or_else(|| panic!("{key} in {of}"));
+    assert!((mesh.volume() / number(&told, "volume") - 1.0).abs() < 1e-4, "{told}");
+    assert_eq!(number(&told, "samples"), 20.0 * 22.0 * 18.0);
+    assert!((number(&told, "spacing") - 0.5).abs() < 1e-12, "{told}");
+    assert!(number(&told, "cap_area") > 0.0 && told["channel"]["name"].is_string(), "{told}");
+    let open = made("ball.df", "open.ply", &["--open", "--smooth", "5"]);
+    assert!(number(&open, "boundary_edges") > 0.0 && number(&open, "smoothed") == 5.0, "{open}");
+    assert!((number(&open, "volume") / number(&told, "volume") - 1.0).abs() < 1e-4, "{open} {told}");
+    let refused = run(folder, &["surface", "ball.df", "--isovalue", "0", "--spacing", "1", "-o", "out.ply"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let why = String::from_utf8(refused.stderr).unwrap();
+    assert!(why.contains("ball.df: --spacing: found an image or a volume, expected particles"), "{why}");
+}
+
 #[test]
 fn what_cannot_be_written_is_told_in_a_line() {
     let folder = tempfile::tempdir().unwrap();
@@ -191,6 +238,8 @@ fn what_cannot_be_written_is_told_in_a_line() {
     };
     let high = told(&["cloud.df", "--isovalue", "1e9", "-o", "out.ply"]);
     assert!(high.contains("cloud.df: --isovalue: found 1000000000, expected less than the largest density"), "{high}");
+    let low = told(&["cloud.df", "--isovalue", "-1", "-o", "out.ply"]);
+    assert!(low.contains("cloud.df: --isovalue: found -1, expected a density above 0"), "{low}");
     let name = told(&["cloud.df", "--isovalue", "1", "-o", "out.glb"]);
     assert!(name.contains("out.glb: expected a name that ends in .ply, .obj or .stl"), "{name}");
     let value = told(&["cloud.df", "--isovalue", "1", "--attribute", "internal-energy", "-o", "out.stl"]);

@@ -73,6 +73,58 @@ fn demo() -> String {
     in_repository("assets/demo/lcdm64_z0.hdf5").display().to_string()
 }
 
+/// A tour past bright and dark places, and over a cut, for an eye that adapts; stars glow.
+const ADAPTING: &str = r#"(
+    version: 1,
+    size: (64, 36),
+    rate: 8.0,
+    keyframes: [
+        (mode: "density-squared", exposure: adaptive(dark: 0.3), bloom: (strength: 0.5, threshold: 0.2)),
+        (after: 1.0, around: (what: ball((29.16, 35.0, 27.36), 0.7))),
+        (after: 0.5, move: cut, around: (what: data, distance: 4.0)),
+        (after: 1.0, orbit: 30.0, bloom: (strength: 1.0)),
+    ],
+)"#;
+
+#[test]
+fn an_eye_that_adapts_sees_the_same_in_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("adapting.ron");
+    std::fs::write(&path, ADAPTING).unwrap();
+    let path = path.display().to_string();
+    let at = |name: &str| folder.path().join(name);
+    let record = |name: &str, part: &[&str]| {
+        let mut command = tour(&[&path, &demo(), "--record", &at(name).display().to_string()]);
+        command.args(part);
+        run(command);
+        contents(&at(name))
+    };
+    let whole = record("whole", &[]);
+    assert_eq!(whole.len(), 2 * 21 + 2);
+    // Begun, and gone on with later; and the last part alone.
+    record("resumed", &["--end", "1"]);
+    assert!(record("resumed", &[]) == whole);
+    let last = record("last", &["--start", "1.75"]);
+    let frames = last.iter().filter(|(name, _)| name.extension().is_some_and(|end| end == "png" || end == "ron"));
+    let frames: Vec<_> = frames.filter(|(name, _)| name.to_string_lossy().contains("frame-")).collect();
+    assert_eq!(frames.len(), 2 * 7);
+    for (name, bytes) in frames {
+        assert!(*bytes == whole[name], "{} differs", name.display());
+    }
+    // A frame's scene has the numbers that its eye was adapted to, and its bloom.
+    let mut render = program();
+    render.arg("render").arg(at("whole").join("scenes/frame-00011.scene.ron"));
+    render.args(["--backend", "cpu", "-o"]).arg(at("again.png"));
+    run(render);
+    assert!(read_png(&at("again.png")).unwrap() == read_png(&at("whole").join("frame-00011.png")).unwrap());
+    // Without adaptation and bloom it is another picture.
+    let plain = at("plain.png");
+    let mut command = tour(&[&path, &demo(), "--exposure", "auto", "--bloom", "0", "--frame", "11"]);
+    command.arg(&plain);
+    run(command);
+    assert!(read_png(&plain).unwrap() != read_png(&at("whole").join("frame-00011.png")).unwrap());
+}
+
 #[test]
 fn recordings_are_the_same_files_however_they_are_interrupted() {
     let (folder, path) = everything();
@@ -191,7 +243,7 @@ fn the_shipped_tour_has_a_dome_version() {
 }
 
 #[test]
-fn the_shipped_tour_is_as_the_issue_asks_and_comfortable() {
+fn the_shipped_tour_has_several_modes_and_is_comfortable() {
     for name in ["assets/tours/demo.ron", "assets/tours/demo-dome.ron"] {
         let path = in_repository(name);
         let tour_file = deepfield::tour::TourFile::read(&path).unwrap();

@@ -1,16 +1,17 @@
-//! A writer of small HDF5 files: groups of the root with attributes and contiguous data sets, as the format's specification has them
+//! A writer of small HDF5 files: groups, in each other where their names say so, with attributes and contiguous data sets, as the format's specification has them
 //! (superblock 0, object headers 1, links as messages).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Numbers of one type.
+/// Numbers of one type, or a text.
 #[derive(Clone, Debug)]
 pub enum Values {
     U32(Vec<u32>),
     U64(Vec<u64>),
     I32(Vec<i32>),
     F64(Vec<f64>),
+    Text(&'static str),
 }
 
 /// An address that there is not.
@@ -39,7 +40,7 @@ struct Group {
 }
 
 impl Hdf5 {
-    /// Adds an attribute to a group.
+    /// Adds an attribute to a group, to the root with an empty name, or to a data set that has this name with its group's.
     pub fn attribute(&mut self, group: &str, name: &str, values: Values) {
         self.groups.entry(group.into()).or_default().attributes.push((name.into(), values));
     }
@@ -52,32 +53,49 @@ impl Hdf5 {
     /// Writes the file.
     pub fn write(&self, path: &Path) {
         let mut bytes = vec![0; 96];
-        let mut links = Vec::new();
-        for (name, group) in &self.groups {
-            let mut members = Vec::new();
-            for (name, columns, values) in &group.datasets {
-                let at = bytes.len() as u64;
-                let content = values.bytes();
-                bytes.extend(&content);
-                bytes.resize(bytes.len().next_multiple_of(8), 0);
-                let rows = values.len() / columns;
-                let shape = if *columns == 1 { vec![rows] } else { vec![rows, *columns] };
-                let layout = [&[3, 1][..], &at.to_le_bytes(), &(content.len() as u64).to_le_bytes()].concat();
-                let messages = [(DATASPACE, dataspace(&shape)), (DATATYPE, values.datatype()), (LAYOUT, layout)];
-                members.push((LINK, link(name, object(&mut bytes, &messages))));
-            }
-            let attributes = group.attributes.iter().map(|(name, values)| (ATTRIBUTE, attribute(name, values)));
-            let messages: Vec<_> = std::iter::once(link_info()).chain(members).chain(attributes).collect();
-            links.push((LINK, link(name, object(&mut bytes, &messages))));
-        }
-        let messages: Vec<_> = std::iter::once(link_info()).chain(links).collect();
-        let root = object(&mut bytes, &messages);
+        let root = self.group("", &mut bytes);
         let end = bytes.len() as u64;
         let head = [&b"\x89HDF\r\n\x1a\n"[..], &[0, 0, 0, 0, 0, 8, 8, 0, 4, 0, 16, 0, 0, 0, 0, 0]].concat();
         let addresses = [0, NOWHERE, end, NOWHERE, 0, root].into_iter().flat_map(u64::to_le_bytes);
         let superblock: Vec<u8> = head.into_iter().chain(addresses).collect();
         bytes[..superblock.len()].copy_from_slice(&superblock);
         std::fs::write(path, bytes).unwrap();
+    }
+
+    /// Appends a group with all that is in it, and gives its address.
+    fn group(&self, path: &str, bytes: &mut Vec<u8>) -> u64 {
+        let inside = |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}/{name}") };
+        let none = Group::default();
+        let group = self.groups.get(path).unwrap_or(&none);
+        let mut messages = vec![link_info()];
+        for (name, columns, values) in &group.datasets {
+            let at = bytes.len() as u64;
+            let content = values.bytes();
+            bytes.extend(&content);
+            bytes.resize(bytes.len().next_multiple_of(8), 0);
+            let rows = values.len() / columns;
+            let shape = if *columns == 1 { vec![rows] } else { vec![rows, *columns] };
+            let layout = [&[3, 1][..], &at.to_le_bytes(), &(content.len() as u64).to_le_bytes()].concat();
+            let mut own = vec![(DATASPACE, dataspace(&shape)), (DATATYPE, values.datatype()), (LAYOUT, layout)];
+            own.extend(self.groups.get(&inside(name)).unwrap_or(&none).messages());
+            messages.push((LINK, link(name, object(bytes, &own))));
+        }
+        let prefix = inside("");
+        let is_group = |name: &&str| !name.is_empty() && group.datasets.iter().all(|(other, ..)| other != name);
+        let below = self.groups.keys().filter_map(|key| key.strip_prefix(&*prefix)?.split('/').next());
+        let names: BTreeSet<&str> = below.filter(is_group).collect();
+        for name in names {
+            messages.push((LINK, link(name, self.group(&inside(name), bytes))));
+        }
+        messages.extend(group.messages());
+        object(bytes, &messages)
+    }
+}
+
+impl Group {
+    /// Its attributes.
+    fn messages(&self) -> impl Iterator<Item = (u16, Vec<u8>)> {
+        self.attributes.iter().map(|(name, values)| (ATTRIBUTE, attribute(name, values)))
     }
 }
 
@@ -88,6 +106,7 @@ impl Values {
             Values::U64(values) => values.len(),
             Values::I32(values) => values.len(),
             Values::F64(values) => values.len(),
+            Values::Text(_) => 1,
         }
     }
 
@@ -97,6 +116,7 @@ impl Values {
             Values::U64(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
             Values::I32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
             Values::F64(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Values::Text(text) => text.as_bytes().to_vec(),
         }
     }
 
@@ -106,6 +126,7 @@ impl Values {
             Values::U32(_) => whole(4, 0),
             Values::U64(_) => whole(8, 0),
             Values::I32(_) => whole(4, 8),
+            Values::Text(text) => [&[0x13, 0, 0, 0][..], &(text.len() as u32).to_le_bytes()].concat(),
             Values::F64(_) => vec![0x11, 0x20, 63, 0, 8, 0, 0, 0, 0, 0, 64, 0, 52, 11, 0, 52, 0xff, 3, 0, 0],
         }
     }

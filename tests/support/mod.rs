@@ -15,8 +15,8 @@ mod random;
 pub use eclipse::eclipse;
 pub use files::{demo, in_reference_data, in_repository};
 pub use pages::{
-    Built, built, built_from, built_from_dataset, core, draw_nodes, draw_pages, draw_source, paint_pages, sum_nodes,
-    view_from, view_of,
+    Built, built, built_from, built_from_dataset, built_plainly, core, draw_nodes, draw_pages, draw_source,
+    paint_pages, sum_nodes, view_from, view_of,
 };
 pub use program::{alone, program, run};
 pub use random::Random;

@@ -38,9 +38,20 @@ pub fn built_from(source: &Path, options: &LoadOptions, vq_bits: VqBits) -> Buil
 
 /// Builds a dataset.
 pub fn built_from_dataset(dataset: Dataset, vq_bits: VqBits) -> Built {
+    built_with(dataset, &BuildOptions::with_vq_bits(vq_bits))
+}
+
+/// Imports a source and builds it with codes that are not refined: an adapter's table of them is small.
+pub fn built_plainly(source: &Path) -> Built {
+    let mut options = BuildOptions::with_vq_bits(VqBits::Eight);
+    options.octree.refined = false;
+    built_with(load(source, &LoadOptions::default(), &()).unwrap(), &options)
+}
+
+fn built_with(dataset: Dataset, options: &BuildOptions) -> Built {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("built.df");
-    build(dataset.clone(), &BuildOptions::with_vq_bits(vq_bits), &path, &()).unwrap();
+    build(dataset.clone(), options, &path, &()).unwrap();
     Built { dataset, file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
 }
 

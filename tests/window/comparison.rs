@@ -75,6 +75,8 @@ fn two_hierarchies_stand_at_both_sides_of_a_divider() {
     let same =
         choose(&program, &desktop, "left", "left:pca", |status| found(status).is_some_and(|found| found.1 == 0.0));
     assert_eq!(found(&same).unwrap().0, [clusters; 2]);
+    // Until the pictures are there no divider is, and that says nothing of what is shown.
+    program.wait("both pictures", |status| status["controls"]["divider"].is_array());
     click(&program, &desktop, "difference", |status| found(status).is_some() && program.control("divider").is_none());
     desktop.wait("a black difference", |screen| light(screen) == 0);
 

@@ -102,7 +102,7 @@ fn the_mode_and_the_format_are_known_everywhere() {
         said(&run(&["render", "a.scene.ron", "-o", "a.png", "--size", "32x32", "--backend", "cpu"]))
     };
     let unknown = scene("nothing", "{}");
-    assert!(unknown.contains("a.scene.ron:1:") && unknown.contains("surface, brightest"), "{unknown}");
+    assert!(unknown.contains("a.scene.ron:1:") && unknown.contains("cross-section, brightest"), "{unknown}");
     let setting = scene("brightest", "{\"ripple\": 1.0}");
     assert!(setting.contains("expected a setting of brightest: ripples, speed"), "{setting}");
     let value = scene("brightest", "{\"ripples\": 99.0}");

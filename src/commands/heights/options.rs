@@ -77,6 +77,7 @@ impl HeightsOptions {
             height_unit: unit(&self.height_unit),
             texture: None,
             before: None,
+            derive: Vec::new(),
         }
     }
 

@@ -11,6 +11,7 @@ mod video;
 
 use super::CommandResult;
 use super::arguments::{PictureSize, not_negative, positive};
+use super::light_options::LightOptions;
 use super::projection_options::ProjectionOptions;
 use crate::look::{Backend, Member, Shot, data_file};
 use crate::tour::{TourFile, around_data};
@@ -27,6 +28,7 @@ use std::path::PathBuf;
   deepfield tour assets/tours/demo.ron --record frames --size 1920x1080 --fps 30
   deepfield tour show.ron snapshot_099.hdf5 --record frames --video show.mp4     other data than the tour names
   deepfield tour --around snapshot_099.hdf5 --projection dome --tilt 20 --size 2048x2048 --video dome.avi
+  deepfield tour show.ron --exposure adaptive --bloom 0.3 --video show.mp4       as an eye sees it
   deepfield tour show.ron --frame 250 still.png
   deepfield tour show.ron --record frames --start 12.5 --end 20                  a part, with the same numbers
   deepfield render frames/scenes/frame-00250.scene.ron -o same.png               any frame again
@@ -90,14 +92,17 @@ pub struct Arguments {
     /// Begin anew in a folder that holds another recording: its frames are overwritten.
     #[arg(long, requires = "record")]
     pub restart: bool,
+    /// How light is exposed and spreads.
+    #[command(flatten)]
+    pub light: LightOptions,
     /// Largest displacement of a particle on screen, pixels [default: the tour's, else 0.8].
     #[arg(long, value_name = "TAU", value_parser = positive)]
     pub error_px: Option<f64>,
     /// What draws: cpu, or compute or raster (an adapter, opened anew for each frame) [default: cpu].
     #[arg(long)]
     pub backend: Option<Backend>,
-    /// Memory that pages of particles may take, with what is decoded of them at a time: they stay from frame to frame, and those of the
-    /// next frame are read ahead. Sums that need more are drawn in passes [default: half of what is free].
+    /// Memory that pages of particles may take, with what is drawn of them at a time: they stay from frame to frame, and those of the
+    /// next frame are read ahead. Sums that need more are drawn in passes, volumes in slabs [default: half of what is free].
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
     /// Threads that draw [default: all].
@@ -204,6 +209,7 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
         // The tour's size is meant for its own projection.
         tour.size = Shot { surround: tour.projection, ..Shot::default() }.size();
     }
+    tour.expose(&arguments.light.look());
     if let Some(error_px) = arguments.error_px {
         tour.keyframes.iter_mut().for_each(|keyframe| keyframe.look.error_px = Some(error_px));
     }

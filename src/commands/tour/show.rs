@@ -132,10 +132,9 @@ impl Show {
         time: f64,
         look: &LookPatch,
     ) -> Result<LookPatch, Box<dyn std::error::Error + Send + Sync>> {
-        if is_searched(look)
-            && let Some((around, _)) = self.exposure.around(keyframe, time)
-        {
-            for moment in around {
+        if is_searched(look) {
+            let needed = self.exposure.needed(keyframe, time);
+            for &moment in &needed {
                 if self.exposure.knows(moment) {
                     continue;
                 }
@@ -145,7 +144,7 @@ impl Show {
                 self.exposure.take(moment, measured);
             }
             // Moments long past are not needed again by one who goes on.
-            self.exposure.forget_before(around[1]);
+            needed.first().into_iter().for_each(|first| self.exposure.forget_before(*first));
         }
         Ok(self.exposure.exposed(keyframe, time, look).unwrap_or_else(|| look.clone()))
     }

@@ -93,7 +93,7 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..64).map(move |index| (kernel, index)));
+        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..128).map(move |index| (kernel, index)));
         for (kernel, index) in choices {
             let variant = volume::Variant {
                 kernel,
@@ -103,7 +103,12 @@ pub fn variants() -> Vec<Variant> {
                 vectors: index & 8 > 0,
                 field: index & 16 > 0,
                 lit: index & 32 > 0,
+                columns: index & 64 > 0,
             };
+            // Columns have values, and are no samples.
+            if variant.columns && (variant.field || !variant.attribute) {
+                continue;
+            }
             let defs = kind.defs(variant);
             if !built.contains(&defs) {
                 let subgroup = variant.vectors && kind.has_subgroups();

@@ -2,7 +2,7 @@
 
 use crate::cpu::surface::look::{EDGE, MINOR};
 use crate::cpu::surface::photo::{MOST_TEXELS, nothing};
-use crate::cpu::surface::raster::{BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM};
+use crate::cpu::surface::raster::{BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, BEHIND};
 use crate::cpu::surface::rims;
 use crate::cpu::surface::shade::{BESIDE, ENDS, FINER, HATCH, MOST_LONGER, REACH, RIM, SECANTS, WALL};
 use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
@@ -46,6 +46,9 @@ pub const MIXED: u32 = 2;
 pub const LAID: u32 = 2;
 /// The first bit of four flags of a chunk: a side whose cells' triangles are listed.
 pub const FANNED: u32 = 6;
+/// The first bit of six flags of a chunk: the side of the square about a sample in which its margin is, samples of the picture; 0 where there are
+/// no margins.
+pub const MARGIN: u32 = 10;
 /// Cells, or samples, along the side of a square of what only parts of a chunk have.
 pub const SQUARE: u32 = rims::SQUARE as u32;
 /// Invocations of a workgroup.
@@ -96,6 +99,7 @@ pub fn wgsl() -> String {
         ("MIXED", MIXED),
         ("LAID", LAID),
         ("FANNED", FANNED),
+        ("MARGIN", MARGIN),
         ("SECANTS", SECANTS),
         ("ENDS", ENDS),
         ("BEFORE_POINTS", BEFORE_POINTS),
@@ -117,6 +121,7 @@ pub fn wgsl() -> String {
     ];
     let shares = [
         ("UNMEASURED", f64::from(UNMEASURED)),
+        ("FARTHER", BEHIND),
         ("FINER", FINER),
         ("REACH", REACH),
         ("MINOR", MINOR),

@@ -147,8 +147,8 @@ pub struct SurfaceStep {
     pub counter: u32,
     /// How many that list has room for.
     pub most: u32,
-    /// Padding.
-    pub unused: u32,
+    /// Pixels of the largest square about a sample.
+    pub squares: u32,
     /// Padding.
     pub unused_end: [u32; 2],
 }

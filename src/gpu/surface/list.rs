@@ -1,6 +1,6 @@
 //! What shaders are told of a surface's chunks: each chunk, and lists of numbers, heights and triangles.
 
-use super::constants::{CHUNK, FAN, FANNED, LAID, LEAF, MIXED, NONE, POINTS, SMALL, UNMEASURED};
+use super::constants::{CHUNK, FAN, FANNED, LAID, LEAF, MARGIN, MIXED, NONE, POINTS, SMALL, UNMEASURED};
 use super::globe::{Anchor, Tables};
 use super::layout::Draw;
 use super::photo::PhotoList;
@@ -70,7 +70,7 @@ impl DrawList {
                 level: u32::from(key.level),
                 key_row: key.row,
                 key_column: key.column,
-                flags: flags_of(mesh),
+                flags: flags_of(job, mesh),
                 low,
                 high,
                 border: if border.is_empty() { NONE } else { lists.len() as u32 },
@@ -189,9 +189,10 @@ fn largest(job: &AdapterSurface, mesh: &Mesh) -> f64 {
     job.view.error_pixels(&extent, apart)
 }
 
-fn flags_of(mesh: &Mesh) -> u32 {
+fn flags_of(job: &AdapterSurface, mesh: &Mesh) -> u32 {
     let mut flags = if mesh.node.primitive == Primitive::Points { POINTS } else { 0 };
     flags |= if mesh.samples.coverage.is_empty() { 0 } else { MIXED };
+    flags |= mesh.margin_side(&job.scene, |length| job.view.error_pixels(&mesh.node.extent, length)) << MARGIN;
     for side in 0..4 {
         flags |= u32::from(mesh.is_laid[side]) << (LAID + side as u32);
         flags |= u32::from(!mesh.extras[side].is_empty()) << (FANNED + side as u32);

@@ -1,7 +1,7 @@
 //! What a camera's surface is drawn with, and the passes.
 
 use super::arena::SurfaceArena;
-use super::constants::{CHUNK, ENTRY, GROUP, SCANNERS, TILE};
+use super::constants::{CHUNK, ENTRY, GROUP, MARGIN, SCANNERS, TILE};
 use super::job::{SurfaceFindings, SurfaceNews, SurfaceView};
 use super::layout::{SurfaceStep, SurfaceUniform};
 use super::list::DrawList;
@@ -51,6 +51,8 @@ pub struct SurfaceWork {
     raster: BindGroup,
     resolve: BindGroup,
     turns: Vec<Turn>,
+    /// Pixels of the largest square about a sample.
+    squares: u32,
 }
 
 /// Buffers that are kept from picture to picture.
@@ -159,7 +161,9 @@ impl SurfaceWork {
             return None;
         }
         let most_large = (NEAR.min(list.near.1) * TRIANGLES).max(list.fans.1).max(GROUP * GROUP);
-        let (steps, turns, counters) = turns_of(&list, most_large);
+        let margins = list.draws.iter().map(|draw| draw.flags >> MARGIN & 63).max().unwrap_or(0);
+        let squares = job.parts.max(margins).pow(2);
+        let (steps, turns, counters) = turns_of(&list, most_large, squares);
 
         let mut buffers = before.map(|before| before.buffers.clone()).unwrap_or_default();
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
@@ -213,7 +217,8 @@ impl SurfaceWork {
         let colors = [whole(&shown), whole(&ramp), whole(&cells.buffer), whole(&texels), whole(&covered)];
         let resolve = group(&pipelines.resolve, &colors);
         let job = Arc::clone(job);
-        let work = SurfaceWork { number: view.number, job, buffers, targets, shared, visible, raster, resolve, turns };
+        let number = view.number;
+        let work = SurfaceWork { number, job, buffers, targets, shared, visible, raster, resolve, turns, squares };
         Some((work, cells))
     }
 
@@ -297,8 +302,7 @@ impl SurfaceWork {
             });
             pass.set_bind_group(0, &self.shared, &[]);
             let cell_corners = 6 * CHUNK * CHUNK;
-            let squares = self.job.parts.pow(2);
-            let samples = squares * (CHUNK + 1).pow(2);
+            let samples = self.squares * (CHUNK + 1).pow(2);
             // All is drawn once.
             for turn in self.turns.iter().take(self.turns.len() / 2) {
                 pass.set_bind_group(1, &self.raster, &[turn.offset]);
@@ -355,7 +359,7 @@ impl Targets {
 }
 
 /// What is drawn one after the other, first for depths and then for numbers, with the bytes of its uniforms; and how many counters that takes.
-fn turns_of(list: &DrawList, most: u32) -> (Vec<u8>, Vec<Turn>, u32) {
+fn turns_of(list: &DrawList, most: u32, squares: u32) -> (Vec<u8>, Vec<Turn>, u32) {
     let (far, (first, near), fans) = (list.far, list.near, list.fans);
     let batches = (0..near).step_by(NEAR as usize).map(|done| (Step::Cells, first + done, NEAR.min(near - done)));
     let all: Vec<(Step, u32, u32)> = std::iter::once((Step::Cells, far.0, far.1))
@@ -367,11 +371,11 @@ fn turns_of(list: &DrawList, most: u32) -> (Vec<u8>, Vec<Turn>, u32) {
     for is_second in [0, 1] {
         for (step, first, count) in &all {
             let (offset, counter) = (bytes.len() as u32, turns.len() as u32);
-            let about =
-                SurfaceStep { is_second, first: *first, count: *count, counter, most, ..SurfaceStep::default() };
+            let (first, count) = (*first, *count);
+            let about = SurfaceStep { is_second, first, count, counter, most, squares, ..SurfaceStep::default() };
             bytes.extend_from_slice(bytemuck::bytes_of(&about));
             bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
-            turns.push(Turn { step: *step, offset, count: *count });
+            turns.push(Turn { step: *step, offset, count });
         }
     }
     let counters = turns.len() as u32;

@@ -1,6 +1,7 @@
 //! What the passes of a picture work in: buffers, and the bind groups over them.
 
-use super::constants::{BIN_GROUP, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK};
+use super::column::{self, ColumnUniform};
+use super::constants::{BIN_GROUP, CELLS, DIGITS, HEADER, SCAN_GROUP, SORT_BLOCK};
 use super::cut::Cut;
 use super::field::layout::{FieldUniform, SlopeUniform, lines};
 use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, REACH_BYTES, Turn, VolumeUniform};
@@ -48,14 +49,8 @@ pub struct Groups {
     pub scans: [BindGroup; 3],
     /// [`Kind::Sort`], for even and odd digits.
     pub sorts: [BindGroup; 2],
-    /// [`Kind::Plan`].
-    pub plan: BindGroup,
-    /// [`Kind::Gather`].
-    pub gather: BindGroup,
-    /// [`Kind::Choose`].
-    pub choose: BindGroup,
-    /// [`Kind::Interpolate`].
-    pub interpolate: BindGroup,
+    /// What fills cells, of each column that is resampled by itself: one at least.
+    pub filling: Vec<Filling>,
     /// [`Kind::Measure`]; of pictures there is none.
     pub measure: Option<BindGroup>,
     /// [`Kind::Occlusion`] and [`Kind::Raycast`], for pictures slab by slab.
@@ -68,6 +63,28 @@ pub struct Groups {
     pub field: BTreeMap<usize, BindGroup>,
 }
 
+/// Bind groups of passes that fill cells.
+pub struct Filling {
+    /// [`Kind::Plan`].
+    pub plan: BindGroup,
+    /// [`Kind::Gather`].
+    pub gather: BindGroup,
+    /// [`Kind::Choose`].
+    pub choose: BindGroup,
+    /// [`Kind::Interpolate`].
+    pub interpolate: BindGroup,
+    /// [`Kind::Column`], for each thing that is read of a column.
+    pub reads: Vec<BindGroup>,
+}
+
+/// Cells, and what is known of their bricks.
+struct Cells {
+    field: Held,
+    densest: Held,
+    marks: Held,
+    bounds: Held,
+}
+
 /// Buffers that the encoder clears, copies or is told by.
 pub struct Buffers {
     /// Number of particles of each bin.
@@ -78,6 +95,8 @@ pub struct Buffers {
     pub field: Held,
     /// The largest density of each part of each brick.
     pub densest: Held,
+    /// The same of each column, where columns have cells of their own.
+    pub columns: Vec<Held>,
     /// What is hidden.
     pub hidden: Held,
     /// Layers in which rays may meet something.
@@ -175,11 +194,18 @@ impl Bindings {
         let Means { device, queue, cache, .. } = *means;
         // What outlives a slab has a buffer for each kind of job, since both are on their way at the same time.
         let own = match job.shows {
-            Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => 0,
+            Shows::Light(_) | Shows::Columns(_) | Shows::Cartesian(_) | Shows::Field(_) => 0,
             Shows::Ranges => 1,
         };
         let mut put = |name, index, bytes: &[u8]| store.holding(device, queue, name, index, bytes);
         let all = put("deepfield volume", own, bytemuck::bytes_of(uniform));
+        // Of a column everything is wanted: what shows depends on the others too.
+        let open = job.columns().map(|_| VolumeUniform { least: 0.0, ..*uniform });
+        let open = open.map(|open| put("deepfield volume open", 0, bytemuck::bytes_of(&open)));
+        let mut reads: Vec<(usize, Held)> = Vec::new();
+        for (index, (column, uniform)) in job.columns().map_or(Vec::new(), ColumnUniform::all).iter().enumerate() {
+            reads.push((*column, put("deepfield volume column", index, bytemuck::bytes_of(uniform))));
+        }
         let one = put("deepfield volume one", 0, bytemuck::bytes_of(&1u32));
         let portions = put("deepfield volume portions", own, &strided(portions));
         let turn = |number: u32| Turn { number, unused: [0; 3] };
@@ -232,11 +258,19 @@ impl Bindings {
         // Those that are gathered and the crowded ones of them; later those that are interpolated, two words each.
         let room_of_items = 2 * u64::from(uniform.brick_room) + 2 * u64::from(cut.finest().columns());
         let items_held = make("deepfield volume bricks", 0, 4 * (u64::from(HEADER) + room_of_items));
-        let field = make("deepfield volume field", own, cut.bytes(variant.attribute));
-        let densest = make("deepfield volume densest", own, 4 * u64::from(variant.parts()) * cut.bricks());
+        let mut cells = |index: usize, bytes: u64| Cells {
+            field: make("deepfield volume field", index, bytes),
+            densest: make("deepfield volume densest", index, 4 * u64::from(variant.parts()) * cut.bricks()),
+            marks: make("deepfield volume marks", index, 8 * cut.bricks()),
+            bounds: make("deepfield volume bounds", index, 4 * cut.bricks()),
+        };
+        let of_columns = 4 * u64::from(column::VALUES * CELLS) * cut.finest().bricks_held();
+        let shown = cells(own, if variant.columns { of_columns } else { cut.bytes(variant.attribute) });
+        // Those of columns come behind those of both kinds of jobs.
+        let count = job.columns().map_or(0, |march| march.columns.len());
+        let columns: Vec<Cells> = (0..count).map(|column| cells(2 + column, cut.bytes(variant.attribute))).collect();
+        let Cells { field, densest, .. } = &shown;
         let reach = make("deepfield volume reach", own, 8 * u64::from(cut.finest().columns()));
-        let marks = make("deepfield volume marks", own, 8 * cut.bricks());
-        let bounds = make("deepfield volume bounds", own, 4 * cut.bricks());
         let hidden = make("deepfield volume hidden", own, 4 * u64::from(uniform.bin_count));
         let visible = make("deepfield volume visible", own, 4);
         let rooms = make("deepfield volume rooms", own, 4 * u64::from(rooms));
@@ -290,40 +324,66 @@ impl Bindings {
             reached.binding(),
             work.binding(),
         ];
-        let plan = [
-            all.binding(),
-            portion(),
-            bins.binding(),
-            hidden.binding(),
-            densest.binding(),
-            items_held.binding(),
-            dispatch.binding(),
-        ];
-        let gather = [
-            all.binding(),
-            portion(),
-            turn(),
-            spots.binding(),
-            amounts.binding(),
-            bins.binding(),
-            sorted.binding(),
-            items_held.binding(),
-            depths.binding(),
-            field.binding(),
-            densest.binding(),
-        ];
-        let choose = [
-            all.binding(),
-            portion(),
-            turn(),
-            hidden.binding(),
-            densest.binding(),
-            marks.binding(),
-            items_held.binding(),
-            dispatch.binding(),
-            bounds.binding(),
-        ];
-        let interpolate = [all.binding(), portion(), turn(), items_held.binding(), field.binding(), densest.binding()];
+        let filling = |cells: &Cells, reads: Vec<BindGroup>| {
+            let Cells { field, densest, marks, bounds } = cells;
+            let plan = [
+                all.binding(),
+                portion(),
+                bins.binding(),
+                hidden.binding(),
+                densest.binding(),
+                items_held.binding(),
+                dispatch.binding(),
+            ];
+            let gather = [
+                all.binding(),
+                portion(),
+                turn(),
+                spots.binding(),
+                amounts.binding(),
+                bins.binding(),
+                sorted.binding(),
+                items_held.binding(),
+                depths.binding(),
+                field.binding(),
+                densest.binding(),
+            ];
+            let choose = [
+                open.as_ref().unwrap_or(&all).binding(),
+                portion(),
+                turn(),
+                hidden.binding(),
+                densest.binding(),
+                marks.binding(),
+                items_held.binding(),
+                dispatch.binding(),
+                bounds.binding(),
+            ];
+            let interpolate =
+                [all.binding(), portion(), turn(), items_held.binding(), field.binding(), densest.binding()];
+            Filling {
+                plan: group(Kind::Plan, &plan),
+                gather: group(Kind::Gather, &gather),
+                choose: group(Kind::Choose, &choose),
+                interpolate: group(Kind::Interpolate, &interpolate),
+                reads,
+            }
+        };
+        let filling_of = |(column, cells): (usize, &Cells)| {
+            let read = |(_, uniform): &(usize, Held)| {
+                let bound = [
+                    all.binding(),
+                    portion(),
+                    uniform.binding(),
+                    cells.field.binding(),
+                    cells.densest.binding(),
+                    field.binding(),
+                    densest.binding(),
+                ];
+                group(Kind::Column, &bound)
+            };
+            filling(cells, reads.iter().filter(|(of, _)| *of == column).map(read).collect())
+        };
         let measure = || {
             let list =
                 [all.binding(), portion(), depths.binding(), field.binding(), densest.binding(), masses.binding()];
@@ -397,10 +457,10 @@ impl Bindings {
             bin: group(Kind::Bin, &bin),
             scans: [scan(&bins), scan(&sums), scan(&digit_table)],
             sorts: [sort(0), sort(1)],
-            plan: group(Kind::Plan, &plan),
-            gather: group(Kind::Gather, &gather),
-            choose: group(Kind::Choose, &choose),
-            interpolate: group(Kind::Interpolate, &interpolate),
+            filling: match columns.is_empty() {
+                true => vec![filling(&shown, Vec::new())],
+                false => columns.iter().enumerate().map(filling_of).collect(),
+            },
             measure: (own == 1).then(measure),
             rays: table.as_ref().filter(|_| march.is_none()).map(rays_groups),
             slopes,
@@ -410,8 +470,9 @@ impl Bindings {
         let buffers = Buffers {
             bins,
             items: items_held,
-            field,
-            densest,
+            field: field.clone(),
+            densest: densest.clone(),
+            columns: columns.iter().map(|cells| cells.densest.clone()).collect(),
             hidden,
             reach,
             rays,
@@ -422,7 +483,7 @@ impl Bindings {
             masses,
         };
         let answer_bytes = match job.shows {
-            Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => {
+            Shows::Light(_) | Shows::Columns(_) | Shows::Cartesian(_) | Shows::Field(_) => {
                 EFFORT + if job.reads_ends() { 4 * u64::from(size[0]) * u64::from(size[1]) } else { 0 }
             }
             Shows::Ranges => 8 * range::CLASSES as u64,

@@ -1,6 +1,7 @@
 //! What Rust and the volume shaders both need, written as a shader module: one source, and constants that a shader's
 //! compiler sees.
 
+use super::column;
 use crate::cpu::cartesian::march;
 use crate::cpu::field;
 use crate::cpu::volume::bricks::{self, BORDER};
@@ -72,6 +73,17 @@ pub fn wgsl() -> String {
         ("ROOM", ROOM),
         ("RANGE_CLASSES", range::CLASSES as u32),
         ("RANGE_HIDDEN_BITS", range::HIDDEN_BITS),
+        ("COLUMN_VALUES", column::VALUES),
+        ("OF_VOLUME", column::OF_VOLUME),
+        ("OF_SURFACES", column::OF_SURFACES),
+        ("OF_OPACITY", column::OF_OPACITY),
+        ("OF_HUE", column::OF_HUE),
+        ("READ_DENSITY", column::READ_DENSITY),
+        ("READ_SUM", column::READ_SUM),
+        ("EVEN_TABLE", column::EVEN_TABLE),
+        ("HOLES_OF_VOLUME", column::HOLES_OF_VOLUME),
+        ("HOLES_OF_SURFACES", column::HOLES_OF_SURFACES),
+        ("DIMMED", column::DIMMED),
     ];
     let mut text = String::from("#define_import_path deepfield::volume_constants\n");
     for (name, number) in numbers {

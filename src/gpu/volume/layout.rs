@@ -2,6 +2,7 @@
 //!
 //! `gpu::shaders`' tests compose the shaders and compare every structure here with the one there.
 
+use super::column;
 use super::constants::{BRICK, MOST_LEVELS};
 use super::cut::Cut;
 use super::view::VolumeJob;
@@ -107,8 +108,8 @@ pub struct VolumeUniform {
     pub stride: u32,
     /// Factor on the smoothing lengths of those.
     pub growth: f32,
-    /// Padding.
-    pub unused: u32,
+    /// How cells of fields of columns are read: [`column::reading_of`].
+    pub columns_read: u32,
     /// Width and height of the picture, cells.
     pub cells: [f32; 2],
     /// The tiers, finest first.
@@ -255,8 +256,11 @@ impl VolumeUniform {
         };
         let shown = job.scenery().map_or(uniform, |scenery| uniform.with(scenery));
         // Of a Cartesian grid everything is wanted: beside a cell that shows, rays read one that does not.
-        let least = if job.cartesian().is_some() { 0.0 } else { shown.least };
-        VolumeUniform { least, ..shown }
+        // Numbers of two fields have no bound in common.
+        let is_apart = job.columns().is_some_and(|march| march.shown.surface.is_some());
+        let least = if job.cartesian().is_some() || is_apart { 0.0 } else { shown.least };
+        let columns_read = job.columns().map_or(0, column::reading_of);
+        VolumeUniform { least, columns_read, ..shown }
     }
 
     /// With what is shown of the field.

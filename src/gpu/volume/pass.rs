@@ -1,6 +1,6 @@
 //! Encodes the slabs that a frame draws.
 
-use super::bindings::{ALL_BRICKS, CHOSEN_GROUPS, CROWDED, EFFORT, SORT_GROUPS, offset};
+use super::bindings::{ALL_BRICKS, CHOSEN_GROUPS, CROWDED, EFFORT, Filling, SORT_GROUPS, offset};
 use super::constants::{ALL_PAIRS, ALL_RAISED, BIN_GROUP, HEADER, SCAN_GROUP};
 use super::march;
 use super::prepare::VolumeWork;
@@ -70,7 +70,7 @@ pub fn draw_volumes(
                 begin_pane(work, encoder);
             }
             // Of a grid that is held there is none.
-            let fills = !slab.batches.is_empty() || !slab.runs.is_empty();
+            let fills = !slab.columns.is_empty() || !slab.runs.is_empty();
             let span = fills.then(|| timer.begin("resample", encoder));
             for (index, run) in slab.runs.iter().enumerate() {
                 encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
@@ -78,14 +78,22 @@ pub fn draw_volumes(
                 let mut steps = Steps { pass, pipelines: &pipelines };
                 fill(work, &mut steps, run, offset(slab.first_portion + 1 + index));
             }
-            for (index, batch) in slab.batches.iter().enumerate() {
-                encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
-                encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
-                let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-                let mut steps = Steps { pass, pipelines: &pipelines };
-                resample(work, &mut steps, slab, batch, offset(slab.first_portion + index));
-                if index + 1 == slab.batches.len() {
-                    interpolate(work, &mut steps, slab);
+            let mut portion = slab.first_portion;
+            for (batches, filling) in slab.columns.iter().zip(&work.groups.filling) {
+                for (index, batch) in batches.iter().enumerate() {
+                    encoder.clear_buffer(&work.buffers.bins.buffer, 0, Some(work.buffers.bins.bytes));
+                    encoder.clear_buffer(&work.buffers.items.buffer, 0, Some(4 * u64::from(HEADER)));
+                    let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+                    let mut steps = Steps { pass, pipelines: &pipelines };
+                    resample((work, filling), &mut steps, slab, batch, offset(portion));
+                    portion += 1;
+                    if index + 1 == batches.len() {
+                        interpolate((work, filling), &mut steps, slab);
+                        let bricks = groups(work.cut.finest().columns() * slab.layers);
+                        for read in &filling.reads {
+                            steps.take(Step::ReadColumn, read, &[offset(slab.first_portion)], bricks);
+                        }
+                    }
                 }
             }
             if let Some(span) = span {
@@ -105,7 +113,8 @@ pub fn draw_volumes(
 /// Forgets what an earlier window has left.
 fn begin_pane(work: &Work, encoder: &mut CommandEncoder) {
     let buffers = &work.buffers;
-    for held in [&buffers.rays, &buffers.progress, &buffers.densest, &buffers.hidden] {
+    let all = [&buffers.rays, &buffers.progress, &buffers.densest, &buffers.hidden];
+    for held in all.into_iter().chain(&buffers.columns) {
         encoder.clear_buffer(&held.buffer, 0, Some(held.bytes));
     }
     if work.job.cartesian().is_some() {
@@ -124,14 +133,14 @@ fn begin_pane(work: &Work, encoder: &mut CommandEncoder) {
 /// Fills layers of a slab from a level of a field.
 fn fill(work: &Work, steps: &mut Steps<'_>, run: &FieldRun, at: u32) {
     let bound = &work.groups;
-    let Some(level) = bound.field.get(&run.level) else { return };
+    let (Some(level), Some(filling)) = (bound.field.get(&run.level), bound.filling.first()) else { return };
     steps.take(Step::PlanField, level, &[at], groups(run.bricks.div_ceil(BRICK_GROUP)));
-    steps.take(Step::DispatchBricks, &bound.plan, &[at], [1, 1, 1]);
+    steps.take(Step::DispatchBricks, &filling.plan, &[at], [1, 1, 1]);
     steps.take_as_told(Step::Fill, level, &[at], &work.buffers.dispatch.buffer, 0);
 }
 
 /// Adds a batch of particles to a slab's cells.
-fn resample(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork, batch: &Batch, at: u32) {
+fn resample((work, filling): (&Work, &Filling), steps: &mut Steps<'_>, slab: &SlabWork, batch: &Batch, at: u32) {
     let (bound, buffers) = (&work.groups, &work.buffers);
     let [of_bins, of_pairs, of_digits] = &bound.scans;
     let once = [1, 1, 1];
@@ -155,18 +164,18 @@ fn resample(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork, batch: &Batch, 
         steps.take_as_told(Step::MovePairs, sort, &[offset(digit)], &buffers.work.buffer, SORT_GROUPS);
     }
     let bricks: u32 = slab.bricks.iter().sum();
-    steps.take(Step::Plan, &bound.plan, &[at], groups(bricks.div_ceil(BRICK_GROUP)));
-    steps.take(Step::DispatchBricks, &bound.plan, &[at], once);
+    steps.take(Step::Plan, &filling.plan, &[at], groups(bricks.div_ceil(BRICK_GROUP)));
+    steps.take(Step::DispatchBricks, &filling.plan, &[at], once);
     for turn in 0..batch.turns as usize {
         let told = if turn == 0 { 0 } else { CROWDED };
-        steps.take_as_told(Step::Gather, &bound.gather, &[at, offset(turn)], &buffers.dispatch.buffer, told);
+        steps.take_as_told(Step::Gather, &filling.gather, &[at, offset(turn)], &buffers.dispatch.buffer, told);
     }
 }
 
 /// Adds to each tier what the next coarser one holds, coarsest first, where something may show: choose.wgsl says which passes
 /// find that.
-fn interpolate(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork) {
-    let (bound, buffers) = (&work.groups, &work.buffers);
+fn interpolate((work, filling): (&Work, &Filling), steps: &mut Steps<'_>, slab: &SlabWork) {
+    let buffers = &work.buffers;
     let at = offset(slab.first_portion);
     let tiers = slab.bricks.len();
     if tiers == 1 {
@@ -177,21 +186,21 @@ fn interpolate(work: &Work, steps: &mut Steps<'_>, slab: &SlabWork) {
     for tier in (0..tiers).rev() {
         let at = [at, offset(tier)];
         if tier > 0 && slab.bricks[tier] > 0 {
-            steps.take(Step::Bound, &bound.choose, &at, filled(tier));
+            steps.take(Step::Bound, &filling.choose, &at, filled(tier));
         }
         if tier == 0 || (tier == 1 && tiers > 2) {
-            steps.take(Step::Mark, &bound.choose, &at, filled(0));
+            steps.take(Step::Mark, &filling.choose, &at, filled(0));
         }
         // Nothing is added to the coarsest tier.
         if tier + 1 == tiers {
             continue;
         }
         if tier == 1 {
-            steps.take(Step::Need, &bound.choose, &at, read(0));
+            steps.take(Step::Need, &filling.choose, &at, read(0));
         }
-        steps.take(Step::Choose, &bound.choose, &at, read(tier));
-        steps.take(Step::DispatchChosen, &bound.choose, &at, [1, 1, 1]);
-        steps.take_as_told(Step::Interpolate, &bound.interpolate, &at, &buffers.dispatch.buffer, CHOSEN_GROUPS);
+        steps.take(Step::Choose, &filling.choose, &at, read(tier));
+        steps.take(Step::DispatchChosen, &filling.choose, &at, [1, 1, 1]);
+        steps.take_as_told(Step::Interpolate, &filling.interpolate, &at, &buffers.dispatch.buffer, CHOSEN_GROUPS);
     }
 }
 
@@ -262,7 +271,7 @@ fn end_pane(work: &Work, encoder: &mut CommandEncoder, slab: &SlabWork) {
     }
     let Some(answer) = work.answer.as_ref().map(Answer::buffer) else { return };
     match work.job.shows {
-        Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => {
+        Shows::Light(_) | Shows::Columns(_) | Shows::Cartesian(_) | Shows::Field(_) => {
             if work.job.reads_ends() {
                 put(&buffers.progress.buffer, answer, EFFORT, 4);
             }

@@ -148,7 +148,7 @@ impl VolumeWork {
             let mut news = news.lock();
             match job.shows {
                 Shows::Ranges => news.ranges = Some((number, bytes.and_then(|bytes| range_of(&bytes)))),
-                Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) => {
+                Shows::Light(_) | Shows::Columns(_) | Shows::Cartesian(_) | Shows::Field(_) => {
                     let (effort, ends) =
                         bytes.as_deref().unwrap_or_default().split_at_checked(EFFORT as usize).unwrap_or_default();
                     let (numbers, _) = effort.as_chunks::<4>();
@@ -202,7 +202,7 @@ impl VolumeWork {
             let room = match job.shows {
                 // Beside the half that a picture's cells may take, and the third that particles may, which both share.
                 Shows::Ranges => Room::of(free, job.options.memory.min(free / 6), limit),
-                Shows::Light(_) => Room::of(free, job.options.memory, limit),
+                Shows::Light(_) | Shows::Columns(_) => Room::of(free, job.options.memory, limit),
                 Shows::Cartesian(_) => Room::of_whole(free, limit),
                 Shows::Field(_) => Room::beside_samples(free, job.options.memory, limit),
             };

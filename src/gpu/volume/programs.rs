@@ -1,5 +1,6 @@
 //! The compute pipelines of volumes: which shader each step runs, and what it binds.
 
+use super::column::ColumnUniform;
 use super::field::layout::{FieldUniform, SlopeUniform};
 use super::layout::{Portion, Turn, VolumeUniform};
 use super::march::MarchUniform;
@@ -80,6 +81,8 @@ pub enum Step {
     PlanField,
     /// Fills them, one workgroup a brick.
     Fill,
+    /// Takes over what cells show of a column, one workgroup a brick.
+    ReadColumn,
 }
 
 /// What a step binds; steps of the same kind share it, and their shader.
@@ -111,6 +114,8 @@ pub enum Kind {
     March,
     /// `field.wgsl`.
     Field,
+    /// `column.wgsl`.
+    Column,
 }
 
 /// What is compiled into the shaders.
@@ -130,6 +135,8 @@ pub struct Variant {
     pub field: bool,
     /// Whether the volume itself is lit.
     pub lit: bool,
+    /// Whether it is of fields of particles' columns.
+    pub columns: bool,
 }
 
 impl Variant {
@@ -153,7 +160,7 @@ impl Variant {
 
 impl Step {
     /// Every step.
-    pub const ALL: [Step; 28] = [
+    pub const ALL: [Step; 29] = [
         Step::Project,
         Step::Count,
         Step::Pair,
@@ -182,6 +189,7 @@ impl Step {
         Step::March,
         Step::PlanField,
         Step::Fill,
+        Step::ReadColumn,
     ];
 
     /// The name of its entry point.
@@ -215,6 +223,7 @@ impl Step {
             Step::March => "march",
             Step::PlanField => "plan_field",
             Step::Fill => "fill",
+            Step::ReadColumn => "read_column",
         }
     }
 
@@ -222,6 +231,7 @@ impl Step {
     pub const fn is_of(self, variant: Variant) -> bool {
         match self {
             Step::PlanField | Step::Fill => variant.field,
+            Step::ReadColumn => variant.columns,
             Step::DispatchBricks | Step::FindReach | Step::CastRays | Step::Occlude | Step::Pyramid => true,
             _ => !variant.field,
         }
@@ -243,13 +253,14 @@ impl Step {
             Step::CastRays => Kind::Raycast,
             Step::FindRooms | Step::March => Kind::March,
             Step::PlanField | Step::Fill => Kind::Field,
+            Step::ReadColumn => Kind::Column,
         }
     }
 }
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 13] = [
+    pub const ALL: [Kind; 14] = [
         Kind::Project,
         Kind::Bin,
         Kind::Scan,
@@ -263,6 +274,7 @@ impl Kind {
         Kind::Raycast,
         Kind::March,
         Kind::Field,
+        Kind::Column,
     ];
 
     /// The path of its shader.
@@ -281,6 +293,7 @@ impl Kind {
             Kind::Raycast => "volume/raycast.wgsl",
             Kind::March => "volume/march.wgsl",
             Kind::Field => "volume/field.wgsl",
+            Kind::Column => "volume/column.wgsl",
         }
     }
 
@@ -295,7 +308,7 @@ impl Kind {
         let is_one_of = |kinds: &[Kind]| kinds.contains(&self);
         let with_cells =
             is_one_of(&[Kind::Gather, Kind::Interpolate, Kind::Measure, Kind::Raycast, Kind::March, Kind::Field]);
-        if with_cells || is_one_of(&[Kind::Plan, Kind::Choose, Kind::Occlusion]) {
+        if with_cells || is_one_of(&[Kind::Plan, Kind::Choose, Kind::Occlusion, Kind::Column]) {
             defs.push(ShaderDefVal::UInt("PARTS".into(), variant.parts()));
         }
         if is_one_of(&[Kind::Plan, Kind::Gather]) {
@@ -324,6 +337,9 @@ impl Kind {
         }
         if self == Kind::Raycast && variant.lit {
             defs.push("LIT".into());
+        }
+        if self == Kind::Raycast && variant.columns {
+            defs.push("COLUMNS".into());
         }
         defs
     }
@@ -365,6 +381,10 @@ impl Kind {
                 list.extend((0..5).map(|_| read()));
                 list.extend([write(), write(), read()]);
                 list
+            }
+            Kind::Column => {
+                let column = uniform(size_of::<ColumnUniform>(), false);
+                vec![view(), portion(), column, read(), read(), write(), write()]
             }
             Kind::Field => {
                 let mut list = vec![view(), portion(), uniform(size_of::<FieldUniform>(), false)];

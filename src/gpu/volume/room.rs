@@ -25,6 +25,15 @@ impl Room {
     const MOST_BATCH: u64 = 1 << (PARTICLE_BITS - 1);
     const LEAST_BATCH: u64 = 1 << 14;
 
+    /// Bytes of cells of each column that a job resamples by itself, and of one of their buffers, beside the cells of four values that rays go
+    /// through; of other jobs all that there is.
+    pub fn of_column(&self, job: &VolumeJob) -> [u64; 2] {
+        match job.columns() {
+            Some(march) => [self.cells / (march.columns.len() as u64 + 2), self.limit / 2],
+            None => [self.cells, self.limit],
+        }
+    }
+
     /// Bytes that pixels take whatever the room: light twice, and slab by slab the ends of rays twice.
     pub fn of_pixels(job: &VolumeJob) -> u64 {
         let view = job.seen_from();

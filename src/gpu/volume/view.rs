@@ -5,6 +5,7 @@ use super::layout::MOST_TIERS;
 use super::prepare::VolumeWork;
 use crate::cpu::cartesian::Lattice;
 use crate::cpu::field::{Field, ValueAxis};
+use crate::cpu::volume::attributes::ColumnMarch;
 use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::{FieldRange, OpaqueDepths, Scenery, VolumeError, VolumeOptions};
 use crate::gpu::light::LightCells;
@@ -65,6 +66,8 @@ pub struct VolumeJob {
 pub enum Shows {
     /// Its picture from where its grid is laid, slab by slab.
     Light(Arc<Scenery>),
+    /// The same of the fields of columns: items, and their extents, are those of one column after the other, as many of each.
+    Columns(Arc<ColumnMarch>),
     /// A picture of a Cartesian grid, all of which is held.
     Cartesian(Arc<CartesianPicture>),
     /// The picture of samples from where its grid is laid, slab by slab; particles have no part in it.
@@ -133,6 +136,10 @@ impl VolumeJob {
                 let (grid, _) = planes_and_widest(view, extents.iter().copied(), options)?;
                 (*view, grid, *options, Shows::Light(Arc::new(scenery.clone())))
             }
+            LightPasses::Columns(march) => {
+                let (grid, _) = planes_and_widest(view, extents.iter().copied(), &march.options)?;
+                (*view, grid, march.options, Shows::Columns(Arc::new(ColumnMarch::clone(march))))
+            }
             LightPasses::Cartesian(scenery, options, cartesian) => {
                 let (lattice, planes) = Lattice::of(view, extents, cartesian, attribute, options)?;
                 let picture = CartesianPicture { view: *view, planes, lattice, scenery: scenery.clone() };
@@ -157,7 +164,7 @@ impl VolumeJob {
     pub fn seen_from(&self) -> &View {
         match &self.shows {
             Shows::Cartesian(picture) => &picture.view,
-            Shows::Light(_) | Shows::Field(_) | Shows::Ranges => &self.view,
+            Shows::Light(_) | Shows::Columns(_) | Shows::Field(_) | Shows::Ranges => &self.view,
         }
     }
 
@@ -165,7 +172,7 @@ impl VolumeJob {
     pub fn camera<'a>(&'a self, list: &'a View) -> &'a View {
         match &self.shows {
             Shows::Cartesian(_) | Shows::Field(_) => &self.view,
-            Shows::Light(_) | Shows::Ranges => list,
+            Shows::Light(_) | Shows::Columns(_) | Shows::Ranges => list,
         }
     }
 
@@ -173,6 +180,7 @@ impl VolumeJob {
     pub fn scenery(&self) -> Option<&Scenery> {
         match &self.shows {
             Shows::Light(scenery) => Some(scenery),
+            Shows::Columns(march) => Some(&march.scenery),
             Shows::Cartesian(picture) => Some(&picture.scenery),
             Shows::Field(picture) => Some(&picture.scenery),
             Shows::Ranges => None,
@@ -183,7 +191,7 @@ impl VolumeJob {
     pub fn cartesian(&self) -> Option<&CartesianPicture> {
         match &self.shows {
             Shows::Cartesian(picture) => Some(picture),
-            Shows::Light(_) | Shows::Field(_) | Shows::Ranges => None,
+            Shows::Light(_) | Shows::Columns(_) | Shows::Field(_) | Shows::Ranges => None,
         }
     }
 
@@ -191,24 +199,33 @@ impl VolumeJob {
     pub fn field(&self) -> Option<&FieldPicture> {
         match &self.shows {
             Shows::Field(picture) => Some(picture),
-            Shows::Light(_) | Shows::Cartesian(_) | Shows::Ranges => None,
+            Shows::Light(_) | Shows::Columns(_) | Shows::Cartesian(_) | Shows::Ranges => None,
+        }
+    }
+
+    /// The columns, if their fields are drawn.
+    pub fn columns(&self) -> Option<&ColumnMarch> {
+        match &self.shows {
+            Shows::Columns(march) => Some(march),
+            Shows::Light(_) | Shows::Cartesian(_) | Shows::Field(_) | Shows::Ranges => None,
         }
     }
 
     /// Whether rays go through it slab by slab.
     pub fn is_cast(&self) -> bool {
-        matches!(self.shows, Shows::Light(_) | Shows::Field(_))
+        matches!(self.shows, Shows::Light(_) | Shows::Columns(_) | Shows::Field(_))
     }
 
     /// Whether it is read back where rays end: what hides particles. Of a field nothing is left out for it.
     pub fn reads_ends(&self) -> bool {
-        self.options.occlusion && matches!(self.shows, Shows::Light(_))
+        self.options.occlusion && matches!(self.shows, Shows::Light(_) | Shows::Columns(_))
     }
 
     /// Whether the same is wanted.
     pub fn is_same(&self, other: &VolumeJob) -> bool {
         let shows = match (&self.shows, &other.shows) {
             (Shows::Light(a), Shows::Light(b)) => Arc::ptr_eq(a, b),
+            (Shows::Columns(a), Shows::Columns(b)) => Arc::ptr_eq(a, b),
             (Shows::Cartesian(a), Shows::Cartesian(b)) => Arc::ptr_eq(a, b),
             (Shows::Field(a), Shows::Field(b)) => Arc::ptr_eq(a, b),
             (Shows::Ranges, Shows::Ranges) => true,

@@ -78,8 +78,8 @@ pub struct FieldRun {
 
 /// A slab of one pane.
 pub struct SlabWork {
-    /// Its batches, one at least; none of a field.
-    pub batches: Vec<Batch>,
+    /// The batches of each column that is resampled by itself, one at least: of densities there is one. None of a field.
+    pub columns: Vec<Vec<Batch>>,
     /// What is filled from a field; each has a portion behind the first.
     pub runs: Vec<FieldRun>,
     /// Number of its first portion.
@@ -181,11 +181,16 @@ impl Work {
         means: &Means<'_>,
     ) -> Option<Work> {
         let Means { arena, device, cache, vectors, .. } = *means;
-        let attribute = shown.attribute;
+        // Columns are resampled one by one, each as densities with an attribute.
+        let column_count = job.columns().map_or(1, |march| march.columns.len().max(1));
+        let attribute = shown.attribute || job.columns().is_some();
         let grids = coarse::brick_grids(&job.grid, widest(job, &shown.extents));
         let cut = match job.cartesian() {
             Some(_) => Cut::whole(&job.grid, grids.len(), attribute, job.options.memory, room.cells)?,
-            None => Cut::new(&job.grid, grids.len(), attribute, room.cells, room.limit)?,
+            None => {
+                let [cells, limit] = room.of_column(job);
+                Cut::new(&job.grid, grids.len(), attribute, cells, limit)?
+            }
         };
         let (panes, places, readers) = panes(job, &cut);
         let variant = Variant {
@@ -196,34 +201,48 @@ impl Work {
             vectors,
             field: job.field().is_some(),
             lit: job.scenery().is_some_and(|scenery| scenery.volume_light.is_some()),
+            columns: job.columns().is_some(),
         };
         let uniform = VolumeUniform::new(job, &grids, &cut);
         let (of_layers, coarser) = levels(job, room, store, means)?;
         let digits = (u32::BITS - uniform.bin_count.leading_zeros()).div_ceil(super::constants::DIGIT_BITS);
 
         // Per slab only what reaches into what it fills (F12 5.7.1).
-        let (mut list, parts) = DrawList::parts((view.eye, view.time), items, arena, job.stride);
+        let of_column = items.len() / column_count;
+        let listed = |column: usize| {
+            let own = &items[column * of_column..(column + 1) * of_column];
+            DrawList::parts((view.eye, view.time), own, arena, job.stride)
+        };
+        let mut lists: Vec<(DrawList, Vec<PartToDraw>)> = (0..column_count).map(listed).collect();
         let reaches: Vec<Reach> = shown.extents.iter().map(|extent| Reach::of(job, extent)).collect();
         let filled = cut.filled();
-        let mut batches_of: Vec<Vec<DrawBatch>> = Vec::with_capacity(cut.slabs.len());
+        let mut batches_of: Vec<Vec<Vec<DrawBatch>>> = Vec::with_capacity(cut.slabs.len());
         for layers in &filled {
             let ends: Vec<Option<[f32; 2]>> =
                 grids.iter().zip(layers).map(|(grid, layers)| ends(grid, layers)).collect();
             let overlaps = |part: &&PartToDraw| reaches.get(part.item).is_none_or(|reach| reach.is_within(&ends));
             batches_of.push(match job.field() {
                 Some(_) => Vec::new(),
-                None => list.cut(parts.iter().filter(overlaps), room.batch),
+                None => {
+                    let batched = |(list, parts): &mut (DrawList, Vec<PartToDraw>)| {
+                        list.cut(parts.iter().filter(overlaps), room.batch)
+                    };
+                    lists.iter_mut().map(batched).collect()
+                }
             });
         }
-        let most = |number: fn(&DrawBatch) -> u32| batches_of.iter().flatten().map(number).max().unwrap_or(0).max(1);
+        let all_batches = || batches_of.iter().flatten().flatten();
+        let most = |number: fn(&DrawBatch) -> u32| all_batches().map(number).max().unwrap_or(0).max(1);
         let most_places = u64::from(most(|batch| batch.places));
         let most_turns = most(|batch| batch.places).div_ceil(variant.turn());
 
-        let particles = Particles::new(view, job, &list, store, means);
+        let held = lists.iter().enumerate();
+        let particles: Vec<Particles> =
+            held.map(|(column, (list, _))| Particles::new(view, job, (column, list), store, means)).collect();
         let (mut slabs, mut portions) = (Vec::new(), Vec::new());
         for (pane_index, pane) in panes.iter().enumerate() {
             let origins = cut.origins(&pane.window);
-            for (index, ((slab, layers), batches)) in cut.slabs.iter().zip(&filled).zip(&batches_of).enumerate() {
+            for (index, ((slab, layers), columns)) in cut.slabs.iter().zip(&filled).zip(&batches_of).enumerate() {
                 let own = layers[0].clone();
                 let bricks: Vec<u32> =
                     cut.tiers.iter().zip(layers).map(|(tier, layers)| tier.columns() * layers.len() as u32).collect();
@@ -248,7 +267,7 @@ impl Work {
                     unused: 0,
                     tiers,
                 };
-                for (number, batch) in batches.iter().enumerate() {
+                for (number, batch) in columns.iter().flat_map(|batches| batches.iter().enumerate()) {
                     let opening = u32::from(number == 0);
                     portions.push(Portion { candidates: batch.places, opening, ..whole });
                 }
@@ -264,13 +283,16 @@ impl Work {
                         runs.push(FieldRun { level: run.level, bricks: count });
                     }
                 }
-                let bound = |batch: &DrawBatch| Batch {
+                let bound = |particles: &Particles, batch: &DrawBatch| Batch {
                     loaded: batch.ranges.iter().map(|range| particles.bind(range, arena, device, cache)).collect(),
                     candidates: batch.places,
                     turns: batch.places.div_ceil(variant.turn()).max(1),
                 };
+                let all_bound = |(batches, particles): (&Vec<DrawBatch>, &Particles)| {
+                    batches.iter().map(|batch| bound(particles, batch)).collect::<Vec<Batch>>()
+                };
                 slabs.push(SlabWork {
-                    batches: batches.iter().map(bound).collect(),
+                    columns: columns.iter().zip(&particles).map(all_bound).collect(),
                     runs,
                     first_portion,
                     layers: own.len() as u32,
@@ -306,7 +328,7 @@ impl Work {
         Some(Work {
             job: job.clone(),
             items: Arc::clone(items),
-            nodes: list.nodes,
+            nodes: lists.into_iter().flat_map(|(list, _)| list.nodes).collect(),
             generation: arena.generation,
             variant,
             cut,
@@ -348,7 +370,7 @@ impl Work {
     /// Leaves out what fills the grid: a picture before has done it.
     pub fn keep_grid(&mut self) {
         let last = self.slabs.pop();
-        self.slabs = last.into_iter().map(|last| SlabWork { batches: Vec::new(), opens: false, ..last }).collect();
+        self.slabs = last.into_iter().map(|last| SlabWork { columns: Vec::new(), opens: false, ..last }).collect();
     }
 
     /// Whether all of its particles, and no others of its list, lie where the bindings say.
@@ -437,8 +459,15 @@ struct Particles {
 }
 
 impl Particles {
-    fn new(view: &View, job: &VolumeJob, list: &DrawList, store: &mut Store, means: &Means<'_>) -> Particles {
-        let own = usize::from(matches!(job.shows, Shows::Ranges));
+    /// Those of a list for a column.
+    fn new(
+        view: &View,
+        job: &VolumeJob,
+        (column, list): (usize, &DrawList),
+        store: &mut Store,
+        means: &Means<'_>,
+    ) -> Particles {
+        let own = 2 * column + usize::from(matches!(job.shows, Shows::Ranges));
         let kernel = Footprint::Kernel(job.options.kernel);
         // The camera alone counts, and what it leaves out.
         let uniform = Grids::new(view, kernel, true, 0.0, false).uniform;

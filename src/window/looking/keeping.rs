@@ -24,12 +24,7 @@ impl Keeping {
     pub fn write(&mut self, scene: &Scene, name: &str, members: &Members, format: Format) {
         let asking = Asking::about(scene, members, true);
         let members = members.clone();
-        let extension = match format {
-            Format::Csv => "csv",
-            Format::Parquet => "parquet",
-            Format::Ply => "ply",
-        };
-        let out = free_name(&scene.path, name, extension);
+        let out = free_name(&scene.path, name, format.extension());
         self.export = Answer::ask("export", move |work| {
             let exported = asking.ask(&members, work, |data, members, periodic| {
                 export(data, members, format, &Frame::Stored, &out, periodic, work)

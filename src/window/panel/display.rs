@@ -1,6 +1,6 @@
-//! The section about colours: the transfer-function editor.
+//! The section about colours: the transfer-function editor, and how light is exposed and spreads.
 
-use super::{Dock, Section, transfer};
+use super::{Dock, Section, light, transfer};
 use bevy::prelude::DetectChangesMut;
 
 /// The section.
@@ -14,6 +14,7 @@ pub static SECTION: Section = Section {
         let mut edited = state.settings.clone();
         let shown = transfer::Shown { scene, look, exposure: &state.exposure, choices: &state.choices };
         transfer::show(ui, &shown, &mut state.presets, &mut edited);
+        light::show(ui, &mut edited);
         state.settings.set_if_neq(edited);
     },
 };

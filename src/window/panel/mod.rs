@@ -11,6 +11,7 @@ mod comparison;
 mod dataset;
 mod display;
 mod heights;
+mod light;
 mod messages;
 mod mode;
 mod objects;

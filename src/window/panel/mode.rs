@@ -5,7 +5,8 @@ use crate::look::Attribute;
 use crate::mode::blend::ORDER;
 use crate::mode::levels::{LEVELS, REPRESENTATIVE, is_of_levels, is_of_pictures};
 use crate::mode::{Mode, Setting, SettingKind, SettingValue};
-use crate::modes::{self, grid, samples};
+use crate::modes::slice_overlay::vectors_among;
+use crate::modes::{self, grid, samples, volume_fields};
 use crate::window::scene::Settings;
 use bevy_egui::egui::{ComboBox, TextEdit, Ui};
 
@@ -23,13 +24,14 @@ pub static SECTION: Section = Section {
 };
 
 /// Settings of modes of particles and of fields alike that say something of particles alone.
-const OF_PARTICLES: [&Setting; 8] = [
+const OF_PARTICLES: [&Setting; 9] = [
     &grid::DETAIL,
     &grid::KERNEL,
     &grid::SMALLEST_CELLS,
     &grid::FIELD,
-    &grid::SURFACE_FIELD,
-    &grid::FIELD_SUM,
+    &volume_fields::SURFACE_FIELD,
+    &volume_fields::FIELD_SUM,
+    &volume_fields::FIELD_OPACITY,
     &LEVELS,
     &REPRESENTATIVE,
 ];
@@ -156,6 +158,10 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, columns: &[String], values: &mut
         }
         SettingKind::Column { .. } => {
             theme::row(ui, &label, |ui| name_setting(ui, setting, columns.iter().map(String::as_str), values))
+        }
+        SettingKind::Vector { .. } => {
+            let vectors = vectors_among(columns);
+            theme::row(ui, &label, |ui| name_setting(ui, setting, vectors.iter().map(String::as_str), values))
         }
         SettingKind::Numbers { .. } | SettingKind::Colors { .. } => {
             theme::row(ui, &label, |ui| list_setting(ui, setting, values))

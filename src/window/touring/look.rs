@@ -106,7 +106,7 @@ pub(crate) mod tests {
             SettingKind::Number { min, max, .. } => SettingValue::Number(middle(min, max)),
             SettingKind::Flag { default } => SettingValue::Flag(!default),
             SettingKind::Choice { options } => SettingValue::Name(options.last().copied().unwrap_or_default().into()),
-            SettingKind::Column { .. } => SettingValue::Name("temperature".into()),
+            SettingKind::Column { .. } | SettingKind::Vector { .. } => SettingValue::Name("temperature".into()),
             SettingKind::Numbers { min, max, .. } => SettingValue::Numbers(vec![middle(min, max), max.min(1e6)]),
             SettingKind::Colors { .. } => SettingValue::Names(vec!["#ff8000".into()]),
         }
@@ -126,6 +126,8 @@ pub(crate) mod tests {
         settings.transfer.range = Range::Fixed(0.5, 7.0);
         settings.error_px = 2.5;
         settings.background = crate::color::composite::Background::Transparent;
+        settings.exposure = crate::color::ExposureMode::Adaptive { bright: 0.2, dark: 3.0 };
+        settings.bloom = crate::color::Bloom { strength: 0.4, threshold: 0.8, radius: 0.05 };
         settings
     }
 

@@ -17,12 +17,15 @@ pub use player::{Asked, Player};
 pub use ranges::Ranges;
 
 use super::camera::CameraPlugin;
+use crate::look::LookPatch;
 use bevy::prelude::*;
 
 /// What plays and edits tours. Its systems that change the camera and settings run where the window runs its own: [`player::play_tour`].
 pub struct TouringPlugin {
     /// A tour to begin with.
     pub open: Option<std::path::PathBuf>,
+    /// Its exposure and bloom, over what it says.
+    pub light: LookPatch,
 }
 
 impl Plugin for TouringPlugin {
@@ -30,7 +33,7 @@ impl Plugin for TouringPlugin {
         debug_assert!(app.is_plugin_added::<CameraPlugin>());
         let mut player = Player::default();
         if let Some(path) = &self.open {
-            player.ask(Asked::Open(path.clone()));
+            player.begin_with(path.clone(), self.light.clone());
         }
         app.insert_resource(player).init_resource::<ranges::Ranges>().init_resource::<Before>();
     }

@@ -84,6 +84,8 @@ pub struct Player {
     dataset: u32,
     /// Width over height of the picture that the tour is for; this window's where it is `None`.
     aspect: Option<f64>,
+    /// The exposure and the bloom of the tour that is opened first.
+    light: LookPatch,
 }
 
 /// A flight that becomes keyframes.
@@ -141,9 +143,16 @@ impl Player {
         *self = Player { tour: Some(tour), path, edited, ..Player::default() };
     }
 
+    /// Opens a tour with this exposure and bloom, whatever it says itself.
+    pub fn begin_with(&mut self, path: PathBuf, light: LookPatch) {
+        self.light = light;
+        self.ask(Asked::Open(path));
+    }
+
     fn open(&mut self, path: PathBuf, notices: &mut Notices) {
         match TourFile::read(&path) {
-            Ok(tour) => {
+            Ok(mut tour) => {
+                tour.expose(&self.light);
                 let text = std::fs::read_to_string(&path).unwrap_or_default();
                 *self = Player { tour: Some(tour), path: Some(path), text, ..Player::default() };
             }

@@ -13,7 +13,7 @@ use crate::view::Surround;
 use crate::window::look::{Held, Look};
 use crate::window::picture::Picture;
 use crate::window::run_ranges::RunRanges;
-use crate::window::scene::Scene;
+use crate::window::scene::{Scene, Settings};
 use crate::window::state::answer::Answer;
 use bevy::prelude::*;
 use std::collections::HashSet;
@@ -82,8 +82,8 @@ impl Rehearsed {
 
     /// The moment to draw now, for one who is at a time after a keyframe: what is needed there, what comes after, and the rest.
     fn next(&self, keyframe: usize, time: f64) -> Option<Moment> {
+        let now = self.exposure.needed(keyframe, time);
         let is_open = |moment: &&Moment| !self.exposure.knows(**moment) && !self.failed.contains(moment);
-        let (now, _) = self.exposure.around(keyframe, time)?;
         let needed = now.iter().filter(|moment| self.moments.contains(moment)).find(is_open);
         let later = || self.moments.iter().filter(|moment| self.exposure.time(**moment) >= time).find(is_open);
         needed.or_else(later).or_else(|| self.moments.iter().find(is_open)).copied()
@@ -224,10 +224,12 @@ pub fn measure_ahead(
 pub fn hold_ranges(
     (ranges, run): (Res<Ranges>, Option<Res<RunRanges>>),
     player: Res<Player>,
-    look: Option<Res<Look>>,
+    (look, settings): (Option<Res<Look>>, Option<Res<Settings>>),
     mut held: ResMut<Held>,
 ) {
-    let of_run = || run?.levels(look.as_deref()?);
+    // Each picture has its own, or an eye adapts to what is seen.
+    let is_held = settings.is_none_or(|settings| settings.exposure.is_found_ahead());
+    let of_run = || run.filter(|_| is_held)?.levels(look.as_deref()?);
     let known = ranges.tour.as_ref().zip(player.state()).zip(look.as_deref());
     let same = |tour: &Rehearsed| player.timeline().is_some_and(|timeline| Arc::ptr_eq(&tour.timeline, timeline));
     let levels = known.filter(|((tour, _), _)| same(tour)).and_then(|((tour, state), look)| tour.levels(state, look));

@@ -22,13 +22,16 @@ proptest! {
     fn damaged_catalogues_and_ids_are_errors_or_catalogues(
         changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
         keep in prop_oneof![Just(1.0), 0.01..1.0_f64],
-        kind in 0..4_usize,
+        kind in 0..6_usize,
     ) {
         let folder = tempfile::tempdir().unwrap();
         let (name, bytes) = match kind {
             0 => ("groups.0.hdf5", std::fs::read(in_repository("tests/data/groups.0.hdf5")).unwrap()),
             1 => ("a.csv", b"name,x [kpc],y,z,radius,mass\nA,1,2,3,4,5\n\"B, b\",1e3,2,3,,\n".to_vec()),
             2 => ("a.ron", b"(length_unit: \"kpc\", objects: [(name: \"A\", position: (1, 2, 3), mass: 4.0)])".to_vec()),
+            4 => ("velociraptor.hdf5", std::fs::read(in_repository("tests/data/velociraptor.hdf5")).unwrap()),
+            // One of two files: the other one is not there.
+            5 => ("hbt.1.hdf5", std::fs::read(in_repository("tests/data/hbt.1.hdf5")).unwrap()),
             _ => ("a.ids", b"# 5 ids\n1-3\n7, 18446744073709551615\n".to_vec()),
         };
         let path = folder.path().join(name);

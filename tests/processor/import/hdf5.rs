@@ -84,6 +84,54 @@ fn both_files_of_a_snapshot_open_under_either_name() {
 }
 
 #[test]
+fn cells_are_as_large_as_their_volume_says() {
+    let source = open(&data("arepo.0.hdf5")).unwrap();
+    assert_eq!(unit(source.as_ref(), 0, "smoothing-length"), "a kpc/h");
+    let [mass, density, length] =
+        ["mass", "density", "smoothing-length"].map(|name| read_all(source.as_ref(), 0, name, 7));
+    for ((mass, density), length) in mass.iter().zip(&density).zip(&length) {
+        // The sphere holds as much as 32 cells.
+        let sphere = 4.0 / 3.0 * std::f64::consts::PI * length.powi(3);
+        assert!((sphere * density / (32.0 * mass) - 1.0).abs() < 1e-12, "{length} for {mass} and {density}");
+    }
+    let loaded = load(&data("arepo.0.hdf5"), &LoadOptions::default(), &()).unwrap();
+    assert_eq!(loaded.families[0].smoothing_length, length.iter().map(|h| *h as f32).collect::<Vec<_>>());
+    let notes = &loaded.provenance.notes;
+    assert!(notes.iter().any(|note| note.contains("32 such cells")), "{notes:?}");
+    // Another way is still to be had.
+    let options = LoadOptions { smoothing: Smoothing::Knn(8), ..LoadOptions::default() };
+    let estimated = load(&data("arepo.0.hdf5"), &options, &()).unwrap();
+    assert_ne!(estimated.families[0].smoothing_length, loaded.families[0].smoothing_length);
+}
+
+#[test]
+fn a_virtual_file_stands_for_the_files_with_the_particles() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |place: &Path| {
+        for (from, to) in [("arepo.0.hdf5", "snap.0.hdf5"), ("arepo.1.hdf5", "snap.1.hdf5")] {
+            std::fs::copy(data(from), place.join(to)).unwrap();
+        }
+    };
+    // An attribute of a number becomes SWIFT's flag.
+    let mut bytes = std::fs::read(data("arepo.0.hdf5")).unwrap();
+    let places: Vec<usize> = (0..bytes.len() - 7).filter(|&at| &bytes[at..at + 7] == b"BoxSize").collect();
+    places.iter().for_each(|&at| bytes[at..at + 7].copy_from_slice(b"Virtual"));
+    let path = folder.path().join("snap.hdf5");
+    std::fs::write(&path, bytes).unwrap();
+    let text = message(&open(&path).err().unwrap(), &path);
+    assert!(text.contains("snap.0.hdf5: missing"), "{text}");
+    // In a folder of its name, then beside it.
+    std::fs::create_dir(folder.path().join("snap")).unwrap();
+    put(&folder.path().join("snap"));
+    assert_eq!(open(&path).unwrap().description().particles(), 80);
+    std::fs::remove_dir_all(folder.path().join("snap")).unwrap();
+    put(folder.path());
+    for path in [&path, &folder.path().to_path_buf()] {
+        assert_eq!(open(path).unwrap().description().particles(), 80, "{}", path.display());
+    }
+}
+
+#[test]
 fn a_file_of_several_that_stands_alone_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("arepo.0.hdf5");

@@ -1,7 +1,7 @@
 //! Damaged files of every format: no panic, no particle that cannot be drawn, an error of one line.
 
 use super::writers::file;
-use super::{data, message};
+use super::{data, las, message, phantom, ply, vtk_points};
 use deepfield::import::{LoadOptions, load, open_with, summarize};
 use deepfield::model::ReadMethod;
 use proptest::prelude::*;
@@ -9,15 +9,19 @@ use std::path::Path;
 
 /// Opens and loads whatever the bytes are, and looks at what comes out.
 fn survives(folder: &Path, bytes: &[u8]) -> Result<(), TestCaseError> {
-    let path = file(folder, "hostile", bytes);
-    let summary = match summarize(&path) {
+    survives_at(&file(folder, "hostile", bytes))
+}
+
+/// The same of whatever is at `path`, a file or a folder.
+pub(super) fn survives_at(path: &Path) -> Result<(), TestCaseError> {
+    let summary = match summarize(path) {
         Ok(summary) => summary,
         Err(error) => {
-            message(&error, &path);
+            message(&error, path);
             return Ok(());
         }
     };
-    match load(&path, &LoadOptions::default(), &()) {
+    match load(path, &LoadOptions::default(), &()) {
         Ok(dataset) => {
             let skipped: u64 = dataset.skipped.iter().map(|skipped| skipped.count).sum();
             prop_assert_eq!(dataset.len() as u64 + skipped, summary.particles);
@@ -33,20 +37,20 @@ fn survives(folder: &Path, bytes: &[u8]) -> Result<(), TestCaseError> {
             }
         }
         Err(error) => {
-            message(&error, &path);
+            message(&error, path);
         }
     }
     Ok(())
 }
 
 /// Overwrites some bytes, most of them near the beginning, where headers are.
-fn mutations() -> impl Strategy<Value = Vec<(f64, u8)>> {
+pub(super) fn mutations() -> impl Strategy<Value = Vec<(f64, u8)>> {
     let place = prop_oneof![0.0..1.0f64, (0.0..1.0f64).prop_map(|x| x.powi(4)), (0.0..1.0f64).prop_map(|x| x.powi(12))];
     let value = prop_oneof![any::<u8>(), Just(0), Just(0xff), Just(0x7f), Just(1)];
     prop::collection::vec((place, value), 1..40)
 }
 
-fn mutate(bytes: &mut [u8], mutations: &[(f64, u8)]) {
+pub(super) fn mutate(bytes: &mut [u8], mutations: &[(f64, u8)]) {
     let length = bytes.len();
     for (place, value) in mutations {
         bytes[(place * length as f64) as usize] = *value;
@@ -122,6 +126,13 @@ hostile! {
     gadget_2: gadget(2);
     tipsy_standard: tipsy();
     csv: table();
+    ply_text: ply::sample(ply::Coding::Text);
+    ply_binary: ply::sample(ply::Coding::Big);
+    las_points: las::sample();
+    phantom_dump: phantom::sample();
+    vtk_text: vtk_points::sample(vtk_points::Coding::LegacyText);
+    vtk_binary: vtk_points::sample(vtk_points::Coding::LegacyBinary);
+    vtk_compressed: vtk_points::sample(vtk_points::Coding::XmlZlib { inline: false });
     hdf5_contiguous: bytes_of("gas_sphere_collapse_025.hdf5");
     hdf5_deflated: bytes_of("emitter_000.hdf5");
     hdf5_newest: bytes_of("gizmo.hdf5");

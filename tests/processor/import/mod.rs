@@ -3,11 +3,20 @@
 mod expansion;
 mod folders;
 mod gadget;
+mod generic_io;
 mod hdf5;
 mod hostile;
+mod las;
+mod light_cones;
+mod nchilada;
+mod openpmd;
+mod phantom;
+mod ply;
+mod ramses;
 mod reference;
 mod tables;
 mod tipsy;
+mod vtk_points;
 mod writers;
 
 use crate::support::in_repository;

@@ -1,5 +1,5 @@
-//! Pictures of more pages than there is memory for: sums are drawn in passes and have the bits of a picture of all pages at once, and what is
-//! held never exceeds its budget; all else is drawn coarser, and told.
+//! Pictures of more pages than there is memory for: sums are drawn in passes and volumes in slabs, and are what they are with all pages at once;
+//! what is held never exceeds its budget. All else is drawn coarser, and told.
 
 use deepfield::build::{self, BuildOptions};
 use deepfield::color::Accumulation;
@@ -7,7 +7,7 @@ use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::overdraw::Overdraw;
 use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::hierarchy::{Kinds, OctreeOptions};
-use deepfield::look::{Camera, LookPatch, Member, SceneFile, Shot};
+use deepfield::look::{Attribute, Camera, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::{Raw, SettingValue};
 use deepfield::model::Progress;
 use deepfield::modes;
@@ -19,7 +19,9 @@ use deepfield::picture::{
 use deepfield::store::{PageFile, PageId};
 use deepfield::stream::Scene;
 use deepfield::synth::{dataset, merger::Merger};
-use deepfield::view::{Surround, View};
+use deepfield::view::cut::ClipBox;
+use deepfield::view::{CutSettings, Surround, View};
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
@@ -55,6 +57,14 @@ impl Reporter for Told {
 
     fn progress(&self) -> Box<dyn Progress + '_> {
         Box::new(())
+    }
+}
+
+impl Told {
+    /// Nothing was told but that less memory was given than a picture takes.
+    fn is_of_memory_alone(&self) {
+        let told = self.0.lock().unwrap();
+        assert!(told.iter().all(|message| message.contains("a picture of this size takes")), "{told:?}");
     }
 }
 
@@ -125,7 +135,58 @@ fn is_the_same(data: &Data, change: &dyn Fn(&mut Shot), (mode, surround): (&str,
         let held = session.residency();
         assert!(held.most_bytes <= held.budget_bytes && held.budget_bytes == budget, "{about}: {held:?}");
     }
-    assert!(told.0.lock().unwrap().is_empty(), "{:?}", told.0.lock().unwrap());
+    told.is_of_memory_alone();
+}
+
+/// A volume of which some pages at a time are there is the one of all pages at once, but for what slabs of another thickness round.
+fn is_the_same_volume(data: &Data, change: &dyn Fn(&mut Shot), mode: &str) {
+    let told = Arc::default();
+    let mut whole = data.session(None, &told);
+    let (mut shot, camera) = shot(mode, Surround::Flat, &mut whole);
+    shot.size = Some((90, 60));
+    change(&mut shot);
+    let expected = whole.draw(&shot).unwrap();
+    let format = Format { size: SIZE, surround: Surround::Flat };
+    let levels = whole.ranges(&shot.look, &camera, format).unwrap().levels;
+    let mut session = data.session(Some(2 * BUDGETS[0]), &told);
+    let picture = session.draw(&shot).unwrap();
+    assert!(expected.converged && picture.converged && !session.lacks_memory(), "{mode}");
+    let (Raw::Light(all), Raw::Light(some)) = (&expected.values, &picture.values) else { panic!("{mode}: sums") };
+    let about = format!("{mode}: {:?}, of all pages {:?}", some.report, all.report);
+    let pairs = || some.colors.rgba.as_flattened().iter().zip(all.colors.rgba.as_flattened());
+    let brightest = pairs().fold(0.0_f32, |most, (_, all)| most.max(*all));
+    assert!(brightest > 0.01 && pairs().all(|(some, all)| (some - all).abs() <= 1e-6), "{about}");
+    assert!(some.report.slabs > 1 && all.report.slabs == 1, "{about}");
+    assert_eq!((some.report.grid, some.report.planes), (all.report.grid, all.report.planes), "{about}");
+    assert_eq!((some.levels, &some.isovalues), (all.levels, &all.isovalues), "{about}");
+    let counts = |picture: &Picture| (picture.nodes, picture.particles, picture.left_out.thinned);
+    assert!(counts(&picture) == counts(&expected) && picture.error_px <= expected.error_px, "{about}");
+    assert_eq!(session.ranges(&shot.look, &camera, format).unwrap().levels, levels, "{about}");
+    let held = session.residency();
+    assert!(held.most_bytes <= held.budget_bytes && held.budget_bytes == BUDGETS[0], "{about}: {held:?}");
+    told.is_of_memory_alone();
+}
+
+#[test]
+fn volumes_are_the_same_in_however_little_memory() {
+    let plain = data(60_000, Kinds::default());
+    let clusters = data(60_000, Kinds::of_particles());
+    assert!(plain.bytes() > BUDGETS[0] && clusters.bytes() > BUDGETS[0]);
+    let colored = |shot: &mut Shot| shot.look.attribute = Some(Attribute::Named("internal-energy".into()));
+    is_the_same_volume(&plain, &colored, "volume");
+    // What is cut off is known when particles are looked at.
+    let cut = |shot: &mut Shot| {
+        let target = DVec3::from(shot.camera.target.unwrap());
+        let half = 0.5 * (DVec3::from(shot.camera.eye.unwrap()) - target).abs();
+        let clip = Some(ClipBox { min: target - half, max: target + 2.0 * half });
+        shot.look.cut = Some(CutSettings { clip, ..CutSettings::default() });
+    };
+    is_the_same_volume(&plain, &cut, "volume-isosurface");
+    let of_clusters = |shot: &mut Shot| {
+        shot.look.budget.0.insert("levels".into(), SettingValue::Name("clusters".into()));
+        shot.look.budget.0.insert("splats".into(), SettingValue::Number(20_000.0));
+    };
+    is_the_same_volume(&clusters, &of_clusters, "isosurface");
 }
 
 #[test]
@@ -162,7 +223,7 @@ fn what_needs_everything_at_once_is_drawn_coarser_and_told() {
     let data = data(150_000, Kinds::default());
     let told = Arc::default();
     let mut session = data.session(Some(2 * BUDGETS[0]), &told);
-    let (shot, _) = shot("volume", Surround::Flat, &mut session);
+    let (shot, _) = shot("sorted-splats", Surround::Flat, &mut session);
     let picture = session.draw(&shot).unwrap();
     assert!(!picture.converged && session.lacks_memory());
     let messages = told.0.lock().unwrap().clone();

@@ -6,13 +6,13 @@ use crate::hierarchy::spacetime::TrackFlags;
 use crate::store::run::FlowTracks;
 use std::ops::Range;
 
-/// Sums of an end before those of attributes: mass, volume, mass by density, smoothing length by mass, and as it is.
-const OF_END: usize = 5;
+/// Sums of an end before those of attributes: mass, volume, smoothing length by mass, and as it is.
+const OF_END: usize = 4;
 
 /// Sums over the particles of tracks.
 pub(super) struct Sums {
     attributes: usize,
-    /// Of each track, of each end, [`OF_END`] sums and two of each attribute: by presence (the sum of the light of a magnitude), and as it is.
+    /// Of each track, of each end, [`OF_END`] sums and two of each attribute: by mass (the sum of the light of a magnitude), and as it is.
     rows: Vec<f64>,
     counts: Vec<u32>,
     /// Mass at the beginning of what is unresolved.
@@ -44,14 +44,13 @@ impl Sums {
         for (end, row) in self.rows[at..].chunks_exact_mut(width).enumerate() {
             for i in members.clone() {
                 let [mass, density, length] = [0, 1, 2].map(|k| region.value(i, end, k));
-                let presence = mass * density;
                 let volume = if density > 0.0 { mass / density } else { 0.0 };
-                let own = [mass, volume, presence, mass * length, length];
+                let own = [mass, volume, mass * length, length];
                 row.iter_mut().zip(own).for_each(|(sum, value)| *sum += value);
                 for (k, rule) in region.rules.iter().enumerate() {
                     let value = region.value(i, end, 3 + k);
                     row[OF_END + 2 * k] += match rule {
-                        AttributeMerge::Mean => presence * value,
+                        AttributeMerge::Mean => mass * value,
                         AttributeMerge::Magnitude => 10.0_f64.powf(-0.4 * value),
                     };
                     row[OF_END + 2 * k + 1] += value;
@@ -89,7 +88,7 @@ impl Sums {
         let count = f64::from(self.counts[track]);
         for (end, (place, movement)) in states.into_iter().enumerate() {
             let row = self.row(track, end);
-            let (mass, volume, presence) = (row[0], row[1], row[2]);
+            let (mass, volume) = (row[0], row[1]);
             let mean = |sum: f64, weight: f64, plain: f64| if weight > 0.0 { sum / weight } else { plain / count };
             let own = &mut out.tracks.ends[end];
             let shift = if end == 0 { [0; 3] } else { region.shift(first) };
@@ -97,11 +96,11 @@ impl Sums {
             own.movements.push(movement);
             own.mass.push(mass as f32);
             own.density.push(if volume > 0.0 { mass / volume } else { 0.0 } as f32);
-            own.smoothing_length.push(mean(row[3], mass, row[4]) as f32);
+            own.smoothing_length.push(mean(row[2], mass, row[3]) as f32);
             for (k, (attribute, rule)) in own.attributes.iter_mut().zip(region.rules).enumerate() {
                 let (sum, plain) = (row[OF_END + 2 * k], row[OF_END + 2 * k + 1]);
                 attribute.push(match rule {
-                    AttributeMerge::Mean => mean(sum, presence, plain),
+                    AttributeMerge::Mean => mean(sum, mass, plain),
                     AttributeMerge::Magnitude => -2.5 * sum.log10(),
                 } as f32);
             }

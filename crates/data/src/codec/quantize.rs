@@ -450,27 +450,17 @@ impl Sums {
         Sums { scope, columns, counts: vec![0; codes], values: vec![0.0; codes * columns], ranges }
     }
 
-    /// Where a row has the sum of the weights of attributes.
-    fn weight(&self) -> usize {
-        match self.scope {
-            // Volumes are drawn by mass. So are leaves in most modes, and those of an entry hardly differ in density.
-            CodebookScope::Leaves | CodebookScope::VolumeDepth(_) => 0,
-            // As particles are merged for splats (F12 4.2).
-            CodebookScope::Depth(_) | CodebookScope::Clusters => 1,
-        }
-    }
-
     #[inline]
     fn add(&mut self, code: usize, from: &Quantities, i: usize, scaling: &Scaling) {
         let (m, rho, h) = (f64::from(from.mass[i]), f64::from(from.density[i]), f64::from(from.smoothing_length[i]));
-        let weight = [m, m * rho][self.weight()];
         let row = &mut self.values[code * self.columns..][..self.columns];
         row[0] += m;
         row[1] += m * rho;
         row[2] += m / (h * h);
         for ((sum, (_, merge)), column) in row[3..].iter_mut().zip(&scaling.attributes).zip(&from.attributes) {
             *sum += match merge {
-                AttributeMerge::Mean => weight * f64::from(column[i]),
+                // As particles are merged.
+                AttributeMerge::Mean => m * f64::from(column[i]),
                 AttributeMerge::Magnitude => (-0.4 * std::f64::consts::LN_10 * f64::from(column[i])).exp(),
             };
         }
@@ -509,7 +499,6 @@ impl Sums {
     /// The codebook of the codes in use, and the new number of each code; 0 for one that is not in use.
     fn codebook(&self, scaling: &Scaling) -> (Codebook, Vec<u16>) {
         let used: Vec<usize> = self.used().collect();
-        let weight = self.weight();
         let mut renumbered = vec![0; self.counts.len()];
         used.iter().enumerate().for_each(|(new, &old)| renumbered[old] = new as u16);
         let row = |code: usize| &self.values[code * self.columns..][..self.columns];
@@ -525,7 +514,7 @@ impl Sums {
             smoothing_length: column(&|row, _| (row[0] / row[2]).sqrt()),
             attributes: attributes
                 .map(|(k, (_, merge))| match merge {
-                    AttributeMerge::Mean => column(&|row, _| row[3 + k] / row[weight]),
+                    AttributeMerge::Mean => column(&|row, _| row[3 + k] / row[0]),
                     AttributeMerge::Magnitude => column(&|row, count| -2.5 * (row[3 + k] / count).log10()),
                 })
                 .collect(),
@@ -656,22 +645,22 @@ mod tests {
             prop_assert!(book.particles == codes.len() as u64);
         }
 
-        /// Attributes keep their sums over what levels are drawn by: masses, or `m rho`.
+        /// Attributes keep their sums over masses, in all levels.
         #[test]
-        fn attributes_weigh_as_levels_are_drawn(columns in columns(300..1500, 1), is_refined: bool) {
+        fn attributes_weigh_with_mass(columns in columns(300..1500, 1), is_refined: bool) {
             let scopes = [
-                (CodebookScope::Leaves, 0.0, is_refined),
-                (CodebookScope::VolumeDepth(3), 0.0, false),
-                (CodebookScope::Depth(3), 1.0, false),
+                (CodebookScope::Leaves, is_refined),
+                (CodebookScope::VolumeDepth(3), false),
+                (CodebookScope::Depth(3), false),
+                (CodebookScope::Clusters, false),
             ];
-            for (scope, power, is_refined) in scopes {
+            for (scope, is_refined) in scopes {
                 let (book, codes, _) = run(&columns, 100, scope, is_refined);
                 let codes: Vec<usize> = codes.concat().into_iter().map(usize::from).collect();
-                let weight = |mass: f32, density: f32| f64::from(mass) * f64::from(density).powf(power);
-                let own = |i: usize| weight(columns.mass[i], columns.density[i]);
+                let own = |i: usize| f64::from(columns.mass[i]);
                 let sum: f64 = (0..codes.len()).map(|i| own(i) * f64::from(columns.attributes[0][i])).sum();
                 let size: f64 = (0..codes.len()).map(|i| own(i) * f64::from(columns.attributes[0][i].abs())).sum();
-                let entry = |&code: &usize| weight(book.mass[code], book.density[code]) * f64::from(book.attributes[0][code]);
+                let entry = |&code: &usize| f64::from(book.mass[code]) * f64::from(book.attributes[0][code]);
                 let decoded: f64 = codes.iter().map(entry).sum();
                 prop_assert!((decoded - sum).abs() <= 1e-5 * size, "{scope:?}: {decoded} {sum}");
             }

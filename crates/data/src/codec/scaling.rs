@@ -15,7 +15,7 @@ const LARGEST_DEVIATION: f32 = 6.0;
 /// How an attribute of several particles becomes that of one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AttributeMerge {
-    /// The mean, weighted with `m rho` (F12 4.2).
+    /// The mean, weighted with mass.
     Mean,
     /// Astronomical magnitudes: their fluxes `10^(-0.4 a)` are added.
     Magnitude,

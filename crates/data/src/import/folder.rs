@@ -2,6 +2,7 @@
 
 use super::format::{Head, format_of, open_file};
 use super::grid::is_stack;
+use super::table::same_columns;
 use super::{Description, ImportError, multifile};
 use crate::model::ReadMethod;
 use std::path::{Path, PathBuf};
@@ -16,8 +17,8 @@ const LISTED: usize = 12;
 /// How many files are opened to find that out.
 const TRIED: usize = 64;
 
-/// The file that is meant by `path`: itself unless it is a folder, or where the folder is one of slices; else a file of the one source in the
-/// folder, which may be a snapshot in several files, or the one file of another kind. Links are followed; hidden files and the folders inside are not
+/// The file that is meant by `path`: itself unless it is a folder, or where the folder is one of slices or of the parts of one table; else a
+/// file of the one source in the folder, which may be a snapshot in several files, or the one file of another kind. Links are followed; hidden files and the folders inside are not
 /// looked into, and files that belong to nothing that can be opened do not count.
 ///
 /// # Errors
@@ -27,8 +28,11 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
     if !path.is_dir() {
         return Ok(path.into());
     }
+    if let Some(file) = whole(path) {
+        return Ok(file);
+    }
     let (mut claimants, names) = look_into(path, others)?;
-    if are_slices(path, &claimants)? {
+    if are_slices(path, &claimants)? || are_parts(&claimants) {
         return Ok(path.into());
     }
     if claimants.len() <= 1 {
@@ -48,9 +52,12 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
         match open_file(&claimant.path, ReadMethod::Positioned) {
             Ok(source) => {
                 let about = source.description();
-                let files = multifile::names(&claimant.path, about.files as u64)?;
+                let files = multifile::names(&about.path, about.files as u64)?;
                 claimants.retain(|other| !files.contains(&other.path));
-                found.push((claimant.path, described(about)));
+                // A file without particles of its own stands for others, which may have been found before.
+                if !found.iter().any(|(path, _)| files.contains(path)) {
+                    found.push((claimant.path, described(about)));
+                }
             }
             Err(error) => first_error = first_error.or(Some(error)),
         }
@@ -66,6 +73,11 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
     }
 }
 
+/// A file of the source that a folder is as a whole, as some codes write them, whatever else lies in it.
+pub(super) fn whole(folder: &Path) -> Option<PathBuf> {
+    super::ramses::info_in(folder).or_else(|| super::nchilada::field_in(folder))
+}
+
 /// Whether a folder is one of slices of a volume: of pictures, beside which lies nothing that can be opened. Pictures of a snapshot beside it are
 /// none.
 ///
@@ -79,6 +91,19 @@ fn are_slices(folder: &Path, claimants: &[Claimant]) -> Result<bool, ImportError
     let is_data =
         |claimant: &Claimant| claimant.other.is_some() || open_file(&claimant.path, ReadMethod::Positioned).is_ok();
     Ok(is_stack(folder)? && !claimants.iter().take(TRIED).any(is_data))
+}
+
+/// Whether all that can be opened in a folder are parts of one table.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub(super) fn is_one_table(folder: &Path) -> Result<bool, ImportError> {
+    Ok(are_parts(&look_into(folder, &[])?.0))
+}
+
+fn are_parts(claimants: &[Claimant]) -> bool {
+    let files: Vec<PathBuf> = claimants.iter().map(|claimant| claimant.path.clone()).collect();
+    claimants.iter().all(|claimant| claimant.other.is_none()) && same_columns(&files)
 }
 
 /// A file that claims to be a source, or the kind of file that it is instead.

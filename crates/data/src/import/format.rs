@@ -1,8 +1,9 @@
 //! The formats that can be imported, each recognised by its content.
 
+use super::packed::Packing;
 use super::{ImportError, Source};
 use crate::model::ReadMethod;
-use std::io::Read;
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 use std::sync::{PoisonError, RwLock};
 
@@ -49,9 +50,19 @@ pub const HEAD: usize = 4096;
 static BUILT_IN: &[&dyn Format] = &[
     &super::hdf5::Hdf5,
     &super::gadget::Gadget,
+    &super::ply::Ply,
+    &super::las::Las,
+    &super::phantom::Phantom,
+    &super::vtk_points::VtkPoints,
+    &super::ramses::Ramses,
+    &super::nchilada::Nchilada,
+    &super::generic_io::GenericIo,
     &super::tipsy::Tipsy,
     &super::trajectory::LammpsDump,
     &super::trajectory::Xyz,
+    &super::table::FitsTable,
+    &super::table::VoTable,
+    &super::table::Ecsv,
     &super::table::GeoJson,
     &super::table::KStars,
     &super::table::Csv,
@@ -85,7 +96,8 @@ pub fn names() -> String {
 
 /// What formats are recognised by.
 pub(super) struct Head {
-    /// The first bytes, at most [`HEAD`].
+    /// The first bytes, at most [`HEAD`]; of what is compressed with Zstandard those that are in it, as a frame shows nothing until a whole
+    /// block of it is read.
     pub bytes: Vec<u8>,
     /// Length of the file, bytes.
     pub length: u64,
@@ -98,10 +110,20 @@ impl Head {
     /// When the file cannot be read.
     pub(super) fn read(path: &Path) -> Result<Head, ImportError> {
         let io = |source| ImportError::io(path, "file", source);
-        let file = std::fs::File::open(path).map_err(io)?;
+        let mut file = std::fs::File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let mut bytes = Vec::with_capacity(HEAD);
-        file.take(HEAD as u64).read_to_end(&mut bytes).map_err(io)?;
+        (&mut file).take(HEAD as u64).read_to_end(&mut bytes).map_err(io)?;
+        if Packing::of(&bytes) == Some(Packing::Zstandard) {
+            file.rewind().map_err(io)?;
+            let mut unpacked = Vec::with_capacity(HEAD);
+            // What is damaged shows what came before the damage.
+            let _ = Packing::Zstandard.unpacked(BufReader::new(file)).take(HEAD as u64).read_to_end(&mut unpacked);
+            // Tables alone are read through it; what else is in it is of no known format.
+            if super::text_head(&unpacked).is_some() || super::table::is_fits(&unpacked) {
+                bytes = unpacked;
+            }
+        }
         Ok(Head { bytes, length })
     }
 }
@@ -158,6 +180,9 @@ fn format_at(path: &Path) -> Result<&'static dyn Format, ImportError> {
     };
     if is_grid {
         return Ok(&super::grid::Voxels);
+    }
+    if path.is_dir() && super::folder::is_one_table(path)? {
+        return Ok(&super::table::Parts);
     }
     let unknown = || ImportError::Unrecognised { path: path.into(), expected: names() };
     format_of(&Head::read(path)?).ok_or_else(unknown)

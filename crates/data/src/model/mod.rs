@@ -24,6 +24,8 @@ pub mod read_file;
 pub mod ron_file;
 pub mod ron_place;
 pub mod sample_type;
+#[allow(unsafe_code, reason = "only the C library can be told to give back what it keeps")]
+pub mod spare_memory;
 pub mod stream;
 pub mod units;
 

@@ -121,7 +121,7 @@ impl NodeClusters {
         let attribute = |(rule, column): (&AttributeMerge, &Vec<f32>)| {
             let value = |(group, sum): (&Range<usize>, &Sum)| match group.len() {
                 1 => column[usize::from(self.codes[group.start])],
-                _ => attribute_of_shares(*rule, self.shares(*rule, column, group), sum.presence),
+                _ => attribute_of_shares(*rule, self.shares(*rule, column, group), sum.mass),
             };
             ranges.iter().zip(&sums).map(value).collect()
         };
@@ -132,11 +132,8 @@ impl NodeClusters {
     /// What the clusters of a group add to an attribute of several.
     fn shares(&self, rule: AttributeMerge, column: &[f32], group: &Range<usize>) -> f64 {
         let share = |i: usize| {
-            let weight = match rule {
-                AttributeMerge::Mean => self.presence(i, self.packed.masses.0.value(self.packed.masses.1[i])),
-                AttributeMerge::Magnitude => 1.0,
-            };
-            attribute_share(rule, weight, column[usize::from(self.codes[i])])
+            let mass = self.packed.masses.0.value(self.packed.masses.1[i]);
+            attribute_share(rule, mass, column[usize::from(self.codes[i])])
         };
         group.clone().map(share).sum()
     }
@@ -155,7 +152,7 @@ impl NodeClusters {
         let attribute = |((rule, shares), column): ((&AttributeMerge, &Vec<f64>), &Vec<f32>)| {
             let value = |((part, group), sum): ((&Range<usize>, &Range<usize>), &Sum)| match group.len() {
                 1 => column[usize::from(self.codes[group.start])],
-                _ => attribute_of_shares(*rule, shares[part.clone()].iter().sum(), sum.presence),
+                _ => attribute_of_shares(*rule, shares[part.clone()].iter().sum(), sum.mass),
             };
             parts.iter().zip(&ranges).zip(&sums).map(value).collect()
         };

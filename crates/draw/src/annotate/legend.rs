@@ -1,11 +1,13 @@
 //! What the colours of a picture mean: quantities, units, ranges and scales, for the colour bar and the panel.
 
 use super::display_list::Rgba;
-use super::number;
 use super::ticks::{Tick, ticks};
+use super::{KeyArrow, number};
 use crate::color::transfer::{Levels, Lut, Scale, TransferFunction};
+use crate::cpu::slice::arrows::ArrowKey;
 use crate::mode::{Depiction, OwnColors};
 use crate::model::Unit;
+use crate::modes::slice_overlay;
 use crate::modes::volume_fields::DENSITY;
 use crate::store::Metadata;
 use std::sync::Arc;
@@ -55,6 +57,8 @@ pub struct Units {
     pub attribute: Unit,
     /// What brightness shows.
     pub value: Shown,
+    /// Of the vectors that are drawn.
+    pub vector: Unit,
 }
 
 /// What the brightness of a picture shows, or its one axis of colours.
@@ -88,6 +92,7 @@ impl Units {
             length: metadata.length_unit.clone(),
             attribute: depiction.attribute.as_ref().map(|named| unit(&named.name)).unwrap_or_default(),
             value,
+            vector: slice_overlay::columns(&depiction.settings).map(|[x, ..]| unit(&x)).unwrap_or_default(),
         }
     }
 }
@@ -103,6 +108,8 @@ pub struct Legend {
     pub lut: Arc<Lut>,
     /// Opacity at evenly spaced places of the brightness' range, where that says more than the colours; else empty.
     pub opacity: Vec<f32>,
+    /// How long arrows are, where there are some and that is known.
+    pub arrow: Option<KeyArrow>,
 }
 
 impl Legend {
@@ -124,7 +131,7 @@ impl Legend {
                 let unit = if is_length { tidy(units.length.0.clone()) } else { String::new() };
                 let p = LegendAxis { title: capitalized(title), unit, range: levels.p, log, whole: is_whole };
                 let lut = Arc::new(Lut { width: colors.len() as u32, height: 1, rgba: colors });
-                Some(Legend { p, s: None, lut, opacity: Vec::new() })
+                Some(Legend { p, s: None, lut, opacity: Vec::new(), arrow: None })
             }
         }
     }
@@ -162,7 +169,9 @@ impl Legend {
             true => (0..OPACITIES).map(|i| transfer.opacity_at(i as f32 / (OPACITIES - 1) as f32)).collect(),
             false => Vec::new(),
         };
-        Legend { p, s, lut, opacity }
+        let arrow = slice_overlay::key(&depiction.settings);
+        let arrow = arrow.and_then(|ArrowKey { scale, spacing }| KeyArrow::of(scale, spacing, &units.vector));
+        Legend { p, s, lut, opacity, arrow }
     }
 
     /// The colour at a brightness and a hue, both within [0, 1].

@@ -9,6 +9,7 @@ pub mod clock;
 pub mod color_bar;
 pub mod display_list;
 pub mod font;
+pub mod key_arrow;
 pub mod labels;
 pub mod legend;
 pub mod number;
@@ -21,6 +22,7 @@ pub mod ticks;
 
 pub use chart::{Chart, ChartAxis, Marks, roomy};
 pub use display_list::{Anchor, DisplayList, Rgba, Shape};
+pub use key_arrow::KeyArrow;
 pub use labels::Label;
 pub use legend::{Legend, LegendAxis, Shown, Units};
 pub use paint::{Paper, paint};
@@ -158,6 +160,11 @@ pub fn layout(annotations: &Annotations, subject: &Subject<'_>) -> DisplayList {
     }
     if annotations.clock {
         clock::layout(&mut list, subject.time);
+    }
+    if annotations.legend
+        && let Some(arrow) = subject.legend.and_then(|legend| legend.arrow.as_ref())
+    {
+        key_arrow::layout(&mut list, arrow, subject.scale);
     }
     if annotations.axes {
         axes::layout_box(&mut list, subject);

@@ -32,6 +32,15 @@ fn figures(value: f64, digits: i32) -> String {
     format!("{value:.decimals$}")
 }
 
+/// The largest number that is 1, 2 or 5 times a power of ten and not above `limit`; `None` where that is not above 0.
+pub fn round_below(limit: f64) -> Option<f64> {
+    if !(limit > 0.0 && limit.is_finite()) {
+        return None;
+    }
+    let power = 10f64.powf(limit.log10().floor());
+    [5.0, 2.0, 1.0].map(|factor| factor * power).into_iter().find(|number| *number <= limit)
+}
+
 /// A quantity with three significant figures; a power of ten beyond four digits: `4.21`, `-0.013`, `1.99 × 10¯⁴`.
 pub fn quantity(value: f64) -> String {
     if !value.is_finite() {

@@ -31,9 +31,7 @@ impl ScaleBar {
         if !(scale > 0.0 && scale.is_finite()) {
             return None;
         }
-        let limit = longest / scale;
-        let power = 10f64.powf(limit.log10().floor());
-        let length = [5.0, 2.0, 1.0].map(|factor| factor * power).into_iter().find(|length| *length <= limit)?;
+        let length = number::round_below(longest / scale)?;
         Some(ScaleBar { length, pixels: length * scale })
     }
 }

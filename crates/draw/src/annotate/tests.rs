@@ -16,6 +16,7 @@ fn legend(hue: bool, range: [f64; 2]) -> Legend {
         s: hue.then(|| axis("Velocity dispersion", "km/s")),
         lut: Arc::new(TransferFunction::preset(preset).unwrap().bake_lut()),
         opacity: if hue { Vec::new() } else { vec![0.0, 0.1, 0.7] },
+        arrow: KeyArrow::of(range[1], 30.0, &crate::model::Unit::new("km/s")),
     }
 }
 

@@ -25,6 +25,26 @@ pub struct Colors {
 }
 
 impl Colors {
+    /// The light of a finished picture.
+    pub fn of_image(image: &Image) -> Colors {
+        let light = |&[r, g, b, a]: &[u8; 4]| {
+            let alpha = f32::from(a) / 255.0;
+            let [r, g, b] = [r, g, b].map(|byte| alpha * to_linear(f32::from(byte) / 255.0));
+            [r, g, b, alpha]
+        };
+        Colors { width: image.width, height: image.height, rgba: image.rgba.par_iter().map(light).collect() }
+    }
+
+    /// Darkens what is brighter than a screen to the brightest that has its hue.
+    pub fn fit_screen(&mut self) {
+        self.rgba.par_iter_mut().for_each(|pixel| {
+            let most = pixel[0].max(pixel[1]).max(pixel[2]);
+            if most > 1.0 {
+                pixel[..3].iter_mut().for_each(|light| *light /= most);
+            }
+        });
+    }
+
     /// The picture before a background, gamma-encoded.
     pub fn image_on(&self, background: Background) -> Image {
         let byte = |share: f32| (255.0 * share.clamp(0.0, 1.0)).round() as u8;

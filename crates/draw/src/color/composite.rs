@@ -1,7 +1,9 @@
 //! The finished picture: the raw accumulation through a transfer function.
 
 use super::Accumulation;
+use super::bloom::Bloom;
 use super::colormap::HexColor;
+use super::colors::{Colors, to_linear};
 use super::transfer::{Hue, Levels, Lut, TransferFunction};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -36,6 +38,17 @@ pub fn composite_at(picture: &Accumulation, function: &TransferFunction, levels:
 
 /// Colours of a picture by a baked table.
 fn with_lut(picture: &Accumulation, function: &TransferFunction, levels: &Levels, lut: &Lut) -> Image {
+    let rgba = each_pixel(picture, function, levels, |_, [brightness, hue]| look_up(lut, brightness, hue));
+    Image { width: picture.width, height: picture.height, rgba }
+}
+
+/// What `make` makes of each pixel's index, and of its places of brightness and hue.
+fn each_pixel<T: Send>(
+    picture: &Accumulation,
+    function: &TransferFunction,
+    levels: &Levels,
+    make: impl Fn(usize, [f32; 2]) -> T + Sync,
+) -> Vec<T> {
     let hue = function.hue.clone().unwrap_or_default();
     let colored = function.hue.is_some() && picture.has_attribute();
     let pixel = |index: usize| {
@@ -44,13 +57,39 @@ fn with_lut(picture: &Accumulation, function: &TransferFunction, levels: &Levels
             true => picture.s(index).map_or(0.5, |s| hue_place(&hue, s, levels)),
             false => 0.5,
         };
-        look_up(lut, brightness, along)
+        make(index, [brightness, along])
     };
-    Image {
-        width: picture.width,
-        height: picture.height,
-        rgba: (0..picture.p.len()).into_par_iter().map(pixel).collect(),
+    (0..picture.p.len()).into_par_iter().map(pixel).collect()
+}
+
+/// How many times brighter than the brightest of a screen light counts at most.
+const MOST_LIGHT: f32 = 16.0;
+
+/// The light of a picture with given ranges, before a background or black. What lies above its range has the range's last colour and is
+/// as many times brighter as it is larger, up to 16 times.
+pub fn light(picture: &Accumulation, function: &TransferFunction, levels: &Levels, behind: Background) -> Colors {
+    let lut = match behind {
+        Background::Black => function.bake_lut(),
+        Background::Transparent | Background::Color(_) => function.bake_transparent(),
+    };
+    let high = levels.p[1] as f32;
+    let rgba = each_pixel(picture, function, levels, |index, [brightness, hue]| {
+        let [r, g, b, a] = values(&lut, brightness, hue).map(|value| value / 255.0);
+        let p = picture.p[index];
+        // What is no number is no brighter than its colour.
+        let over = if high > 0.0 && p > high { (p / high).min(MOST_LIGHT) } else { 1.0 };
+        let [r, g, b] = [r, g, b].map(|encoded| over * a * to_linear(encoded));
+        [r, g, b, a]
+    });
+    Colors { width: picture.width, height: picture.height, rgba }
+}
+
+/// Colours of a flat picture with given ranges before black, whose bright light spreads.
+pub fn composite_glowing(picture: &Accumulation, function: &TransferFunction, levels: &Levels, bloom: &Bloom) -> Image {
+    if bloom.is_off() {
+        return composite_at(picture, function, levels);
     }
+    bloom.image(&light(picture, function, levels, Background::Black))
 }
 
 /// What is behind a picture.
@@ -165,9 +204,14 @@ fn hue_place(hue: &Hue, s: f32, levels: &Levels) -> f32 {
     hue.scale.place(s, levels.s)
 }
 
+/// Reads the table as bytes.
+fn look_up(lut: &Lut, brightness: f32, hue: f32) -> [u8; 4] {
+    values(lut, brightness, hue).map(|value| value.round() as u8)
+}
+
 /// Reads the table at brightness and hue within [0, 1], with bilinear interpolation between texels, as a GPU's sampler
 /// does at `(0.5 + x (size - 1)) / size`.
-fn look_up(lut: &Lut, brightness: f32, hue: f32) -> [u8; 4] {
+fn values(lut: &Lut, brightness: f32, hue: f32) -> [f32; 4] {
     let locate = |place: f32, size: u32| {
         let position = place * (size - 1) as f32;
         let index = (position as u32).min(size.saturating_sub(2));
@@ -181,7 +225,7 @@ fn look_up(lut: &Lut, brightness: f32, hue: f32) -> [u8; 4] {
     let corners = [texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1)];
     std::array::from_fn(|k| {
         let [a, b, c, d] = corners.map(|corner| corner[k]);
-        ((a + (b - a) * u) * (1.0 - v) + (c + (d - c) * u) * v).round() as u8
+        (a + (b - a) * u) * (1.0 - v) + (c + (d - c) * u) * v
     })
 }
 
@@ -219,6 +263,26 @@ mod tests {
             let white = composite_on(&picture, &function, &levels, Background::Color(HexColor([255; 3])));
             assert_eq!(white.rgba[0], [255; 4]);
         }
+    }
+
+    #[test]
+    fn without_bright_light_a_glowing_picture_is_the_picture() {
+        let p: Vec<f32> = (0..4096).map(|i| 1.002f32.powi(i)).collect();
+        let picture = Accumulation { width: 64, height: 64, ps: p.iter().map(|p| p * 0.4).collect(), p };
+        let function = TransferFunction::preset("density-hue").unwrap();
+        let levels = function.levels(&picture);
+        let plain = composite_at(&picture, &function, &levels);
+        assert_eq!(composite_glowing(&picture, &function, &levels, &Bloom::default()), plain);
+        let bloom = Bloom { strength: 1.0, threshold: 16.0, radius: 0.2 };
+        let (_, most) = color_error(&composite_glowing(&picture, &function, &levels, &bloom), &plain);
+        assert!(most < 2.0, "{most}");
+        // What lies above the range shines that much brighter.
+        let levels = Levels { p: [levels.p[0], levels.p[1] / 8.0], ..levels };
+        let light = light(&picture, &function, &levels, Background::Black);
+        let peak = |light: &[f32; 4]| light[..3].iter().copied().fold(0.0, f32::max);
+        let ratio = f64::from(picture.p[4095]) / levels.p[1];
+        let at_range = light.rgba.iter().map(peak).fold(0.0, f32::max) / ratio.min(16.0) as f32;
+        assert!(ratio > 7.0 && at_range > 0.05 && at_range <= 1.001, "{ratio} {at_range}");
     }
 
     #[test]

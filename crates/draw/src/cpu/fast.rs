@@ -22,6 +22,8 @@ use rayon::prelude::*;
 const CHUNK: usize = 1 << 13;
 /// Particles between two rounds of drawing; bounds the memory for sorted particles.
 const ROUND: usize = 1 << 21;
+/// Bytes of the particles of a round, sorted: most are one circle, and none more than two.
+pub(super) const SORTED_BYTES: u64 = (ROUND * 2 * size_of::<Record>()) as u64;
 /// Splats of a tile drawn by one task; more are divided among several.
 const JOB: usize = 1 << 15;
 

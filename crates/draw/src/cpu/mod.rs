@@ -33,6 +33,8 @@ pub mod paths;
 pub mod pyramid;
 pub mod screen_spheres;
 pub mod screen_tiles;
+pub mod shadowing;
+pub mod slice;
 pub mod sorted;
 pub mod splats;
 pub mod sprites;

@@ -213,10 +213,21 @@ fn nearest(lens: &Lens, [columns, rows]: &[std::ops::Range<usize>; 2], sphere: &
 }
 
 impl Front {
+    /// The depth of what each pixel shows, row by row; infinite where there is nothing.
+    pub fn depths(&self) -> Vec<f32> {
+        self.hits.iter().map(|hit| hit.depth).collect()
+    }
+
+    /// The mean radius of what is shown, world units.
+    pub fn mean_radius(&self) -> f64 {
+        let shown = self.hits.iter().filter(|hit| hit.depth.is_finite());
+        let (sum, count) = shown.fold((0.0, 0.0), |(sum, count), hit| (sum + f64::from(hit.radius), count + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
+    }
+
     /// What spheres of a radius (smoothing lengths) hide, before they are smoothed: smoothing looks at no more than what each pixel shows.
     pub fn opaque(&self, view: &View, radius: f64) -> OpaqueDepths {
-        let depths = self.hits.iter().map(|hit| hit.depth).collect();
-        OpaqueDepths::new(view, depths, 1.0, 0.0).reaching(radius)
+        OpaqueDepths::new(view, self.depths(), 1.0, 0.0).reaching(radius)
     }
 
     /// Smooths depths, densities and attributes. Silhouettes stay where they are.

@@ -15,6 +15,9 @@ enum Way {
 }
 
 impl Summation {
+    /// Bytes that are taken at most by particles that wait to be drawn.
+    pub const SORTED_BYTES: u64 = fast::SORTED_BYTES;
+
     /// Nothing is in it yet.
     pub fn new(view: &View, options: &SplatOptions) -> Summation {
         Summation(match options.method {

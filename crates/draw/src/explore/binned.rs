@@ -1,11 +1,13 @@
 //! What plots show of fields: histograms of one field or of two together, weighted with mass, number or a field, each with how much of it
-//! a page file is not certain of. Where axes have no ranges, particles are looked at twice.
+//! a page file is not certain of. Where axes have no ranges, particles are looked at twice; not so of a page file of which a part is
+//! enough, where codebooks tell from where to where values go.
 
 use super::batch::{Batch, Gather, Uncertain, Work};
 use super::bins::Bins;
 use super::coded::{Coded, add, mass_errors, missing_values};
 use super::data::Data;
 use super::error::ExploreError;
+use super::estimate::{Estimate, estimate, extents};
 use super::histogram::{Axis, MOST_BINS};
 use super::query::{Of, Query, Wanted};
 use crate::model::Unit;
@@ -102,6 +104,8 @@ pub struct Binned {
     pub exact: bool,
     /// How far off the answer of a page file may be.
     pub error: Option<BinnedError>,
+    /// How far off it may be beside that, where a part of the page file was read; `None` where all of it was.
+    pub estimate: Option<Estimate>,
 }
 
 /// How far off a histogram of a page file may be, by the errors of its codebooks as measured when it was built. Shares are of the sum of
@@ -123,7 +127,8 @@ pub struct BinnedError {
     pub missing_values: u64,
 }
 
-/// Counts a selection along one axis or two.
+/// Counts a selection along one axis or two. Of a page file as much is read as keeps errors to what is `allowed` ([`Estimate::allowed`]);
+/// all of it where that is `None` or zero.
 ///
 /// # Errors
 /// [`ExploreError`] when the data cannot be read, a field is not there, no particle has a place on an axis, or there are too many bins.
@@ -132,6 +137,7 @@ pub fn binned<'a>(
     of: impl Into<Of<'a>>,
     axes: &[BinnedAxis],
     weight: &Weight,
+    allowed: Option<f64>,
     periodic: Option<f64>,
     work: Work,
 ) -> Result<Binned, ExploreError> {
@@ -163,9 +169,18 @@ pub fn binned<'a>(
         columns.push(field.clone());
     }
     let query = Query::new(data, of, Wanted { columns: columns.clone(), ..Wanted::default() }, periodic)?;
+    // A source is read as a whole.
+    let estimated = match data {
+        Data::Pages(tree) => allowed.filter(|allowed| *allowed > 0.0).map(|allowed| (tree, allowed)),
+        Data::Source(_) => None,
+    };
+    let held = || estimated.and_then(|(tree, _)| extents(tree, &query, axes.len()));
     let extents = match axes.iter().all(|axis| axis.range.is_some()) {
         true => vec![Extent::NONE; axes.len()],
-        false => query.ask(data, &Extents { columns: axes.len() }, work)?,
+        false => match held() {
+            Some(held) => held,
+            None => query.ask(data, &Extents { columns: axes.len() }, work)?,
+        },
     };
     let asked = axes;
     let axes: Vec<Axis> =
@@ -177,7 +192,14 @@ pub fn binned<'a>(
         weight_column: matches!(weight, Weight::Field(_)).then_some(axes.len()),
         coded: columns.iter().map(|field| Coded::by_family(data, field)).collect(),
     };
-    let part = query.ask(data, &gather, work)?;
+    let found = match estimated {
+        Some((tree, allowed)) => estimate(tree, &query, &gather, allowed, work)?,
+        None => None,
+    };
+    let (part, estimate) = match found {
+        Some(found) => found,
+        None => (query.ask(data, &gather, work)?, None),
+    };
     let total: f64 = part.weights.iter().sum();
     let share = |weight: f64| if weight > 0.0 { weight / part.size } else { 0.0 };
     let uncertain = match weight {
@@ -211,19 +233,29 @@ pub fn binned<'a>(
         missing: part.missing,
         exact: data.is_exact(),
         error,
+        estimate,
     })
 }
 
 /// The smallest, the largest and the smallest positive one of finite values.
 #[derive(Clone, Copy, Debug)]
-struct Extent {
+pub(super) struct Extent {
     min: f64,
     max: f64,
     min_positive: f64,
 }
 
 impl Extent {
-    const NONE: Extent = Extent { min: f64::INFINITY, max: f64::NEG_INFINITY, min_positive: f64::INFINITY };
+    pub(super) const NONE: Extent = Extent { min: f64::INFINITY, max: f64::NEG_INFINITY, min_positive: f64::INFINITY };
+
+    /// With one more value; one that is not finite does not count.
+    pub(super) fn with(self, value: f64) -> Extent {
+        if !value.is_finite() {
+            return self;
+        }
+        let min_positive = if value > 0.0 { value } else { f64::INFINITY };
+        self.join(Extent { min: value, max: value, min_positive })
+    }
 
     fn join(self, other: Extent) -> Extent {
         Extent {
@@ -247,10 +279,7 @@ impl Gather for Extents {
 
     fn take(&self, part: &mut Vec<Extent>, batch: &Batch) {
         for (extent, values) in part.iter_mut().zip(&batch.columns) {
-            *extent = values.iter().filter(|value| value.is_finite()).fold(*extent, |extent, &value| {
-                let min_positive = if value > 0.0 { value } else { f64::INFINITY };
-                extent.join(Extent { min: value, max: value, min_positive })
-            });
+            *extent = values.iter().fold(*extent, |extent, &value| extent.with(value));
         }
     }
 
@@ -288,29 +317,46 @@ fn laid_out(data: Data, options: &BinnedAxis, extent: Extent) -> Result<Axis, Ex
     Ok(Axis { field: field.clone(), unit, logarithmic, min, max, bins: *bins })
 }
 
-struct Binning {
+pub(super) struct Binning {
     bins: Vec<Bins>,
-    cells: usize,
-    is_count: bool,
-    weight_column: Option<usize>,
+    pub cells: usize,
+    pub is_count: bool,
+    pub weight_column: Option<usize>,
     /// By column and family.
     coded: Vec<Vec<Option<Coded>>>,
 }
 
 /// Bins so far.
-struct BinningPart {
-    weights: Vec<f64>,
-    counts: Vec<u64>,
+pub(super) struct BinningPart {
+    pub weights: Vec<f64>,
+    pub counts: Vec<u64>,
     /// Sum of the weights' sizes.
-    size: f64,
+    pub size: f64,
     /// Of it, what may belong to other bins: at most, and usually.
-    other_bins: [f64; 2],
+    pub other_bins: [f64; 2],
     /// By how much weights may be off.
-    off: [f64; 2],
-    not_positive: u64,
-    outside: u64,
-    missing: u64,
-    uncertain: Uncertain,
+    pub off: [f64; 2],
+    pub not_positive: u64,
+    pub outside: u64,
+    pub missing: u64,
+    pub uncertain: Uncertain,
+}
+
+impl Binning {
+    /// The place of one of a batch among the bins, of which it has the columns; `None` where it has none.
+    pub(super) fn place(&self, batch: &Batch, i: usize) -> Option<usize> {
+        let (mut place, mut stride) = (0, 1);
+        for (bins, values) in self.bins.iter().zip(&batch.columns) {
+            let value = *values.get(i)?;
+            let has_place = value.is_finite() && !(bins.logarithmic && value <= 0.0) && bins.reaches((value, value));
+            if !has_place {
+                return None;
+            }
+            place += stride * bins.bin(value);
+            stride *= bins.edges.len() - 1;
+        }
+        Some(place)
+    }
 }
 
 impl Gather for Binning {

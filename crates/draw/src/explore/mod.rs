@@ -37,6 +37,7 @@ pub mod shape;
 
 mod bins;
 mod coded;
+mod estimate;
 mod paged;
 mod sourced;
 
@@ -47,13 +48,14 @@ pub use catalogue::{Catalogue, Object};
 pub use center::{Center, CenterSums, center};
 pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;
+pub use estimate::Estimate;
 pub use export::{Exported, Format, Frame, export, mesh::MeshFormat};
 pub use followed::{Followed, Following};
 pub use highlight::{Highlighter, Marked};
 pub use histogram::{Axis, AxisOptions, FieldHistogram, Scatter, histogram, scatter};
 pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
-pub use isosurface::{Isosurface, IsosurfaceOptions, isosurface};
+pub use isosurface::{Isosurface, IsosurfaceOptions, ReadGrid, isosurface, isosurface_of_grid};
 pub use lasso::{Lasso, LassoProjection};
 pub use merger_tree::MergerTree;
 pub use over_time::{AtStep, OverTime, over_time};

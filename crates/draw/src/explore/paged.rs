@@ -7,6 +7,7 @@ use super::error::ExploreError;
 use super::query::{Of, Query};
 use super::region::ValueRange;
 use super::shape::Cover;
+use crate::codec::{Codebook, CodebookScope};
 use crate::store::{Content, FamilyMetadata, Node, NodeRef, Page, PageId, Positions, Tree};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -22,8 +23,7 @@ pub(super) fn walk<G: Gather>(tree: &dyn Tree, query: &Query, gather: &G, work: 
         return Err(ExploreError::missing(tree.path(), "particle ids", expected));
     }
     let metadata = tree.metadata();
-    let families: Vec<Option<FamilyQuery>> =
-        metadata.families.iter().enumerate().map(|(index, family)| FamilyQuery::new(query, index, family)).collect();
+    let families = families(tree, query);
     let asked = || metadata.families.iter().zip(&families).filter(|(_, family)| family.is_some());
     let total = asked().map(|(family, _)| family.count).fold(0, u64::saturating_add);
     work.progress.begin("reading pages", total);
@@ -71,18 +71,24 @@ pub(super) fn walk<G: Gather>(tree: &dyn Tree, query: &Query, gather: &G, work: 
     Ok(whole)
 }
 
+/// The question to each family of a tree; `None` to one that the region leaves out.
+pub(super) fn families<'a>(tree: &'a dyn Tree, query: &'a Query<'a>) -> Vec<Option<FamilyQuery<'a>>> {
+    let families = tree.metadata().families.iter().enumerate();
+    families.map(|(index, family)| FamilyQuery::new(query, index, family)).collect()
+}
+
 /// A node to look at.
-struct Entry {
-    node: u32,
+pub(super) struct Entry {
+    pub node: u32,
     /// Whether all of it is known to be inside the region's shapes.
-    inside: bool,
+    pub inside: bool,
 }
 
 /// What came of a page.
-struct Walked<P> {
-    part: P,
-    elsewhere: Vec<(NodeRef, bool)>,
-    dealt_with: u64,
+pub(super) struct Walked<P> {
+    pub part: P,
+    pub elsewhere: Vec<(NodeRef, bool)>,
+    pub dealt_with: u64,
 }
 
 impl<P> Walked<P> {
@@ -102,9 +108,9 @@ pub(super) struct Accepted {
 
 /// A question to one family.
 pub(super) struct FamilyQuery<'a> {
-    query: &'a Query<'a>,
+    pub query: &'a Query<'a>,
     index: usize,
-    family: &'a FamilyMetadata,
+    pub family: &'a FamilyMetadata,
     columns: Vec<Option<Column>>,
     velocity: Option<[Column; 3]>,
     /// By codebook and code; empty where there are no ranges.
@@ -133,7 +139,7 @@ impl<'a> FamilyQuery<'a> {
     }
 
     /// Walks the nodes of a page from its entries.
-    fn page<G: Gather>(&self, page: &Page, entries: Vec<Entry>, gather: &G) -> Walked<G::Part> {
+    pub(super) fn page<G: Gather>(&self, page: &Page, entries: Vec<Entry>, gather: &G) -> Walked<G::Part> {
         let mut walked = Walked::new(gather.part());
         let mut batch = Batch::default();
         let mut reached = vec![false; page.nodes.len()];
@@ -199,8 +205,52 @@ impl<'a> FamilyQuery<'a> {
         }
     }
 
+    /// Fills masses and columns of the batch with those of the merged particles of a node that are members by what their means say. Their
+    /// masses add up to the node's, where all are members.
+    pub(super) fn merged(&self, page: &Page, index: usize, node: &Node, inside: bool, batch: &mut Batch) {
+        batch.clear(self.columns.len());
+        batch.family = self.index;
+        batch.errors = &[];
+        let Some(codebook) = self.family.codebooks.get(usize::from(node.codebook)) else { return };
+        let particles = page.particles(index);
+        let Positions::Grid(_) = particles.positions else { return };
+        let (place, scale) = (LeafFrame::of(node), f64::from(node.mass_scale));
+        let is_member = |i: usize, code: u16| {
+            let is_accepted = self.is_accepted(usize::from(node.codebook), usize::from(code));
+            is_accepted && (inside || self.query.shapes.contains(place.at(particles.fraction(i))))
+        };
+        let all = particles.codes.iter().enumerate();
+        let codes: Vec<u16> = all.filter(|&(i, &code)| is_member(i, code)).map(|(_, &code)| code).collect();
+        let value =
+            |values: &[f32], code: u16| values.get(usize::from(code)).map_or(f64::NAN, |&value| f64::from(value));
+        batch.mass.extend(codes.iter().map(|&code| value(&codebook.mass, code) * scale));
+        for (column, out) in self.columns.iter().zip(&mut batch.columns) {
+            if let Some(column) = column {
+                out.extend(codes.iter().map(|&code| value(column.of(codebook), code)));
+            }
+        }
+    }
+
+    /// Whether the values of a code are in every range.
+    fn is_accepted(&self, codebook: usize, code: usize) -> bool {
+        self.accepted.get(codebook).is_none_or(|codes| codes.get(code).is_some_and(|code| code.inside))
+    }
+
+    /// Hands over, by column, what particles of leaves are coded with whose values are in every range.
+    pub(super) fn leaf_values(&self, mut take: impl FnMut(usize, f64)) {
+        let of_leaves = |(_, codebook): &(usize, &Codebook)| codebook.scope == CodebookScope::Leaves;
+        for (number, codebook) in self.family.codebooks.iter().enumerate().filter(of_leaves) {
+            for (index, column) in self.columns.iter().enumerate() {
+                let Some(column) = column else { continue };
+                let values = column.of(codebook).iter().enumerate();
+                let accepted = values.filter(|&(code, _)| self.is_accepted(number, code));
+                accepted.for_each(|(_, &value)| take(index, f64::from(value)));
+            }
+        }
+    }
+
     /// Fills the batch with the members in a leaf.
-    fn leaf<'b>(&self, page: &Page, index: usize, node: &Node, inside: bool, batch: &mut Batch<'b>)
+    pub(super) fn leaf<'b>(&self, page: &Page, index: usize, node: &Node, inside: bool, batch: &mut Batch<'b>)
     where
         'a: 'b,
     {
@@ -290,7 +340,7 @@ pub(super) fn accepted(family: &FamilyMetadata, ranges: &[ValueRange]) -> Option
     if columns.is_empty() {
         return Some(Vec::new());
     }
-    let of_codebook = |codebook: &crate::codec::Codebook| {
+    let of_codebook = |codebook: &Codebook| {
         let of_code = |code: usize| {
             let mut accepted = Accepted { inside: true, uncertain: false };
             for &(column, range) in &columns {

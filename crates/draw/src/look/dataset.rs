@@ -4,7 +4,7 @@ use super::{Attribute, HeightsSaid, Member, SceneError, SceneFile, TakenFor, dat
 use crate::color::transfer::TransferFunction;
 use crate::heights::import::PhotoChoice;
 use crate::mode::{Mode, Settings};
-use crate::model::{FamilyName, Unit};
+use crate::model::{DerivedQuantity, FamilyName, Unit};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::io::{Read, Seek, SeekFrom};
@@ -77,8 +77,32 @@ struct DatasetText {
     texture_at: Option<[f64; 4]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     before: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    derive: Vec<DerivedText>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     look: Option<OwnLook>,
+}
+
+/// A derived quantity by its name.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+struct DerivedText(DerivedQuantity);
+
+impl TryFrom<String> for DerivedText {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<DerivedText, String> {
+        let names = || DerivedQuantity::ALL.map(DerivedQuantity::name).join(", ");
+        let found =
+            DerivedQuantity::of_name(&name).ok_or_else(|| format!("found {name:?}, expected one of {}", names()));
+        found.map(DerivedText)
+    }
+}
+
+impl From<DerivedText> for String {
+    fn from(DerivedText(quantity): DerivedText) -> String {
+        quantity.name().to_owned()
+    }
 }
 
 impl From<DatasetText> for DatasetRef {
@@ -92,6 +116,7 @@ impl From<DatasetText> for DatasetRef {
             height_unit: text.height_unit.map(Unit::new),
             texture: text.texture.map(|path| PhotoChoice { path, rectangle }),
             before: text.before,
+            derive: text.derive.iter().map(|DerivedText(quantity)| *quantity).collect(),
         };
         let DatasetText { path, fingerprint, families, offset, scale, look, .. } = text;
         DatasetRef { path, fingerprint, families, offset, scale, said, own_look: look }
@@ -115,6 +140,7 @@ impl From<DatasetRef> for DatasetText {
             texture_at: said.texture.as_ref().and_then(|photo| photo.rectangle),
             texture: said.texture.map(|photo| photo.path),
             before: said.before,
+            derive: said.derive.into_iter().map(DerivedText).collect(),
             look: own_look,
         }
     }

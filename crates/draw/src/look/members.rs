@@ -92,6 +92,31 @@ pub fn say(members: &mut [Member], said: &HeightsSaid) {
     }
 }
 
+/// What is said of the particles in a file that is of some of these datasets: what is derived for them.
+pub fn said_of_particles(members: &[Member], path: &Path) -> HeightsSaid {
+    let mut derive = Vec::new();
+    for quantity in members.iter().filter(|member| member.path == path).flat_map(|member| &member.said.derive) {
+        if !derive.contains(quantity) {
+            derive.push(*quantity);
+        }
+    }
+    HeightsSaid { derive, ..HeightsSaid::default() }
+}
+
+/// Refuses to derive attributes where none of the datasets is of particles.
+///
+/// # Errors
+/// A sentence, where something is to be derived.
+pub fn check_derived(members: &[Member]) -> Result<(), String> {
+    match members.iter().find(|member| !member.said.derive.is_empty()) {
+        Some(first) if members.iter().all(|member| member.kind() != MemberKind::Particles) => {
+            let found = if first.is_of_heights() { "heights" } else { "an image or a volume" };
+            Err(format!("{}: --derive: found {found}, expected particles with velocities", first.path.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// `FILE`, `FILE@X,Y,Z` or `FILE@X,Y,Z*SCALE`, as the command line has it.
 impl FromStr for Member {
     type Err = String;

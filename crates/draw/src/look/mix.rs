@@ -30,6 +30,7 @@ pub fn mix(a: &LookPatch, b: &LookPatch, share: f64) -> LookPatch {
         error_px: a.error_px.zip(b.error_px).map(|(a, b)| logarithmic(a, b, share)).or(a.error_px),
         time: mix_time(a.time, b.time, share),
         paths: a.paths.as_ref().zip(b.paths.as_ref()).map(|(a, b)| a.mixed(b, share)).or(a.paths.clone()),
+        bloom: a.bloom.zip(b.bloom).map(|(a, b)| a.mixed(b, share)).or(a.bloom),
         cut: a.cut.as_ref().zip(b.cut.as_ref()).map(|(a, b)| mix_cut(a, b, share)).or(a.cut),
         ..a.clone()
     }

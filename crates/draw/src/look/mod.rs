@@ -19,7 +19,7 @@ mod text;
 
 pub use dataset::{DatasetRef, Fingerprint, Located, OwnLook};
 pub use film::Film;
-pub use members::{Member, MemberKind, say, shown_families};
+pub use members::{Member, MemberKind, check_derived, said_of_particles, say, shown_families};
 pub use mix::{mix, mix_time};
 pub use open_data::{DataKind, OpenData, data_file, is_field, one_snapshot};
 pub use patch::{ERROR_PX, ERRORS_PX, Look, LookPatch};

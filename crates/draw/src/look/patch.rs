@@ -5,6 +5,7 @@ use super::Attribute;
 use crate::annotate::Annotations;
 use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
+use crate::color::{Bloom, ExposureMode};
 use crate::explore::ExploreError;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::mode::setting::SettingError;
@@ -34,6 +35,10 @@ macro_rules! with_look_fields {
                 paths: $crate::mode::PathSettings,
                 /// What is behind the picture; the window shows black.
                 background: $crate::color::composite::Background,
+                /// How automatic ranges follow what is seen.
+                exposure: $crate::color::ExposureMode,
+                /// How bright light spreads.
+                bloom: $crate::color::Bloom,
             ]
         }
     };
@@ -228,6 +233,8 @@ impl Look {
             selections: Vec::new(),
             paths: PathSettings::default(),
             background: Background::default(),
+            exposure: ExposureMode::default(),
+            bloom: Bloom::default(),
         }
     }
 
@@ -254,12 +261,14 @@ impl LookPatch {
         self.error_px.unwrap_or(ERROR_PX)
     }
 
-    /// What a scene or a tour begins with: all of the data, its usual hue, and no selections.
+    /// What a scene or a tour begins with: all of the data, its usual hue and light, and no selections.
     pub fn beginning() -> LookPatch {
         LookPatch {
             attribute: Some(Attribute::Automatic),
             cut: Some(CutSettings::default()),
             selections: Some(Vec::new()),
+            exposure: Some(ExposureMode::default()),
+            bloom: Some(Bloom::default()),
             ..LookPatch::default()
         }
     }
@@ -277,10 +286,12 @@ impl LookPatch {
         self.time.is_some() || self.interpolation.is_some() || paths || tracked
     }
 
-    /// The same without settings of paths that are as they are by default, which files need not say.
+    /// The same without paths and light that are as they are by default, which files need not say.
     #[must_use]
-    pub fn without_usual_paths(mut self) -> LookPatch {
+    pub fn without_usual(mut self) -> LookPatch {
         self.paths = self.paths.filter(|paths| *paths != PathSettings::default());
+        self.exposure = self.exposure.filter(|exposure| *exposure != ExposureMode::default());
+        self.bloom = self.bloom.filter(|bloom| *bloom != Bloom::default());
         self
     }
 
@@ -351,6 +362,12 @@ impl LookPatch {
                 false => "a number greater than 0".into(),
             };
             return Err(refuse(&["error_px"], error_px.to_string(), expected));
+        }
+        if let Some((field, found, expected)) = self.exposure.and_then(|exposure| exposure.mistake()) {
+            return Err(refuse(&["exposure", field], found, expected));
+        }
+        if let Some((field, found, expected)) = self.bloom.and_then(|bloom| bloom.mistake()) {
+            return Err(refuse(&["bloom", field], found, expected));
         }
         if let Some(paths) = &self.paths {
             paths.check().map_err(in_map("paths"))?;

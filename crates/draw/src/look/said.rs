@@ -1,7 +1,7 @@
-//! What a user says of a dataset in place of its file: what it is taken for and, of heights, what they are.
+//! What a user says of a dataset in place of its file: what it is taken for, of heights, what they are, and of particles, what is derived.
 
 use crate::heights::import::{HeightOptions, PhotoChoice};
-use crate::model::{ReadMethod, Unit};
+use crate::model::{DerivedQuantity, ReadMethod, Unit};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -18,7 +18,7 @@ pub enum TakenFor {
     Particles,
 }
 
-/// What is said of heights; of a page file it is in it already.
+/// What is said of heights, or what is derived for particles; of a page file it is in it already.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HeightsSaid {
     /// What the file is taken for; what its content tells where it is `None`.
@@ -35,6 +35,8 @@ pub struct HeightsSaid {
     pub texture: Option<PhotoChoice>,
     /// An earlier state of them that they are compared with: a source or a page file, of which the same is said.
     pub before: Option<PathBuf>,
+    /// Attributes of particles that are derived from velocities, in this order.
+    pub derive: Vec<DerivedQuantity>,
 }
 
 impl HeightsSaid {
@@ -67,7 +69,14 @@ impl HeightsSaid {
             height_unit: self.height_unit.or(other.height_unit.clone()),
             texture: self.texture.or(other.texture.clone()),
             before: self.before.or(other.before.clone()),
+            derive: if self.derive.is_empty() { other.derive.clone() } else { self.derive },
         }
+    }
+
+    /// What of it is said of the heights alone that are built of a source, which nothing is derived for and nothing compared with.
+    #[must_use]
+    pub fn of_built_heights(&self) -> HeightsSaid {
+        HeightsSaid { before: None, derive: Vec::new(), ..self.clone() }
     }
 
     /// What of it is said of the earlier heights as well.

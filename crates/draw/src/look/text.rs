@@ -89,9 +89,9 @@ impl SceneFile {
             source: std::io::Error::new(std::io::ErrorKind::InvalidData, error.to_string()),
         };
         let mut scene = SceneFile { version: self.least_version(), ..self.clone() };
-        scene.look = scene.look.without_usual_paths();
+        scene.look = scene.look.without_usual();
         if let Some(from) = scene.film.as_mut().and_then(|film| film.from.as_mut()) {
-            from.look = std::mem::take(&mut from.look).without_usual_paths();
+            from.look = std::mem::take(&mut from.look).without_usual();
         }
         let body = ron::ser::to_string_pretty(&scene, style).map_err(fail)?;
         Ok(format!("// A scene of deepfield: `deepfield view` and `deepfield render` open it.\n{body}\n"))

@@ -87,7 +87,9 @@ impl Depiction {
         names.dedup();
         for field in mode.technique.fields(&settings) {
             if !names.contains(&field.as_str()) {
-                return Err(format!("field {field} is not in the data, expected one of {}", names.join(", ")));
+                let expected = names.join(", ");
+                let others = "(build --attributes keeps others that its source has)";
+                return Err(format!("field {field} is not in the data, expected one of {expected} {others}"));
             }
         }
         let attribute = match mode.attribute(attribute, &names) {
@@ -130,6 +132,11 @@ impl Depiction {
             true => Adapter::None,
             false => self.mode.technique.adapter(),
         }
+    }
+
+    /// Whether it is of fields of columns ([`super::Technique::fields`]).
+    pub fn draws_fields(&self) -> bool {
+        !self.mode.technique.fields(&self.settings).is_empty()
     }
 
     /// What the mode's technique needs with these settings.

@@ -45,6 +45,11 @@ pub enum SettingKind {
         /// The name unless set.
         default: &'static str,
     },
+    /// The name of a vector, whose components are columns of the particles, or channels, of their own: its name with `-x`, `-y` and `-z`.
+    Vector {
+        /// The name unless set.
+        default: &'static str,
+    },
     /// A list of numbers, each within a range, both ends included; empty unless set.
     Numbers {
         /// Smallest value of each.
@@ -136,7 +141,7 @@ impl Setting {
             SettingKind::Number { default, .. } => SettingValue::Number(default),
             SettingKind::Flag { default } => SettingValue::Flag(default),
             SettingKind::Choice { options } => SettingValue::Name(options.first().copied().unwrap_or_default().into()),
-            SettingKind::Column { default } => SettingValue::Name(default.into()),
+            SettingKind::Column { default } | SettingKind::Vector { default } => SettingValue::Name(default.into()),
             SettingKind::Numbers { .. } | SettingKind::Colors { .. } => SettingValue::Numbers(Vec::new()),
         }
     }
@@ -148,6 +153,7 @@ impl Setting {
             SettingKind::Flag { .. } => "true or false".into(),
             SettingKind::Choice { options } => format!("one of {}", options.join(", ")),
             SettingKind::Column { .. } => "the name of an attribute, density, mass or smoothing-length".into(),
+            SettingKind::Vector { .. } => "the name of a vector, without -x, -y and -z".into(),
             SettingKind::Numbers { min, max, most } => {
                 format!("a list of up to {most} numbers from {} to {}", brief(min), brief(max))
             }
@@ -164,7 +170,7 @@ impl Setting {
             (SettingKind::Number { min, max, .. }, SettingValue::Number(number)) => (min..=max).contains(number),
             (SettingKind::Flag { .. }, SettingValue::Flag(_)) => true,
             (SettingKind::Choice { options }, SettingValue::Name(name)) => options.contains(&name.as_str()),
-            (SettingKind::Column { .. }, SettingValue::Name(name)) => !name.is_empty(),
+            (SettingKind::Column { .. } | SettingKind::Vector { .. }, SettingValue::Name(name)) => !name.is_empty(),
             (SettingKind::Numbers { min, max, most }, SettingValue::Numbers(numbers)) => {
                 numbers.len() <= most && numbers.iter().all(|number| (min..=max).contains(number))
             }

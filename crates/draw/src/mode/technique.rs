@@ -10,8 +10,9 @@ use crate::cpu::layered::Assignment;
 use crate::cpu::over::Order;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
+use crate::cpu::volume::attributes::ColumnMarch;
 use crate::cpu::volume::{
-    Classifier, FieldRange, Light, Scenery, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
+    Classifier, FieldRange, Light, Scenery, Supply, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
 };
 use crate::cpu::{Counts, SplatOptions, Splats, Summation, among, draw_counted};
 use crate::hierarchy::Purpose;
@@ -118,9 +119,10 @@ pub trait Technique: Sync {
         Vec::new()
     }
 
-    /// Whether nothing but the processor draws it with these settings, whatever [`Technique::adapter`] says.
-    fn is_processors(&self, settings: &Settings) -> bool {
-        !self.fields(settings).is_empty()
+    /// Whether nothing but the processor draws it with these settings, whatever [`Technique::adapter`] and
+    /// [`Technique::has_field_passes`] say.
+    fn is_processors(&self, _settings: &Settings) -> bool {
+        false
     }
 
     /// Whether [`Technique::draw`] draws.
@@ -171,6 +173,14 @@ pub trait Technique: Sync {
     /// # Errors
     /// [`VolumeError`] as [`Technique::draw`], and as `ranges`.
     fn light(&self, _terms: &Terms<'_>, _ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        Ok(None)
+    }
+
+    /// The same of the fields of columns ([`Technique::fields`]), whose ranges are those of the job's particles.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw`].
+    fn light_of_fields(&self, _job: &Job<'_>) -> Result<Option<LightPlan>, VolumeError> {
         Ok(None)
     }
 
@@ -241,6 +251,28 @@ pub trait Technique: Sync {
         None
     }
 
+    /// Whether [`Technique::draw_supplied`] draws with these settings.
+    fn takes_supply(&self, _settings: &Settings) -> bool {
+        false
+    }
+
+    /// Draws on the processor what [`Technique::draw`] would draw of particles that are not all there at once, of techniques that can do with some
+    /// at a time; the job has no batches.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw`].
+    fn draw_supplied(&self, job: &Job<'_>, _supply: &mut dyn Supply) -> Result<Raw, VolumeError> {
+        self.draw(job)
+    }
+
+    /// Finds the ranges of what [`Technique::draw_supplied`] draws, where colours have none of their own.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw`].
+    fn supplied_levels(&self, _job: &Job<'_>, _supply: &mut dyn Supply) -> Result<Option<VolumeLevels>, VolumeError> {
+        Ok(None)
+    }
+
     /// Draws on the processor; [`super::Mode::draw`] calls it for techniques that do.
     ///
     /// # Errors
@@ -260,6 +292,8 @@ pub struct Job<'a> {
     pub settings: &'a Settings,
     /// What volumes emit and absorb; the mode's own where it is `None`.
     pub transfer: Option<&'a TransferFunction>,
+    /// A box around the data.
+    pub bounds: Bounds,
     /// The data's diameter, world units; 0 for sums, which have no use for it.
     pub diameter: f64,
     /// The data's largest density; 0 for sums.
@@ -348,6 +382,8 @@ pub struct LightPlan {
 pub enum LightPasses {
     /// Rays through the perspective grid.
     March(Scenery, VolumeOptions),
+    /// The same of fields of columns.
+    Columns(Box<ColumnMarch>),
     /// Rays through a Cartesian grid.
     Cartesian(Scenery, VolumeOptions, CartesianOptions),
     /// Splats in the order of their depth, each with its own density.
@@ -534,6 +570,7 @@ mod tests {
             options,
             settings,
             transfer: None,
+            bounds: Bounds { min: DVec3::ZERO, max: DVec3::ONE },
             diameter: 1.0,
             densest: 1.0,
             density_scale: 1.0,

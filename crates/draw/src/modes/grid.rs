@@ -1,18 +1,21 @@
 //! What the modes of the perspective grid (F12 chapter 5) share: their settings, and how these become a picture.
 
 use super::samples;
+use super::shadowing;
 use super::volume_fields::{self, VolumeFields};
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
+use crate::cpu::Splats;
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::Shadowing;
 use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{
-    self, Classifier, FieldRange, Light, Scenery, Surface, VolumeError, VolumeLevels, VolumeOptions, range,
+    self, Classifier, FieldRange, Light, Scenery, Supply, Surface, VolumeError, VolumeLevels, VolumeOptions, range,
 };
 use crate::hierarchy::Purpose;
 use crate::mode::{
     Adapter, Columns, Conserved, FieldJob, FieldPasses, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode,
-    Needs, Output, Raw, Setting, SettingKind, Settings, Technique, Terms,
+    Needs, Output, Raw, Setting, SettingKind, SettingValue, Settings, Technique, Terms,
 };
 use crate::model::{Bounds, Kernel, Unit};
 use crate::view::perspective_grid::GridOptions;
@@ -129,21 +132,6 @@ pub static FIELD: Setting = Setting {
     kind: SettingKind::Column { default: volume_fields::DENSITY },
     help: "what the volume shows of particles, and the transfer function's range is of: their density, or an attribute between them",
 };
-/// Whose values are the same on a surface.
-pub static SURFACE_FIELD: Setting = Setting {
-    name: "surface-field",
-    unit: "",
-    kind: SettingKind::Column { default: volume_fields::DENSITY },
-    help: "what isosurfaces are drawn of, and isovalues are of: the particles' density, or an attribute between them",
-};
-/// How attributes are read between particles.
-pub static FIELD_SUM: Setting = Setting {
-    name: "field-sum",
-    unit: "",
-    kind: SettingKind::Choice { options: &["normalised", volume_fields::PLAIN] },
-    help: "an attribute between particles: normalised, the mean weighted with volume; or plain, the sum over m A / rho W (F12 3.2), \
-           which falls to 0 where the gas ends",
-};
 /// Densities of the surfaces.
 pub static ISOVALUES: Setting = Setting {
     name: "isovalues",
@@ -172,6 +160,13 @@ pub static LIGHTING: Setting = Setting {
     unit: "",
     kind: SettingKind::Flag { default: true },
     help: "isosurfaces are lit by a lamp at the eye",
+};
+/// Smoothing of surfaces.
+pub static SURFACE_SMOOTHING: Setting = Setting {
+    name: "surface-smoothing",
+    unit: "steps",
+    kind: SettingKind::Number { min: 0.0, max: 200.0, default: 0.0 },
+    help: "the light on the surface that adds most to a pixel follows the larger forms: directions flow to those around up to silhouettes (F12 5.11); by the processor; not with shadows or ambient occlusion, nor of sampled volumes among other data",
 };
 /// Whether the volume itself is lit.
 pub static VOLUME_LIGHTING: Setting = Setting {
@@ -279,6 +274,13 @@ impl Look {
         let levels = levels(terms, &transfer, &options, measure)?;
         let classifier = Classifier::new(&transfer, levels, attribute);
         Ok(Look { options, transfer, levels, classifier })
+    }
+
+    /// The same of particles that are not all there at once, which are no batches of the job; with what else the picture depends on.
+    fn of_supplied<'a>(job: &Job<'a>, supply: &mut dyn Supply) -> Result<(Terms<'a>, Look), VolumeError> {
+        let terms = Terms { attribute: supply.has_attribute(), ..job.terms() };
+        let look = Look::of(&terms, |options| range::measure_supplied(job.view, supply, options))?;
+        Ok((terms, look))
     }
 
     /// The density at a place of the range, 0 to 1.
@@ -410,13 +412,29 @@ fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
 /// Layers of a volume, by marching along rays through the perspective grid.
 pub struct Marched(pub Layers);
 
+impl Marched {
+    /// How its surfaces darken each other in a view of data of this diameter; `None` where they do not.
+    fn shadowing(&self, settings: &Settings, view: &View, diameter: f64) -> Option<Shadowing> {
+        match self.0.surfaces {
+            [] => None,
+            _ => shadowing::beside_eye(settings, view, diameter),
+        }
+    }
+}
+
 impl Technique for Marched {
     fn output(&self) -> Output {
         Output::Light
     }
 
-    fn needs(&self, _: &Settings) -> Needs {
-        Needs { purpose: Purpose::Samples, slices: true, hides: true, ..Needs::default() }
+    fn needs(&self, settings: &Settings) -> Needs {
+        let own = Needs { purpose: Purpose::Samples, slices: true, hides: true, ..Needs::default() };
+        shadowing::needs(own, settings)
+    }
+
+    fn is_processors(&self, settings: &Settings) -> bool {
+        let is_smoothed = settings.number(&SURFACE_SMOOTHING) > 0.0;
+        !self.0.surfaces.is_empty() && (shadowing::is_on(settings) || is_smoothed)
     }
 
     fn detail(&self, view: &View, settings: &Settings, bounds: Bounds, _: f64) -> Detail {
@@ -441,17 +459,32 @@ impl Technique for Marched {
         (!names.is_empty()).then(fields).flatten().map(|fields| fields.levels)
     }
 
+    fn for_panorama(&self, settings: &mut Settings, _: &[Splats<'_>], _: Kernel) {
+        // Each face would find densities of its own.
+        if self.0.volume {
+            settings.set(&volume_fields::FIELD_OPACITY, SettingValue::Name("field".into()));
+        }
+    }
+
     fn takes_paths(&self) -> bool {
         true
     }
 
     fn light(&self, terms: &Terms<'_>, ranges: &mut FindRanges<'_>) -> Result<Option<LightPlan>, VolumeError> {
-        if self.is_processors(terms.settings) {
+        if !self.fields(terms.settings).is_empty() {
             return Ok(None);
         }
         let look = Look::of(terms, ranges)?;
         let (scenery, isovalues) = look.scenery(terms, self.0)?;
         Ok(Some(LightPlan { passes: LightPasses::March(scenery, look.options), levels: look.levels, isovalues }))
+    }
+
+    fn light_of_fields(&self, job: &Job<'_>) -> Result<Option<LightPlan>, VolumeError> {
+        let names = self.fields(job.settings);
+        if names.is_empty() {
+            return Ok(None);
+        }
+        Ok(Some(VolumeFields::new(job, &self.0, &names)?.plan()))
     }
 
     fn field_dimensions(&self) -> &'static [usize] {
@@ -467,7 +500,10 @@ impl Technique for Marched {
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-        Ok(Raw::Light(samples::march(job, &self.0)?))
+        Ok(Raw::Light(match self.shadowing(job.settings, job.view, job.diameter) {
+            Some(shadowing) => samples::march_darkened(job, &self.0, &shadowing)?,
+            None => samples::march(job, &self.0)?,
+        }))
     }
 
     fn has_field_parts(&self) -> bool {
@@ -475,18 +511,49 @@ impl Technique for Marched {
     }
 
     fn field_parts(&self, job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
-        samples::march_in_parts(job, &self.0)
+        samples::march_in_parts(job, &self.0, self.shadowing(job.settings, job.view, job.diameter).as_ref())
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let names = self.fields(job.settings);
+        let shadowing = self.shadowing(job.settings, job.view, job.diameter);
         if !names.is_empty() {
-            return Ok(Raw::Light(VolumeFields::new(job, &self.0, &names)?.draw(job)));
+            let fields = VolumeFields::new(job, &self.0, &names)?;
+            return Ok(Raw::Light(match shadowing {
+                Some(shadowing) => fields.draw_darkened(job, &shadowing)?,
+                None => fields.draw(job),
+            }));
         }
         let look = Look::new(job)?;
         let (scenery, isovalues) = look.scenery(&job.terms(), self.0)?;
-        let (colors, report) = volume::draw_with_paths(job.view, job.batches, &scenery, &look.options, job.paths)?;
+        let (colors, report) = match shadowing {
+            Some(shadowing) => {
+                let parts = |view: &View| {
+                    let options = look.options.seen_from(view == job.view);
+                    volume::draw_in_parts(view, job.batches, &scenery, &options)
+                };
+                let (parts, report) = shadowing::darkened(job.view, &shadowing, parts)?;
+                (shadowing::colors_among(&parts, job.paths), report)
+            }
+            None => volume::draw_with_paths(job.view, job.batches, &scenery, &look.options, job.paths)?,
+        };
         Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues }))
+    }
+
+    fn takes_supply(&self, settings: &Settings) -> bool {
+        let is_shadowed = !self.0.surfaces.is_empty() && shadowing::is_on(settings);
+        self.fields(settings).is_empty() && !is_shadowed
+    }
+
+    fn draw_supplied(&self, job: &Job<'_>, supply: &mut dyn Supply) -> Result<Raw, VolumeError> {
+        let (terms, look) = Look::of_supplied(job, supply)?;
+        let (scenery, isovalues) = look.scenery(&terms, self.0)?;
+        let (colors, report) = volume::supply::draw(job.view, supply, &scenery, &look.options)?;
+        Ok(Raw::Light(LightPicture { colors, report, levels: look.levels, isovalues }))
+    }
+
+    fn supplied_levels(&self, job: &Job<'_>, supply: &mut dyn Supply) -> Result<Option<VolumeLevels>, VolumeError> {
+        Look::of_supplied(job, supply).map(|(_, look)| Some(look.levels))
     }
 }
 
@@ -502,6 +569,7 @@ pub fn options(settings: &Settings, kernel: Kernel) -> VolumeOptions {
         smallest: settings.number(&SMALLEST_CELLS),
         occlusion: settings.flag(&OCCLUSION),
         kernel,
+        smoothing: settings.number(&SURFACE_SMOOTHING).round() as u32,
     }
 }
 

@@ -1,6 +1,6 @@
 //! `image`: an image in its own plane.
 
-use super::{grid, samples};
+use super::{grid, samples, slice_overlay};
 use crate::cpu::field::plane::Plane;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
@@ -22,7 +22,7 @@ fn parts(job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
 pub static MODE: Mode = Mode {
     name: "image",
     help: "of images: the picture itself, in its own colours or those of a transfer function",
-    settings: &[samples::SAMPLES],
+    settings: &[slice_overlay::OVERLAY, samples::SAMPLES],
     technique: &samples::OfFields {
         output: Output::Light,
         dimensions: &[2],

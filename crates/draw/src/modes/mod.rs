@@ -3,6 +3,7 @@
 
 pub mod cartesian;
 pub mod column_density;
+pub mod cross_section;
 pub mod density_squared;
 pub mod grid;
 pub mod image;
@@ -13,7 +14,9 @@ pub mod paths;
 pub mod points;
 pub mod primitives;
 pub mod samples;
+pub mod shadowing;
 pub mod slice;
+pub mod slice_overlay;
 pub mod sorted_splats;
 pub mod spheres;
 pub mod surface;
@@ -27,7 +30,7 @@ use crate::mode::{Mode, lod_budget};
 use std::sync::{PoisonError, RwLock};
 
 /// The modes that come with deepfield; the first is the default.
-static BUILT_IN: [&Mode; 16] = [
+static BUILT_IN: [&Mode; 17] = [
     &column_density::MODE,
     &density_squared::MODE,
     &points::MODE,
@@ -40,10 +43,11 @@ static BUILT_IN: [&Mode; 16] = [
     &cartesian::MODE,
     &paths::MODE,
     &primitives::MODE,
+    &surface::MODE,
     &image::MODE,
     &slice::MODE,
     &xray::MODE,
-    &surface::MODE,
+    &cross_section::MODE,
 ];
 
 /// The modes of other crates.

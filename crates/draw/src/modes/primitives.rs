@@ -305,6 +305,7 @@ mod tests {
     use super::*;
     use crate::cpu::over::Order;
     use crate::cpu::{Positions, SplatOptions};
+    use crate::model::Bounds;
     use crate::view::{Projection, View};
     use glam::DVec3;
 
@@ -332,6 +333,7 @@ mod tests {
             options: SplatOptions::default(),
             settings: &settings,
             transfer: Some(&transfer),
+            bounds: Bounds { min: DVec3::NEG_ONE, max: DVec3::ONE },
             diameter: 1.0,
             densest: 1.0,
             density_scale: 1.0,

@@ -1,11 +1,16 @@
 //! What modes of images and volumes share: how near their values have to be, and what their colours come to.
 
 use super::grid::{self, Layers, OPACITY};
+use super::shadowing;
+use super::slice_overlay;
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Curve, Hue, Range, TransferFunction, UnitLength};
 use crate::cpu::field::plane::{self, Plane};
 use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::Shadowing;
+use crate::cpu::slice::Slice;
+use crate::cpu::slice::arrows::ArrowKey;
 use crate::cpu::volume::bricks::BrickGrid;
 use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeReport, cast, cast_in_parts};
 use crate::mode::{
@@ -203,16 +208,55 @@ pub fn march(job: &FieldJob<'_>, layers: &Layers) -> Result<LightPicture, Volume
     Ok(LightPicture { colors, report, levels, isovalues })
 }
 
-/// What layers of a field show in each pixel, in parts from front to back that something else is drawn among.
+/// The same where surfaces darken each other.
 ///
 /// # Errors
 /// As [`plan`].
-pub fn march_in_parts(job: &FieldJob<'_>, layers: &Layers) -> Result<PathFragments, VolumeError> {
-    let FieldMarch { grid, axis, scenery, options, .. } = plan(job, layers)?;
+pub fn march_darkened(job: &FieldJob<'_>, layers: &Layers, shadowing: &Shadowing) -> Result<LightPicture, VolumeError> {
+    let (parts, (report, levels, isovalues)) = darkened_parts(job, layers, shadowing)?;
+    Ok(LightPicture { colors: shadowing::colors_among(&parts, job.paths), report, levels, isovalues })
+}
+
+/// What layers of a field show in each pixel, in parts from front to back that something else is drawn among; its surfaces may darken each other.
+///
+/// # Errors
+/// As [`plan`].
+pub fn march_in_parts(
+    job: &FieldJob<'_>,
+    layers: &Layers,
+    shadowing: Option<&Shadowing>,
+) -> Result<PathFragments, VolumeError> {
+    Ok(match shadowing {
+        Some(shadowing) => darkened_parts(job, layers, shadowing)?.0,
+        None => parts(job, layers)?.0,
+    })
+}
+
+/// What a picture tells beside its colours: its report, their ranges, and the isosurfaces' values.
+type Told = (VolumeReport, VolumeLevels, Vec<f64>);
+
+fn parts(job: &FieldJob<'_>, layers: &Layers) -> Result<(PathFragments, Told), VolumeError> {
+    let FieldMarch { grid, axis, scenery, options, levels, isovalues } = plan(job, layers)?;
+    let planes = [grid.near, grid.far];
+    let mut report = VolumeReport { grid: grid.size, planes, slabs: 0, ..VolumeReport::default() };
     let brick_grid = BrickGrid::new(&grid);
     let mut bricks = bricks(job, axis, (&grid, &brick_grid), &scenery);
-    let (grids, report) = ((&grid, &brick_grid), &mut VolumeReport::default());
-    Ok(cast_in_parts(job.view, grids, &mut bricks, &scenery, &options, report))
+    let parts = cast_in_parts(job.view, (&grid, &brick_grid), &mut bricks, &scenery, &options, &mut report);
+    report.opaque = None;
+    Ok((parts, (report, levels, isovalues)))
+}
+
+fn darkened_parts(
+    job: &FieldJob<'_>,
+    layers: &Layers,
+    shadowing: &Shadowing,
+) -> Result<(PathFragments, Told), VolumeError> {
+    // These planes are at depths from the eye.
+    let settings = &job.settings.filtered(|name| name != grid::NEAR.name && name != grid::FAR.name);
+    shadowing::darkened(job.view, shadowing, |view| match view == job.view {
+        true => parts(job, layers),
+        false => parts(&FieldJob { view, settings, ..*job }, layers),
+    })
 }
 
 /// What fills the perspective grid from a field.
@@ -237,11 +281,9 @@ pub fn colors_of(
     let values = FieldValues { is_volume: false, ..job.values };
     let look = FieldLook::new(&values, job.settings, job.transfer, job.diameter, &Layers::VOLUME)?;
     let full_light = job.field.full_light;
-    let (transfer, range) = (look.transfer, look.levels.density);
-    let lut = transfer.bake_colors();
     let hue = job.hue;
     let levels = look.levels;
-    let scale = transfer.hue.clone().map_or_else(|| Hue::default().scale, |hue| hue.scale);
+    let of_values = colors_at(&look.transfer, levels);
     let color = move |values: &[f32]| {
         if values[0].is_nan() {
             return [0.0; 4];
@@ -250,35 +292,60 @@ pub fn colors_of(
             let light = [r, g, b].map(|value| to_linear((value / full).clamp(0.0, 1.0)));
             return [light[0], light[1], light[2], rest.first().map_or(1.0, |alpha| (alpha / full).clamp(0.0, 1.0))];
         }
-        let column = transfer.scale.place(values[0], range) * (lut.width - 1) as f32;
-        let row = hue.map_or(0.0, |hue| scale.place(values[hue], levels.attribute)) * (lut.height - 1) as f32;
-        let texel = |column: usize| {
-            let at = row.round() as usize * lut.width as usize + column.min(lut.width as usize - 1);
-            lut.rgba[at].map(|byte| f32::from(byte) / 255.0)
-        };
-        let (low, high, share) = (texel(column as usize), texel(column as usize + 1), column.fract());
-        let [r, g, b] = [0, 1, 2].map(|k| to_linear(low[k] + share * (high[k] - low[k])));
+        let [r, g, b] = of_values(values[0], hue.map(|hue| values[hue]));
         [r, g, b, 1.0]
     };
     Ok((levels, color))
 }
 
+/// A transfer function's colours of values in these ranges, and of what colours them where something does, linear light.
+pub fn colors_at(
+    transfer: &TransferFunction,
+    levels: VolumeLevels,
+) -> impl Fn(f32, Option<f32>) -> [f32; 3] + Sync + use<> {
+    let (of_value, range) = (transfer.scale, levels.density);
+    let lut = transfer.bake_colors();
+    let scale = transfer.hue.clone().map_or_else(|| Hue::default().scale, |hue| hue.scale);
+    move |value: f32, hue: Option<f32>| {
+        let column = of_value.place(value, range) * (lut.width - 1) as f32;
+        let row = hue.map_or(0.0, |hue| scale.place(hue, levels.attribute)) * (lut.height - 1) as f32;
+        let texel = |column: usize| {
+            let at = row.round() as usize * lut.width as usize + column.min(lut.width as usize - 1);
+            lut.rgba[at].map(|byte| f32::from(byte) / 255.0)
+        };
+        let (low, high, share) = (texel(column as usize), texel(column as usize + 1), column.fract());
+        [0, 1, 2].map(|k| to_linear(low[k] + share * (high[k] - low[k])))
+    }
+}
+
 /// What lies on a plane, in its colours.
 ///
 /// # Errors
-/// As [`FieldLook::new`].
+/// As [`FieldLook::new`], and where a vector field is wanted that there is none of.
 pub fn on_plane(job: &FieldJob<'_>, plane: &Plane) -> Result<Raw, VolumeError> {
-    let (levels, color) = colors_of(job)?;
-    let colors = plane::draw(job.view, job.field, plane, color);
-    Ok(Raw::Light(LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }))
+    let (levels, slice, arrows) = slice_of(job, plane)?;
+    let (colors, report) = (slice.colors(), VolumeReport { arrows: arrows.map(Box::new), ..VolumeReport::default() });
+    Ok(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() }))
 }
 
 /// What lies on a plane, in its colours, as parts of pixels that something else is drawn among.
 ///
 /// # Errors
-/// As [`FieldLook::new`].
+/// As [`on_plane`].
 pub fn parts_of_plane(job: &FieldJob<'_>, plane: &Plane) -> Result<PathFragments, VolumeError> {
-    Ok(plane::fragments(job.view, job.field, plane, colors_of(job)?.1))
+    Ok(slice_of(job, plane)?.1.fragments())
+}
+
+/// What lies on a plane, with what settings have drawn over it, and how long arrows are.
+fn slice_of(job: &FieldJob<'_>, plane: &Plane) -> Result<(VolumeLevels, Slice, Option<ArrowKey>), VolumeError> {
+    let (levels, color) = colors_of(job)?;
+    let overlay = slice_overlay::of(job.settings);
+    let names: Vec<&str> = job.field.channels.iter().map(|channel| channel.name.as_str()).collect();
+    let vector = overlay.vectors.map(|_| slice_overlay::channels(job.settings, &names)).transpose()?;
+    let wanted = plane::Wanted { values: overlay.contours.is_some(), vector };
+    let mut slice = plane::slice(job.view, job.field, plane, wanted, color);
+    let arrows = slice.decorate(&overlay);
+    Ok((levels, slice, arrows))
 }
 
 /// How a mode that draws images or volumes alone is drawn.

@@ -1,6 +1,6 @@
 //! `slice`: a plane through a volume.
 
-use super::{grid, samples};
+use super::{grid, samples, slice_overlay};
 use crate::cpu::field::plane::Plane;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
@@ -12,14 +12,14 @@ pub static AXIS: Setting = Setting {
     name: "axis",
     unit: "",
     kind: SettingKind::Choice { options: &["z", "y", "x"] },
-    help: "the axis of the grid that the slice lies across",
+    help: "the axis of the grid, of particles of the world, that the slice lies across",
 };
 /// Where it lies.
 pub static AT: Setting = Setting {
     name: "at",
     unit: "",
     kind: SettingKind::Number { min: 0.0, max: 1.0, default: 0.5 },
-    help: "where the slice lies: 0 at the volume's beginning, 1 at its end",
+    help: "where the slice lies: 0 at the data's beginning, 1 at its end",
 };
 /// Any direction.
 pub static NORMAL: Setting = Setting {
@@ -50,7 +50,7 @@ fn plane(job: &FieldJob<'_>) -> Result<Plane, VolumeError> {
 }
 
 /// The axis of the grid that it lies across.
-fn axis(settings: &Settings) -> DVec3 {
+pub(super) fn axis(settings: &Settings) -> DVec3 {
     match settings.name(&AXIS).as_str() {
         "x" => DVec3::X,
         "y" => DVec3::Y,
@@ -79,8 +79,8 @@ fn parts(job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
 /// The value on a plane.
 pub static MODE: Mode = Mode {
     name: "slice",
-    help: "of volumes: what lies on a plane through them",
-    settings: &[&[&AXIS, &AT, &NORMAL], samples::SAMPLES],
+    help: "of volumes: what lies on a plane through them, with lines of equal value and vectors in the plane if wanted",
+    settings: &[&[&AXIS, &AT, &NORMAL], slice_overlay::OVERLAY, samples::SAMPLES],
     technique: &samples::OfFields {
         output: Output::Light,
         dimensions: &[3],

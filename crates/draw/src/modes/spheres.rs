@@ -1,8 +1,11 @@
 //! `spheres`: particles as spheres with a surface smoothed in the picture (F12 5.9).
 
 use super::grid::{self, Look};
+use super::shadowing;
+use crate::color::Colors;
 use crate::color::transfer::Scale;
-use crate::cpu::screen_spheres::{NEIGHBOURHOOD, SphereOptions, SurfaceColors, front};
+use crate::cpu::screen_spheres::{Front, NEIGHBOURHOOD, SphereOptions, SurfaceColors, front};
+use crate::cpu::shadowing::Shadowing;
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::classify::BRIGHTNESSES;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
@@ -10,6 +13,7 @@ use crate::mode::{
     Adapter, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode, Needs, Output, Raw, Setting, SettingKind,
     Settings, Technique, Terms,
 };
+use crate::view::View;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -36,6 +40,9 @@ pub static THRESHOLD: Setting = Setting {
     kind: SettingKind::Number { min: 0.0, max: 1e38, default: 0.0 },
     help: "density below which particles are left out, in the data's units; 0: chosen from the data",
 };
+
+/// How far surfaces that are smoothed in two pictures may be apart, radii of spheres.
+const SLACK: f64 = 0.5;
 
 /// Place of the automatic threshold in the range of densities.
 pub const PLACE: f32 = 0.62;
@@ -87,13 +94,31 @@ pub fn surface_colors(look: &Look) -> SurfaceColors {
     SurfaceColors { colors, of_attribute: false, scale: Scale::Log, range: look.levels.density }
 }
 
+/// Darkens the colours of a surface where it hides light from itself.
+fn darken(job: &Job<'_>, surface: &Front, options: &SphereOptions, shadowing: &Shadowing, colors: &mut Colors) {
+    // Of two pictures each is smoothed by itself.
+    let slack = if options.smoothing > 0.0 { SLACK * surface.mean_radius() } else { 0.0 };
+    let shadowing = Shadowing { slack, ..*shadowing };
+    let spheres = SphereOptions { near: None, far: None, ..*options };
+    shadowing.darken(job.view, &surface.depths(), colors, &mut |from: &View| {
+        let (mut seen, _) = front(from, job.batches, job.density_scale, &spheres).ok()?;
+        seen.smooth(from, spheres.smoothing);
+        Some(seen.depths())
+    });
+}
+
 impl Technique for Spheres {
     fn output(&self) -> Output {
         Output::Light
     }
 
-    fn needs(&self, _: &Settings) -> Needs {
-        Needs { densities: true, margin_px: NEIGHBOURHOOD, hides: true, ..Needs::default() }
+    fn needs(&self, settings: &Settings) -> Needs {
+        let own = Needs { densities: true, margin_px: NEIGHBOURHOOD, hides: true, ..Needs::default() };
+        shadowing::needs(own, settings)
+    }
+
+    fn is_processors(&self, settings: &Settings) -> bool {
+        shadowing::is_on(settings)
     }
 
     fn meets_surfaces(&self) -> bool {
@@ -132,6 +157,9 @@ impl Technique for Spheres {
         };
         let light = grid::light(settings);
         let mut colors = surface.shade(job.view, light.as_ref(), color);
+        if let Some(shadowing) = shadowing::beside_eye(settings, job.view, job.diameter) {
+            darken(job, &surface, &options, &shadowing, &mut colors);
+        }
         if let Some(surfaces) = job.paths {
             surface.lie_among(surfaces, &mut colors);
         }
@@ -144,7 +172,12 @@ impl Technique for Spheres {
 pub static MODE: Mode = Mode {
     name: "spheres",
     help: "dense particles as spheres under one surface that is smoothed in the picture; coloured by density or attribute",
-    settings: &[&[&THRESHOLD, &RADIUS, &SMOOTHING], grid::LIGHT, &[&grid::NEAR, &grid::FAR, &grid::OCCLUSION]],
+    settings: &[
+        &[&THRESHOLD, &RADIUS, &SMOOTHING],
+        grid::LIGHT,
+        &[&grid::NEAR, &grid::FAR, &grid::OCCLUSION],
+        shadowing::BESIDE_EYE,
+    ],
     technique: &Spheres,
     ..grid::MODE
 };

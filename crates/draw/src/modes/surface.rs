@@ -1,6 +1,8 @@
 //! `surface`: measured heights, as points, triangles or rays of the surface that they stand for.
 
+use super::shadowing;
 use crate::color::transfer::{Range, Scale, TransferFunction};
+use crate::cpu::shadowing::Shadowing;
 use crate::cpu::surface::SurfaceOptions;
 use crate::cpu::surface::holes::{Gap, Holes};
 use crate::cpu::surface::look::{Attribute, Contours, Light, Look};
@@ -73,14 +75,14 @@ pub static CONTOURS: Setting = Setting {
     name: "contours",
     unit: "",
     kind: SettingKind::Number { min: 0.0, max: 1e30, default: 0.0 },
-    help: "from a line of equal height to the next, in the unit of heights; 0: no lines",
+    help: "from a line of equal height to the next, on slices of equal value, in the unit of heights or values; 0: no lines",
 };
 /// A height that has a line.
 pub static CONTOUR_BASE: Setting = Setting {
     name: "contour-base",
     unit: "",
     kind: SettingKind::Number { min: -1e30, max: 1e30, default: 0.0 },
-    help: "a height that has a line",
+    help: "a height or a value that has a line",
 };
 /// Stronger lines.
 pub static CONTOUR_MAJOR: Setting = Setting {
@@ -220,6 +222,8 @@ const ELLIPSOIDS: [(&str, Globe, &[&str]); 2] = [
 /// Fields in degrees that are at least so wide are a globe unless they are told otherwise.
 const GLOBE_FROM: f64 = 20.0;
 
+/// Colour of lines of equal height, or value, linear light.
+pub const LINE_COLOR: [f32; 3] = [0.02, 0.02, 0.03];
 /// An em of heights along lines, pixels, where others are of 13.
 const LETTERS: f64 = 11.0;
 
@@ -252,6 +256,8 @@ pub struct SurfaceSettings {
     pub walls: bool,
     /// How high the eye stands above the surface at least; 0: anywhere.
     pub clearance: f64,
+    /// How it darkens itself, for one whose size is 1.
+    pub shadowing: Option<Shadowing>,
 }
 
 impl SurfaceSettings {
@@ -275,7 +281,7 @@ impl SurfaceSettings {
             base: settings.number(&CONTOUR_BASE),
             major: settings.number(&CONTOUR_MAJOR) as u32,
             width: settings.number(&CONTOUR_WIDTH),
-            color: [0.02, 0.02, 0.03],
+            color: LINE_COLOR,
             labels: settings.flag(&CONTOUR_LABELS).then_some(LETTERS),
         });
         let gap = match settings.number(&LARGEST_GAP) {
@@ -288,11 +294,12 @@ impl SurfaceSettings {
             "filled" => Holes::Filled(gap),
             _ => Holes::Open,
         };
+        let map = map_of(&settings.name(&MAP), grid)?;
         Ok(SurfaceSettings {
             technique,
             exaggeration: settings.number(&EXAGGERATION),
             base: settings.number(&BASE),
-            map: map_of(&settings.name(&MAP), grid)?,
+            map,
             light,
             ambient: settings.number(&AMBIENT) as f32,
             samples: settings.number(&SAMPLES) as u32,
@@ -302,6 +309,7 @@ impl SurfaceSettings {
             form: FormKind::named(&settings.name(&FORM)).unwrap_or(FormKind::Plane),
             walls: settings.flag(&WALLS),
             clearance: settings.number(&CLEARANCE),
+            shadowing: shadowing::of_sun(settings, light, map, settings.number(&AMBIENT)),
         })
     }
 }
@@ -490,6 +498,7 @@ impl SurfaceSettings {
             holes: self.holes,
             holes_grow: self.holes_grow,
             walls: self.walls.then_some(self.base),
+            shadowing: self.shadowing,
             look: Some(look),
             ..SurfaceOptions::default()
         }
@@ -527,29 +536,32 @@ impl Technique for OfSurfaces {
 pub static MODE: Mode = Mode {
     name: "surface",
     help: "of measured heights: the surface, in the light of a sun, coloured by height, slope or its own colours; what was not measured stays open",
-    settings: &[&[
-        &TECHNIQUE,
-        &EXAGGERATION,
-        &BASE,
-        &MAP,
-        &LIGHT,
-        &AZIMUTH,
-        &ALTITUDE,
-        &AMBIENT,
-        &SAMPLES,
-        &CONTOURS,
-        &CONTOUR_BASE,
-        &CONTOUR_MAJOR,
-        &CONTOUR_WIDTH,
-        &CONTOUR_LABELS,
-        &FORM,
-        &HOLES,
-        &HOLES_FAR,
-        &LARGEST_GAP,
-        &GAP_UNIT,
-        &WALLS,
-        &CLEARANCE,
-    ]],
+    settings: &[
+        &[
+            &TECHNIQUE,
+            &EXAGGERATION,
+            &BASE,
+            &MAP,
+            &LIGHT,
+            &AZIMUTH,
+            &ALTITUDE,
+            &AMBIENT,
+            &SAMPLES,
+            &CONTOURS,
+            &CONTOUR_BASE,
+            &CONTOUR_MAJOR,
+            &CONTOUR_WIDTH,
+            &CONTOUR_LABELS,
+            &FORM,
+            &HOLES,
+            &HOLES_FAR,
+            &LARGEST_GAP,
+            &GAP_UNIT,
+            &WALLS,
+            &CLEARANCE,
+        ],
+        shadowing::OF_SUN,
+    ],
     technique: &OfSurfaces,
     quantity: "height",
     transfer: ["terrain", "density-hue"],

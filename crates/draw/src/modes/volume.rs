@@ -1,6 +1,6 @@
 //! `volume`: direct volume rendering through the perspective grid (F12 5.6).
 
-use super::{grid, samples};
+use super::{grid, samples, volume_fields};
 use crate::mode::Mode;
 
 /// Particles weigh their mass, so that their sum with the kernel is the density.
@@ -8,7 +8,7 @@ pub static MODE: Mode = Mode {
     name: "volume",
     help: "a volume that emits and absorbs light along each ray: dense gas bright and opaque, or another field; hue from an attribute",
     settings: &[
-        &[&grid::OPACITY, &grid::FIELD, &grid::FIELD_SUM],
+        &[&grid::OPACITY, &grid::FIELD, &volume_fields::FIELD_SUM, &volume_fields::FIELD_OPACITY],
         grid::LIGHT_OF_VOLUME,
         grid::GRID,
         grid::COMMON,

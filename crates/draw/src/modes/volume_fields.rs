@@ -1,30 +1,67 @@
 //! What settings come to where a volume or its surfaces are of the particles' attributes, not of their density alone
 //! ([`crate::cpu::volume::attributes`]).
 
-use super::grid::{self, FIELD, FIELD_SUM, ISOVALUES, Layers, OPACITY, SURFACE_FIELD, TERMINATION};
+use super::grid::{self, FIELD, ISOVALUES, Layers, OPACITY, TERMINATION};
+use super::shadowing;
 use crate::color::transfer::{Range, Scale, TransferFunction, UnitLength};
 use crate::cpu::field::ValueAxis;
-use crate::cpu::volume::attributes::{Column, Columns, Reading, Shown};
+use crate::cpu::shadowing::Shadowing;
+use crate::cpu::volume::attributes::{ByDensity, Column, ColumnMarch, Columns, Reading, Shown};
 use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeOptions};
-use crate::mode::{Job, LightPicture, Settings};
+use crate::mode::{Job, LightPasses, LightPicture, LightPlan, Setting, SettingKind, Settings};
+use crate::view::View;
 
 /// The name of densities among columns.
 pub const DENSITY: &str = "density";
 /// The choice of F12's sum as it is.
 pub const PLAIN: &str = "plain";
 
-/// The columns whose fields layers are of, the volume's first; none where all are of the density, which needs no column.
+/// Whose values are the same on a surface.
+pub static SURFACE_FIELD: Setting = Setting {
+    name: "surface-field",
+    unit: "",
+    kind: SettingKind::Column { default: DENSITY },
+    help: "what isosurfaces are drawn of, and isovalues are of: the particles' density, or an attribute between them",
+};
+/// How attributes are read between particles.
+pub static FIELD_SUM: Setting = Setting {
+    name: "field-sum",
+    unit: "",
+    kind: SettingKind::Choice { options: &["normalised", PLAIN] },
+    help: "an attribute between particles: normalised, the mean weighted with volume; or plain, the sum over m A / rho W (F12 3.2), \
+           which falls to 0 where the gas ends",
+};
+/// What the opacity of a volume of an attribute goes by.
+pub static FIELD_OPACITY: Setting = Setting {
+    name: "field-opacity",
+    unit: "",
+    kind: SettingKind::Choice { options: &[DENSITY, "field"] },
+    help: "how opaque a volume of an attribute is: as its values say and as dense as it is there, so that thin gas hides nothing; or field, by \
+           its values alone",
+};
+
+/// Whether the opacity of a volume of something else goes by the density.
+fn is_dimmed(settings: &Settings, layers: &Layers) -> bool {
+    layers.volume && settings.name(&FIELD) != DENSITY && settings.name(&FIELD_OPACITY) == DENSITY
+}
+
+/// The columns whose fields layers are of: the volume's first, then that of surfaces of their own, then the density where the volume's opacity
+/// goes by it. None where all are of the density, which needs no column.
 pub fn names(settings: &Settings, layers: &Layers) -> Vec<String> {
     let drawn = [(&FIELD, layers.volume), (&SURFACE_FIELD, !layers.surfaces.is_empty())];
     let mut names: Vec<String> =
         drawn.into_iter().filter(|(_, is_drawn)| *is_drawn).map(|(setting, _)| settings.name(setting)).collect();
     names.dedup();
+    if is_dimmed(settings, layers) && names.iter().all(|name| name != DENSITY) {
+        names.push(DENSITY.to_owned());
+    }
     if names == [DENSITY] { Vec::new() } else { names }
 }
 
 /// What a picture of fields is made of.
 pub struct VolumeFields {
     columns: Columns,
+    wanted: Vec<Column>,
     shown: Shown,
     scenery: Scenery,
     options: VolumeOptions,
@@ -88,7 +125,9 @@ impl VolumeFields {
             transfer.scale = Scale::Linear;
         }
         let of_volume = Spread { scale: transfer.scale, range: transfer.scale.usable(range) };
-        let own = names.len() - 1;
+        // The column of surfaces.
+        let is_apart = settings.name(&FIELD) != settings.name(&SURFACE_FIELD);
+        let own = usize::from(layers.volume && !layers.surfaces.is_empty() && is_apart);
         let of_surfaces = match own {
             0 => of_volume,
             _ => {
@@ -114,9 +153,15 @@ impl VolumeFields {
             (false, false) => Reading::Mean(spread.axis(others)),
         };
         let of_both: &[f64] = if own == 0 { &isovalues } else { &[] };
+        let density = names.iter().position(|name| name == DENSITY).filter(|_| is_dimmed(settings, layers));
+        let by_density = |index: usize| {
+            alike(FIELD_OPACITY.name, DENSITY, "field")?;
+            Ok::<_, VolumeError>(ByDensity { range: columns.range(index, true)? })
+        };
         let shown = Shown {
             volume: reading(0, of_volume, of_both),
             surface: (own > 0).then(|| reading(own, of_surfaces, &isovalues)),
+            opacity: density.map(by_density).transpose()?,
             has_hue,
         };
         let hue = transfer.hue.clone().unwrap_or_default();
@@ -153,12 +198,37 @@ impl VolumeFields {
             volume_light: grid::volume_light(settings),
             termination: settings.number(&TERMINATION) as f32,
         };
-        Ok(VolumeFields { columns, shown, scenery, options, levels, isovalues })
+        Ok(VolumeFields { columns, wanted, shown, scenery, options, levels, isovalues })
+    }
+
+    /// What an adapter draws of it.
+    pub fn plan(self) -> LightPlan {
+        let VolumeFields { columns, wanted, shown, scenery, options, levels, isovalues } = self;
+        let march = ColumnMarch { columns: wanted, shown, scenery, options, filling: columns.filling };
+        LightPlan { passes: LightPasses::Columns(Box::new(march)), levels, isovalues }
+    }
+
+    /// Draws it with surfaces that darken each other, and the paths among it that the job has.
+    ///
+    /// # Errors
+    /// As [`VolumeFields::new`].
+    pub fn draw_darkened(self, job: &Job<'_>, shadowing: &Shadowing) -> Result<LightPicture, VolumeError> {
+        let VolumeFields { columns, wanted, shown, scenery, options, levels, isovalues } = self;
+        let parts = |view: &View| {
+            if view == job.view {
+                return Ok::<_, VolumeError>(columns.draw_in_parts(view, &shown, &scenery, &options));
+            }
+            let options = options.seen_from(false);
+            let columns = Columns::prepare(view, job.batches, &wanted, &options)?;
+            Ok(columns.draw_in_parts(view, &shown, &scenery, &options))
+        };
+        let (parts, report) = shadowing::darkened(job.view, shadowing, parts)?;
+        Ok(LightPicture { colors: shadowing::colors_among(&parts, job.paths), report, levels, isovalues })
     }
 
     /// Draws it, with the paths among it that the job has.
     pub fn draw(self, job: &Job<'_>) -> LightPicture {
-        let VolumeFields { columns, shown, scenery, options, levels, isovalues } = self;
+        let VolumeFields { columns, shown, scenery, options, levels, isovalues, .. } = self;
         let (colors, report) = columns.draw(job.view, &shown, &scenery, &options, job.paths);
         LightPicture { colors, report, levels, isovalues }
     }
@@ -182,11 +252,16 @@ mod tests {
                 of(mode, &[]).is_empty() && of(mode, &[("field", "density"), ("surface-field", "density")]).is_empty()
             );
         }
-        assert_eq!(of(&volume::MODE, &[metal]), ["metallicity"]);
+        let by_values = ("field-opacity", "field");
+        assert_eq!(of(&volume::MODE, &[metal]), ["metallicity", "density"]);
+        assert_eq!(of(&volume::MODE, &[metal, by_values]), ["metallicity"]);
         assert_eq!(of(&isosurface::MODE, &[heat]), ["temperature"]);
         assert_eq!(of(&volume_isosurface::MODE, &[metal]), ["metallicity", "density"]);
         assert_eq!(of(&volume_isosurface::MODE, &[heat]), ["density", "temperature"]);
-        assert_eq!(of(&volume_isosurface::MODE, &[heat, ("field", "temperature")]), ["temperature"]);
+        let both = [heat, ("field", "temperature"), by_values];
+        assert_eq!(of(&volume_isosurface::MODE, &both[..2]), ["temperature", "density"]);
+        assert_eq!(of(&volume_isosurface::MODE, &both), ["temperature"]);
+        assert_eq!(of(&volume_isosurface::MODE, &[heat, metal]), ["metallicity", "temperature", "density"]);
     }
 
     #[test]

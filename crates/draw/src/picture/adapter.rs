@@ -13,7 +13,7 @@ use crate::cpu::surface::stitch::Scene;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
 use crate::look::Backend;
 use crate::mode;
-use crate::mode::{Depiction, FieldPasses, LightPicture, LightPlan, Mode, Plan, Raw};
+use crate::mode::{Depiction, FieldPasses, LightPicture, LightPlan, Mode, Plan, Raw, Settings};
 use crate::store::Metadata;
 use crate::stream::SceneNode;
 use crate::view::View;
@@ -196,6 +196,7 @@ pub fn draw_on(
     job: AdapterJob<'_>,
 ) -> Result<(Raw, AdapterFrame), VolumeError> {
     let light = match subject.depiction.mode.is_light() {
+        true if subject.depiction.draws_fields() => subject.light_of_fields(job.view, job.nodes, job.plan)?,
         true => subject.light(job.view, &mut |options| adapter.ranges(&job, options))?,
         false => None,
     };
@@ -213,16 +214,17 @@ pub fn draw_on(
 /// Why nothing but the processor draws.
 pub const WITHOUT_ADAPTER: &str = "this deepfield was built without the feature `viewer`, so only --backend cpu draws";
 
-/// Whether an adapter draws images and volumes of a mode for somebody who asks for `backend`; the processor draws all of them.
+/// Whether an adapter draws images and volumes of a mode with settings for somebody who asks for `backend`; the processor draws all of them.
 ///
 /// # Errors
 /// What draws the mode, where the backend that is asked for does not.
 pub fn draws_fields(
     mode: &Mode,
+    settings: &Settings,
     backend: Option<Backend>,
     adapter: Option<&mut (dyn Adapter + 'static)>,
 ) -> Result<bool, String> {
-    let has_passes = mode.technique.has_field_passes();
+    let has_passes = mode.technique.has_field_passes() && !mode.technique.is_processors(settings);
     match (backend, adapter) {
         (Some(Backend::Compute | Backend::Raster), None) => Err(WITHOUT_ADAPTER.into()),
         (Some(Backend::Raster), Some(_)) if has_passes => {

@@ -2,8 +2,9 @@
 
 use super::drawn::Coloration;
 use super::session::Reporter;
-use crate::annotate::{self, Annotations, Label, Legend, Paper, Subject, Units};
+use crate::annotate::{self, Annotations, KeyArrow, Label, Legend, Paper, Subject, Units};
 use crate::color::Image;
+use crate::cpu::slice::arrows::ArrowKey;
 use crate::explore::data::source_of;
 use crate::explore::marks::{self, Layer, Marks};
 use crate::explore::{Catalogue, Data, ExploreError, FoundIds, IdSet, Members, Places, SelectionSet, Work};
@@ -173,19 +174,24 @@ impl Annotation {
         }
     }
 
-    /// Writes what is asked for into the finished picture, or on a sheet in it that `view` sees.
+    /// Writes what is asked for into the finished picture, or on a sheet in it that `view` sees; `arrows` says how long arrows in it are, where there
+    /// are some.
     pub(super) fn write(
         &self,
         image: &mut Image,
         view: &View,
         annotations: &Annotations,
         Coloration { transfer, levels }: &Coloration,
+        arrows: Option<ArrowKey>,
     ) {
         let lut = match self.depiction.mode.is_light() {
             true => transfer.bake_colors(),
             false => transfer.bake_lut(),
         };
-        let legend = Legend::told(&self.depiction, transfer, Arc::new(lut), levels, &self.units);
+        let legend = Legend::told(&self.depiction, transfer, Arc::new(lut), levels, &self.units).map(|legend| {
+            let found = arrows.and_then(|key| KeyArrow::of(key.scale, key.spacing, &self.units.vector));
+            Legend { arrow: found.or_else(|| legend.arrow.clone()), ..legend }
+        });
         let scale = annotations.scale_for(image.width, image.height);
         let subject = Subject {
             view,

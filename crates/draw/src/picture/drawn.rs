@@ -3,6 +3,7 @@
 use super::annotation::Annotation;
 use super::error::PictureError;
 use super::field::PointsReport;
+use super::glow;
 use super::ground::through;
 use super::left_out::LeftOut;
 use super::lettering::{self, Sheet};
@@ -10,9 +11,11 @@ use super::level_report::LevelReport;
 use super::paths::PathCounts;
 use super::surface::{CHANNELS, SurfaceShown};
 use crate::annotate::overlay::mix_into;
+use crate::color::composite::Background;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Colors, Image, composite, output};
 use crate::cpu::paths::fragments::lay_over;
+use crate::cpu::slice::arrows::ArrowKey;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Film, Shot};
 use crate::mode::Raw;
@@ -134,6 +137,14 @@ impl Picture {
         }
     }
 
+    /// How long the arrows of a slice are, where it has some.
+    pub fn arrows(&self) -> Option<ArrowKey> {
+        match &self.values {
+            Raw::Light(painted) => painted.report.arrows.as_deref().copied(),
+            Raw::Sums(..) => None,
+        }
+    }
+
     /// How its values become colours.
     pub fn coloration(&self) -> Coloration {
         let levels = match &self.values {
@@ -151,18 +162,14 @@ impl Picture {
     pub fn image(&self, shot: &Shot) -> Result<Image, PictureError> {
         let coloration = self.coloration();
         let background = shot.look.background.unwrap_or_default();
-        let mut image = match &self.values {
-            Raw::Sums(sums, _) => match &self.ground {
-                None => composite::composite_on(sums, &self.transfer, &coloration.levels, background),
-                Some(ground) => {
-                    let behind = ground.image_on(background);
-                    let whole = self.unfiltered.as_deref();
-                    let through = whole.map(|whole| through(sums, whole));
-                    let (sums, levels) = (whole.unwrap_or(sums), &coloration.levels);
-                    composite::composite_over(sums, &self.transfer, levels, &behind, through.as_deref())
-                }
-            },
-            Raw::Light(painted) => painted.colors.image_on(background),
+        let bloom = shot.look.bloom.unwrap_or_default();
+        let mut image = match bloom.is_off() {
+            true => self.colored(&coloration.levels, background),
+            false => {
+                let mut light = self.light(&coloration.levels, background);
+                glow::spread(&bloom, &mut light, shot)?;
+                light.image_on(background)
+            }
         };
         if let Some(paths) = &self.paths {
             lay_over(paths, &mut image);
@@ -171,12 +178,39 @@ impl Picture {
         if let Some(annotations) = &shot.look.annotations {
             for sheet in self.sheets(shot, &image)? {
                 sheet.lay(&mut image, |image| {
-                    self.annotation.write(image, &sheet.view, annotations, self.told.as_ref().unwrap_or(&coloration));
+                    let told = self.told.as_ref().unwrap_or(&coloration);
+                    self.annotation.write(image, &sheet.view, annotations, told, self.arrows());
                     Ok::<(), PictureError>(())
                 })?;
             }
         }
         Ok(image)
+    }
+
+    /// Its values in colours before a background.
+    fn colored(&self, levels: &Levels, background: Background) -> Image {
+        match &self.values {
+            Raw::Sums(sums, _) => match &self.ground {
+                None => composite::composite_on(sums, &self.transfer, levels, background),
+                Some(ground) => {
+                    let behind = ground.image_on(background);
+                    let whole = self.unfiltered.as_deref();
+                    let through = whole.map(|whole| through(sums, whole));
+                    let sums = whole.unwrap_or(sums);
+                    composite::composite_over(sums, &self.transfer, levels, &behind, through.as_deref())
+                }
+            },
+            Raw::Light(painted) => painted.colors.image_on(background),
+        }
+    }
+
+    /// Its values as light, which may be brighter than a screen; of sums over surfaces that of the screen.
+    fn light(&self, levels: &Levels, background: Background) -> Colors {
+        match (&self.values, &self.ground) {
+            (Raw::Light(painted), _) => painted.colors.clone(),
+            (Raw::Sums(sums, _), None) => composite::light(sums, &self.transfer, levels, background),
+            (Raw::Sums(..), Some(_)) => Colors::of_image(&self.colored(levels, background)),
+        }
     }
 
     /// What is written on in the finished picture.

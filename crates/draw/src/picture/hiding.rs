@@ -224,6 +224,45 @@ mod tests {
         }
     }
 
+    /// What nobody sees may cast shadows: then nothing is left out. Surfaces become darker, and nothing else changes.
+    #[test]
+    fn what_casts_shadows_is_not_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let eclipse = Eclipse { particles: 12_000, lengths: [0.12, 0.1], ..ECLIPSE };
+        let file = eclipse.file(&folder.path().join("eclipse.df"), false);
+        let number = |name: &'static str, number: f64| (name, SettingValue::Number(number));
+        let numbers = |name: &'static str, numbers: [f64; 2]| (name, SettingValue::Numbers(numbers.to_vec()));
+        // The first one is rough.
+        let surfaces = [numbers("isovalues", [300.0, 2e3]), numbers("iso-opacities", [0.9, 1.0])];
+        for mode in ["isosurface", "volume-isosurface", "spheres"] {
+            let draw = |own: &[(&str, SettingValue)]| {
+                let own = [&surfaces[..], own].concat();
+                let shot = shot(mode, camera([0.9, 0.7, 2.9]), RANGE, &own);
+                Session::of(Arc::clone(&file), u64::MAX).draw(&shot).unwrap()
+            };
+            let plain = draw(&[]);
+            let off = draw(&[number("ambient-occlusion", 0.0), number("shadows", 0.0), number("light-size", 5.0)]);
+            assert!(bits(&plain) == bits(&off), "{mode}");
+            let lamp = [number("shadows", 1.0), number("light-size", 0.0), number("shadow-azimuth", 60.0)];
+            let cast = draw(&lamp);
+            let all = draw(&[&lamp[..], &[occlusion(false)]].concat());
+            assert!(bits(&cast) == bits(&all) && cast.nodes == all.nodes, "{mode}");
+            let hidden = draw(&[number("ambient-occlusion", 1.0), number("occlusion-radius", 0.1)]);
+            for picture in [&cast, &hidden] {
+                let (Raw::Light(plain), Raw::Light(dark)) = (&plain.values, &picture.values) else { panic!("colours") };
+                let mut darkest = 1.0f32;
+                for (plain, dark) in plain.colors.rgba.iter().zip(&dark.colors.rgba) {
+                    assert!((plain[3] - dark[3]).abs() < 1e-3, "{mode}: {plain:?} {dark:?}");
+                    assert!((0..3).all(|k| dark[k] <= plain[k] + 1e-3), "{mode}: {plain:?} {dark:?}");
+                    if plain[0] > 0.05 {
+                        darkest = darkest.min(dark[0] / plain[0]);
+                    }
+                }
+                assert!(darkest < 0.8, "{mode}: {darkest}");
+            }
+        }
+    }
+
     /// What hides and what is hidden, in files whose densities are not in the unit of their masses too, seen from anywhere.
     #[test]
     fn whatever_hides_something_changes_no_bit_of_the_picture() {

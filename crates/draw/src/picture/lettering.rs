@@ -5,7 +5,7 @@
 //! it stands at the distance of zero parallax.
 
 use crate::color::Image;
-use crate::view::{Eye, Eyes, Panorama, Projection, Stereo, StereoKind, Surround, View, ViewError};
+use crate::view::{Eye, Panorama, Projection, Stereo, StereoKind, Surround, View, ViewError};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -30,18 +30,9 @@ pub(super) fn sheets(
     stereo: Option<Stereo>,
 ) -> Result<Vec<Sheet>, ViewError> {
     let Some(stereo) = stereo else { return Ok(vec![sheet(view, [0, 0, width, height], surround, None)?]) };
-    let areas: &[[u32; 4]] = match stereo.eyes {
-        Eyes::Left | Eyes::Right => &[[0, 0, width, height]],
-        Eyes::SideBySide => &[[0, 0, width / 2, height], [width / 2, 0, width / 2, height]],
-        Eyes::OverUnder => &[[0, 0, width, height / 2], [0, height / 2, width, height / 2]],
-    };
-    stereo
-        .eyes
-        .each()
-        .iter()
-        .zip(areas)
-        .map(|(eye, area)| sheet(view, *area, surround, Some((&stereo, *eye))))
-        .collect()
+    let areas = stereo.eyes.areas([width, height]);
+    let each = stereo.eyes.each().iter().zip(areas);
+    each.map(|(eye, area)| sheet(view, area, surround, Some((&stereo, *eye)))).collect()
 }
 
 fn sheet(view: &View, area: [u32; 4], surround: Surround, eye: Option<(&Stereo, Eye)>) -> Result<Sheet, ViewError> {
@@ -152,6 +143,7 @@ fn bilinear(image: &Image, at: [f64; 2]) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::view::Eyes;
     use std::convert::Infallible;
 
     const BACK: [u8; 4] = [10, 20, 30, 255];

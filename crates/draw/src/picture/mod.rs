@@ -1,6 +1,7 @@
 //! From what is wanted to a picture: [`Session`] selects, reads, decodes, draws, colours and annotates, for every command, tour
 //! and window.
 
+mod account;
 pub mod adapter;
 mod adapter_faces;
 pub mod annotation;
@@ -10,6 +11,7 @@ pub mod decode;
 pub mod drawing_cost;
 pub mod fade;
 mod frame_budget;
+mod glow;
 pub mod ground;
 mod hiding;
 pub mod left_out;
@@ -30,6 +32,7 @@ pub mod splat_budget;
 pub mod stand_in;
 pub mod subject;
 pub mod summing;
+mod supplied;
 pub mod surface;
 mod times;
 

@@ -179,19 +179,22 @@ impl Projector {
         whole.ok_or_else(|| PictureError::Asked("nothing was drawn".into()))
     }
 
-    /// Puts together what `draw` shows in each view, colours or else sums; black where that is nothing.
+    /// Puts together what `draw` shows in each view, colours or else sums; black where that is nothing. Views of a panorama reach `margin` pixels
+    /// beyond what is seen of them.
     ///
     /// # Errors
     /// The first of `draw`, and where all views show nothing.
     pub fn draw_each(
         &self,
         is_light: bool,
+        margin: u32,
         mut draw: impl FnMut(&View) -> Result<Option<Raw>, PictureError>,
     ) -> Result<Raw, PictureError> {
         let nothing = || PictureError::Asked("eye, target: nothing of the data is in view".into());
+        let sampling = Sampling { margin: margin.max(COLORS.margin), ..COLORS };
         if is_light {
             let mut last: Option<LightPicture> = None;
-            let texels = self.shoot(COLORS, |face| {
+            let texels = self.shoot(sampling, |face| {
                 let Some(Raw::Light(mut light)) = draw(face.view)? else {
                     return Ok(Texels::black(face.view.width, face.view.height));
                 };
@@ -202,7 +205,7 @@ impl Projector {
             return Ok(Raw::Light(LightPicture { colors: texels.into(), ..last.ok_or_else(nothing)? }));
         }
         let mut any = false;
-        let texels = self.shoot(COLORS, |face| {
+        let texels = self.shoot(sampling, |face| {
             let Some(Raw::Sums(sums, _)) = draw(face.view)? else {
                 return Ok(Texels::black(face.view.width, face.view.height));
             };
@@ -276,6 +279,9 @@ impl Projector {
         }
         if depiction.mode.technique.tells_columns() {
             return Some("panoramas of splats over each other".into());
+        }
+        if depiction.draws_fields() {
+            return Some("panoramas of fields of attributes".into());
         }
         let is_able = match depiction.adapter() {
             // Discs have as many pixels everywhere in a flat picture.

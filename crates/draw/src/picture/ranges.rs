@@ -72,11 +72,14 @@ impl Session {
                         let plan = self.plan_listed(&subject, &view, &lod_budget, &listing)?;
                         transfer.levels(&self.sums_of_listed(&subject, &view, &listing, &plan)?)
                     }
-                    None => {
-                        let selection = self.select(&depiction, &view, tau)?;
-                        let plan = subject.plan(&view, &selection.nodes, &lod_budget, None)?;
-                        subject.levels_of_nodes(&view, &selection.nodes, &plan)?
-                    }
+                    None => match self.levels_in_slabs(&subject, &view, tau)? {
+                        Some(levels) => levels,
+                        None => {
+                            let selection = self.select(&depiction, &view, tau)?;
+                            let plan = subject.plan(&view, &selection.nodes, &lod_budget, None)?;
+                            subject.levels_of_nodes(&view, &selection.nodes, &plan)?
+                        }
+                    },
                 }
             }
             false => {

@@ -8,7 +8,9 @@ mod moments;
 mod passes;
 mod paths;
 mod projection;
+mod slabs;
 
+use super::account::{Account, Task};
 use super::adapter::{self, Adapter, Passes};
 use super::annotation::{Annotation, FollowedPlaces};
 use super::drawn::{Picture, ShownMoment};
@@ -23,7 +25,7 @@ use super::projected::Means;
 use super::source::{self, Wanted};
 use super::subject::{self, Subject};
 use crate::annotate::Units;
-use crate::color::composite::{composite_at, composite_over};
+use crate::color::composite::{composite_glowing, composite_over};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image};
 use crate::cpu::Method;
@@ -83,8 +85,8 @@ pub struct SessionOptions {
     pub overdraw: Option<PathBuf>,
     /// Bytes that the samples of an image or a volume may take; more are thinned.
     pub memory: Option<u64>,
-    /// Bytes that pages of particles may take, with what is decoded of them at a time: sums whose pages do not fit are drawn in passes, all else is
-    /// drawn coarser then. `None`: whatever a picture needs is held at once.
+    /// Bytes that pages of particles may take, with what is drawn of them at a time: sums whose pages do not fit are drawn in passes, flat pictures of
+    /// volumes in slabs, and all else is drawn coarser then. `None`: whatever a picture needs is held at once.
     pub page_memory: Option<u64>,
     /// Bytes that decoded chunks of heights may take.
     pub chunk_memory: Option<u64>,
@@ -136,8 +138,10 @@ pub struct Session {
     scene: Scene,
     /// What pages of what is open may take.
     budget_bytes: u64,
-    /// Whether sums whose pages take more are drawn in passes; else they are drawn coarser, as all else is.
+    /// Whether sums whose pages take more are drawn in passes, and volumes in slabs; else they are drawn coarser, as all else is.
     draws_in_passes: bool,
+    /// The shares of the memory that is kept to then.
+    account: Option<Account>,
     /// What the first picture of some families shows, since that takes reading.
     framed: Option<(Vec<u32>, Bounds)>,
     /// How long the source took to load, until a picture has told it.
@@ -173,10 +177,11 @@ impl Session {
     ) -> Result<Session, PictureError> {
         if options.exact.is_none() {
             let opened = OpenData::open(members, options.read, page_file)?;
-            let budget_bytes = options.page_memory.map_or(u64::MAX, passes::for_pages);
+            let account = options.page_memory.map(|memory| Account::of(memory, Task::of(shots)));
+            let budget_bytes = account.map_or(u64::MAX, |account| account.pages);
             let (session, notes) = Session::of_opened_within(opened, members.to_vec(), budget_bytes)?;
             notes.into_iter().for_each(|note| reporter.tell(note));
-            return Ok(Session { draws_in_passes: options.page_memory.is_some(), options, reporter, ..session });
+            return Ok(Session { draws_in_passes: account.is_some(), account, options, reporter, ..session });
         }
         let from = |shot: &'a Shot| shot.film.as_ref().and_then(|film| Some(&film.from.as_ref()?.look));
         let looks = shots.into_iter().flat_map(|shot| [Some(&shot.look), from(shot)]).flatten();
@@ -199,6 +204,7 @@ impl Session {
             scene,
             budget_bytes: u64::MAX,
             draws_in_passes: false,
+            account: None,
             framed,
             loading,
             ahead: None,
@@ -244,6 +250,7 @@ impl Session {
             scene: Scene::new(Arc::clone(&file), budget_bytes),
             budget_bytes,
             draws_in_passes: false,
+            account: None,
             data: Data::Pages(file),
             opened: None,
             moment: Moment::default(),
@@ -462,6 +469,7 @@ impl Session {
         }
         let surfaces = ground.map(|ground| ground.fragments(view));
         let nodes = subject.decode(view, &selection.nodes, &plan);
+        let bloom = look.bloom.unwrap_or_default();
         let (image, levels, sums) = match subject.draw_with_paths(view, &nodes, &plan, surfaces.as_ref()) {
             Ok(Raw::Sums(sums, _)) => {
                 let solid = ground.filter(|ground| ground.is_filter()).map(|ground| ground.solid(view));
@@ -473,21 +481,24 @@ impl Session {
                 let shown = whole.as_ref().unwrap_or(&sums);
                 let levels = levels.unwrap_or_else(|| transfer.levels(shown));
                 let image = match &surfaces {
-                    None => composite_at(shown, &transfer, &levels),
+                    None => composite_glowing(shown, &transfer, &levels, &bloom),
                     Some(surfaces) => {
                         let through = whole.as_ref().map(|whole| through(&sums, whole));
-                        composite_over(shown, &transfer, &levels, &surfaces.colors().image(), through.as_deref())
+                        let behind = surfaces.colors().image();
+                        let mut image = composite_over(shown, &transfer, &levels, &behind, through.as_deref());
+                        bloom.spread_image(&mut image);
+                        image
                     }
                 };
                 (image, Some(levels), Some(sums))
             }
             Ok(Raw::Light(painted)) => {
                 let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-                (painted.colors.image(), Some(levels), None)
+                (bloom.image(&painted.colors), Some(levels), None)
             }
             Err(VolumeError::Grid(GridError::NothingInView)) => match &surfaces {
                 None => (Image::black(view.width, view.height), None, None),
-                Some(surfaces) => (surfaces.colors().image(), None, None),
+                Some(surfaces) => (bloom.image(&surfaces.colors()), None, None),
             },
             Err(error) => return Err(error.into()),
         };

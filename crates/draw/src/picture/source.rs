@@ -86,11 +86,13 @@ pub fn particles(
 fn load_one(member: &Member, wanted: &Wanted, reporter: &dyn Reporter) -> Result<(PathBuf, Dataset), PictureError> {
     let source = source_of(&member.path, wanted.time)?;
     let opened = open(&source)?;
+    // A page file may have been built with attributes that follow from velocities.
+    let mut derive = member.said.derive.clone();
+    derive.extend(derivable(opened.description(), &wanted.attributes));
     let options = LoadOptions {
         families: wanted.family.map_or_else(|| member.families.clone().unwrap_or_default(), |family| vec![family]),
         attributes: wanted.attributes.clone(),
-        // A page file may have been built with attributes that follow from velocities.
-        derive: derivable(opened.description(), &wanted.attributes),
+        derive,
         ..LoadOptions::default()
     };
     let dataset = load_source(opened.as_ref(), &options, &*reporter.progress())?;

@@ -10,8 +10,8 @@ use crate::color::Accumulation;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
 use crate::cpu::paths::PathFragments;
-use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::particles::{density_scale, density_scale_of};
+use crate::cpu::volume::{Supply, VolumeError};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
 use crate::mode::over::own_column;
 use crate::mode::{
@@ -138,6 +138,30 @@ impl<'a> Subject<'a> {
         }
     }
 
+    /// Whether [`Subject::draw_supplied`] draws.
+    pub(super) fn takes_supply(&self) -> bool {
+        let Depiction { mode, settings, .. } = self.depiction;
+        mode.technique.on_processor() && mode.technique.takes_supply(settings)
+    }
+
+    /// Draws particles that are not all there at once.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub(super) fn draw_supplied(&self, view: &View, supply: &mut dyn Supply) -> Result<Raw, VolumeError> {
+        self.depiction.mode.technique.draw_supplied(&self.job(view, &[], &Plan::default()), supply)
+    }
+
+    /// The ranges of the colours of such a picture.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub(super) fn supplied_levels(&self, view: &View, supply: &mut dyn Supply) -> Result<Option<Levels>, VolumeError> {
+        let job = self.job(view, &[], &Plan::default());
+        let found = self.depiction.mode.technique.supplied_levels(&job, supply)?;
+        Ok(found.map(|found| Levels { p: found.density, s: found.attribute }))
+    }
+
     /// What sums nodes that are not all there at once; `None` for pictures that are no sums of splats, each by itself.
     pub fn summing(&self, view: &View, plan: &Plan) -> Option<Summing<'a>> {
         let mode = self.depiction.mode;
@@ -247,6 +271,21 @@ impl<'a> Subject<'a> {
         self.depiction.mode.technique.light(&terms, ranges)
     }
 
+    /// The same of fields of columns: the processor finds their ranges, of the particles of all nodes that are drawn.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub fn light_of_fields(
+        &self,
+        view: &View,
+        nodes: &[SceneNode],
+        plan: &Plan,
+    ) -> Result<Option<LightPlan>, VolumeError> {
+        let nodes = self.decode(view, nodes, plan);
+        let batches = batches(self.depiction, &nodes)?;
+        self.depiction.mode.technique.light_of_fields(&self.job(view, &batches, plan))
+    }
+
     /// What the colours of a codebook's entries tell, of modes that draw light: densities, or own columns.
     pub fn told_values(&self, table: &CodeTable, codebook: &Codebook) -> Vec<f32> {
         let Subject { metadata, depiction, mean_mass, .. } = *self;
@@ -328,6 +367,7 @@ impl<'a> Subject<'a> {
             options,
             settings,
             transfer,
+            bounds: metadata.bounds(),
             diameter,
             densest: self.densest(),
             density_scale,

@@ -11,7 +11,9 @@ use crate::view::View;
 use std::time::{Duration, Instant};
 
 /// Particles that are decoded at a time, but for a single node that has more.
-const PORTION: u64 = 1 << 20;
+pub(super) const PORTION: u64 = 1 << 20;
+/// The same for volumes, which take more memory for a particle: it is paired with all bricks that it reaches.
+pub(super) const SUPPLIED: u64 = 1 << 17;
 
 /// A picture of sums that nodes are added to: it has the same bits whichever are added together, as long as their order is the same.
 pub struct Summing<'a> {
@@ -53,7 +55,7 @@ impl<'a> Summing<'a> {
     /// # Errors
     /// As [`Subject::draw`].
     pub fn add(&mut self, nodes: &[SceneNode]) -> Result<(), VolumeError> {
-        for portion in portions(nodes) {
+        for portion in portions(nodes, PORTION) {
             let start = Instant::now();
             let decoded = self.subject.decode(&self.view, portion, &self.plan);
             let batches = batches(self.subject.depiction, &decoded)?;
@@ -89,15 +91,15 @@ impl<'a> Summing<'a> {
     }
 }
 
-/// Nodes in portions of about [`PORTION`] particles.
-fn portions(nodes: &[SceneNode]) -> impl Iterator<Item = &[SceneNode]> {
+/// Nodes in portions of about so many particles.
+pub(super) fn portions(nodes: &[SceneNode], most: u64) -> impl Iterator<Item = &[SceneNode]> {
     let mut rest = nodes;
     std::iter::from_fn(move || {
         let mut particles = 0;
         let fits = rest.iter().take_while(|drawn| {
             let node = drawn.page.nodes.get(drawn.node.node as usize);
             particles += u64::from(drawn.part.or(node.map(|node| node.particles)).unwrap_or(0));
-            particles <= PORTION
+            particles <= most
         });
         let (portion, others) = rest.split_at_checked(fits.count().max(1))?;
         rest = others;

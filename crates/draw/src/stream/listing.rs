@@ -4,8 +4,9 @@
 //! [`Outline`]: super::outline::Outline
 
 use super::{Scene, SceneNode};
+use crate::model::spare_memory;
 use crate::store::{NodeRef, PageId, StoreError};
-use crate::view::{Detail, Drawn, View, select};
+use crate::view::{Detail, Drawn, Extent, View, select};
 use std::collections::HashSet;
 
 /// What a view draws, without the pages that hold it.
@@ -25,6 +26,14 @@ pub struct Listing {
     tau: f64,
 }
 
+impl Listing {
+    /// Some of its nodes.
+    #[must_use]
+    pub fn of_nodes(&self, nodes: Vec<Drawn<NodeRef>>) -> Listing {
+        Listing { particles: nodes.iter().map(|drawn| drawn.particles).sum(), nodes, ..*self }
+    }
+}
+
 /// What was found while a list was visited.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Visited {
@@ -34,7 +43,8 @@ pub struct Visited {
     pub error_pixels: f64,
 }
 
-/// Pages that are visited at a time take so much at most, bytes, and this share of the budget: others are read meanwhile.
+/// Pages that are visited at a time take so much at most, bytes, and this share of the budget: others are read meanwhile. When so much has made
+/// room, it is given back to the system.
 const GROUP_BYTES: u64 = 64 << 20;
 const GROUP_SHARE: u64 = 4;
 
@@ -63,8 +73,7 @@ impl Scene {
             self.streamer.read_ahead([]);
             self.streamer.begin();
             self.streamer.hold(wanted);
-            self.streamer.serve();
-            self.streamer.take_evicted();
+            self.make_room();
             if !self.streamer.is_busy() {
                 self.check_roots(&roots, |page| self.outline.has(page))?;
                 let has_steps = |drawn: &Drawn<NodeRef>| self.outline.has_steps(drawn.id);
@@ -81,8 +90,7 @@ impl Scene {
             while self.streamer.is_busy() && !self.streamer.is_retry_due() {
                 let arrived = self.wait(tell);
                 self.look_at(arrived);
-                self.streamer.serve();
-                self.streamer.take_evicted();
+                self.make_room();
             }
         }
     }
@@ -91,6 +99,11 @@ impl Scene {
     pub fn known(&self, view: &View, detail: impl Into<Detail>) -> Vec<Drawn<NodeRef>> {
         let view = self.timed(view);
         select(&view, detail, &self.outline, &self.roots(&view)).draw
+    }
+
+    /// What the particles of a listed node reach, where that is known without them.
+    pub fn extent_of(&self, drawn: &Drawn<NodeRef>) -> Option<Extent> {
+        Some(self.outline.extent(drawn.id)?.moved(drawn.offset))
     }
 
     /// Keeps what pages tell of their nodes, of those that are in memory: they may make room then.
@@ -123,8 +136,7 @@ impl Scene {
             loop {
                 self.streamer.begin();
                 let is_lacking = self.streamer.hold(group.iter().map(|drawn| drawn.id));
-                self.streamer.serve();
-                self.streamer.take_evicted();
+                self.make_room();
                 if !is_lacking || !self.streamer.is_busy() {
                     break;
                 }
@@ -135,12 +147,21 @@ impl Scene {
             visited.is_complete &= nodes.len() == group.len();
             visited.error_pixels = nodes.iter().fold(visited.error_pixels, |most, node| most.max(node.error_pixels));
             self.streamer.read_ahead(after.iter().chain(next).map(|drawn| drawn.id));
-            self.streamer.serve();
-            self.streamer.take_evicted();
+            self.make_room();
             each(&nodes)?;
             rest = after;
         }
         Ok(visited)
+    }
+
+    /// Begins to read what is missing, in the place of pages that are freed before it comes.
+    fn make_room(&mut self) {
+        self.streamer.serve();
+        self.freed_bytes += self.streamer.free_evicted();
+        if self.freed_bytes >= GROUP_BYTES {
+            self.freed_bytes = 0;
+            spare_memory::give_back();
+        }
     }
 
     /// How many of these nodes are visited together: one at least.

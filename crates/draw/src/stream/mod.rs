@@ -22,5 +22,5 @@ pub use copies::{Copies, CopyOptions, CopyPlan};
 pub use frame::first_frame;
 pub use listing::{Listing, Visited};
 pub use residency::{Failure, PageState, Residency, ResidencyStatistics};
-pub use scene::{Scene, SceneNode, SceneSelection, first_nodes};
+pub use scene::{IN_FLIGHT, Scene, SceneNode, SceneSelection, first_nodes};
 pub use streamer::{Arrivals, StreamOptions, Streamer};

@@ -4,7 +4,7 @@
 use super::residency::info_of;
 use crate::hierarchy::pca::Step;
 use crate::store::{NodeRef, Page, PageId};
-use crate::view::{NodeInfo, NodeTree};
+use crate::view::{Extent, NodeInfo, NodeTree};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -22,6 +22,8 @@ struct OutlinedNode {
     info: NodeInfo,
     children: Range<u32>,
     steps: Range<u32>,
+    /// Whether it is not coded with its family's codebooks, so that what it holds may reach elsewhere than it does at other times.
+    has_content: bool,
 }
 
 /// The pages of one tree that have been looked at.
@@ -46,6 +48,7 @@ impl Outline {
                 info: info_of(node),
                 children: first[0]..children.len() as u32,
                 steps: first[1]..steps.len() as u32,
+                has_content: page.content(index).is_some(),
             }
         };
         let nodes: Vec<OutlinedNode> = page.nodes.iter().enumerate().map(outlined).collect();
@@ -76,6 +79,11 @@ impl Outline {
     /// Whether a node holds clusters.
     pub fn has_steps(&self, id: NodeRef) -> bool {
         !NodeTree::steps(self, id).is_empty()
+    }
+
+    /// What a node's particles reach, where it says exactly that: `None` where they have to be looked at.
+    pub fn extent(&self, id: NodeRef) -> Option<Extent> {
+        self.found(id).filter(|(_, node)| !node.has_content).map(|(_, node)| node.info.extent)
     }
 
     /// Memory that it takes, bytes.

@@ -22,6 +22,8 @@ pub struct Scene {
     pub time: Option<f64>,
     /// What is known of pages that views were listed of.
     pub(super) outline: Outline,
+    /// Bytes of pages that were freed and not given back to the system yet.
+    pub(super) freed_bytes: u64,
 }
 
 /// A node to draw, with the page that holds it.
@@ -77,6 +79,8 @@ impl SceneNode {
     }
 }
 
+/// Pages that are read at a time for a single picture.
+pub const IN_FLIGHT: usize = 16;
 /// Time without an answer after which a single picture does without a page.
 const STALL: Duration = Duration::from_secs(20);
 
@@ -107,7 +111,7 @@ impl Scene {
     pub fn new(tree: impl Tree + 'static, budget: u64) -> Scene {
         // Nothing else reads while a picture is drawn.
         let ahead = LookAhead { share: 1.0, ..LookAhead::default() };
-        let options = StreamOptions { budget, in_flight: 16, stall: STALL, prefetch: false, ahead };
+        let options = StreamOptions { budget, in_flight: IN_FLIGHT, stall: STALL, prefetch: false, ahead };
         Scene::with_options(tree, options)
     }
 
@@ -115,7 +119,7 @@ impl Scene {
     pub fn with_options(tree: impl Tree + 'static, options: StreamOptions) -> Scene {
         let families = (0..tree.metadata().families.len() as u32).collect();
         let (purpose, outline) = (Purpose::Splats, Outline::default());
-        Scene { streamer: Streamer::new(tree, options), families, purpose, time: None, outline }
+        Scene { streamer: Streamer::new(tree, options), families, purpose, time: None, outline, freed_bytes: 0 }
     }
 
     pub(super) fn timed(&self, view: &View) -> View {

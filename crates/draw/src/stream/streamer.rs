@@ -291,6 +291,13 @@ impl Streamer {
         evicted
     }
 
+    /// Gives up pages that had to make room here and now, as far as nobody holds them: what is read in their place would come on top of them
+    /// else. How many bytes they took.
+    pub fn free_evicted(&mut self) -> u64 {
+        self.take_evicted();
+        self.discarded.extract_if(.., |page| Arc::strong_count(page) == 1).map(|page| page.memory()).sum()
+    }
+
     /// What is to be copied and removed in this frame; nothing where the renderer needs no copies. To be called after
     /// [`Streamer::take_evicted`].
     pub fn plan_copies(&mut self) -> CopyPlan {

@@ -311,6 +311,16 @@ pub enum TourError {
 }
 
 impl TourFile {
+    /// Has the exposure and the bloom that a patch says, from its first keyframe on, also where keyframes say others.
+    pub fn expose(&mut self, light: &LookPatch) {
+        for (index, keyframe) in self.keyframes.iter_mut().enumerate() {
+            let says = keyframe.look.exposure.is_some() || keyframe.look.bloom.is_some();
+            if index == 0 || says {
+                keyframe.look = keyframe.look.then(light);
+            }
+        }
+    }
+
     /// A tour of these keyframes with everything else as it is by default.
     pub fn new(keyframes: Vec<Keyframe>) -> TourFile {
         TourFile {

@@ -8,6 +8,7 @@ pub mod path;
 pub mod spline;
 pub mod zoom_pan;
 
+mod adaptation;
 mod around;
 mod check;
 mod file;

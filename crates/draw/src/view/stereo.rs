@@ -59,6 +59,15 @@ impl Eyes {
             Eyes::SideBySide | Eyes::OverUnder => &[Eye::Left, Eye::Right],
         }
     }
+
+    /// The part of a picture of `width` by `height` pixels that each of them sees: left, top, width and height.
+    pub fn areas(self, [width, height]: [u32; 2]) -> Vec<[u32; 4]> {
+        match self {
+            Eyes::Left | Eyes::Right => vec![[0, 0, width, height]],
+            Eyes::SideBySide => vec![[0, 0, width / 2, height], [width / 2, 0, width / 2, height]],
+            Eyes::OverUnder => vec![[0, 0, width, height / 2], [0, height / 2, width, height / 2]],
+        }
+    }
 }
 
 /// How two eyes see.

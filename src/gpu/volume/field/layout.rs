@@ -80,7 +80,7 @@ fn vector(vector: DVec3, last: f32) -> [f32; 4] {
 }
 
 /// The value at place 1, or its base-2 logarithm where that is placed, and the places for a unit of it.
-fn placing(axis: &ValueAxis) -> [f32; 2] {
+pub fn placing(axis: &ValueAxis) -> [f32; 2] {
     let [low, high] = match axis.scale {
         Scale::Log => axis.range.map(f64::log2),
         Scale::Linear => axis.range,

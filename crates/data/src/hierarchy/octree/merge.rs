@@ -2,8 +2,9 @@
 //!
 //! In each of the 256^3 cells of edge `q`, particles with `h <= q` ("points") become one; those with larger `h`
 //! ("sprites") are merged in groups whose smoothing lengths differ by at most `fusion * q`. A merged particle has the sum
-//! of the masses, the mass-weighted mean position, smoothing length and density (so that `sum m rho` is kept, F12 4.1),
-//! and attributes weighted with `m rho` (F12 4.2). Its position is quantised to a quarter of the cell along each axis.
+//! of the masses and the mass-weighted mean position, smoothing length, density (so that `sum m rho` is kept, F12 4.1) and
+//! attributes. F12 4.2 weights attributes with `m rho`, by which its one mode draws; all modes but that one draw `m`, or `m / rho` times
+//! something, and a file has one value of each attribute. Its position is quantised to a quarter of the cell along each axis.
 
 use super::block::{Block, Box3, Content, View};
 use super::sorted::{Columns, Sorted};
@@ -34,8 +35,6 @@ pub(super) struct Merged {
     pub smoothing_length: f32,
     /// The point flag.
     pub point: bool,
-    /// Sum of the weights with which attributes are averaged.
-    pub weight: f64,
 }
 
 impl<'a> Merger<'a> {
@@ -125,21 +124,12 @@ impl<'a> Merger<'a> {
         }
         let h = single(smoothing / mass);
         let density = presence / mass;
-        let merged = Merged { mass, density, smoothing_length: h, point: f64::from(h) <= q, weight: presence };
-        let weight = |i: usize| f64::from(from.mass[i]) * f64::from(from.density[i]);
-        self.push_merged(from, group, position.map(|x| x / mass), &merged, weight, out);
+        let merged = Merged { mass, density, smoothing_length: h, point: f64::from(h) <= q };
+        self.push_merged(from, group, position.map(|x| x / mass), &merged, out);
     }
 
-    /// Stores a merged particle; attributes are averaged with these weights.
-    pub(super) fn push_merged(
-        &self,
-        from: &View,
-        group: &[u32],
-        unit: [f64; 3],
-        merged: &Merged,
-        weight: impl Fn(usize) -> f64,
-        out: &mut Block,
-    ) {
+    /// Stores a merged particle; attributes are averaged with mass.
+    pub(super) fn push_merged(&self, from: &View, group: &[u32], unit: [f64; 3], merged: &Merged, out: &mut Block) {
         let columns = &mut out.columns;
         columns.mass.push(single(merged.mass));
         columns.density.push(single(merged.density));
@@ -147,7 +137,9 @@ impl<'a> Merger<'a> {
         for ((out, values), rule) in columns.attributes.iter_mut().zip(&from.attributes).zip(self.rules) {
             let members = group.iter().map(|&i| i as usize);
             out.push(single(match rule {
-                AttributeMerge::Mean => members.map(|i| weight(i) * f64::from(values[i])).sum::<f64>() / merged.weight,
+                AttributeMerge::Mean => {
+                    members.map(|i| f64::from(from.mass[i]) * f64::from(values[i])).sum::<f64>() / merged.mass
+                }
                 AttributeMerge::Magnitude => {
                     let flux: f64 = members.map(|i| 10.0_f64.powf(-0.4 * f64::from(values[i]))).sum();
                     -2.5 * flux.log10()

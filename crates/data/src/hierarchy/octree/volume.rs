@@ -55,10 +55,8 @@ impl Merger<'_> {
             density: positive(presence / mass * thinned),
             smoothing_length: single(positive(if small { q } else { h })),
             point: small,
-            weight: mass,
         };
-        let weight = |i: usize| f64::from(from.mass[i]);
-        self.push_merged(from, group, position.map(|x| x / mass), &merged, weight, out);
+        self.push_merged(from, group, position.map(|x| x / mass), &merged, out);
     }
 }
 

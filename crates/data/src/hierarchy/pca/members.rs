@@ -65,8 +65,8 @@ impl Members {
         self.diameters.append(&mut other.diameters);
     }
 
-    /// The clusters that a splitting makes of these: masses are added, centroids, densities and second moments are mass-weighted,
-    /// attributes are weighted with `m rho` (fluxes of magnitudes are added).
+    /// The clusters that a splitting makes of these: masses are added, centroids, densities, second moments and attributes are mass-weighted
+    /// (fluxes of magnitudes are added).
     pub fn merged(&self, splitting: &Splitting, rules: &[AttributeMerge]) -> Members {
         let groups = splitting.groups();
         let mut out = Members { attributes: rules.iter().map(|_| Vec::new()).collect(), ..Members::default() };
@@ -81,7 +81,7 @@ impl Members {
             let presence: f64 = group.iter().map(|&i| self.presence(i)).sum();
             out.density.push((presence / sums.mass) as f32);
             for ((out, values), rule) in out.attributes.iter_mut().zip(&self.attributes).zip(rules) {
-                out.push(merged_attribute(*rule, group.iter().map(|&i| (self.presence(i), values[i as usize]))));
+                out.push(merged_attribute(*rule, group.iter().map(|&i| (self.mass[i as usize], values[i as usize]))));
             }
         }
         out
@@ -142,25 +142,25 @@ impl Members {
     }
 }
 
-/// The attribute of several, each with its `m rho` and value, as one.
+/// The attribute of several, each with its mass and value, as one.
 pub fn merged_attribute(rule: AttributeMerge, values: impl Iterator<Item = (f64, f32)>) -> f32 {
     let add = |(sum, weight): (f64, f64), (w, v): (f64, f32)| (sum + attribute_share(rule, w, v), weight + w);
     let (sum, weight) = values.fold((0.0, 0.0), add);
     attribute_of_shares(rule, sum, weight)
 }
 
-/// What one with this `m rho` and value adds to the attribute of several.
-pub fn attribute_share(rule: AttributeMerge, weight: f64, value: f32) -> f64 {
+/// What one with this mass and value adds to the attribute of several.
+pub fn attribute_share(rule: AttributeMerge, mass: f64, value: f32) -> f64 {
     match rule {
-        AttributeMerge::Mean => weight * f64::from(value),
+        AttributeMerge::Mean => mass * f64::from(value),
         AttributeMerge::Magnitude => 10.0_f64.powf(-0.4 * f64::from(value)),
     }
 }
 
-/// The attribute of several, of what each adds to it and of their `m rho`.
-pub fn attribute_of_shares(rule: AttributeMerge, shares: f64, weight: f64) -> f32 {
+/// The attribute of several, of what each adds to it and of their mass.
+pub fn attribute_of_shares(rule: AttributeMerge, shares: f64, mass: f64) -> f32 {
     let value = match rule {
-        AttributeMerge::Mean => shares / weight,
+        AttributeMerge::Mean => shares / mass,
         AttributeMerge::Magnitude => -2.5 * shares.log10(),
     };
     (value as f32).clamp(f32::MIN, f32::MAX)

@@ -190,12 +190,12 @@ impl Clusters {
                 let values = members.iter().map(|member| {
                     let own = &tracks(member).ends[end];
                     let i = member.index as usize;
-                    (f64::from(own.mass[i]) * f64::from(own.density[i]), f64::from(own.attributes[k][i]))
+                    (f64::from(own.mass[i]), f64::from(own.attributes[k][i]))
                 });
                 out.push(single(match rule {
                     _ if members.len() == 1 => values.map(|(_, value)| value).sum(),
-                    AttributeMerge::Mean if sums.presence > 0.0 => {
-                        values.map(|(weight, value)| weight * value).sum::<f64>() / sums.presence
+                    AttributeMerge::Mean if sums.mass > 0.0 => {
+                        values.map(|(mass, value)| mass * value).sum::<f64>() / sums.mass
                     }
                     AttributeMerge::Mean => values.map(|(_, value)| value).sum::<f64>() / members.len() as f64,
                     AttributeMerge::Magnitude => {

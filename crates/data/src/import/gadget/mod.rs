@@ -4,6 +4,8 @@ mod blocks;
 mod header;
 mod records;
 
+pub(super) use records::record as fortran_record;
+
 use super::bytes::{Number, Order, RangeFile, Records};
 use super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source, multifile};
 use crate::model::{FamilyName, ReadMethod, Unit};

@@ -56,7 +56,12 @@ pub(super) fn scan(file: &RangeFile, order: Order, format: u32) -> Result<Vec<Re
 }
 
 /// Offset and length of the data of the record that starts at byte `at`.
-fn record(file: &RangeFile, order: Order, at: u64, name: &str) -> Result<(u64, u64), ImportError> {
+pub(in crate::import) fn record(
+    file: &RangeFile,
+    order: Order,
+    at: u64,
+    name: &str,
+) -> Result<(u64, u64), ImportError> {
     let marker = |at: u64| -> Result<u32, ImportError> {
         let mut bytes = [0u8; 4];
         file.read(at, &mut bytes, name)?;

@@ -3,7 +3,7 @@
 use std::io::{Error, ErrorKind, Read, Result};
 
 /// Decodes what another reader gives, up to the markup that follows it or its end; space between letters is left out.
-pub(super) struct Base64<R> {
+pub(in crate::import) struct Base64<R> {
     inner: R,
     input: Vec<u8>,
     /// Decoded bytes that wait, and how many of them were given.
@@ -19,7 +19,7 @@ pub(super) struct Base64<R> {
 const BUFFER: usize = 1 << 16;
 
 impl<R: Read> Base64<R> {
-    pub(super) fn new(inner: R) -> Base64<R> {
+    pub(in crate::import) fn new(inner: R) -> Base64<R> {
         Base64 {
             inner,
             input: vec![0; BUFFER],
@@ -30,6 +30,11 @@ impl<R: Read> Base64<R> {
             padding: 0,
             is_over: false,
         }
+    }
+
+    /// Whether it ended with markup, not with what it reads from.
+    pub(in crate::import) fn is_over(&self) -> bool {
+        self.is_over
     }
 
     /// Decodes some more; false at the end.

@@ -1,11 +1,11 @@
-//! What is in a file, unpacked where it is compressed with gzip, whatever its name says.
+//! What is in a file, unpacked where it is compressed with gzip or Zstandard, whatever its name says.
 
 use super::super::ImportError;
 use super::super::bytes::RangeFile;
+use super::super::packed::Packing;
 use super::part_name;
 use super::scratch::{Scratch, Storage};
 use crate::model::{Grid, ReadMethod};
-use flate2::read::MultiGzDecoder;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub(super) const LONGEST_HEADER: usize = 1 << 16;
 const BUFFER: usize = 1 << 18;
 
 /// A file's content.
-pub(super) struct Content {
+pub(in crate::import) struct Content {
     /// The file.
     pub path: PathBuf,
     /// What was named: the file, or an array in it.
@@ -30,6 +30,7 @@ pub(super) struct Content {
     pub length: u64,
     /// Whether it is compressed.
     pub is_packed: bool,
+    packing: Option<Packing>,
     /// The first bytes of what is in it, at most [`LONGEST_HEADER`].
     pub head: Vec<u8>,
     method: ReadMethod,
@@ -40,7 +41,7 @@ impl Content {
     ///
     /// # Errors
     /// When it cannot be read. What of it is compressed and damaged shows as a shorter head.
-    pub(super) fn open(path: &Path, method: ReadMethod) -> Result<Content, ImportError> {
+    pub(in crate::import) fn open(path: &Path, method: ReadMethod) -> Result<Content, ImportError> {
         Content::glance(path, method, LONGEST_HEADER as u64)
     }
 
@@ -56,15 +57,15 @@ impl Content {
         let length = file.metadata().map_err(io)?.len();
         let mut head = Vec::new();
         (&mut file).take(most).read_to_end(&mut head).map_err(io)?;
-        let is_packed = head.starts_with(&[0x1f, 0x8b]);
-        if is_packed {
+        let packing = Packing::of(&head);
+        if let Some(packing) = packing {
             head.clear();
             file.seek(SeekFrom::Start(0)).map_err(io)?;
             // A damaged file keeps what came before the damage.
-            let _ = MultiGzDecoder::new(BufReader::new(file)).take(most).read_to_end(&mut head);
+            let _ = packing.unpacked(BufReader::new(file)).take(most).read_to_end(&mut head);
         }
         let (path, named, part) = (path.into(), named.into(), part.map(str::to_owned));
-        Ok(Content { path, named, part, length, is_packed, head, method })
+        Ok(Content { path, named, part, length, is_packed: packing.is_some(), packing, head, method })
     }
 
     /// The file that a header names as that of its samples, in the entry `field`.
@@ -91,14 +92,14 @@ impl Content {
     ///
     /// # Errors
     /// When it cannot be read.
-    pub(super) fn reader(&self, offset: u64) -> Result<Box<dyn Read>, ImportError> {
+    pub(in crate::import) fn reader(&self, offset: u64) -> Result<Box<dyn Read>, ImportError> {
         let io = |source| ImportError::io(&self.path, "file", source);
         let mut file = File::open(&self.path).map_err(io)?;
-        if !self.is_packed {
+        let Some(packing) = self.packing else {
             file.seek(SeekFrom::Start(offset)).map_err(io)?;
             return Ok(Box::new(BufReader::with_capacity(BUFFER, file)));
-        }
-        let mut reader = MultiGzDecoder::new(BufReader::with_capacity(BUFFER, file));
+        };
+        let mut reader = packing.unpacked(BufReader::with_capacity(BUFFER, file));
         // Where the content ends earlier there is nothing from `offset` on.
         let _ = std::io::copy(&mut (&mut reader).take(offset), &mut std::io::sink());
         Ok(Box::new(reader))
@@ -108,7 +109,7 @@ impl Content {
     ///
     /// # Errors
     /// When it cannot be read, or is damaged.
-    pub(super) fn file(&self) -> Result<File, ImportError> {
+    pub(in crate::import) fn file(&self) -> Result<File, ImportError> {
         if !self.is_packed {
             return File::open(&self.path).map_err(|source| ImportError::io(&self.path, "file", source));
         }
@@ -133,7 +134,7 @@ impl Content {
     }
 
     /// The most bytes that can be in the file.
-    pub(super) fn most(&self) -> u64 {
+    pub(in crate::import) fn most(&self) -> u64 {
         if self.is_packed { self.length.saturating_mul(MOST_EXPANSION) } else { self.length }
     }
 
@@ -166,7 +167,7 @@ impl Content {
     }
 
     /// How the file is read.
-    pub(super) fn method(&self) -> ReadMethod {
+    pub(in crate::import) fn method(&self) -> ReadMethod {
         self.method
     }
 }

@@ -3,7 +3,7 @@
 //! [`open_grid`] gives a [`GridSource`], whose samples are read in boxes; [`summarize_grid`] what `info` prints.
 
 mod ascii;
-mod base64;
+pub(super) mod base64;
 mod choice;
 mod content;
 mod conventions;
@@ -34,8 +34,11 @@ mod tiff;
 pub mod voxels;
 mod vti;
 mod vtk;
+mod vtk_array;
 mod xml;
 
+pub(super) use content::Content;
+pub(super) use fields::{Entry, sample_type};
 pub use npy_header::NpyHeader;
 pub(super) use numpy_arrays::NumpyArrays;
 pub use raw::RawGrid;
@@ -43,13 +46,15 @@ pub(super) use slices::is_stack;
 pub use source::{GridArray, GridDescription, GridSource};
 pub use summary::{ChannelSummary, GridSummary, HISTOGRAM, summarize_grid};
 pub(super) use voxels::Voxels;
+pub(super) use vtk::{TYPES as VTK_TYPES, is_of_points as is_vtk_of_points};
+pub(super) use vtk_array::{VtkArray, XML_POINTS, XML_TYPES, xml_data_set};
+pub(super) use xml::{Element, elements as xml_elements};
 
 use super::ImportError;
 use super::folder::is_of_slices;
 use super::guarded::guarded;
 use super::hdf5::is_hdf5;
 use crate::model::ReadMethod;
-use content::Content;
 use std::path::Path;
 
 /// A format of grids.

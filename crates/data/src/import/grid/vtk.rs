@@ -16,11 +16,28 @@ pub(super) const VTK: GridFormat = GridFormat {
     name: "vtk",
     extensions: &["vtk"],
     has_parts: false,
-    detect: |content| content.head.starts_with(b"# vtk DataFile"),
+    detect: |content| content.head.starts_with(b"# vtk DataFile") && !is_of_points(&content.head),
     open,
 };
 
-const TYPES: TypeNames = &[
+/// Whether a legacy file that begins with these bytes is of points, which are particles and no grid.
+pub(in crate::import) fn is_of_points(head: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(&head[..head.len().min(4096)]);
+    let dataset = |line: &str| {
+        let mut words = line.split_whitespace();
+        words.next().filter(|word| word.eq_ignore_ascii_case("DATASET"))?;
+        words.next().map(str::to_ascii_uppercase)
+    };
+    // Version and title come first; the title may be anything.
+    let found = text.lines().skip(2).find_map(dataset);
+    head.starts_with(b"# vtk DataFile") && found.is_some_and(|kind| POINTS.contains(&&*kind))
+}
+
+/// Data sets of points.
+const POINTS: [&str; 2] = ["POLYDATA", "UNSTRUCTURED_GRID"];
+
+/// The types of numbers under their names, in lower case.
+pub(in crate::import) const TYPES: TypeNames = &[
     ("char", SampleType::I8),
     ("signed_char", SampleType::I8),
     ("unsigned_char", SampleType::U8),

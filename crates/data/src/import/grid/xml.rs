@@ -9,7 +9,7 @@ const LONGEST: u64 = 1 << 14;
 const MOST: usize = 1 << 14;
 
 /// A tag: `name` with its attributes, or `/name`.
-pub(super) struct Element {
+pub(in crate::import) struct Element {
     pub name: String,
     attributes: Vec<(String, String)>,
     /// The byte behind it.
@@ -20,7 +20,7 @@ pub(super) struct Element {
 
 impl Element {
     /// An attribute.
-    pub(super) fn get(&self, name: &str) -> Option<&str> {
+    pub(in crate::import) fn get(&self, name: &str) -> Option<&str> {
         self.attributes.iter().find(|(known, _)| known == name).map(|(_, value)| &**value)
     }
 }
@@ -29,7 +29,7 @@ impl Element {
 ///
 /// # Errors
 /// When the file cannot be read, or is no XML.
-pub(super) fn elements(content: &Content) -> Result<Vec<Element>, ImportError> {
+pub(in crate::import) fn elements(content: &Content) -> Result<Vec<Element>, ImportError> {
     let path = &content.path;
     let io = |error| ImportError::io(path, "XML", error);
     let mut reader = BufReader::with_capacity(1 << 18, content.reader(0)?);

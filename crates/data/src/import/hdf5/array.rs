@@ -74,7 +74,7 @@ impl H5 {
     }
 
     /// The group at a path inside the file.
-    fn group_at(&self, path: &str) -> Result<Option<H5Group<'_>>, ImportError> {
+    pub(super) fn group_at(&self, path: &str) -> Result<Option<H5Group<'_>>, ImportError> {
         let mut group = self.root()?;
         for name in path.split('/').filter(|name| !name.is_empty()) {
             if !group.members()?.0.iter().any(|other| other == name) {

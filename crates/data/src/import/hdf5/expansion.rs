@@ -68,6 +68,11 @@ impl Expansion {
         velocity: Option<(f64, f64)>,
         description: &mut Description,
     ) {
+        if header.is_light_cone {
+            let note = "a light cone: comoving positions, each at its own scale factor, that of stored velocities too";
+            description.notes.push(note.into());
+            return;
+        }
         // Bare files and group catalogues follow no code's convention.
         let convention = |motion| if header.counts.is_some() { motion } else { Motion::Unknown };
         if !self.is_comoving(header, position) {

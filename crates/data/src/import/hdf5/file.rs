@@ -244,6 +244,11 @@ impl Column {
         Ok(Attributes { path: self.path.clone(), label: self.label.clone(), list })
     }
 
+    /// Whether its numbers are stored as whole ones.
+    pub(super) fn is_whole(&self) -> bool {
+        !matches!(self.number, Number::F32 | Number::F64)
+    }
+
     fn slice(&self, rows: Range<u64>) -> SliceInfo {
         let rows = SliceInfoElem::Slice { start: rows.start, end: rows.end, step: 1 };
         let all = SliceInfoElem::Slice { start: 0, end: self.components as u64, step: 1 };

@@ -21,6 +21,10 @@ pub(super) struct Header {
     pub units: System,
     /// Written by SWIFT, or for it.
     pub swift: bool,
+    /// A file of SWIFT without particles of its own, which stands for others that have them.
+    pub is_virtual: bool,
+    /// Particles of GADGET-4's light cones, each of which is of a time of its own.
+    pub is_light_cone: bool,
     /// SWIFT's kernel function.
     pub kernel: Option<String>,
     /// SWIFT's support radius over its smoothing length, where the file says it.
@@ -73,6 +77,12 @@ impl Header {
             [header.as_ref(), parameters.as_ref(), optional("Cosmology")?.as_ref()],
             [unit_group.as_ref(), optional("InternalCodeUnits")?.as_ref()],
         );
+        // What they cross repeats; they do not.
+        let is_light_cone = header.as_ref().is_some_and(|header| {
+            header.has("NumPart_ThisFile")
+                && !header.has("Time")
+                && (header.has("Npix_Total") || header.has("Ntrees_Total"))
+        });
         let files = ["NumFilesPerSnapshot", "NumFilesPerSnap", "NumFiles"].into_iter().find_map(number);
         Ok(Header {
             counts,
@@ -81,9 +91,11 @@ impl Header {
             files: files.map_or(1, |files| (files as u64).max(1)),
             time: number("Time"),
             redshift: number("Redshift"),
-            box_size: number("BoxSize").filter(|size| *size > 0.0),
+            box_size: number("BoxSize").filter(|size| *size > 0.0 && !is_light_cone),
             units,
             swift,
+            is_light_cone,
+            is_virtual: number("Virtual").is_some_and(|flag| flag != 0.0),
             kernel,
             gamma,
             expansion,

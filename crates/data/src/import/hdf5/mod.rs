@@ -1,4 +1,4 @@
-//! HDF5: snapshots of Gadget-2, -3 and -4, AREPO, GIZMO, EAGLE and SWIFT, and bare files with coordinates. Data sets that are images or
+//! HDF5: snapshots of Gadget-2, -3 and -4, AREPO, GIZMO, EAGLE and SWIFT, particles of openPMD, and bare files with coordinates. Data sets that are images or
 //! volumes are opened by [`super::grid`], through [`Array`].
 
 mod array;
@@ -6,6 +6,8 @@ mod expansion;
 mod file;
 mod header;
 mod names;
+mod openpmd;
+mod records;
 mod snapshot;
 mod tables;
 mod units;
@@ -13,6 +15,7 @@ mod units;
 pub(super) use array::Array;
 pub(super) use file::{Attributes, H5};
 pub use tables::{Hdf5Column, Hdf5Tables};
+pub(super) use units::{length_name, mass_name};
 
 use super::{FieldKind, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod};
@@ -42,7 +45,8 @@ pub(super) fn is_of_particles(file: &H5) -> Result<bool, ImportError> {
     let counts = ["NumPart_ThisFile", "NumPart_Total", "Ngroups_ThisFile", "Nhalos_ThisFile", "Ntrees_ThisFile"];
     let header = groups.iter().any(|name| name == "Header").then(|| root.group("Header")?.attributes()).transpose()?;
     let is_header = header.is_some_and(|header| counts.iter().any(|name| header.has(name)));
-    Ok(is_header || groups.iter().any(of_types) || datasets.iter().any(positions))
+    let is_snapshot = is_header || groups.iter().any(of_types) || datasets.iter().any(positions);
+    Ok(is_snapshot || !openpmd::iterations(file)?.is_empty())
 }
 
 impl Format for Hdf5 {
@@ -55,6 +59,27 @@ impl Format for Hdf5 {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        Ok(Box::new(snapshot::Snapshot::open(path, method)?))
+        self.opened(path, None, method)
+    }
+
+    fn steps(&self, path: &Path) -> Result<u64, ImportError> {
+        let iterations = openpmd::iterations(&H5::open(path, ReadMethod::Positioned)?)?;
+        Ok((iterations.len() as u64).max(1))
+    }
+
+    fn open_step(&self, path: &Path, step: u64, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        self.opened(path, Some(step), method)
+    }
+}
+
+impl Hdf5 {
+    /// Opens the source, or a step of it.
+    fn opened(&self, path: &Path, step: Option<u64>, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        let iterations = openpmd::iterations(&H5::open(path, method)?)?;
+        match step {
+            _ if !iterations.is_empty() => Ok(Box::new(openpmd::OpenPmd::open(path, method, &iterations, step)?)),
+            None | Some(0) => Ok(Box::new(snapshot::Snapshot::open(path, method)?)),
+            Some(step) => Err(ImportError::malformed(path, "step", step, "0, as the file holds one snapshot")),
+        }
     }
 }

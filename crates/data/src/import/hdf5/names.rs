@@ -52,6 +52,7 @@ const QUANTITIES: &[(Quantity, &[&str])] = &[
         of("velocity-dispersion", FieldKind::Other, 0.0, 0.0, 1.0),
         &["velocitydispersion", "velocitydispersions", "subfindveldisp", "veldisp", "subhaloveldisp"],
     ),
+    (fixed("scale-factor", ""), &["ascale"]),
     (fixed("metallicity", ""), &["metallicity", "metallicities", "gfm_metallicity", "metalmassfractions"]),
     (of("potential", FieldKind::Other, 0.0, 0.0, 2.0), &["potential", "potentials"]),
     (of("acceleration", FieldKind::Other, 0.0, -1.0, 2.0), &["acceleration", "accelerations"]),

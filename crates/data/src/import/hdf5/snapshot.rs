@@ -6,10 +6,11 @@ use super::names::{self, Quantity};
 use super::units;
 use crate::import::multifile;
 use crate::import::units::conversion;
-use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
+use crate::import::{DEFAULT_NEIGHBOURS, Description, FamilyInfo, Field, FieldKind, ImportError, Source};
 use crate::model::{FamilyName, Kernel, ReadMethod, Unit};
+use std::f64::consts::PI;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// An opened snapshot.
 pub(super) struct Snapshot {
@@ -30,6 +31,8 @@ enum Stored {
     Constant(Vec<(u64, f64)>),
     /// One column per file, in order.
     Columns(Vec<Column>, Transform),
+    /// Smoothing lengths of cells, from their masses and densities.
+    Cells,
 }
 
 /// What is done to stored values.
@@ -50,7 +53,12 @@ struct Planned {
 impl Snapshot {
     /// Opens the snapshot that the file belongs to.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<Snapshot, ImportError> {
-        let first = File::open(path, method)?;
+        let mut first = File::open(path, method)?;
+        if first.header.is_virtual {
+            first = File::open(&first_part(path)?, method)?;
+        }
+        let path = first.h5.path.clone();
+        let path = &*path;
         let names = multifile::names(path, first.header.files)?;
         let files: Vec<File> = match names.as_slice() {
             [_] => vec![first],
@@ -96,6 +104,19 @@ impl Source for Snapshot {
                     out[at..at + (rows.end - rows.start) as usize].fill(values[file].1);
                     Ok(())
                 })
+            }
+            Stored::Cells => {
+                let fields = &self.description.families[family];
+                let (Some(mass), Some(density)) = (fields.find(FieldKind::Mass), fields.find(FieldKind::Density))
+                else {
+                    out.fill(f64::NAN);
+                    return Ok(());
+                };
+                let mut densities = vec![0.0; out.len()];
+                self.read(family, mass, range.clone(), out)?;
+                self.read(family, density, range, &mut densities)?;
+                out.iter_mut().zip(densities).for_each(|(value, density)| *value = cell_size(*value, density));
+                Ok(())
             }
             Stored::Columns(columns, transform) => {
                 multifile::pieces(columns.iter().map(|column| column.rows), range, |file, rows, at| {
@@ -144,6 +165,23 @@ const CHILDREN: &str = "ParticleChildIDsNumber";
 /// order from the top. Of a number below `2^n` they are the `n` highest bits, which leaves all others for ids.
 fn id_of_child(id: u64, child: u64) -> u64 {
     id ^ child.reverse_bits()
+}
+
+/// The smoothing length of a cell that holds this mass at this density: of a sphere with as much in it as so many such cells as there are
+/// neighbours within an estimated one.
+fn cell_size(mass: f64, density: f64) -> f64 {
+    (DEFAULT_NEIGHBOURS as f64 * 3.0 / (4.0 * PI) * mass / density).cbrt()
+}
+
+/// The first of the files that a file without particles stands for: beside it, or in a folder of its name.
+fn first_part(path: &Path) -> Result<PathBuf, ImportError> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = path.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
+    let part = format!("{name}.0{ending}");
+    let places = [path.with_file_name(&part), path.with_extension("").join(&part)];
+    places.into_iter().find(|place| place.is_file()).ok_or_else(|| {
+        ImportError::missing(path, part, "the first of the files that have the particles, beside this one")
+    })
 }
 
 /// One file of a snapshot.
@@ -349,6 +387,7 @@ fn plan_family(
         }
     }
     let mut plan = Vec::new();
+    let mut units_of_cells = UnitsOfCells::default();
     for dataset in &datasets {
         let Some(column) = group.column(dataset)? else {
             description.notes.push(format!("{name}: data set {dataset} is not a column of numbers and is left out"));
@@ -369,7 +408,9 @@ fn plan_family(
             description.notes.extend((!description.notes.contains(&note)).then_some(note));
         }
         let kind = shaped.map_or(FieldKind::Other, |quantity| quantity.kind);
-        let unit = match units::in_words(&attributes, kind)? {
+        let in_words = units::in_words(&attributes, kind)?;
+        units_of_cells.learn(kind, in_words.is_some(), units::powers_of_a_and_h(&attributes));
+        let unit = match in_words {
             Some(unit) => unit,
             None => file.header.units.unit_of(&attributes, shaped),
         };
@@ -407,9 +448,49 @@ fn plan_family(
         let field = Field { name: "mass".into(), stored_as, unit, components: 1, kind: FieldKind::Mass };
         plan.push(Planned { dataset: None, field, transform: Transform::None });
     }
+    // Codes with cells, as AREPO, have no smoothing lengths.
+    let has = |kind| plan.iter().any(|planned: &Planned| planned.field.kind == kind);
+    // Densities that a file has as logarithms are in units of their own.
+    let is_density =
+        |planned: &Planned| planned.field.kind == FieldKind::Density && planned.transform == Transform::None;
+    let are_cells = name == FamilyName::Gas && has(FieldKind::Mass) && plan.iter().any(is_density);
+    if are_cells && !has(FieldKind::SmoothingLength) && units_of_cells.fit() {
+        let position = plan.iter().find(|planned| planned.field.kind == FieldKind::Position);
+        let unit = position.map(|planned| planned.field.unit.clone()).unwrap_or_default();
+        let (kind, stored_as) = (FieldKind::SmoothingLength, "volume of the cell".to_string());
+        let field = Field { name: "smoothing-length".into(), stored_as, unit, components: 1, kind };
+        plan.push(Planned { dataset: None, field, transform: Transform::None });
+        let note = "smoothing length is that of a sphere with the mass of";
+        description.notes.push(format!("{name}: {note} {DEFAULT_NEIGHBOURS} such cells at the cell's density"));
+    }
     one_unit_of_length(&file.h5.path, &mut plan, &mut description.notes);
     plan.sort_by_key(|planned| planned.field.kind);
     Ok(plan)
+}
+
+/// Whether the mass by the density of a cell is the cube of a length in the unit of positions, as far as data sets say.
+#[derive(Default)]
+struct UnitsOfCells {
+    /// Some unit is named in words, which are not compared.
+    in_words: bool,
+    /// Powers of `a` and `h` of positions, masses and densities.
+    powers: [Option<(f64, f64)>; 3],
+}
+
+impl UnitsOfCells {
+    fn learn(&mut self, kind: FieldKind, in_words: bool, powers: Option<(f64, f64)>) {
+        let kinds = [FieldKind::Position, FieldKind::Mass, FieldKind::Density];
+        if let Some(place) = kinds.iter().position(|other| *other == kind) {
+            self.in_words |= in_words;
+            self.powers[place] = powers;
+        }
+    }
+
+    fn fit(&self) -> bool {
+        let [Some(position), Some(mass), Some(density)] = self.powers else { return !self.in_words };
+        let is_cube = |position: f64, mass: f64, density: f64| (mass - density - 3.0 * position).abs() < 1e-3;
+        !self.in_words && is_cube(position.0, mass.0, density.0) && is_cube(position.1, mass.1, density.1)
+    }
 }
 
 /// Brings smoothing lengths to the unit of the positions, where both are known and differ.
@@ -436,9 +517,10 @@ fn one_unit_of_length(path: &Path, plan: &mut [Planned], notes: &mut Vec<String>
 
 impl Planned {
     fn empty(&self) -> Stored {
-        match self.dataset {
-            Some(_) => Stored::Columns(Vec::new(), self.transform),
-            None => Stored::Constant(Vec::new()),
+        match (&self.dataset, self.field.kind) {
+            (Some(_), _) => Stored::Columns(Vec::new(), self.transform),
+            (None, FieldKind::SmoothingLength) => Stored::Cells,
+            (None, _) => Stored::Constant(Vec::new()),
         }
     }
 
@@ -467,7 +549,7 @@ impl Planned {
             (Stored::Constant(values), _) => {
                 values.push((rows, file.header.masses.get(number).copied().unwrap_or(0.0)));
             }
-            (Stored::Columns(..), None) => {}
+            (Stored::Columns(..), None) | (Stored::Cells, _) => {}
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use super::file::H5;
 use super::header::Header;
 use super::names;
+use super::records::Member;
 use crate::import::{ImportError, multifile};
 use crate::model::{FamilyName, ReadMethod, Unit};
 use std::path::{Path, PathBuf};
@@ -59,22 +60,57 @@ impl Hdf5Tables {
         self.header.box_size
     }
 
+    /// Members of the records of a data set of the root, of one file, in the order of `members`: `None` for one that it does not have, or that
+    /// is no number; `None` altogether where there is no such data set. Units are not known.
+    ///
+    /// # Errors
+    /// [`ImportError`] when it cannot be read, or has more than `most` records.
+    pub fn members(
+        &self,
+        name: &str,
+        members: &[&str],
+        most: u64,
+    ) -> Result<Option<Vec<Option<Hdf5Column>>>, ImportError> {
+        let root = self.files[0].0.root()?;
+        if !root.members()?.1.iter().any(|other| other == name) {
+            return Ok(None);
+        }
+        let found = root.members_of_records(name, members, most)?;
+        let column =
+            |member: Member| Hdf5Column { components: member.components, values: member.values, unit: Unit::default() };
+        Ok(found.map(|found| found.into_iter().map(|member| member.map(column)).collect()))
+    }
+
+    /// The number that an attribute of a group of the first file holds, as a number or as text.
+    ///
+    /// # Errors
+    /// [`ImportError`] when the group cannot be read.
+    pub fn number(&self, group: &str, name: &str) -> Result<Option<f64>, ImportError> {
+        let (file, groups) = &self.files[0];
+        if !groups.iter().any(|other| other == group) {
+            return Ok(None);
+        }
+        let attributes = file.root()?.group(group)?.attributes()?;
+        Ok(attributes.number(name).or_else(|| attributes.text(name)?.trim().parse().ok()))
+    }
+
     /// The time and the redshift of the header.
     pub fn epoch(&self) -> (Option<f64>, Option<f64>) {
         (self.header.time, self.header.redshift)
     }
 
-    /// A column of a group, of all files one after the other; `None` where no file has it.
+    /// A column of a group, of all files one after the other; `None` where no file has it. A group without a name is the root.
     ///
     /// # Errors
     /// [`ImportError`] when it cannot be read, is no column of numbers, or has more than `most` rows.
     pub fn column(&self, group: &str, name: &str, most: u64) -> Result<Option<Hdf5Column>, ImportError> {
         let mut parts = Vec::new();
         for (file, groups) in &self.files {
-            if !groups.iter().any(|other| other == group) {
+            if !group.is_empty() && !groups.iter().any(|other| other == group) {
                 continue;
             }
-            let own = file.root()?.group(group)?;
+            let root = file.root()?;
+            let own = if group.is_empty() { root } else { root.group(group)? };
             if own.members()?.1.iter().any(|other| other == name) {
                 let missing = || ImportError::missing(&file.path, format!("{group}/{name}"), "a column of numbers");
                 parts.push(own.column(name)?.ok_or_else(missing)?);

@@ -170,14 +170,16 @@ fn decade(value: f64, unit: f64, name: &str) -> Option<String> {
     matches.then(|| if exponent == 0.0 { name.to_string() } else { format!("1e{exponent} {name}") })
 }
 
-fn length_name(cm: f64) -> String {
+/// The name of a unit of length.
+pub(in crate::import) fn length_name(cm: f64) -> String {
     let named = [(1.0, "cm"), (100.0, "m"), (1e5, "km"), (6.957e10, "Rsun"), (1.495_978_7e13, "au")];
     let parsecs = [(3.085_678e18, "pc"), (3.085_678e21, "kpc"), (3.085_678e24, "Mpc"), (3.085_678e27, "Gpc")];
     let exact = named.iter().chain(&parsecs).find(|(unit, _)| close(cm, *unit));
     exact.map_or_else(|| format!("{cm:e} cm"), |(_, name)| name.to_string())
 }
 
-fn mass_name(gram: f64) -> String {
+/// The name of a unit of mass.
+pub(in crate::import) fn mass_name(gram: f64) -> String {
     let named = [(1.0, "g"), (1000.0, "kg")].into_iter().find(|(unit, _)| close(gram, *unit));
     let named = named.map(|(_, name)| name.to_string());
     named.or_else(|| decade(gram, 1.988_5e33, "Msun")).unwrap_or_else(|| format!("{gram:e} g"))

@@ -196,7 +196,11 @@ fn describe(
         match open_file(file, method) {
             Ok(source) => {
                 let about = source.description();
-                parts.extend(multifile::names(file, about.files as u64)?);
+                // A file without particles of its own stands for others.
+                if parts.contains(&about.path) {
+                    continue;
+                }
+                parts.extend(multifile::names(&about.path, about.files as u64)?);
                 opened.push((opened.len(), about.clone()));
             }
             Err(error) if skip_damaged => {

@@ -1,6 +1,6 @@
 //! The files that a run is named by: single names, folders, patterns and lists.
 
-use crate::import::folder::{claimants, listed, name_of};
+use crate::import::folder::{claimants, listed, name_of, whole};
 use crate::import::{ImportError, file_in};
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -70,6 +70,9 @@ fn expand_one(name: &Path, files: &mut Vec<PathBuf>) -> Result<(), ImportError> 
 /// their numbers; where there is none of two or more, of the folders inside, each of which is a snapshot in several files; else the
 /// one source in it.
 fn in_folder(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    if let Some(file) = whole(folder) {
+        return Ok(vec![file]);
+    }
     let io = |error| ImportError::io(folder, "folder", error);
     let files = largest_group(claimants(folder)?);
     if files.len() > 1 {

@@ -1,18 +1,21 @@
-//! A table in memory: named columns of numbers of one length.
+//! What a table is: rows of named columns of numbers, which are read in ranges.
+
+use crate::import::ImportError;
+use std::ops::Range;
 
 /// One column.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Column {
     /// The name as the file has it, without a unit.
     pub name: String,
-    /// The unit that the name carried in brackets; empty without.
+    /// The unit that the file states, or that the name carried in brackets; empty without.
     pub unit: String,
-    /// One number per row; NaN where there is none.
-    pub values: Vec<f64>,
+    /// Numbers per row, at least 1.
+    pub components: usize,
 }
 
 impl Column {
-    /// An empty column; `header` is a name such as `x`, `x [kpc]` or `x (kpc)`.
+    /// A column of one number per row; `header` is a name such as `x`, `x [kpc]` or `x (kpc)`.
     pub(super) fn new(header: &str) -> Column {
         let header = header.trim().trim_matches('"').trim();
         let bracket = header.find(['[', '(']).filter(|at| *at > 0 && header.ends_with([']', ')']));
@@ -20,13 +23,61 @@ impl Column {
             Some(at) => (header[..at].trim(), header[at..].trim_matches(['[', ']', '(', ')']).trim()),
             None => (header, ""),
         };
-        Column { name: name.into(), unit: unit.into(), values: Vec::new() }
+        Column { name: printable(name), unit: printable(unit), components: 1 }
+    }
+
+    /// A column whose unit is stated apart from its name; where that is empty, the name may carry one.
+    pub(super) fn with_unit(name: &str, unit: &str, components: usize) -> Column {
+        match unit.trim() {
+            "" => Column { components, ..Column::new(name) },
+            unit => Column { name: printable(name.trim()), unit: printable(unit), components },
+        }
     }
 
     /// The name in the form in which names are compared.
     pub(super) fn key(&self) -> String {
         self.name.to_lowercase().replace([' ', '-'], "_")
     }
+}
+
+/// A table that has been opened. Several threads may read at once.
+pub(super) trait Table: Send + Sync {
+    /// Its columns of numbers; those of anything else are left out.
+    fn columns(&self) -> &[Column];
+
+    /// How many rows it has.
+    fn rows(&self) -> u64;
+
+    /// Reads the rows `rows` of a column into `out`, row by row; NaN where there is no number. `out` holds exactly that many numbers.
+    ///
+    /// # Errors
+    /// When the file cannot be read there.
+    fn read(&self, column: usize, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError>;
+
+    /// Reads whole numbers exactly; false where the column does not hold them as such, and `out` stays as it is.
+    ///
+    /// # Errors
+    /// As [`Table::read`], and where a number is missing or below 0.
+    fn read_whole(&self, _column: usize, _rows: Range<u64>, _out: &mut [u64]) -> Result<bool, ImportError> {
+        Ok(false)
+    }
+
+    /// Whether it is known that no row has a number in the column.
+    fn is_blank(&self, _column: usize) -> bool {
+        false
+    }
+}
+
+/// A table with what a format says of it.
+pub(super) struct Opened {
+    /// The table.
+    pub table: Box<dyn Table>,
+    /// The format's name in descriptions.
+    pub format: &'static str,
+    /// Size of the file, bytes.
+    pub bytes: u64,
+    /// What was assumed or left out, one sentence each.
+    pub notes: Vec<String>,
 }
 
 /// The number that a field of text holds; NaN for what tables write in place of a missing one, `None` for other text.
@@ -39,4 +90,22 @@ pub(super) fn number(text: &str) -> Option<f64> {
         }
         Err(_) => None,
     }
+}
+
+/// A note about columns that are no numbers which a row has a fixed number of; none where there are none.
+pub(super) fn left_out_note(names: &[String]) -> Option<String> {
+    const LISTED: usize = 8;
+    let shown: Vec<String> = names.iter().take(LISTED).map(|name| shown(name)).collect();
+    let more = if names.len() > LISTED { format!(" and {} more", names.len() - LISTED) } else { String::new() };
+    (!names.is_empty()).then(|| format!("columns without numbers are left out: {}{more}", shown.join(", ")))
+}
+
+/// A name as it stands in a message of one line.
+pub(super) fn shown(name: &str) -> String {
+    printable(name).chars().take(60).collect()
+}
+
+/// A text that fits in one line.
+fn printable(text: &str) -> String {
+    text.chars().map(|letter| if letter.is_control() { '?' } else { letter }).collect()
 }

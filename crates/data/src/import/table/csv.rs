@@ -1,12 +1,14 @@
-//! Tables of comma, semicolon or tab separated values with a header line, plain or gzip. The header may be a comment
+//! Tables of comma, semicolon or tab separated values with a header line, plain or compressed. The header may be a comment
 //! (`# x,y,z`). A file with as many lines after the header as the header has names, each with one and the same other
 //! number of values, holds a column in every line.
 
-use super::columns::{Column, number};
-use super::{Catalogue, text};
+use super::catalogue::Catalogue;
+use super::columns::{Column, Opened, number};
+use super::separated::{Heading, header_line, rows};
+use super::text;
 use crate::import::{Format, ImportError, Source};
 use crate::model::ReadMethod;
-use ::csv::{ByteRecord, ReaderBuilder};
+use std::io::BufRead;
 use std::path::Path;
 
 /// The CSV format.
@@ -29,81 +31,39 @@ impl Format for Csv {
         fields >= 2 && 2 * named >= fields
     }
 
-    fn open(&self, path: &Path, _: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let (reader, bytes) = text::open(path)?;
-        let columns = read(path, reader)?;
-        Ok(Box::new(Catalogue::new(path, "csv", bytes, columns)?))
+    fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
+        Ok(Box::new(Catalogue::new(path, open(path, method)?)?))
     }
+}
+
+/// Opens a table.
+///
+/// # Errors
+/// When the file cannot be read, or is damaged.
+pub(super) fn open(path: &Path, _: ReadMethod) -> Result<Opened, ImportError> {
+    let (mut reader, bytes) = text::open(path)?;
+    let heading = heading(path, &mut *reader)?;
+    let table = Box::new(rows(path, heading, reader)?);
+    Ok(Opened { table, format: "csv", bytes, notes: Vec::new() })
+}
+
+/// The columns of a table, numbers or not.
+///
+/// # Errors
+/// When the file cannot be read.
+pub(super) fn columns(path: &Path) -> Result<Vec<Column>, ImportError> {
+    Ok(heading(path, &mut *text::open(path)?.0)?.columns)
+}
+
+fn heading(path: &Path, reader: &mut dyn BufRead) -> Result<Heading, ImportError> {
+    let header = header_line(path, reader)?;
+    let delimiter = delimiter(&header);
+    let names = header.trim_start_matches('\u{feff}').trim_start_matches('#').trim_end().split(delimiter);
+    Ok(Heading::of_names(names.map(Column::new).collect(), delimiter as u8))
 }
 
 /// What separates the names of a header line.
 fn delimiter(header: &str) -> char {
     let candidates = [',', '\t', ';'];
     candidates.into_iter().max_by_key(|candidate| header.matches(*candidate).count()).unwrap_or(',')
-}
-
-fn read(path: &Path, mut reader: Box<dyn std::io::BufRead>) -> Result<Vec<Column>, ImportError> {
-    let mut header = String::new();
-    // A header is short: a file without line ends is not read as one.
-    let mut limited = std::io::Read::take(&mut reader, 1 << 16);
-    std::io::BufRead::read_line(&mut limited, &mut header).map_err(|source| ImportError::io(path, "header", source))?;
-    let delimiter = delimiter(&header);
-    let names = header.trim_start_matches('\u{feff}').trim_start_matches('#').trim_end().split(delimiter);
-    let mut columns: Vec<Column> = names.map(Column::new).collect();
-    let mut csv = ReaderBuilder::new().has_headers(false).delimiter(delimiter as u8).flexible(true).from_reader(reader);
-    let mut record = ByteRecord::new();
-    let mut rows = 0u64;
-    let mut transposed = false;
-    // Columns in which some field is text.
-    let mut text: Vec<Option<(u64, String)>> = vec![None; columns.len()];
-    while csv.read_byte_record(&mut record).map_err(|error| damaged(path, rows, error))? {
-        transposed = if rows == 0 { record.len() != columns.len() && columns.len() > 1 } else { transposed };
-        let fields = record.iter().map(|field| String::from_utf8_lossy(field));
-        if transposed {
-            let Some(column) = columns.get_mut(rows as usize) else {
-                let expected = format!("{} lines, one for each name", columns.len());
-                return Err(ImportError::malformed(path, "lines", "more lines", expected));
-            };
-            let unreadable =
-                |field: &str| ImportError::malformed(path, &*column.name, format!("{field:.40?}"), "a number");
-            column.values =
-                fields.map(|field| number(&field).ok_or_else(|| unreadable(&field))).collect::<Result<_, _>>()?;
-        } else if record.len() != columns.len() {
-            let found = format!("{} values", record.len());
-            let expected = format!("{}, as many as the header has names", columns.len());
-            return Err(ImportError::malformed(path, format!("line {}", rows + 2), found, expected));
-        } else {
-            for ((field, column), text) in fields.zip(&mut columns).zip(&mut text) {
-                match number(&field) {
-                    Some(number) if text.is_none() => column.values.push(number),
-                    Some(_) => {}
-                    None => {
-                        column.values = Vec::new();
-                        text.get_or_insert_with(|| (rows + 2, field.chars().take(40).collect()));
-                    }
-                }
-            }
-        }
-        rows += 1;
-    }
-    if transposed {
-        let lengths = columns.iter().map(|column| column.values.len());
-        let longest = lengths.clone().max().unwrap_or(0);
-        if let Some(column) = columns.iter().find(|column| column.values.len() != longest) {
-            let found = format!("{} values", column.values.len());
-            return Err(ImportError::malformed(path, &*column.name, found, format!("{longest} as in other lines")));
-        }
-        return Ok(columns);
-    }
-    let with_text = columns.iter().zip(&text).filter_map(|(column, text)| Some((column, text.as_ref()?)));
-    if let Some((column, (line, found))) = with_text.into_iter().find(|(column, _)| super::sky::is_needed(column)) {
-        return Err(ImportError::malformed(path, format!("{} in line {line}", column.name), found, "a number"));
-    }
-    let numeric = columns.into_iter().zip(text).filter(|(_, text)| text.is_none());
-    Ok(numeric.map(|(column, _)| column).collect())
-}
-
-fn damaged(path: &Path, rows: u64, error: ::csv::Error) -> ImportError {
-    let found = error.to_string().replace(['\n', '\r'], " ");
-    ImportError::malformed(path, format!("line {}", rows + 2), found, "a line of the table")
 }

@@ -1,8 +1,10 @@
 //! Star catalogues as GeoJSON: a feature collection of points with right ascension (as a longitude from -180 to 180) and
 //! declination in degrees, and numbers as properties, possibly as text.
 
-use super::columns::{Column, number};
-use super::{Catalogue, text};
+use super::catalogue::Catalogue;
+use super::columns::{Column, Opened, number};
+use super::store::StoreWriter;
+use super::text;
 use crate::import::{Format, ImportError, Source};
 use crate::model::ReadMethod;
 use serde::Deserialize;
@@ -45,10 +47,20 @@ impl Format for GeoJson {
             let found = error.to_string().replace(['\n', '\r'], " ");
             ImportError::malformed(path, "features", found, "a GeoJSON collection of points")
         })?;
+        let value = |feature: &Feature, name: &str| match feature.properties.get(name) {
+            Some(Value::Number(number)) => number.as_f64(),
+            Some(Value::String(text)) => number(text),
+            None | Some(Value::Null) => Some(f64::NAN),
+            Some(_) => None,
+        };
+        let features = &collection.features;
+        let mut names: std::collections::BTreeSet<&String> =
+            features.iter().flat_map(|feature| feature.properties.keys()).collect();
+        names.retain(|name| features.iter().all(|feature| value(feature, name).is_some()));
         let mut columns = vec![Column::new("ra [deg]"), Column::new("dec [deg]")];
-        let names: std::collections::BTreeSet<&String> =
-            collection.features.iter().flat_map(|feature| feature.properties.keys()).collect();
-        for (index, feature) in collection.features.iter().enumerate() {
+        columns.extend(names.iter().map(|name| Column::new(name)));
+        let mut rows = StoreWriter::new(path, columns);
+        for (index, feature) in features.iter().enumerate() {
             let [longitude, latitude] = feature.geometry.coordinates[..] else {
                 let found = format!("{} coordinates", feature.geometry.coordinates.len());
                 return Err(ImportError::malformed(
@@ -58,20 +70,10 @@ impl Format for GeoJson {
                     "longitude and latitude",
                 ));
             };
-            columns[0].values.push(longitude);
-            columns[1].values.push(latitude);
+            let values = names.iter().map(|name| value(feature, name).unwrap_or(f64::NAN));
+            rows.push(&[longitude, latitude].into_iter().chain(values).collect::<Vec<f64>>())?;
         }
-        for name in names {
-            let values = collection.features.iter().map(|feature| match feature.properties.get(name) {
-                Some(Value::Number(number)) => number.as_f64(),
-                Some(Value::String(text)) => number(text),
-                None | Some(Value::Null) => Some(f64::NAN),
-                Some(_) => None,
-            });
-            if let Some(values) = values.collect::<Option<Vec<f64>>>() {
-                columns.push(Column { values, ..Column::new(name) });
-            }
-        }
-        Ok(Box::new(Catalogue::new(path, "geojson", bytes, columns)?))
+        let table = Box::new(rows.finish(|_| true)?);
+        Ok(Box::new(Catalogue::new(path, Opened { table, format: "geojson", bytes, notes: Vec::new() })?))
     }
 }

@@ -1,8 +1,10 @@
 //! The fixed-column star catalogue of KStars: a line per star with right ascension `hhmmss.ss`, declination `+ddmmss.s`,
 //! proper motions in mas/yr, parallax in mas, V magnitude and B-V; comment lines start with `#`. Plain or gzip.
 
-use super::columns::Column;
-use super::{Catalogue, text};
+use super::catalogue::Catalogue;
+use super::columns::{Column, Opened};
+use super::store::StoreWriter;
+use super::text;
 use crate::import::{Format, ImportError, Source};
 use crate::model::ReadMethod;
 use std::io::BufRead;
@@ -36,6 +38,7 @@ impl Format for KStars {
         let (reader, bytes) = text::open(path)?;
         let mut columns = vec![Column::new("ra [deg]"), Column::new("dec [deg]")];
         columns.extend(COLUMNS.iter().map(|(name, ..)| Column::new(name)));
+        let mut rows = StoreWriter::new(path, columns);
         for (index, line) in reader.split(b'\n').enumerate() {
             let line = line.map_err(|source| ImportError::io(path, format!("line {}", index + 1), source))?;
             let line = String::from_utf8_lossy(&line);
@@ -48,16 +51,15 @@ impl Format for KStars {
                 ImportError::malformed(path, format!("line {}", index + 1), found, expected)
             };
             let (ra, dec) = coordinates(line).ok_or_else(|| bad("hhmmss.ss and +ddmmss.s in columns 1 to 19"))?;
-            columns[0].values.push(ra);
-            columns[1].values.push(dec);
-            for (column, (name, first, last)) in columns[2..].iter_mut().zip(COLUMNS) {
+            let mut row = [ra, dec, 0.0, 0.0, 0.0, 0.0, 0.0];
+            for (number, (name, first, last)) in row[2..].iter_mut().zip(COLUMNS) {
                 let value = cut(line, first, last).and_then(|text| text.trim().parse().ok());
-                column
-                    .values
-                    .push(value.ok_or_else(|| bad(&format!("{name} in columns {} to {}", first + 1, last + 1)))?);
+                *number = value.ok_or_else(|| bad(&format!("{name} in columns {} to {}", first + 1, last + 1)))?;
             }
+            rows.push(&row)?;
         }
-        Ok(Box::new(Catalogue::new(path, "kstars", bytes, columns)?))
+        let table = Box::new(rows.finish(|_| true)?);
+        Ok(Box::new(Catalogue::new(path, Opened { table, format: "kstars", bytes, notes: Vec::new() })?))
     }
 }
 

@@ -6,24 +6,113 @@
 //! A unit stands in brackets or behind the name (`dist [kpc]`, `dist_kpc`). One that is not known is an error: these columns
 //! say where things are.
 
-use super::columns::Column;
+use super::columns::{Column, Table};
+use crate::import::check::chunks;
 use crate::import::units::{conversion, degrees, degrees_of, length, length_of};
 use crate::import::{ImportError, units};
 use crate::model::Unit;
+use rayon::prelude::*;
+use std::ops::Range;
 use std::path::Path;
 
 /// What a table's positions are.
 pub(super) struct Positions {
-    /// One per row; NaN where there is none.
-    pub values: Vec<[f64; 3]>,
+    /// What they are made of.
+    pub recipe: Recipe,
     /// Their unit.
     pub unit: Unit,
     /// Names of the columns they come from.
     pub stored_as: String,
     /// What was assumed.
     pub note: Option<String>,
-    /// Whether they were made of directions on the sky.
-    pub from_sky: bool,
+}
+
+/// What positions are made of; columns are indices.
+pub(super) enum Recipe {
+    /// Columns of coordinates, and what each is multiplied by.
+    Cartesian {
+        /// The columns.
+        axes: [usize; 3],
+        /// The factors that bring them to one unit.
+        factors: [f64; 3],
+    },
+    /// Directions on the sky, and how far away.
+    Equatorial {
+        /// Right ascension and declination.
+        angles: [usize; 2],
+        /// What one of each is in degrees.
+        degrees: [f64; 2],
+        /// How far away.
+        distance: Distance,
+    },
+}
+
+/// How far away a star is.
+pub(super) enum Distance {
+    /// Nobody says: 1.
+    Unknown,
+    /// What the column says.
+    Column(usize),
+    /// 1000 / parallax, which is multiplied with the factor to be in milliarcseconds.
+    Parallax(usize, f64),
+}
+
+impl Distance {
+    fn of(&self, value: f64) -> f64 {
+        match self {
+            Distance::Unknown => 1.0,
+            Distance::Column(_) => value,
+            Distance::Parallax(_, per_mas) if value > 0.0 => 1000.0 / (value * per_mas),
+            Distance::Parallax(..) => f64::NAN,
+        }
+    }
+
+    fn column(&self) -> Option<usize> {
+        match self {
+            Distance::Unknown => None,
+            Distance::Column(column) | Distance::Parallax(column, _) => Some(*column),
+        }
+    }
+}
+
+impl Recipe {
+    /// Reads positions, three numbers for each row; NaN where there is none.
+    ///
+    /// # Errors
+    /// When the table cannot be read.
+    pub(super) fn read(&self, table: &dyn Table, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        let out = out.as_chunks_mut::<3>().0;
+        match self {
+            Recipe::Cartesian { axes, factors } => {
+                let mut values = vec![0.0; out.len()];
+                for (axis, (column, factor)) in axes.iter().zip(factors).enumerate() {
+                    table.read(*column, rows.clone(), &mut values)?;
+                    out.iter_mut().zip(&values).for_each(|(position, value)| position[axis] = value * factor);
+                }
+            }
+            Recipe::Equatorial { angles, degrees, distance } => {
+                let mut columns = [vec![0.0; out.len()], vec![0.0; out.len()], vec![1.0; out.len()]];
+                table.read(angles[0], rows.clone(), &mut columns[0])?;
+                table.read(angles[1], rows.clone(), &mut columns[1])?;
+                if let Some(column) = distance.column() {
+                    table.read(column, rows, &mut columns[2])?;
+                }
+                let [ra, dec, far] = &columns;
+                for (position, ((ra, dec), far)) in out.iter_mut().zip(ra.iter().zip(dec).zip(far)) {
+                    let (sin_ra, cos_ra) = (ra * degrees[0]).to_radians().sin_cos();
+                    let (sin_dec, cos_dec) = (dec * degrees[1]).to_radians().sin_cos();
+                    let distance = distance.of(*far);
+                    *position = [distance * cos_dec * cos_ra, distance * cos_dec * sin_ra, distance * sin_dec];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether they are made of directions on the sky.
+    pub(super) fn is_of_sky(&self) -> bool {
+        matches!(self, Recipe::Equatorial { .. })
+    }
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -71,33 +160,42 @@ fn unit_of<'a>(column: &'a Column, name: &str, measure: Measure) -> Option<&'a s
     Some(if column.unit.is_empty() { unit } else { &column.unit })
 }
 
+/// Whether there are columns that positions can be made of.
+pub(super) fn has_positions(columns: &[Column]) -> bool {
+    let has = |names: &[&str], measure| find(columns, names, measure).is_some();
+    AXES.iter().all(|name| has(&[*name], Measure::Length)) || has(&RA, Measure::Angle) && has(&DEC, Measure::Angle)
+}
+
 /// A column that positions are made of.
 struct Found<'a> {
+    index: usize,
     column: &'a Column,
     unit: &'a str,
 }
 
 /// The first column with one of the names: one of the name itself rather than one with a unit behind it.
 fn find<'a>(columns: &'a [Column], names: &[&str], measure: Measure) -> Option<Found<'a>> {
-    let exact = |name: &&str| columns.iter().find(|column| column.key() == *name);
-    let suffixed = |name: &&str| columns.iter().find(|column| unit_of(column, name, measure).is_some());
-    let column = names.iter().find_map(exact).or_else(|| names.iter().find_map(suffixed))?;
+    let single = || columns.iter().enumerate().filter(|(_, column)| column.components == 1);
+    let exact = |name: &&str| single().find(|(_, column)| column.key() == *name);
+    let suffixed = |name: &&str| single().find(|(_, column)| unit_of(column, name, measure).is_some());
+    let (index, column) = names.iter().find_map(exact).or_else(|| names.iter().find_map(suffixed))?;
     let unit = names.iter().find_map(|name| unit_of(column, name, measure))?;
-    Some(Found { column, unit })
+    Some(Found { index, column, unit })
 }
 
 /// The positions of a table; `None` if it has neither kind of columns.
 ///
 /// # Errors
-/// When a unit of such a column is not known.
-pub(super) fn positions(path: &Path, columns: &[Column]) -> Result<Option<Positions>, ImportError> {
-    match cartesian(path, columns)? {
+/// When a unit of such a column is not known, or the table cannot be read.
+pub(super) fn positions(path: &Path, table: &dyn Table) -> Result<Option<Positions>, ImportError> {
+    match cartesian(path, table)? {
         Some(positions) => Ok(Some(positions)),
-        None => equatorial(path, columns),
+        None => equatorial(path, table),
     }
 }
 
-fn cartesian(path: &Path, columns: &[Column]) -> Result<Option<Positions>, ImportError> {
+fn cartesian(path: &Path, table: &dyn Table) -> Result<Option<Positions>, ImportError> {
+    let columns = table.columns();
     let [x, y, z] = AXES.map(|name| find(columns, &[name], Measure::Length));
     let (Some(x), Some(y), Some(z)) = (x, y, z) else { return Ok(None) };
     let axes = [x, y, z];
@@ -112,70 +210,87 @@ fn cartesian(path: &Path, columns: &[Column]) -> Result<Option<Positions>, Impor
     for (factor, axis) in factors.iter_mut().zip(&axes) {
         *factor = conversion(path, &axis.column.name, axis.unit, unit)?;
     }
-    let rows = axes[0].column.values.iter().zip(&axes[1].column.values).zip(&axes[2].column.values);
-    let values = rows.map(|((x, y), z)| [x * factors[0], y * factors[1], z * factors[2]]).collect();
-    let parsecs = unit.is_empty() && in_parsecs(columns);
+    let recipe = Recipe::Cartesian { axes: [axes[0].index, axes[1].index, axes[2].index], factors };
+    let parsecs = unit.is_empty() && in_parsecs(table)?;
     let note = parsecs.then(|| "lengths are in pc: absolute magnitude = magnitude - 5 log10(dist / 10 pc)".to_string());
+    let unit = Unit::new(if parsecs { "pc" } else { unit });
     let stored_as = axes.map(|axis| &*axis.column.name).join(",");
-    Ok(Some(Positions { values, unit: Unit::new(if parsecs { "pc" } else { unit }), stored_as, note, from_sky: false }))
+    Ok(Some(Positions { recipe, unit, stored_as, note }))
 }
 
 /// Whether distances are in parsecs, which shows where both the apparent and the absolute magnitude are there.
-fn in_parsecs(columns: &[Column]) -> bool {
-    let of = |key: &str| columns.iter().find(|column| column.key() == key);
+fn in_parsecs(table: &dyn Table) -> Result<bool, ImportError> {
+    let columns = table.columns();
+    let of = |key: &str| columns.iter().position(|column| column.key() == key && column.components == 1);
     let (Some(distance), Some(apparent), Some(absolute)) =
         (find(columns, &DISTANCE, Measure::Length), of("mag"), of("absmag"))
     else {
-        return false;
+        return Ok(false);
     };
-    let rows = distance.column.values.iter().zip(&apparent.values).zip(&absolute.values);
-    let differences = rows.map(|((d, m), absolute)| (absolute - (m - 5.0 * (d / 10.0).log10())).abs());
-    let (count, close) = differences
-        .filter(|difference| difference.is_finite())
-        .fold((0, 0), |(count, close), d| (count + 1, close + usize::from(d < 0.01)));
-    count > 0 && 10 * close >= 9 * count
+    let [count, close] = tally(table, [distance.index, apparent, absolute], |[distance, apparent, absolute]| {
+        let difference = (absolute - (apparent - 5.0 * (distance / 10.0).log10())).abs();
+        [u64::from(difference.is_finite()), u64::from(difference < 0.01)]
+    })?;
+    Ok(count > 0 && 10 * close >= 9 * count)
 }
 
-fn equatorial(path: &Path, columns: &[Column]) -> Result<Option<Positions>, ImportError> {
+/// The sums of what `count` gives for every row of some columns.
+fn tally<const N: usize>(
+    table: &dyn Table,
+    columns: [usize; N],
+    count: impl Fn([f64; N]) -> [u64; 2] + Sync,
+) -> Result<[u64; 2], ImportError> {
+    let sum = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
+    let of_range = |range: Range<u64>| -> Result<[u64; 2], ImportError> {
+        let rows = (range.end - range.start) as usize;
+        let mut values = vec![0.0; N * rows];
+        for (column, values) in columns.iter().zip(values.chunks_exact_mut(rows.max(1))) {
+            table.read(*column, range.clone(), values)?;
+        }
+        let row = |row: usize| count(std::array::from_fn(|column| values[column * rows + row]));
+        Ok((0..rows).map(row).fold([0, 0], sum))
+    };
+    chunks(table.rows()).into_par_iter().map(of_range).try_reduce(|| [0, 0], |a, b| Ok(sum(a, b)))
+}
+
+fn equatorial(path: &Path, table: &dyn Table) -> Result<Option<Positions>, ImportError> {
+    let columns = table.columns();
     let (Some(ra), Some(dec)) = (find(columns, &RA, Measure::Angle), find(columns, &DEC, Measure::Angle)) else {
         return Ok(None);
     };
     let mut notes = Vec::new();
-    let largest = ra.column.values.iter().copied().filter(|ra| ra.is_finite()).fold(0.0, f64::max);
     let stated = !ra.unit.is_empty() && !units::is_frame(ra.unit);
-    let hours = !stated && largest <= 24.0 && ra.column.values.len() > 100;
+    let beyond = |[ra]: [f64; 1]| [u64::from(ra.is_finite() && ra > 24.0), 0];
+    let hours = !stated && table.rows() > 100 && tally(table, [ra.index], beyond)?[0] == 0;
     if hours {
         notes.push("right ascensions up to 24 are taken for hours".to_string());
     }
     let ra_degrees = degrees_of(path, &ra.column.name, ra.unit, if hours { 15.0 } else { 1.0 })?;
     let dec_degrees = degrees_of(path, &dec.column.name, dec.unit, 1.0)?;
-    let (distances, unit, source) = if let Some(distance) = find(columns, &DISTANCE, Measure::Length) {
+    let (distance, unit, source) = if let Some(distance) = find(columns, &DISTANCE, Measure::Length) {
         let known = length_of(path, &distance.column.name, distance.unit)? != units::Length::Code;
-        (distance.column.values.clone(), if known { distance.unit } else { "" }, &*distance.column.name)
+        (Distance::Column(distance.index), if known { distance.unit } else { "" }, &*distance.column.name)
     } else if let Some(parallax) = find(columns, &PARALLAX, Measure::Angle) {
         let per_mas = degrees_of(path, &parallax.column.name, parallax.unit, MILLIARCSECOND)? / MILLIARCSECOND;
-        let distance = |parallax: &f64| if *parallax > 0.0 { 1000.0 / (parallax * per_mas) } else { f64::NAN };
-        (parallax.column.values.iter().map(distance).collect(), "pc", &*parallax.column.name)
+        (Distance::Parallax(parallax.index, per_mas), "pc", &*parallax.column.name)
     } else {
         notes.push("no distances: positions are directions on the unit sphere".into());
-        (vec![1.0; ra.column.values.len()], "", "")
+        (Distance::Unknown, "", "")
     };
-    let without = distances.iter().filter(|distance| !distance.is_finite()).count();
-    if without > 0 {
-        notes.push(format!("{without} stars have no distance and so no position"));
+    if let Some(column) = distance.column() {
+        let [without, _] = tally(table, [column], |[value]| [u64::from(!distance.of(value).is_finite()), 0])?;
+        if without > 0 {
+            notes.push(format!("{without} stars have no distance and so no position"));
+        }
     }
-    let place = |((ra, dec), distance): ((&f64, &f64), &f64)| {
-        let (sin_ra, cos_ra) = (ra * ra_degrees).to_radians().sin_cos();
-        let (sin_dec, cos_dec) = (dec * dec_degrees).to_radians().sin_cos();
-        [distance * cos_dec * cos_ra, distance * cos_dec * sin_ra, distance * sin_dec]
-    };
-    let values = ra.column.values.iter().zip(&dec.column.values).zip(&distances).map(place).collect();
     let mut stored_as = format!("{},{}", ra.column.name, dec.column.name);
     if !source.is_empty() {
         stored_as = format!("{stored_as},{source}");
     }
     let note = (!notes.is_empty()).then(|| notes.join("; "));
-    Ok(Some(Positions { values, unit: Unit::new(unit), stored_as, note, from_sky: true }))
+    let (angles, degrees) = ([ra.index, dec.index], [ra_degrees, dec_degrees]);
+    let recipe = Recipe::Equatorial { angles, degrees, distance };
+    Ok(Some(Positions { recipe, unit: Unit::new(unit), stored_as, note }))
 }
 
 /// Degrees.

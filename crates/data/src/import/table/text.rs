@@ -1,25 +1,27 @@
-//! Text files, plain or compressed with gzip.
+//! Text files, plain or compressed with gzip or Zstandard.
 
+use crate::import::packed::Packing;
 use crate::import::{HEAD, ImportError};
-use flate2::read::MultiGzDecoder;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Error, ErrorKind, Read};
 use std::path::Path;
 
 /// The most that a compressed table may expand by. Numbers as text shrink three to ten times; a file that expands far
 /// more is no table.
-const MOST_EXPANSION: u64 = 256;
+pub(super) const MOST_EXPANSION: u64 = 256;
 
-const GZIP: [u8; 2] = [0x1f, 0x8b];
+/// The beginning of a file's content from the file's first bytes, decompressed where needed.
+pub(super) fn content(head: &[u8]) -> Vec<u8> {
+    let Some(packing) = Packing::of(head) else { return head.to_vec() };
+    let mut bytes = Vec::new();
+    // The head ends in the middle of the stream, so an error after some text is no surprise.
+    let _ = packing.unpacked(head).take(HEAD as u64).read_to_end(&mut bytes);
+    bytes
+}
 
 /// The beginning of a text file from the file's first bytes, decompressed where needed; `None` if it is not text.
 pub(in crate::import) fn head(head: &[u8]) -> Option<String> {
-    let mut bytes = head.to_vec();
-    if head.starts_with(&GZIP) {
-        bytes.clear();
-        // The head ends in the middle of the stream, so an error after some text is no surprise.
-        let _ = MultiGzDecoder::new(head).take(HEAD as u64).read_to_end(&mut bytes);
-    }
+    let bytes = content(head);
     // The last character may be cut in two.
     let text = match std::str::from_utf8(&bytes) {
         Ok(text) => text,
@@ -36,9 +38,10 @@ pub(super) fn open(path: &Path) -> Result<(Box<dyn BufRead>, u64), ImportError> 
     let file = File::open(path).map_err(io)?;
     let length = file.metadata().map_err(io)?.len();
     let mut file = BufReader::new(file);
-    if file.fill_buf().map_err(io)?.starts_with(&GZIP) {
+    let packing = Packing::of(file.fill_buf().map_err(io)?);
+    if let Some(packing) = packing {
         let most = length.saturating_mul(MOST_EXPANSION);
-        let text = Limited { inner: MultiGzDecoder::new(file), left: most };
+        let text = Limited { inner: packing.unpacked(file), left: most };
         return Ok((Box::new(BufReader::new(text)), length));
     }
     Ok((Box::new(file), length))

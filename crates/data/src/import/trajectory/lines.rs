@@ -2,7 +2,7 @@
 
 use super::{Damage, Stop};
 use crate::import::ImportError;
-use flate2::read::MultiGzDecoder;
+use crate::import::packed::Packing;
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
@@ -14,11 +14,6 @@ pub(super) const LONGEST: u64 = 1 << 20;
 const MOST_EXPANSION: u64 = 256;
 
 const BUFFER: usize = 1 << 18;
-
-/// Whether a file that begins so is compressed with gzip.
-pub(super) fn is_gzip(head: &[u8]) -> bool {
-    head.starts_with(&[0x1f, 0x8b])
-}
 
 /// The lines of a text.
 pub(super) struct Lines {
@@ -51,10 +46,10 @@ impl Lines {
         let file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         let mut file = BufReader::with_capacity(BUFFER, file);
-        let is_packed = is_gzip(file.fill_buf().map_err(io)?);
-        let (reader, copy, most): (Box<dyn BufRead>, _, _) = if is_packed {
+        let packing = Packing::of(file.fill_buf().map_err(io)?);
+        let (reader, copy, most): (Box<dyn BufRead>, _, _) = if let Some(packing) = packing {
             let unpacked = tempfile::tempfile().map_err(|error| ImportError::io(path, "unpacking", error))?;
-            let reader = BufReader::with_capacity(BUFFER, MultiGzDecoder::new(file));
+            let reader = BufReader::with_capacity(BUFFER, packing.unpacked(file));
             let copy = BufWriter::with_capacity(BUFFER, unpacked);
             (Box::new(reader), Some(copy), length.saturating_mul(MOST_EXPANSION))
         } else {

@@ -18,6 +18,7 @@ const EXACTLY: VolumeOptions = VolumeOptions {
     smallest: 0.0,
     occlusion: true,
     kernel: Kernel::CubicSpline,
+    smoothing: 0,
 };
 
 fn grid(cells: u32) -> CartesianOptions {

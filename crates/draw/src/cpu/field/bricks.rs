@@ -89,7 +89,8 @@ impl<'a> FieldBricks<'a> {
         }
         let hue = self.hue.map(|hue| &self.field.channels[hue].levels[number]);
         let weighted = hue.map_or_else(Box::default, |_| self.cells());
-        let mut brick = Brick { density: self.cells(), weighted, surface: Box::default(), densest: 0.0 };
+        let mut brick =
+            Brick { density: self.cells(), weighted, surface: Box::default(), opacity: Box::default(), densest: 0.0 };
         let clips = self.view.cut.clips();
         // Ends of the field in this level's indices, along each axis that it has.
         let shape = self.field.shape().map(|side| side as f64);

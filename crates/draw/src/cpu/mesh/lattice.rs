@@ -1,7 +1,8 @@
-//! Lattices of points, bricks of their cells, and the samples of a field at a brick's points.
+//! Lattices of points and where they are in the world, bricks of their cells, and the samples of a field at a brick's
+//! points.
 
 use crate::model::Bounds;
-use glam::DVec3;
+use glam::{DAffine3, DMat3, DVec3};
 
 /// Cells along an edge of a block: the smallest part of a brick that may be left out.
 pub const BLOCK: usize = 8;
@@ -53,12 +54,54 @@ impl Lattice {
     }
 }
 
+/// What becomes of a surface at the outer faces of the lattice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Faces {
+    /// It ends there; its volume is that of a closed one alone. For fields that are low there.
+    #[default]
+    Open,
+    /// It ends there, and what the faces cut off belongs to its volume.
+    Cut,
+    /// Flat caps in the faces close it.
+    Capped,
+}
+
+/// From a lattice to the world, where its own coordinates are not the world's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LatticePlacement {
+    to_world: DAffine3,
+    /// For slopes of the field, and normals along them.
+    normals: DMat3,
+}
+
+impl LatticePlacement {
+    /// By an invertible map.
+    pub fn new(to_world: DAffine3) -> LatticePlacement {
+        LatticePlacement { to_world, normals: to_world.matrix3.inverse().transpose() }
+    }
+
+    /// Where a point of the lattice's coordinates is, world units.
+    pub(super) fn point(&self, at: DVec3) -> DVec3 {
+        self.to_world.transform_point3(at)
+    }
+
+    /// The direction in the world of a normal of length 1.
+    pub(super) fn normal(&self, normal: DVec3) -> DVec3 {
+        (self.normals * normal).try_normalize().unwrap_or(normal)
+    }
+
+    /// Whether what is counter-clockwise becomes clockwise.
+    pub(super) fn is_mirrored(&self) -> bool {
+        self.to_world.matrix3.determinant() < 0.0
+    }
+}
+
 /// What a field is at the points of a brick and at one point more on each side.
 #[derive(Clone, Debug)]
 pub struct Samples {
     side: usize,
-    /// The field, x first: [`Samples::index`]. Points that no active block and no point beside one has may hold
-    /// anything.
+    /// The field, x first: [`Samples::index`]; NaN where it has no value, which counts as low. Points that no active
+    /// block and no point beside one has may hold anything.
     pub values: Vec<f64>,
     /// `sum m A W` of the attribute `A` whose mean is wanted, in the same order; empty where none is.
     pub weighted: Vec<f64>,

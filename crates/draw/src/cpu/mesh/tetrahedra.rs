@@ -5,8 +5,10 @@
 //! A corner of a cell is a mask: bit 0 stands for x, bit 1 for y, bit 2 for z. An edge of a tetrahedron leads from a
 //! point to one whose mask holds its own; the difference of both is the edge's direction, one of seven.
 
+mod caps;
+
 use super::Vertex;
-use super::lattice::{BEFORE, BLOCK, Lattice, Samples};
+use super::lattice::{BEFORE, BLOCK, Faces, Lattice, LatticePlacement, Samples};
 use super::weld::{BrickMesh, Shared};
 use glam::DVec3;
 
@@ -20,8 +22,8 @@ const TETRAHEDRA: [([usize; 4], bool); 6] = [
     ([0, 4, 6, 7], false),
 ];
 
-/// Directions of edges.
-const DIRECTIONS: usize = 7;
+/// Directions of edges, and that of no edge: a vertex at the point itself.
+const DIRECTIONS: usize = 8;
 
 /// Vertices keep this share of an edge away from its ends, so that no two of them fall together.
 const NEAREST: f64 = 1e-4;
@@ -29,8 +31,18 @@ const NEAREST: f64 = 1e-4;
 /// No vertex on this edge yet.
 const NONE: u32 = u32::MAX;
 
+/// Where the surface is looked for, and what it is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Space<'a> {
+    pub lattice: &'a Lattice,
+    pub faces: Faces,
+    pub placement: Option<LatticePlacement>,
+    pub isovalue: f64,
+}
+
 /// The part of the surface in a brick whose first cell is `corner`. Cells beyond the lattice are left out.
-pub(super) fn march(lattice: &Lattice, corner: [u32; 3], samples: &Samples, isovalue: f64) -> BrickMesh {
+pub(super) fn march(space: Space, corner: [u32; 3], samples: &Samples) -> BrickMesh {
+    let Space { lattice, placement, .. } = space;
     let side = samples.side();
     let points = (side + 1) * (side + 1) * DIRECTIONS;
     let cells = [0, 1, 2].map(|axis| side.min(lattice.cells[axis].saturating_sub(corner[axis]) as usize));
@@ -38,11 +50,12 @@ pub(super) fn march(lattice: &Lattice, corner: [u32; 3], samples: &Samples, isov
     for (mask, step) in steps.iter_mut().enumerate() {
         *step = samples.index([mask & 1, mask >> 1 & 1, mask >> 2]);
     }
+    let center = placement.map_or(lattice.center(), |placement| placement.point(lattice.center()));
     let mut marcher = Marcher {
-        lattice,
+        space,
+        center,
         corner,
         samples,
-        isovalue,
         steps,
         layers: [vec![NONE; points], vec![NONE; points]],
         mesh: BrickMesh::default(),
@@ -53,15 +66,16 @@ pub(super) fn march(lattice: &Lattice, corner: [u32; 3], samples: &Samples, isov
         marcher.layer(z, cells);
     }
     let mut mesh = marcher.mesh;
-    mesh.finish(lattice.center());
+    mesh.finish(center);
     mesh
 }
 
 struct Marcher<'a> {
-    lattice: &'a Lattice,
+    space: Space<'a>,
+    /// The lattice's middle, world units.
+    center: DVec3,
     corner: [u32; 3],
     samples: &'a Samples,
-    isovalue: f64,
     /// From a point to each corner of its cell among the samples.
     steps: [usize; 8],
     /// Vertices on edges that begin at the points of even and of odd layers.
@@ -89,13 +103,18 @@ impl Marcher<'_> {
         let at = self.samples.index(cell.map(|index| index + BEFORE));
         let mut inside = 0_u8;
         for (corner, step) in self.steps.iter().enumerate() {
-            inside |= u8::from(self.samples.values[at + step] >= self.isovalue) << corner;
+            inside |= u8::from(self.samples.values[at + step] >= self.space.isovalue) << corner;
         }
-        if inside == 0 || inside == u8::MAX {
+        if inside == 0 {
             return;
         }
-        for (corners, is_right) in TETRAHEDRA {
-            self.tetrahedron(cell, corners, is_right, inside);
+        if inside != u8::MAX {
+            for (corners, is_right) in TETRAHEDRA {
+                self.tetrahedron(cell, corners, is_right, inside);
+            }
+        }
+        if self.space.faces != Faces::Open {
+            self.cut_off(cell, inside);
         }
     }
 
@@ -139,6 +158,7 @@ impl Marcher<'_> {
 
     fn triangle(&mut self, cell: [usize; 3], edges: [(usize, usize); 3], is_flipped: bool) {
         let [a, b, c] = edges.map(|(from, to)| self.vertex(cell, from, to));
+        let is_flipped = is_flipped != self.is_mirrored();
         self.mesh.triangles.push(if is_flipped { [a, c, b] } else { [a, b, c] });
     }
 
@@ -147,17 +167,22 @@ impl Marcher<'_> {
         let (lower, direction) = (a & b, a ^ b);
         let point = [0, 1, 2].map(|axis| cell[axis] + (lower >> axis & 1));
         let side = self.samples.side();
-        let slot = (point[1] * (side + 1) + point[0]) * DIRECTIONS + direction - 1;
+        let slot = (point[1] * (side + 1) + point[0]) * DIRECTIONS + direction;
         let known = self.layers[point[2] & 1][slot];
         if known != NONE {
             return known;
         }
         let number = self.mesh.vertices.len() as u32;
         self.layers[point[2] & 1][slot] = number;
-        let vertex = self.placed(point, direction);
+        let vertex = if direction == 0 { self.at_point(point) } else { self.placed(point, direction) };
         self.mesh.vertices.push(vertex);
         // Along each axis in whose face of the brick the edge lies there is another brick that has it.
-        let on_face = |axis: &usize| direction >> axis & 1 == 0 && (point[*axis] == 0 || point[*axis] == side);
+        let on_face = |axis: &usize| {
+            let first = self.corner[*axis];
+            let is_before = point[*axis] == 0 && first > 0;
+            let is_behind = point[*axis] == side && first as usize + side < self.space.lattice.cells[*axis] as usize;
+            direction >> axis & 1 == 0 && (is_before || is_behind)
+        };
         let faces = (0..3).filter(on_face).count();
         if faces > 0 {
             let global = [0, 1, 2].map(|axis| u64::from(self.corner[axis]) + point[axis] as u64);
@@ -174,20 +199,36 @@ impl Marcher<'_> {
         let step = self.steps[direction];
         let to = at + step;
         let around = [values[at - step], values[at], values[to], values[to + step]];
-        let share = crossing(around, self.isovalue);
-        let mut position = DVec3::ZERO;
+        let share = crossing(around, self.space.isovalue);
+        let mut position = self.coordinates(point);
         for axis in 0..3 {
-            let along = if direction >> axis & 1 == 1 { self.lattice.spacing * share } else { 0.0 };
-            let index = i64::from(self.corner[axis]) + point[axis] as i64;
-            position[axis] = self.lattice.coordinate(axis, index) + along;
+            if direction >> axis & 1 == 1 {
+                position[axis] += self.space.lattice.spacing * share;
+            }
         }
         let slope = |at: usize| {
-            let axis = |mask: usize| values[at + self.steps[mask]] - values[at - self.steps[mask]];
+            let axis = |mask: usize| {
+                let (low, middle, high) = (values[at - self.steps[mask]], values[at], values[at + self.steps[mask]]);
+                let both = high - low;
+                if !both.is_nan() {
+                    return both;
+                }
+                // Beside what has no value, the other side tells.
+                let one = [high - middle, middle - low].into_iter().find(|rise| !rise.is_nan());
+                one.map_or(0.0, |rise| 2.0 * rise)
+            };
             DVec3::new(axis(1), axis(2), axis(4))
         };
-        let gradient = slope(at).lerp(slope(to), share);
+        // What has no value counts as low.
+        let rise = match (values[at].is_nan(), values[to].is_nan()) {
+            (true, _) => 1.0,
+            (false, true) => -1.0,
+            (false, false) => values[to] - values[at],
+        };
+        let along = DVec3::from_array([0, 1, 2].map(|axis| (direction >> axis & 1) as f64)) * rise;
+        let is_known = !values[at].is_nan() && !values[to].is_nan();
+        let gradient = if is_known { slope(at).lerp(slope(to), share) } else { along };
         // Where the field is flat on both sides of a peak, the edge itself tells the way down.
-        let along = DVec3::from_array([0, 1, 2].map(|axis| (direction >> axis & 1) as f64)) * (values[to] - values[at]);
         let normal = (-gradient).try_normalize().or_else(|| (-along).try_normalize()).unwrap_or(DVec3::Z);
         let between = |of: &[f64]| of[at] + share * (of[to] - of[at]);
         let value = if self.samples.weighted.is_empty() {
@@ -195,14 +236,39 @@ impl Marcher<'_> {
         } else {
             between(&self.samples.weighted) / between(&self.samples.values)
         };
+        self.vertex_at(position, normal, value)
+    }
+
+    /// Where a point is on the lattice, in its own coordinates.
+    fn coordinates(&self, point: [usize; 3]) -> DVec3 {
+        let coordinate =
+            |axis: usize| self.space.lattice.coordinate(axis, i64::from(self.corner[axis]) + point[axis] as i64);
+        DVec3::from_array([0, 1, 2].map(coordinate))
+    }
+
+    /// A vertex with a place and a normal in the lattice's coordinates.
+    fn vertex_at(&self, position: DVec3, normal: DVec3, value: f64) -> Vertex {
+        let (position, normal) = match &self.space.placement {
+            None => (position, normal),
+            Some(placement) => (placement.point(position), placement.normal(normal)),
+        };
         Vertex { position, normal: normal.as_vec3(), value: value as f32 }
+    }
+
+    /// Whether the world is the lattice's mirror image.
+    fn is_mirrored(&self) -> bool {
+        self.space.placement.is_some_and(|placement| placement.is_mirrored())
     }
 }
 
 /// Where between two neighbours the field is `isovalue`, as a share of the edge: on the cubic through four points in a
 /// row, whose slopes are limited so that it rises or falls all the way (Fritsch and Carlson 1980).
+///
+/// Neighbours without a value (NaN) have none on the line on, and a crossing to one is half-way.
 fn crossing([before, from, to, behind]: [f64; 4], isovalue: f64) -> f64 {
     let rise = to - from;
+    let before = if before.is_nan() { from - rise } else { before };
+    let behind = if behind.is_nan() { to + rise } else { behind };
     let target = (isovalue - from) / rise;
     let slope = |six_times: f64| (six_times / (6.0 * rise)).clamp(0.0, 3.0);
     let start = slope(6.0 * to - 3.0 * from - 2.0 * before - behind);
@@ -224,7 +290,7 @@ fn crossing([before, from, to, behind]: [f64; 4], isovalue: f64) -> f64 {
         let next = t - off / climb;
         share = if next > low && next < high { next } else { 0.5 * (low + high) };
     }
-    // Values beyond the largest number leave no share.
+    // Values beyond the largest number leave no share, and what has no value has none.
     let share = if share.is_nan() { 0.5 } else { share };
     share.clamp(NEAREST, 1.0 - NEAREST)
 }

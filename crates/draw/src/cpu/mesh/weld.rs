@@ -10,6 +10,8 @@ use std::collections::{HashMap, HashSet};
 pub(super) struct BrickMesh {
     pub vertices: Vec<Vertex>,
     pub triangles: Vec<[u32; 3]>,
+    /// Triangles that close the surface at the lattice's faces; they follow the others when it is finished.
+    pub caps: Vec<[u32; 3]>,
     /// Vertices that other bricks have, too.
     pub shared: Vec<Shared>,
     /// Edges of a single triangle, in its direction.
@@ -20,6 +22,8 @@ pub(super) struct BrickMesh {
     components: u32,
     volume: f64,
     area: f64,
+    cap_area: f64,
+    cap_count: usize,
 }
 
 /// A vertex on a face between bricks.
@@ -35,12 +39,21 @@ pub(super) struct Shared {
 }
 
 impl BrickMesh {
+    /// Counts a triangle in a face of the lattice, relative to its centre, that closes the surface and is not of it.
+    pub fn cut_off(&mut self, [a, b, c]: [DVec3; 3]) {
+        self.volume += a.dot(b.cross(c)) / 6.0;
+        self.cap_area += 0.5 * (b - a).cross(c - a).length();
+    }
+
     /// Finds components, open edges, area, and the volume of the cones between the triangles and `center`.
     pub fn finish(&mut self, center: DVec3) {
         let mut sets = DisjointSets::default();
         sets.add(self.vertices.len() as u32);
+        let of_surface = self.triangles.len();
+        self.cap_count = self.caps.len();
+        self.triangles.append(&mut self.caps);
         let mut edges = Vec::with_capacity(3 * self.triangles.len());
-        for &[a, b, c] in &self.triangles {
+        for (place, &[a, b, c]) in self.triangles.iter().enumerate() {
             sets.join(a, b);
             sets.join(b, c);
             for (from, to) in [(a, b), (b, c), (c, a)] {
@@ -48,7 +61,8 @@ impl BrickMesh {
             }
             let [a, b, c] = [a, b, c].map(|vertex| self.vertices[vertex as usize].position - center);
             self.volume += a.dot(b.cross(c)) / 6.0;
-            self.area += 0.5 * (b - a).cross(c - a).length();
+            let area = if place < of_surface { &mut self.area } else { &mut self.cap_area };
+            *area += 0.5 * (b - a).cross(c - a).length();
         }
         edges.sort_unstable();
         for of_edge in edges.chunk_by(|(a, b, _), (c, d, _)| a == c && b == d) {
@@ -85,6 +99,8 @@ pub struct Piece {
     pub fresh: Vec<u32>,
     /// Triangles of its vertices, by their place, counter-clockwise as seen from where the field is low.
     pub triangles: Vec<[u32; 3]>,
+    /// How many of them, the last ones, are caps in the lattice's faces.
+    pub caps: usize,
 }
 
 /// A vertex that bricks to come have, too.
@@ -108,7 +124,8 @@ pub(super) struct Weld {
 impl Weld {
     /// Takes the next brick.
     pub fn join(&mut self, mesh: BrickMesh) -> Piece {
-        let BrickMesh { vertices, triangles, shared, open, irregular, components, volume, area } = mesh;
+        let BrickMesh { volume, area, cap_area, cap_count, .. } = mesh;
+        let BrickMesh { vertices, triangles, shared, open, irregular, components, .. } = mesh;
         let base = self.sets.add(components);
         let mut numbers = vec![u64::MAX; vertices.len()];
         self.report.components += u64::from(components);
@@ -145,7 +162,8 @@ impl Weld {
         self.report.triangles += triangles.len() as u64;
         self.report.volume += volume;
         self.report.area += area;
-        Piece { vertices, numbers, fresh, triangles }
+        self.report.cap_area += cap_area;
+        Piece { vertices, numbers, fresh, triangles, caps: cap_count }
     }
 
     /// What the whole surface is.

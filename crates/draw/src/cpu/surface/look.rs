@@ -2,6 +2,7 @@
 
 use crate::color::TransferFunction;
 use crate::color::colors::to_linear;
+use glam::DVec3;
 
 /// What colours the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,6 +45,13 @@ pub enum Light {
         /// Degrees above the plane of `x` and `y`.
         altitude: f64,
     },
+}
+
+/// The direction to a sun, in the frame of the surface, a unit vector; angles as those of [`Light::Sun`].
+pub fn toward_sun(azimuth: f64, altitude: f64) -> DVec3 {
+    let (up, level) = altitude.to_radians().sin_cos();
+    let (east, north) = azimuth.to_radians().sin_cos();
+    DVec3::new(level * east, level * north, up)
 }
 
 /// Lines of equal height.

@@ -6,6 +6,8 @@
 
 pub(crate) mod channels;
 mod closed;
+mod coverage;
+pub(crate) mod darken;
 pub mod fragments;
 pub mod holes;
 pub(crate) mod horizon;

@@ -2,6 +2,8 @@
 
 use super::channels::channels;
 use super::closed::Closed;
+use super::coverage;
+use super::darken::darken;
 use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
 use super::look::Attribute;
@@ -17,6 +19,7 @@ use super::sight::Sight;
 use super::source::SurfaceNodes;
 use super::stitch::{Mesh, Scene};
 use crate::color::Colors;
+use crate::cpu::shadowing::Shadowing;
 use deepfield_heights::measure::Form;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -44,6 +47,8 @@ pub struct SurfaceOptions {
     pub form: Option<Arc<Form>>,
     /// The height that walls at the field's border, and where it is cut, go down or up to; `None`: there are none.
     pub walls: Option<f64>,
+    /// How it darkens itself in flat pictures.
+    pub shadowing: Option<Shadowing>,
 }
 
 impl Default for SurfaceOptions {
@@ -60,6 +65,7 @@ impl Default for SurfaceOptions {
             holes_grow: false,
             form: None,
             walls: None,
+            shadowing: None,
         }
     }
 }
@@ -171,6 +177,7 @@ pub fn draw_lettered(
         && let Some(pieces) = Pieces::of(source, placed, sight, options)
     {
         picture = pieces.colored(source, placed, sight, options, look);
+        darken(&mut picture.colors, &picture.depth, (source, placed, sight), options);
     } else if let Some(look) = &options.look {
         let parts = parts(options.samples);
         let fine = sight.refined(parts);
@@ -187,12 +194,14 @@ pub fn draw_lettered(
             picture.labels.retain(|label| !shader.is_behind_wall(label));
             shader = shader.sparing(size[0], labels::spared(&picture.labels, size));
         }
-        let (mut colors, [depth, covered]) = shader.shade(&seen, size);
+        let (rgba, [depth, covered]) = shader.shade(&seen, size);
+        let mut colors = Colors { width, height, rgba };
+        darken(&mut colors, &depth, (source, placed, sight), options);
         if let Some((contours, _, letters)) = &labelled {
-            labels::paint(&mut colors, size, &picture.labels, contours, *letters);
+            labels::paint(&mut colors.rgba, size, &picture.labels, contours, *letters);
         }
         picture.report.covered = covered.into_iter().map(f64::from).sum();
-        picture.colors = Colors { width, height, rgba: colors };
+        picture.colors = colors;
         picture.depth = depth;
     }
     if options.raw {
@@ -212,7 +221,8 @@ pub fn draw_lettered(
 }
 
 /// What is seen in each sample of a picture with `parts` of them along a pixel's side, and how many samples, points and triangles were drawn.
-/// Points fill a sample where they are drawn since they leave no gap so, and else a pixel.
+/// Points fill a sample where they are drawn since they leave no gap so, and else a pixel. What coarse samples stand for beside their triangles is
+/// behind all else.
 pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
@@ -230,6 +240,7 @@ pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts:
             [samples, points, 0]
         }
     };
+    coverage::draw_margins(scene, sight, &seen);
     (seen, counts)
 }
 

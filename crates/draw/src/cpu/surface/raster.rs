@@ -12,13 +12,14 @@
 //! What is nearest is kept, among equals the least number, by an atomic minimum: the picture is the same for any number of threads.
 
 mod line;
+mod lone;
 mod numbers;
 
+pub use lone::draw_lone;
 pub use numbers::NO_NUMBER;
 
 use super::placed::Vantage;
 use super::select::Primitive;
-use super::sight::Sight;
 use super::stitch::{Mesh, Scene};
 use crate::model::Bounds;
 use crate::view::{Extent, Projection, View};
@@ -36,6 +37,10 @@ const ONE: i64 = 1 << FRACTION;
 const FURTHEST: f64 = (1_i64 << 60) as f64;
 /// Pixels beyond which a place is not in any picture.
 const FAR: f64 = 1e9;
+/// Depths of what is shown only where nothing else is count so many times: behind all else.
+pub const BEHIND: f64 = (1_u128 << 96) as f64;
+/// How deep that is at least.
+const LEAST_BEHIND: f64 = 1e-6;
 /// Rows of cells that one task draws.
 const BAND: usize = 32;
 /// Columns of cells of which it is looked whether any is in the picture.
@@ -141,6 +146,11 @@ impl Visibility {
 }
 
 impl Visibility {
+    /// Keeps a point, in a square of pixels about its place, where nothing else is; of several the nearest.
+    pub(super) fn put_behind(&self, place: [f64; 2], side: u32, depth: f64, number: u32) {
+        self.put_square(parts_of(place), side, depth.max(LEAST_BEHIND) * BEHIND, number);
+    }
+
     /// Keeps the nearer of what is there and a point, in a square of pixels about its place in parts of pixels.
     #[inline(always)]
     fn put_square(&self, place: [i64; 2], side: u32, depth: f64, number: u32) {
@@ -159,6 +169,11 @@ impl Visibility {
             }
         }
     }
+}
+
+/// A place in parts of pixels.
+fn parts_of(place: [f64; 2]) -> [i64; 2] {
+    place.map(|pixels| (pixels.clamp(-FAR, FAR) * ONE as f64) as i64)
 }
 
 /// A corner in the picture.
@@ -237,33 +252,6 @@ pub fn draw_poles(scene: &Scene, view: &View, picture: &Visibility) {
             }
         }
     });
-}
-
-/// Draws the measured samples that are in no triangle as points of `side` pixels, into any picture: rays miss them.
-pub fn draw_lone(scene: &Scene, sight: &Sight, picture: &Visibility, side: u32) -> u64 {
-    let vantage = Vantage::new(&scene.placed, sight.eye());
-    let count = |(number, mesh): (usize, &Mesh)| {
-        let mut count = 0;
-        for row in 0..mesh.samples.rows {
-            for column in 0..mesh.samples.columns {
-                if !mesh.is_lone(row, column) {
-                    continue;
-                }
-                count += 1;
-                let height = mesh.height(row * mesh.samples.columns + column);
-                let relative = vantage.relative(mesh.rows[row], mesh.columns[column], height);
-                if let Some((place, depth)) = sight.project(relative)
-                    && sight.cut().keeps(relative + sight.eye())
-                {
-                    let shown = Shown { node: number, at: [row, column], slot: None };
-                    let place = place.map(|pixels| (pixels.clamp(-FAR, FAR) * ONE as f64) as i64);
-                    picture.put_square(place, side, depth, shown.pack());
-                }
-            }
-        }
-        count
-    };
-    scene.meshes.par_iter().enumerate().filter(|(_, mesh)| !mesh.samples.coverage.is_empty()).map(count).sum()
 }
 
 impl<'a> Raster<'a> {

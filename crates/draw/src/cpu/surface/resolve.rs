@@ -252,47 +252,19 @@ impl<'a> Resolver<'a> {
             is_near.then(|| [place[0], place[1], t.mul_add(direction[2], origin[2])])
         });
         let under = found.unwrap_or([at[0], at[1], height]);
-        let coverage = self.point_coverage(mesh, shown, depth, [under[0], under[1]]);
-        let (is_membrane, is_pole) = (false, false);
-        Some(Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane, is_pole, slope, under })
-    }
-
-    /// The share of a pixel that is covered where a point is drawn: as much as is valid around the pixel's centre at the size of a pixel, and
-    /// not as the point's own sample says, for of many samples in a pixel one is seen that was measured.
-    fn point_coverage(&self, mesh: &Mesh, shown: Shown, depth: f64, place: [f64; 2]) -> f64 {
-        let [row, column] = shown.at;
-        let own = f64::from(mesh.opacity(row, column));
-        let level = self.level_at(depth);
-        if level <= 0.0 || mesh.is_lone(row, column) && mesh.node.key.level == 0 {
-            return if mesh.node.key.level == 0 { 1.0 } else { own };
-        }
-        let (first, share) = self.levels(shown.node, level);
-        let covered = |level: u8| {
-            let between = self.between(shown.node, level, place)?;
-            let share = |k: usize| f64::from(between.samples.coverage_at(between.indices[k])) / 255.0;
-            Some((0..4).map(|k| between.weights[k] * share(k)).sum::<f64>())
-        };
-        let fine = covered(first).unwrap_or(own);
-        let coarse = if share > 0.0 { covered(first + 1).unwrap_or(fine) } else { fine };
-        // What of a pixel's size is in the field.
-        let placed = &self.scene.placed;
-        let [across, along] = placed.spacing();
-        let size = level.exp2() * across.max(along);
-        let inside = [(0, size / along), (1, size / across)].map(|(axis, side)| {
-            let last = (placed.samples[1 - axis] - 1) as f64;
-            let (from, to) = (place[axis] - 0.5 * side, place[axis] + 0.5 * side);
-            ((to.min(last) - from.max(0.0)) / side).clamp(0.0, 1.0)
-        });
-        (inside[0] * inside[1] * (fine + share * (coarse - fine))).max(1.0 / 255.0)
+        let (coverage, is_membrane, is_pole) = (0.0, false, false);
+        let hit = Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane, is_pole, slope, under };
+        Some(Hit { coverage: self.point_coverage(mesh, &hit, pixel), ..hit })
     }
 
     /// The place of the surface at a pixel's centre, for looks: as [`Resolver::hit`], but where a point is shown it is where the centre's ray
-    /// meets a triangle of its sample, as points are there to find those quickly; where it meets none, what a ray finds; and nothing where that
-    /// passes by. A sample in no triangle is a point, and so is one of a field that is thinner than a pixel.
+    /// meets a triangle of its sample, as points are there to find those quickly; where it meets none, what a ray finds; where that passes by,
+    /// the sample's margin, and nothing beside that. A sample in no triangle is a point, and so is one of a field that is thinner than a pixel.
     pub fn look(&self, shown: Shown, pixel: [f64; 2]) -> Option<Hit> {
         let mesh = self.scene.meshes.get(shown.node)?;
         let [row, column] = shown.at;
-        if shown.slot.is_some() || mesh.is_lone(row, column) || self.is_thin(mesh, [row, column]) {
+        let is_own = shown.slot.is_none() && mesh.is_point(row, column) && !mesh.is_lone(row, column);
+        if !is_own || self.is_thin(mesh, [row, column]) {
             return self.hit(shown, pixel);
         }
         let Some((origin, direction)) = self.ray(pixel) else { return self.hit(shown, pixel) };
@@ -324,7 +296,7 @@ impl<'a> Resolver<'a> {
         }
         match best {
             Some((_, met)) => Some(self.met(mesh, &met, origin)),
-            None => self.cast(pixel),
+            None => self.cast(pixel).or_else(|| self.margin(shown, pixel)),
         }
     }
 
@@ -387,7 +359,13 @@ impl<'a> Resolver<'a> {
     pub fn hit(&self, shown: Shown, pixel: [f64; 2]) -> Option<Hit> {
         let mesh = self.scene.meshes.get(shown.node)?;
         let [row, column] = shown.at;
-        let Some(slot) = shown.slot else { return self.point(shown, mesh, pixel) };
+        let Some(slot) = shown.slot else {
+            // Where nothing else is.
+            return match mesh.is_point(row, column) || mesh.is_lone(row, column) {
+                true => self.point(shown, mesh, pixel),
+                false => self.margin(shown, pixel),
+            };
+        };
         let (origin, direction) = self.ray(pixel)?;
         if slot >= POLE {
             return self.pole(shown, mesh, slot - POLE, origin, direction);
@@ -423,7 +401,7 @@ impl<'a> Resolver<'a> {
             Sight::Flat(view) => relative.dot(view.forward),
             Sight::Around { .. } => relative.length(),
         };
-        let coverage = if is_membrane { 1.0 } else { self.coverage(mesh, at, &triangle, [u, v]) };
+        let coverage = if is_membrane { 1.0 } else { self.coverage(mesh, at, [u, v]) };
         let slope = [q / frame.size[1], s / frame.size[0]];
         let under = [row, column, height];
         Hit { shown, depth, row, column, height, coverage, is_membrane, is_pole: false, slope, under }
@@ -616,20 +594,6 @@ impl<'a> Resolver<'a> {
         let [v, u] = [0, 1].map(|axis| (place[axis] - frame.first[axis]) / frame.size[axis]);
         let is_in = |triangle: &Triangle| weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -1e-6);
         mesh.triangles(at[0], at[1]).map(|(triangle, _)| triangle).find(is_in).map(|triangle| (mesh, at, triangle))
-    }
-
-    #[inline]
-    fn coverage(&self, mesh: &Mesh, [row, column]: [usize; 2], triangle: &Triangle, place: [f64; 2]) -> f64 {
-        if mesh.node.key.level == 0 || mesh.samples.coverage.is_empty() {
-            return 1.0;
-        }
-        let weights = weights(triangle.corners, place);
-        let share = |k: usize| {
-            let corner = triangle.corners[k];
-            let index = (row + corner / 2) * mesh.samples.columns + column + corner % 2;
-            f64::from(mesh.samples.coverage_at(index)) / 255.0
-        };
-        (0..3).map(|k| weights[k].clamp(0.0, 1.0) * share(k)).sum::<f64>().min(1.0)
     }
 }
 

@@ -3,12 +3,13 @@
 //! From the whole field downwards a chunk is refined while
 //! - its largest distance from T may show as more than `tau` pixels,
 //! - or there are holes in it and neighbouring samples may be more than `tau` pixels apart: so no pixel further than that inside a hole is
-//!   covered, and none further inside T is missing,
+//!   covered, and none further inside T is missing; nor more than [`MOST_APART`], so that none is where nobody looks for it,
 //! - or what it looks like differs from what finer levels look like, and its samples are more than about a pixel of the picture apart
 //!   ([`looked`]).
 //!
 //! The worst is refined first, so that what a budget leaves out is what shows least. A chunk whose finer ones are not there stands in for them.
 
+use super::coverage::MOST_APART;
 use super::horizon::Horizon;
 use super::placed::Placed;
 use super::sight::Sight;
@@ -274,8 +275,7 @@ impl Chooser<'_> {
         let error_px = sight.error_pixels(&extent, self.world_delta(&facts, key.level, 0.0));
         let whole = (1_u64 << key.level) as f64;
         let spacing = self.placed.spacing().map(|step| step * whole);
-        let apart = spacing[0].hypot(spacing[1]).hypot(facts.step * self.placed.lift);
-        let apart_px = sight.error_pixels(&extent, apart);
+        let apart_px = sight.error_pixels(&extent, self.apart(&facts, key.level));
         let is_flat = matches!(sight, Sight::Flat(_));
         let primitive = match self.choice.technique {
             _ if facts.is_empty() => Primitive::Triangles,
@@ -286,7 +286,7 @@ impl Chooser<'_> {
         let ratio = |pixels: f64, most: f64| if pixels <= most { 0.0 } else { pixels / most };
         let mut want = ratio(error_px, tau);
         if facts.is_mixed() {
-            want = want.max(ratio(apart_px, tau));
+            want = want.max(ratio(apart_px, tau.min(MOST_APART)));
         }
         if self.choice.technique == Technique::Points {
             want = want.max(ratio(apart_px, POINT_LIMIT));
@@ -302,7 +302,25 @@ impl Chooser<'_> {
         if key.level == 0 || facts.is_empty() {
             want = 0.0;
         }
-        Some(Waiting { want, node: CutNode { key, facts, extent, primitive, error_px, added: 0.0 } })
+        let node = CutNode { key, facts, extent, primitive, error_px, added: 0.0 };
+        Some(Waiting { want, node: CutNode { error_px: self.own_error(&node), ..node } })
+    }
+
+    /// How far neighbours of a chunk's samples are apart at most, in the world.
+    fn apart(&self, facts: &NodeFacts, level: u8) -> f64 {
+        let [across, along] = self.placed.spacing().map(|step| step * (1_u64 << level) as f64);
+        across.hypot(along).hypot(facts.step * self.placed.lift)
+    }
+
+    /// The largest error of a chunk's pixels but for its borders. What is shown beside triangles has the place of the sample that it belongs to.
+    fn own_error(&self, node: &CutNode) -> f64 {
+        let CutNode { key, facts, extent, primitive, .. } = node;
+        let error_px = self.sight.error_pixels(extent, self.world_delta(facts, key.level, 0.0));
+        let has_margins = facts.is_mixed() && key.level > 0 && self.placed.is_flat();
+        match has_margins && *primitive == Primitive::Triangles {
+            true => error_px.max(0.5 * self.sight.error_pixels(extent, self.apart(facts, key.level))),
+            false => error_px,
+        }
     }
 
     /// With the walls that a chunk of a flat field has where it ends or is cut.
@@ -409,8 +427,7 @@ impl Chooser<'_> {
             nodes.extend(refined.into_iter().flat_map(|(_, finer)| finer).map(|waiting| waiting.node));
             // The error of what stays is worked out anew.
             for node in &mut nodes {
-                node.error_px =
-                    self.sight.error_pixels(&node.extent, self.world_delta(&node.facts, node.key.level, 0.0));
+                node.error_px = self.own_error(node);
             }
         }
     }

@@ -7,7 +7,7 @@
 use super::holes::Holes;
 use super::labels::ContourLabel;
 use super::lambert::Facets;
-use super::look::{Attribute, Light, Ramp};
+use super::look::{Attribute, Light, Ramp, toward_sun};
 use super::photo::{self, PhotoLook};
 use super::placed::Map;
 use super::raster::Visibility;
@@ -100,11 +100,7 @@ impl<'a> Shader<'a> {
     ) -> Shader<'a> {
         let sun = match look.light {
             Light::Eye => None,
-            Light::Sun { azimuth, altitude } => {
-                let (up, level) = altitude.to_radians().sin_cos();
-                let (east, north) = azimuth.to_radians().sin_cos();
-                Some(DVec3::new(level * east, level * north, up))
-            }
+            Light::Sun { azimuth, altitude } => Some(toward_sun(azimuth, altitude)),
         };
         let planes = match look.attribute {
             Attribute::Plane(plane) => vec![plane],

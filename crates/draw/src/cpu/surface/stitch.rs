@@ -222,14 +222,15 @@ impl Mesh {
         (0..4).any(|side| self.is_laid[side] && on[side])
     }
 
-    /// Whether a measured sample is in none of its triangles. At full resolution: in none of T's.
+    /// Whether a measured sample is in none of T's triangles, and stands for no other place: of a coarse level in none of its own, with the least
+    /// coverage.
     #[inline]
     pub fn is_lone(&self, row: usize, column: usize) -> bool {
         let index = row * self.samples.columns + column;
         if self.samples.coverage.is_empty() || self.height(index).is_nan() {
             return false;
         }
-        if self.node.key.level == 0 {
+        if self.node.key.level == 0 || self.samples.coverage[index] != 1 {
             return self.samples.coverage[index] == 1;
         }
         let last = [self.samples.rows - 1, self.samples.columns - 1];

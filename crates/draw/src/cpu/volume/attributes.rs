@@ -5,15 +5,16 @@
 //! mean `sum V A W / sum V W` keeps its value up to there. Of densities 3.2 is `sum m W`, as it is drawn without attributes.
 //!
 //! Each column is resampled by itself, and what a picture shows of them put together brick by brick: numbers for the volume, numbers of their
-//! own for surfaces where these are of another column, and the attribute that colours both. A particle without a value of a column is not
-//! there for its field.
+//! own for surfaces where these are of another column, the attribute that colours both, and what densities make of the volume's opacity. A
+//! particle without a value of a column is not there for its field.
 
 use super::bricks::{Brick, CELLS, Layer};
 use super::particles::{Taken, density_scale, project};
 use super::range::Histogram;
 use super::resample::{Resampler, Work};
-use super::{Fill, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport, cast, extents};
+use super::{Fill, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport, cast, cast_in_parts, extents};
 use crate::color::Colors;
+use crate::color::transfer::{Curve, Scale};
 use crate::cpu::field::ValueAxis;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::{SplatError, Splats};
@@ -81,6 +82,29 @@ impl Reading {
     }
 }
 
+/// What densities make of the opacity of a volume of something else: it is multiplied by [`ByDensity::curve`] at the density's place in a
+/// logarithmic range, so that thin gas hides nothing, whatever its values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ByDensity {
+    /// The densities between which it rises; ascending and positive.
+    pub range: [f64; 2],
+}
+
+impl ByDensity {
+    /// How opaque volumes of densities usually are, relative to the densest.
+    pub fn curve() -> Curve {
+        let usual = Curve::usual_opacity();
+        let most = usual.at(1.0);
+        let points = usual.points().iter().map(|(place, opacity)| (*place, opacity / most)).collect();
+        Curve::new(points).unwrap_or(usual)
+    }
+
+    /// What a volume's extinction is multiplied by where a density is, with that curve.
+    fn factor(&self, density: f32, curve: &Curve) -> f32 {
+        if density > 0.0 { curve.at(Scale::Log.place(density, self.range)) } else { 0.0 }
+    }
+}
+
 /// What is shown of columns, in the order in which they are prepared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
@@ -88,15 +112,44 @@ pub struct Shown {
     pub volume: Reading,
     /// The second one, where surfaces are of it.
     pub surface: Option<Reading>,
+    /// What the densities make of the volume's opacity, which are the column behind these, or the surfaces' own.
+    pub opacity: Option<ByDensity>,
     /// Whether the last one colours them.
     pub has_hue: bool,
+}
+
+impl Shown {
+    /// The column of densities that a volume's opacity goes by, where it does.
+    pub fn opacity_column(&self) -> usize {
+        1 + usize::from(self.surface.is_some_and(|reading| reading != Reading::Density))
+    }
+
+    /// Whether surfaces are of the densities that the volume's opacity goes by.
+    fn shares_densities(&self) -> bool {
+        self.surface == Some(Reading::Density)
+    }
+}
+
+/// What an adapter draws of columns in place of [`Columns::draw`].
+#[derive(Clone, Debug)]
+pub struct ColumnMarch {
+    /// The columns, in the order of what is shown of them.
+    pub columns: Vec<Column>,
+    /// What is shown of them.
+    pub shown: Shown,
+    /// What is drawn of that.
+    pub scenery: Scenery,
+    /// How it is sampled.
+    pub options: VolumeOptions,
+    /// See [`Columns::filling`].
+    pub filling: f32,
 }
 
 /// The particles of a view, once for each of some columns.
 pub struct Columns {
     prepared: Vec<Prepared>,
     /// What `sum V W` is multiplied by to be a share of space: files may have densities in another unit than their masses.
-    filling: f32,
+    pub filling: f32,
     kernel: Kernel,
     /// How long it took.
     took: Duration,
@@ -162,18 +215,26 @@ impl Columns {
         options: &VolumeOptions,
         paths: Option<&PathFragments>,
     ) -> (Colors, VolumeReport) {
-        let Prepared { grid, particles, .. } = &self.prepared[0];
-        let mut report = VolumeReport {
-            grid: grid.size,
-            planes: [grid.near, grid.far],
-            particles: particles.len(),
-            raised: particles.raised,
-            resampling: self.took,
-            ..VolumeReport::default()
-        };
-        let grids = (grid, self.prepared[0].brick_grid());
+        let first = &self.prepared[0];
+        let mut report = first.report(self.took);
+        let grids = (&first.grid, first.brick_grid());
         let colors = cast(view, grids, &mut self.fields(shown), scenery, options, paths, &mut report);
         (colors, report)
+    }
+
+    /// The same in parts, each with its depth: what something else is drawn among.
+    pub fn draw_in_parts(
+        &self,
+        view: &View,
+        shown: &Shown,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+    ) -> (PathFragments, VolumeReport) {
+        let first = &self.prepared[0];
+        let mut report = first.report(self.took);
+        let grids = (&first.grid, first.brick_grid());
+        let parts = cast_in_parts(view, grids, &mut self.fields(shown), scenery, options, &mut report);
+        (parts, report)
     }
 
     /// What fills bricks with what is shown.
@@ -183,6 +244,11 @@ impl Columns {
             filling: self.filling,
             volume: (resampler(0), shown.volume),
             surface: shown.surface.map(|reading| (resampler(1), reading)),
+            opacity: shown.opacity.map(|by_density| Dimming {
+                resampler: (!shown.shares_densities()).then(|| resampler(shown.opacity_column())),
+                by_density,
+                curve: ByDensity::curve(),
+            }),
             hue: shown.has_hue.then(|| resampler(self.prepared.len() - 1)),
         }
     }
@@ -193,7 +259,37 @@ pub struct Fields<'a> {
     filling: f32,
     volume: (Resampler<'a>, Reading),
     surface: Option<(Resampler<'a>, Reading)>,
+    opacity: Option<Dimming<'a>>,
     hue: Option<Resampler<'a>>,
+}
+
+/// Has the opacity of bricks go by densities.
+struct Dimming<'a> {
+    /// What finds the densities; none where they are the surfaces' numbers.
+    resampler: Option<Resampler<'a>>,
+    by_density: ByDensity,
+    curve: Curve,
+}
+
+impl Dimming<'_> {
+    /// Says in bricks how opaque they are by their densities.
+    fn dim(&mut self, filled: &mut [Layer], layers: Range<usize>, hidden: &[bool], work: &mut Work) {
+        let Dimming { resampler, by_density, curve } = self;
+        let (by_density, curve) = (*by_density, &*curve);
+        let factor = |density: &f32| by_density.factor(*density, curve);
+        let opacity = |densities: &[f32]| densities.iter().map(factor).collect::<Box<[f32]>>();
+        let Some(resampler) = resampler else {
+            let bricks = filled.par_iter_mut().flatten().flatten();
+            bricks.for_each(|brick| brick.opacity = opacity(&brick.surface));
+            return;
+        };
+        let (found, more) = resampler.resample(layers, hidden);
+        work.pairs += more.pairs;
+        let pairs = filled.iter_mut().flatten().zip(found.iter().flatten());
+        let pairs: Vec<_> = pairs.filter_map(|(brick, found)| Some((brick.as_mut()?, found.as_ref()?))).collect();
+        pairs.into_par_iter().for_each(|(brick, found)| brick.opacity = opacity(&found.weighted));
+        resampler.recycle(found);
+    }
 }
 
 /// Layers of one column's numbers.
@@ -216,6 +312,7 @@ fn with_surface(brick: Option<Brick>, surface: Option<Brick>) -> Option<Brick> {
         density: vec![0.0; CELLS].into_boxed_slice(),
         weighted: Box::default(),
         surface: Box::default(),
+        opacity: Box::default(),
         densest: 0.0,
     };
     let brick = brick.unwrap_or_else(nothing);
@@ -238,6 +335,9 @@ impl Fill for Fields<'_> {
             for (bricks, found) in filled.iter_mut().zip(found) {
                 *bricks = std::mem::take(bricks).into_iter().zip(found).map(|(a, b)| with_surface(a, b)).collect();
             }
+        }
+        if let Some(opacity) = &mut self.opacity {
+            opacity.dim(&mut filled, layers.clone(), hidden, &mut work);
         }
         if let Some(hue) = &mut self.hue {
             let (found, more) = hue.resample(layers, hidden);
@@ -263,6 +363,10 @@ impl Fill for Fields<'_> {
         self.surface.is_some()
     }
 
+    fn has_opacity(&self) -> bool {
+        self.opacity.is_some()
+    }
+
     fn has_holes(&self) -> [bool; 2] {
         let surface = self.surface.as_ref().unwrap_or(&self.volume);
         [&self.volume, surface].map(|(_, reading)| matches!(reading, Reading::Mean(_)))
@@ -270,7 +374,8 @@ impl Fill for Fields<'_> {
 
     fn bytes(&self) -> u64 {
         let surface = self.surface.as_ref().map(|(resampler, _)| resampler);
-        let others = surface.into_iter().chain(&self.hue).map(Fill::bytes).sum::<u64>();
+        let opacity = self.opacity.as_ref().and_then(|dimming| dimming.resampler.as_ref());
+        let others = surface.into_iter().chain(opacity).chain(&self.hue).map(Fill::bytes).sum::<u64>();
         self.volume.0.bytes() + others
     }
 }

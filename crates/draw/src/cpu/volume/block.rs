@@ -26,8 +26,11 @@ pub struct Block {
     density: Vec<f32>,
     weighted: Vec<f32>,
     surface: Vec<f32>,
+    opacity: Vec<f32>,
     /// Whether surfaces have numbers of their own.
     is_apart: bool,
+    /// Whether the volume's extinction is multiplied by numbers of the bricks.
+    is_dimmed: bool,
     /// Whether there is nothing where the volume's numbers, and the surfaces', are 0: no value that neighbours may be compared with.
     has_holes: [bool; 2],
 }
@@ -35,7 +38,12 @@ pub struct Block {
 impl Block {
     /// What blocks of a source are filled into.
     pub fn of(source: &dyn Fill) -> Block {
-        Block { is_apart: source.has_surface_field(), has_holes: source.has_holes(), ..Block::default() }
+        Block {
+            is_apart: source.has_surface_field(),
+            is_dimmed: source.has_opacity(),
+            has_holes: source.has_holes(),
+            ..Block::default()
+        }
     }
 
     /// Fills the block of a brick. False, and nothing is filled, where no density in reach is above `least`.
@@ -57,6 +65,7 @@ impl Block {
         self.density.resize(SIDE * SIDE * SIDE, 0.0);
         self.weighted.resize(if attribute { SIDE * SIDE * SIDE } else { 0 }, 0.0);
         self.surface.resize(if self.is_apart { SIDE * SIDE * SIDE } else { 0 }, 0.0);
+        self.opacity.resize(if self.is_dimmed { SIDE * SIDE * SIDE } else { 0 }, 0.0);
         for z in 0..SIDE {
             // Slices beyond the grid's ends repeat the last one, so that the ends have no surfaces.
             let slice = (layer * BRICK + z).saturating_sub(FRONT).min(brick_grid.slices - 1);
@@ -72,6 +81,9 @@ impl Block {
                 if self.is_apart {
                     copy_row(&mut self.surface[out..out + SIDE], bricks, |brick| brick.surface.get(start..));
                 }
+                if self.is_dimmed {
+                    copy_row(&mut self.opacity[out..out + SIDE], bricks, |brick| brick.opacity.get(start..));
+                }
             }
         }
         true
@@ -82,6 +94,12 @@ impl Block {
     pub fn sample(&self, at: &Place, z: usize) -> [f32; 2] {
         let weighted = if self.weighted.is_empty() { 0.0 } else { read(&self.weighted, at, z) };
         [read(&self.density, at, z), weighted]
+    }
+
+    /// What the volume's extinction is multiplied by there.
+    #[inline]
+    pub fn opacity(&self, at: &Place, z: usize) -> f32 {
+        if self.opacity.is_empty() { 1.0 } else { read(&self.opacity, at, z) }
     }
 
     /// One of the numbers there.

@@ -22,6 +22,8 @@ pub struct Brick {
     pub weighted: Box<[f32]>,
     /// Values of another field, whose surfaces are drawn; empty where that is 0, or surfaces are the densities'.
     pub surface: Box<[f32]>,
+    /// What the volume's extinction is multiplied by; empty where that is 1 everywhere, or 0 in this brick.
+    pub opacity: Box<[f32]>,
     /// The largest density; on coarser levels by amount, since cubics overshoot.
     pub densest: f32,
 }
@@ -169,7 +171,8 @@ impl Slab {
 
     /// Memory of the cells that are held.
     pub fn bytes(&self) -> u64 {
-        let cells = |brick: &Brick| brick.density.len() + brick.weighted.len() + brick.surface.len();
+        let cells =
+            |brick: &Brick| brick.density.len() + brick.weighted.len() + brick.surface.len() + brick.opacity.len();
         4 * self.layers.iter().flatten().flatten().map(|brick| cells(brick) as u64).sum::<u64>()
     }
 

@@ -80,7 +80,8 @@ pub fn lone_brick(
 ) -> Option<Brick> {
     let cells = || vec![0.0f32; CELLS].into_boxed_slice();
     let weighted = if attribute { cells() } else { Box::default() };
-    let mut brick = Brick { density: cells(), weighted, surface: Box::default(), densest: 0.0 };
+    let mut brick =
+        Brick { density: cells(), weighted, surface: Box::default(), opacity: Box::default(), densest: 0.0 };
     Arch::new().dispatch(Alone { brick_grid, kernel, particles, brick: &mut brick });
     brick.densest = brick.density.iter().copied().fold(0.0, f32::max);
     (brick.densest > 0.0).then_some(brick)

@@ -17,7 +17,9 @@ pub mod particles;
 pub mod range;
 pub mod raycast;
 pub mod resample;
+pub mod smoothing;
 pub mod stretched;
+pub mod supply;
 pub mod surface;
 pub mod variability;
 
@@ -30,11 +32,13 @@ pub use behind::OpaqueDepths;
 pub use classify::{Classifier, VolumeLevels};
 pub use range::FieldRange;
 pub use raycast::Scenery;
+pub use supply::Supply;
 pub use surface::{Light, Surface};
 pub use variability::Variability;
 
 use super::Splats;
 use super::paths::PathFragments;
+use super::slice::arrows::ArrowKey;
 use crate::color::Colors;
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridError, GridOptions};
@@ -125,6 +129,15 @@ pub struct VolumeOptions {
     pub occlusion: bool,
     /// The kernel that the smoothing lengths belong to.
     pub kernel: Kernel,
+    /// Steps of smoothing of the light on surfaces ([`smoothing`]) in pictures that are not in parts; 0 for none.
+    pub smoothing: u32,
+}
+
+impl VolumeOptions {
+    /// The same for the eye, or else for a lamp: planes are at depths from the eye.
+    pub fn seen_from(self, is_eye: bool) -> VolumeOptions {
+        if is_eye { self } else { VolumeOptions { near: None, far: None, ..self } }
+    }
 }
 
 impl Default for VolumeOptions {
@@ -137,6 +150,7 @@ impl Default for VolumeOptions {
             smallest: particles::SMALLEST,
             occlusion: true,
             kernel: Kernel::default(),
+            smoothing: 0,
         }
     }
 }
@@ -168,6 +182,8 @@ pub struct VolumeReport {
     pub memory: Option<u64>,
     /// What the picture hides; `None` without occlusion.
     pub opaque: Option<Arc<OpaqueDepths>>,
+    /// How long the arrows of a slice are, where it has some.
+    pub arrows: Option<Box<ArrowKey>>,
     /// Time for projecting and resampling.
     pub resampling: Duration,
     /// Time for casting rays.
@@ -188,6 +204,11 @@ pub trait Fill: Sync {
 
     /// Whether surfaces have numbers of their own in the bricks.
     fn has_surface_field(&self) -> bool {
+        false
+    }
+
+    /// Whether bricks say what the volume's extinction is multiplied by.
+    fn has_opacity(&self) -> bool {
         false
     }
 
@@ -222,6 +243,18 @@ impl Prepared {
         Prepared { levels: coarse::brick_grids(&grid, widest), grid, particles }
     }
 
+    /// What is told of them before anything is drawn.
+    fn report(&self, resampling: Duration) -> VolumeReport {
+        VolumeReport {
+            grid: self.grid.size,
+            planes: [self.grid.near, self.grid.far],
+            particles: self.particles.len(),
+            raised: self.particles.raised,
+            resampling,
+            ..VolumeReport::default()
+        }
+    }
+
     /// The bricks of the grid.
     pub fn brick_grid(&self) -> &BrickGrid {
         &self.levels[0]
@@ -244,7 +277,7 @@ pub fn prepare(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> 
     Ok(Prepared::new(grid, widest, particles))
 }
 
-/// Draws what `scenery` says of batches.
+/// Draws what `scenery` says of batches; [`supply::draw`] where not all of them are there at once.
 ///
 /// # Errors
 /// [`VolumeError`] as [`prepare`].
@@ -270,18 +303,30 @@ pub fn draw_with_paths(
 ) -> Result<(Colors, VolumeReport), VolumeError> {
     let start = Instant::now();
     let prepared = prepare(view, batches, options)?;
-    let mut report = VolumeReport {
-        grid: prepared.grid.size,
-        planes: [prepared.grid.near, prepared.grid.far],
-        particles: prepared.particles.len(),
-        raised: prepared.particles.raised,
-        resampling: start.elapsed(),
-        ..VolumeReport::default()
-    };
+    let mut report = prepared.report(start.elapsed());
     let mut resampler = Resampler::new(&prepared, options.kernel).showing_above(scenery.least());
     let grids = (&prepared.grid, prepared.brick_grid());
     let colors = cast(view, grids, &mut resampler, scenery, options, paths, &mut report);
     Ok((colors, report))
+}
+
+/// What `scenery` says of batches in parts, each with its depth: what something else is drawn among.
+///
+/// # Errors
+/// [`VolumeError`] as [`prepare`].
+pub fn draw_in_parts(
+    view: &View,
+    batches: &[Splats<'_>],
+    scenery: &Scenery,
+    options: &VolumeOptions,
+) -> Result<(PathFragments, VolumeReport), VolumeError> {
+    let start = Instant::now();
+    let prepared = prepare(view, batches, options)?;
+    let mut report = prepared.report(start.elapsed());
+    let mut resampler = Resampler::new(&prepared, options.kernel).showing_above(scenery.least());
+    let grids = (&prepared.grid, prepared.brick_grid());
+    let parts = cast_in_parts(view, grids, &mut resampler, scenery, options, &mut report);
+    Ok((parts, report))
 }
 
 /// Casts rays through a grid while it is filled, and adds to the report what that took. The picture does not depend on the number of threads.
@@ -295,8 +340,16 @@ pub fn cast(
     report: &mut VolumeReport,
 ) -> Colors {
     let rays = Rays::new(grid, brick_grid, view.width, view.height);
+    let smoothed = scenery.light.as_ref().filter(|_| options.smoothing > 0 && !scenery.surfaces.is_empty());
+    let rays = if smoothed.is_some() { rays.with_faces() } else { rays };
     let rays = march(view, (grid, brick_grid), resampler, scenery, options, paths, report, rays);
-    let rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
+    let mut rgba = rays.picture(|ray| [ray.color[0], ray.color[1], ray.color[2], ray.alpha]);
+    if let Some(light) = smoothed {
+        let start = Instant::now();
+        let [width, height] = [view.width, view.height].map(|pixels| pixels as usize);
+        smoothing::smooth(&mut rgba, &rays.faces(width, height), width, grid, light, options.smoothing);
+        report.rendering += start.elapsed();
+    }
     Colors { width: view.width, height: view.height, rgba }
 }
 
@@ -325,7 +378,8 @@ fn march(
     report: &mut VolumeReport,
     mut rays: Rays,
 ) -> Rays {
-    let cell_bytes = 4 * (1 + u64::from(resampler.has_attribute()) + u64::from(resampler.has_surface_field()));
+    let others = [resampler.has_attribute(), resampler.has_surface_field(), resampler.has_opacity()];
+    let cell_bytes = 4 * others.into_iter().fold(1, |numbers, is_there| numbers + u64::from(is_there));
     let slabs = grid.slabs(options.memory, cell_bytes, BRICK as u32);
     report.slabs = slabs.len();
     if let Some(paths) = paths {

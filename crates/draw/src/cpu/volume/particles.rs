@@ -70,6 +70,15 @@ impl Projected {
         self.chunks[chunk].iter().enumerate().map(with)
     }
 
+    /// Adds those of other batches, which come after all batches so far; their own densities are left out.
+    pub fn append(&mut self, more: Projected) {
+        self.raised += more.raised;
+        self.attribute |= more.attribute;
+        for (particles, shapes) in more.chunks.into_iter().zip(more.shapes) {
+            self.take(Part { particles, densities: Vec::new(), shapes, raised: 0 });
+        }
+    }
+
     /// Adds a part, if it has any particle. Nodes of a page file may hold few particles each; short chunks would cost more than they
     /// hold.
     fn take(&mut self, part: Part) {

@@ -2,9 +2,9 @@
 //! many, a part of the particles.
 
 use super::bricks::{BORDER, BRICK};
-use super::particles::{Taken, growth, project};
+use super::particles::{Projected, Taken, growth, project};
 use super::resample::Resampler;
-use super::{Prepared, VolumeError, VolumeOptions, extents};
+use super::{Prepared, Supply, VolumeError, VolumeOptions, extents};
 use crate::cpu::Splats;
 use crate::view::perspective_grid::{GridError, GridOptions};
 use crate::view::{Extent, PerspectiveGrid, View};
@@ -67,11 +67,34 @@ pub fn measure(view: &View, batches: &[Splats<'_>], options: &VolumeOptions) -> 
     let (grid, widest) = sketch.grid(extents::of(batches))?;
     let taken =
         Taken { sigma: grid.sigma, smallest: sketch.options.smallest, stride: sketch.stride, kernel: options.kernel };
-    let prepared = Prepared::new(grid, widest, project(&sketch.view, batches, &taken).unless_empty()?);
+    measure_sketch(&Prepared::new(grid, widest, project(&sketch.view, batches, &taken).unless_empty()?), options)
+}
+
+/// The same of particles that are not all there at once.
+///
+/// # Errors
+/// As [`measure`].
+pub fn measure_supplied(
+    view: &View,
+    supply: &mut dyn Supply,
+    options: &VolumeOptions,
+) -> Result<FieldRange, VolumeError> {
+    let sketch = Sketch::of(view, supply.particles() as usize, options);
+    let (grid, widest) = sketch.grid(supply.extents())?;
+    let taken =
+        Taken { sigma: grid.sigma, smallest: sketch.options.smallest, stride: sketch.stride, kernel: options.kernel };
+    let mut particles = Projected { attribute: supply.has_attribute(), ..Projected::default() };
+    supply.supply(&|_| true, &mut |batches: &[Splats<'_>]| particles.append(project(&sketch.view, batches, &taken)));
+    measure_sketch(&Prepared::new(grid, widest, particles.unless_empty()?), options)
+}
+
+/// Finds the ranges of what a sketch shows.
+fn measure_sketch(prepared: &Prepared, options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
+    let grid = &prepared.grid;
     let own = |column: usize, axis: usize| (BORDER..BORDER + grid.size[axis] as usize).contains(&column);
     let brick_grid = prepared.brick_grid();
     let (mut densities, mut attributes) = (Histogram::default(), Histogram::default());
-    let mut resampler = Resampler::new(&prepared, options.kernel);
+    let mut resampler = Resampler::new(prepared, options.kernel);
     // A few layers at a time: the depth of an outlier may be great.
     for first in (0..brick_grid.bricks[2]).step_by(8) {
         let layers = first..(first + 8).min(brick_grid.bricks[2]);

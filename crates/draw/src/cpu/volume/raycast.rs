@@ -10,6 +10,7 @@ use super::block::{BEFORE, Block, FRONT, Numbers, Place, SIDE};
 use super::bricks::{BORDER, BRICK, BrickGrid, Slab};
 use super::classify::Classifier;
 use super::parts::Parts;
+use super::smoothing::{Face, cosine};
 use super::surface::{Crossings, Light, Surface, gradient};
 use crate::cpu::paths::fragments::TileFragments;
 use crate::cpu::paths::{PathFragment, PathFragments};
@@ -103,6 +104,8 @@ pub struct Tile {
     pub rays: Vec<Ray>,
     /// What they have gathered in parts, where that is kept.
     parts: Option<Parts>,
+    /// The surface that adds most to each, where that is kept.
+    pub(super) faces: Vec<Face>,
 }
 
 impl Tile {
@@ -194,6 +197,7 @@ impl Rays {
                     (columns[1] - columns[0]) * (rows[1] - rows[0])
                 ],
                 parts: None,
+                faces: Vec::new(),
             })
         });
         Rays { tiles: tiles.collect(), width: width as usize, height: height as usize, places }
@@ -208,7 +212,8 @@ impl Rays {
 
     /// Memory that they take.
     pub fn bytes(&self) -> u64 {
-        (self.width * self.height * size_of::<Ray>()) as u64
+        let faces: usize = self.tiles.iter().map(|tile| tile.faces.len()).sum();
+        (self.width * self.height * size_of::<Ray>() + faces * size_of::<Face>()) as u64
     }
 
     /// Finds the first fragment of a path that each meets.
@@ -401,7 +406,7 @@ impl March<'_> {
                 let fragments = self.paths.map_or(&[][..], |paths| paths.of(x, y));
                 let parts = tile.parts.as_mut().map(|parts| (parts, index));
                 let way = Way { place: &place, at: grid_place, secant: self.grid.secant(grid_place) as f32 };
-                self.ray(ray, &way, (fragments, parts), effort);
+                self.ray(ray, &way, (fragments, parts), tile.faces.get_mut(index), effort);
             }
         }
     }
@@ -418,6 +423,7 @@ impl March<'_> {
         ray: &mut Ray,
         way: &Way<'_>,
         (fragments, mut parts): (&[PathFragment], Option<(&mut Parts, usize)>),
+        mut face: Option<&mut Face>,
         effort: &mut Effort,
     ) {
         let slices = self.brick_grid.slices;
@@ -482,7 +488,8 @@ impl March<'_> {
                             }
                         };
                         note(ray);
-                        self.surface(ray, way, step, crossing.at, crossing.surface, [before, now]);
+                        let face = face.as_deref_mut();
+                        self.surface(ray, way, (step, crossing.at), crossing.surface, [before, now], face);
                         note(ray);
                     }
                 }
@@ -526,18 +533,25 @@ impl March<'_> {
         }
         effort.samples += 1;
         let matter = self.scenery.classifier.matter(density, weighted);
+        let extinction = matter.extinction * self.block.opacity(way.place, self.local(slice));
         let distance = self.brick_grid.thickness[slice] * way.secant * share;
         let mut color = matter.color;
-        if let Some(light) = self.scenery.volume_light.as_ref().filter(|_| matter.extinction > 0.0) {
+        if let Some(light) = self.scenery.volume_light.as_ref().filter(|_| extinction > 0.0) {
             // The slice is where the step behind it begins, or where the last one ends.
             let at = if slice + 1 < self.brick_grid.slices { (slice + 1, 0.0) } else { (slice, 1.0) };
             color = light.shade(color, self.cosine(Numbers::Volume, way, at, density));
         }
-        ray.under(color, 1.0 - (-matter.extinction * distance).exp());
+        ray.under(color, 1.0 - (-extinction * distance).exp());
     }
 
     /// The cosine between a ray and the gradient of numbers at a share of a step, where one is `number`; 1 where they are all alike.
-    fn cosine(&self, of: Numbers, way: &Way<'_>, (step, share): (usize, f32), number: f32) -> f32 {
+    fn cosine(&self, of: Numbers, way: &Way<'_>, at: (usize, f32), number: f32) -> f32 {
+        let [slope, line] = self.slope(of, way, at, number);
+        cosine(slope, line)
+    }
+
+    /// That gradient, and the way of the ray to depth 1, both in camera axes.
+    fn slope(&self, of: Numbers, way: &Way<'_>, (step, share): (usize, f32), number: f32) -> [[f32; 3]; 2] {
         let Way { place, at, .. } = *way;
         let middle = [0, 1].map(|axis| (at[axis] - self.grid.middle[axis]) as f32);
         let z = self.local(step);
@@ -545,15 +559,12 @@ impl March<'_> {
         let is_within =
             of == Numbers::Surfaces && self.block.least(of, place, z - 1).min(self.block.least(of, place, z)) > 0.0;
         let slope = if is_within { self.source.slope(at, step, share, number) } else { None };
-        let [x, y, z] =
-            slope.unwrap_or_else(|| gradient((self.block, of), self.brick_grid, place, middle, step, z, share));
-        let length = (x * x + y * y + z * z).sqrt();
-        let ray = match self.grid.perspective {
+        let slope = slope.unwrap_or_else(|| gradient((self.block, of), self.brick_grid, place, middle, step, z, share));
+        let line = match self.grid.perspective {
             true => [middle[0] * self.grid.sigma as f32, -middle[1] * self.grid.sigma as f32, 1.0],
             false => [0.0, 0.0, 1.0],
         };
-        let along = (x * ray[0] + y * ray[1] + z * ray[2]) / ray.iter().map(|c| c * c).sum::<f32>().sqrt();
-        if length > 0.0 { along / length } else { 1.0 }
+        [slope, line]
     }
 
     /// Meets a surface.
@@ -561,10 +572,10 @@ impl March<'_> {
         &self,
         ray: &mut Ray,
         way: &Way<'_>,
-        step: usize,
-        share: f32,
+        (step, share): (usize, f32),
         surface: usize,
         [before, now]: [[f32; 2]; 2],
+        face: Option<&mut Face>,
     ) {
         let surface = &self.scenery.surfaces[surface];
         let mut color = surface.color.unwrap_or_else(|| {
@@ -572,7 +583,12 @@ impl March<'_> {
             self.scenery.classifier.tinted(weighted / density, SURFACE_BRIGHTNESS)
         });
         if let Some(light) = &self.scenery.light {
-            color = light.shade(color, self.cosine(Numbers::Surfaces, way, (step, share), surface.value));
+            let [slope, line] = self.slope(Numbers::Surfaces, way, (step, share), surface.value);
+            if let Some(face) = face {
+                let depth = self.grid.depth(step as f64 - 0.5 + f64::from(share)) as f32;
+                face.offer(Face { depth, slope, line, color, share: (1.0 - ray.alpha) * surface.opacity });
+            }
+            color = light.shade(color, cosine(slope, line));
         }
         ray.under(color, surface.opacity);
     }

@@ -7,7 +7,9 @@
 use super::bricks::{self, BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
 use super::coarse::{self, Interpolate, Peaks, Scratch};
 use super::gather::Gather;
+use super::particles::Projected;
 use super::stretched::Body;
+use super::supply::{Part, Portions};
 use super::{Fill, Prepared};
 use crate::model::Kernel;
 use pulp::Arch;
@@ -38,17 +40,27 @@ pub struct Resampler<'a> {
     least: f32,
     /// The layer that was resampled last, and for each of its bricks whether it may show.
     last: Option<(usize, Vec<bool>)>,
+    /// Particles that are not all there at once, and come before those that are.
+    portions: Option<Mutex<Portions<'a>>>,
 }
 
 impl<'a> Resampler<'a> {
     /// Nothing is resampled yet.
     pub fn new(prepared: &'a Prepared, kernel: Kernel) -> Resampler<'a> {
         let held = vec![Slab::default(); prepared.levels.len()];
-        let nothing = [f32::INFINITY, f32::NEG_INFINITY];
-        let with = |[from, to]: [f32; 2], body: Body<'_>| [from.min(body.depths()[0]), to.max(body.depths()[1])];
-        let chunks = (0..prepared.particles.chunks.len()).into_par_iter();
-        let reach = chunks.map(|chunk| prepared.particles.bodies(chunk).fold(nothing, with)).collect();
-        Resampler { prepared, kernel, reach, held, spare: Mutex::default(), least: 0.0, last: None }
+        let (reach, spare) = (reaches(&prepared.particles), Mutex::default());
+        Resampler { prepared, kernel, reach, held, spare, least: 0.0, last: None, portions: None }
+    }
+
+    /// The same with particles that come a portion at a time.
+    #[must_use]
+    pub fn supplied_by(self, portions: Portions<'a>) -> Resampler<'a> {
+        Resampler { portions: Some(Mutex::new(portions)), ..self }
+    }
+
+    /// What has come a portion at a time.
+    pub fn into_portions(self) -> Option<Portions<'a>> {
+        self.portions.map(|portions| portions.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// The same for a picture in which densities up to `least` show nothing: bricks are left out where nothing in them or next
@@ -98,37 +110,44 @@ impl<'a> Resampler<'a> {
     fn fill(&mut self, level: usize, layers: Range<usize>, hidden: &[bool], work: &mut Work) -> Vec<Layer> {
         let Prepared { levels, particles, .. } = self.prepared;
         let brick_grid = &levels[level];
-        let own = |body: &Body<'_>| levels.len() == 1 || self.prepared.level_of(body) == level;
-        let [nearest, farthest] = ends(brick_grid, &layers);
-        let of_chunk = |(chunk, [from, to]): (usize, &[f32; 2])| match *from > farthest || *to < nearest {
-            true => Vec::new(),
-            false => pairs(brick_grid, particles.bodies(chunk), own, layers.clone(), hidden),
-        };
-        let of_chunks: Vec<_> = self.reach.par_iter().enumerate().map(of_chunk).collect();
-        let bins = Bins::new(layers.len() * brick_grid.of_layer(), &of_chunks);
-        drop(of_chunks);
+        let count = layers.len() * brick_grid.of_layer();
+        let part = Part { level, layers: &layers, hidden };
+        let mut begun: Vec<Option<Brick>> = vec![None; count];
+        if let Some(mut portions) = self.portions.take() {
+            let own = portions.get_mut().unwrap_or_else(PoisonError::into_inner);
+            own.visit(self.prepared, &part, &mut |portion: &Projected| {
+                let bins = self.bins(portion, &reaches(portion), &part);
+                work.pairs += bins.particles.len() as u64;
+                self.begin(&part, portion, &bins, &mut begun);
+            });
+            self.portions = Some(portions);
+        }
+        let bins = self.bins(particles, &self.reach, &part);
         work.pairs += bins.particles.len() as u64;
         let wanted = match level {
-            0 => self.shown(&layers, hidden, &bins),
-            _ => vec![true; layers.len() * brick_grid.of_layer()],
+            0 => {
+                let is_reached = |index: usize| begun[index].is_some() || !bins.of(index).is_empty();
+                let reached: Vec<bool> = (0..count).map(is_reached).collect();
+                self.shown(&layers, hidden, &reached)
+            }
+            _ => vec![true; count],
         };
         let coarser = levels.get(level + 1).map(|coarser| (coarser, &self.held[level + 1]));
         let arch = Arch::new();
-        let gather = |scratch: &mut Scratch, index: usize| {
-            let (layer, place) = (layers.start + index / brick_grid.of_layer(), index % brick_grid.of_layer());
+        let gather = |scratch: &mut Scratch, (index, begun): (usize, Option<Brick>)| {
+            let place = index % brick_grid.of_layer();
             if !wanted[index] || hidden.get(place) == Some(&true) {
                 return None;
             }
-            let at = [place % brick_grid.bricks[0], place / brick_grid.bricks[0], layer];
+            let at = part.brick_at(brick_grid, index);
             let smooth = coarser.map(|(brick_grid, slab)| {
                 move |[column, row, layer]: [usize; 3]| slab.brick(column, row, layer, brick_grid)
             });
             let under = smooth.filter(|brick| coarse::around(at).any(|at| brick(at).is_some()));
-            if under.is_none() && bins.of(index).is_empty() {
+            if under.is_none() && begun.is_none() && bins.of(index).is_empty() {
                 return None;
             }
-            let weighted = if particles.attribute { self.cells() } else { Box::default() };
-            let mut brick = Brick { density: self.cells(), weighted, surface: Box::default(), densest: 0.0 };
+            let mut brick = begun.unwrap_or_else(|| self.blank());
             let (corner, kernel) = (at.map(|brick| brick * BRICK), self.kernel);
             arch.dispatch(Gather { brick_grid, corner, kernel, particles, pairs: bins.of(index), brick: &mut brick });
             if let Some(under) = under {
@@ -146,12 +165,47 @@ impl<'a> Resampler<'a> {
             brick.densest = brick.density.iter().fold(0.0, |densest, density| densest.max(density.abs()));
             (brick.densest > 0.0).then_some(brick)
         };
-        let filled = (0..layers.len() * brick_grid.of_layer()).into_par_iter().map_init(Scratch::default, gather);
+        let filled = begun.into_par_iter().enumerate().map_init(Scratch::default, gather);
         bricks::layers(filled.collect(), brick_grid.of_layer())
     }
 
-    /// For each brick of layers of the grid, whether it or one next to it may show something.
-    fn shown(&mut self, layers: &Range<usize>, hidden: &[bool], bins: &Bins) -> Vec<bool> {
+    /// Those of some particles that belong to a part of a level, by its bricks; `reach` as in [`reaches`].
+    fn bins(&self, particles: &Projected, reach: &[[f32; 2]], part: &Part<'_>) -> Bins {
+        let levels = &self.prepared.levels;
+        let Part { level, layers, hidden } = *part;
+        let brick_grid = &levels[level];
+        let own = |body: &Body<'_>| levels.len() == 1 || self.prepared.level_of(body) == level;
+        let [nearest, farthest] = ends(brick_grid, layers);
+        let of_chunk = |(chunk, [from, to]): (usize, &[f32; 2])| match *from > farthest || *to < nearest {
+            true => Vec::new(),
+            false => pairs(brick_grid, particles.bodies(chunk), own, layers.clone(), hidden),
+        };
+        let of_chunks: Vec<_> = reach.par_iter().enumerate().map(of_chunk).collect();
+        Bins::new(layers.len() * brick_grid.of_layer(), &of_chunks)
+    }
+
+    /// Adds a portion to the bricks of a part that it reaches, after the portions before.
+    fn begin(&self, part: &Part<'_>, portion: &Projected, bins: &Bins, begun: &mut [Option<Brick>]) {
+        let brick_grid = &self.prepared.levels[part.level];
+        let arch = Arch::new();
+        let reached = begun.par_iter_mut().enumerate().filter(|(index, _)| !bins.of(*index).is_empty());
+        reached.for_each(|(index, begun)| {
+            let brick = begun.get_or_insert_with(|| self.blank());
+            let (corner, kernel) = (part.brick_at(brick_grid, index).map(|brick| brick * BRICK), self.kernel);
+            let pairs = bins.of(index);
+            arch.dispatch(Gather { brick_grid, corner, kernel, particles: portion, pairs, brick });
+        });
+    }
+
+    /// A brick of which nothing is known.
+    fn blank(&self) -> Brick {
+        let weighted = if self.prepared.particles.attribute { self.cells() } else { Box::default() };
+        let [surface, opacity] = [Box::default(), Box::default()];
+        Brick { density: self.cells(), weighted, surface, opacity, densest: 0.0 }
+    }
+
+    /// For each brick of layers of the grid, whether it or one next to it may show something; `reached` are those that particles reach.
+    fn shown(&mut self, layers: &Range<usize>, hidden: &[bool], reached: &[bool]) -> Vec<bool> {
         let levels = &self.prepared.levels;
         let (brick_grid, of_layer) = (&levels[0], levels[0].of_layer());
         let smooth = levels.get(1).map(|coarser| Peaks::new(coarser, &self.held[1], self.least));
@@ -159,7 +213,7 @@ impl<'a> Resampler<'a> {
             let (layer, place) = (layers.start + index / of_layer, index % of_layer);
             let at = [place % brick_grid.bricks[0], place / brick_grid.bricks[0], layer];
             let is_hidden = hidden.get(place) == Some(&true);
-            !is_hidden && (!bins.of(index).is_empty() || smooth.as_ref().is_some_and(|peaks| peaks.show(at)))
+            !is_hidden && (reached[index] || smooth.as_ref().is_some_and(|peaks| peaks.show(at)))
         };
         let dense: Vec<bool> = (0..layers.len() * of_layer).into_par_iter().map(may_show).collect();
         let last = dense[dense.len() - of_layer..].to_vec();
@@ -213,6 +267,14 @@ impl Fill for Resampler<'_> {
     }
 }
 
+/// Depths between which the particles of each chunk reach.
+fn reaches(particles: &Projected) -> Vec<[f32; 2]> {
+    let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+    let with = |[from, to]: [f32; 2], body: Body<'_>| [from.min(body.depths()[0]), to.max(body.depths()[1])];
+    let chunks = (0..particles.chunks.len()).into_par_iter();
+    chunks.map(|chunk| particles.bodies(chunk).fold(nothing, with)).collect()
+}
+
 /// Pairs of a brick in `layers` and a particle of a chunk that reaches it: their numbers, in the order of the particles.
 fn pairs<'a>(
     brick_grid: &BrickGrid,
@@ -245,7 +307,7 @@ fn pairs<'a>(
 }
 
 /// Depths of the first and the last slice of layers.
-fn ends(brick_grid: &BrickGrid, layers: &Range<usize>) -> [f32; 2] {
+pub(super) fn ends(brick_grid: &BrickGrid, layers: &Range<usize>) -> [f32; 2] {
     [brick_grid.depth[layers.start * BRICK], brick_grid.depth[layers.end * BRICK - 1]]
 }
 

@@ -163,6 +163,7 @@ const EXACTLY: VolumeOptions = VolumeOptions {
     smallest: 0.0,
     occlusion: true,
     kernel: Kernel::CubicSpline,
+    smoothing: 0,
 };
 
 #[test]

@@ -1,9 +1,13 @@
 //! Catalogues of named objects: haloes, clusters, stars that have names. For labels, flights and probes of what they name.
 //!
-//! Three kinds are told apart by their content: tables (CSV with a header), RON, and group catalogues of Gadget-4, AREPO and
-//! SUBFIND (HDF5).
+//! They are told apart by their content: tables (CSV with a header), RON, group catalogues of Gadget-4, AREPO and SUBFIND (HDF5), and the
+//! lists of other halo finders: Rockstar, AHF, VELOCIraptor and HBT+.
 
+mod finder;
 pub(super) mod groups;
+mod halo_records;
+mod halo_tables;
+mod halo_text;
 pub(super) mod table;
 mod written;
 
@@ -38,7 +42,7 @@ pub struct Object {
 pub struct Catalogue {
     /// The file.
     pub path: PathBuf,
-    /// What kind of file: `csv`, `ron`, `groups`.
+    /// What kind of file: `csv`, `ron`, `groups`, or the halo finder: `rockstar`, `ahf`, `velociraptor`, `hbt`.
     pub format: &'static str,
     /// Unit of positions and radii; empty when unknown.
     pub length_unit: Unit,
@@ -89,12 +93,24 @@ impl Catalogue {
         let is_hdf5 = is_hdf5(path)?;
         let catalogue = match () {
             () if is_ron => written::read(path)?,
-            // Catalogues of one step are read as that, though others may lie beside them.
-            () => match MergerTree::of_file(path)? {
-                Some(tree) => return Catalogue::of_tree(Arc::new(tree), None),
-                None if is_hdf5 => groups::read(path)?,
-                None => table::read(path)?,
-            },
+            () => {
+                let of_finder = match is_hdf5 {
+                    true => match halo_tables::read(path)? {
+                        None => halo_records::read(path)?,
+                        found => found,
+                    },
+                    false => halo_text::read(path)?,
+                };
+                match of_finder {
+                    Some(catalogue) => catalogue,
+                    // Catalogues of one step are read as that, though others may lie beside them.
+                    None => match MergerTree::of_file(path)? {
+                        Some(tree) => return Catalogue::of_tree(Arc::new(tree), None),
+                        None if is_hdf5 => groups::read(path)?,
+                        None => table::read(path)?,
+                    },
+                }
+            }
         };
         catalogue.checked()
     }

@@ -43,29 +43,36 @@ impl MeshFormat {
 /// What a file says about its mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshAbout<'a> {
-    /// The density on the surface.
+    /// The value on the surface.
     pub isovalue: f64,
     /// The lattice's, length unit.
     pub spacing: f64,
     /// Unit of coordinates.
     pub length_unit: &'a Unit,
-    /// Unit of masses.
-    pub mass_unit: &'a Unit,
+    /// What the isovalue is of, `density` or a channel's name.
+    pub quantity: &'a str,
+    /// Unit of that.
+    pub unit: &'a str,
     /// The attribute whose mean vertices have.
     pub attribute: Option<&'a str>,
     /// Whether coordinates need double precision.
     pub is_double: bool,
+    /// Steps of smoothing.
+    pub smooth: u32,
 }
 
 impl MeshAbout<'_> {
     fn lines(&self) -> Vec<String> {
         let line = |text: String| text.replace(['\n', '\r'], " ");
-        let MeshAbout { isovalue, spacing, length_unit, mass_unit, attribute, .. } = self;
+        let MeshAbout { isovalue, spacing, length_unit, quantity, unit, attribute, .. } = self;
         let mut lines = vec![
-            format!("isosurface of the density {isovalue} by deepfield, on a lattice of spacing {spacing}"),
+            line(format!("isosurface of the {quantity} {isovalue} by deepfield, on a lattice of spacing {spacing}")),
             line(format!("unit of length: {length_unit}")),
-            line(format!("unit of density: {mass_unit} / ({length_unit})^3")),
+            line(format!("unit of {quantity}: {unit}")),
         ];
+        if self.smooth > 0 {
+            lines.push(format!("smoothed in {} steps", self.smooth));
+        }
         lines.extend(attribute.map(|name| line(format!("value: mean of {name}, weighted with mass"))));
         lines
     }

@@ -4,14 +4,20 @@
 //! Rows are streamed, so a selection may be larger than memory. The file is written under a temporary name and appears when it is
 //! complete.
 
+mod columnwise;
 mod csv;
+mod fits;
 mod frame;
+mod gadget;
 pub mod gaussian_splats;
 pub mod grid;
+mod hdf5;
 pub mod mesh;
 mod parquet;
 mod ply;
+mod stated;
 mod thrift;
+mod vtp;
 
 use super::batch::{Batch, Gather, Work};
 use super::data::Data;
@@ -23,6 +29,7 @@ use crate::store::temporary::{self, Temporary};
 pub use frame::Frame;
 use frame::Scaled;
 use serde::Serialize;
+use stated::Stated;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::Path;
@@ -37,16 +44,40 @@ pub enum Format {
     Parquet,
     /// Points in the polygon file format, binary, with units as comments.
     Ply,
+    /// A binary table of FITS, with units.
+    Fits,
+    /// VTK's points in XML, with units as labels.
+    Vtp,
+    /// HDF5 in the layout of Gadget's snapshots, with units as attributes.
+    Gadget,
 }
 
 impl Format {
+    /// The endings of names that ask for a format, as messages list them.
+    pub const ENDINGS: &'static str = ".csv, .parquet, .ply, .fits, .vtp or .hdf5";
+
     /// The format that a file's name asks for.
     pub fn of(path: &Path) -> Option<Format> {
         match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
             "csv" => Some(Format::Csv),
             "parquet" | "pq" => Some(Format::Parquet),
             "ply" => Some(Format::Ply),
+            "fits" | "fit" => Some(Format::Fits),
+            "vtp" => Some(Format::Vtp),
+            "hdf5" | "h5" => Some(Format::Gadget),
             _ => None,
+        }
+    }
+
+    /// The ending of its files' names.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Format::Csv => "csv",
+            Format::Parquet => "parquet",
+            Format::Ply => "ply",
+            Format::Fits => "fits",
+            Format::Vtp => "vtp",
+            Format::Gadget => "hdf5",
         }
     }
 }
@@ -93,6 +124,19 @@ pub fn export<'a>(
         Format::Parquet => {
             let about = metadata(data, &layout);
             write(data, &query, &layout, parquet::Parquet::new(to, &layout, about).map_err(failed)?, out, work)?
+        }
+        Format::Fits => {
+            let about = metadata(data, &layout);
+            let table = fits::Fits::new(to, &layout, &Stated::of(data, frame), &about).map_err(failed)?;
+            write(data, &query, &layout, table, out, work)?
+        }
+        Format::Vtp => {
+            let table = vtp::Vtp::new(to, &layout, &Stated::of(data, frame), out).map_err(failed)?;
+            write(data, &query, &layout, table, out, work)?
+        }
+        Format::Gadget => {
+            let table = gadget::Gadget::new(to, &layout, Stated::of(data, frame), out).map_err(failed)?;
+            write(data, &query, &layout, table, out, work)?
         }
     };
     let bytes = file.file().metadata().map_err(failed)?.len();
@@ -146,6 +190,8 @@ type From = Option<(usize, usize)>;
 /// The columns after `family` and `id`, and where they come from.
 struct Layout {
     has_ids: bool,
+    /// Whether every family has ids.
+    all_have_ids: bool,
     columns: Vec<Column>,
     /// By family and column.
     from: Vec<Vec<From>>,
@@ -162,6 +208,7 @@ impl Layout {
     fn of(data: Data, physical: bool) -> Layout {
         let mut layout = Layout {
             has_ids: false,
+            all_have_ids: matches!(data, Data::Source(_)),
             columns: Vec::new(),
             from: Vec::new(),
             components: Vec::new(),
@@ -175,6 +222,7 @@ impl Layout {
                 for info in &about.families {
                     layout.family();
                     layout.has_ids |= info.find(FieldKind::Id).is_some();
+                    layout.all_have_ids &= info.find(FieldKind::Id).is_some();
                     for (index, field) in info.fields.iter().enumerate() {
                         layout.component_of(field.components);
                         if field.kind == FieldKind::Id {

@@ -5,7 +5,8 @@
 //! isovalue the whole box is, the field is not summed up there.
 
 use super::particles::{Leaf, Particle, Particles};
-use crate::cpu::mesh::{BEFORE, BLOCK, Field, Lattice, Samples};
+use super::periodic::PeriodicSpace;
+use crate::cpu::mesh::{BEFORE, BLOCK, Faces, Field, Lattice, Samples};
 use crate::explore::error::ExploreError;
 use crate::model::{Bounds, Kernel};
 use glam::DVec3;
@@ -35,6 +36,10 @@ pub(super) struct Density<'a> {
     /// Cells along an edge of a brick.
     pub side: usize,
     pub has_attribute: bool,
+    /// The box that the density goes round.
+    pub periodic: Option<PeriodicSpace>,
+    /// What becomes of the surface at that box's faces.
+    pub faces: Faces,
 }
 
 /// Between what the field is in each part of a box.
@@ -79,17 +84,17 @@ impl Density<'_> {
             let place = [index % PARTS, index / PARTS % PARTS, index / PARTS / PARTS];
             let first = [0, 1, 2].map(|axis| corner[axis] as usize + place[axis] * part);
             let is_in = (0..3).all(|axis| first[axis] < self.lattice.cells[axis] as usize);
-            if !is_in || !limits.is_active(index, self.isovalue) {
+            let first = first.map(|cell| cell as u32);
+            if !is_in || !limits.is_active(index, self.isovalue, self.is_at_face(first, part)) {
                 continue;
             }
-            let first = first.map(|cell| cell as u32);
             if part == self.side {
                 bricks.push(first);
                 continue;
             }
             // The points around a brick are summed up with it.
             let bounds = self.bounds(first, 1 + BEFORE as i64, part);
-            let below = leaves.iter().copied().filter(|&leaf| self.leaves[leaf as usize].reaches(&bounds)).collect();
+            let below = leaves.iter().copied().filter(|&leaf| self.reaches(leaf, &bounds)).collect();
             if !self.divide(first, part / PARTS, below, most, plan)? {
                 return Ok(false);
             }
@@ -115,7 +120,13 @@ impl Density<'_> {
         let (edge, origin) = (self.lattice.spacing * part as f64, self.bounds(corner, 0, part).min);
         let mut limits = Limits::new(parts);
         let leaves = leaves.iter().map(|&leaf| &self.leaves[leaf as usize]);
-        self.particles.each(leaves, |particle| limits.take(particle, kernel, origin, edge, parts))?;
+        let bounds = Bounds { min: origin, max: origin + edge * parts as f64 };
+        self.particles.each(leaves, |particle| match self.periodic {
+            None => limits.take(particle, kernel, origin, edge, parts),
+            Some(periodic) => {
+                periodic.each_image(particle, &bounds, |image| limits.take(image, kernel, origin, edge, parts));
+            }
+        })?;
         Ok(limits)
     }
 
@@ -124,7 +135,19 @@ impl Density<'_> {
         let cube = (self.side * PARTS) as u32;
         let Some(leaves) = plan.leaves.get(&corner.map(|cell| cell / cube * cube)) else { return Vec::new() };
         let bounds = self.bounds(corner, 1 + BEFORE as i64, self.side);
-        leaves.iter().copied().filter(|&leaf| self.leaves[leaf as usize].reaches(&bounds)).collect()
+        leaves.iter().copied().filter(|&leaf| self.reaches(leaf, &bounds)).collect()
+    }
+
+    /// Whether a leaf's particles may reach a box.
+    fn reaches(&self, leaf: u32, bounds: &Bounds) -> bool {
+        let leaf = &self.leaves[leaf as usize];
+        self.periodic.map_or_else(|| leaf.reaches(bounds), |periodic| periodic.reaches(leaf, bounds))
+    }
+
+    /// Whether a cube of cells is at a face of the lattice that cuts off what is above the isovalue there.
+    fn is_at_face(&self, first: [u32; 3], side: usize) -> bool {
+        let is_at = |axis: usize| first[axis] == 0 || first[axis] as usize + side >= self.lattice.cells[axis] as usize;
+        self.faces != Faces::Open && (0..3).any(is_at)
     }
 }
 
@@ -139,9 +162,10 @@ impl Limits {
         self.lower.iter_mut().zip(&other.lower).for_each(|(sum, part)| *sum += part);
     }
 
-    /// Whether the field may be on both sides of the isovalue in a part.
-    fn is_active(&self, index: usize, isovalue: f64) -> bool {
-        self.upper[index] * (1.0 + ROUNDING) >= isovalue && self.lower[index] * (1.0 - ROUNDING) < isovalue
+    /// Whether the field may be on both sides of the isovalue in a part, or above it at a face that cuts it off.
+    fn is_active(&self, index: usize, isovalue: f64, is_at_face: bool) -> bool {
+        let may_be_low = self.lower[index] * (1.0 - ROUNDING) < isovalue;
+        self.upper[index] * (1.0 + ROUNDING) >= isovalue && (may_be_low || is_at_face)
     }
 
     /// Adds a particle to the parts that its kernel reaches. Lengths here are in units of a part's edge.
@@ -199,53 +223,46 @@ impl Field for Planned<'_> {
         self.density.has_attribute
     }
 
+    fn faces(&self) -> Faces {
+        self.density.faces
+    }
+
     fn sample(&self, corner: [u32; 3], samples: &mut Samples) -> Result<(), ExploreError> {
-        let Density { particles, leaves: all, lattice, isovalue, side, has_attribute } = *self.density;
+        let Density { particles, leaves: all, lattice, isovalue, side, has_attribute, periodic, .. } = *self.density;
         particles.go_on()?;
         let leaves = self.density.leaves_of(self.plan, corner);
         let limits = self.density.limits(&leaves, corner, BLOCK, side / BLOCK)?;
+        let blocks = samples.blocks();
         for (index, active) in samples.active.iter_mut().enumerate() {
-            *active = limits.is_active(index, isovalue);
+            let place = [index % blocks, index / blocks % blocks, index / blocks / blocks];
+            let first = [0, 1, 2].map(|axis| corner[axis] + (place[axis] * BLOCK) as u32);
+            *active = limits.is_active(index, isovalue, self.density.is_at_face(first, BLOCK));
         }
         let spans = Spans::of(samples);
         if spans.are_empty() {
             return Ok(());
         }
         let row = samples.row();
-        let coordinates: [Vec<f64>; 3] = [0, 1, 2].map(|axis| {
-            let first = i64::from(corner[axis]) - BEFORE as i64;
-            (0..row as i64).map(|point| lattice.coordinate(axis, first + point)).collect()
-        });
+        let axes = [0, 1, 2].map(|axis| Axis::of(&lattice, axis, corner[axis], row, periodic));
         let kernel = particles.kernel();
-        // Points within a kernel; one more on each side, so that rounding here decides nothing: distances do.
-        let range = |axis: usize, particle: &Particle| {
-            let (center, start) = (particle.position[axis], coordinates[axis][0]);
-            let low = ((center - particle.smoothing_length - start) / lattice.spacing).floor();
-            let high = ((center + particle.smoothing_length - start) / lattice.spacing).ceil() + 1.0;
-            low.clamp(0.0, row as f64) as usize..high.clamp(0.0, row as f64) as usize
-        };
+        let (mut along_x, mut along_y, mut along_z) = (Vec::new(), Vec::new(), Vec::new());
         particles.each(leaves.iter().map(|&leaf| &all[leaf as usize]), |particle| {
             let inverse = 1.0 / particle.smoothing_length;
             let weight = particle.mass * inverse * inverse * inverse;
-            let [along_x, along_y, along_z] = [0, 1, 2].map(|axis| range(axis, particle));
-            let square = |axis: usize, point: usize| {
-                let distance = (coordinates[axis][point] - particle.position[axis]) * inverse;
-                distance * distance
-            };
-            for z in along_z {
-                let in_z = square(2, z);
-                if in_z >= 1.0 {
-                    continue;
-                }
-                for y in along_y.clone() {
-                    let in_row = in_z + square(1, y);
+            for (axis, along) in [&mut along_x, &mut along_y, &mut along_z].into_iter().enumerate() {
+                axes[axis].reached(particle.position[axis], particle.smoothing_length, along);
+            }
+            for &(z, in_z) in &along_z {
+                for &(y, in_y) in &along_y {
+                    let in_row = in_z + in_y;
                     if in_row >= 1.0 {
                         continue;
                     }
                     let span = &spans.rows[z * row + y];
                     let start = samples.index([0, y, z]);
-                    for x in along_x.start.max(span.start)..along_x.end.min(span.end) {
-                        let squared = in_row + square(0, x);
+                    let after = along_x.partition_point(|(x, _)| *x < span.start);
+                    for &(x, in_x) in along_x[after..].iter().take_while(|(x, _)| *x < span.end) {
+                        let squared = in_row + in_x;
                         if squared < 1.0 {
                             let density = weight * kernel.value(squared.sqrt());
                             samples.values[start + x] += density;
@@ -257,6 +274,62 @@ impl Field for Planned<'_> {
                 }
             }
         })
+    }
+}
+
+/// The points of a brick along an axis.
+struct Axis {
+    /// Where they are; in a periodic box the point of the box that each is.
+    coordinates: Vec<f64>,
+    /// Where the first one is, on from the others even where that is beyond a periodic box.
+    start: f64,
+    spacing: f64,
+    periodic: Option<PeriodicSpace>,
+}
+
+impl Axis {
+    fn of(lattice: &Lattice, axis: usize, corner: u32, row: usize, periodic: Option<PeriodicSpace>) -> Axis {
+        let first = i64::from(corner) - BEFORE as i64;
+        let last = i64::from(lattice.cells[axis]);
+        let coordinate = |point: i64| match periodic {
+            // The last point is the first one again.
+            Some(_) => lattice.coordinate(axis, point.rem_euclid(last)),
+            None => lattice.coordinate(axis, point),
+        };
+        let end = match periodic {
+            // Beyond the point behind the last nobody looks.
+            Some(_) => (first + row as i64).min(last + 1 + BEFORE as i64),
+            None => first + row as i64,
+        };
+        let coordinates = (first..end).map(coordinate).collect();
+        Axis { coordinates, start: lattice.coordinate(axis, first), spacing: lattice.spacing, periodic }
+    }
+
+    /// Collects the points that a kernel around `center` reaches, in order, and the square of each one's distance
+    /// relative to the kernel's radius, below 1.
+    fn reached(&self, center: f64, radius: f64, into: &mut Vec<(usize, f64)>) {
+        into.clear();
+        let (inverse, count) = (1.0 / radius, self.coordinates.len());
+        let mut done = 0;
+        let mut add = |shift: f64| {
+            // One more on each side, so that rounding here decides nothing: distances do.
+            let low = ((center + shift - radius - self.start) / self.spacing).floor();
+            let high = ((center + shift + radius - self.start) / self.spacing).ceil() + 1.0;
+            let (low, high) = (low.clamp(0.0, count as f64) as usize, high.clamp(0.0, count as f64) as usize);
+            for point in low.max(done)..high {
+                let difference = self.coordinates[point] - center;
+                let difference = self.periodic.map_or(difference, |periodic| periodic.nearest(difference));
+                let distance = difference * inverse;
+                if distance * distance < 1.0 {
+                    into.push((point, distance * distance));
+                }
+            }
+            done = done.max(high);
+        };
+        match self.periodic {
+            None => add(0.0),
+            Some(periodic) => periodic.shifts().into_iter().for_each(add),
+        }
     }
 }
 

@@ -1,41 +1,52 @@
-//! The surface on which the density of particles is an isovalue, as a mesh in a file: `sum m_i W(|x - x_i|, h_i)` (F12
-//! equation 3.1) with each particle's own smoothing length.
+//! The surface on which a field is an isovalue, as a mesh in a file. The field is the density of particles,
+//! `sum m_i W(|x - x_i|, h_i)` (F12 equation 3.1) with each particle's own smoothing length, or what a volume's samples
+//! are (`grids`).
 //!
 //! Nothing is held in memory but pages within a budget, a few bricks of the lattice on which the density is summed up,
-//! and the front between bricks; vertices and triangles are written as they are found. A periodic box is not gone
-//! round: what leaves it is closed where the kernels end.
+//! and the front between bricks; vertices and triangles are written as they are found, but where the surface is smoothed
+//! (`output`). A periodic box is gone round: particles at a face add to the density at the opposite one (`periodic`).
 
 mod bricks;
+mod grids;
+mod output;
 mod particles;
+mod periodic;
 #[cfg(test)]
 mod tests;
 
 use super::batch::Work;
 use super::error::ExploreError;
-use super::export::mesh::{MeshAbout, MeshFile, MeshFormat};
+use super::export::mesh::{MeshAbout, MeshFormat};
 use super::region::Region;
-use crate::cpu::mesh::{BRICK, Lattice, MeshReport, Samples, extract};
+use crate::cpu::mesh::{BRICK, Faces, Lattice, MeshReport, Samples};
 use crate::model::Bounds;
 use crate::store::Tree;
 use bricks::{Density, Plan, Planned};
+pub use grids::{ReadGrid, isosurface_of_grid};
+use output::{Searched, write_surface};
 use particles::{Particles, Survey};
+use periodic::PeriodicSpace;
 use serde::Serialize;
 use std::path::Path;
 
 /// The surface that is wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IsosurfaceOptions {
-    /// The density on it, mass unit per cubed length unit; positive.
+    /// The density on it, mass unit per cubed length unit; positive. Of a volume the value on it.
     pub isovalue: f64,
     /// From a point of the lattice to the next, length unit; half the median smoothing length near the isovalue where
     /// it is not said.
     pub spacing: Option<f64>,
     /// Cells that are looked into, at most: those of bricks that the surface may pass.
     pub most_cells: u64,
-    /// Bytes of memory for pages and bricks.
+    /// Bytes of memory for pages and bricks, and for a mesh that is smoothed.
     pub memory: u64,
-    /// The attribute whose mean, weighted with mass, vertices have.
+    /// The attribute whose mean, weighted with mass, vertices have; of a volume the channel that has the surface.
     pub attribute: Option<String>,
+    /// Whether the surface is open where a periodic box or a volume ends; flat caps close it otherwise.
+    pub is_open: bool,
+    /// Steps of smoothing (Taubin 1995); 0 for none.
+    pub smooth: u32,
 }
 
 /// A surface that was written.
@@ -43,7 +54,7 @@ pub struct IsosurfaceOptions {
 pub struct Isosurface {
     /// The density on it.
     pub isovalue: f64,
-    /// The lattice's, length unit.
+    /// The lattice's, length unit; of a volume the edge of a cube as large as its cells.
     pub spacing: f64,
     /// The spacing that the data asks for, where that would be too many cells.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -51,7 +62,13 @@ pub struct Isosurface {
     /// Cells of the bricks that were looked into.
     pub cells: u64,
     /// Particles whose density it is.
-    pub particles: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub particles: Option<u64>,
+    /// Samples of the volume whose values it is of.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub samples: Option<u64>,
+    /// Steps in which it was smoothed.
+    pub smoothed: u32,
     /// What it is.
     #[serde(flatten)]
     pub mesh: MeshReport,
@@ -59,8 +76,8 @@ pub struct Isosurface {
     pub bytes: u64,
 }
 
-/// Writes the surface of the particles in a region to the file `out`. Distances in the region go around a periodic box
-/// of edge `periodic` or none.
+/// Writes the surface of the particles in a region to the file `out`. Kernels and distances in the region go around a
+/// periodic box of edge `periodic`, from the origin on, or none.
 ///
 /// # Errors
 /// [`ExploreError`] when the data cannot be read, there is no such surface, it needs more cells than are allowed, or the
@@ -89,36 +106,47 @@ fn isosurface_in_bricks(
     let particles = Particles::new(tree, (region, periodic), attribute, memory.saturating_sub(of_bricks), work)?;
     let (leaves, survey) = particles.survey(isovalue)?;
     let has_attribute = attribute.is_some();
+    let periodic = periodic.map(|edge| PeriodicSpace { edge });
+    if let Some(PeriodicSpace { edge }) = periodic.filter(|periodic| survey.longest > 0.5 * periodic.edge) {
+        let expected = format!("at most half the edge {edge} of the periodic box, or --no-wrap");
+        return Err(ExploreError::malformed(tree.path(), "smoothing length", survey.longest, expected));
+    }
+    let faces = match (periodic, options.is_open) {
+        (None, _) => Faces::Open,
+        (Some(_), true) => Faces::Cut,
+        (Some(_), false) => Faces::Capped,
+    };
     let lattice = Lattice { origin: survey.bounds.min, spacing: 1.0, cells: [1; 3] };
-    let density = Density { particles: &particles, leaves: &leaves, lattice, isovalue, side, has_attribute };
+    let density =
+        Density { particles: &particles, leaves: &leaves, lattice, isovalue, side, has_attribute, periodic, faces };
     let (density, plan, wanted) = fine_enough(density, &survey, options, tree, work)?;
     let spacing = density.lattice.spacing;
+    let (length_unit, mass_unit) = (&tree.metadata().length_unit, &tree.metadata().mass_unit);
+    let bounds = periodic.map_or(survey.bounds, PeriodicSpace::bounds);
     let about = MeshAbout {
         isovalue,
         spacing,
-        length_unit: &tree.metadata().length_unit,
-        mass_unit: &tree.metadata().mass_unit,
+        length_unit,
+        quantity: "density",
+        unit: &format!("{mass_unit} / ({length_unit})^3"),
         attribute,
-        is_double: needs_doubles(survey.bounds, spacing),
+        is_double: needs_doubles(bounds, spacing),
+        smooth: options.smooth,
     };
-    let failed = |source| ExploreError::io(out, "writing", source);
-    let mut file = MeshFile::create(format, out, &about).map_err(failed)?;
-    work.progress.begin("finding the surface", plan.bricks.len() as u64);
     let planned = Planned { density: &density, plan: &plan };
-    let mesh = extract(&density.lattice, (side, &plan.bricks), isovalue, &planned, work.progress, |piece| {
-        file.write(piece).map_err(failed)
-    })?;
-    if mesh.triangles == 0 {
+    let searched = Searched { path: tree.path(), lattice: &density.lattice, side, bricks: &plan.bricks };
+    let Some((mesh, bytes)) = write_surface(&planned, searched, options, &about, (format, out), work)? else {
         let expected = format!("less than the largest density; particles have up to {}", survey.densest);
         return Err(ExploreError::malformed(tree.path(), "--isovalue", isovalue, expected));
-    }
-    let bytes = file.finish(out).map_err(failed)?;
+    };
     Ok(Isosurface {
         isovalue,
         spacing,
         finer_spacing: (wanted < spacing).then_some(wanted),
         cells: cells_of(plan.bricks.len(), side),
-        particles: survey.count,
+        particles: Some(survey.count),
+        samples: None,
+        smoothed: options.smooth,
         mesh,
         bytes,
     })
@@ -141,7 +169,11 @@ fn fine_enough<'a>(
     let mut spacing = wanted;
     loop {
         work.progress.begin("looking for the surface", 0);
-        if let Some(lattice) = Lattice::around(survey.bounds, spacing) {
+        let lattice = match density.periodic {
+            None => Lattice::around(survey.bounds, spacing),
+            Some(periodic) => periodic.lattice(spacing),
+        };
+        if let Some(lattice) = lattice {
             let density = Density { lattice, ..density };
             if let Some(plan) = density.plan(most.max(1))? {
                 return Ok((density, plan, wanted));

@@ -43,9 +43,14 @@ pub(super) struct Leaf {
 }
 
 impl Leaf {
+    /// The box that its particles' kernels may reach.
+    pub fn reached(&self) -> Bounds {
+        Bounds { min: self.bounds.min - self.reach, max: self.bounds.max + self.reach }
+    }
+
     /// Whether a kernel may reach a box.
     pub fn reaches(&self, bounds: &Bounds) -> bool {
-        let grown = Bounds { min: self.bounds.min - self.reach, max: self.bounds.max + self.reach };
+        let grown = self.reached();
         grown.min.cmple(bounds.max).all() && grown.max.cmpge(bounds.min).all()
     }
 }
@@ -58,6 +63,8 @@ pub(super) struct Survey {
     pub count: u64,
     /// The largest of their densities.
     pub densest: f32,
+    /// The largest of their smoothing lengths.
+    pub longest: f64,
     /// How many have a smoothing length in each bin.
     all: Vec<u64>,
     /// Those among them whose density is near the isovalue.
@@ -73,7 +80,8 @@ const BIN_BITS: u32 = 19;
 impl Survey {
     fn new() -> Survey {
         let bins = 1 << (31 - BIN_BITS);
-        Survey { bounds: Bounds::EMPTY, count: 0, densest: 0.0, all: vec![0; bins], near: vec![0; bins] }
+        let (all, near) = (vec![0; bins], vec![0; bins]);
+        Survey { bounds: Bounds::EMPTY, count: 0, densest: 0.0, longest: 0.0, all, near }
     }
 
     fn take(&mut self, particle: &Particle, isovalue: f64) {
@@ -81,6 +89,7 @@ impl Survey {
         self.bounds = self.bounds.with(particle.position - reach).with(particle.position + reach);
         self.count += 1;
         self.densest = self.densest.max(particle.density);
+        self.longest = self.longest.max(particle.smoothing_length);
         let bin = ((particle.smoothing_length as f32).to_bits() >> BIN_BITS) as usize;
         self.all[bin] += 1;
         let ratio = f64::from(particle.density) / isovalue;
@@ -91,6 +100,7 @@ impl Survey {
         self.bounds = self.bounds.union(other.bounds);
         self.count += other.count;
         self.densest = self.densest.max(other.densest);
+        self.longest = self.longest.max(other.longest);
         self.all.iter_mut().zip(&other.all).for_each(|(sum, count)| *sum += count);
         self.near.iter_mut().zip(&other.near).for_each(|(sum, count)| *sum += count);
     }

@@ -1,8 +1,11 @@
 use super::*;
-use crate::cpu::mesh::Field;
-use crate::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
+use crate::cpu::mesh::{Field, Vertex, extract};
+use crate::model::{
+    Attribute, Channel, Dataset, Family, FamilyName, Grid, Kernel, Provenance, Region as GridRegion, SampleType, Unit,
+};
 use crate::store::InMemory;
-use glam::DVec3;
+use glam::{DAffine3, DMat3, DVec3};
+use std::collections::HashSet;
 use std::convert::Infallible;
 use std::f64::consts::PI;
 
@@ -48,14 +51,25 @@ fn cloud(count: usize) -> Vec<(DVec3, f32)> {
 
 fn options(isovalue: f64, spacing: f64) -> IsosurfaceOptions {
     let spacing = Some(spacing);
-    IsosurfaceOptions { isovalue, spacing, most_cells: 1 << 30, memory: 1 << 20, attribute: None }
+    let (most_cells, memory) = (1 << 30, 1 << 20);
+    IsosurfaceOptions { isovalue, spacing, most_cells, memory, attribute: None, is_open: false, smooth: 0 }
 }
 
 fn written(tree: &InMemory, options: &IsosurfaceOptions, side: usize) -> Result<Isosurface, ExploreError> {
+    written_in(tree, None, options, side)
+}
+
+/// The same in a periodic box of that edge.
+fn written_in(
+    tree: &InMemory,
+    periodic: Option<f64>,
+    options: &IsosurfaceOptions,
+    side: usize,
+) -> Result<Isosurface, ExploreError> {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("surface.ply");
     let found =
-        isosurface_in_bricks(tree, (&Region::whole(), None), options, (MeshFormat::Ply, &out), side, Work::quiet());
+        isosurface_in_bricks(tree, (&Region::whole(), periodic), options, (MeshFormat::Ply, &out), side, Work::quiet());
     match &found {
         Ok(found) => assert_eq!(found.bytes, std::fs::metadata(&out).unwrap().len()),
         Err(_) => assert!(!out.exists()),
@@ -69,10 +83,15 @@ fn written(tree: &InMemory, options: &IsosurfaceOptions, side: usize) -> Result<
 struct Brute<'a> {
     particles: &'a [(DVec3, f32)],
     lattice: Lattice,
+    faces: Faces,
 }
 
 impl Field for Brute<'_> {
     type Error = Infallible;
+
+    fn faces(&self) -> Faces {
+        self.faces
+    }
 
     fn sample(&self, corner: [u32; 3], samples: &mut Samples) -> Result<(), Infallible> {
         let row = samples.row();
@@ -100,7 +119,7 @@ fn a_particle_is_a_ball() {
     let (volume, area) = (4.0 / 3.0 * PI * radius.powi(3), 4.0 * PI * radius * radius);
     assert!((found.mesh.volume / volume - 1.0).abs() < 1e-3, "{found:?} {volume}");
     assert!((found.mesh.area / area - 1.0).abs() < 1e-2, "{found:?} {area}");
-    assert_eq!((found.mesh.components, found.mesh.boundary_edges, found.particles), (1, 0, 1));
+    assert_eq!((found.mesh.components, found.mesh.boundary_edges, found.particles), (1, 0, Some(1)));
     assert_eq!(2 * found.mesh.vertices, found.mesh.triangles + 4);
 }
 
@@ -113,7 +132,7 @@ fn nothing_of_the_surface_is_left_out() {
         [(*at - reach).to_array(), (*at + reach).to_array()]
     });
     let lattice = Lattice::around(Bounds::of(reaches), spacing).unwrap();
-    let brute = Brute { particles: &particles, lattice };
+    let brute = Brute { particles: &particles, lattice, faces: Faces::Open };
     let Ok(expected) = extract(&lattice, (32, &lattice.bricks(32)), isovalue, &brute, &(), |_| Ok(()));
     assert!(expected.components > 1 && expected.boundary_edges == 0, "{expected:?}");
     let tree = tree(&particles);
@@ -128,6 +147,208 @@ fn nothing_of_the_surface_is_left_out() {
         let all = lattice.cells.map(u64::from).iter().product::<u64>();
         assert!(side > 8 || found.cells < all / 2, "{} of {all}", found.cells);
     }
+}
+
+/// The edge of a periodic box, which few numbers of cells divide without rounding.
+const EDGE: f64 = 2.7;
+
+/// A cloud in that box, most of it near the corners.
+fn wrapped(count: usize) -> Vec<(DVec3, f32)> {
+    let wrap = |at: DVec3| DVec3::from_array(at.to_array().map(|coordinate| coordinate.rem_euclid(EDGE)));
+    cloud(count).into_iter().map(|(at, length)| (wrap(at), length)).collect()
+}
+
+#[test]
+fn a_ball_is_the_same_wherever_it_is_in_a_periodic_box() {
+    let (edge, radius) = (2.0, 0.31);
+    let isovalue = Kernel::CubicSpline.value(radius / 0.5) / 0.125;
+    let of = |center: DVec3, is_open: bool| {
+        let options = IsosurfaceOptions { is_open, ..options(isovalue, 0.03125) };
+        written_in(&tree(&[(center, 0.5)]), Some(edge), &options, 32).unwrap().mesh
+    };
+    let whole = of(DVec3::splat(1.0), false);
+    assert_eq!((whole.components, whole.boundary_edges, whole.cap_area), (1, 0, 0.0));
+    let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-6;
+    for (center, parts) in [(DVec3::ZERO, 8_u64), (DVec3::new(1.0, 2.0, 0.0), 4), (DVec3::new(1.0, 1.0, 0.0), 2)] {
+        let [closed, open] = [false, true].map(|is_open| of(center, is_open));
+        for found in [closed, open] {
+            assert!(close(found.volume, whole.volume) && close(found.area, whole.area), "{found:?} {whole:?}");
+            assert_eq!(found.components, parts);
+            // Each plane through the centre cuts off a disc on both sides.
+            let discs = f64::from(parts.ilog2()) * 2.0 * PI * radius * radius;
+            assert!((found.cap_area / discs - 1.0).abs() < 0.01, "{found:?} {discs}");
+        }
+        assert_eq!(closed.boundary_edges, 0);
+        assert!(open.boundary_edges > 0 && open.triangles < closed.triangles, "{open:?}");
+    }
+}
+
+#[test]
+fn particles_add_to_the_density_round_a_periodic_box() {
+    let particles = wrapped(200);
+    let (spacing, isovalue) = (0.09, 40.0);
+    let lattice = PeriodicSpace { edge: EDGE }.lattice(spacing).unwrap();
+    assert_eq!(lattice.coordinate(0, lattice.cells[0].into()), EDGE);
+    // Every image that reaches a point that is looked at.
+    let shifts = [-EDGE, 0.0, EDGE];
+    let (low, high) = (DVec3::splat(-2.0 * spacing), DVec3::splat(EDGE + 2.0 * spacing));
+    let images = particles.iter().flat_map(|&(at, length)| {
+        shifts
+            .into_iter()
+            .flat_map(move |z| shifts.into_iter().flat_map(move |y| shifts.map(|x| (at + DVec3::new(x, y, z), length))))
+    });
+    let reaches = |&(at, length): &(DVec3, f32)| {
+        let reach = DVec3::splat(length.into());
+        (at + reach).cmpge(low).all() && (at - reach).cmple(high).all()
+    };
+    let images: Vec<(DVec3, f32)> = images.filter(reaches).collect();
+    let brute = Brute { particles: &images, lattice, faces: Faces::Capped };
+    let Ok(expected) = extract(&lattice, (32, &lattice.bricks(32)), isovalue, &brute, &(), |_| Ok(()));
+    assert!(expected.cap_area > 0.0 && expected.boundary_edges == 0, "{expected:?}");
+    let tree = tree(&particles);
+    for side in [8, 64] {
+        let found = written_in(&tree, Some(EDGE), &options(isovalue, spacing), side).unwrap().mesh;
+        let counts = |of: &MeshReport| [of.vertices, of.triangles, of.components, of.boundary_edges];
+        assert_eq!(counts(&found), counts(&expected), "{side}");
+        for (found, expected) in
+            [(found.volume, expected.volume), (found.area, expected.area), (found.cap_area, expected.cap_area)]
+        {
+            assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        }
+    }
+    let narrow = written_in(&tree, Some(0.5), &options(isovalue, spacing), 8).unwrap_err().to_string();
+    assert!(narrow.contains("smoothing length") && narrow.contains("--no-wrap"), "{narrow}");
+}
+
+#[test]
+fn opposite_faces_have_the_same_vertices_to_the_last_bit() {
+    let (tree, region, isovalue) = (tree(&wrapped(200)), Region::whole(), 40.0);
+    let particles = Particles::new(&tree, (&region, Some(EDGE)), None, 1 << 20, Work::quiet()).unwrap();
+    let (leaves, _) = particles.survey(isovalue).unwrap();
+    let periodic = PeriodicSpace { edge: EDGE };
+    let density = Density {
+        particles: &particles,
+        leaves: &leaves,
+        lattice: periodic.lattice(0.09).unwrap(),
+        isovalue,
+        side: 16,
+        has_attribute: false,
+        periodic: Some(periodic),
+        faces: Faces::Cut,
+    };
+    let plan = density.plan(1 << 20).unwrap().unwrap();
+    let planned = Planned { density: &density, plan: &plan };
+    let mut vertices: Vec<Vertex> = Vec::new();
+    extract(&density.lattice, (16, &plan.bricks), isovalue, &planned, &(), |piece| {
+        vertices.extend(piece.fresh.iter().map(|&place| piece.vertices[place as usize]));
+        Ok(())
+    })
+    .unwrap();
+    for axis in 0..3 {
+        // A vertex without its coordinate along the axis.
+        let rest = |vertex: &Vertex| {
+            let others = [(axis + 1) % 3, (axis + 2) % 3].map(|other| vertex.position[other].to_bits());
+            (others, vertex.normal.to_array().map(f32::to_bits))
+        };
+        let at = |place: f64| {
+            let there = vertices.iter().filter(|vertex| vertex.position[axis] == place);
+            there.map(rest).collect::<HashSet<_>>()
+        };
+        assert!(at(0.0).len() > 10, "{}", at(0.0).len());
+        assert_eq!(at(0.0), at(EDGE));
+    }
+}
+
+/// A volume in memory.
+struct Held {
+    grid: Grid,
+    samples: Vec<f32>,
+}
+
+impl Held {
+    /// The values of a function of the world at the samples.
+    fn new(shape: [u64; 3], to_world: DAffine3, function: impl Fn(DVec3) -> f64) -> Held {
+        let grid = Grid { to_world, ..Grid::volume(shape, SampleType::F32, Channel::numbered(1)) };
+        let mut samples = Vec::new();
+        for z in 0..shape[2] {
+            for y in 0..shape[1] {
+                for x in 0..shape[0] {
+                    let at = DVec3::from_array([x, y, z].map(|index| index as f64));
+                    samples.push(function(to_world.transform_point3(at)) as f32);
+                }
+            }
+        }
+        Held { grid, samples }
+    }
+}
+
+impl ReadGrid for Held {
+    fn path(&self) -> &Path {
+        Path::new("held")
+    }
+
+    fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    fn read(&self, region: &GridRegion, out: &mut [u8]) -> Result<(), ExploreError> {
+        let [width, height, _] = self.grid.shape;
+        let mut bytes = out.chunks_exact_mut(4);
+        for z in region.min[2]..region.max[2] {
+            for y in region.min[1]..region.max[1] {
+                for x in region.min[0]..region.max[0] {
+                    let sample = self.samples[((z * height + y) * width + x) as usize];
+                    bytes.next().unwrap().copy_from_slice(&sample.to_ne_bytes());
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn written_of(volume: &Held, options: &IsosurfaceOptions) -> Result<Isosurface, ExploreError> {
+    let folder = tempfile::tempdir().unwrap();
+    isosurface_of_grid(volume, options, (MeshFormat::Stl, &folder.path().join("surface.stl")), Work::quiet())
+}
+
+#[test]
+fn a_volume_has_the_ball_that_it_was_sampled_of() {
+    // Turned, mirrored and stretched, in two bricks.
+    let shape = [42, 40, 80];
+    let matrix = DMat3::from_rotation_y(0.7) * DMat3::from_diagonal(DVec3::new(0.1, -0.11, 0.05));
+    let middle = DVec3::new(20.3, 19.6, 39.7);
+    let to_world = DAffine3::from_mat3_translation(matrix, DVec3::new(3.0, -4.0, 5.0));
+    let (center, radius) = (to_world.transform_point3(middle), 1.9);
+    let volume = Held::new(shape, to_world, |at| radius - at.distance(center));
+    let found = written_of(&volume, &IsosurfaceOptions { spacing: None, ..options(0.0, 1.0) }).unwrap();
+    let mesh = found.mesh;
+    let (expected, area) = (4.0 / 3.0 * PI * radius.powi(3), 4.0 * PI * radius * radius);
+    assert!((mesh.volume / expected - 1.0).abs() < 1e-3, "{mesh:?} {expected}");
+    assert!((mesh.area / area - 1.0).abs() < 1e-2, "{mesh:?} {area}");
+    assert_eq!((mesh.components, mesh.boundary_edges, mesh.cap_area), (1, 0, 0.0));
+    // Euler's number of a sphere.
+    assert_eq!(2 * mesh.vertices, mesh.triangles + 4);
+    assert_eq!(found.samples, Some(shape.iter().product()));
+    // What the volume cuts off is closed by caps, or open with the same volume.
+    let beyond = |is_open: bool| {
+        let options = IsosurfaceOptions { is_open, spacing: None, ..options(-0.6, 1.0) };
+        written_of(&volume, &options).unwrap().mesh
+    };
+    let (closed, open) = (beyond(false), beyond(true));
+    assert!(closed.boundary_edges == 0 && open.boundary_edges > 0, "{closed:?} {open:?}");
+    assert!((closed.volume / open.volume - 1.0).abs() < 1e-9, "{closed:?} {open:?}");
+    assert!(closed.volume > 1.5 * mesh.volume && closed.cap_area > 0.0, "{closed:?}");
+    let high = written_of(&volume, &options(9.0, 1.0)).unwrap_err().to_string();
+    assert!(high.contains("held: --isovalue: found 9, expected") && !high.contains('\n'), "{high}");
+    let named = IsosurfaceOptions { attribute: Some("heat".into()), ..options(0.0, 1.0) };
+    let unknown = written_of(&volume, &named).unwrap_err().to_string();
+    assert!(unknown.contains("channel heat") && unknown.contains("value"), "{unknown}");
+    // A mesh that is smoothed keeps its volume, where it fits.
+    let smoothed = IsosurfaceOptions { smooth: 10, memory: 1 << 26, ..options(0.0, 1.0) };
+    let smooth = written_of(&volume, &smoothed).unwrap().mesh;
+    assert!((smooth.volume / mesh.volume - 1.0).abs() < 1e-4, "{smooth:?} {mesh:?}");
+    let large = written_of(&volume, &IsosurfaceOptions { memory: 1 << 20, ..smoothed }).unwrap_err().to_string();
+    assert!(large.contains("--smooth") && large.contains("--memory"), "{large}");
 }
 
 #[test]

@@ -90,6 +90,7 @@ mod tests {
             missing: 0,
             exact: true,
             error: None,
+            estimate: None,
         })
     }
 

@@ -34,6 +34,8 @@ pub enum PlotOptions {
         axes: Vec<BinnedAxis>,
         /// What particles count for.
         weight: Weight,
+        /// Relative error of bins for which a part of a page file is enough ([`super::Estimate::allowed`]); `None`: all of it is read.
+        allowed: Option<f64>,
     },
     /// Values of two fields, of particles drawn at random.
     Scatter {
@@ -91,8 +93,8 @@ impl Plot {
         work: Work,
     ) -> Result<Plot, ExploreError> {
         match options {
-            PlotOptions::Binned { axes, weight } => {
-                Ok(Plot::Binned(binned(data, members, axes, weight, periodic, work)?))
+            PlotOptions::Binned { axes, weight, allowed } => {
+                Ok(Plot::Binned(binned(data, members, axes, weight, *allowed, periodic, work)?))
             }
             PlotOptions::Scatter { fields: [x, y], points } => {
                 let found = scatter(data, members, [x.as_str(), y.as_str()], *points, periodic, work)?;

@@ -2,6 +2,7 @@
 
 use super::Plot;
 use crate::annotate::number::short;
+use crate::explore::Estimate;
 use crate::explore::binned::{Binned, Weight};
 use crate::explore::radial::Radial;
 use std::fmt::Write as _;
@@ -45,6 +46,7 @@ impl Plot {
                     }
                 }
                 notes.push(about);
+                notes.extend(found.estimate.as_ref().map(in_words));
                 if found.not_positive > 0 {
                     let axes = found.axes.iter().filter(|axis| axis.logarithmic).map(|axis| axis.field.as_str());
                     let names = axes.collect::<Vec<_>>().join(" or ");
@@ -85,6 +87,18 @@ impl Plot {
         }
         notes
     }
+}
+
+/// How much of a page file was read, and how far off bins may be for it.
+pub(super) fn in_words(estimate: &Estimate) -> String {
+    let Estimate { allowed, least_share, largest, pages_read, pages, parts_read, parts, .. } = estimate;
+    format!(
+        "an estimate from {pages_read} of {pages} pages, {parts_read} of {parts} parts drawn at random: bins with {} of the weight or more \
+         are off by up to {} of theirs (three standard errors; {} allowed), others by as much as a bin with so much",
+        percent(*least_share),
+        percent(*largest),
+        percent(*allowed)
+    )
 }
 
 /// A share in words.

@@ -1,5 +1,6 @@
 //! Plots as tables.
 
+use super::notes::in_words;
 use super::{Plot, density_unit, named};
 use crate::explore::binned::Weight;
 use crate::explore::bins::edges;
@@ -8,7 +9,8 @@ use crate::explore::radial::Radial;
 use std::fmt::Write as _;
 
 impl Plot {
-    /// The table, with a header that has names and units.
+    /// The table, with a header that has names and units. Of an estimate a comment goes before it (a line that begins with #), and each bin
+    /// has its error.
     pub fn csv(&self) -> String {
         match self {
             Plot::Binned(found) => {
@@ -17,16 +19,22 @@ impl Plot {
                 let is_count = found.weight == Weight::Count;
                 // A count is there once.
                 columns.extend((!is_count).then(|| named(&found.weight.to_string(), &found.weight_unit)));
+                if found.estimate.is_some() {
+                    columns.push(named(&format!("error of {}", found.weight), &found.weight_unit));
+                }
                 columns.push("count".into());
                 let mut table = Table::new(&columns);
+                if let Some(estimate) = &found.estimate {
+                    table.text.insert_str(0, &format!("# {}\n", in_words(estimate)));
+                }
                 let all: Vec<Vec<f64>> = found.axes.iter().map(edges).collect();
                 for (cell, (&weight, &count)) in found.weights.iter().zip(&found.counts).enumerate() {
                     // Most pairs of bins hold nothing.
-                    if count == 0 && all.len() > 1 {
+                    if count == 0 && weight == 0.0 && all.len() > 1 {
                         continue;
                     }
                     let mut rest = cell;
-                    let mut row = [None; 5];
+                    let mut row = [None; 6];
                     let mut length = 0;
                     for edges in &all {
                         let bin = rest % (edges.len() - 1);
@@ -36,6 +44,10 @@ impl Plot {
                     }
                     if !is_count {
                         row[length] = Some(weight);
+                        length += 1;
+                    }
+                    if let Some(estimate) = &found.estimate {
+                        row[length] = estimate.errors.get(cell).copied();
                         length += 1;
                     }
                     table.row(&row[..length], Some(count));

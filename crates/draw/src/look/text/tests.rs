@@ -51,6 +51,7 @@ fn full() -> SceneFile {
             height_unit: Some(Unit::new("nm")),
             texture: Some(PhotoChoice { path: "photo.jpg".into(), rectangle: Some([-1.0, 0.0, 1.0, 2.5]) }),
             before: Some("before.df".into()),
+            derive: crate::model::DerivedQuantity::ALL.to_vec(),
         },
         own_look: Some(OwnLook {
             mode: Some(&volume_isosurface::MODE),
@@ -108,6 +109,8 @@ fn full() -> SceneFile {
                 ..PathSettings::default()
             }),
             background: Some(crate::color::composite::Background::Transparent),
+            exposure: Some(crate::color::ExposureMode::Adaptive { bright: 0.25, dark: 2.0 }),
+            bloom: Some(crate::color::Bloom { strength: 0.3, threshold: 0.7, radius: 0.05 }),
         },
         size: Some((976, 720)),
         camera: Some(camera(0.0)),

@@ -3,10 +3,12 @@
 use super::opened::OpenField;
 use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
+use crate::cpu::volume::VolumeError;
 use crate::mode::{Coloring, Depiction, FieldValues, LevelChoice, Mode, Output, Settings};
 use crate::model::Unit;
 use crate::modes;
 use crate::modes::samples::FieldLook;
+use crate::modes::slice_overlay::{self, VECTORS};
 
 /// The attribute that every field has: how steep what it shows is.
 pub const GRADIENT: &str = "gradient";
@@ -98,7 +100,24 @@ impl OpenField {
         };
         let index = depiction.attribute.as_ref().and_then(|coloring| self.attribute(&coloring.name).ok());
         let attribute = index.map(|index| self.about(index).1).unwrap_or_default();
-        Units { mass: Unit::default(), length, attribute, value: Shown::Named(value.0, value.1) }
+        let vector =
+            self.vector(&depiction.settings, mode).unwrap_or_default().first().map(|channel| self.about(*channel).1);
+        let value = Shown::Named(value.0, value.1);
+        Units { mass: Unit::default(), length, attribute, value, vector: vector.unwrap_or_default() }
+    }
+
+    /// The attributes that are components of the vector field which a mode draws over a slice with these settings; none where it draws none.
+    ///
+    /// # Errors
+    /// The vector fields that there are, where it is not among them.
+    pub(super) fn vector(&self, settings: &Settings, mode: &Mode) -> Result<Vec<usize>, VolumeError> {
+        let draws = mode.own_settings().any(|own| own.name == VECTORS.name);
+        if !draws || slice_overlay::of(settings).vectors.is_none() {
+            return Ok(Vec::new());
+        }
+        let names = self.attributes();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        Ok(slice_overlay::channels(settings, &names)?.into_iter().flatten().collect())
     }
 
     /// The modes that draw it.

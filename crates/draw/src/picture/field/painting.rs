@@ -45,7 +45,7 @@ impl<'a> Painting<'a> {
     ) -> Result<Painting<'a>, String> {
         let Painter { adapter, told } = painter;
         let mode = prepared.mode();
-        let draws = draws_fields(mode, backend, adapter.as_deref_mut())?;
+        let draws = draws_fields(mode, prepared.settings(), backend, adapter.as_deref_mut())?;
         let mut painting = Painting {
             prepared,
             adapter: adapter.as_deref_mut().filter(|_| draws),

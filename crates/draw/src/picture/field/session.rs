@@ -7,7 +7,7 @@ use super::perception;
 use super::report::PointsReport;
 use crate::annotate::Units;
 use crate::color::Image;
-use crate::color::composite::composite_at;
+use crate::color::composite::composite_glowing;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::field::{Field, FieldPoints};
 use crate::cpu::paths::PathFragments;
@@ -106,11 +106,13 @@ impl FieldSession {
         let hue = hue.map_err(|why| PictureError::of(self.opened.path(), why))?;
         let colors = colors_of(self.opened.grid());
         let output = mode.technique.output();
-        // What is shown comes first, what colours it last.
-        let channels: Vec<usize> = match (output, &colors[..]) {
+        // What is shown comes first, then what colours it, then the components of vectors over it.
+        let mut channels: Vec<usize> = match (output, &colors[..]) {
             (Output::Light, [_, ..]) if hue.is_none() => colors,
             _ => [0].into_iter().chain(hue).collect(),
         };
+        let vector = self.opened.vector(&shot.look.settings, mode);
+        channels.extend(vector.map_err(|why| PictureError::of(self.opened.path(), why))?);
         let before = self.prepared.take();
         let known = before.as_ref().filter(|before| before.choice.channels == channels);
         let hue_values = match known {
@@ -199,7 +201,7 @@ impl FieldSession {
         let rounds = if drawn.is_none() { repeat } else { 0 };
         for _ in 0..rounds {
             let draw = || match (&projector, choice.frame_ms) {
-                (Some(projector), _) => projector.draw_each(prepared.mode.is_light(), |view| {
+                (Some(projector), _) => projector.draw_each(prepared.mode.is_light(), prepared.margin_px(), |view| {
                     if reporter.is_stopped() {
                         return Err(PictureError::Stopped);
                     }
@@ -298,12 +300,16 @@ impl FieldSession {
             prepared = self.prepare(&shot)?;
         }
         let transfer = &prepared.transfer;
+        let bloom = look.bloom.unwrap_or_default();
         let reporter = Arc::clone(&self.reporter);
         let mut painting = Painting::new(&mut self.painter, &prepared, self.options.backend, &*reporter)
             .map_err(PictureError::Asked)?;
         Ok(match painting.draw(view) {
-            Ok(Raw::Light(light)) => light.colors.image(),
-            Ok(Raw::Sums(sums, _)) => composite_at(&sums, transfer, &levels.unwrap_or_else(|| transfer.levels(&sums))),
+            Ok(Raw::Light(light)) => bloom.image(&light.colors),
+            Ok(Raw::Sums(sums, _)) => {
+                let levels = levels.unwrap_or_else(|| transfer.levels(&sums));
+                composite_glowing(&sums, transfer, &levels, &bloom)
+            }
             Err(VolumeError::Grid(GridError::NothingInView)) => Image::black(view.width, view.height),
             Err(error) => return Err(error.into()),
         })
@@ -325,8 +331,10 @@ impl FieldSession {
                 let view = look.cut.unwrap_or_default().applied(&view, middle.into(), None);
                 let drawn = match format.surround.is_flat() {
                     true => prepared.draw(&view)?,
-                    false => Projector::new(view, format.surround, None)?
-                        .draw_each(false, |view| Ok(Some(prepared.draw(view)?)))?,
+                    false => {
+                        Projector::new(view, format.surround, None)?
+                            .draw_each(false, prepared.margin_px(), |view| Ok(Some(prepared.draw(view)?)))?
+                    }
                 };
                 let Raw::Sums(sums, _) = drawn else { return Err(VolumeError::OnlyFields.into()) };
                 transfer.levels(&sums)
@@ -453,6 +461,16 @@ impl PreparedField {
     /// The mode.
     pub(super) fn mode(&self) -> &'static Mode {
         self.mode
+    }
+
+    /// The mode's settings.
+    pub(super) fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// How far its pictures look beyond themselves, pixels.
+    fn margin_px(&self) -> u32 {
+        self.mode.technique.needs(&self.settings).margin_px
     }
 
     /// The channel of what is drawn that colours it.

@@ -1,6 +1,7 @@
 //! The measured heights of a scene of several kinds of data, as the rest is drawn among them.
 
 use crate::cpu::paths::PathFragments;
+use crate::cpu::surface::darken::depths;
 use crate::cpu::surface::fragments::{Layer, fragments};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
@@ -80,6 +81,30 @@ impl<'a> HeightsAmong<'a> {
         }
         SurfaceChannels { width, height, values: whole }
     }
+
+    /// Darkens parts of a view where fields hide light from themselves and each other: what is told of one holds for all.
+    fn darken(&self, view: &View, parts: &mut PathFragments) {
+        let own = self.fields.iter().filter_map(|field| Some(field.options.shadowing?.scaled(field.placement.scale)));
+        if let Some(shadowing) = own.max_by(|a, b| a.scene.total_cmp(&b.scene)) {
+            shadowing.darken_fragments(view, parts, &mut |from: &View| Some(self.depths(from)));
+        }
+    }
+
+    /// Depths at a view's pixels' centres, row by row, of what is nearest there.
+    fn depths(&self, view: &View) -> Vec<f32> {
+        let mut whole: Vec<f32> = Vec::new();
+        for Standing { nodes, placed, placement, options } in &self.fields {
+            let options = SurfaceOptions { look: None, raw: false, ..options.clone() };
+            let sight = Sight::Flat(placement.view(view));
+            let mut own = depths((*nodes, placed, &sight), &options);
+            own.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * placement.scale) as f32);
+            match whole.is_empty() {
+                true => whole = own,
+                false => whole.iter_mut().zip(own).for_each(|(whole, own)| *whole = whole.min(own)),
+            }
+        }
+        whole
+    }
 }
 
 impl Ground for HeightsAmong<'_> {
@@ -91,7 +116,8 @@ impl Ground for HeightsAmong<'_> {
         let layers = self.fields.iter().zip(&sights).map(|(Standing { nodes, placed, placement, options }, sight)| {
             Layer { source: *nodes, placed, sight, options, scale: placement.scale }
         });
-        let (found, report) = fragments(&layers.collect::<Vec<_>>());
+        let (mut found, report) = fragments(&layers.collect::<Vec<_>>());
+        self.darken(view, &mut found);
         self.report.lock().unwrap_or_else(PoisonError::into_inner).add(&report);
         found
     }

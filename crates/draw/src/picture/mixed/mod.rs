@@ -538,7 +538,7 @@ fn alone(ground: &Among<'_>, shot: &Shot, view: &View) -> Result<Colors, Picture
     }
     let projector = Projector::new(*view, shot.surround, shot.stereo)?;
     let each = |view: &View| Ok(Some(Raw::Light(LightPicture::of(ground.fragments(view).colors()))));
-    match projector.draw_each(true, each)? {
+    match projector.draw_each(true, 0, each)? {
         Raw::Light(light) => Ok(light.colors),
         Raw::Sums(..) => Err(PictureError::Stopped),
     }

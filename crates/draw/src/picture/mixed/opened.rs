@@ -5,7 +5,7 @@ use super::{MixedSession, in_lengths_of, placement_of, usual_of};
 use crate::heights::OpenHeights;
 use crate::heights::import::HeightOptions;
 use crate::heights::store::HeightFile;
-use crate::look::{CameraConfig, DataKind, HeightsSaid, Member, MemberKind, OpenData, Shot};
+use crate::look::{CameraConfig, DataKind, HeightsSaid, Member, MemberKind, OpenData, Shot, said_of_particles};
 use crate::mode::{Mode, Settings};
 use crate::model::{Bounds, Moment, ReadMethod, Unit, When};
 use crate::modes::{self, surface};
@@ -110,9 +110,10 @@ impl OpenMixed {
         }
         if mixed.first_kind() != MemberKind::Particles {
             let unit = mixed.unit(settings)?;
-            in_lengths_of(&unit, &mut others, read, &mut |path| page_file(path, &HeightsSaid::default()))?;
+            let own = others.clone();
+            in_lengths_of(&unit, &mut others, read, &mut |path| page_file(path, &said_of_particles(&own, path)))?;
         }
-        let data = OpenData::open(&others, read, |path| page_file(path, &HeightsSaid::default()))?;
+        let data = OpenData::open(&others, read, |path| page_file(path, &said_of_particles(&others, path)))?;
         let moment = data.moment(when)?;
         let (file, unlike) = data.at(moment.unwrap_or_default())?;
         notes.extend(unlike);

@@ -93,7 +93,10 @@ impl MixedSession {
         let placements = self.placements(&prepared);
         let (ground, particles) = self.among(&prepared, placements, &looks);
         let (image, levels, particles) = match particles {
-            None => (ground.fragments(view).colors().image(), own, ParticlesSeen::default()),
+            None => {
+                let bloom = look.bloom.unwrap_or_default();
+                (bloom.image(&ground.fragments(view).colors()), own, ParticlesSeen::default())
+            }
             Some(session) => {
                 let levels = levels.filter(|_| about == MemberKind::Particles);
                 let seen = session.seen_among(&looks.particles, view, levels, limits, Some(&ground))?;

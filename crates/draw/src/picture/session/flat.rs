@@ -71,6 +71,9 @@ impl Session {
             if let Some(listing) = self.listing(&subject, &view, shown.shot.look.error_px(), has_adapter)? {
                 return self.draw_listed(tree, shown, (&listing, start.elapsed()));
             }
+            if self.fills_slabs(&subject, shown)? {
+                return self.draw_in_slabs(tree, shown);
+            }
         }
         let is_sure =
             shown.ground.is_none() && matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);

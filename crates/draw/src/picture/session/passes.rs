@@ -9,6 +9,7 @@ use crate::cpu::overdraw::Overdraw;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
 use crate::hierarchy::Purpose;
+use crate::look::LookPatch;
 use crate::mode::{Depiction, LodBudget, Output, Plan, Raw};
 use crate::picture::adapter::{AdapterFrame, AdapterJob, Passes, draw_on};
 use crate::picture::left_out::LeftOut;
@@ -19,11 +20,6 @@ use crate::store::{NodeRef, Tree};
 use crate::stream::{Listing, SceneNode, Visited};
 use crate::view::{self, View};
 use std::time::{Duration, Instant};
-
-/// What pages may take of a memory. The rest is for what is decoded, sorted and drawn into at a time, and for what allocators keep of pages that made room.
-pub(super) fn for_pages(memory: u64) -> u64 {
-    memory / 2
-}
 
 /// A list that was drawn.
 struct Passed {
@@ -58,12 +54,32 @@ impl Session {
         if !is_sum || !self.lists() || !(has_adapter || subject.summing(view, &Plan::default()).is_some()) {
             return Ok(None);
         }
+        self.list(subject, view, tau).map(Some)
+    }
+
+    /// What a subject's picture of a view draws, whatever is held of it.
+    pub(super) fn list(&mut self, subject: &Subject<'_>, view: &View, tau: f64) -> Result<Listing, PictureError> {
+        if let Some(taken) = self.account.as_mut().and_then(|account| account.exceeding.take()) {
+            let (file, megabytes) = (self.path().display().to_string(), taken.div_ceil(1 << 20));
+            self.reporter.tell(format!(
+                "{file}: a picture of this size takes {megabytes} MiB, however few of the pages are held; --memory sets how much there is"
+            ));
+        }
+        let depiction = subject.depiction;
         let detail = depiction.detail(view, tau, self.tree().metadata());
         let reporter = &*self.reporter;
         let seen = depiction.selection_view(view);
         let listing = self.scene.list(&seen, detail, &mut |why| reporter.tell(why))?;
         self.tell_of_memory(listing.converged);
-        Ok(Some(listing))
+        Ok(listing)
+    }
+
+    /// Tells that a listed picture has no selections, where it would have some.
+    pub(super) fn tell_of_selections(&self, look: &LookPatch) {
+        if look.selections.iter().flatten().any(|set| set.show != Show::Hidden) {
+            self.reporter
+                .tell("selections are left out of a picture whose pages do not fit into memory together".into());
+        }
     }
 
     /// What of a list may be left undrawn.
@@ -129,10 +145,7 @@ impl Session {
             output::write_png(&path, &overdraw.image())?;
             left_out.overdraw = Some((overdraw.mean(), overdraw.max()));
         }
-        if shot.look.selections.iter().flatten().any(|set| set.show != Show::Hidden) {
-            self.reporter
-                .tell("selections are left out of a picture whose pages do not fit into memory together".into());
-        }
+        self.tell_of_selections(&shot.look);
         let next = match self.ahead.take() {
             Some(ahead) => self.scene.known(&ahead, depiction.detail(&ahead, shot.look.error_px(), tree.metadata())),
             None => Vec::new(),

@@ -2,7 +2,7 @@
 
 use super::clearance::Ground;
 use super::earlier::Earlier;
-use super::painting::not_yet;
+use super::painting::not_in_frames;
 use crate::annotate::number::stepped;
 use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
@@ -154,7 +154,7 @@ impl OpenSurface {
         let Ok(settings) = SurfaceSettings::new(settings, &about.grid) else { return false };
         let Ok(attribute) = self.attribute(attribute) else { return false };
         let look = settings.look(attribute, surface::usual_transfer(attribute), [0.0, 1.0]);
-        not_yet(&settings.options(look, None)).is_none()
+        not_in_frames(&settings.options(look, None)).is_none()
     }
 
     /// A mode of its pictures, coloured by an attribute where one is named.
@@ -235,7 +235,7 @@ impl OpenSurface {
             (_, unit) if unit == Unit::default() => Unit::new("m"),
             (_, unit) => unit,
         };
-        Units { mass: Unit::default(), length, attribute: Unit::default(), value }
+        Units { length, value, ..Units::default() }
     }
 
     /// A form that is fitted to its samples, once for all pictures; `reporter` is told where these are not all.

@@ -2,6 +2,7 @@
 
 use super::letters::ProgramFont;
 use crate::cpu::surface::channels::channels;
+use crate::cpu::surface::darken::darken;
 use crate::cpu::surface::lettering;
 use crate::cpu::surface::look::Attribute;
 use crate::cpu::surface::paged::PagedSurface;
@@ -102,6 +103,11 @@ pub(super) fn not_yet(options: &SurfaceOptions) -> Option<&'static str> {
     (options.technique == Technique::Rays).then_some("rays")
 }
 
+/// What of it no adapter draws in frames of its own: the same, and what is found by the processor in what it has drawn.
+pub(super) fn not_in_frames(options: &SurfaceOptions) -> Option<&'static str> {
+    options.shadowing.map(|_| "ambient occlusion and shadows").or_else(|| not_yet(options))
+}
+
 /// Whether heights are written along lines.
 pub(super) fn has_labels(options: &SurfaceOptions) -> bool {
     options.look.as_ref().and_then(|look| look.contours?.labels).is_some()
@@ -193,6 +199,7 @@ impl Painter {
         let names = [frame.backend.to_owned(), frame.adapter];
         let (mut milliseconds, mut notes) = (frame.milliseconds, vec![frame.note]);
         let mut picture = SurfacePicture { colors, report, ..SurfacePicture::default() };
+        darken(&mut picture.colors, &[], (field.nodes, field.placed, sight), options);
         if has_labels {
             let (sight, seen) = found(&job, &numbers)?;
             let seen = (&job.scene, &sight, &seen);

@@ -5,13 +5,15 @@ use super::depths::SurfaceDepths;
 use super::letters::ProgramFont;
 use super::names::{Floor, Names, take};
 use super::opened::OpenSurface;
-use super::painting::{DrawnBy, Field, Painter, has_labels, not_yet};
+use super::painting::{DrawnBy, Field, Painter, has_labels, not_in_frames};
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::standing::{bounds_of, standing};
 use crate::annotate::{Annotations, Units};
 use crate::color::transfer::{Levels, Range, TransferFunction};
 use crate::color::{Colors, Image};
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::Shadowing;
+use crate::cpu::shadowing::ambient_occlusion::FARTHEST;
 use crate::cpu::surface::fragments::{Layer, fragments};
 use crate::cpu::surface::lettering;
 use crate::cpu::surface::look::{Attribute, Look};
@@ -160,6 +162,12 @@ impl SurfaceSession {
         [facts.min, facts.max]
     }
 
+    /// How a surface of these options darkens itself where it is as large as it is.
+    fn shadowing(&self, options: &SurfaceOptions, placed: &Placed) -> Option<Shadowing> {
+        let size = bounds_of(placed, self.extremes()).size().length();
+        options.shadowing.map(|shadowing| shadowing.scaled(size))
+    }
+
     fn placed(&self, settings: &SurfaceSettings) -> Placed {
         Placed::new(&self.file().about().grid, settings.map, settings.exaggeration, settings.base)
     }
@@ -205,7 +213,8 @@ impl SurfaceSession {
         let (own, form) = (prepared.look.clone(), prepared.form.clone());
         let options = SurfaceOptions { form, ..prepared.settings.options(own, look.error_px) };
         let tau = if self.options.exact.is_some() { 0.0 } else { options.tau };
-        SurfaceOptions { tau, raw: self.options.raw, ..options }
+        let shadowing = self.shadowing(&options, &prepared.placed);
+        SurfaceOptions { tau, raw: self.options.raw, shadowing, ..options }
     }
 
     /// The chunks, placed and compared as a look has it.
@@ -356,7 +365,9 @@ impl SurfaceSession {
         let in_parts = SurfaceOptions { raw: false, ..options.clone() };
         // Heights along lines are written into whole pictures.
         let is_whole = has_labels(options) || !self.painter.is_by_adapter(&in_parts, self.options.backend);
-        let is_one = placed.is_flat() && is_whole;
+        // What darkens what is found in flat pictures.
+        let is_one = placed.is_flat() && is_whole && options.shadowing.is_none();
+        let margin = if options.shadowing.is_some() { FARTHEST } else { 0 };
         if shot.stereo.is_none() && (is_one || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
                 None => Sight::Flat(*view),
@@ -372,7 +383,7 @@ impl SurfaceSession {
         }
         let (mut whole, mut drawn_by) = (SurfacePicture::default(), DrawnBy::default());
         whole.report.is_converged = true;
-        let values = projector.draw_each(true, |view| {
+        let values = projector.draw_each(true, margin, |view| {
             let one;
             (one, drawn_by) = self.drawn(placed, &Sight::Flat(*view), &options)?;
             whole.report.add(&one.report);
@@ -417,7 +428,8 @@ impl SurfaceSession {
     /// # Errors
     /// As [`SurfaceSession::draw`].
     pub fn image(&mut self, look: &LookPatch, view: &View, levels: Option<Levels>) -> Result<Image, PictureError> {
-        Ok(self.seen(look, view, levels)?.picture.colors.image())
+        let seen = self.seen(look, view, levels)?;
+        Ok(look.bloom.unwrap_or_default().image(&seen.picture.colors))
     }
 
     /// The same with what is known of it, for those who draw view after view.
@@ -442,7 +454,7 @@ impl SurfaceSession {
         levels: Option<Levels>,
         passes: Passes,
     ) -> Result<SeenSurface<Option<(AdapterSurface, SurfaceReport)>>, PictureError> {
-        self.seen_by(look, view, levels, |field, sight, options| match not_yet(options) {
+        self.seen_by(look, view, levels, |field, sight, options| match not_in_frames(options) {
             Some(_) => None,
             None => field.job(sight, options, passes),
         })
@@ -489,7 +501,8 @@ impl SurfaceSession {
         let (transfer, attribute) = (own.transfer.clone(), *attribute);
         let levels = Levels { p: own.range, s: [0.0, 1.0] };
         let Prepared { settings, look: own, form, placed, .. } = prepared;
-        let options = SurfaceOptions { form, ..settings.options(own, look.error_px) };
+        let options = settings.options(own, look.error_px);
+        let options = SurfaceOptions { form, shadowing: self.shadowing(&options, &placed), ..options };
         let sight = Sight::Flat(*view);
         self.nodes.prepare(&placed, &sight, &options);
         let field = Field { nodes: &self.nodes, placed: &placed, extremes: self.extremes() };

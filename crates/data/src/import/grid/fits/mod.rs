@@ -22,7 +22,7 @@ pub(super) const FITS: GridFormat = GridFormat {
     name: "fits",
     extensions: &["fits", "fit", "fts"],
     has_parts: false,
-    detect: |content| content.head.starts_with(b"SIMPLE  ="),
+    detect: |content| content.head.starts_with(b"SIMPLE  =") && !holds_tables_alone(content),
     open,
 };
 
@@ -127,6 +127,28 @@ fn plain(value: &str) -> &str {
         Some(text) => text.split('\'').next().unwrap_or_default().trim(),
         None => value.split('/').next().unwrap_or_default().trim(),
     }
+}
+
+/// Whether there are tables of rows and no image in the file, which is then one of particles.
+fn holds_tables_alone(content: &Content) -> bool {
+    let (mut has_table, mut start) = (false, 0);
+    for part in 0..MOST_PARTS {
+        // What is behind a table of a compressed file is not unpacked for this.
+        if start > content.most() || has_table && content.is_packed {
+            break;
+        }
+        let Ok(Some(header)) = Header::read(content, start) else { break };
+        let Ok(sizes) = header.sizes("NAXIS") else { break };
+        let is = |name: &str, text: &str| header.entry(name).is_some_and(|entry| entry.text == text);
+        let is_image = part == 0 || is("XTENSION", "IMAGE");
+        if is("ZIMAGE", "T") || is_image && sizes.len() >= 2 {
+            return false;
+        }
+        has_table |= is("XTENSION", "BINTABLE");
+        let Some(next) = header.data_bytes(&sizes).and_then(|bytes| bytes.checked_add(header.end)) else { break };
+        start = next;
+    }
+    has_table
 }
 
 fn open(content: &Content) -> Result<GridSource, ImportError> {

@@ -17,7 +17,7 @@ use std::sync::Arc;
 const ROWS: usize = 1400;
 const COLUMNS: usize = 1170;
 const ROOM: u64 = 12 << 20;
-const SIZE: [u32; 2] = [320, 240];
+const SIZE: [u32; 2] = [200, 150];
 
 #[test]
 fn pieces_are_the_whole_to_the_bit_within_the_room() {
@@ -50,7 +50,6 @@ fn pieces_are_the_whole_to_the_bit_within_the_room() {
     let views = [
         (DVec3::new(0.0, 1.0, 3000.0), Projection::Orthographic { height: 1500.0 }),
         (DVec3::new(200.0, -900.0, 500.0), Projection::Perspective { fov_y: 0.8 }),
-        (DVec3::new(-700.0, 500.0, 250.0), Projection::Perspective { fov_y: 0.6 }),
     ];
     for (number, (away, projection)) in views.into_iter().enumerate() {
         let view = View::look_at(middle + away, middle, DVec3::Z, projection, SIZE[0], SIZE[1]).unwrap();
@@ -63,7 +62,7 @@ fn pieces_are_the_whole_to_the_bit_within_the_room() {
         let levels: BTreeSet<u8> = divided.cut.nodes.iter().map(|node| node.key.level).collect();
         assert!(divided.pieces.len() > 1 && levels.len() > 1, "view {number}: {} pieces", divided.pieces.len());
         let pixels: usize = divided.pieces.iter().map(|piece| piece.pixels[0].len() * piece.pixels[1].len()).sum();
-        assert_eq!(pixels, 320 * 240);
+        assert_eq!(pixels, 200 * 150);
         let (whole, found) = (draw(&ample, &placed, &sight, &options), draw(&scant, &placed, &sight, &options));
         assert!(whole.colors == found.colors && whole.depth == found.depth, "view {number}");
         let bits = |raw: &[[f64; CHANNELS]]| raw.iter().map(|own| own.map(f64::to_bits)).collect::<Vec<_>>();
@@ -72,7 +71,7 @@ fn pieces_are_the_whole_to_the_bit_within_the_room() {
             (report.error_px, report.is_converged, report.nodes_drawn, report.levels, report.covered)
         };
         assert_eq!(facts(&whole.report), facts(&found.report));
-        assert!(whole.report.is_converged && whole.report.covered > 10_000.0);
+        assert!(whole.report.is_converged && whole.report.covered > 4_000.0);
         assert!(scant.held_bytes() <= ROOM);
     }
     // What may be wrong by a part of a pixel has fewer chunks, and all of the room.

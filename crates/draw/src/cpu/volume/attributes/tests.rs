@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use super::*;
-use crate::color::transfer::{Scale, TransferFunction};
+use crate::color::transfer::{Curve, Scale, TransferFunction};
 use crate::cpu::volume::bricks::{BORDER, BRICK, Slab};
 use crate::cpu::volume::tests::{Cloud, RAMP, draw, look, perspective, scenery};
 use crate::cpu::volume::{Classifier, Light, Surface, VolumeLevels, cast_in_parts};
@@ -86,7 +86,7 @@ fn fields_are_the_exact_sums_on_a_merger() {
         let (grid, brick_grid) = (columns.prepared[0].grid, columns.prepared[0].brick_grid());
         let [k, l, m] = grid.size.map(|size| size as usize);
         for volume in [Reading::Sum(axis), Reading::Mean(axis)] {
-            let shown = Shown { volume, surface: Some(Reading::Density), has_hue: false };
+            let shown = Shown { volume, surface: Some(Reading::Density), opacity: None, has_hue: false };
             let (layers, _) = columns.fields(&shown).fill(0..brick_grid.bricks[2], &[]);
             let slab = Slab { first: 0, layers };
             let (mut squares, mut norms, mut samples) = ([0.0; 2], [0.0; 2], 0);
@@ -137,7 +137,7 @@ fn a_surface_of_a_linear_attribute_is_a_plane_that_ends_with_the_gas() {
     let options = VolumeOptions::default();
     let columns = Columns::prepare(&view, &[gas.batch()], &[Column::Field(0)], &options).unwrap();
     let axis = ValueAxis::new(Scale::Linear, [-1.2, 1.2]);
-    let shown = Shown { volume: Reading::Mean(axis), surface: None, has_hue: false };
+    let shown = Shown { volume: Reading::Mean(axis), surface: None, opacity: None, has_hue: false };
     let light = Light { ambient: 0.0, specular: 0.0, shininess: 1.0 };
     let scenery = surface_scenery(axis.place(0.2), axis, light);
     let (grid, brick_grid) = (&columns.prepared[0].grid, columns.prepared[0].brick_grid());
@@ -178,7 +178,7 @@ fn a_surface_of_density_in_another_volume_is_that_of_density_alone() {
     let scenery = surface_scenery(0.5, axis, Light { ambient: 0.2, specular: 0.3, shininess: 20.0 });
     let wanted = [Column::Field(0), Column::Field(1), Column::Attribute];
     let columns = Columns::prepare(&view, &[gas.batch()], &wanted, &options).unwrap();
-    let shown = Shown { volume: Reading::Mean(axis), surface: Some(Reading::Density), has_hue: true };
+    let shown = Shown { volume: Reading::Mean(axis), surface: Some(Reading::Density), opacity: None, has_hue: true };
     let (apart, _) = columns.draw(&view, &shown, &scenery, &options, None);
     // Of density 1 volumes are masses.
     let (alone, _) = draw(&view, &[gas.batch()], &scenery, &options).unwrap();
@@ -186,6 +186,48 @@ fn a_surface_of_density_in_another_volume_is_that_of_density_alone() {
     assert!(seen > 200, "{seen}");
     for (a, b) in apart.rgba.iter().zip(&alone.rgba) {
         assert!((0..4).all(|k| (a[k] - b[k]).abs() < 1e-4), "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn opacity_goes_by_density_where_that_is_asked_for() {
+    let mut gas = Gas::lattice();
+    let view = look(DVec3::new(0.0, 0.0, 5.0), Projection::Orthographic { height: 3.0 }, 60, 60);
+    let options = VolumeOptions::default();
+    let axis = ValueAxis::new(Scale::Linear, [-1.2, 1.2]);
+    let levels = VolumeLevels { density: axis.range, attribute: [0.0, 1.0], unit_length: 1.0 };
+    let even = TransferFunction { opacity: Some(Curve::constant(0.3)), ..TransferFunction::of_values(false) };
+    let scenery = Scenery {
+        classifier: Classifier::of_values(&even, levels, false, &axis),
+        volume: true,
+        surfaces: Vec::new(),
+        light: None,
+        volume_light: None,
+        termination: 0.999,
+    };
+    let picture = |gas: &Gas, opacity: Option<ByDensity>| {
+        let wanted = [Column::Field(0), Column::Field(1)];
+        let columns = Columns::prepare(&view, &[gas.batch()], &wanted, &options).unwrap();
+        let shown = Shown { volume: Reading::Mean(axis), surface: None, opacity, has_hue: false };
+        columns.draw(&view, &shown, &scenery, &options, None).0.rgba
+    };
+    let bits = |rgba: &[[f32; 4]]| rgba.as_flattened().iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    let by_values = picture(&gas, None);
+    // Where all of the gas is as dense as it gets, it is as opaque as by its values.
+    let dense = Some(ByDensity { range: [1e-31, 1e-30] });
+    assert_eq!(bits(&picture(&gas, dense)), bits(&by_values));
+    // One half is a thousandth as dense, with the same values.
+    for (density, position) in gas.fields[1].iter_mut().zip(&gas.positions) {
+        *density = if position[0] < 0.0 { 1e-3 } else { 1.0 };
+    }
+    assert_eq!(bits(&picture(&gas, None)), bits(&by_values), "values alone know nothing of densities");
+    let by_density = picture(&gas, Some(ByDensity { range: [1e-3, 5e-3] }));
+    for y in 22..38 {
+        for x in 14..22 {
+            let [thin, dense] = [60 * y + x, 60 * y + 59 - x];
+            assert!(by_values[thin][3] > 0.3 && by_density[thin][3] < 0.02 * by_values[thin][3], "{x} {y}");
+            assert_eq!(bits(&by_density[dense..=dense]), bits(&by_values[dense..=dense]), "{x} {y}");
+        }
     }
 }
 

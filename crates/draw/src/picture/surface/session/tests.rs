@@ -112,3 +112,41 @@ fn degrees_that_are_not_said_to_be_are_taken_for_such_and_told() {
     let said = HeightsSaid { height_unit: Some(Unit::new("um")), ..HeightsSaid::default() };
     assert_eq!(unit(said), (String::new(), false));
 }
+
+/// Under a sun at 45 degrees the shadow of a cliff is as long as it is high, as dark as light from everywhere leaves it, and nothing else changes.
+#[test]
+fn a_cliff_casts_its_shadow_away_from_the_sun() {
+    let mut session = opened("m", [121, 41], [0.0, 0.0], 1.0, |x, _| if x < 39.5 { 30.0 } else { 0.0 });
+    let camera = CameraConfig {
+        eye: Some([60.0, 20.0, 200.0]),
+        target: Some([60.0, 20.0, 0.0]),
+        up: Some([0.0, 1.0, 0.0]),
+        fov: None,
+        ortho: Some(60.0),
+    };
+    let mut draw = |more: &str| {
+        let sun = "\"azimuth\": 270.0, \"altitude\": 45.0, \"ambient\": 0.2";
+        let settings: crate::mode::Settings = ron::from_str(&format!("{{{sun}{more}}}")).unwrap();
+        let look = LookPatch { settings, ..LookPatch::default() };
+        let picture = session.draw(&Shot { look, camera, size: Some((480, 240)), ..Shot::default() }).unwrap();
+        let Raw::Light(light) = picture.values else { panic!("light") };
+        light.colors.rgba
+    };
+    let plain = draw("");
+    assert!(plain == draw(", \"shadows\": 0.0, \"ambient-occlusion\": 0.0, \"light-size\": 9.0"));
+    let shadowed = draw(", \"shadows\": 1.0, \"light-size\": 0.0");
+    let left = 0.2 / (0.2 + 0.8 * 45.0_f32.to_radians().sin());
+    for (column, x) in (0..480).map(|column| (column, (f64::from(column) + 0.5) / 4.0)) {
+        let [before, after] = [&plain, &shadowed].map(|colors| colors[120 * 480 + column as usize]);
+        let found = after[1] / before[1];
+        if (43.0..66.0).contains(&x) {
+            assert!((found - left).abs() < 0.02, "{x}: {found}, not {left}");
+        } else if !(38.0..71.0).contains(&x) {
+            assert!(found == 1.0 && before[3] == after[3], "{x}: {found}");
+        }
+    }
+    // At the foot of the cliff a good part of the sky is hidden, far from it none is.
+    let occluded = draw(", \"ambient-occlusion\": 1.0, \"occlusion-radius\": 0.2");
+    let at = |x: usize| occluded[120 * 480 + 4 * x][1] / plain[120 * 480 + 4 * x][1];
+    assert!(at(42) < 0.8 && at(110) == 1.0 && at(20) == 1.0, "{} {} {}", at(42), at(110), at(20));
+}

@@ -1,0 +1,168 @@
+//! A table as a source of particles.
+
+use super::STANDARD;
+use super::columns::{Column, Opened, Table};
+use super::sky::{self, Recipe};
+use crate::import::source::exact_id;
+use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, units};
+use crate::model::{FamilyName, Unit};
+use std::ops::Range;
+use std::path::Path;
+
+/// A table as a source of one family: `stars` if it has magnitudes or directions on the sky, else `dark`.
+pub(super) struct Catalogue {
+    description: Description,
+    table: Box<dyn Table>,
+    /// Where each field of the description comes from.
+    origins: Vec<Origin>,
+}
+
+/// Where a field comes from; columns are indices.
+enum Origin {
+    Position(Recipe),
+    Vector([usize; 3]),
+    /// A column, and what it is multiplied by.
+    Column(usize, f64),
+}
+
+impl Catalogue {
+    /// Finds positions and known quantities among the columns of a table.
+    ///
+    /// # Errors
+    /// When it has no positions or no rows, or states a unit that is not known, or cannot be read.
+    pub(super) fn new(path: &Path, opened: Opened) -> Result<Catalogue, ImportError> {
+        let Opened { table, format, bytes, mut notes } = opened;
+        let Some(positions) = sky::positions(path, &*table)? else {
+            let expected = "columns x, y, z, or ra, dec and possibly dist or parallax";
+            return Err(ImportError::missing(path, "positions", expected));
+        };
+        let count = table.rows();
+        if count == 0 {
+            return Err(ImportError::NoParticles { path: path.into(), field: "rows".into() });
+        }
+        notes.extend(positions.note);
+        let mut described = vec![Field {
+            name: "position".into(),
+            stored_as: positions.stored_as,
+            unit: positions.unit.clone(),
+            components: 3,
+            kind: FieldKind::Position,
+        }];
+        let mut used: Vec<usize> = match &positions.recipe {
+            Recipe::Cartesian { axes, .. } => axes.to_vec(),
+            Recipe::Equatorial { .. } => Vec::new(),
+        };
+        let from_sky = positions.recipe.is_of_sky();
+        let mut origins = vec![Origin::Position(positions.recipe)];
+        if let Some((field, columns)) = velocity(table.columns()) {
+            described.push(field);
+            origins.push(Origin::Vector(columns));
+            used.extend(columns);
+        }
+        for (index, column) in table.columns().iter().enumerate() {
+            if used.contains(&index) || table.is_blank(index) {
+                continue;
+            }
+            let key = column.key();
+            let free = |name: &str| !described.iter().any(|field: &Field| field.name == name);
+            let standard = STANDARD
+                .iter()
+                .find(|(names, name, ..)| names.contains(&key.as_str()) && free(name) && column.components == 1);
+            let (name, kind, unit) =
+                standard.map_or((&*column.name, FieldKind::Other, ""), |(_, name, kind, unit)| (*name, *kind, *unit));
+            let mut unit = Unit::new(if column.unit.is_empty() { unit } else { &column.unit });
+            let mut factor = 1.0;
+            // Lengths of one table are compared: smoothing lengths take the unit of the positions.
+            if kind == FieldKind::SmoothingLength {
+                factor = units::conversion(path, &column.name, &unit.0, &positions.unit.0)?;
+                if factor != 1.0 {
+                    notes.push(format!("{} is converted from {unit} to {}", column.name, positions.unit));
+                }
+                unit = positions.unit.clone();
+            }
+            let (name, stored_as, components) = (name.into(), column.name.clone(), column.components);
+            described.push(Field { name, stored_as, unit, components, kind });
+            origins.push(Origin::Column(index, factor));
+        }
+        let stars = from_sky || described.iter().any(|field| field.name == "magnitude");
+        let mass_unit = described.iter().find(|field| field.kind == FieldKind::Mass).map(|field| field.unit.clone());
+        let name = if stars { FamilyName::Stars } else { FamilyName::Dark };
+        let description = Description {
+            length_unit: positions.unit,
+            mass_unit: mass_unit.unwrap_or_default(),
+            notes,
+            families: vec![FamilyInfo { name, count, fields: described }],
+            ..Description::unitless(path, format, bytes)
+        };
+        Ok(Catalogue { description, table, origins })
+    }
+
+    /// The same of a table in so many files.
+    pub(super) fn in_files(path: &Path, opened: Opened, files: usize) -> Result<Catalogue, ImportError> {
+        let mut catalogue = Catalogue::new(path, opened)?;
+        catalogue.description.files = files;
+        Ok(catalogue)
+    }
+}
+
+/// The columns `vx`, `vy`, `vz` as one field.
+fn velocity(columns: &[Column]) -> Option<(Field, [usize; 3])> {
+    let found =
+        ["vx", "vy", "vz"].map(|name| columns.iter().position(|column| column.key() == name && column.components == 1));
+    let [x, y, z] = found;
+    let columns_of = [x?, y?, z?];
+    let field = Field {
+        name: "velocity".into(),
+        stored_as: "vx,vy,vz".into(),
+        unit: Unit::new(&*columns[columns_of[0]].unit),
+        components: 3,
+        kind: FieldKind::Velocity,
+    };
+    Some((field, columns_of))
+}
+
+impl Source for Catalogue {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        self.description.check_range(family, field, &range, out.len())?;
+        match &self.origins[field] {
+            Origin::Position(recipe) => recipe.read(&*self.table, range, out),
+            Origin::Vector(columns) => {
+                let out = out.as_chunks_mut::<3>().0;
+                let mut values = vec![0.0; out.len()];
+                for (axis, column) in columns.iter().enumerate() {
+                    self.table.read(*column, range.clone(), &mut values)?;
+                    out.iter_mut().zip(&values).for_each(|(vector, value)| vector[axis] = *value);
+                }
+                Ok(())
+            }
+            Origin::Column(column, factor) => {
+                self.table.read(*column, range, out)?;
+                if *factor != 1.0 {
+                    out.iter_mut().for_each(|value| *value *= factor);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
+        self.description.check_range(family, field, &range, out.len())?;
+        if let Origin::Column(column, _) = &self.origins[field]
+            && self.table.read_whole(*column, range.clone(), out)?
+        {
+            return Ok(());
+        }
+        let mut values = vec![0.0; out.len()];
+        self.read(family, field, range, &mut values)?;
+        for (id, value) in out.iter_mut().zip(values) {
+            let expected = "whole numbers from 0 to 2^53";
+            let wrong = || ImportError::malformed(&self.description.path, "ids", value, expected);
+            *id = exact_id(value).ok_or_else(wrong)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,143 @@
+//! Rows of values that something separates, behind a header: what CSV and ECSV have in common.
+
+use super::columns::{Column, number, shown};
+use super::store::{Store, StoreWriter};
+use crate::import::ImportError;
+use csv::{ByteRecord, ReaderBuilder};
+use std::io::BufRead;
+use std::path::Path;
+
+/// The longest line of a header, bytes: a file without line ends is not read as one.
+const LONGEST: u64 = 1 << 16;
+
+/// What stands before the rows.
+pub(super) struct Heading {
+    /// The columns, one for each value of a row.
+    pub columns: Vec<Column>,
+    /// Which of them hold text, whatever it looks like.
+    pub is_text: Vec<bool>,
+    /// Which of them hold `True` and `False`.
+    pub is_truth: Vec<bool>,
+    /// What separates values.
+    pub delimiter: u8,
+    /// Lines of the header.
+    pub lines: u64,
+}
+
+impl Heading {
+    /// Columns of which nothing is known but their names.
+    pub(super) fn of_names(columns: Vec<Column>, delimiter: u8) -> Heading {
+        let nothing = vec![false; columns.len()];
+        Heading { is_text: nothing.clone(), is_truth: nothing, columns, delimiter, lines: 1 }
+    }
+}
+
+/// The next line of a header without its end; empty at the end of the file.
+///
+/// # Errors
+/// When the file cannot be read, or the line is no text.
+pub(super) fn header_line(path: &Path, reader: &mut dyn BufRead) -> Result<String, ImportError> {
+    let mut line = String::new();
+    let mut limited = std::io::Read::take(reader, LONGEST);
+    limited.read_line(&mut line).map_err(|source| ImportError::io(path, "header", source))?;
+    Ok(line)
+}
+
+/// Reads all rows. Columns in which some value is text are left out.
+///
+/// # Errors
+/// When the file cannot be read, a row has too few or too many values, or one of a column that positions need is no number.
+pub(super) fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store, ImportError> {
+    let Heading { columns, is_text, is_truth, delimiter, lines } = heading;
+    let mut csv = ReaderBuilder::new().has_headers(false).delimiter(delimiter).flexible(true).from_reader(reader);
+    let mut record = ByteRecord::new();
+    let mut row = vec![f64::NAN; columns.len()];
+    // The first value of a column that is text, and the line that it is in.
+    let mut text: Vec<Option<(u64, String)>> = vec![None; columns.len()];
+    let names = columns.clone();
+    let mut rows = StoreWriter::new(path, columns);
+    loop {
+        let line = rows.rows() + lines + 1;
+        if !csv.read_byte_record(&mut record).map_err(|error| damaged(path, line, &error))? {
+            break;
+        }
+        if record.len() != names.len() {
+            if rows.rows() == 0 && lines == 1 && names.len() > 1 {
+                return transposed(path, names, csv, &record);
+            }
+            let found = format!("{} values", record.len());
+            let expected = format!("{}, as many as the header has names", names.len());
+            return Err(ImportError::malformed(path, format!("line {line}"), found, expected));
+        }
+        for (index, field) in record.iter().enumerate() {
+            row[index] = f64::NAN;
+            if is_text[index] || text[index].is_some() {
+                continue;
+            }
+            let field = String::from_utf8_lossy(field);
+            let value = if is_truth[index] { truth(&field) } else { number(&field) };
+            match value {
+                Some(value) => row[index] = value,
+                None => text[index] = Some((line, field.chars().take(40).collect())),
+            }
+        }
+        rows.push(&row)?;
+    }
+    let first_text = names.iter().zip(&text).filter_map(|(column, text)| Some((column, text.as_ref()?)));
+    if let Some((column, (line, found))) = first_text.into_iter().find(|(column, _)| super::sky::is_needed(column)) {
+        let field = format!("{} in line {line}", shown(&column.name));
+        return Err(ImportError::malformed(path, field, shown(found), "a number"));
+    }
+    rows.finish(|column| !is_text[column] && text[column].is_none())
+}
+
+/// The rows of a table that has a line for each name; `first` is the first of these lines.
+fn transposed(
+    path: &Path,
+    names: Vec<Column>,
+    mut csv: csv::Reader<Box<dyn BufRead>>,
+    first: &ByteRecord,
+) -> Result<Store, ImportError> {
+    let values_of = |record: &ByteRecord, column: &Column| -> Result<Vec<f64>, ImportError> {
+        let values = record.iter().map(|field| {
+            let field = String::from_utf8_lossy(field);
+            let wrong = || ImportError::malformed(path, shown(&column.name), format!("{field:.40?}"), "a number");
+            number(&field).ok_or_else(wrong)
+        });
+        values.collect()
+    };
+    let mut lines = vec![values_of(first, &names[0])?];
+    let mut record = ByteRecord::new();
+    while csv.read_byte_record(&mut record).map_err(|error| damaged(path, lines.len() as u64 + 2, &error))? {
+        let Some(column) = names.get(lines.len()) else {
+            let expected = format!("{} lines, one for each name", names.len());
+            return Err(ImportError::malformed(path, "lines", "more lines", expected));
+        };
+        lines.push(values_of(&record, column)?);
+    }
+    lines.resize(names.len(), Vec::new());
+    let longest = lines.iter().map(Vec::len).max().unwrap_or(0);
+    if let Some((column, line)) = names.iter().zip(&lines).find(|(_, line)| line.len() != longest) {
+        let found = format!("{} values", line.len());
+        return Err(ImportError::malformed(path, shown(&column.name), found, format!("{longest} as in other lines")));
+    }
+    let mut rows = StoreWriter::new(path, names);
+    for row in 0..longest {
+        rows.push(&lines.iter().map(|line| line[row]).collect::<Vec<f64>>())?;
+    }
+    rows.finish(|_| true)
+}
+
+/// 1 for what is true, 0 for what is not, NaN where nothing is said; `None` for other text.
+fn truth(text: &str) -> Option<f64> {
+    match text.trim() {
+        "True" | "true" => Some(1.0),
+        "False" | "false" => Some(0.0),
+        other => number(other),
+    }
+}
+
+fn damaged(path: &Path, line: u64, error: &csv::Error) -> ImportError {
+    let found = error.to_string().replace(['\n', '\r'], " ");
+    ImportError::malformed(path, format!("line {line}"), found, "a line of the table")
+}

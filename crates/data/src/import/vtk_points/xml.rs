@@ -1,0 +1,107 @@
+//! Data sets of points in XML, in one piece.
+
+use super::arrays::{Arrays, MOST_ARRAYS, MOST_COMPONENTS, Place};
+use crate::import::ImportError;
+use crate::import::bytes::Order;
+use crate::import::grid::{Content, Element, Entry, VtkArray, XML_TYPES, sample_type, xml_elements};
+use crate::model::{Channel, Grid, SampleType};
+
+/// How many times the size of the file its arrays may be together: as text, where a digit and a space are a number of eight bytes; compressed
+/// by deflate.
+const MOST_AS_TEXT: u64 = 8;
+const MOST_EXPANSION: u64 = 1040;
+
+/// What an array belongs to.
+#[derive(Clone, Copy, PartialEq)]
+enum Section {
+    Points,
+    PointData,
+    Other,
+}
+
+/// The arrays of the piece that has points.
+///
+/// # Errors
+/// When the file cannot be read, or is damaged.
+pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
+    let path = &*content.path;
+    let elements = xml_elements(content)?;
+    let file = elements.iter().find(|element| element.name == "VTKFile");
+    let file = file.ok_or_else(|| ImportError::missing(path, "VTKFile", "an element of this name"))?;
+    let order = if file.get("byte_order") == Some("BigEndian") { Order::Big } else { Order::Little };
+    let (count, found) = piece(content, &elements)?;
+    let expansion = if file.get("compressor").is_some() { MOST_EXPANSION } else { MOST_AS_TEXT };
+    let mut left = content.most().saturating_mul(expansion);
+    let mut arrays = Arrays::new(count);
+    for (number, (section, element)) in found.into_iter().enumerate() {
+        let name = element.get("Name").unwrap_or_default();
+        let entry = |name: &'static str| Entry { path, name, text: element.get(name).unwrap_or_default() };
+        let components: u64 = match element.get("NumberOfComponents") {
+            None => 1,
+            Some(_) => entry("NumberOfComponents").value("a number")?,
+        };
+        let is_points = section == Section::Points;
+        let kind = sample_type(entry("type"), XML_TYPES);
+        let kind = match kind {
+            Ok(kind) if (1..=MOST_COMPONENTS).contains(&components) && arrays.storages.len() < MOST_ARRAYS => kind,
+            Err(error) if is_points => return Err(error),
+            // Texts, and matrices of any size.
+            _ => {
+                arrays.left_out.push(name.chars().filter(|letter| !letter.is_control()).collect());
+                continue;
+            }
+        };
+        if is_points && components != 3 {
+            return Err(entry("NumberOfComponents").wrong("3, as points are in space"));
+        }
+        let grid = described(count, kind, components);
+        let bytes = grid.bytes().filter(|bytes| *bytes <= left);
+        let Some(bytes) = bytes else {
+            let expected = format!("no more than a file of {} bytes can hold", content.length);
+            return Err(ImportError::malformed(path, "NumberOfPoints", count, expected));
+        };
+        left -= bytes;
+        let VtkArray { storage, offset, order } = VtkArray::open(content, &elements, element, bytes, &grid, order)?;
+        let place = Place { storage: arrays.storages.len(), offset, number: kind, order, components };
+        arrays.storages.push(storage);
+        match is_points {
+            true => arrays.push_points(&place),
+            false => arrays.push(name, number, &place),
+        }
+    }
+    Ok(arrays)
+}
+
+/// Points in the one piece that has some, and the arrays of it.
+fn piece<'e>(content: &Content, elements: &'e [Element]) -> Result<(u64, Vec<(Section, &'e Element)>), ImportError> {
+    let path = &*content.path;
+    let mut points: Option<u64> = None;
+    let (mut is_read, mut section) = (false, Section::Other);
+    let mut found = Vec::new();
+    for element in elements {
+        match &*element.name {
+            "Piece" => {
+                let text = element.get("NumberOfPoints").unwrap_or_default();
+                let count: u64 = Entry { path, name: "NumberOfPoints", text }.value("a number of points")?;
+                is_read = count > 0;
+                if is_read && points.is_some() {
+                    return Err(ImportError::malformed(path, "Piece", "several", "one piece with points"));
+                }
+                points = points.or(is_read.then_some(count));
+                section = Section::Other;
+            }
+            "Points" => section = Section::Points,
+            "PointData" => section = Section::PointData,
+            "DataArray" if is_read && section != Section::Other => found.push((section, element)),
+            "DataArray" | "/DataArray" | "InformationKey" | "/InformationKey" | "Value" | "/Value" => {}
+            _ => section = Section::Other,
+        }
+    }
+    let none = || ImportError::NoParticles { path: path.into(), field: "NumberOfPoints".into() };
+    Ok((points.ok_or_else(none)?, found))
+}
+
+/// An array of `count` times `components` numbers, for messages.
+fn described(count: u64, kind: SampleType, components: u64) -> Grid {
+    Grid { dimensions: 1, ..Grid::volume([count, 1, 1], kind, Channel::numbered(components)) }
+}

@@ -1,0 +1,331 @@
+//! Catalogues as FITS tables, VOTable and ECSV: files that were written from the standards byte by byte hold what they should, plain and
+//! compressed, alone and as parts of one table, and damaged ones are errors that name the file.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use deepfield_data::import::{FieldKind, LoadOptions, Source, file_in, formats, grid_format, load, open, summarize};
+use deepfield_data::model::{FamilyName, ReadMethod};
+use flate2::{Compression, write::GzEncoder};
+use proptest::prelude::*;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Stars in the files that `make_catalogues.py` writes.
+const ROWS: u64 = 200;
+
+fn data(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data").join(name)
+}
+
+fn bytes_of(name: &str) -> Vec<u8> {
+    std::fs::read(data(name)).unwrap()
+}
+
+fn file(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+/// A frame of Zstandard whose blocks are the bytes themselves (RFC 8878, section 3.1.1).
+fn zstandard(bytes: &[u8]) -> Vec<u8> {
+    let mut frame = vec![0x28, 0xb5, 0x2f, 0xfd, 0, 0x58];
+    let blocks = bytes.chunks(1 << 15);
+    let last = blocks.len() - 1;
+    for (number, block) in blocks.enumerate() {
+        let header = u32::from(number == last) | (block.len() as u32) << 3;
+        frame.extend(&header.to_le_bytes()[..3]);
+        frame.extend(block);
+    }
+    frame
+}
+
+/// All values of a field, read some rows at a time.
+fn values(source: &dyn Source, name: &str) -> Vec<f64> {
+    let family = &source.description().families[0];
+    let field = family.named(name).unwrap_or_else(|| panic!("no {name}"));
+    let components = family.fields[field].components;
+    let mut all = Vec::new();
+    for start in (0..family.count).step_by(77) {
+        let range = start..family.count.min(start + 77);
+        let mut some = vec![0.0; (range.end - range.start) as usize * components];
+        source.read(0, field, range, &mut some).unwrap();
+        all.extend(some);
+    }
+    all
+}
+
+/// The message about a file, which is one line and names it.
+fn refused(path: &Path) -> String {
+    let text = open(path).err().unwrap_or_else(|| panic!("{} is opened", path.display())).to_string();
+    assert!(!text.contains('\n') && text.contains(&*path.file_name().unwrap().to_string_lossy()), "{text}");
+    text
+}
+
+/// Whether two lists are the same, where NaN stands for none.
+fn assert_same(found: &[f64], expected: impl Iterator<Item = f64>, what: &str) {
+    let expected: Vec<f64> = expected.collect();
+    assert_eq!(found.len(), expected.len(), "{what}");
+    for (row, (found, expected)) in found.iter().zip(expected).enumerate() {
+        assert!(*found == expected || found.is_nan() && expected.is_nan(), "{what} {row}: {found}, {expected}");
+    }
+}
+
+/// Looks whether a source holds the stars of `make_catalogues.py`; levels are `level` of a row.
+fn holds_the_stars(path: &Path, format: &str, level: fn(u64) -> f64) {
+    let source = open(path).unwrap();
+    let about = source.description();
+    assert_eq!((&*about.format, &*about.length_unit.0, about.families.len()), (format, "pc", 1), "{}", path.display());
+    assert_eq!((about.families[0].name, about.families[0].count), (FamilyName::Stars, ROWS));
+    let source = &*source;
+    let none = f64::NAN;
+    let parallax = |row: u64| if row == 7 { none } else { 2.0 + 0.25 * row as f64 };
+    let ra = |row: u64| 1.75 * row as f64;
+    let dec = |row: u64| -60.0 + 0.6 * row as f64;
+    assert_same(&values(source, "ra"), (0..ROWS).map(ra), "ra");
+    let written = values(source, "dec");
+    assert!(written.iter().zip(0..).all(|(found, row)| (found - dec(row)).abs() < 1e-12), "dec");
+    assert_same(&values(source, "parallax"), (0..ROWS).map(parallax), "parallax");
+    assert_same(&values(source, "flag"), (0..ROWS).map(|row| [1.0, 0.0, none][row as usize % 3]), "flag");
+    assert_same(&values(source, "level"), (0..ROWS).map(|row| if row % 10 == 9 { none } else { level(row) }), "level");
+    for (row, position) in values(source, "position").as_chunks::<3>().0.iter().enumerate() {
+        let (row, at) = (row as u64, glam::DVec3::from_array(*position));
+        // Back from the position to the direction.
+        let distance = 1000.0 / parallax(row);
+        assert_eq!(at.is_finite(), row != 7);
+        if row != 7 {
+            let angles = [at.y.atan2(at.x).to_degrees().rem_euclid(360.0), (at.z / at.length()).asin().to_degrees()];
+            assert!((at.length() / distance - 1.0).abs() < 1e-12 && (angles[0] - ra(row)).abs() < 1e-9, "{row}: {at}");
+            assert!((angles[1] - dec(row)).abs() < 1e-9, "{row}: {at}");
+        }
+    }
+    assert_eq!(load(path, &LoadOptions::default(), &()).unwrap().len() as u64, ROWS - 1);
+    assert_eq!(summarize(path).unwrap().skipped[0].count, 1);
+}
+
+#[test]
+fn stars_are_the_same_in_every_format_plain_and_compressed() {
+    let level: fn(u64) -> f64 = |row| 10.0 + 0.5 * row as f64;
+    // VOTable has no scale.
+    let doubled: fn(u64) -> f64 = |row| 20.0 + row as f64;
+    let folder = tempfile::tempdir().unwrap();
+    holds_the_stars(&data("catalogue.ecsv.zst"), "ecsv", level);
+    for (name, format, level) in [
+        ("catalogue.fits", "fits", level),
+        ("catalogue.vot", "votable", doubled),
+        ("catalogue2.vot", "votable", doubled),
+    ] {
+        let plain = bytes_of(name);
+        holds_the_stars(&data(name), format, level);
+        holds_the_stars(&file(folder.path(), "packed.gz", &gzip(&plain)), format, level);
+        holds_the_stars(&file(folder.path(), "packed.zst", &zstandard(&plain)), format, level);
+        assert_eq!(grid_format(&data(name)).unwrap(), None, "{name} is no image");
+    }
+}
+
+#[test]
+fn columns_of_fits_are_read_exactly() {
+    let source = open(&data("catalogue.fits")).unwrap();
+    let family = &source.description().families[0];
+    let ids = family.find(FieldKind::Id).unwrap();
+    let mut found = vec![0; ROWS as usize];
+    source.read_ids(0, ids, 0..ROWS, &mut found).unwrap();
+    assert!(found.iter().copied().eq((0..ROWS).map(|row| (1_u64 << 63) + (1 << 60) + row)));
+    let motion = (0..ROWS).flat_map(|row| [row as f64, -(row as f64), 0.5 * row as f64]);
+    assert_same(&values(&*source, "pm"), motion, "pm");
+    assert_same(&values(&*source, "bits"), (0..ROWS).map(|row| (row * 7 % 2048) as f64), "bits");
+    let unit = |name: &str| family.fields[family.named(name).unwrap()].unit.0.clone();
+    assert_eq!([unit("pm"), unit("level"), unit("flag")], ["mas/yr", "m", ""]);
+    let told = source.description().notes.join("; ");
+    assert!(told.contains("columns without numbers are left out: name, list, none"), "{told}");
+    // What is missing is no id.
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = bytes_of("catalogue.fits");
+    let at = bytes.windows(8).position(|card| card == b"TNULL7  ").unwrap();
+    let card = format!("TNULL1  = {:>20}", (1_i64 << 60) + 5);
+    bytes[at..at + card.len()].copy_from_slice(card.as_bytes());
+    let source = open(&file(folder.path(), "null.fits", &bytes)).unwrap();
+    let error = source.read_ids(0, ids, 5..6, &mut [0]).unwrap_err().to_string();
+    assert!(error.ends_with("id: found no number, expected whole numbers from 0"), "{error}");
+    assert!(values(&*source, "id")[5].is_nan());
+}
+
+/// A VOTable of elements with positions.
+fn elements(rows: &str) -> String {
+    format!(
+        "<VOTABLE xmlns:v='u'><RESOURCE><v:TABLE name='t'><FIELD name='x' datatype='double' unit='kpc'/>\
+         <FIELD name='y' datatype='float'/><FIELD name='z' datatype='int'><VALUES null='-1'/></FIELD>\
+         <FIELD name='note' datatype='unicodeChar' arraysize='*'/>\
+         <FIELD name='v' datatype='short' arraysize='2x1'/><DATA><TABLEDATA>{rows}</TABLEDATA></DATA></v:TABLE></RESOURCE></VOTABLE>"
+    )
+}
+
+#[test]
+fn elements_hold_numbers_and_what_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = "<TR><TD>1e3</TD><TD> -2.5 </TD><TD>0x1f</TD><TD>a &lt; b</TD><TD>3 4</TD></TR>\n\
+        <TR><TD>NaN</TD><TD/><TD>-1</TD><TD><![CDATA[<TD>]]></TD><TD></TD></TR>";
+    let source = open(&file(folder.path(), "t.vot", elements(rows).as_bytes())).unwrap();
+    assert_eq!(source.description().length_unit.0, "kpc");
+    assert_same(&values(&*source, "position"), [1e3, -2.5, 31.0, f64::NAN, f64::NAN, f64::NAN].into_iter(), "position");
+    assert_same(&values(&*source, "v"), [3.0, 4.0, f64::NAN, f64::NAN].into_iter(), "v");
+    for (rows, expected) in [
+        ("<TR><TD>1</TD></TR>", "row 1: found 1 values, expected 5"),
+        ("<TR><TD>a</TD></TR>", "x in row 1: found a, expected a number"),
+        ("<TR><TD>1</TD><TD>1</TD><TD>1</TD><TD/><TD>1</TD></TR>", "v in row 1: found 1, expected 2 numbers"),
+        ("<TR><TD>1</TD><TD>1</TD><TD>1</TD><TD/><TD/><TD/></TR>", "row 1: found more values"),
+        ("", "no particles"),
+    ] {
+        let told = refused(&file(folder.path(), "t.vot", elements(rows).as_bytes()));
+        assert!(told.contains(expected), "{told}");
+    }
+}
+
+#[test]
+fn what_is_not_read_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let fields = "<FIELD name='ra' datatype='double'/><FIELD name='dec' datatype='double'/>";
+    let table =
+        |data: &str| format!("<VOTABLE><RESOURCE><TABLE>{fields}<DATA>{data}</DATA></TABLE></RESOURCE></VOTABLE>");
+    for (text, expected) in [
+        (table("<FITS><STREAM href='a.fits'/></FITS>"), "DATA: found FITS, expected TABLEDATA, BINARY or BINARY2"),
+        (table("<BINARY><STREAM href='ftp://a'/></BINARY>"), "href of STREAM: found ftp://a"),
+        (table("<BINARY><STREAM encoding='gzip'>AA</STREAM></BINARY>"), "encoding of STREAM: found gzip"),
+        (table("<BINARY><STREAM encoding='base64'>AAAA</STREAM></BINARY>"), "row 1: found the end of STREAM"),
+        (table("").replace("double", "quad"), "datatype of ra: found quad"),
+        ("<VOTABLE><TABLE><FIELD name='a' datatype='int'/><TABLEDATA/></TABLE></VOTABLE>".into(), "in one of 1 tables"),
+        ("# %ECSV 1.0\n# ---\nra dec\n1 2\n".into(), "datatype: missing"),
+        (
+            "# %ECSV 1.0\n# datatype:\n# - {name: ra, datatype: float64}\n# - {name: dec, datatype: float64}\nra de\n1 2\n".into(),
+            "names of columns: found 2 (ra,de), expected those of the header, 2 (ra,dec)",
+        ),
+    ] {
+        let told = refused(&file(folder.path(), "t", text.as_bytes()));
+        assert!(told.contains(expected), "{told}");
+    }
+    let spaces = "# %ECSV 1.0\n# datatype:\n# - {name: ra, unit: hourangle, datatype: float64}\n\
+        # - {name: dec, unit: deg, datatype: float64}\nra dec\n6 0\n";
+    let source = open(&file(folder.path(), "t", spaces.as_bytes())).unwrap();
+    assert!((values(&*source, "position")[1] - 1.0).abs() < 1e-15);
+}
+
+/// Every file that ends too early is an error, wherever it ends.
+#[test]
+fn files_that_are_cut_are_refused_wherever_they_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let fits = bytes_of("catalogue.fits");
+    let data_end = fits.len() - 2880;
+    let vot = bytes_of("catalogue2.vot");
+    let rows = "<TR><TD>1</TD><TD>2</TD><TD>3</TD><TD>n</TD><TD>1 2</TD></TR>";
+    let text = elements(rows);
+    let text_end = text.find("</TABLEDATA>").unwrap() + 11;
+    let stream_end = vot.windows(9).position(|part| part == b"</STREAM>").unwrap();
+    let ecsv = bytes_of("catalogue.ecsv.zst");
+    // The bytes of each, where its headers end, and from where on it is whole; the first frame of the last is a table without rows.
+    let cases: [(&str, &[u8], usize, usize); 4] = [
+        ("a.fits", &fits, 14_400, data_end),
+        ("b.vot", &vot, 1500, stream_end),
+        ("c.vot", text.as_bytes(), text_end, text_end),
+        ("d.ecsv.zst", &ecsv, 1000, ecsv.len() - 1),
+    ];
+    for (name, bytes, header, end) in cases {
+        let path = file(folder.path(), name, bytes);
+        open(&path).unwrap();
+        let cut = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+        // Headers at every byte, what follows at some.
+        for length in (0..=end).rev().filter(|length| *length <= header || length % 37 == 0) {
+            cut.set_len(length as u64).unwrap();
+            refused(&path);
+        }
+    }
+}
+
+#[test]
+fn parts_of_a_table_are_one_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut whole = "ra,dec,parallax,name\n".to_owned();
+    for part in 0..3 {
+        let mut text = "ra,dec,parallax,name\n".to_owned();
+        for row in 0..50 {
+            let line = format!("{},{},{},{}\n", row * 7, row - 20, 1 + part, if part == 1 { "Vega" } else { "3" });
+            text.push_str(&line);
+            whole.push_str(&line);
+        }
+        let bytes = match part {
+            0 => text.into_bytes(),
+            1 => gzip(text.as_bytes()),
+            _ => zstandard(text.as_bytes()),
+        };
+        file(folder.path(), &format!("part_{part}"), &bytes);
+    }
+    let alone = tempfile::tempdir().unwrap();
+    let whole = open(&file(alone.path(), "whole", whole.as_bytes())).unwrap();
+    let parts = open(folder.path()).unwrap();
+    let about = parts.description();
+    assert_eq!((about.files, &*about.format, about.families[0].count), (3, "csv", 150));
+    assert!(about.notes.contains(&"one table in 3 files".into()), "{:?}", about.notes);
+    // A column that is text in one of them is none.
+    assert_eq!(about.families, whole.description().families);
+    for name in ["position", "ra", "dec", "parallax"] {
+        assert_same(&values(&*parts, name), values(&*whole, name).into_iter(), name);
+    }
+    // Another table beside them makes it a folder of several sources.
+    file(folder.path(), "other.csv", b"x,y,z\n1,2,3\n");
+    let told = file_in(folder.path(), &[]).unwrap_err().to_string();
+    assert!(told.contains("other.csv") && told.contains("part_0"), "{told}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(160))]
+
+    /// Whatever is written over a file, it is an error of one line or another table, all of which can be read.
+    #[test]
+    fn damaged_catalogues_are_errors_or_other_catalogues(
+        which in 0..4usize, packing in 0..3usize, cut in 0.3..1.5f64,
+        changes in prop::collection::vec((0.0..1.0f64, 0.0..4.0f64, any::<u8>()), 1..12),
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        let name = ["catalogue.fits", "catalogue.vot", "catalogue2.vot", "catalogue.ecsv.zst"][which];
+        let mut bytes = bytes_of(name);
+        // Damage within what is compressed as well as of the compressed.
+        let damage = |bytes: &mut Vec<u8>| {
+            for (at, power, byte) in &changes {
+                let at = (at.powf(1.0 + power) * bytes.len() as f64) as usize;
+                bytes[at] = *byte;
+            }
+            bytes.truncate((cut * bytes.len() as f64) as usize);
+        };
+        match packing {
+            1 => {
+                damage(&mut bytes);
+                bytes = zstandard(&bytes);
+            }
+            2 => {
+                bytes = gzip(&bytes);
+                damage(&mut bytes);
+            }
+            _ => damage(&mut bytes),
+        }
+        let path = file(folder.path(), "damaged", &bytes);
+        let one_line = |error: String| assert!(!error.contains('\n') && error.contains("damaged"), "{error}");
+        for format in formats().into_iter().filter(|format| ["FITS table", "VOTable", "ECSV table"].contains(&format.name())) {
+            match format.open(&path, ReadMethod::default()) {
+                Ok(source) => {
+                    let family = &source.description().families[0];
+                    for (index, field) in family.fields.iter().enumerate() {
+                        let mut values = vec![0.0; family.count as usize * field.components];
+                        source.read(0, index, 0..family.count, &mut values).unwrap();
+                    }
+                }
+                Err(error) => one_line(error.to_string()),
+            }
+        }
+        let _ = load(&path, &LoadOptions::default(), &()).map_err(|error| one_line(error.to_string()));
+    }
+}

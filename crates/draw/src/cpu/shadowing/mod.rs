@@ -1,0 +1,148 @@
+//! How opaque surfaces keep light from each other: ambient occlusion and soft shadows, found from depths.
+//!
+//! What draws a surface hands over a depth for each pixel; what is darkened are colours, and no value is. [`ambient_occlusion`] looks at the
+//! picture's own depths, [`shadows`] at those of the same scene as places of a lamp see it. Both depend on nothing but depths and settings,
+//! so that a picture is the same whenever it is drawn. What is beside the picture or behind something hides nothing from [`ambient_occlusion`].
+
+pub mod ambient_occlusion;
+mod depth_picture;
+pub mod shadows;
+
+#[cfg(test)]
+mod tests;
+
+use crate::color::Colors;
+use crate::cpu::paths::{PathFragment, PathFragments};
+use crate::view::View;
+use depth_picture::DepthPicture;
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// What is at least as opaque is a surface that others darken.
+const COVERS: f32 = 0.5;
+
+/// The lamp that casts shadows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lamp {
+    /// The direction to its middle, in the world's axes, a unit vector. It is far away.
+    pub toward: DVec3,
+    /// Its diameter as it is seen from the scene, radians; 0: a point.
+    pub size: f64,
+    /// Whether it is what surfaces are lit by, as steep as they face it (Lambert). Else they are lit from the eye, and it does no more than
+    /// cast shadows.
+    pub lights: bool,
+}
+
+/// How surfaces darken each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shadowing {
+    /// The share of a colour that is gone where ambient occlusion leaves no light, from 0 (none) to 1.
+    pub occlusion: f64,
+    /// What is further away occludes nothing, world units.
+    pub radius: f64,
+    /// The share of a lamp's light that is gone where it does not reach, from 0 (none) to 1.
+    pub shadows: f64,
+    /// The lamp; without one there are no shadows.
+    pub lamp: Option<Lamp>,
+    /// The share of light that comes from everywhere, from 0 to 1, which no shadow takes.
+    pub ambient: f64,
+    /// The diameter of all that is drawn, world units: nothing that casts shadows is further away.
+    pub scene: f64,
+    /// How far the surface of one picture may be from that of another picture of the same scene, world units.
+    pub slack: f64,
+}
+
+/// Draws the depths of the scene, pixel by pixel, from a view of a lamp; `None` where there is nothing in it.
+pub type Casters<'a> = dyn FnMut(&View) -> Option<Vec<f32>> + 'a;
+
+impl Shadowing {
+    /// Whether anything is darkened.
+    pub fn is_on(&self) -> bool {
+        self.occlusion > 0.0 || self.lamp_of_shadows().is_some()
+    }
+
+    /// The same for a scene that is so many times as large.
+    #[must_use]
+    pub fn scaled(self, size: f64) -> Shadowing {
+        let [radius, scene, slack] = [self.radius, self.scene, self.slack].map(|length| length * size);
+        Shadowing { radius, scene, slack, ..self }
+    }
+
+    fn lamp_of_shadows(&self) -> Option<Lamp> {
+        self.lamp.filter(|_| self.shadows > 0.0)
+    }
+
+    /// What each pixel's colour is multiplied by, row by row, where a view's picture has these depths (infinite where there is nothing).
+    /// `None` where there are not as many as pixels.
+    pub fn factors(&self, view: &View, depths: &[f32], casters: &mut Casters<'_>) -> Option<Vec<f32>> {
+        let picture = DepthPicture::new(view, depths)?;
+        let mut factors = match self.occlusion > 0.0 {
+            true => ambient_occlusion::open_shares(&picture, self.radius),
+            false => vec![1.0; depths.len()],
+        };
+        factors.par_iter_mut().for_each(|share| *share = 1.0 - self.occlusion as f32 * (1.0 - *share));
+        if let Some(lamp) = self.lamp_of_shadows() {
+            let reached = shadows::reached_shares(&picture, &lamp, (self.scene, self.slack), casters);
+            factors.par_iter_mut().zip(&reached).for_each(|(factor, reached)| {
+                *factor *= self.in_shadow(&lamp, *reached);
+            });
+        }
+        Some(factors)
+    }
+
+    /// What a colour is multiplied by where so much of a lamp reaches it.
+    fn in_shadow(&self, lamp: &Lamp, reached: shadows::Reached) -> f32 {
+        let ambient = self.ambient as f32;
+        let share = match lamp.lights {
+            // Of a colour times `ambient + (1 - ambient) cosine` the lamp's part.
+            true => {
+                let direct = (1.0 - ambient) * reached.cosine;
+                if direct > 0.0 { direct / (ambient + direct) } else { 0.0 }
+            }
+            false => 1.0 - ambient,
+        };
+        1.0 - self.shadows as f32 * share * (1.0 - reached.share)
+    }
+
+    /// Darkens the colours of a view's picture with these depths.
+    pub fn darken(&self, view: &View, depths: &[f32], colors: &mut Colors, casters: &mut Casters<'_>) {
+        let Some(factors) = self.factors(view, depths, casters) else { return };
+        colors.rgba.par_iter_mut().zip(&factors).for_each(|([r, g, b, _], factor)| {
+            [r, g, b].into_iter().for_each(|channel| *channel *= factor);
+        });
+    }
+
+    /// Darkens in each pixel of a view's picture the first fragment that covers it: what is in front of that is seen through, and neither
+    /// hides light nor is hidden.
+    pub fn darken_fragments(&self, view: &View, fragments: &mut PathFragments, casters: &mut Casters<'_>) {
+        let Some(factors) = self.factors(view, &covering_depths(fragments), casters) else { return };
+        let (size, side) = (fragments.size, fragments.side.max(1));
+        let across = size[0].div_ceil(side).max(1);
+        for (index, tile) in fragments.tiles.iter_mut().enumerate() {
+            let (left, top) = (index % across * side, index / across * side);
+            let width = side.min(size[0].saturating_sub(left)).max(1);
+            for (pixel, ends) in tile.starts.windows(2).enumerate() {
+                let (x, y) = (left + pixel % width, top + pixel / width);
+                let factor = factors.get(y * size[0] + x).copied().unwrap_or(1.0);
+                let own = tile.fragments.get_mut(ends[0] as usize..ends[1] as usize).unwrap_or_default();
+                if let Some(covering) = own.iter_mut().find(|fragment| covers(fragment)) {
+                    covering.color.iter_mut().for_each(|channel| *channel *= factor);
+                }
+            }
+        }
+    }
+}
+
+fn covers(fragment: &PathFragment) -> bool {
+    fragment.alpha >= COVERS
+}
+
+/// The depth of the first fragment of each pixel that covers it, row by row; infinite where none does.
+pub fn covering_depths(fragments: &PathFragments) -> Vec<f32> {
+    let [width, height] = fragments.size;
+    let depth = |index: usize| {
+        let covering = fragments.of(index % width, index / width).iter().find(|fragment| covers(fragment));
+        covering.map_or(f32::INFINITY, |fragment| fragment.depth)
+    };
+    (0..width * height).into_par_iter().map(depth).collect()
+}

@@ -1,0 +1,50 @@
+"""Builds page files, from files and from arrays."""
+
+import os
+from collections.abc import Mapping
+
+from . import _deepfield, asked, columns, dataset, notes
+
+
+def build(
+    source,
+    out,
+    memory=None,
+    progress=None,
+    *,
+    attributes=None,
+    families=None,
+    units=None,
+    family="gas",
+    box_size=None,
+    time=None,
+    redshift=None,
+):
+    """Builds the page file ``out`` and opens it.
+
+    ``source`` is a path, a list of paths (snapshots of a run), or arrays: a mapping of names to arrays, of one family named ``family``, or a
+    mapping of families to such mappings. ``positions`` (n, 3) has to be there; ``mass``, ``smoothing_length``, ``density`` (n) and
+    ``velocities`` (n, 3) mean what they say, and everything else of shape (n) or (n, 3) is an attribute. A smoothing length is the radius at
+    which a particle ends. What is missing is estimated, as of a file: masses are 1, smoothing lengths the distance to the 32nd neighbour.
+
+    Units come from ``units``, a mapping of names to texts, else from what arrays say of themselves (``.units``, ``.unit``). Nothing is
+    converted. ``box_size`` is the edge of a periodic box.
+
+    ``memory`` is what the build may take, in bytes or as "2GiB"; ``progress`` is called with the stage, the steps done and their number, some
+    times a second. What it raises, and Ctrl-C, end the build, and nothing is left behind.
+    """
+    out = os.fspath(out)
+    wanted = {"memory": asked.memory(memory), "attributes": attributes and list(attributes), "families": families and list(families)}
+    if isinstance(source, Mapping):
+        wanted["said"] = {"box_size": box_size, "time": time, "redshift": redshift}
+        nested = bool(source) and all(isinstance(fields, Mapping) for fields in source.values())
+        found = columns.columns(source if nested else {family: source}, units or {})
+        told = _deepfield.build_arrays(found, out, asked.text(wanted), progress)
+    else:
+        said = {"units": units, "box_size": box_size, "time": time, "redshift": redshift}
+        given = [name for name, value in said.items() if value is not None]
+        if given:
+            raise _deepfield.Error(f"{given[0]}: found files, expected arrays: files say that of themselves")
+        told = _deepfield.build_files(dataset.paths_of(source), out, asked.text(wanted), progress)
+    notes.tell(told)
+    return dataset.open(out)

@@ -1,0 +1,91 @@
+"""Finished pictures: colours, numbers, and what they mean."""
+
+import functools
+import json
+import os
+import tempfile
+
+import numpy as np
+
+from . import _deepfield
+
+
+class Picture:
+    """A picture.
+
+    ``rgba`` are its colours, uint8 (height, width, 4), gamma-encoded, row 0 at the top; ``channels`` its numbers by name: ``P`` and, where an
+    attribute gives the hue, ``S`` (NaN where nothing was drawn) of modes that add up, linear premultiplied ``R``, ``G``, ``B``, ``A`` of the
+    others, and of heights also ``depth``, ``x``, ``y``, ``height``, ``row``, ``column`` and ``coverage``. ``units`` are those of P and S.
+
+    ``extent`` is (left, right, lower, upper) of a picture with parallel lines of sight, from its middle along its own right and up, in
+    ``unit``: what matplotlib's ``imshow`` takes. It is None of a perspective picture, whose pixels have no size of their own.
+    """
+
+    def __init__(self, native, notes=()):
+        about = json.loads(native.about)
+        self._native = native
+        self.notes = list(notes)
+        self.about = about
+        self.mode = about["mode"]
+        self.attribute = about["attribute"]
+        self.unit = about["unit"] or ""
+        self.units = {name: unit for name, unit in about["units"].items() if unit is not None}
+        self.extent = None if about["extent"] is None else tuple(about["extent"])
+        self.view = {name: np.array(vector) for name, vector in about["view"].items()}
+        self.converged = about["converged"]
+
+    @functools.cached_property
+    def rgba(self):
+        """Colours, uint8 (height, width, 4)."""
+        return self._native.rgba()
+
+    @functools.cached_property
+    def channels(self):
+        """Numbers by name, (height, width) each."""
+        return self._native.channels()
+
+    @property
+    def size(self):
+        """Width and height, pixels."""
+        height, width = self.rgba.shape[:2]
+        return width, height
+
+    @property
+    def pixel_area(self):
+        """The area of a pixel of a picture with parallel lines of sight, square of ``unit``."""
+        if self.extent is None:
+            return None
+        left, right, lower, upper = self.extent
+        width, height = self.size
+        return (right - left) / width * (upper - lower) / height
+
+    def png(self):
+        """The bytes of its PNG, those of the program's file."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "picture.png")
+            self._native.write_png(path)
+            with open(path, "rb") as file:
+                return file.read()
+
+    def save(self, path):
+        """Writes a file: its colours as .png, its channels as .npz."""
+        path = os.fspath(path)
+        if path.endswith(".png"):
+            self._native.write_png(path)
+        elif path.endswith(".npz"):
+            np.savez(path, **self.channels)
+        else:
+            raise _deepfield.Error(f"{path}: expected a name that ends in .png or .npz")
+
+    def _repr_png_(self):
+        return self.png()
+
+    def __array__(self, dtype=None, copy=None):
+        array = self.rgba if dtype is None else self.rgba.astype(dtype)
+        return array.copy() if copy and array is self.rgba else array
+
+    def __repr__(self):
+        width, height = self.size
+        units = "".join(f", {name} in {unit}" for name, unit in self.units.items() if unit)
+        hue = f" of {self.attribute}" if self.attribute else ""
+        return f"<picture {width} x {height}: {self.mode}{hue}{units}>"

@@ -1,0 +1,136 @@
+//! What datasets hold, as JSON.
+
+use crate::cache;
+use crate::error::Failure;
+use crate::work::State;
+use deepfield_draw::heights::OpenHeights;
+use deepfield_draw::heights::import::HeightOptions;
+use deepfield_draw::import::{GridOptions, open_grid};
+use deepfield_draw::look::{DataKind, Member, MemberKind, OpenData};
+use deepfield_draw::model::{Bounds, Grid, Moment, ReadMethod};
+use deepfield_draw::store::{AttributeInfo, FamilyMetadata, GridFile};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// What datasets hold together. Sources of particles are built into the cache first, unless they are there.
+///
+/// # Errors
+/// When they cannot be read or built.
+pub fn about(members: &[Member], state: &State) -> Result<Value, Failure> {
+    match members {
+        [] => Err("open: found no path, expected at least one".into()),
+        all if all.iter().all(|member| member.kind() == MemberKind::Particles) => of_particles(all, state),
+        [only] if only.kind() == MemberKind::Heights => of_heights(&only.path),
+        [only] => of_field(&only.path),
+        _ => Ok(json!({ "kind": "mixed", "unit": "", "bounds": null, "families": [] })),
+    }
+}
+
+fn of_particles(members: &[Member], state: &State) -> Result<Value, Failure> {
+    let built = |path: &Path| -> Result<PathBuf, Failure> { cache::page_file(path, state) };
+    let opened = OpenData::open(members, ReadMethod::default(), built)?;
+    let (file, notes) = opened.at(Moment::default())?;
+    notes.into_iter().for_each(|note| state.note(note));
+    let metadata = file.metadata();
+    let provenance = &metadata.provenance;
+    Ok(json!({
+        "kind": if opened.run().is_some() { "run" } else { "particles" },
+        "unit": metadata.length_unit,
+        "mass_unit": metadata.mass_unit,
+        "bounds": corners(metadata.bounds()),
+        "count": metadata.particles(),
+        "time": provenance.time,
+        "redshift": provenance.redshift,
+        "box_size": provenance.box_size,
+        "steps": opened.run().map(|run| run.times().times.clone()),
+        "notes": provenance.notes,
+        "families": metadata.families.iter().map(family).collect::<Vec<_>>(),
+    }))
+}
+
+fn family(family: &FamilyMetadata) -> Value {
+    json!({
+        "name": family.name,
+        "count": family.count,
+        "mass": family.mass,
+        "bounds": corners(family.bounds),
+        "fields": family.quantities.iter().chain(&family.attributes).map(field).collect::<Vec<_>>(),
+    })
+}
+
+fn field(field: &AttributeInfo) -> Value {
+    let histogram = &field.histogram;
+    json!({
+        "name": field.name,
+        "unit": field.unit,
+        "min": field.min,
+        "max": field.max,
+        "mean": field.mean,
+        "missing": field.missing,
+        "histogram": {
+            "logarithmic": histogram.logarithmic,
+            "min": histogram.min,
+            "max": histogram.max,
+            "counts": histogram.counts,
+        },
+    })
+}
+
+fn corners(bounds: Bounds) -> Option<[[f64; 3]; 2]> {
+    (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()])
+}
+
+/// An image or a volume: one family of all samples, whose channels are its fields. Their ranges are not known without reading all of it.
+fn of_field(path: &Path) -> Result<Value, Failure> {
+    let grid: Grid = match DataKind::of(path)? {
+        DataKind::Grid => GridFile::open(path, ReadMethod::default())?.about().grid.clone(),
+        _ => open_grid(path, &GridOptions::default())?.grid().clone(),
+    };
+    let count = grid.shape.iter().fold(1_u64, |count, side| count.saturating_mul(*side));
+    let channels = grid.channels.iter().map(|channel| json!({ "name": channel.name, "unit": channel.unit }));
+    Ok(json!({
+        "kind": grid.kind(),
+        "unit": grid.length_unit,
+        "bounds": corners(grid.bounds()),
+        "count": count,
+        "shape": &grid.shape[..grid.dimensions.min(3)],
+        "families": [{
+            "name": grid.kind(),
+            "count": count,
+            "bounds": corners(grid.bounds()),
+            "fields": channels.collect::<Vec<_>>(),
+        }],
+    }))
+}
+
+/// Measured heights: one family of all samples with one field.
+fn of_heights(path: &Path) -> Result<Value, Failure> {
+    let found = OpenHeights::for_pictures(path, &HeightOptions::default())?.0.summary()?;
+    let ends = [0, 1].map(|axis| {
+        let last = [found.columns, found.rows][axis].saturating_sub(1) as f64;
+        let (first, other) = (found.origin[axis], found.origin[axis] + last * found.spacing[axis]);
+        [first.min(other), first.max(other)]
+    });
+    let bounds = [[ends[0][0], ends[1][0], found.min], [ends[0][1], ends[1][1], found.max]];
+    Ok(json!({
+        "kind": "heights",
+        "unit": found.xy_unit,
+        "bounds": bounds,
+        "count": found.samples,
+        "shape": [found.columns, found.rows],
+        "notes": found.notes,
+        "families": [{
+            "name": "heights",
+            "count": found.valid,
+            "bounds": bounds,
+            "fields": [{
+                "name": "height",
+                "unit": found.height_unit,
+                "min": found.min,
+                "max": found.max,
+                "mean": found.mean,
+                "missing": found.samples - found.valid,
+            }],
+        }],
+    }))
+}

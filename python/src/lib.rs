@@ -1,0 +1,35 @@
+//! deepfield for Python: the native part of the package `deepfield`, over the one drawing path of files, tours and windows.
+//!
+//! What is asked comes as JSON and what is told goes back as JSON, so that it is described once, by the types that the program reads and
+//! writes; arrays and callables alone cross over as objects of Python. Work is done away from the interpreter ([`work`]), by the processor
+//! alone.
+
+mod about;
+mod arrays;
+mod building;
+mod cache;
+mod dataset;
+mod error;
+mod opening;
+mod picture;
+mod request;
+mod work;
+
+use pyo3::prelude::*;
+
+/// The native part of deepfield.
+#[pymodule]
+mod _deepfield {
+    #[pymodule_export]
+    use crate::building::build_arrays;
+    #[pymodule_export]
+    use crate::building::build_files;
+    #[pymodule_export]
+    use crate::dataset::Dataset;
+    #[pymodule_export]
+    use crate::dataset::open;
+    #[pymodule_export]
+    use crate::error::Error;
+    #[pymodule_export]
+    use crate::picture::Picture;
+}

@@ -1,0 +1,165 @@
+//! The picture that is asked for, from what Python says of it.
+
+use crate::error::Failure;
+use deepfield_draw::build::default_memory;
+use deepfield_draw::color::composite::Background;
+use deepfield_draw::color::transfer::{TransferFunction, presets};
+use deepfield_draw::cpu::Method;
+use deepfield_draw::look::{Attribute, Backend, CameraConfig, DataKind, LookPatch, Member, PictureConfig, Shot};
+use deepfield_draw::mode::{Mode, Setting, SettingValue, lod_budget};
+use deepfield_draw::model::{FamilyName, When};
+use deepfield_draw::modes;
+use deepfield_draw::picture::SessionOptions;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// The largest picture, pixels along a side.
+const LARGEST: u32 = 32_768;
+
+/// A picture as Python asks for it. What it does not say is the configuration's, and what that does not say the program's own.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Asked {
+    /// Settings in RON, as `deepfield render --config` reads them.
+    config: Option<String>,
+    /// What messages call these.
+    config_name: String,
+    /// Visualization mode.
+    mode: Option<String>,
+    /// The attribute that gives the hue.
+    attribute: Option<String>,
+    /// The one family that is drawn.
+    family: Option<FamilyName>,
+    /// Width and height, pixels.
+    size: Option<(u32, u32)>,
+    /// Where the camera stands.
+    camera: CameraConfig,
+    /// Whether every source particle is drawn at full precision.
+    exact: bool,
+    /// Largest displacement of a particle on screen, pixels.
+    error_px: Option<f64>,
+    /// Name or file of a transfer function.
+    transfer: Option<String>,
+    /// What is behind the picture.
+    background: Option<Background>,
+    /// When, of a run.
+    time: Option<String>,
+    /// Bytes that what is read may take.
+    memory: Option<u64>,
+    /// Settings of the mode.
+    settings: BTreeMap<String, SettingValue>,
+}
+
+impl Asked {
+    /// The shot, and how the datasets are opened and drawn; they get the families that are asked for.
+    ///
+    /// # Errors
+    /// What makes no sense, with what was expected.
+    pub fn request(&self, members: &mut [Member]) -> Result<(Shot, SessionOptions), Failure> {
+        self.check()?;
+        let config = match &self.config {
+            Some(text) => PictureConfig::parse(&self.config_name, text)?,
+            None => PictureConfig::default(),
+        };
+        let PictureConfig { look, volume, family, size, camera, projection, stereo, catalogue, residency, .. } = config;
+        let look = self.look(look, volume)?;
+        if let (Some(_), [only]) = (look.time, &*members)
+            && DataKind::of(&only.path)? != DataKind::Run
+        {
+            return Err(format!("{}: time: found one moment alone, expected a run", only.path.display()).into());
+        }
+        for member in members.iter_mut() {
+            member.families = look.families.clone();
+        }
+        let shot = Shot {
+            look,
+            camera: camera.then(self.camera),
+            size: self.size.or(size),
+            surround: projection,
+            stereo,
+            labels: catalogue,
+            ..Shot::default()
+        };
+        let budget = residency.budget_mib.map(|mebibytes| mebibytes << 20);
+        let options = SessionOptions {
+            named: members.first().map(|member| member.path.clone()).unwrap_or_default(),
+            family: self.family.or(family),
+            backend: Some(Backend::Cpu),
+            exact: self.exact.then_some(Method::Pyramid),
+            memory: self.memory,
+            page_memory: Some(self.memory.or(budget).unwrap_or_else(default_memory)),
+            chunk_memory: budget,
+            // A picture of several views, or among other data, has no numbers.
+            raw: !shot.is_projected() && matches!(&*members, [only] if only.is_of_heights()),
+            ..SessionOptions::default()
+        };
+        Ok((shot, options))
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        if let Some((width, height)) = self.size
+            && ![width, height].iter().all(|side| (1..=LARGEST).contains(side))
+        {
+            return Err(format!("size: found {width} x {height}, expected 1 to {LARGEST} pixels").into());
+        }
+        let positive =
+            [("error_px", self.error_px), ("camera: fov", self.camera.fov), ("camera: ortho", self.camera.ortho)];
+        for (name, value) in positive {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return Err(format!("{name}: found {value}, expected a number greater than 0").into());
+            }
+        }
+        Ok(())
+    }
+
+    /// The look, over that of the configuration, which says `volume` of what volumes emit and absorb.
+    fn look(&self, mut look: LookPatch, volume: Option<TransferFunction>) -> Result<LookPatch, Failure> {
+        let find = |name: &String| {
+            let expected = || format!("mode: found {name}, expected one of {}", modes::names());
+            modes::find(name).ok_or_else(expected)
+        };
+        let named = self.mode.as_ref().map(find).transpose()?;
+        if named.or(look.mode).is_some_and(|mode| mode.is_light() && !mode.takes_surfaces()) {
+            look.transfer = volume;
+        }
+        if let Some(mode) = named {
+            // A configuration's settings are those of its mode.
+            (look.mode, look.settings) = (named, look.settings.of_mode(mode));
+        }
+        let transfer = self.transfer.as_ref().map(|name| TransferFunction::named(name, presets::folder().as_deref()));
+        let mut look = look.then(&LookPatch {
+            attribute: self.attribute.clone().map(Attribute::Named),
+            transfer: transfer.transpose()?,
+            error_px: self.error_px,
+            background: self.background,
+            time: self.time.as_deref().map(str::parse::<When>).transpose()?,
+            ..LookPatch::default()
+        });
+        for (name, value) in &self.settings {
+            let setting = setting(look.mode, name, value)?;
+            let values = if lod_budget::is_common(name) { &mut look.budget } else { &mut look.settings };
+            values.set(setting, value.clone());
+        }
+        Ok(look)
+    }
+}
+
+/// The setting of that name that takes this value: the mode's, or where none is named that of any mode.
+fn setting(mode: Option<&'static Mode>, name: &str, value: &SettingValue) -> Result<&'static Setting, Failure> {
+    let possible = mode.map_or_else(modes::all, |mode| vec![mode]);
+    let known: Vec<&'static Setting> = possible.iter().flat_map(|mode| mode.all_settings()).collect();
+    let named: Vec<&'static Setting> = known.iter().copied().filter(|setting| setting.name == name).collect();
+    let Some(first) = named.first() else {
+        let mut names: Vec<&str> = known.iter().map(|setting| setting.name).collect();
+        names.sort_unstable();
+        names.dedup();
+        let whose = mode.map_or("no mode", |mode| mode.name);
+        let has = if mode.is_some() { "has no setting" } else { "has a setting" };
+        return Err(format!("{whose} {has} {name}, expected {}", names.join(", ")).into());
+    };
+    if let Some(takes) = named.iter().copied().find(|setting| setting.check(value).is_ok()) {
+        return Ok(takes);
+    }
+    first.check(value)?;
+    Ok(*first)
+}

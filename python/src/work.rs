@@ -1,0 +1,172 @@
+//! Long work away from the interpreter, which meanwhile runs other threads, hears Ctrl-C and is told how far the work has come.
+//!
+//! The work has a thread of its own; the thread that called attends to the interpreter until it ends. What reports progress is stopped by
+//! unwinding from its next report, since progress has no answer: everything that the library leaves behind on its way is removed by its
+//! owners, as on any error.
+
+use crate::error::{Failure, told};
+use deepfield_draw::model::Progress;
+use deepfield_draw::picture::Reporter;
+use pyo3::prelude::*;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// How often the interpreter is attended to.
+const PERIOD: Duration = Duration::from_millis(50);
+
+/// Stack of the work's thread, bytes: as much as a program's first thread usually has.
+const STACK: usize = 8 << 20;
+
+/// With what stopped work is unwound.
+struct Stopped;
+
+/// How far work has come, what it has to tell, and whether anybody waits for it.
+#[derive(Default)]
+pub struct State {
+    /// The stage, and how many steps it takes; 0 where that is not known.
+    stage: Mutex<(String, u64)>,
+    done: AtomicU64,
+    is_stopped: AtomicBool,
+    notes: Mutex<Vec<String>>,
+}
+
+impl State {
+    /// Set where nobody waits any more.
+    pub fn stop(&self) -> &AtomicBool {
+        &self.is_stopped
+    }
+
+    /// Keeps a sentence for the user.
+    pub fn note(&self, note: String) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note);
+    }
+
+    fn take_notes(&self) -> Vec<String> {
+        std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Unwinds where nobody waits any more.
+    fn go_on(&self) {
+        if self.is_stopped.load(Ordering::Relaxed) && !std::thread::panicking() {
+            resume_unwind(Box::new(Stopped));
+        }
+    }
+
+    /// Lets signals be handled, and tells `progress` the stage, the steps done and their number.
+    fn attend(&self, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()> {
+        py.check_signals()?;
+        let Some(progress) = progress else { return Ok(()) };
+        let (stage, total) = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        if !stage.is_empty() {
+            progress.call1(py, (stage, self.done.load(Ordering::Relaxed), total))?;
+        }
+        Ok(())
+    }
+}
+
+impl Progress for State {
+    fn begin(&self, stage: &str, total: u64) {
+        self.go_on();
+        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), total);
+        self.done.store(0, Ordering::Relaxed);
+    }
+
+    fn advance(&self, n: u64) {
+        self.go_on();
+        self.done.fetch_add(n, Ordering::Relaxed);
+    }
+
+    fn say(&self, line: &str) {
+        self.note(line.to_owned());
+    }
+}
+
+/// The progress of a state that somebody else owns.
+struct Shared<'a>(&'a State);
+
+impl Progress for Shared<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.0.begin(stage, total);
+    }
+
+    fn advance(&self, n: u64) {
+        self.0.advance(n);
+    }
+
+    fn say(&self, line: &str) {
+        self.0.say(line);
+    }
+}
+
+impl Reporter for State {
+    fn tell(&self, message: String) {
+        self.note(message);
+    }
+
+    fn progress(&self) -> Box<dyn Progress + '_> {
+        Box::new(Shared(self))
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.is_stopped.load(Ordering::Relaxed)
+    }
+}
+
+/// Does the work, and gives what came of it with what there was to tell. `progress` is called with the stage, the steps done and their
+/// number, some times a second; what it raises ends the work, as Ctrl-C does.
+///
+/// # Errors
+/// [`crate::error::Error`] where the work fails; else what a signal handler or `progress` raises.
+pub fn run<T: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send,
+) -> PyResult<(T, Vec<String>)> {
+    let state = Arc::new(State::default());
+    let (ended, interruption) = py.detach(|| attended(&state, progress.as_ref(), job));
+    match (ended, interruption) {
+        (_, Some(interruption)) => Err(interruption),
+        (Ok(Ok(found)), None) => Ok((found, state.take_notes())),
+        (Ok(Err(failure)), None) => Err(told(failure)),
+        (Err(panic), None) => resume_unwind(panic),
+    }
+}
+
+/// How work ended: what came of it, or with what it was unwound.
+type Ended<T> = Result<Result<T, Failure>, Box<dyn Any + Send>>;
+
+/// Does the work on a thread, and attends to the interpreter until it ends; also says what interrupted it.
+fn attended<T: Send>(
+    state: &Arc<State>,
+    progress: Option<&Py<PyAny>>,
+    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send,
+) -> (Ended<T>, Option<PyErr>) {
+    std::thread::scope(|scope| {
+        let (ends, ended) = channel::<()>();
+        let work = move || {
+            // Goes when the work has ended, however it does.
+            let _ends = ends;
+            catch_unwind(AssertUnwindSafe(|| job(state)))
+        };
+        let named = std::thread::Builder::new().name("deepfield".into()).stack_size(STACK);
+        let worker = match named.spawn_scoped(scope, work) {
+            Ok(worker) => worker,
+            Err(error) => return (Ok(Err(format!("starting a thread: {error}").into())), None),
+        };
+        let mut interruption = None;
+        while ended.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
+            if interruption.is_some() {
+                continue;
+            }
+            if let Err(error) = Python::attach(|py| state.attend(py, progress)) {
+                state.is_stopped.store(true, Ordering::Relaxed);
+                interruption = Some(error);
+            }
+        }
+        (worker.join().flatten(), interruption)
+    })
+}

@@ -1,0 +1,239 @@
+"""The package `deepfield`, as it is imported: `python -m unittest discover python/tests`.
+
+DEEPFIELD_PROGRAM names the program that pictures and files are compared with; without it these tests are skipped.
+"""
+
+import math
+import os
+import pathlib
+import signal
+import subprocess
+import tempfile
+import threading
+import unittest
+import warnings
+
+import numpy as np
+
+import deepfield
+
+PROGRAM = os.environ.get("DEEPFIELD_PROGRAM")
+# All of the unit cube, and what reaches out of it.
+ABOVE = {"eye": (0.5, 0.5, 9.0), "target": (0.5, 0.5, 0.5), "up": (0.0, 1.0, 0.0), "ortho": 1.5}
+
+
+def particles(count=3000, seed=7):
+    """Particles in a unit cube, of single and double precision, in order and strided."""
+    random = np.random.default_rng(seed)
+    interleaved = random.random((count, 2))
+    return {
+        "positions": random.random((count, 3)),
+        "mass": (0.5 + interleaved[:, 0]),
+        "smoothing_length": (0.02 + 0.06 * interleaved[:, 1]).astype(np.float32),
+        "temperature": np.exp(random.normal(8.0, 1.0, count)),
+    }
+
+
+class WithFolder(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        caught = warnings.catch_warnings()
+        caught.__enter__()
+        self.addCleanup(caught.__exit__, None, None, None)
+        warnings.simplefilter("ignore", deepfield.Note)
+
+    def refused(self, pattern, work, *arguments, **settings):
+        """A failure is one line that says what was expected."""
+        with self.assertRaisesRegex(deepfield.Error, pattern) as caught:
+            work(*arguments, **settings)
+        self.assertNotIn("\n", str(caught.exception))
+
+
+class OfArrays(WithFolder):
+    def setUp(self):
+        super().setUp()
+        self.arrays = particles()
+        units = {"positions": "kpc", "mass": "Msun", "temperature": "K"}
+        self.data = deepfield.build(self.arrays, self.folder / "box.df", units=units)
+
+    def test_a_column_density_holds_the_mass(self):
+        mass = self.arrays["mass"].sum()
+        picture = self.data.render(ABOVE, (96, 96), "column-density", attribute="temperature")
+        column = picture.channels["P"]
+        self.assertEqual((column.dtype, column.shape), (np.float32, (96, 96)))
+        self.assertTrue(picture.converged)
+        found = column.sum(dtype=np.float64) * picture.pixel_area
+        self.assertLess(abs(found / mass - 1.0), 1e-3)
+        # S is the mean of temperature along the line of sight, weighted with mass.
+        hue = np.nansum(column * picture.channels["S"], dtype=np.float64) * picture.pixel_area / mass
+        mean = (self.arrays["mass"] * self.arrays["temperature"]).sum() / mass
+        self.assertLess(abs(hue / mean - 1.0), 2e-3)
+        self.assertEqual(picture.units["S"], "K")
+        self.assertIn("kpc", picture.units["P"])
+        np.testing.assert_allclose(picture.extent, (-0.75, 0.75, -0.75, 0.75))
+        # The arrays may be gone: an exact picture would ask them again.
+        self.refused("arrays", self.data.render, ABOVE, (96, 96), "column-density", exact=True)
+
+    def test_right_is_right_and_row_0_is_at_the_top(self):
+        corner = {"positions": np.array([[0.9, 0.8, 0.5], [0.1, 0.1, 0.5]]), "mass": np.array([8.0, 1.0]), "smoothing_length": 0.05}
+        picture = deepfield.build(corner, self.folder / "corner.df").render(ABOVE, (60, 60), "column-density")
+        row, column = np.unravel_index(np.argmax(picture.channels["P"]), (60, 60))
+        left, _, _, upper = picture.extent
+        edge = math.sqrt(picture.pixel_area)
+        self.assertLess(abs(left + (column + 0.5) * edge - 0.4), 2 * edge)
+        self.assertLess(abs(upper - (row + 0.5) * edge - 0.3), 2 * edge)
+
+    def test_what_is_told_of_fields_is_what_numpy_says(self):
+        gas = self.data.families["gas"]
+        self.assertEqual((self.data.kind, self.data.unit, list(self.data.families)), ("particles", "kpc", ["gas"]))
+        self.assertEqual(gas.count, len(self.arrays["mass"]))
+        np.testing.assert_allclose(self.data.bounds[0], self.arrays["positions"].min(axis=0))
+        np.testing.assert_allclose(self.data.bounds[1], self.arrays["positions"].max(axis=0))
+        for name in ("temperature", "mass", "smoothing_length"):
+            field, values = gas.fields[name.replace("_", "-")], self.arrays[name]
+            np.testing.assert_allclose([field.min, field.max, field.mean], [values.min(), values.max(), values.mean()], rtol=1e-5)
+            histogram = field.histogram
+            self.assertEqual(histogram.counts.sum(), len(values))
+            self.assertEqual(len(histogram.edges), len(histogram.counts) + 1)
+        self.assertIn("3 000", repr(self.data))
+
+    def test_a_probe_sums_what_numpy_sums(self):
+        center, radius = np.array([0.4, 0.5, 0.6]), 0.3
+        inside = np.linalg.norm(self.arrays["positions"] - center, axis=1) <= radius
+        found = self.data.probe(sphere=(*center, radius), shells=4)
+        (family,) = found["families"]
+        doubt = family["uncertain"]
+        self.assertLessEqual(abs(found["count"] - int(inside.sum())), doubt["count"])
+        self.assertLess(doubt["count"], 30)
+        mass = self.arrays["mass"][inside].sum()
+        self.assertLessEqual(abs(found["mass"] - mass), doubt["mass"] + 1e-3 * mass)
+        self.assertEqual(len(found["profile"]["shells"]), 4)
+        warm = self.data.probe(where={"temperature": (3000.0, None)}, fields=["temperature"])
+        self.assertLessEqual(abs(warm["count"] - int((self.arrays["temperature"] >= 3000.0).sum())), 5)
+
+    def test_pictures_have_colours_and_files(self):
+        picture = self.data.render(size=(80, 50), mode="points", radius=3.0, background="transparent")
+        self.assertEqual((picture.rgba.dtype, picture.rgba.shape, picture.size), (np.uint8, (50, 80, 4), (80, 50)))
+        self.assertLess(picture.rgba[..., 3].min(), 255)
+        self.assertIsNone(picture.extent)
+        picture.save(self.folder / "points.png")
+        content = (self.folder / "points.png").read_bytes()
+        self.assertTrue(content.startswith(b"\x89PNG") and content == picture._repr_png_())
+        picture.save(self.folder / "points.npz")
+        with np.load(self.folder / "points.npz") as channels:
+            np.testing.assert_array_equal(channels["P"], picture.channels["P"])
+        np.testing.assert_array_equal(np.asarray(picture), picture.rgba)
+        # A configuration's text says the same as names do.
+        text = '(mode: "points", settings: {"radius": 3.0}, size: (80, 50), background: "transparent")'
+        np.testing.assert_array_equal(self.data.render(config=text).rgba, picture.rgba)
+
+    def test_mistakes_are_told(self):
+        render = self.data.render
+        self.refused("no such|os error", deepfield.open, self.folder / "absent.df")
+        self.refused("pionts, expected one of column-density", render, mode="pionts")
+        self.refused("points has no setting radios", render, mode="points", radios=3.0)
+        self.refused("radius is 99", render, mode="points", radius=99)
+        self.refused("size: found 0 x 10", render, size=(0, 10))
+        self.refused("camera: eye", render, camera={"eye": (0.0, 1.0)})
+        self.refused("fov and ortho", render, camera={"fov": 20, "ortho": 1})
+        self.refused("expected a run", render, time=3.0)
+        self.refused("config:1:", render, config="(moed: 3)")
+        self.refused("memory: found 'much'", render, memory="much")
+        self.refused("a page file of particles, expected a source", deepfield.build, self.folder / "box.df", self.folder / "b.df")
+        arrays, out = self.arrays, self.folder / "wrong.df"
+        for pattern, wrong in [
+            ("positions: missing", {"mass": arrays["mass"]}),
+            (r"expected \(n, 3\)", {**arrays, "positions": arrays["positions"][:, :2]}),
+            ("found 2999 particles, expected 3000", {**arrays, "mass": arrays["mass"][1:]}),
+            ("expected numbers", {**arrays, "name": np.array(["a"] * 3000)}),
+            ("found mass twice", {**arrays, "masses": arrays["mass"]}),
+            ("no particles", {"positions": np.empty((0, 3))}),
+        ]:
+            self.refused(pattern, deepfield.build, wrong, out)
+        self.refused("expected kpc|expected Mpc", deepfield.build, arrays, out, units={"positions": "Mpc", "smoothing_length": "kpc"})
+        self.refused("family Gas", deepfield.build, arrays, out, family="Gas")
+        self.assertFalse(out.exists())
+
+    def test_what_progress_raises_and_ctrl_c_end_a_build_and_nothing_is_left(self):
+        class Enough(Exception):
+            pass
+
+        stages = []
+
+        def enough(stage, done, total):
+            stages.append(stage)
+            self.assertTrue(0 <= done and (done <= total or total == 0))
+            if not stage.startswith("reading"):
+                raise Enough
+
+        # Nothing is estimated, so that the file is being built for most of the time.
+        random = np.random.default_rng(3)
+        count = 400_000
+        arrays = {"positions": random.random((count, 3)), "mass": 1.0, "density": random.random(count), "smoothing_length": 0.01}
+        folder = self.folder / "stopped"
+        folder.mkdir()
+        with self.assertRaises(Enough):
+            deepfield.build(arrays, folder / "box.df", progress=enough)
+        self.assertFalse(stages[-1].startswith("reading"))
+        self.assertEqual(list(folder.iterdir()), [])
+        # That the timer's thread runs at all says that others do meanwhile.
+        threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+        with self.assertRaises(KeyboardInterrupt):
+            deepfield.build(arrays, folder / "box.df")
+        self.assertEqual(list(folder.iterdir()), [])
+
+    def test_several_families_and_units_of_arrays(self):
+        class Quantity(np.ndarray):
+            units = "Mpc"
+
+        random = np.random.default_rng(5)
+        stars = {"positions": random.random((50, 3)).view(Quantity), "mass": 2, "velocities": random.random((50, 3)), "age": np.arange(50)}
+        dark = {"positions": np.asfortranarray(random.random((70, 3))), "mass": np.full(70, 3, dtype=np.int32)}
+        data = deepfield.build({"stars": stars, "dark": dark}, self.folder / "two.df")
+        self.assertEqual({name: family.count for name, family in data.families.items()}, {"dark": 70, "stars": 50})
+        self.assertEqual(data.unit, "Mpc")
+        speed = np.linalg.norm(stars["velocities"], axis=1)
+        field = data.families["stars"].fields["speed"]
+        np.testing.assert_allclose([field.min, field.max], [speed.min(), speed.max()], rtol=1e-6)
+        self.assertAlmostEqual(data.families["stars"].mass + data.families["dark"].mass, 2 * 50 + 3 * 70, places=3)
+
+
+@unittest.skipUnless(PROGRAM, "DEEPFIELD_PROGRAM names no program")
+class LikeTheProgram(WithFolder):
+    def program(self, *arguments):
+        subprocess.run([PROGRAM, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+
+    def setUp(self):
+        super().setUp()
+        arrays = particles(2000)
+        self.source = self.folder / "box.csv"
+        table = np.column_stack([arrays["positions"], arrays["mass"], arrays["smoothing_length"], arrays["temperature"]])
+        header = "x,y,z,mass,smoothing_length,temperature"
+        np.savetxt(self.source, table, delimiter=",", header=header, comments="")
+
+    def test_files_and_pictures_are_the_same_byte_for_byte(self):
+        own, other = self.folder / "own.df", self.folder / "other.df"
+        data = deepfield.build(self.source, own)
+        self.program("build", self.source, "-o", other)
+        self.assertEqual(own.read_bytes(), other.read_bytes())
+        camera = ["--eye", "0.5,0.5,9", "--target", "0.5,0.5,0.5", "--up", "0,1,0", "--ortho", "1.5"]
+        for mode, settings in [("column-density", {}), ("points", {"radius": 4.0}), ("density-squared", {"presence": 100})]:
+            file = self.folder / f"{mode}.png"
+            said = [text for name, value in settings.items() for text in ("--set", f"{name}={value}")]
+            self.program("render", own, "-o", file, "--backend", "cpu", "--size", "120x80", "--mode", mode, *camera, *said)
+            self.assertEqual(data.render(ABOVE, (120, 80), mode, **settings).png(), file.read_bytes(), mode)
+
+    def test_exact_pictures_ask_the_source(self):
+        data = deepfield.build(self.source, self.folder / "box.df")
+        raw = self.folder / "raw.npy"
+        camera = ["--eye", "0.5,0.5,9", "--target", "0.5,0.5,0.5", "--up", "0,1,0", "--ortho", "1.5"]
+        self.program("render", self.source, "-o", self.folder / "a.png", "--raw", raw, "--backend", "cpu", "--size", "64x64",
+                     "--mode", "column-density", "--exact", *camera)
+        found = data.render(ABOVE, (64, 64), "column-density", exact=True).channels["P"]
+        np.testing.assert_array_equal(found, np.load(raw))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,182 @@
+//! GenericIO: arrays of several processes in either byte order, with and without places of arrays, in one file or behind a map.
+
+use super::hostile::survives_at;
+use super::writers::file;
+use super::{message, read_all};
+use deepfield::import::{FieldKind, open};
+use proptest::prelude::*;
+
+/// How a file is written.
+#[derive(Clone, Copy, Debug)]
+struct Style {
+    big: bool,
+    /// With a table of where arrays are, and of how they are compressed.
+    blocks: bool,
+    filter: &'static str,
+}
+
+/// A variable: its name, its flags, its size, and the bytes of a number as they are in memory.
+type Variable<'a> = (&'a str, u64, usize, &'a dyn Fn(usize) -> Vec<u8>);
+
+/// The checksum bit by bit.
+fn checksum(bytes: &[u8]) -> u64 {
+    !bytes.iter().fold(u64::MAX, |sum, byte| {
+        (0..8).fold(sum ^ u64::from(*byte), |sum, _| (sum >> 1) ^ if sum & 1 == 1 { 0xc96c_5795_d787_0f42 } else { 0 })
+    })
+}
+
+fn closed(mut bytes: Vec<u8>) -> Vec<u8> {
+    bytes.extend((!checksum(&bytes)).to_le_bytes());
+    bytes
+}
+
+/// A file in which processes have `counts` rows of the variables, one process after the other.
+fn written(style: Style, variables: &[Variable], counts: &[usize]) -> Vec<u8> {
+    let word = |bytes: &[u8]| -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        if style.big {
+            bytes.reverse();
+        }
+        bytes
+    };
+    let numbers =
+        |numbers: &[u64]| -> Vec<u8> { numbers.iter().flat_map(|number| word(&number.to_le_bytes())).collect() };
+    let (variable_count, process_count) = (variables.len() as u64, counts.len() as u64);
+    let variables_start = 168;
+    let processes_start = variables_start + 280 * variable_count;
+    let blocks_start = processes_start + 48 * process_count;
+    let block_size = if style.blocks { 48 } else { 0 };
+    let length = blocks_start + block_size * variable_count * process_count;
+    let mut header = if style.big { b"HACC01B\0".to_vec() } else { b"HACC01L\0".to_vec() };
+    let total = counts.iter().sum::<usize>() as u64;
+    header.extend(numbers(&[length, total, process_count, 1, 1, variable_count, 280, variables_start]));
+    header.extend(numbers(&[process_count, 48, processes_start, 168]));
+    header.extend(numbers(&[0.0f64, 0.0, 0.0, 64.0, 64.0, 64.0].map(f64::to_bits)));
+    header.extend(numbers(&[block_size, if style.blocks { blocks_start } else { 0 }]));
+    for (name, flags, size, _) in variables {
+        let mut name = name.as_bytes().to_vec();
+        name.resize(256, 0);
+        header.extend(name);
+        header.extend(numbers(&[*flags, *size as u64, *size as u64]));
+    }
+    let (mut data, mut blocks) = (Vec::new(), Vec::new());
+    let mut row = 0;
+    for (process, count) in counts.iter().enumerate() {
+        header.extend(numbers(&[process as u64, 0, 0, *count as u64, length + 8 + data.len() as u64, process as u64]));
+        for (_, _, size, value) in variables {
+            let mut filter = style.filter.as_bytes().to_vec();
+            filter.resize(32, 0);
+            blocks.extend(filter);
+            blocks.extend(numbers(&[length + 8 + data.len() as u64, (count * size) as u64]));
+            data.extend(closed((row..row + count).flat_map(|row| word(&value(row))).collect()));
+        }
+        row += count;
+    }
+    if style.blocks {
+        header.extend(blocks);
+    }
+    assert_eq!(header.len() as u64, length);
+    [closed(header), data].concat()
+}
+
+/// Variables of HACC's particles in places from `first` on.
+fn particles(style: Style, counts: &[usize], first: usize) -> Vec<u8> {
+    let place = move |factor: f32| move |row: usize| (factor * (first + row) as f32).to_le_bytes().to_vec();
+    let id = |row: usize| ((1u64 << 62) + (first + row) as u64).to_le_bytes().to_vec();
+    let mask = |row: usize| ((first + row) as u16).to_le_bytes().to_vec();
+    let (x, y, z, speed) = (place(1.0), place(0.5), place(0.25), place(-1.0));
+    let variables: [Variable; 8] = [
+        ("x", 5, 4, &x),
+        ("y", 9, 4, &y),
+        ("z", 17, 4, &z),
+        ("vx", 1, 4, &speed),
+        ("vy", 1, 4, &x),
+        ("vz", 1, 4, &y),
+        ("id", 2, 8, &id),
+        ("mask", 0, 2, &mask),
+    ];
+    written(style, &variables, counts)
+}
+
+const STYLE: Style = Style { big: false, blocks: false, filter: "" };
+
+proptest! {
+    #![proptest_config(crate::cases::cases(32))]
+
+    #[test]
+    fn what_is_written_comes_back(
+        counts in prop::collection::vec(0..7usize, 1..5),
+        others in prop::option::of(prop::collection::vec(0..5usize, 1..4)),
+        (big, blocks) in any::<(bool, bool)>(),
+        step in 1..6u64,
+    ) {
+        let style = Style { big, blocks, filter: "" };
+        let folder = tempfile::tempdir().unwrap();
+        let total: usize = counts.iter().chain(others.iter().flatten()).sum();
+        prop_assume!(total > 0);
+        // A map has the file of every process.
+        let first: usize = counts.iter().sum();
+        let path = match &others {
+            None => file(folder.path(), "m000.gio", &particles(style, &counts, 0)),
+            Some(others) => {
+                file(folder.path(), "m000.gio#0", &particles(style, &counts, 0));
+                file(folder.path(), "m000.gio#1", &particles(style, others, first));
+                let rank = |row: usize| (row as i32).to_le_bytes().to_vec();
+                let partition = |row: usize| i32::from(row >= counts.len()).to_le_bytes().to_vec();
+                let variables: [Variable; 2] = [("$rank", 2, 4, &rank), ("$partition", 2, 4, &partition)];
+                file(folder.path(), "m000.gio", &written(style, &variables, &[counts.len() + others.len()]))
+            }
+        };
+        let source = open(&path).unwrap();
+        let about = source.description();
+        prop_assert_eq!((&*about.format, about.box_size, about.particles()), ("generic-io", Some(64.0), total as u64));
+        let read = |name: &str| read_all(source.as_ref(), 0, name, step);
+        let vectors = |of: fn(f64) -> [f64; 3]| (0..total).flat_map(|row| of(row as f64)).collect::<Vec<_>>();
+        prop_assert_eq!(read("position"), vectors(|row| [row, 0.5 * row, 0.25 * row]));
+        prop_assert_eq!(read("velocity"), vectors(|row| [-row, row, 0.5 * row]));
+        prop_assert_eq!(read("mask"), (0..total).map(|row| row as f64).collect::<Vec<_>>());
+        let info = &about.families[0];
+        let mut ids = vec![0; total];
+        source.read_ids(0, info.find(FieldKind::Id).unwrap(), 0..info.count, &mut ids).unwrap();
+        prop_assert_eq!(ids, (0..total as u64).map(|row| (1 << 62) + row).collect::<Vec<_>>());
+    }
+
+    /// With the header's checksum made right, as no mutation would get past it.
+    #[test]
+    fn damage_is_survived(
+        mutations in super::hostile::mutations(),
+        at in prop::option::of(0.0..1.0f64),
+        blocks in any::<bool>(),
+    ) {
+        let style = Style { blocks, ..STYLE };
+        let mut bytes = particles(style, &[5, 0, 3], 0);
+        let length = u64::from_le_bytes(bytes[8..16].try_into().unwrap()) as usize;
+        // What says how long the header is stays, as the checksum stands behind it.
+        let kept = bytes[..16].to_vec();
+        super::hostile::mutate(&mut bytes[..length], &mutations);
+        bytes[..16].copy_from_slice(&kept);
+        let header = closed(bytes[..length].to_vec());
+        bytes[..length + 8].copy_from_slice(&header);
+        bytes.truncate(at.map_or(bytes.len(), |at| (at * bytes.len() as f64) as usize));
+        let folder = tempfile::tempdir().unwrap();
+        survives_at(&file(folder.path(), "hostile", &bytes))?;
+    }
+}
+
+#[test]
+fn shortened_compressed_and_altered_files_are_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |bytes: &[u8]| {
+        let path = file(folder.path(), "m000", bytes);
+        message(&open(&path).err().unwrap(), &path)
+    };
+    let bytes = particles(STYLE, &[3, 2], 0);
+    for length in 0..bytes.len() {
+        refused(&bytes[..length]);
+    }
+    let mut altered = bytes;
+    altered[200] ^= 1;
+    assert!(refused(&altered).contains("checksum"));
+    let packed = particles(Style { blocks: true, filter: "BLOSC", ..STYLE }, &[3], 0);
+    assert!(refused(&packed).contains("BLOSC"));
+}
