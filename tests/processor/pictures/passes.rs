@@ -133,7 +133,9 @@ fn is_the_same(data: &Data, change: &dyn Fn(&mut Shot), (mode, surround): (&str,
         assert_eq!(counts(&picture), counts(&expected), "{about}");
         assert_eq!(session.ranges(&shot.look, &camera, format).unwrap().levels, levels, "{about}");
         let held = session.residency();
-        assert!(held.most_bytes <= held.budget_bytes && held.budget_bytes == budget, "{about}: {held:?}");
+        // A root is read whatever the budget: of two trees, beside what is being listed of the other.
+        let most = held.budget_bytes + held.budget_bytes / 16;
+        assert!(held.most_bytes <= most && held.budget_bytes == budget, "{about}: {held:?}");
     }
     told.is_of_memory_alone();
 }
