@@ -1,5 +1,5 @@
 //! Pictures of more pages than there is memory for: sums are drawn in passes and volumes in slabs, and are what they are with all pages at once;
-//! what is held never exceeds its budget. All else is drawn coarser, and told.
+//! what is held keeps to its budget, but for a root where that is tiny. All else is drawn coarser, and told.
 
 use deepfield::build::{self, BuildOptions};
 use deepfield::color::Accumulation;
@@ -133,8 +133,8 @@ fn is_the_same(data: &Data, change: &dyn Fn(&mut Shot), (mode, surround): (&str,
         assert_eq!(counts(&picture), counts(&expected), "{about}");
         assert_eq!(session.ranges(&shot.look, &camera, format).unwrap().levels, levels, "{about}");
         let held = session.residency();
-        // A root is read whatever the budget: of two trees, beside what is being listed of the other.
-        let most = held.budget_bytes + held.budget_bytes / 16;
+        // A root is read whatever the budget: in the smallest one it may come on top of what is being listed of another tree.
+        let most = if budget == BUDGETS[0] { budget + budget / 16 } else { budget };
         assert!(held.most_bytes <= most && held.budget_bytes == budget, "{about}: {held:?}");
     }
     told.is_of_memory_alone();

@@ -222,15 +222,10 @@ impl Residency {
         }
         while let Some(&page) = self.missed.front() {
             if self.may_load(page) {
-                if !self.make_room(self.tree.page_memory(page), Demand::Miss) {
-                    if !self.tree.is_root(page) {
-                        self.exceed();
-                        return None;
-                    }
-                    // A root is read whatever the budget, but what is being read may make room for it once it is there.
-                    if !self.loading.is_empty() {
-                        return None;
-                    }
+                let is_root = self.tree.is_root(page);
+                if !self.make_room(self.tree.page_memory(page), Demand::Miss) && !is_root {
+                    self.exceed();
+                    return None;
                 }
                 self.missed.pop_front();
                 return Some(self.begin(page, Demand::Miss));
