@@ -152,7 +152,7 @@ impl Stated {
         };
         let is_comoving = unit.contains("(comoving");
         // `Mpc / h (comoving)`; what is in brackets is no part of a unit's name.
-        let plain = unit.split('(').next().unwrap_or_default().replace(' ', "");
+        let plain: String = unit.split('(').next().unwrap_or_default().split_whitespace().collect();
         let is_name = |text: &str| text.len() <= 40 && text.chars().all(|c| c.is_ascii_graphic());
         if plain.is_empty() || !is_name(&plain) {
             return;
