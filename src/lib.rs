@@ -4,7 +4,7 @@
 //! packages of their own ([`deepfield_data`], [`deepfield_draw`]) and stand here again, so that this is all a user of
 //! the library names. `crates/data/tests/rooms.rs` holds all of them, and the rooms within `window`, to their order.
 
-pub use deepfield_data::{build, codec, hierarchy, import, model, store, synth};
+pub use deepfield_data::{build, codec, columnar, hierarchy, import, model, store, synth};
 pub use deepfield_draw::heights;
 pub use deepfield_draw::{annotate, color, cpu, explore, look, mode, modes, picture, stream, tour, view};
 

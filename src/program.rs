@@ -1,32 +1,10 @@
 //! The program as a value: what another crate adds to deepfield, and the command line that it is started with.
 
-use crate::commands::{self, Command};
-use crate::heights::import::height_names;
+use crate::commands::{demo, description};
 use crate::import::{self, Format};
 use crate::mode::Mode;
 use crate::modes;
-use clap::{CommandFactory, FromArgMatches, Parser};
 use std::process::ExitCode;
-
-/// Explore huge point data, sampled grids and measured heights: snapshots, star catalogues, images, volumes, surfaces, and their
-/// hierarchies on disk.
-///
-/// Without a command, deepfield opens its demo dataset in a window, or renders it to a file where there is no display.
-#[derive(Parser)]
-#[command(
-    version,
-    after_help = "Examples:
-  deepfield                                        the demo dataset
-  deepfield view snapshot_099.hdf5                 look around in a snapshot
-  deepfield render snapshot_099.hdf5 -o halo.png   the same picture without a window
-  deepfield info snapshot_099.hdf5                 what the file holds
-  deepfield build head.nrrd -o head.df             an image or a volume, as oriented points over its samples
-  deepfield view surface.sur                       measured heights: turn them, read samples, draw profiles"
-)]
-struct CommandLine {
-    #[command(subcommand)]
-    command: Option<Command>,
-}
 
 /// deepfield, with modes, formats and plugins of other crates. All that names modes or recognises files knows them: the
 /// command line, RON files, panels, scenes, tours and followers.
@@ -75,9 +53,9 @@ impl Program {
         }
         #[cfg(feature = "viewer")]
         crate::gpu::environment::prepare();
-        let outcome = match command_line() {
+        let outcome = match description::parse() {
             Some(command) => command.run(),
-            None => commands::demo::run(),
+            None => demo::run(),
         };
         match outcome {
             Ok(()) => ExitCode::SUCCESS,
@@ -102,20 +80,6 @@ impl Program {
 fn is_unread(error: &(dyn std::error::Error + Send + Sync + 'static)) -> bool {
     let bare = error.downcast_ref::<std::io::Error>();
     bare.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe && error.raw_os_error().is_some())
-}
-
-/// The command that is asked for; leaves the program where there is a mistake, or help was asked for.
-fn command_line() -> Option<Command> {
-    let command = CommandLine::command();
-    let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-    let [modes, particles] = [modes::names(), import::names()];
-    let [grids, heights] = [import::grid::grid_names(), height_names()];
-    let known = format!(
-        "{examples}\n\nModes: {modes}\nFormats of particles: {particles}\nFormats of images and volumes: {grids}\n\
-         Formats of heights: {heights}"
-    );
-    let matches = command.after_help(known).get_matches();
-    CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command
 }
 
 #[cfg(all(test, unix))]

@@ -1,8 +1,8 @@
-//! Tables: CSV, ECSV, VOTable, FITS, KStars, GeoJSON, XYZ and LAMMPS dumps, plain and compressed.
+//! Tables: CSV, ECSV, VOTable, FITS, Parquet, KStars, GeoJSON, XYZ and LAMMPS dumps, plain and compressed.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    for format in ["CSV", "ECSV", "VOTable", "FITS table", "KStars", "GeoJSON", "XYZ", "LAMMPS"] {
+    for format in ["CSV", "ECSV", "VOTable", "FITS table", "Parquet", "KStars", "GeoJSON", "XYZ", "LAMMPS"] {
         deepfield_fuzz::import(format, bytes);
     }
 });

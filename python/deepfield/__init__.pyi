@@ -1,15 +1,39 @@
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, Literal, Self, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 _Path: TypeAlias = str | os.PathLike[str]
 _Place: TypeAlias = Sequence[float]
-_Progress: TypeAlias = Callable[[str, int, int], object]
+_Progress: TypeAlias = Callable[[str, int, int], object] | bool
+_Where: TypeAlias = Mapping[str, tuple[float | None, float | None]]
+_Part: TypeAlias = slice | tuple[int, int]
 _Setting: TypeAlias = bool | float | str | Sequence[float] | Sequence[str]
+
+__all__ = [
+    "Camera",
+    "Data",
+    "Error",
+    "Family",
+    "Field",
+    "Histogram",
+    "Note",
+    "PhaseDiagram",
+    "Picture",
+    "Scene",
+    "Table",
+    "Tour",
+    "TransferFunction",
+    "build",
+    "color_map",
+    "color_maps",
+    "modes",
+    "open",
+    "transfer_functions",
+]
 
 __version__: str
 
@@ -38,6 +62,95 @@ class Histogram:
     counts: NDArray[np.uint64]
     edges: NDArray[np.float64]
     logarithmic: bool
+    weights: NDArray[np.float64] | None = None
+    field: str = ""
+    unit: str = ""
+    weight: str = "count"
+    weight_unit: str = ""
+    about: dict[str, Any] = ...
+
+@dataclass(frozen=True, eq=False)
+class PhaseDiagram:
+    counts: NDArray[np.uint64]
+    weights: NDArray[np.float64]
+    x_edges: NDArray[np.float64]
+    y_edges: NDArray[np.float64]
+    fields: tuple[str, str]
+    units: tuple[str, str]
+    logarithmic: tuple[bool, bool]
+    weight: str
+    weight_unit: str
+    about: dict[str, Any]
+
+class Table:
+    units: dict[str, str]
+    about: dict[str, Any]
+    @property
+    def columns(self) -> list[str]: ...
+    def keys(self) -> KeysView[str]: ...
+    def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[str]: ...
+    def __contains__(self, name: object) -> bool: ...
+    @overload
+    def __getitem__(self, which: str) -> NDArray[Any]: ...
+    @overload
+    def __getitem__(self, which: int | slice | NDArray[Any]) -> Table: ...
+    def to_pandas(self) -> Any: ...
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+
+class _Text:
+    path: str | None
+    @classmethod
+    def from_ron(cls, text: str, name: str | None = None) -> Self: ...
+    def to_ron(self) -> str: ...
+    @classmethod
+    def read(cls, path: _Path) -> Self: ...
+    def write(self, path: _Path) -> None: ...
+    @property
+    def fields(self) -> dict[str, Any]: ...
+    def asked(self) -> dict[str, Any]: ...
+    def replace(self, **changes: Any) -> Self: ...
+    def __getattr__(self, name: str) -> Any: ...
+    def __eq__(self, other: object) -> bool: ...
+    __hash__: ClassVar[None]  # type: ignore[assignment]
+
+class TransferFunction(_Text):
+    def __init__(self, **fields: Any) -> None: ...
+    @classmethod
+    def named(cls, name: _Path) -> Self: ...
+
+class Scene(_Text):
+    def __init__(self, data: Data | _Path | Iterable[_Path] | None = None, **fields: Any) -> None: ...
+
+class Tour(_Text):
+    def __init__(self, **fields: Any) -> None: ...
+    @classmethod
+    def around(cls, seconds: float = 10.0) -> Self: ...
+    def render(
+        self,
+        data: Data,
+        out: _Path,
+        size: tuple[int, int] | None = None,
+        fps: float | None = None,
+        *,
+        start: float | None = None,
+        end: float | None = None,
+        pattern: str | None = None,
+        error_px: float | None = None,
+        memory: int | str | None = None,
+        progress: _Progress | None = None,
+    ) -> list[str]: ...
+    def scene(
+        self, data: Data, time: float, size: tuple[int, int] | None = None, progress: _Progress | None = None
+    ) -> Scene: ...
+    def picture(
+        self,
+        data: Data,
+        time: float,
+        size: tuple[int, int] | None = None,
+        progress: _Progress | None = None,
+        **settings: Any,
+    ) -> Picture: ...
 
 @dataclass(frozen=True, eq=False)
 class Field:
@@ -77,6 +190,8 @@ class Picture:
     def pixel_area(self) -> float | None: ...
     def png(self) -> bytes: ...
     def save(self, path: _Path) -> None: ...
+    def imshow(self, ax: Any = None, channel: str | None = None, colorbar: bool = True, **settings: Any) -> Any: ...
+    def show(self, ax: Any = None, **settings: Any) -> Any: ...
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
 
 class Data:
@@ -92,6 +207,7 @@ class Data:
     box_size: float | None
     steps: NDArray[np.float64] | None
     notes: list[str]
+    modes: list[str]
     families: dict[str, Family]
     def render(
         self,
@@ -103,19 +219,32 @@ class Data:
         error_px: float | None = None,
         *,
         family: str | None = None,
-        transfer: _Path | None = None,
+        transfer: TransferFunction | _Path | None = None,
         background: str | None = None,
         time: float | str | None = None,
         memory: int | str | None = None,
         config: _Path | None = None,
+        scene: Scene | Mapping[str, Any] | _Path | None = None,
         progress: _Progress | None = None,
         **settings: _Setting,
     ) -> Picture: ...
+    def widget(
+        self,
+        mode: str | None = None,
+        attribute: str | None = None,
+        size: tuple[int, int] = (720, 480),
+        camera: Camera | Mapping[str, Any] | None = None,
+        time: float | str | None = None,
+        *,
+        error_px: float = 0.8,
+        budget: float = 0.1,
+        **asked: Any,
+    ) -> Any: ...
     def probe(
         self,
         sphere: Sequence[float] | None = None,
         box: Sequence[float] | None = None,
-        where: Mapping[str, tuple[float | None, float | None]] | None = None,
+        where: _Where | None = None,
         families: Iterable[str] | None = None,
         *,
         fields: Iterable[str] | None = None,
@@ -126,7 +255,116 @@ class Data:
         time: float | str | None = None,
         progress: _Progress | None = None,
     ) -> dict[str, Any]: ...
+    def select(
+        self,
+        sphere: Sequence[float] | None = None,
+        box: Sequence[float] | None = None,
+        ids: ArrayLike | None = None,
+        where: _Where | None = None,
+        families: str | Iterable[str] | None = None,
+        fields: Iterable[str] | None = None,
+        *,
+        exact: bool = False,
+        wrap: bool = True,
+        time: float | str | None = None,
+        memory: int | str | None = None,
+        progress: _Progress | None = None,
+    ) -> Table: ...
+    def tracks(
+        self,
+        sphere: Sequence[float] | None = None,
+        box: Sequence[float] | None = None,
+        ids: ArrayLike | None = None,
+        where: _Where | None = None,
+        families: str | Iterable[str] | None = None,
+        fields: Iterable[str] | None = None,
+        *,
+        start: float | str | None = None,
+        end: float | str | None = None,
+        memory: int | str | None = None,
+        progress: _Progress | None = None,
+    ) -> Table: ...
+    def histogram(
+        self,
+        field: str,
+        bins: int = 100,
+        weight: str = "mass",
+        range: Sequence[float] | None = None,
+        log: bool | None = None,
+        *,
+        sphere: Sequence[float] | None = None,
+        box: Sequence[float] | None = None,
+        where: _Where | None = None,
+        families: str | Iterable[str] | None = None,
+        exact: bool = False,
+        wrap: bool = True,
+        time: float | str | None = None,
+        error: float | None = None,
+        progress: _Progress | None = None,
+    ) -> Histogram: ...
+    def phase(
+        self,
+        x: str,
+        y: str,
+        bins: int | tuple[int, int] = (256, 256),
+        weight: str = "mass",
+        ranges: Sequence[Sequence[float] | None] = (None, None),
+        log: bool | tuple[bool | None, bool | None] | None = None,
+        *,
+        sphere: Sequence[float] | None = None,
+        box: Sequence[float] | None = None,
+        where: _Where | None = None,
+        families: str | Iterable[str] | None = None,
+        exact: bool = False,
+        wrap: bool = True,
+        time: float | str | None = None,
+        error: float | None = None,
+        progress: _Progress | None = None,
+    ) -> PhaseDiagram: ...
+    def profile(
+        self,
+        sphere: Sequence[float],
+        shells: int = 50,
+        fields: str | Iterable[str] = (),
+        log: bool = True,
+        *,
+        box: Sequence[float] | None = None,
+        where: _Where | None = None,
+        families: str | Iterable[str] | None = None,
+        exact: bool = False,
+        wrap: bool = True,
+        time: float | str | None = None,
+        error: float | None = None,
+        progress: _Progress | None = None,
+    ) -> Table: ...
+    def array(
+        self, level: int = 0, stored: bool = False, *, memory: int | str | None = None, progress: _Progress | None = None
+    ) -> NDArray[Any]: ...
+    @overload
+    def heights(
+        self,
+        rows: _Part | None = None,
+        columns: _Part | None = None,
+        coordinates: Literal[False] = False,
+        *,
+        memory: int | str | None = None,
+        progress: _Progress | None = None,
+    ) -> NDArray[np.float64]: ...
+    @overload
+    def heights(
+        self,
+        rows: _Part | None = None,
+        columns: _Part | None = None,
+        *,
+        coordinates: Literal[True],
+        memory: int | str | None = None,
+        progress: _Progress | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 
+def color_map(name: str, count: int = 256) -> NDArray[np.float32]: ...
+def color_maps() -> dict[str, str]: ...
+def modes() -> list[str]: ...
+def transfer_functions() -> list[str]: ...
 def open(path: _Path | Iterable[_Path], progress: _Progress | None = None) -> Data: ...
 def build(
     source: _Path | Iterable[_Path] | Mapping[str, ArrayLike] | Mapping[str, Mapping[str, ArrayLike]],

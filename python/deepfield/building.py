@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 
-from . import _deepfield, asked, columns, dataset, notes
+from . import _deepfield, asked, columns, dataset, notes, progress as progresses
 
 
 def build(
@@ -31,7 +31,7 @@ def build(
     converted. ``box_size`` is the edge of a periodic box.
 
     ``memory`` is what the build may take, in bytes or as "2GiB"; ``progress`` is called with the stage, the steps done and their number, some
-    times a second. What it raises, and Ctrl-C, end the build, and nothing is left behind.
+    times a second, or True for a bar. What it raises, and Ctrl-C, end the build, and nothing is left behind.
     """
     out = os.fspath(out)
     wanted = {"memory": asked.memory(memory), "attributes": attributes and list(attributes), "families": families and list(families)}
@@ -39,12 +39,14 @@ def build(
         wanted["said"] = {"box_size": box_size, "time": time, "redshift": redshift}
         nested = bool(source) and all(isinstance(fields, Mapping) for fields in source.values())
         found = columns.columns(source if nested else {family: source}, units or {})
-        told = _deepfield.build_arrays(found, out, asked.text(wanted), progress)
+        with progresses.teller(progress) as tell:
+            told = _deepfield.build_arrays(found, out, asked.text(wanted), tell)
     else:
         said = {"units": units, "box_size": box_size, "time": time, "redshift": redshift}
         given = [name for name, value in said.items() if value is not None]
         if given:
             raise _deepfield.Error(f"{given[0]}: found files, expected arrays: files say that of themselves")
-        told = _deepfield.build_files(dataset.paths_of(source), out, asked.text(wanted), progress)
+        with progresses.teller(progress) as tell:
+            told = _deepfield.build_files(dataset.paths_of(source), out, asked.text(wanted), tell)
     notes.tell(told)
     return dataset.open(out)

@@ -7,18 +7,11 @@ import os
 
 import numpy as np
 
-from . import _deepfield, asked, notes
+from . import _deepfield, asked, notes, progress as progresses, questions
 from .camera import Camera
+from .objects import Scene, TransferFunction
 from .picture import Picture
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Histogram:
-    """How the values of a field are distributed over its source particles."""
-
-    counts: np.ndarray
-    edges: np.ndarray
-    logarithmic: bool
+from .questions import Histogram
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -61,9 +54,10 @@ def open(path, progress=None):
     """Opens a source, a page file or a run; or a list of them, to be shown together.
 
     A source of particles is built into the user's cache first, where the program finds it, too, unless it is there already. ``progress`` is
-    called with the stage, the steps done and their number.
+    called with the stage, the steps done and their number; True shows a bar.
     """
-    native, told = _deepfield.open(paths_of(path), progress)
+    with progresses.teller(progress) as tell:
+        native, told = _deepfield.open(paths_of(path), tell)
     notes.tell(told)
     return Data(native)
 
@@ -72,9 +66,7 @@ def _histogram(found):
     if not found or not found["counts"]:
         return None
     counts = np.array(found["counts"], dtype=np.uint64)
-    ends = (found["min"], found["max"], len(counts) + 1)
-    edges = np.geomspace(*ends) if found["logarithmic"] else np.linspace(*ends)
-    return Histogram(counts, edges, found["logarithmic"])
+    return Histogram(counts, questions.edges({**found, "bins": len(counts)}), found["logarithmic"])
 
 
 def _field(found):
@@ -95,7 +87,7 @@ class Data:
     """Open data.
 
     ``kind`` is ``particles``, ``run``, ``image``, ``volume``, ``heights`` or ``mixed``; ``families`` are by name; ``bounds`` are the smallest
-    and the largest coordinates, (2, 3), in ``unit``.
+    and the largest coordinates, (2, 3), in ``unit``; ``modes`` are the visualization modes that draw it.
     """
 
     def __init__(self, native):
@@ -111,6 +103,7 @@ class Data:
         self.time, self.redshift, self.box_size = (about.get(name) for name in ("time", "redshift", "box_size"))
         self.steps = np.array(about["steps"]) if about.get("steps") else None
         self.notes = about.get("notes", [])
+        self.modes = about.get("modes", [])
         self.families = {found["name"]: _family(found) for found in about["families"]}
 
     def __repr__(self):
@@ -144,6 +137,7 @@ class Data:
         time=None,
         memory=None,
         config=None,
+        scene=None,
         progress=None,
         **settings,
     ):
@@ -151,9 +145,10 @@ class Data:
 
         ``camera`` is a Camera or a mapping with ``eye``, ``target``, ``up`` and ``fov`` or ``ortho``; without it all of the data is in view.
         ``size`` is width and height [1200 x 800], ``mode`` a visualization mode, ``attribute`` what gives the hue, ``error_px`` the largest
-        displacement of a particle on screen [0.8]; ``exact`` draws every source particle at full precision. ``transfer`` is the name of a
-        preset or a file, ``background`` "black", "transparent" or "#rrggbb", ``time`` when of a run ("step:12", "z:1.5", "last"). ``config``
-        is a file or a text in RON, as ``deepfield render --config`` reads it. All other names are settings of the mode, with underscores for
+        displacement of a particle on screen [0.8]; ``exact`` draws every source particle at full precision. ``transfer`` is a
+        TransferFunction, the name of a preset or a file, ``background`` "black", "transparent" or "#rrggbb", ``time`` when of a run ("step:12", "z:1.5", "last"). ``config``
+        is a file or a text in RON, as ``deepfield render --config`` reads it, and ``scene`` a Scene, a mapping of its fields or a file: what is said
+        beside it holds, then it does. All other names are settings of the mode, with underscores for
         hyphens; ``deepfield modes`` lists them.
         """
         wanted = {
@@ -164,16 +159,39 @@ class Data:
             "exact": bool(exact),
             "error_px": error_px,
             "family": family,
-            "transfer": None if transfer is None else os.fspath(transfer),
+            "transfer": _transfer(transfer),
             "background": background,
             "time": None if time is None else str(time),
             "memory": asked.memory(memory),
             "settings": {name.replace("_", "-"): value for name, value in settings.items()},
             **_config(config),
+            "scene": self._scene(scene),
         }
-        native, told = self._native.render(asked.text(wanted), progress)
+        with progresses.teller(progress) as tell:
+            native, told = self._native.render(asked.text(wanted), tell)
         notes.tell(told)
         return Picture(native, told)
+
+    def _scene(self, scene):
+        if scene is None:
+            return None
+        if isinstance(scene, Scene):
+            return scene.to_ron()
+        if isinstance(scene, (str, os.PathLike)):
+            return Scene.read(scene).to_ron()
+        return Scene(self, **scene).to_ron()
+
+    def widget(self, mode=None, attribute=None, size=(720, 480), camera=None, time=None, *, error_px=0.8, budget=0.1, **asked):
+        """A view in a notebook that is turned, dragged, zoomed and asked; anywidget has to be installed.
+
+        Arguments are those of :meth:`render`. While the view moves pictures are as coarse as it takes to draw one in about ``budget``
+        seconds; at rest one of ``size`` and ``error_px`` is drawn. Its ``camera`` is the camera as it stands, its ``picture`` what is shown.
+        """
+        from .widget import widget
+
+        return widget(
+            self, mode=mode, attribute=attribute, size=size, camera=camera, time=time, error_px=error_px, budget=budget, **asked
+        )
 
     def probe(
         self,
@@ -196,26 +214,246 @@ class Data:
         may be None; ``families`` names some. With several a particle has to be within all of them. ``shells`` are those of a radial profile
         in the sphere. Of a page file the answer says how far off it may be; ``exact`` asks the source that it was built from.
         """
-        shapes = []
-        if sphere is not None:
-            x, y, z, radius = sphere
-            shapes.append({"Sphere": {"center": [x, y, z], "radius": radius}})
-        if box is not None:
-            x0, y0, z0, x1, y1, z1 = box
-            shapes.append({"Box": {"min": [x0, y0, z0], "max": [x1, y1, z1]}})
-        ranges = [{"field": name, "min": least, "max": most} for name, (least, most) in (where or {}).items()]
         wanted = {
-            "region": {"shapes": shapes, "ranges": ranges, "families": list(families or ())},
+            "of": questions.of(sphere, box, where, families, exact, wrap, time),
             "fields": None if fields is None else list(fields),
             "shells": shells,
             "shell_field": shell_field,
-            "exact": bool(exact),
-            "no_wrap": not wrap,
-            "time": None if time is None else str(time),
         }
-        found, told = self._native.probe(asked.text(wanted), progress)
-        notes.tell(told)
+        return self._asked(self._native.probe, wanted, progress)
+
+    def _asked(self, question, wanted, progress):
+        with progresses.teller(progress) as tell:
+            found, told = question(asked.text(wanted), tell)
+        notes.tell(told, 4)
         return json.loads(found)
+
+    def _rows(self, question, wanted, ids, memory, progress):
+        wanted["memory"] = asked.memory(memory)
+        with progresses.teller(progress) as tell:
+            columns, about, told = question(asked.text(wanted), questions.ids_of(ids), tell)
+        notes.tell(told, 4)
+        return questions.table(columns, json.loads(about))
+
+    def select(
+        self,
+        sphere=None,
+        box=None,
+        ids=None,
+        where=None,
+        families=None,
+        fields=None,
+        *,
+        exact=False,
+        wrap=True,
+        time=None,
+        memory=None,
+        progress=None,
+    ):
+        """The particles of a region, or those with certain ids, as a Table: a row each.
+
+        The region is that of :meth:`probe`; ``ids`` is an array of whole numbers, in place of it. ``fields`` names the columns, ``position``,
+        ``velocity`` and such being their components, and ``id``; all of them without it. Rows are read from the source at its own precision, also
+        of a page file whose source is still there; else from the page file, which has no ids (``exact=True`` refuses that). ``memory`` is what they
+        may take, in bytes or as "2GiB" [half of what is free].
+        """
+        of = questions.of(sphere, box, where, families, exact, wrap, time)
+        wanted = {"of": of, "fields": None if fields is None else list(fields)}
+        return self._rows(self._native.select, wanted, ids, memory, progress)
+
+    def tracks(
+        self,
+        sphere=None,
+        box=None,
+        ids=None,
+        where=None,
+        families=None,
+        fields=None,
+        *,
+        start=None,
+        end=None,
+        memory=None,
+        progress=None,
+    ):
+        """The tracks of a run's particles as a Table: for each particle and interval a row at each end, as ``deepfield paths`` writes them.
+
+        ``ids`` names the particles; a region leaves the ends of tracks that lie in it. ``start`` and ``end`` are times [all of the run].
+        """
+        wanted = {
+            "of": questions.of(sphere, box, where, families),
+            "fields": None if fields is None else list(fields),
+            "from": None if start is None else str(start),
+            "to": None if end is None else str(end),
+        }
+        return self._rows(self._native.tracks, wanted, ids, memory, progress)
+
+    def histogram(
+        self,
+        field,
+        bins=100,
+        weight="mass",
+        range=None,
+        log=None,
+        *,
+        sphere=None,
+        box=None,
+        where=None,
+        families=None,
+        exact=False,
+        wrap=True,
+        time=None,
+        error=None,
+        progress=None,
+    ):
+        """A Histogram of a field, as ``deepfield plot --histogram`` finds it.
+
+        ``weight`` is what particles count for: "mass", "count" or their value of a field. ``range`` is from where to where [all values], ``log``
+        whether bins are equal in the logarithm [as values ask for]. Of a page file ``error`` is the relative error that is enough, such as
+        0.01: a part of it is read then, and ``about`` tells the error. The region is that of :meth:`probe`.
+        """
+        wanted = {
+            "of": questions.of(sphere, box, where, families, exact, wrap, time),
+            "axes": [_axis(field, bins, range, log)],
+            "weight": weight,
+            "error": error,
+        }
+        return questions.histogram(self._asked(self._native.plot, wanted, progress))
+
+    def phase(
+        self,
+        x,
+        y,
+        bins=(256, 256),
+        weight="mass",
+        ranges=(None, None),
+        log=None,
+        *,
+        sphere=None,
+        box=None,
+        where=None,
+        families=None,
+        exact=False,
+        wrap=True,
+        time=None,
+        error=None,
+        progress=None,
+    ):
+        """A PhaseDiagram of two fields, as ``deepfield plot --phase`` finds it; arguments are those of :meth:`histogram`, a pair of each."""
+        pair = lambda value: tuple(value) if isinstance(value, (tuple, list)) else (value, value)
+        axes = [_axis(*axis) for axis in zip((x, y), pair(bins), tuple(ranges), pair(log))]
+        wanted = {
+            "of": questions.of(sphere, box, where, families, exact, wrap, time),
+            "axes": axes,
+            "weight": weight,
+            "error": error,
+        }
+        return questions.phase_diagram(self._asked(self._native.plot, wanted, progress))
+
+    def profile(
+        self,
+        sphere,
+        shells=50,
+        fields=(),
+        log=True,
+        *,
+        box=None,
+        where=None,
+        families=None,
+        exact=False,
+        wrap=True,
+        time=None,
+        error=None,
+        progress=None,
+    ):
+        """A radial profile in a sphere (x, y, z, radius) as a Table with a row for each shell, as ``deepfield plot --radial`` finds it.
+
+        There are the shells' radii, counts, masses and densities, and of each of ``fields`` mean and dispersion, plain and weighted with mass.
+        ``log`` makes shells equal in the logarithm over two decades, else they are of equal width. ``error`` is that of :meth:`histogram`.
+        """
+        fields = [fields] if isinstance(fields, str) else list(fields) or [None]
+        wanted = {
+            "of": questions.of(sphere, box, where, families, exact, wrap, time),
+            "profiles": [{"shells": int(shells), "inner": 0.01 if log else None, "field": field} for field in fields],
+            "error": error,
+        }
+        return questions.profile(self._asked(self._native.plot, wanted, progress))
+
+    def array(self, level=0, stored=False, *, memory=None, progress=None):
+        """The samples of an image or a volume: shape (y, x) or (z, y, x), and of several channels one axis more, the last.
+
+        ``level`` leaves every 2^level-th sample along each axis. Values are as they are stored, in the type of the file, unless that scales
+        them or marks missing ones: then they are float64 with NaN, or as stored with ``stored=True``. ``memory`` is what they may take.
+        """
+        wanted = {"level": _whole("level", level), "memory": asked.memory(memory)}
+        with progresses.teller(progress) as tell:
+            content, about = self._native.samples(asked.text(wanted), tell)
+        about = json.loads(about)
+        samples = content.view(about["dtype"]).reshape(about["shape"])
+        channels = about["channels"]
+        plain = all((one["slope"], one["intercept"], one["no_data"]) == (1.0, 0.0, None) for one in channels)
+        if stored or plain:
+            return samples
+        values = samples.astype(np.float64)
+        each = values[..., np.newaxis] if len(channels) == 1 else values
+        for index, one in enumerate(channels):
+            channel = each[..., index]
+            missing = None if one["no_data"] is None else channel == one["no_data"]
+            channel *= one["slope"]
+            channel += one["intercept"]
+            if missing is not None:
+                channel[missing] = np.nan
+        return values
+
+    def heights(self, rows=None, columns=None, coordinates=False, *, memory=None, progress=None):
+        """Measured heights: float64 (rows, columns), NaN where nothing was measured.
+
+        ``rows`` and ``columns`` are slices or pairs of the first one and the one after the last. With ``coordinates`` come x of the columns and
+        y of the rows, too: (heights, x, y).
+        """
+        width, height = self.shape if self.kind == "heights" else (0, 0)
+        wanted = {
+            "rows": _part("rows", rows, height),
+            "columns": _part("columns", columns, width),
+            "memory": asked.memory(memory),
+        }
+        with progresses.teller(progress) as tell:
+            found, about = self._native.heights(asked.text(wanted), tell)
+        if not coordinates:
+            return found
+        about = json.loads(about)
+        x, y = (
+            origin + step * np.arange(count)
+            for origin, step, count in zip(about["origin"], about["step"], found.shape[::-1])
+        )
+        return found, x, y
+
+
+def _axis(field, bins, range, log):
+    ends = None if range is None else [float(end) for end in range]
+    return {"field": field, "bins": _whole("bins", bins), "range": ends, "logarithmic": log}
+
+
+def _whole(name, value):
+    if isinstance(value, bool) or int(value) != value or value < 0:
+        raise _deepfield.Error(f"{name}: found {value!r}, expected a whole number from 0 on")
+    return int(value)
+
+
+def _part(name, part, count):
+    if part is None:
+        return None
+    if isinstance(part, slice):
+        start, stop, step = part.indices(count)
+        part = (start, stop) if step == 1 else ()
+    if len(part) != 2:
+        raise _deepfield.Error(f"{name}: found {part!r}, expected a slice without a step, or the first one and the one after the last")
+    return [_whole(name, end) for end in part]
+
+
+def _transfer(transfer):
+    if transfer is None or isinstance(transfer, str):
+        return transfer
+    return transfer.to_ron() if isinstance(transfer, TransferFunction) else os.fspath(transfer)
 
 
 def _spaced(count):

@@ -77,6 +77,64 @@ class Picture:
         else:
             raise _deepfield.Error(f"{path}: expected a name that ends in .png or .npz")
 
+    def imshow(self, ax=None, channel=None, colorbar=True, **settings):
+        """Shows it in axes of matplotlib [the current ones], in its own extent where it has one, with a colour bar; gives what ``imshow`` gives.
+
+        Without ``channel`` its colours are shown, and the bar tells what they mean; else the numbers of that channel. ``settings`` are those of
+        ``imshow``, such as ``norm="log"`` and ``cmap`` of a channel.
+        """
+        from matplotlib import pyplot  # type: ignore
+
+        ax = pyplot.gca() if ax is None else ax
+        settings = {"origin": "upper", "extent": self.extent, **settings}
+        bar = None
+        if channel is None:
+            image = ax.imshow(self.rgba, **settings)
+            bar = self._bar() if colorbar else None
+        else:
+            if channel not in self.channels:
+                raise _deepfield.Error(f"channel: found {channel}, expected one of {', '.join(self.channels)}")
+            image = ax.imshow(self.channels[channel], **settings)
+            if colorbar:
+                bar = image, self._labelled(channel, self.units.get(channel))
+        if bar is not None:
+            ax.figure.colorbar(bar[0], ax=ax, label=bar[1])
+        if self.extent is None:
+            ax.set_axis_off()
+        else:
+            ax.set_xlabel(self._labelled("x", self.unit))
+            ax.set_ylabel(self._labelled("y", self.unit))
+        return image
+
+    def show(self, ax=None, **settings):
+        """As :meth:`imshow`; without axes in a figure of its own, which is shown at once."""
+        from matplotlib import pyplot  # type: ignore
+
+        if ax is not None:
+            return self.imshow(ax, **settings)
+        image = self.imshow(pyplot.figure().add_subplot(), **settings)
+        pyplot.show()
+        return image
+
+    @staticmethod
+    def _labelled(name, unit):
+        return f"{name} [{unit}]" if unit else name
+
+    def _bar(self):
+        """What a bar of its colours is made from, and its label: of the hue, where there is one. None where colours mean nothing by themselves."""
+        from matplotlib import cm, colors  # type: ignore
+
+        legend = self.about.get("legend")
+        axis = legend and (legend["hue"] or legend["brightness"])
+        if not axis:
+            return None
+        low, high = axis["range"]
+        if not low < high:
+            return None
+        norm = colors.LogNorm(low, high) if axis["logarithmic"] and low > 0.0 else colors.Normalize(low, high)
+        shades = colors.ListedColormap(np.array(axis["colors"]) / 255.0)
+        return cm.ScalarMappable(norm, shades), self._labelled(axis["title"], axis["unit"])
+
     def _repr_png_(self):
         return self.png()
 

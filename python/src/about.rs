@@ -7,7 +7,9 @@ use deepfield_draw::heights::OpenHeights;
 use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::import::{GridOptions, open_grid};
 use deepfield_draw::look::{DataKind, Member, MemberKind, OpenData};
+use deepfield_draw::mode::Mode;
 use deepfield_draw::model::{Bounds, Grid, Moment, ReadMethod};
+use deepfield_draw::modes;
 use deepfield_draw::store::{AttributeInfo, FamilyMetadata, GridFile};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -44,6 +46,7 @@ fn of_particles(members: &[Member], state: &State) -> Result<Value, Failure> {
         "box_size": provenance.box_size,
         "steps": opened.run().map(|run| run.times().times.clone()),
         "notes": provenance.notes,
+        "modes": modes_that(|mode| mode.takes_particles() && !mode.is_of_paths()),
         "families": metadata.families.iter().map(family).collect::<Vec<_>>(),
     }))
 }
@@ -76,6 +79,12 @@ fn field(field: &AttributeInfo) -> Value {
     })
 }
 
+/// The names of modes that draw something, by the processor.
+fn modes_that(draw: impl Fn(&Mode) -> bool) -> Vec<&'static str> {
+    let drawn = |&mode: &&'static Mode| mode.technique.on_processor() && draw(mode);
+    modes::all().into_iter().filter(drawn).map(|mode| mode.name).collect()
+}
+
 fn corners(bounds: Bounds) -> Option<[[f64; 3]; 2]> {
     (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()])
 }
@@ -94,6 +103,7 @@ fn of_field(path: &Path) -> Result<Value, Failure> {
         "bounds": corners(grid.bounds()),
         "count": count,
         "shape": &grid.shape[..grid.dimensions.min(3)],
+        "modes": modes_that(|mode| mode.takes_fields_of(grid.dimensions)),
         "families": [{
             "name": grid.kind(),
             "count": count,
@@ -119,6 +129,7 @@ fn of_heights(path: &Path) -> Result<Value, Failure> {
         "count": found.samples,
         "shape": [found.columns, found.rows],
         "notes": found.notes,
+        "modes": modes_that(Mode::takes_surfaces),
         "families": [{
             "name": "heights",
             "count": found.valid,

@@ -1,18 +1,24 @@
-//! Data that Python has opened: what it holds, pictures of it, and what is in a region.
+//! Data that Python has opened: what it holds, pictures of it, and what is asked of it.
 
 use crate::about::about;
-use crate::error::Failure;
-use crate::opening::open_any;
+use crate::cache;
+use crate::error::{Failure, told};
+use crate::grids::{AskedSamples, Samples};
 use crate::picture::Picture;
+use crate::plots::AskedPlot;
+use crate::question::{Question, only};
 use crate::request::Asked;
+use crate::table::{AskedRows, arrays};
+use crate::tours::AskedTour;
 use crate::work::{self, State};
-use deepfield_draw::explore::{self, Data, Fields, ProbeOptions, ProfileOptions, Region, Work, probe, source_of};
-use deepfield_draw::import::{Source, open_with};
-use deepfield_draw::look::{DataKind, Member, data_file};
-use deepfield_draw::model::{ReadMethod, When};
-use deepfield_draw::store::{PageFile, RunFile};
+use deepfield_draw::explore::{self, Fields, ProbeOptions, ProfileOptions, Rows, Work, probe};
+use deepfield_draw::look::{Member, Shot, data_file};
+use deepfield_draw::picture::{AnySession, PictureError, Reporter, SessionOptions};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use serde::Deserialize;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -20,7 +26,7 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "deepfield._deepfield")]
 pub struct Dataset {
     /// What files they are.
-    paths: Vec<PathBuf>,
+    paths: Arc<[PathBuf]>,
     /// What they hold, as JSON.
     about: String,
 }
@@ -34,7 +40,7 @@ pub fn open(py: Python<'_>, paths: Vec<PathBuf>, progress: Option<Py<PyAny>>) ->
     let job = |state: &Arc<State>| -> Result<Dataset, Failure> {
         let paths = paths.iter().map(|path| data_file(path)).collect::<Result<Vec<_>, _>>()?;
         let about = about(&members(&paths), state)?.to_string();
-        Ok(Dataset { paths, about })
+        Ok(Dataset { paths: paths.into(), about })
     };
     work::run(py, progress, job)
 }
@@ -42,6 +48,27 @@ pub fn open(py: Python<'_>, paths: Vec<PathBuf>, progress: Option<Py<PyAny>>) ->
 fn members(paths: &[PathBuf]) -> Vec<Member> {
     paths.iter().map(Member::new).collect()
 }
+
+/// Opens datasets for shots of them, as `deepfield render` does.
+fn session<'a>(
+    members: &[Member],
+    options: SessionOptions,
+    shots: impl IntoIterator<Item = &'a Shot>,
+    state: &Arc<State>,
+) -> Result<AnySession, PictureError> {
+    let reporter: Arc<dyn Reporter> = state.clone();
+    AnySession::open(members, options, shots, |path| Ok(cache::page_file(path, state)?), reporter)
+}
+
+/// Ids that an array holds.
+fn ids_in(ids: Option<Bound<'_, PyArray1<u64>>>) -> PyResult<Option<Vec<u64>>> {
+    let Some(ids) = ids else { return Ok(None) };
+    let ids = ids.try_readonly().map_err(|error| told(format!("ids: {error}").into()))?;
+    Ok(Some(ids.as_array().to_vec()))
+}
+
+/// Rows as arrays, what they are as JSON, and what there was to tell.
+type Table<'py> = (Bound<'py, PyDict>, String, Vec<String>);
 
 #[pymethods]
 impl Dataset {
@@ -54,33 +81,145 @@ impl Dataset {
     /// What files it is of.
     #[getter]
     fn paths(&self) -> Vec<PathBuf> {
-        self.paths.clone()
+        self.paths.to_vec()
     }
 
     /// A picture, and what there was to tell.
     fn render(&self, py: Python<'_>, asked: &str, progress: Option<Py<PyAny>>) -> PyResult<(Picture, Vec<String>)> {
-        let job = |state: &Arc<State>| -> Result<Picture, Failure> {
-            let asked: Asked = serde_json::from_str(asked)?;
-            let mut members = members(&self.paths);
+        let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
+        let job = move |state: &Arc<State>| -> Result<Picture, Failure> {
+            let asked: Asked = serde_json::from_str(&asked)?;
+            let mut members = members(&paths);
             let (shot, options) = asked.request(&mut members)?;
-            let mut session = open_any(&members, options, &shot, state)?;
+            let mut session = session(&members, options, [&shot], state)?;
             let drawn = session.draw(&shot)?;
             let image = session.finished(&shot, &drawn)?;
             Ok(Picture::new(&mut session, &shot, image, drawn))
         };
-        work::run(py, progress, job)
+        work::run_alone(py, progress, job)
     }
 
     /// What is in a region, as JSON, and what there was to tell.
     fn probe(&self, py: Python<'_>, asked: &str, progress: Option<Py<PyAny>>) -> PyResult<(String, Vec<String>)> {
-        let job = |state: &Arc<State>| -> Result<String, Failure> {
-            let asked: AskedProbe = serde_json::from_str(asked)?;
-            match &self.paths[..] {
-                [only] => asked.answer(only, state),
-                several => Err(format!("probe: found {} datasets, expected one", several.len()).into()),
-            }
+        let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
+        let job = move |state: &Arc<State>| -> Result<String, Failure> {
+            let asked: AskedProbe = serde_json::from_str(&asked)?;
+            asked.answer(only("probe", &paths)?, state)
+        };
+        work::run_alone(py, progress, job)
+    }
+
+    /// The numbers of a plot, as JSON, and what there was to tell.
+    fn plot(&self, py: Python<'_>, asked: &str, progress: Option<Py<PyAny>>) -> PyResult<(String, Vec<String>)> {
+        let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
+        let job = move |state: &Arc<State>| -> Result<String, Failure> {
+            let asked: AskedPlot = serde_json::from_str(&asked)?;
+            asked.answer(only("plot", &paths)?, state)
+        };
+        work::run_alone(py, progress, job)
+    }
+
+    /// The rows of a region, or of ids: arrays by name, what they are, and what there was to tell.
+    fn select<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        ids: Option<Bound<'py, PyArray1<u64>>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Table<'py>> {
+        let (paths, asked, ids) = (Arc::clone(&self.paths), asked.to_owned(), ids_in(ids)?);
+        let job = move |state: &Arc<State>| -> Result<Rows, Failure> {
+            let asked: AskedRows = serde_json::from_str(&asked)?;
+            asked.rows(only("select", &paths)?, ids, state)
+        };
+        let (rows, told) = work::run_alone(py, progress, job)?;
+        let (found, about) = arrays(py, rows)?;
+        Ok((found, about, told))
+    }
+
+    /// The ends of tracks of a run in the same way.
+    fn tracks<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        ids: Option<Bound<'py, PyArray1<u64>>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Table<'py>> {
+        let (paths, asked, ids) = (Arc::clone(&self.paths), asked.to_owned(), ids_in(ids)?);
+        let job = move |state: &Arc<State>| -> Result<Rows, Failure> {
+            let asked: AskedRows = serde_json::from_str(&asked)?;
+            asked.paths(only("paths", &paths)?, ids, state)
+        };
+        let (rows, told) = work::run_alone(py, progress, job)?;
+        let (found, about) = arrays(py, rows)?;
+        Ok((found, about, told))
+    }
+
+    /// Samples of an image or a volume as bytes, and what they are, as JSON.
+    fn samples<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray1<u8>>, String)> {
+        let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
+        let job = move |state: &Arc<State>| -> Result<Samples, Failure> {
+            let asked: AskedSamples = serde_json::from_str(&asked)?;
+            asked.grid(only("array", &paths)?, state)
+        };
+        let (found, _) = work::run_alone(py, progress, job)?;
+        Ok((PyArray1::from_vec(py, found.bytes), found.about.to_string()))
+    }
+
+    /// A window of measured heights, and what they are, as JSON.
+    fn heights<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, String)> {
+        let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
+        let job = move |_: &Arc<State>| -> Result<(Vec<f64>, [usize; 2], Value), Failure> {
+            let asked: AskedSamples = serde_json::from_str(&asked)?;
+            asked.heights(only("heights", &paths)?)
+        };
+        let ((heights, shape, about), _) = work::run_alone(py, progress, job)?;
+        Ok((PyArray1::from_vec(py, heights).reshape(shape)?, about.to_string()))
+    }
+
+    /// Draws the frames of a tour into a folder; gives their files, and what there was to tell.
+    fn record(
+        &self,
+        py: Python<'_>,
+        asked: &str,
+        folder: PathBuf,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Vec<PathBuf>, Vec<String>)> {
+        let job = |state: &Arc<State>| -> Result<Vec<PathBuf>, Failure> {
+            let asked: AskedTour = serde_json::from_str(asked)?;
+            let open = |members: &[Member], options: SessionOptions| session(members, options, [], state);
+            let mut show = asked.open(only("tour", &self.paths)?, open, state)?;
+            asked.record(&mut show, &folder, state)
         };
         work::run(py, progress, job)
+    }
+
+    /// The text of the scene that a tour shows at a time, in seconds, and what there was to tell.
+    fn scene(
+        &self,
+        py: Python<'_>,
+        asked: &str,
+        time: f64,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(String, Vec<String>)> {
+        let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
+        let job = move |state: &Arc<State>| -> Result<String, Failure> {
+            let asked: AskedTour = serde_json::from_str(&asked)?;
+            let open = |members: &[Member], options: SessionOptions| session(members, options, [], state);
+            let mut show = asked.open(only("tour", &paths)?, open, state)?;
+            asked.scene(&mut show, time)
+        };
+        work::run_alone(py, progress, job)
     }
 }
 
@@ -88,68 +227,28 @@ impl Dataset {
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct AskedProbe {
-    /// Which particles.
-    region: Region,
+    /// Of whom.
+    of: Question,
     /// Whose statistics; of all fields where nothing is said.
     fields: Option<Vec<String>>,
     /// Shells of equal width of a profile in the region's sphere.
     shells: Option<usize>,
     /// The field whose means are in them.
     shell_field: Option<String>,
-    /// Whether the source is asked that a page file was built from.
-    exact: bool,
-    /// Whether distances are taken without going round the periodic box.
-    no_wrap: bool,
-    /// When, of a run.
-    time: Option<String>,
-}
-
-/// A page file or a source, opened.
-enum Opened {
-    Pages(Box<PageFile>),
-    Source(Box<dyn Source>),
 }
 
 impl AskedProbe {
-    fn answer(&self, path: &Path, state: &State) -> Result<String, Failure> {
-        self.region.check()?;
-        let opened = self.opened(path)?;
-        let data = match &opened {
-            Opened::Pages(file) => Data::Pages(&**file),
-            Opened::Source(source) => Data::Source(source.as_ref()),
-        };
+    fn answer(self, path: &Path, state: &State) -> Result<String, Failure> {
+        self.of.region.check()?;
+        let opened = self.of.opened("probe", path)?;
+        let data = opened.data();
         let options = ProbeOptions {
-            fields: self.fields.clone().map_or(Fields::All, Fields::Named),
-            profile: self.shells.map(|shells| ProfileOptions { shells, inner: None, field: self.shell_field.clone() }),
-            periodic: if self.no_wrap { None } else { data.periodic_edge()? },
+            fields: self.fields.map_or(Fields::All, Fields::Named),
+            profile: self.shells.map(|shells| ProfileOptions { shells, inner: None, field: self.shell_field }),
+            periodic: self.of.periodic(data)?,
         };
         let work = Work { progress: state, stop: state.stop() };
-        let found: explore::Probe = probe(data, &self.region, &options, work)?;
+        let found: explore::Probe = probe(data, &self.of.region, &options, work)?;
         Ok(serde_json::to_string(&found)?)
-    }
-
-    /// Opens what is asked: of a run the stored step at or before the time.
-    fn opened(&self, path: &Path) -> Result<Opened, Failure> {
-        let method = ReadMethod::default();
-        let kind = DataKind::of(path)?;
-        let when = self.time.as_deref().map(str::parse::<When>).transpose()?;
-        if when.is_some() && kind != DataKind::Run {
-            return Err(format!("{}: time: found one moment alone, expected a run", path.display()).into());
-        }
-        let file = match kind {
-            DataKind::Source => return Ok(Opened::Source(open_with(path, method)?)),
-            DataKind::Pages => PageFile::open_with(path, method)?,
-            DataKind::Run => {
-                let run = RunFile::open(path, method)?;
-                run.placed_still(run.moment(when.unwrap_or(When::Step(0)))?.step)?
-            }
-            DataKind::Grid | DataKind::Heights => {
-                return Err(format!("{}: probe: found {}, expected particles", path.display(), kind.described()).into());
-            }
-        };
-        Ok(match self.exact {
-            true => Opened::Source(source_of(&file)?),
-            false => Opened::Pages(Box::new(file)),
-        })
     }
 }

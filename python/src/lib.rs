@@ -6,13 +6,19 @@
 
 mod about;
 mod arrays;
+mod arrow;
 mod building;
 mod cache;
 mod dataset;
 mod error;
-mod opening;
+mod grids;
 mod picture;
+mod plots;
+mod question;
 mod request;
+mod ron;
+mod table;
+mod tours;
 mod work;
 
 use pyo3::prelude::*;
@@ -20,6 +26,8 @@ use pyo3::prelude::*;
 /// The native part of deepfield.
 #[pymodule]
 mod _deepfield {
+    #[pymodule_export]
+    use crate::arrow::arrow_stream;
     #[pymodule_export]
     use crate::building::build_arrays;
     #[pymodule_export]
@@ -32,4 +40,22 @@ mod _deepfield {
     use crate::error::Error;
     #[pymodule_export]
     use crate::picture::Picture;
+    #[pymodule_export]
+    use crate::ron::bytes;
+    #[pymodule_export]
+    use crate::ron::color_map;
+    #[pymodule_export]
+    use crate::ron::color_maps;
+    #[pymodule_export]
+    use crate::ron::json_of;
+    #[pymodule_export]
+    use crate::ron::modes;
+    #[pymodule_export]
+    use crate::ron::ron_of;
+    #[pymodule_export]
+    use crate::ron::tour_around;
+    #[pymodule_export]
+    use crate::ron::transfer_function;
+    #[pymodule_export]
+    use crate::ron::transfer_functions;
 }

@@ -1,7 +1,7 @@
 //! A finished picture, as Python has it: colours, numbers, and what they mean.
 
 use crate::error::told;
-use deepfield_draw::annotate::{Shown, Units};
+use deepfield_draw::annotate::{Legend, LegendAxis, Shown, Units};
 use deepfield_draw::color::{Image, output};
 use deepfield_draw::look::Shot;
 use deepfield_draw::mode::Raw;
@@ -84,6 +84,10 @@ fn about(drawn: &picture::Picture, shot: &Shot, units: Option<&Units>) -> Value 
             "S": units.map(|units| &units.attribute).filter(|_| is_sum),
         },
         "extent": extent(view).filter(|_| !shot.is_projected()),
+        "fov": match view.projection {
+            Projection::Perspective { fov_y } => Some(fov_y.to_degrees()),
+            Projection::Orthographic { .. } => None,
+        },
         "view": {
             "eye": view.eye.to_array(),
             "right": view.right.to_array(),
@@ -92,11 +96,32 @@ fn about(drawn: &picture::Picture, shot: &Shot, units: Option<&Units>) -> Value 
         },
         "converged": drawn.converged,
         "error_px": drawn.error_px,
+        "legend": drawn.legend().as_ref().map(legend),
         "particles": drawn.particles,
         "nodes": drawn.nodes,
         "drawn_from": drawn.drawn_from,
         "milliseconds": drawn.milliseconds,
     })
+}
+
+/// What colours mean: the axis of brightness, or of the one colour there is, and that of the hue, with the colours along each.
+fn legend(legend: &Legend) -> Value {
+    let axis = |axis: &LegendAxis, colors: Vec<[u8; 4]>| {
+        json!({
+            "title": axis.title,
+            "unit": axis.unit,
+            "range": axis.range,
+            "logarithmic": axis.log,
+            "colors": colors,
+        })
+    };
+    let along = |color: &dyn Fn(f32) -> [u8; 4]| -> Vec<[u8; 4]> {
+        (0..256).map(|place| color(place as f32 / 255.0)).collect()
+    };
+    // A hue is told at full brightness, and brightness where there is one in the middle of the hues.
+    let brightness = axis(&legend.p, along(&|place| legend.color(place, 0.5)));
+    let hue = legend.s.as_ref().map(|s| axis(s, along(&|place| legend.color(1.0, place))));
+    json!({ "brightness": brightness, "hue": hue })
 }
 
 /// Left, right, lower and upper edge of a picture with parallel lines of sight, from its middle along its own right and up.

@@ -5,13 +5,16 @@ use deepfield_draw::build::default_memory;
 use deepfield_draw::color::composite::Background;
 use deepfield_draw::color::transfer::{TransferFunction, presets};
 use deepfield_draw::cpu::Method;
-use deepfield_draw::look::{Attribute, Backend, CameraConfig, DataKind, LookPatch, Member, PictureConfig, Shot};
+use deepfield_draw::look::{
+    Attribute, Backend, CameraConfig, DataKind, LookPatch, Member, PictureConfig, SceneFile, Shot,
+};
 use deepfield_draw::mode::{Mode, Setting, SettingValue, lod_budget};
 use deepfield_draw::model::{FamilyName, When};
 use deepfield_draw::modes;
 use deepfield_draw::picture::SessionOptions;
 use serde::Deserialize;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// The largest picture, pixels along a side.
 const LARGEST: u32 = 32_768;
@@ -24,6 +27,8 @@ pub struct Asked {
     config: Option<String>,
     /// What messages call these.
     config_name: String,
+    /// A scene in RON, whose look, camera and size hold where nothing else is said; its own data is not opened.
+    scene: Option<String>,
     /// Visualization mode.
     mode: Option<String>,
     /// The attribute that gives the hue.
@@ -38,7 +43,7 @@ pub struct Asked {
     exact: bool,
     /// Largest displacement of a particle on screen, pixels.
     error_px: Option<f64>,
-    /// Name or file of a transfer function.
+    /// Name or file of a transfer function, or its text in RON.
     transfer: Option<String>,
     /// What is behind the picture.
     background: Option<Background>,
@@ -61,25 +66,33 @@ impl Asked {
             Some(text) => PictureConfig::parse(&self.config_name, text)?,
             None => PictureConfig::default(),
         };
+        let base = match &self.scene {
+            Some(text) => Shot::of_scene(SceneFile::parse("scene", text)?, Path::new("")),
+            None => Shot::default(),
+        };
         let PictureConfig { look, volume, family, size, camera, projection, stereo, catalogue, residency, .. } = config;
-        let look = self.look(look, volume)?;
+        let mut look = self.look(&base.look, look, volume)?;
         if let (Some(_), [only]) = (look.time, &*members)
             && DataKind::of(&only.path)? != DataKind::Run
         {
-            return Err(format!("{}: time: found one moment alone, expected a run", only.path.display()).into());
+            if self.scene.is_none() || self.time.is_some() {
+                return Err(format!("{}: time: found one moment alone, expected a run", only.path.display()).into());
+            }
+            // What a scene says is for data like that which it was saved with.
+            look.time = None;
         }
         for member in members.iter_mut() {
             member.families = look.families.clone();
         }
-        let shot = Shot {
-            look,
+        let shot = base.then(Shot {
             camera: camera.then(self.camera),
             size: self.size.or(size),
             surround: projection,
             stereo,
             labels: catalogue,
             ..Shot::default()
-        };
+        });
+        let shot = Shot { look, ..shot };
         let budget = residency.budget_mib.map(|mebibytes| mebibytes << 20);
         let options = SessionOptions {
             named: members.first().map(|member| member.path.clone()).unwrap_or_default(),
@@ -88,7 +101,7 @@ impl Asked {
             exact: self.exact.then_some(Method::Pyramid),
             memory: self.memory,
             page_memory: Some(self.memory.or(budget).unwrap_or_else(default_memory)),
-            chunk_memory: budget,
+            chunk_memory: self.memory.or(budget),
             // A picture of several views, or among other data, has no numbers.
             raw: !shot.is_projected() && matches!(&*members, [only] if only.is_of_heights()),
             ..SessionOptions::default()
@@ -112,22 +125,30 @@ impl Asked {
         Ok(())
     }
 
-    /// The look, over that of the configuration, which says `volume` of what volumes emit and absorb.
-    fn look(&self, mut look: LookPatch, volume: Option<TransferFunction>) -> Result<LookPatch, Failure> {
+    /// The look, over that of the configuration, which says `volume` of what volumes emit and absorb, and over a scene's.
+    fn look(
+        &self,
+        base: &LookPatch,
+        mut look: LookPatch,
+        volume: Option<TransferFunction>,
+    ) -> Result<LookPatch, Failure> {
         let find = |name: &String| {
             let expected = || format!("mode: found {name}, expected one of {}", modes::names());
             modes::find(name).ok_or_else(expected)
         };
         let named = self.mode.as_ref().map(find).transpose()?;
-        if named.or(look.mode).is_some_and(|mode| mode.is_light() && !mode.takes_surfaces()) {
+        if named.or(look.mode).or(base.mode).is_some_and(|mode| mode.is_light() && !mode.takes_surfaces()) {
             look.transfer = volume;
         }
         if let Some(mode) = named {
             // A configuration's settings are those of its mode.
             (look.mode, look.settings) = (named, look.settings.of_mode(mode));
         }
-        let transfer = self.transfer.as_ref().map(|name| TransferFunction::named(name, presets::folder().as_deref()));
-        let mut look = look.then(&LookPatch {
+        let transfer = self.transfer.as_ref().map(|said| match said.trim_start().starts_with('(') {
+            true => TransferFunction::parse(said, "transfer"),
+            false => TransferFunction::named(said, presets::folder().as_deref()),
+        });
+        let mut look = base.then(&look).then(&LookPatch {
             attribute: self.attribute.clone().map(Attribute::Named),
             transfer: transfer.transpose()?,
             error_px: self.error_px,

@@ -136,6 +136,45 @@ pub fn run<T: Send>(
     }
 }
 
+/// Does work that writes nothing, as [`run`] does; interrupted, it is not waited for: it ends by itself where it next asks whether anybody waits.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_alone<T: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
+) -> PyResult<(T, Vec<String>)> {
+    let state = Arc::new(State::default());
+    let (ends, ended) = channel::<Ended<T>>();
+    let own = Arc::clone(&state);
+    let work = move || {
+        // Whoever was interrupted hears nothing of it.
+        let _ = ends.send(catch_unwind(AssertUnwindSafe(|| job(&own))));
+    };
+    let named = std::thread::Builder::new().name("deepfield".into()).stack_size(STACK);
+    named.spawn(work).map_err(|error| told(format!("starting a thread: {error}").into()))?;
+    let (waiting, progress) = (&*state, progress.as_ref());
+    let ended = py.detach(move || {
+        loop {
+            match ended.recv_timeout(PERIOD) {
+                Ok(ended) => return Ok(ended),
+                Err(RecvTimeoutError::Disconnected) => return Ok(Ok(Err("the work ended without an answer".into()))),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if let Err(interruption) = Python::attach(|py| waiting.attend(py, progress)) {
+                waiting.is_stopped.store(true, Ordering::Relaxed);
+                return Err(interruption);
+            }
+        }
+    })?;
+    match ended {
+        Ok(Ok(found)) => Ok((found, state.take_notes())),
+        Ok(Err(failure)) => Err(told(failure)),
+        Err(panic) => resume_unwind(panic),
+    }
+}
+
 /// How work ended: what came of it, or with what it was unwound.
 type Ended<T> = Result<Result<T, Failure>, Box<dyn Any + Send>>;
 

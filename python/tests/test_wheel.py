@@ -6,12 +6,14 @@ import hashlib
 import importlib.util
 import io
 import pathlib
+import subprocess
 import sys
 import tempfile
 import unittest
 import zipfile
 
 HERE = pathlib.Path(__file__).resolve().parent
+LIBRARY = b"\0GLIBC_2.17\0GLIBC_2.28\0GLIBC_2.4\0"
 
 
 @unittest.skipUnless((HERE.parent / "wheel.py").is_file() and sys.platform == "linux", "no wheel.py, or no Linux")
@@ -21,26 +23,44 @@ class Wheels(unittest.TestCase):
         self.wheel = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(self.wheel)
 
-    def test_every_file_is_recorded_as_it_is(self):
+    def built(self, folder, **more):
         package = {"version": "1.2.3", "license": "MIT OR Apache-2.0"}
-        library = b"\0GLIBC_2.17\0GLIBC_2.28\0GLIBC_2.4\0"
+        return self.wheel.wheel(package, LIBRARY, pathlib.Path(folder), **more)
+
+    def test_every_file_is_recorded_as_it_is(self):
+        more = {"program": b"\0GLIBC_2.5\0GLIBC_2.31\0", "linked": b"that of another package"}
         with tempfile.TemporaryDirectory() as folder:
-            path = self.wheel.wheel(package, library, pathlib.Path(folder))
-            self.assertRegex(path.name, r"^deepfield-1\.2\.3-cp311-abi3-manylinux_2_28_\w+\.whl$")
+            self.assertRegex(self.built(folder).name, r"^deepfield-1\.2\.3-cp311-abi3-manylinux_2_28_\w+\.whl$")
+            path = self.built(folder, **more)
+            self.assertRegex(path.name, r"-manylinux_2_31_\w+\.whl$")
             first = path.read_bytes()
-            self.assertEqual(self.wheel.wheel(package, library, pathlib.Path(folder)).read_bytes(), first)
+            self.assertEqual(self.built(folder, **more).read_bytes(), first)
             with zipfile.ZipFile(path) as archive:
                 files = {name: archive.read(name) for name in archive.namelist()}
         about = "deepfield-1.2.3.dist-info"
+        self.assertEqual(files["deepfield-1.2.3.data/scripts/deepfield"], more["program"])
+        named = [line.split(": ")[1] for line in files[f"{about}/METADATA"].decode().splitlines() if line.startswith("License-File: ")]
+        self.assertEqual(sorted(f"{about}/licenses/{name}" for name in named), sorted(name for name in files if "/licenses/" in name))
+        self.assertEqual(files[f"{about}/licenses/LICENSES-THIRD-PARTY"], more["linked"])
         rows = list(csv.reader(io.StringIO(files[f"{about}/RECORD"].decode())))
         self.assertEqual(sorted(row[0] for row in rows), sorted(files))
         for name, digest, size in rows:
             if digest:
                 found = base64.urlsafe_b64encode(hashlib.sha256(files[name]).digest()).rstrip(b"=").decode()
                 self.assertEqual((digest, int(size)), (f"sha256={found}", len(files[name])))
-        self.assertEqual(files["deepfield/_deepfield.abi3.so"], library)
-        for name in ("deepfield/__init__.py", "deepfield/__init__.pyi", "deepfield/py.typed", f"{about}/licenses/LICENSE-MIT"):
+        self.assertEqual(files["deepfield/_deepfield.abi3.so"], LIBRARY)
+        for name in ("deepfield/__init__.py", "deepfield/__init__.pyi", "deepfield/py.typed", "deepfield/widget.js", f"{about}/licenses/LICENSE-MIT"):
             self.assertIn(name, files)
+
+    @unittest.skipUnless(importlib.util.find_spec("pip"), "pip is not installed")
+    def test_pip_installs_the_program(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = self.built(folder, program=b"#!/bin/sh\necho deepfield $1\n")
+            into = pathlib.Path(folder, "into")
+            options = ("--quiet", "--no-index", "--no-deps", "--no-compile", "--disable-pip-version-check", "--root-user-action=ignore")
+            subprocess.run([sys.executable, "-m", "pip", "install", *options, "--target", into, path], check=True)
+            said = subprocess.run([into / "bin" / "deepfield", "info"], check=True, stdout=subprocess.PIPE, text=True).stdout
+        self.assertEqual(said, "deepfield info\n")
 
     def test_a_library_that_needs_libpython_is_refused(self):
         with self.assertRaisesRegex(SystemExit, "PYO3_BUILD_EXTENSION_MODULE"):

@@ -102,7 +102,12 @@ struct Frame {
 }
 
 fn frame_at(hit: Hit) -> Frame {
-    let away = vec2<f32>(vec2<i32>(hit.first.yx) - surface.anchor) + hit.within.yx;
+    return frame_of(hit.first, hit.within);
+}
+
+/// The same so many rows and columns behind a sample of the field.
+fn frame_of(first: vec2<u32>, within: vec2<f32>) -> Frame {
+    let away = vec2<f32>(vec2<i32>(first.yx) - surface.anchor) + within.yx;
     let angles = away * surface.turn + vec2(0.0, surface.latitude);
     let sine = sin(angles);
     let cosine = cos(angles);

@@ -2,7 +2,7 @@
 #define_import_path deepfield::surface_levels
 #import deepfield::surface_constants::{CHUNK, NONE}
 #import deepfield::surface_ray::{Hit, coverage_of}
-#import deepfield::surface_view::{surface, words, draws, lists, Draw, is_lone, place_of_sample}
+#import deepfield::surface_view::{surface, words, draws, lists, Draw, cell_of_level, is_lone, place_of_sample}
 
 /// What a column and a row add to the height on a plane of this normal.
 fn slope_of(normal: vec3<f32>) -> vec2<f32> {
@@ -48,13 +48,7 @@ fn between(draw: Draw, level: u32, first: vec2<u32>, within: vec2<f32>) -> Betwe
     // Beyond a globe's first row there may be a pole.
     let whole = floor(within);
     let cell = vec2<i32>(first) + vec2<i32>(whole);
-    let at = vec2<u32>(max(cell, vec2(0)));
-    var wanted = at >> vec2(level);
-#ifdef GLOBE
-    // What closes a globe is a cell of its own.
-    let open = vec2(surface.last.y, surface.open);
-    wanted = select(wanted, (open + (1u << level) - 1u) >> vec2(level), (at >= open) & (open < surface.last.yx));
-#endif
+    let wanted = cell_of_level(vec2<u32>(max(cell, vec2(0))), level);
     let index = min(max(wanted, begin) - begin, size - 2u);
     let low = place_of_sample(begin + index, level);
     let high = place_of_sample(begin + index + 1u, level);

@@ -1,9 +1,10 @@
 // Which place of measured heights a sample of the picture shows.
 #define_import_path deepfield::surface_look
-#import deepfield::surface_constants::{CHUNK, LAID, MIXED, NONE, POINTS}
+#import deepfield::surface_constants::{LAID, POINTS}
 #import deepfield::surface_globe::hit_globe
 #import deepfield::surface_levels::{level_at, normal_of, point_coverage, slope_of}
-#import deepfield::surface_ray::{Hit, Ray, around, chunk_at, coverage_of, hit_triangle, no_hit, ray_at, share_between, walk, WIDE, ENDLESS}
+#import deepfield::surface_margin::margin_at
+#import deepfield::surface_ray::{Hit, around, hit_triangle, ray_at, walk, WIDE, ENDLESS}
 #import deepfield::surface_view::{surface, draws, Draw, corner_of, sample_at, height_of, is_lone, camera_of, shown_of, POINT}
 
 /// What each sample shows, inverted: 0 is nothing.
@@ -13,68 +14,20 @@ fn number_at(at: vec2<u32>) -> u32 {
     return ~numbers[at.y * surface.stride + at.x];
 }
 
-#ifndef GLOBE
 /// Whether a sample is drawn as a point of its chunk (`Mesh::is_point`).
 fn is_point(draw: Draw, at: vec2<u32>) -> bool {
     let on = u32(at.x == 0u) | u32(at.x + 1u == draw.rows) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 1u == draw.columns) << 3u;
     return (draw.flags & POINTS) != 0u && (on & (draw.flags >> LAID)) == 0u;
 }
 
-/// What a ray meets of the margins about a sample (`Resolver::margin`).
-fn margin_at(node: u32, at: vec2<u32>, ray: Ray) -> Hit {
-    let draw = draws[node];
-    if draw.level == 0u || (draw.flags & MIXED) == 0u {
-        return no_hit(false);
-    }
-    let first = sample_at(draw, at);
-    let height = height_of(draw, at);
-    let slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, at.x * draw.columns + at.y));
-    let own = vec2<f32>(vec2<i32>(first.yx) - surface.anchor);
-    let plane = height + dot(slope, ray.origin.xy - own);
-    let along = (plane - ray.origin.z) / (ray.direction.z - dot(slope, ray.direction.xy));
-    // Rows, columns.
-    let beside = (ray.origin.xy + along * ray.direction.xy - own).yx;
-    let depth = camera_of(corner_of(draw, at), height).z;
-    // What stands for a place is not farther away; on a plane that is seen from its edge all is.
-    let pixel = exp2(level_at(depth)) * surface.spacing / surface.step.yx;
-    let most = max(2.0 * pixel, vec2(1.5 * f32(1u << draw.level)));
-    if !(along > 0.0) || !all(abs(beside) <= most) {
-        return no_hit(false);
-    }
-    let cell = vec2<i32>(first) + vec2<i32>(floor(beside));
-    if any(cell < vec2(0)) || any(cell.yx >= vec2<i32>(surface.last)) {
-        return no_hit(false);
-    }
-    var coverage = 0.0;
-    let chunk = chunk_at(cell.yx);
-    if chunk == NONE {
-        // Beside the chunk nothing was measured, but for what its last samples stand for.
-        let sample = (vec2<u32>(cell) + (1u << draw.level) / 2u) >> vec2(draw.level);
-        let begin = vec2(draw.key_row, draw.key_column) * CHUNK;
-        if all(sample >= begin) && all(sample < begin + vec2(draw.rows, draw.columns)) {
-            coverage = coverage_of(draw, sample - begin);
-        }
-    } else if draws[chunk].level > 0u {
-        let other = draws[chunk];
-        let begin = vec2(other.key_row, other.key_column) * CHUNK;
-        let place = min((vec2<u32>(cell) >> vec2(other.level)) - begin, vec2(other.rows, other.columns) - 2u);
-        let corner = sample_at(other, place);
-        let size = vec2<f32>(sample_at(other, place + 1u) - corner);
-        let within = vec2<f32>(vec2<i32>(first) - vec2<i32>(corner)) + beside;
-        coverage = share_between(other, place, (within / size).yx, size);
-    }
-    if coverage <= 0.0 {
-        return no_hit(false);
-    }
-    let there = ray.origin.z + along * ray.direction.z;
-    return Hit(node, depth, first, beside, there, slope, coverage, vec2(0.0), true, false, true, false, false);
-}
-#endif
-
 /// The place of the surface that a sample of the picture shows: of a point, where its ray meets what the point belongs to.
 fn look(number: u32, place: vec2<f32>) -> Hit {
     let shown = shown_of(number);
 #ifdef GLOBE
+    // Where nothing else is.
+    if shown.slot == POINT && !is_lone(draws[shown.node], shown.at) && !is_point(draws[shown.node], shown.at) {
+        return margin_at(shown.node, shown.at, place);
+    }
     return hit_globe(shown, place);
 #else
     let node = shown.node;
@@ -90,7 +43,7 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
     if !is_lone(draw, at) {
         // Where nothing else is.
         if !is_point(draw, at) {
-            return margin_at(node, at, ray);
+            return margin_at(node, at, place);
         }
         var hit = around(node, at, ray);
         if !hit.exists {
@@ -101,7 +54,7 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
             return hit;
         }
         if !hit.is_beside {
-            return margin_at(node, at, ray);
+            return margin_at(node, at, place);
         }
     }
     var hit = Hit(node, depth, first, vec2(0.0), height, vec2(0.0), 1.0, vec2(0.0), true, false, true, false, false);

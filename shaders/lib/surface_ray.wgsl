@@ -277,9 +277,14 @@ fn pass_through(node: u32, ray: Ray, start: f32, end: f32, part: vec2<f32>) -> P
 
 /// The chunk that holds a cell of the field, column and row; `NONE` where none is drawn.
 fn chunk_at(cell: vec2<i32>) -> u32 {
+    var at = vec2<u32>(cell.yx);
+#ifdef GLOBE
+    // What closes a globe is in the same chunk as the column before it.
+    at.y = min(at.y, surface.open - 1u);
+#endif
     var found = surface.tree;
     for (var level = surface.top; found < LEAF; level--) {
-        let below = (vec2<u32>(cell.yx) / CHUNK >> vec2(level - 1u)) & vec2(1u);
+        let below = (at / CHUNK >> vec2(level - 1u)) & vec2(1u);
         found = lists[found + 2u * below.x + below.y];
     }
     return select(found - LEAF, NONE, found == NONE);

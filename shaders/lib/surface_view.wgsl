@@ -121,6 +121,9 @@ struct SurfaceView {
     box_max: vec3<f32>,
     /// Most cells that a membrane spans; 0 where there is none.
     spans: f32,
+    /// The plane between a globe's near side and its far side, in the camera's coordinates: away from the eye, and how far that is; 0 where there is none.
+    limb: vec3<f32>,
+    limb_away: f32,
 }
 
 /// A chunk that is drawn.
@@ -171,6 +174,18 @@ fn place_of_sample(index: vec2<u32>, level: u32) -> vec2<u32> {
     return select(min(place, open), surface.last.yx, is_beyond);
 #else
     return min(place, surface.last.yx);
+#endif
+}
+
+/// The cell of a level that a cell of the field is in.
+fn cell_of_level(cell: vec2<u32>, level: u32) -> vec2<u32> {
+#ifdef GLOBE
+    // What closes a globe is a cell of its own.
+    let open = vec2(surface.last.y, surface.open);
+    let closing = (open + (1u << level) - 1u) >> vec2(level);
+    return select(cell >> vec2(level), closing, (cell >= open) & (open < surface.last.yx));
+#else
+    return cell >> vec2(level);
 #endif
 }
 

@@ -1,6 +1,7 @@
 // Which triangle or point of a surface is seen at each sample of the picture, by the adapter's rasteriser: what visible.wgsl finds but for
 // how finely corners are rounded. Their places come from the same operations whatever they belong to.
 #import deepfield::surface_constants::{FAN, POINTS, LAID, FANNED, MARGIN}
+#import deepfield::surface_margin::{margin_at, margin_depth}
 #import deepfield::surface_view::{surface, draws, lists, Draw, corner_of, has_margin, height_of, is_lone, is_measured, camera_of, is_kept, quad_of, half_of}
 
 /// What is drawn at a time.
@@ -11,8 +12,7 @@ struct SurfaceStep {
     count: u32,
     counter: u32,
     most: u32,
-    /// Pixels of the largest square about a sample.
-    squares: u32,
+    unused: u32,
     unused_end: vec2<u32>,
 }
 
@@ -78,9 +78,12 @@ fn fan(@builtin(vertex_index) index: u32) -> Vertex {
 fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Vertex {
     let node = lists[surface_step.first + instance];
     let draw = draws[node];
-    // Those of a larger square come one after the other.
-    let square = index % surface_step.squares;
-    let sample = index / surface_step.squares;
+    let margin = draw.flags >> MARGIN & 63u;
+    // Those of a larger square come one after the other; no chunk has more than its own margins need.
+    let has_points = (draw.flags & POINTS) != 0u;
+    let largest = max(max(surface.lone_side, margin), select(0u, surface.point_side, has_points));
+    let square = index % (largest * largest);
+    let sample = index / (largest * largest);
     let at = vec2(sample / 257u, sample % 257u);
     let size = vec2(draw.rows, draw.columns);
     if any(at >= size) {
@@ -92,8 +95,7 @@ fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u
     }
     let on = u32(at.x == 0u) | u32(at.x + 1u == size.x) << 1u | u32(at.y == 0u) << 2u | u32(at.y + 1u == size.y) << 3u;
     let is_alone = is_lone(draw, at);
-    let is_point = (draw.flags & POINTS) != 0u && (on & (draw.flags >> LAID)) == 0u;
-    let margin = draw.flags >> MARGIN & 63u;
+    let is_point = has_points && (on & (draw.flags >> LAID)) == 0u;
     var side = select(surface.point_side, surface.lone_side, is_alone);
     var is_margin = false;
     if !is_alone && !is_point {
@@ -115,8 +117,15 @@ fn point(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u
     let middle = floor(place + shift) + 0.5;
     corner.place = vec4((middle / pixels * vec2(2.0, -2.0) + vec2(-1.0, 1.0)) * corner.place.w, corner.place.zw);
     if is_margin {
-        // Behind all else: near is 1.
-        corner.place.z *= 1e-20;
+#ifdef GLOBE
+        if any(middle < vec2(0.0)) || any(middle > pixels) || !margin_at(node, at, middle).exists {
+            return nowhere();
+        }
+#endif
+        // Near is 1, and behind all else next to 0.
+        let depth = margin_depth(camera, middle);
+        let nearness = select(1.0 - depth / surface.far, surface.near * (camera.z / depth), surface.perspective != 0u);
+        corner.place.z = max(nearness, 1e-20 * corner.place.z);
     }
     return corner;
 }

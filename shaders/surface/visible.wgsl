@@ -3,32 +3,19 @@
 //
 // Everything is drawn twice: the first time the least depth of each sample is found, the second time the least number among those that have it.
 // `cells` draws the triangles that are small and lists the others for `large`; `fans` does so with triangles whose corners are listed.
-#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN, NONE, POINTS, LAID, FANNED, MARGIN, FARTHER}
+#import deepfield::surface_constants::{CHUNK, FRACTION, TILE, SMALL, SLICES, SCANNERS, ENTRY, FAN, NONE, POINTS, LAID, FANNED, MARGIN, CAST}
+#import deepfield::surface_margin::margin_depth
+#import deepfield::surface_seen::{surface_step, put, number_of}
 #import deepfield::surface_view::{surface, draws, lists, Draw, Corner, corner_of, has_margin, height_of, is_lone, is_measured, camera_of, snapped, from_eye, is_kept, quad_of, half_of, half_in, NOTHING, AHEAD}
 #ifdef FILLED
 #import deepfield::surface_view::fill_of
 #endif
+#ifdef GLOBE
+#import deepfield::surface_margin::margin_at
+#import deepfield::surface_seen::depth_at
+#import deepfield::surface_view::shown_of
+#endif
 
-/// What is drawn at a time.
-struct SurfaceStep {
-    /// Whether numbers are found, and not depths.
-    is_second: u32,
-    /// Where `lists` has the chunks' numbers, or the triangles.
-    first: u32,
-    /// How many there are.
-    count: u32,
-    /// Which counter the list of large triangles has.
-    counter: u32,
-    /// How many that list has room for.
-    most: u32,
-    /// Pixels of the largest square about a sample.
-    squares: u32,
-    unused_end: vec2<u32>,
-}
-
-@group(1) @binding(0) var<uniform> surface_step: SurfaceStep;
-@group(1) @binding(1) var<storage, read_write> nearest: array<atomic<u32>>;
-@group(1) @binding(2) var<storage, read_write> shown: array<atomic<u32>>;
 @group(1) @binding(3) var<storage, read_write> large_list: array<u32>;
 @group(1) @binding(4) var<storage, read_write> large_counts: array<atomic<u32>>;
 
@@ -42,20 +29,6 @@ var<workgroup> corners: array<Corner, CORNERS>;
 var<workgroup> measured: array<u32, CORNERS>;
 #endif
 
-/// Keeps the nearer of what is there and this.
-fn put(index: u32, depth: f32, number: u32) {
-    // Positive floats sort as their bits do. Both are kept inverted: nothing is 0.
-    let bits = ~bitcast<u32>(max(depth, 0.0));
-    let known = atomicLoad(&nearest[index]);
-    if surface_step.is_second == 0u {
-        if bits > known {
-            atomicMax(&nearest[index], bits);
-        }
-    } else if bits == known {
-        atomicMax(&shown[index], ~number);
-    }
-}
-
 fn show(pixel: vec2<i32>, depth: f32, number: u32) {
     if surface.clips != 0u && !is_kept(from_eye(vec2<f32>(pixel) + 0.5, depth)) {
         return;
@@ -64,15 +37,27 @@ fn show(pixel: vec2<i32>, depth: f32, number: u32) {
 }
 
 /// A point, as a square about its place; of a margin where nothing else is.
-fn square(corner: Corner, side: u32, is_margin: bool, number: u32) {
+fn square(corner: Corner, camera: vec3<f32>, side: u32, is_margin: bool, number: u32) {
     let own = select(corner.linear, 1.0 / corner.linear, surface.perspective != 0u);
-    let depth = select(own, max(own, 1e-6) * FARTHER, is_margin);
     let first = (corner.place - vec2((i32(side) - 1) * ONE / 2)) >> vec2(FRACTION);
     let from_pixel = max(first, vec2(0));
     let to_pixel = min(first + vec2(i32(side)), vec2<i32>(surface.size));
     for (var y = from_pixel.y; y < to_pixel.y; y++) {
         for (var x = from_pixel.x; x < to_pixel.x; x++) {
-            put(u32(y) * surface.stride + u32(x), depth, number);
+            let index = u32(y) * surface.stride + u32(x);
+            var depth = own;
+            if is_margin {
+                let place = vec2<f32>(vec2(x, y)) + 0.5;
+                depth = margin_depth(camera, place);
+#ifdef GLOBE
+                let known = depth_at(index);
+                let shown = shown_of(number);
+                if known >= 0.0 && known < depth || !margin_at(shown.node, shown.at, place).exists {
+                    continue;
+                }
+#endif
+            }
+            put(index, depth, number);
         }
     }
 }
@@ -151,11 +136,7 @@ fn draw_triangle(a: Corner, b_in: Corner, c_in: Corner, number: u32, source: u32
     }
 }
 
-/// The number of a triangle, or of a sample.
-fn number_of(node: u32, cell: vec2<u32>, slot: u32) -> u32 {
-    return node << 18u | 2u * (cell.x * 256u + cell.y) + slot;
-}
-
+/// The number of a sample.
 fn number_of_point(node: u32, at: vec2<u32>) -> u32 {
     return node << 18u | (1u << 17u) + at.x * 257u + at.y;
 }
@@ -205,7 +186,7 @@ fn cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
                         let away = camera.x * surface.world_right + camera.y * surface.world_up + camera.z * surface.world_forward;
                         if surface.clips == 0u || is_kept(away) {
                             let side = select(surface.point_side, surface.lone_side, is_alone);
-                            square(corner, select(side, margin, is_margin), is_margin, number_of_point(node, at));
+                            square(corner, camera, select(side, margin, is_margin), is_margin, number_of_point(node, at));
                         }
                     }
                 }
@@ -214,6 +195,10 @@ fn cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         corners[i] = corner;
     }
     workgroupBarrier();
+    // What is left of a chunk that rays are cast through.
+    if (draw.flags & CAST) != 0u {
+        return;
+    }
     let within = vec2(local / TILE, local % TILE);
     let cell = first + within;
     if any(cell + 1u >= size) {

@@ -19,6 +19,8 @@ pub struct Outcome {
     pub threads: u16,
     /// Seconds from the snapshot (in the system's file cache) to the page file.
     pub build: Times,
+    /// The same with plain codes of leaves.
+    pub plain: Times,
     /// The same with smoothing lengths from 32 neighbours in place of the source's own.
     pub neighbours: Times,
     /// Million particles per second.
@@ -39,8 +41,8 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     let folder = tempfile::tempdir()?;
     let mut outcomes = Vec::new();
     eprintln!(
-        "{:>10} {:>8} {:>9} {:>7} {:>9} {:>7} {:>7} {:>9}",
-        "particles", "threads", "build s", "M/s", "with knn", "M/s", "bytes", "temp MiB"
+        "{:>10} {:>8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>7} {:>9}",
+        "particles", "threads", "build s", "M/s", "plain s", "with knn", "M/s", "bytes", "temp MiB"
     );
     for &particles in &arguments.sizes {
         let source = folder.path().join("snapshot");
@@ -48,29 +50,33 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         gadget::write(&Clusters::new(arguments.seed, particles), &mut out, &())?;
         out.flush()?;
         for &threads in &arguments.threads {
-            let run = |smoothing: Smoothing| {
-                let options = BuildOptions {
+            let run = |smoothing: Smoothing, refined: bool| {
+                let mut options = BuildOptions {
                     memory: arguments.memory,
                     threads: Some(threads.into()),
                     read: arguments.read,
                     ..BuildOptions::default()
                 };
+                options.octree.refined = refined;
                 once(&source, &folder.path().join("out.df"), smoothing, &options)
             };
-            let (mut builds, mut searches, mut bytes, mut temporary_bytes) = (Vec::new(), Vec::new(), 0, 0);
+            let (mut builds, mut plain, mut searches) = (Vec::new(), Vec::new(), Vec::new());
+            let (mut bytes, mut temporary_bytes) = (0, 0);
             for _ in 0..arguments.repeat {
-                let (seconds, built) = run(Smoothing::Auto)?;
+                let (seconds, built) = run(Smoothing::Auto, true)?;
                 builds.push(seconds);
                 (bytes, temporary_bytes) = (built.bytes, built.temporary_bytes);
-                searches.push(run(Smoothing::Knn(DEFAULT_NEIGHBOURS))?.0);
+                plain.push(run(Smoothing::Auto, false)?.0);
+                searches.push(run(Smoothing::Knn(DEFAULT_NEIGHBOURS), true)?.0);
             }
-            let (build, neighbours) = (Times::of(builds), Times::of(searches));
+            let [build, plain, neighbours] = [builds, plain, searches].map(Times::of);
             let speed = |times: &Times| particles as f64 / times.median / 1e6;
             let (million_per_second, million_per_second_neighbours) = (speed(&build), speed(&neighbours));
             let bytes_per_particle = bytes as f64 / particles as f64;
             eprintln!(
-                "{particles:>10} {threads:>8} {:>9.3} {million_per_second:>7.2} {:>9.3} {million_per_second_neighbours:>7.2} {bytes_per_particle:>7.2} {:>9}",
+                "{particles:>10} {threads:>8} {:>9.3} {million_per_second:>7.2} {:>9.3} {:>9.3} {million_per_second_neighbours:>7.2} {bytes_per_particle:>7.2} {:>9}",
                 build.median,
+                plain.median,
                 neighbours.median,
                 temporary_bytes >> 20
             );
@@ -78,6 +84,7 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
                 particles,
                 threads,
                 build,
+                plain,
                 neighbours,
                 million_per_second,
                 million_per_second_neighbours,

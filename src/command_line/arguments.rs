@@ -1,6 +1,7 @@
 //! Values on the command line that several commands share, parsed with messages that say what was expected.
 
 use crate::color::transfer::{TransferFunction, presets};
+pub use crate::look::page_cache::bytes;
 use crate::mode::Mode;
 use crate::model::FamilyName;
 use crate::modes;
@@ -93,30 +94,6 @@ pub fn count(text: &str) -> Result<u64, String> {
         (value.fract() == 0.0 && (1.0..2f64.powi(63)).contains(&value)).then_some(value as u64)
     });
     number.filter(|&number| number > 0).ok_or_else(|| "expected a whole number such as 1000000 or 1e9".into())
-}
-
-/// An amount of memory in bytes: `2GiB`, `512MiB`, `1.5GB`, `1000000`.
-pub fn bytes(text: &str) -> Result<u64, String> {
-    let digits = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
-    let (number, unit) = text.split_at(digits);
-    let factor = match unit.trim() {
-        "" | "B" => 1.0,
-        "kB" | "KB" => 1e3,
-        "MB" => 1e6,
-        "GB" => 1e9,
-        "TB" => 1e12,
-        "KiB" => 1024.0,
-        "MiB" | "M" => 1024f64.powi(2),
-        "GiB" | "G" => 1024f64.powi(3),
-        "TiB" | "T" => 1024f64.powi(4),
-        _ => f64::NAN,
-    };
-    let value = number.trim().parse::<f64>().unwrap_or(f64::NAN) * factor;
-    if value >= 1.0 && value < 2f64.powi(63) {
-        Ok(value as u64)
-    } else {
-        Err("expected an amount of memory such as 2GiB or 512MiB".into())
-    }
 }
 
 #[cfg(test)]

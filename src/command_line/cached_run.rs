@@ -1,13 +1,12 @@
 //! Runs of sources that were opened directly: built in the cache of page files while the first step is shown, outwards from that, and
 //! built again where a simulation writes on.
 
-use super::cache::{
-    BUDGET_VARIABLE, budget, cached_name, folder, make_room, mark_as_used, page_file_of, stated_budget,
-};
+use super::cache::{folder, make_room, page_file_of};
 use crate::build::{BuildError, BuildOptions, RunBuild, StepProgress, StillOf, TrackOptions};
 use crate::import::{
     ImportError, LoadOptions, Run, RunOptions, RunStep, Times, file_of_step, open, open_run, sources_of,
 };
+use crate::look::page_cache::{BUDGET_VARIABLE, budget, cached_name, mark_as_used, stated_budget};
 use crate::model::{Progress, ReadMethod, When, scale_factor_of};
 use crate::store::RunFile;
 use std::error::Error;

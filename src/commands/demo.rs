@@ -23,7 +23,10 @@ pub fn run() -> CommandResult {
 }
 
 /// The demo snapshot as a file in the cache folder, written on first use.
-fn snapshot() -> Result<PathBuf, std::io::Error> {
+///
+/// # Errors
+/// When the folder cannot be written.
+pub fn snapshot() -> Result<PathBuf, std::io::Error> {
     let folder = cache::folder("demo")?;
     let path = folder.join("lcdm64_z0.hdf5");
     if std::fs::metadata(&path).is_ok_and(|about| about.len() == SNAPSHOT.len() as u64) {

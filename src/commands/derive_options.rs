@@ -1,7 +1,8 @@
 //! Attributes that are derived from velocities, as a user names them.
 
 use super::cache::page_file_with;
-use super::region_options::{At, Opened};
+use super::region_options::At;
+use crate::explore::Opened;
 use crate::import::step_at;
 use crate::look::{DataKind, HeightsSaid, TakenFor, data_file};
 use crate::model::{DerivedQuantity, Progress, ReadMethod};
@@ -70,14 +71,14 @@ impl DeriveOptions {
         Err(format!("{}: --derive: {what} asks the source itself, expected a page file of it", path.display()))
     }
 
-    /// As [`Opened::open`]; of a source, where something is to be derived, its page file in the cache, which is built first where there is
+    /// As [`At::open`]; of a source, where something is to be derived, its page file in the cache, which is built first where there is
     /// none.
     ///
     /// # Errors
-    /// As [`Opened::open`], and where the quantities cannot be derived.
+    /// As [`At::open`], and where the quantities cannot be derived.
     pub fn open(&self, path: &Path, at: At, method: ReadMethod, progress: &dyn Progress) -> Result<Opened, Failure> {
         if self.is_empty() {
-            return Opened::open(path, at, method);
+            return at.open(path, method);
         }
         let path = data_file(path)?;
         let said = self.with(HeightsSaid { taken_for: Some(TakenFor::Particles), ..HeightsSaid::default() });
@@ -86,8 +87,8 @@ impl DeriveOptions {
             _ => None,
         };
         match step {
-            Some(step) => Opened::open(&page_file_with(&step, &said, progress)?, At { time: None, ..at }, method),
-            None => Opened::open(&page_file_with(&path, &said, progress)?, at, method),
+            Some(step) => At { time: None, ..at }.open(&page_file_with(&step, &said, progress)?, method),
+            None => at.open(&page_file_with(&path, &said, progress)?, method),
         }
     }
 }

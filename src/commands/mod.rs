@@ -3,9 +3,11 @@
 pub mod annotate;
 pub mod build;
 pub mod catalogue;
+pub mod completions;
 pub mod contours;
 pub mod demo;
 pub mod derive_options;
+pub mod description;
 pub mod difference;
 pub mod export;
 pub mod extract;
@@ -17,6 +19,7 @@ pub mod hierarchy_options;
 pub mod info;
 pub mod key;
 pub mod light_options;
+pub mod manual;
 pub mod members_options;
 pub mod modes;
 pub mod page_file_info;
@@ -70,6 +73,8 @@ pub enum Command {
     Synth(synth::Arguments),
     Bench(Box<crate::bench::Arguments>),
     Modes(modes::Arguments),
+    Completions(completions::Arguments),
+    Manual(manual::Arguments),
 }
 
 impl Command {
@@ -100,6 +105,8 @@ impl Command {
             Command::Synth(arguments) => synth::run(arguments),
             Command::Bench(arguments) => crate::bench::run(arguments),
             Command::Modes(arguments) => modes::run(arguments),
+            Command::Completions(arguments) => completions::run(arguments),
+            Command::Manual(arguments) => manual::run(arguments),
         }
     }
 }

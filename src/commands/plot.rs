@@ -3,15 +3,15 @@
 use super::arguments::{PictureSize, not_negative, vector};
 use super::derive_options::DeriveOptions;
 use super::members_options::{MembersOptions, OpenRun};
-use super::region_options::{At, Opened, RegionOptions};
+use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::color::output::{write_atomically, write_png};
 use crate::explore::plot::INNER;
 use crate::explore::plot::settings::DENSITY;
 use crate::explore::{
-    BinnedAxis, ChartScales, Data, Members, Plot, PlotOptions, PlotScale, ProfileOptions, Region, Weight, Work,
-    members_about,
+    BinnedAxis, ChartScales, Data, Effort, Members, Opened, Plot, PlotOptions, PlotScale, ProfileOptions, Region,
+    Weight, Work, members_about,
 };
 use crate::model::ReadMethod;
 use glam::DVec3;
@@ -24,7 +24,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 ///
 /// Every particle counts. Of a source the answer is exact. Of a page file it comes from its leaves, whose places are rounded and whose
 /// values are coded, and what is written says which share of the weight may be in other bins; --exact asks the source that it was built
-/// from. With --error a part of the page file is read, and merged particles stand for the rest.
+/// from. With --error a part of the page file is read, and what is written says how far off the plot may be for it.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield plot galaxy.df --histogram temperature -o temperature.svg
@@ -34,6 +34,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield plot box.df --radial density --at groups.hdf5#0 --bins 40 -o halo.svg
   deepfield plot galaxy.df --radial temperature --about 21.9,39.0,33.1 --radius 1.5 --family gas --exact --json -
   deepfield plot huge.df --phase density,temperature --error 0.01 -o phase.png    reads what that takes, and says how much
+  deepfield plot huge.df --radial temperature --at groups.hdf5#0 --error 0.05 -o halo.csv    shells with their errors
   deepfield plot run.df --time last --histogram density -o last.png")]
 pub struct Arguments {
     /// The source, page file or run.
@@ -78,9 +79,10 @@ pub struct Arguments {
     /// Most points of a scatter plot.
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub points: u32,
-    /// Relative error that is enough, such as 0.01: of a page file as many pages are read as keep bins to it, three standard errors, of
-    /// those with less than a hundredth of the weight to as much of that hundredth; 0: all are read.
-    #[arg(long, value_name = "E", value_parser = not_negative, conflicts_with_all = ["scatter", "radial", "exact"])]
+    /// Relative error that is enough, such as 0.01: of a page file as many pages are read as keep bins, shells with their means, or the shares
+    /// of points in 16 by 16 cells to it, three standard errors, of those with less than a hundredth of the weight to as much of that
+    /// hundredth; 0: all are read.
+    #[arg(long, value_name = "E", value_parser = not_negative, conflicts_with = "exact")]
     pub error: Option<f64>,
     /// When it is asked.
     #[command(flatten)]
@@ -158,7 +160,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         // Page files hold no ids.
         None if *exact || !who.is_region() => {
             derive.refuse(path, if *exact { "--exact" } else { "a selection by ids" })?;
-            Opened::source(path, *when, *read)?
+            when.source(path, *read)?
         }
         None => derive.open(path, *when, *read, &progress)?,
     };
@@ -224,8 +226,7 @@ impl Arguments {
 
     /// What is to be found.
     fn options(&self) -> Result<PlotOptions, Failure> {
-        let Arguments { weight, bins, error: allowed, .. } = self;
-        let allowed = allowed.filter(|allowed| *allowed > 0.0);
+        let Arguments { weight, bins, .. } = self;
         let axis = |number: usize, field: &str, bins: usize| BinnedAxis {
             field: field.to_owned(),
             bins,
@@ -234,12 +235,12 @@ impl Arguments {
         };
         if let Some(field) = &self.histogram {
             let axes = vec![axis(0, field, bins.map_or(BINS, |[bins, _]| bins))];
-            return Ok(PlotOptions::Binned { axes, weight: weight.clone(), allowed });
+            return Ok(PlotOptions::Binned { axes, weight: weight.clone() });
         }
         if let Some([x, y]) = &self.phase {
             let [across, up] = bins.unwrap_or([CELLS; 2]);
             let axes = vec![axis(0, x, across), axis(1, y, up)];
-            return Ok(PlotOptions::Binned { axes, weight: weight.clone(), allowed });
+            return Ok(PlotOptions::Binned { axes, weight: weight.clone() });
         }
         if let Some(fields) = &self.scatter {
             return Ok(PlotOptions::Scatter { fields: fields.clone(), points: self.points as usize });
@@ -265,7 +266,8 @@ impl Arguments {
         if is_radial && members.region().is_some_and(|region| region.first_sphere().is_none()) {
             return Err("--radial: expected --about X,Y,Z, or a sphere: --sphere, --at or --object".into());
         }
-        Ok(Plot::find(data, &members, &options, periodic, work)?)
+        let effort = Effort::within(self.error.unwrap_or_default());
+        Ok(Plot::find(data, &members, &options, effort, periodic, work)?)
     }
 }
 

@@ -6,15 +6,15 @@ use super::frame_option::{FrameName, unknown};
 use super::heights::probe::HeightsProbe;
 use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
-use super::region_options::{At, Opened, RegionOptions};
+use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress};
 pub(super) use crate::annotate::number::short;
 use crate::color::output::write_atomically;
 use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
 use crate::explore::{
-    AxisOptions, Data, FieldHistogram, Fields, Members, OverTime, ProbeOptions, ProfileOptions, Region, Shape, Work,
-    histogram, over_time, probe,
+    AxisOptions, Data, FieldHistogram, Fields, Members, Opened, OverTime, ProbeOptions, ProfileOptions, Region, Shape,
+    Work, histogram, over_time, probe,
 };
 use crate::look::is_field;
 use crate::model::{ReadMethod, When};
@@ -42,6 +42,7 @@ use std::path::{Path, PathBuf};
   deepfield probe galaxy.df --family gas --histogram temperature --bins 20
   deepfield probe surface.sur --form plane --l-filter 0.08    heights: Sa, Sq and the others, without form and waviness
   deepfield probe dem.df --line 0,0,900,600 -o profile.csv    or profile.png, a plot
+  deepfield probe surface.sur --form plane -o ratio.png       the material ratio curve
   deepfield probe dem.df --pixel 640,400 --eye 0,-900,700 --target 450,300,0
   deepfield probe head.nrrd --sphere 120,110,60,20          a volume: mean, dispersion and histogram, the value in the middle")]
 pub struct Arguments {
@@ -62,7 +63,8 @@ pub struct Arguments {
     /// The frame of places, distances and velocities over time of a comoving run; means of fields are as they are stored.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t, requires = "over_time")]
     pub frame: FrameName,
-    /// Write the table over time, or the profile along a line, to a file; of a profile a plot, where its name ends in .png.
+    /// Write the table over time, the profile along a line of heights, or the material ratio curve of a region of them, to a file; of the last two a
+    /// plot, where its name ends in .png.
     #[arg(short, long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
     /// Shells of a radial profile in the sphere.
@@ -143,7 +145,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return heights::probe::run(path, said, asked, out.as_deref(), json.as_deref());
     }
     if arguments.out.is_some() && !arguments.over_time {
-        return Err("-o: expected --over-time beside it, or heights with --line".into());
+        return Err("-o: expected --over-time beside it, or heights".into());
     }
     if is_field(&arguments.path) {
         if !arguments.derive.is_empty() {
@@ -175,7 +177,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         // Page files hold no ids.
         None if arguments.exact || !is_region => {
             arguments.derive.refuse(&arguments.path, if arguments.exact { "--exact" } else { "a selection by ids" })?;
-            Opened::source(&arguments.path, arguments.when, arguments.read)?
+            arguments.when.source(&arguments.path, arguments.read)?
         }
         None => arguments.derive.open(&arguments.path, arguments.when, arguments.read, &progress)?,
     };

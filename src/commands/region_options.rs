@@ -1,9 +1,9 @@
 //! How regions are named on the command line, and which data they are looked for in.
 
 use super::arguments::{Given, family_name, positive};
-use crate::explore::{Catalogue, Data, Object, Region, Shape, ValueRange, source_of};
+use crate::explore::{Catalogue, Data, Object, Opened, Region, Shape, ValueRange};
 use crate::hierarchy::spacetime::Interpolation;
-use crate::import::{Source, open_with, step_at};
+use crate::import::{open_with, step_at};
 use crate::look::{DataKind, data_file, one_snapshot};
 use crate::model::{FamilyName, ReadMethod, When, ron_file};
 use crate::store::{PageFile, RunFile};
@@ -163,39 +163,35 @@ impl At {
         let At { time, interpolation } = self;
         [("--time", time.is_some()), ("--interpolation", interpolation.is_some())]
     }
-}
 
-/// The time that a page file or a source says of itself.
-///
-/// # Errors
-/// When it cannot be opened.
-pub fn own_time(path: &Path) -> Result<Option<f64>, Failure> {
-    Ok(Opened::open(path, At::default(), ReadMethod::default())?.time())
-}
-
-/// A page file or a source, opened.
-pub enum Opened {
-    /// A page file.
-    Pages(Box<PageFile>),
-    /// A source.
-    Source(Box<dyn Source>),
-}
-
-impl Opened {
     /// Opens what the path names, by its content, to be read in the way `method`; of a run with tracks its particles at that moment, of
     /// one of stills alone the step at or before it.
     ///
     /// # Errors
     /// When it cannot be opened, or has no such time.
-    pub fn open(path: &Path, at: At, method: ReadMethod) -> Result<Opened, Failure> {
-        let At { time, interpolation } = at;
+    pub fn open(self, path: &Path, method: ReadMethod) -> Result<Opened, Failure> {
+        self.opened(path, method, false)
+    }
+
+    /// Opens the source behind the path: what it names, or what the page file that it names was built from. A run with tracks is its own
+    /// source; of one of stills alone it is what the step was built from.
+    ///
+    /// # Errors
+    /// When it cannot be opened, or is not what the page file was built from.
+    pub fn source(self, path: &Path, method: ReadMethod) -> Result<Opened, Failure> {
+        Ok(self.opened(path, method, true)?.source()?)
+    }
+
+    fn opened(self, path: &Path, method: ReadMethod, exact: bool) -> Result<Opened, Failure> {
+        let At { time, interpolation } = self;
         let path = &data_file(path)?;
-        if let (Some(when), DataKind::Source) = (time, DataKind::of(path)?)
+        let kind = DataKind::of(path)?;
+        if let (Some(when), DataKind::Source) = (time, kind)
             && let Some(step) = step_at(path, when, method)?
         {
             return Ok(Opened::Source(open_with(&step, method)?));
         }
-        let opened = match DataKind::of(path)? {
+        let opened = match kind {
             DataKind::Pages => Opened::Pages(Box::new(PageFile::open_with(path, method)?)),
             DataKind::Source => Opened::Source(open_with(path, method)?),
             DataKind::Heights => return Err(format!("{}: heights, expected particles", path.display()).into()),
@@ -205,58 +201,33 @@ impl Opened {
             DataKind::Run => {
                 let run = Arc::new(RunFile::open(path, method)?);
                 let moment = run.moment(time.unwrap_or(When::Step(0)))?;
-                let interpolation = interpolation.unwrap_or_default();
-                let moves = moment.u > 0.0 && interpolation != Interpolation::Hold || !run.has_stills();
-                if moves && run.tracks().is_ok() {
-                    return Ok(Opened::Source(Box::new(run.at(moment, interpolation)?)));
-                }
-                if moment.u > 0.0 {
+                let opened = Opened::of_run(&run, moment, interpolation.unwrap_or_default(), exact)?;
+                if moment.u > 0.0 && matches!(opened, Opened::Pages(_)) {
                     let (step, at) = (moment.step, run.times().times[moment.step]);
                     eprintln!("deepfield: {}: between steps: what is told is of step {step}, at {at}", path.display());
                 }
-                return Ok(Opened::Pages(Box::new(run.placed_still(moment.step)?)));
+                return Ok(opened);
             }
         };
         match time {
-            Some(_) => Err(one_snapshot(path, opened.time()).into()),
+            Some(_) => Err(one_snapshot(path, time_of(&opened)).into()),
             None => Ok(opened),
         }
     }
+}
 
-    /// Opens the source behind the path: what it names, or what the page file that it names was built from. A run with tracks is its own
-    /// source; of one of stills alone it is what the step was built from.
-    ///
-    /// # Errors
-    /// When it cannot be opened, or is not what the page file was built from.
-    pub fn source(path: &Path, at: At, method: ReadMethod) -> Result<Opened, Failure> {
-        let named = data_file(path)?;
-        if DataKind::of(&named)? == DataKind::Run {
-            let run = Arc::new(RunFile::open(&named, method)?);
-            if run.tracks().is_ok() {
-                let moment = run.moment(at.time.unwrap_or(When::Step(0)))?;
-                return Ok(Opened::Source(Box::new(run.at(moment, at.interpolation.unwrap_or_default())?)));
-            }
-        }
-        match Opened::open(path, at, method)? {
-            Opened::Pages(file) => Ok(Opened::Source(source_of(&file)?)),
-            source => Ok(source),
-        }
-    }
+/// The time that a page file or a source says of itself.
+///
+/// # Errors
+/// When it cannot be opened.
+pub fn own_time(path: &Path) -> Result<Option<f64>, Failure> {
+    Ok(time_of(&At::default().open(path, ReadMethod::default())?))
+}
 
-    /// The time that the data says of itself.
-    fn time(&self) -> Option<f64> {
-        match self {
-            Opened::Pages(file) => file.metadata().provenance.time,
-            Opened::Source(source) => source.description().time,
-        }
-    }
-
-    /// What is asked.
-    pub fn data(&self) -> Data<'_> {
-        match self {
-            Opened::Pages(file) => Data::Pages(&**file),
-            Opened::Source(source) => Data::Source(source.as_ref()),
-        }
+fn time_of(opened: &Opened) -> Option<f64> {
+    match opened {
+        Opened::Pages(file) => file.metadata().provenance.time,
+        Opened::Source(source) => source.description().time,
     }
 }
 

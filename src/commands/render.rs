@@ -45,7 +45,7 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
     }
     let Request { mut members, mut shot, mut options } = request;
     // Heights have numbers in an EXR picture, where they have any.
-    let has_numbers = shot.surround.is_flat() && shot.stereo.is_none();
+    let has_numbers = shot.stereo.is_none() && (shot.surround.is_flat() || members.len() == 1);
     options.raw |= is_exr && has_numbers && members.iter().any(Member::is_of_heights);
     if !members.iter().any(Member::is_of_heights) {
         arguments.texture.refuse()?;

@@ -168,7 +168,8 @@ pub struct Arguments {
     pub repeat: u32,
     /// Memory that pages of particles may take, with what is drawn of them at a time: sums that need more are drawn in passes and volumes in
     /// slabs, the same picture; all else is drawn coarser, and told [default: half of what is free]. And what the samples of an image or a volume may
-    /// take; of larger ones one in two, three, ... along each axis is drawn [default: 4GiB].
+    /// take; of larger ones one in two, three, ... along each axis is drawn [default: 4GiB]. And what chunks of heights may take, which are coarser
+    /// where that is too little [default: 1GiB].
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
     /// Threads of the CPU's part [default: all].
@@ -199,6 +200,9 @@ pub struct Arguments {
     /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
     #[arg(long, value_name = "MAP")]
     pub map: Option<String>,
+    /// The widest hole of heights that --set holes=filled fills, in cells, or with --set gap-unit=lengths in the unit of x and y; 0: any.
+    #[arg(long, value_name = "GAP", value_parser = not_negative, allow_hyphen_values = true)]
+    pub largest_gap: Option<f64>,
     /// What is derived.
     #[command(flatten)]
     pub derive: DeriveOptions,
@@ -256,7 +260,7 @@ impl Arguments {
             repeat: self.repeat,
             memory: self.memory,
             page_memory: Some(self.memory.or(budget).unwrap_or_else(default_memory)),
-            chunk_memory: budget,
+            chunk_memory: self.memory.or(budget),
             raw: self.raw.is_some(),
         };
         Ok(Request { members, shot, options })
@@ -361,6 +365,7 @@ impl Arguments {
             (&levels::ERROR_PICTURE, self.error_picture.map(SettingValue::Number)),
             (&levels::FRAME_MS, self.frame_ms.map(SettingValue::Number)),
             (&ERROR_VALUE, self.error_value.map(SettingValue::Number)),
+            (&modes::surface::LARGEST_GAP, self.largest_gap.map(SettingValue::Number)),
             (&lod_budget::CULLING, self.no_culling.then_some(SettingValue::Flag(false))),
         ];
         let budget = budget.into_iter().filter_map(|(setting, value)| Some((setting.name.to_owned(), value?)));
@@ -509,6 +514,13 @@ mod tests {
             SettingValue::Name("poly6".into())
         );
         assert_eq!(with("points", "presence=9").unwrap().budget.0["presence"], SettingValue::Number(9.0));
+        let gap = |mode: &str| {
+            let mut look = LookPatch { mode: modes::find(mode), ..LookPatch::default() };
+            let own = Arguments { largest_gap: Some(5.0), ..Arguments::default() };
+            own.set_values(&mut look).map(|()| look).map_err(|error| error.to_string())
+        };
+        assert_eq!(gap("surface").unwrap().settings.0["largest-gap"], SettingValue::Number(5.0));
+        assert!(gap("points").unwrap_err().contains("points has no setting largest-gap"));
         for (mode, set, expected) in [
             (
                 "points",

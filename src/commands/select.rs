@@ -5,9 +5,9 @@ use super::frame_option::{FrameName, unknown};
 use super::heights::select::{Corners, rectangle};
 use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
-use super::region_options::{At, Opened, RegionOptions};
+use super::region_options::{At, RegionOptions};
 use super::{CommandResult, progress_bar::TerminalProgress, usage};
-use crate::explore::{Data, Format, Frame, Members, Region, Work, export, ids_of};
+use crate::explore::{Data, Format, Frame, Members, Opened, Region, Work, export, ids_of};
 use crate::model::ReadMethod;
 use std::path::PathBuf;
 
@@ -92,9 +92,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
             }
             derive.open(path, *when, ReadMethod::default(), &progress)?
         }
-        None => match Opened::source(path, *when, ReadMethod::default()) {
+        None => match when.source(path, ReadMethod::default()) {
             Ok(source) => source,
-            Err(reason) => match Opened::open(path, *when, ReadMethod::default())? {
+            Err(reason) => match when.open(path, ReadMethod::default())? {
                 // Ids are in the source alone.
                 Opened::Pages(file) if format.is_some() && who.is_region() => {
                     eprintln!("deepfield: {reason}: values are those of the page file, without ids");

@@ -4,10 +4,12 @@ use super::arguments::{bytes, count, positive};
 use super::cache::page_file_of;
 use super::heights;
 use super::probe::short;
-use super::region_options::{At, Opened, RegionOptions};
+use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress, usage};
-use crate::explore::{Isosurface, IsosurfaceOptions, MeshFormat, ReadGrid, Work, isosurface, isosurface_of_grid};
+use crate::explore::{
+    Isosurface, IsosurfaceOptions, MeshFormat, Opened, ReadGrid, Work, isosurface, isosurface_of_grid,
+};
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{GridOptions, open_grid, step_at};
 use crate::look::{DataKind, data_file, is_field};
@@ -220,12 +222,12 @@ fn open(path: &Path, time: Option<When>, progress: &TerminalProgress) -> Result<
     let (path, method) = (data_file(path)?, ReadMethod::default());
     if DataKind::of(&path)? != DataKind::Source {
         let interpolation = Some(Interpolation::Hold);
-        return Opened::open(&path, At { time, interpolation }, method);
+        return At { time, interpolation }.open(&path, method);
     }
     if let Some(when) = time
         && let Some(step) = step_at(&path, when, method)?
     {
-        return Opened::open(&page_file_of(&step, progress)?, At::default(), method);
+        return At::default().open(&page_file_of(&step, progress)?, method);
     }
-    Opened::open(&page_file_of(&path, progress)?, At { time, interpolation: None }, method)
+    At { time, interpolation: None }.open(&page_file_of(&path, progress)?, method)
 }

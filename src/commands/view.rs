@@ -24,10 +24,12 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
 /// Opens a snapshot, catalogue, image, volume, height field, page file or run in a window.
 ///
 /// A source is turned into a page file in the cache folder first. Where there is no display, the converged picture is
-/// written to a file in the current folder instead.
+/// written to a file in the current folder instead. Without a file the window says what can be opened.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield view snapshot_099.hdf5
+  deepfield view                                   a page to open files from: by a dialog, by dropping them, or again
+  deepfield view snapshot_100.hdf5 --reuse         in the window that is open already
   deepfield view snapdir_099/                      the snapshot in a folder
   deepfield view snapdir_099/snap_099.0.hdf5       any file of a snapshot in several files
   deepfield view hipparcos.csv --mode points
@@ -50,14 +52,17 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view snapshot_099.hdf5 --outputs dome.ron                 a window for each projector of this machine
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
-    /// The source or page file, or a scene file; without it the data that the scene of --scene names. Several sources, a folder or a
-    /// quoted pattern of them, @LIST, or a file of many steps are a run, which is built in the cache while its first step is shown; a folder
-    /// of tables with the same columns is one table.
-    #[arg(required_unless_present_any = ["scene", "tour", "follow"])]
+    /// The source or page file, or a scene file; without it the data that the scene of --scene names, or a page to open files from.
+    /// Several sources, a folder or a quoted pattern of them, @LIST, or a file of many steps are a run, which is built in the cache while
+    /// its first step is shown; a folder of tables with the same columns is one table.
     pub paths: Vec<PathBuf>,
     /// The folder is still being written by a simulation: what it writes becomes steps of the run that is shown.
     #[arg(long, requires = "paths", conflicts_with_all = ["follow", "tour", "simulate", "with"])]
     pub follow_folder: bool,
+    /// Has the file opened in the window of this user that was opened last, in the place of what it shows; where none is open, in a new one.
+    /// What is said of how it is shown goes with a new one alone.
+    #[arg(long, requires = "paths", conflicts_with_all = ["follow_folder", "follow", "lead", "outputs", "tour", "simulate", "with"])]
+    pub reuse: bool,
     /// How the window starts.
     #[command(flatten)]
     pub settings: WindowArguments,
@@ -203,6 +208,10 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let with = arguments.settings.with.iter().map(Member::resolved).collect::<Result<_, _>>()?;
     let settings = &WindowArguments { with, ..arguments.settings.clone() };
+    #[cfg(feature = "viewer")]
+    if arguments.reuse && reuse(&arguments.paths)? {
+        return Ok(());
+    }
     if let Some(run) = run_of(arguments)? {
         return show_run(run, settings);
     }
@@ -217,6 +226,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     // Found out here, a missing file is an error on the command line rather than a message in an empty window.
     let is_given = !path.as_os_str().is_empty();
+    let needs_file =
+        [settings.simulate, settings.lead.is_some(), settings.outputs.is_some(), !settings.with.is_empty()];
+    if !is_given && settings.scene.is_none() && settings.follow.is_none() && needs_file.contains(&true) {
+        return Err("--with, --simulate, --lead and --outputs go with a file: name one".into());
+    }
     if is_given && DataKind::of(&path)? != DataKind::Source && settings.simulate {
         return Err(format!("{}: --simulate takes a snapshot, this is a page file or a run", path.display()).into());
     }
@@ -233,6 +247,24 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
     }
     show(&path, settings)
+}
+
+/// Has a file opened in a window that is open; whether one has taken it.
+#[cfg(feature = "viewer")]
+fn reuse(paths: &[PathBuf]) -> Result<bool, Failure> {
+    use crate::window::files::door;
+    let [path] = paths else {
+        return Err(format!("--reuse: found {} files, expected one", paths.len()).into());
+    };
+    // A missing file is an error here, too.
+    if !path.exists() {
+        return Err(format!("{}: no file is there", path.display()).into());
+    }
+    let taken = door::folder_of_user().map_or(Ok(false), |folder| door::hand_over(&folder, path))?;
+    if !taken {
+        eprintln!("deepfield: no window is open to reuse: a new one opens");
+    }
+    Ok(taken)
 }
 
 /// The run that the command line names by its sources; `None` where it names one source, a page file, a run or a scene.
@@ -269,9 +301,7 @@ fn show_run(mut run: CachedRun, settings: &WindowArguments) -> CommandResult {
         return Err("--with, --tour, --simulate, --lead and --outputs go with one file: build the run first".into());
     }
     if !settings.derive.is_empty() {
-        return Err(
-            "--derive: found a run, expected one snapshot: build --derive --stills-only builds the run with it".into(),
-        );
+        return Err("--derive: found a run, expected one snapshot: build --derive builds the run with it".into());
     }
     let first = run.first(settings.time)?;
     #[cfg(feature = "viewer")]
@@ -329,6 +359,9 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         return Err(format!("{reason}: a show needs a window").into());
     }
     let named = settings.scene.as_deref().filter(|_| path.as_os_str().is_empty()).unwrap_or(path);
+    if named.as_os_str().is_empty() {
+        return Err(format!("{reason}: name a file to draw its picture, as in deepfield view snapshot.hdf5").into());
+    }
     let name = named.file_stem().unwrap_or_default().to_string_lossy();
     let output = settings.picture.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.png")));
     render::run(&render::Arguments {
@@ -367,6 +400,7 @@ fn has_display() -> bool {
 fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run: Option<CachedRun>) -> CommandResult {
     use crate::show::supervisor::RunFolder;
     use crate::show::window::{ShowOptions, run_show_window};
+    use crate::window::files::{door, recent};
     use crate::window::live::orbits::{Orbits, OrbitsPlugin};
     use crate::window::{Backend, OpenRequest, WindowOptions};
     use std::sync::Arc;
@@ -393,8 +427,9 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run:
         said: settings.said(),
         map: settings.map.clone(),
     };
-    // A follower opens what the leader says.
-    let is_named = settings.follow.is_none() && (run.is_none() || !path.as_os_str().is_empty());
+    // A follower opens what the leader says, and a window without a file shows what can be opened.
+    let is_named =
+        settings.follow.is_none() && (!path.as_os_str().is_empty() || run.is_none() && settings.scene.is_some());
     let mut options = WindowOptions::new(is_named.then_some(request), opener);
     options.grower = run.map(grower);
     options.drivers = drivers;
@@ -414,6 +449,12 @@ fn window(path: &Path, settings: &WindowArguments, drivers: wgpu::Backends, run:
     options.status = settings.status.clone();
     options.labels = settings.labels.clone();
     options.tour = settings.tour.clone();
+    options.demo = Some(Arc::new(|| super::demo::snapshot().map_err(|error| error.to_string())));
+    // Windows of a show are the show's.
+    if settings.supervised.is_none() && settings.follow.is_none() {
+        options.recent = recent::list_of_user();
+        options.reached_in = door::folder_of_user();
+    }
     if settings.simulate {
         let progress = super::progress_bar::TerminalProgress::new();
         let dataset = crate::import::load(path, &crate::import::LoadOptions::default(), &progress)?;

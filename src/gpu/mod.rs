@@ -19,6 +19,7 @@ pub mod answer;
 pub mod arena;
 pub mod capabilities;
 pub mod clusters;
+pub mod column_tables;
 pub mod composite;
 pub mod content_look;
 pub mod depiction;

@@ -13,7 +13,7 @@ use super::occlusion::Occlusion;
 use super::pages::{SplatsInTime, ViewSelection};
 use super::paths::Paths;
 use super::picture::{Letterbox, Picture, to_image};
-use super::picture_sizes::{drawing_size, moving_ms, moving_size, volume_limit};
+use super::picture_sizes::{LightSamples, drawing_size, moving_ms, moving_size, volume_limit};
 use super::preset::{MotionPreset, Preset};
 use super::scene::{Scene, Settings};
 use super::state::notices::Notices;
@@ -52,6 +52,8 @@ struct DrawKey {
     paths: u64,
     /// How its light spreads.
     bloom: [u64; 3],
+    /// From how many samples its light is found, where surfaces darken each other.
+    light_samples: Option<u32>,
 }
 
 /// A picture that has been drawn.
@@ -198,11 +200,16 @@ pub(super) fn draw_on_cpu(
         _ => u64::MAX,
     };
     let painted = look.depiction.mode.is_light();
+    let light = LightSamples::of(&look.depiction.settings).filter(|_| painted);
     let size = match painted && moving {
         true => {
             let budget = moving_ms(&preset);
             let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some());
-            moving_size(full, last.map(|drawn| (drawn.key.size, drawn.milliseconds)), budget, motion)
+            let in_motion = |drawn: &Drawn| match light.zip(drawn.key.light_samples) {
+                Some((light, samples)) => light.in_motion(drawn.milliseconds, samples),
+                None => drawn.milliseconds,
+            };
+            moving_size(full, last.map(|drawn| (drawn.key.size, in_motion(drawn))), budget, motion)
         }
         false => drawing_size(full, statistics.particles > limit, fixed_discs, motion),
     };
@@ -216,7 +223,11 @@ pub(super) fn draw_on_cpu(
         particles: volume_limit(painted && moving, false, statistics.particles, motion),
         paths: among.as_ref().map_or(0, |(revision, _)| *revision),
         bloom: settings.bloom.bits(),
+        light_samples: None,
     };
+    let last = cpu.drawn.as_ref().map(|drawn| drawn.key);
+    let last = last.filter(|last| DrawKey { light_samples: None, ..*last } == key).and_then(|last| last.light_samples);
+    let key = DrawKey { light_samples: light.map(|light| light.next(!moving, last)), ..key };
     // Ranges that are given are not looked for in each picture.
     let given = held.0.filter(|levels| painted && levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
     let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
@@ -246,7 +257,8 @@ pub(super) fn draw_on_cpu(
     let drawn_with = |drawn: &&Drawn| drawn.painted.as_ref().is_none_or(|painted| painted.transfer == transfer);
     let reused = drawn.filter(drawn_with).cloned();
     let diameter = scene.frame.size().length();
-    let (shown, depiction) = (scene.tree(), look.depiction.clone());
+    let (shown, mut depiction) = (scene.tree(), look.depiction.clone());
+    LightSamples::set(&mut depiction.settings, key.light_samples);
     let source = match live.particles() {
         Some(particles) => {
             let families = scene.metadata().families.iter().zip(&settings.families);

@@ -1,7 +1,7 @@
-//! Files that are dropped on the window: tours, catalogues and data, each opened as what it is.
+//! Files that are dropped on the window, or asked for in another way: tours, catalogues and data, each opened as what it is.
 
 use super::objects::{Objects, may_be_catalogue};
-use super::open::Openings;
+use super::open::{Openings, Wanted};
 use super::options::OpenRequest;
 use super::scene::Scene;
 use super::touring::{Asked, Player};
@@ -15,30 +15,34 @@ fn is_tour(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "ron") && !is_scene_file(path) && TourFile::read(path).is_ok()
 }
 
-/// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that.
+/// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that; what is asked for
+/// otherwise always in its place.
 pub(super) fn open_dropped_files(
     mut dropped: MessageReader<FileDragAndDrop>,
+    mut wanted: MessageReader<Wanted>,
     keys: Res<ButtonInput<KeyCode>>,
     scene: Option<Res<Scene>>,
     mut openings: ResMut<Openings>,
     mut objects: ResMut<Objects>,
     mut player: ResMut<Player>,
 ) {
-    for event in dropped.read() {
-        if let FileDragAndDrop::DroppedFile { path_buf, .. } = event {
-            if is_tour(path_buf) {
-                player.ask(Asked::Open(path_buf.clone()));
-                continue;
-            }
-            let mut request = OpenRequest::of(path_buf);
-            let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
-            if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path_buf)) {
-                request.members.splice(0..0, scene.members.iter().cloned());
-            }
-            match may_be_catalogue(path_buf) {
-                true => objects.consider(path_buf.clone(), request),
-                false => openings.start(request),
-            }
+    let adds = openings.adds_dropped || keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
+    let dropped = dropped.read().filter_map(|event| match event {
+        FileDragAndDrop::DroppedFile { path_buf, .. } => Some((path_buf, adds)),
+        _ => None,
+    });
+    for (path, adds) in dropped.chain(wanted.read().map(|Wanted(path)| (path, false))) {
+        if is_tour(path) {
+            player.ask(Asked::Open(path.clone()));
+            continue;
+        }
+        let mut request = OpenRequest::of(path);
+        if let Some(scene) = scene.as_ref().filter(|_| adds && !is_scene_file(path)) {
+            request.members.splice(0..0, scene.members.iter().cloned());
+        }
+        match may_be_catalogue(path) {
+            true => objects.consider(path.clone(), request),
+            false => openings.start(request),
         }
     }
 }
@@ -58,6 +62,7 @@ mod tests {
     fn app_with(opener: Opener) -> (App, Entity) {
         let mut app = App::new();
         app.add_message::<FileDragAndDrop>()
+            .add_message::<Wanted>()
             .add_message::<Opened>()
             .insert_resource(Openings::new(opener))
             .init_resource::<Notices>()
@@ -133,14 +138,22 @@ mod tests {
             dataset: 1,
             generation: 1,
         });
-        let mut dropped = |shift: bool, adds: bool| {
+        let mut open = |is_dropped: bool, shift: bool, adds: bool| {
             let mut keys = ButtonInput::<KeyCode>::default();
             if shift {
                 keys.press(KeyCode::ShiftLeft);
             }
             app.insert_resource(keys);
             app.world_mut().resource_mut::<Openings>().adds_dropped = adds;
-            app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf: "new.hdf5".into() });
+            match is_dropped {
+                true => {
+                    let path_buf = "new.hdf5".into();
+                    app.world_mut().write_message(FileDragAndDrop::DroppedFile { window, path_buf });
+                }
+                false => {
+                    app.world_mut().write_message(Wanted("new.hdf5".into()));
+                }
+            }
             let start = Instant::now();
             loop {
                 app.update();
@@ -153,8 +166,9 @@ mod tests {
                 std::thread::sleep(Duration::from_millis(1));
             }
         };
-        assert_eq!(dropped(false, false), (1, 1, "new.hdf5".into()));
-        assert_eq!(dropped(true, false), (2, 2, page_file.clone()));
-        assert_eq!(dropped(false, true), (2, 2, page_file.clone()));
+        assert_eq!(open(true, false, false), (1, 1, "new.hdf5".into()));
+        assert_eq!(open(true, true, false), (2, 2, page_file.clone()));
+        assert_eq!(open(true, false, true), (2, 2, page_file.clone()));
+        assert_eq!(open(false, true, true), (1, 1, "new.hdf5".into()), "what is not dropped takes its place");
     }
 }

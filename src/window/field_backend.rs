@@ -15,8 +15,8 @@ use super::live::LiveParticles;
 use super::look::{Held, Look};
 use super::pages::ViewSelection;
 use super::picture::{Letterbox, Picture, to_image};
-use super::picture_sizes::{Wanted, volume_limit};
-use super::preset::Preset;
+use super::picture_sizes::{LightSamples, Wanted, volume_limit};
+use super::preset::{Backend, Preset};
 use super::scene::{Scene, Settings};
 use super::scene_io::families_of;
 use super::state::notices::Notices;
@@ -63,6 +63,8 @@ struct Content {
 struct Key {
     content: Content,
     size: UVec2,
+    /// From how many samples its light is found, where surfaces darken each other.
+    light_samples: Option<u32>,
 }
 
 /// What was drawn: sums, or light in its own colours.
@@ -133,6 +135,8 @@ pub(super) struct FieldPicture {
     drawn: Option<Drawn>,
     wanted: Wanted<Content>,
     failed: Option<Key>,
+    /// The dataset whose several kinds have what draws beside the processor, and for which backend.
+    given: Option<(u32, Backend)>,
     /// Counts pictures.
     number: u64,
     /// What the window shows: the number, and what is blended with it.
@@ -190,7 +194,10 @@ pub(super) fn draw_field(
                 exposure.set_if_neq(drawn.exposure.clone());
                 hiding.0.clone_from(&drawn.depths);
                 if let Some(milliseconds) = drawn.milliseconds {
-                    field.wanted.took(drawn.key.size, milliseconds);
+                    let light = LightSamples::of(&settings.look.settings).zip(drawn.key.light_samples);
+                    let in_motion =
+                        light.map_or(milliseconds, |(light, samples)| light.in_motion(milliseconds, samples));
+                    field.wanted.took(drawn.key.size, in_motion);
                 }
                 field.number += 1;
                 field.drawn = Some(drawn);
@@ -202,7 +209,7 @@ pub(super) fn draw_field(
         }
     }
     if let Some(drawn) = &field.drawn {
-        statistics.draw_ms = field.wanted.milliseconds();
+        statistics.draw_ms = drawn.milliseconds.or(field.wanted.milliseconds());
         drawn.report.tell(&mut statistics);
         statistics.passes.clear();
     }
@@ -222,7 +229,10 @@ pub(super) fn draw_field(
     let content = Content { dataset, depiction, view, transfer: transfer_of_light, error_px, families, bloom };
     let full = picture.size();
     let (size, rests) = field.wanted.follow(&content, full, &preset);
-    let key = Key { content, size };
+    let last = field.drawn.as_ref().filter(|drawn| drawn.key.content == content && drawn.key.size == size);
+    let last = last.and_then(|drawn| drawn.key.light_samples);
+    let light_samples = LightSamples::of(&settings.look.settings).map(|light| light.next(rests, last));
+    let key = Key { content, size, light_samples };
     let drawn = field.drawn.as_ref().filter(|drawn| drawn.key == key);
     let colored = (look.levels, transfer.clone());
     let is_current = drawn.is_some_and(|drawn| is_light || drawn.colored == colored);
@@ -233,8 +243,11 @@ pub(super) fn draw_field(
     }
     let reused = drawn.map(|drawn| drawn.values.clone());
     let shown = look.depiction.clone();
-    let look = LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() };
+    let mut look = LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() };
+    LightSamples::set(&mut look.settings, light_samples);
     let (session, wanted) = (Arc::clone(&open.session), key.clone());
+    let backend = preset.drawing.backend;
+    let is_given = field.given.replace((dataset, backend)) == Some((dataset, backend));
     let among = open.opened.mixed().cloned().map(|opened| {
         let members = scene.members.iter().cloned().zip(&wanted.content.families);
         let members: Vec<Member> =
@@ -245,6 +258,7 @@ pub(super) fn draw_field(
             depiction: shown.clone(),
             diameter: scene.frame.size().length(),
             limit: volume_limit(!rests, false, scene.metadata().particles(), &preset.motion),
+            by: (!is_given).then_some(backend),
         }
     });
     let task = AsyncComputeTaskPool::get().spawn(async move {
@@ -340,6 +354,8 @@ struct Among {
     diameter: f64,
     /// How many particles there is time for.
     limit: u64,
+    /// What is asked to draw from now on, where that is not what was asked before.
+    by: Option<Backend>,
 }
 
 /// Draws a picture of several kinds of data.
@@ -351,7 +367,10 @@ fn draw_mixed(
     among: Among,
 ) -> Result<Drawn, String> {
     let start = Instant::now();
-    let Among { opened, members, depiction, diameter, limit } = among;
+    let Among { opened, members, depiction, diameter, limit, by } = among;
+    if let Some(backend) = by {
+        session.use_adapter(backend.beside());
+    }
     if let Some(particles) = session.particles() {
         particles.show_members(members);
     }

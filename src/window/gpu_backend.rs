@@ -25,6 +25,8 @@ use super::streaming::Streaming;
 use super::surround_backend;
 use super::touring::Before;
 use crate::color::Accumulation;
+use crate::cpu::volume::attributes::Column;
+use crate::gpu::column_tables::ColumnTables;
 use crate::gpu::content_look::ContentLook;
 use crate::gpu::integrals::IntegralView;
 use crate::gpu::measure::{Measure, Measured, MeasuredPicture};
@@ -32,16 +34,13 @@ use crate::gpu::page_copies::{self, CopyState};
 use crate::gpu::surface::SurfaceView;
 use crate::gpu::tile_passes::TilePasses;
 use crate::gpu::{self, Composite, DrawItem, LightView, ModeView, ParticleScene, SplatView, VolumeView};
-use crate::gpu::{Capabilities, TableId, Technique, Withheld};
+use crate::gpu::{Capabilities, Technique, Withheld};
 use crate::mode::{Adapter, Footprint, LodBudget, Plan};
 use crate::modes;
 use crate::picture::Subject;
-use crate::picture::decode::reach;
 use crate::picture::drawing_cost::{self, DrawingCost};
 use crate::picture::splat_budget::SplatBudget;
 use crate::picture::stand_in::FADE_SECS;
-use crate::store::Metadata;
-use crate::stream::SceneNode;
 use bevy::prelude::*;
 use bevy::render::renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice};
 use std::sync::Arc;
@@ -53,8 +52,8 @@ use wgpu::DeviceType;
 pub struct GpuTables {
     /// The look that the tables belong to: generation of the file and revision of the depiction.
     made_for: Option<(u32, u64)>,
-    /// One table for each family and codebook, and its largest importance.
-    tables: Vec<Vec<(TableId, f32)>>,
+    /// What the codes of its particles stand for.
+    tables: ColumnTables,
     /// The selection that the camera draws, the state of live particles in its place, what the settings leave out of it, and whether it
     /// moves.
     drawn: Option<(u64, Option<u32>, Plan, bool)>,
@@ -87,13 +86,24 @@ pub struct GpuTables {
 const MEASURE_EVERY: Duration = Duration::from_millis(100);
 
 /// Whether something else draws the mode on an adapter than before, or light spreads now.
-pub(super) fn technique_changed(settings: Res<Settings>, mut before: Local<Option<(Adapter, [bool; 3])>>) -> bool {
+pub(super) fn technique_changed(
+    (settings, live, scene): (Res<Settings>, Res<LiveParticles>, Option<Res<Scene>>),
+    mut before: Local<Option<(Adapter, [bool; 3])>>,
+) -> bool {
     let technique = settings.drawn_mode().technique;
-    let own = &settings.look.settings;
-    let is_processors = technique.is_processors(own) || !technique.fields(own).is_empty();
+    let is_processors =
+        technique.is_processors(&settings.look.settings) || lacks_columns(&settings, &live, scene.as_deref());
     let glows = !settings.bloom.is_off();
     let now = Some((technique.adapter(), [technique.tells_columns(), is_processors, glows]));
     std::mem::replace(&mut *before, now) != now
+}
+
+/// Whether settings draw fields of particles of which copies hold a single column: what moves, clusters and live particles.
+fn lacks_columns(settings: &Settings, live: &LiveParticles, scene: Option<&Scene>) -> bool {
+    let brings_values =
+        |scene: &Scene| scene.moving.is_some() || scene.following.is_some() || scene.metadata().has_clusters();
+    let draws_fields = !settings.drawn_mode().technique.fields(&settings.look.settings).is_empty();
+    draws_fields && (live.is_shown() || scene.is_some_and(brings_values))
 }
 
 /// Follows the preset's choice of a backend, and the processor's modes.
@@ -122,10 +132,10 @@ pub(super) fn choose_backend(
         settings.as_ref().is_some_and(|settings| field_backend::is_wanted(scene.as_deref(), settings, &live));
     let drawn = |settings: &Res<Settings>| scene.as_ref().is_some_and(|scene| surfaces.draws(scene, settings));
     let is_surface = is_field && settings.as_ref().is_some_and(drawn);
-    // A frame has one table for the columns of its particles: fields of attributes are the processor's here.
     let is_left = |settings: &Res<Settings>| {
-        let (technique, own) = (settings.drawn_mode().technique, &settings.look.settings);
-        !is_field && (technique.is_processors(own) || !technique.fields(own).is_empty())
+        let technique = settings.drawn_mode().technique;
+        let is_processors = technique.is_processors(&settings.look.settings);
+        !is_field && (is_processors || lacks_columns(settings, &live, scene.as_deref()))
     };
     let is_left = settings.as_ref().is_some_and(is_left);
     let is_processors_field =
@@ -356,15 +366,6 @@ pub(super) fn hold_picture(
     }
 }
 
-/// Tables of every codebook for the present look.
-fn make_tables(particles: &ParticleScene, look: &Look, metadata: &Metadata) -> Vec<Vec<(TableId, f32)>> {
-    let table = |family, codebook| {
-        let table = look.depiction.table(family, codebook);
-        (particles.insert_table(crate::gpu::depiction::entries(&table)), table.most_important)
-    };
-    metadata.families.iter().map(|family| family.codebooks.iter().map(|book| table(family, book)).collect()).collect()
-}
-
 impl GpuTables {
     /// Has tables for a look; true where they are other ones than before.
     pub(super) fn follow(&mut self, particles: &ParticleScene, look: &Look, scene: &Scene) -> bool {
@@ -372,36 +373,31 @@ impl GpuTables {
         if self.made_for == Some(wanted) {
             return false;
         }
-        let made = make_tables(particles, look, scene.metadata());
-        let old = std::mem::replace(&mut self.tables, made);
-        old.into_iter().flatten().for_each(|(table, _)| particles.remove_table(table));
+        let made = ColumnTables::new(particles, &look.depiction, scene.metadata());
+        std::mem::replace(&mut self.tables, made).free(particles);
         self.made_for = Some(wanted);
         self.drawn = None;
         true
     }
 
-    /// Lists what is drawn of a selection: as even a sample as is within `limit` particles, else what `usual` says.
+    /// Lists what is drawn of a selection, with each of some columns: as even a sample as is within `limit` particles, else what `usual` says.
     pub(super) fn list(
         &self,
         selection: &ViewSelection,
         look: &Look,
         scene: &Scene,
         (limit, usual): (u64, Plan),
+        columns: &[Column],
     ) -> Listed {
         let Some(view) = selection.view else {
             return Listed { items: Arc::default(), extents: Arc::default(), plan: usual, taken: 0 };
         };
         let metadata = scene.metadata();
-        let important: Vec<Vec<f32>> =
-            self.tables.iter().map(|books| books.iter().map(|table| table.1).collect()).collect();
+        let important = self.tables.most_important();
         let (plan, taken) =
             drawing_cost::within(limit, usual, &view, &look.depiction, metadata, &selection.nodes, &important);
         let wanted = (&look.depiction, metadata, &plan);
-        let item = |drawn: &SceneNode| {
-            let item = page_copies::item(scene.generation, drawn, &view, wanted, &self.tables)?;
-            Some((item, reach(drawn, item.sample.growth)))
-        };
-        let (items, extents): (Vec<_>, Vec<_>) = selection.nodes.iter().filter_map(item).unzip();
+        let (items, extents) = self.tables.items(columns, &selection.nodes, (scene.generation, &view), wanted);
         Listed { items: items.into(), extents: extents.into(), plan, taken }
     }
 }
@@ -460,7 +456,7 @@ pub(super) fn draw_on_gpu(
         let limit = if pressed { tables.drawing_cost.limit(frame_ms, preset.motion.sample_sizes()) } else { u64::MAX };
         let Listed { items, plan, taken, .. } = match live.is_shown() {
             true => copies.listed(&view, usual),
-            false => tables.list(&selection, &look, &scene, (limit, usual)),
+            false => tables.list(&selection, &look, &scene, (limit, usual), &[Column::Attribute]),
         };
         statistics.sampled = (plan != usual).then_some(taken);
         tables.taken = [taken, tables.taken[0], tables.taken[1]];

@@ -42,6 +42,11 @@ impl History {
         [self.past.len(), self.future.len()]
     }
 
+    /// The settings after the last edit that is finished; `None` until those of what was opened are settled.
+    pub fn present(&self) -> Option<&Settings> {
+        self.present.as_ref()
+    }
+
     /// Forgets all steps; the next settings that stay are where it begins.
     pub fn restart(&mut self) {
         let dataset = self.dataset;

@@ -64,8 +64,16 @@ impl PointerOwner {
 
 /// Whether Ctrl belongs to the keys of this frame: held, or let go within it, as in a slow frame a whole chord may be.
 pub fn is_control(keys: &ButtonInput<KeyCode>) -> bool {
-    const CONTROL: [KeyCode; 2] = [KeyCode::ControlLeft, KeyCode::ControlRight];
-    keys.any_pressed(CONTROL) || keys.any_just_released(CONTROL)
+    belongs(keys, [KeyCode::ControlLeft, KeyCode::ControlRight])
+}
+
+/// The same of Shift.
+pub fn is_shift(keys: &ButtonInput<KeyCode>) -> bool {
+    belongs(keys, [KeyCode::ShiftLeft, KeyCode::ShiftRight])
+}
+
+fn belongs(keys: &ButtonInput<KeyCode>, pair: [KeyCode; 2]) -> bool {
+    keys.any_pressed(pair) || keys.any_just_released(pair)
 }
 
 /// What a key or gesture does.
@@ -193,8 +201,10 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
         &[
             ("Tab", "show or hide the panels"),
             ("F2  F3", "those at the left, at the right"),
+            ("F6", "to the controls and back; Tab goes on, Space presses"),
+            ("Ctrl+O", "open a file"),
             ("Ctrl+Z  Ctrl+Y", "undo, redo settings"),
-            ("Ctrl+S", "save the scene"),
+            ("Ctrl+S", "save the scene; with Shift under another name"),
             ("F11", "fill the screen"),
             ("F12  or  P", "save the window as a PNG"),
             ("F1", "this page"),

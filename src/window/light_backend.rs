@@ -1,7 +1,10 @@
 //! Drawing modes of light with the adapter: the data camera gets the same list of nodes as for splats, and what its passes draw of it.
 //!
 //! Ranges of colours are found by the adapter too, from a sketch of the field, before the picture is drawn with them. While the view
-//! moves, pictures have fewer pixels and a sample of the particles; one that is on its way is completed before the next begins.
+//! moves, pictures have fewer pixels and a sample of the particles; one that is on its way is completed before the next begins. Of fields of
+//! attributes the processor finds the ranges ([`field_plans`]): at rest a picture waits for its own, in motion it has those before.
+
+mod field_plans;
 
 use super::cpu_backend::CpuPicture;
 use super::exposure::Exposure;
@@ -23,6 +26,7 @@ use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::Before;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::cartesian::CartesianOptions;
+use crate::cpu::volume::attributes::Column;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError};
 use crate::gpu::measure::Measure;
@@ -35,6 +39,7 @@ use crate::picture::Subject;
 use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, View};
 use bevy::prelude::*;
+use field_plans::FieldPlans;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -59,6 +64,8 @@ struct ListKey {
     /// The state of live particles, if they are what is drawn.
     live: Option<u32>,
     limit: u64,
+    /// The plan of fields that says which columns are drawn; 0 without.
+    fields: u64,
 }
 
 /// What a picture was asked for with.
@@ -108,6 +115,8 @@ pub(super) struct LightPictures {
     sketch: Option<VolumeJob>,
     sketched: Option<(ListKey, Instant)>,
     ranges: Option<FieldRange>,
+    /// What is drawn of fields of attributes.
+    fields: FieldPlans,
     /// What could not be drawn.
     failed: Option<PictureKey>,
     /// Pixels are this many times as wide, since when.
@@ -197,11 +206,25 @@ pub(super) fn draw_light_on_gpu(
         true => u64::MAX,
         false => volume_limit(moving, true, statistics.particles, &preset.motion),
     };
-    let list = ListKey { selection: selection.revision, limit, live: draws_own.then(|| copies.number()) };
-    if pictures.list != Some(list) {
+    let given = held.0.filter(|levels| levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
+    let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
+    let draws_fields = look.depiction.draws_fields();
+    if draws_fields {
+        pictures.fields.follow((&scene, &look, &transfer), (view, &selection, limit));
+    }
+    let list = ListKey {
+        selection: selection.revision,
+        limit,
+        live: draws_own.then(|| copies.number()),
+        fields: pictures.fields.number(),
+    };
+    // What was drawn before stays as it is until it is known what is drawn next.
+    let awaits_fields = draws_fields && (pictures.fields.plan().is_none() || !moving && !pictures.fields.is_current());
+    let columns: &[Column] = if draws_fields { pictures.fields.columns() } else { &[Column::Attribute] };
+    if pictures.list != Some(list) && !awaits_fields && !columns.is_empty() {
         let Listed { items, extents, plan, taken } = match draws_own {
             true => copies.listed(&view, Plan::default()),
-            false => tables.list(&selection, &look, &scene, (limit, Plan::default())),
+            false => tables.list(&selection, &look, &scene, (limit, Plan::default()), columns),
         };
         (pictures.items, pictures.extents, pictures.taken) = (items, extents, taken);
         pictures.list = Some(list);
@@ -220,8 +243,6 @@ pub(super) fn draw_light_on_gpu(
     let cells_known_for = [memory, look.depiction_revision];
     pictures.most_cells = pictures.most_cells.filter(|(_, known_for)| *known_for == cells_known_for);
     let drawn_view = view.resized(size.x, size.y);
-    let given = held.0.filter(|levels| levels.p[0] > 0.0 && levels.p[0] < levels.p[1]);
-    let transfer = given.map_or_else(|| look.transfer.clone(), |levels| look.transfer.clone().with_levels(&levels));
     let subject = Subject::new(metadata, &look.depiction, &transfer, scene.frame.size().length());
     let seen = |extents: &[Extent]| -> Vec<Extent> {
         extents.iter().filter_map(|extent| extent.within(&view.cut.bounds)).collect()
@@ -240,6 +261,8 @@ pub(super) fn draw_light_on_gpu(
     let asked_before = pictures.asked.as_ref() == Some(&key) || pictures.failed.as_ref() == Some(&key);
     let plan = if asked_before && !moving {
         None
+    } else if draws_fields {
+        pictures.fields.plan().cloned().map(|plan| plan.map(Some))
     } else {
         let known = pictures.ranges;
         Some(subject.light(&drawn_view, &mut |options| {
@@ -270,7 +293,10 @@ pub(super) fn draw_light_on_gpu(
         }
     }
     // A picture at rest waits for its own ranges.
-    let awaits = pictures.sketch.is_some() && (!moving || pictures.ranges.is_none());
+    let awaits = match draws_fields {
+        true => awaits_fields,
+        false => pictures.sketch.is_some() && (!moving || pictures.ranges.is_none()),
+    };
     let is_new = pictures.asked.as_ref() != Some(&key);
     match plan {
         Some(Ok(Some(LightPlan { passes, levels, .. }))) if !awaits && is_new => {

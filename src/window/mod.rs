@@ -1,11 +1,13 @@
 //! The window: a Bevy application that opens files, moves a camera, shows a panel and overlays, and draws what
 //! streaming has brought.
 //!
-//! A frame: files that have arrived are adopted ([`open`], [`scene`]); keys are carried out ([`shortcuts`]); the panel
-//! and the overlays are laid out ([`ui`]) and settle who owns the mouse ([`input`]); the camera moves ([`camera`]); its
-//! view drives streaming and drawing, which fill the picture's image ([`picture`]).
+//! A frame: files that are asked for are opened ([`files`], [`dropped`]), those that have arrived are adopted ([`open`],
+//! [`scene`]); keys are carried out ([`shortcuts`]); the panel and the overlays are laid out ([`ui`]) and settle who owns the
+//! mouse ([`input`]); the camera moves ([`camera`]); its view drives streaming and drawing, which fill the picture's image
+//! ([`picture`]).
 
 pub mod adopt;
+mod assistive;
 pub mod bookmarks;
 pub mod camera;
 mod comparison;
@@ -14,6 +16,7 @@ pub mod dropped;
 pub mod exposure;
 pub mod facts;
 mod field_backend;
+pub mod files;
 pub mod free_name;
 pub mod gpu_backend;
 mod ground;
@@ -68,7 +71,7 @@ mod ui;
 mod written;
 
 pub use live::{LiveBuffer, LiveParticles};
-pub use options::{AppError, Extension, Grower, More, OpenRequest, Opener, WindowOptions};
+pub use options::{AppError, Demo, Extension, Grower, More, OpenRequest, Opener, WindowOptions};
 pub use preset::{Backend, Preset};
 
 use crate::gpu::{DeepfieldRenderPlugins, ParticleScene};
@@ -83,8 +86,9 @@ use pages::PageSystems;
 
 /// What is logged. Packets that are refused are an everyday matter. That an X server has no settings or a monitor no size
 /// (winit), or that a driver draws on the processor (bevy_render; the statistics say which adapter it is), nobody who starts the
-/// program can change.
-const LOG_FILTER: &str = "warn,deepfield=info,wgpu_hal=error,renetcode=off,winit=error,bevy_render::renderer=error";
+/// program can change. That there are no dialogs (rfd), the window says.
+const LOG_FILTER: &str =
+    "warn,deepfield=info,wgpu_hal=error,renetcode=off,winit=error,bevy_render::renderer=error,rfd=off";
 
 /// Opens the window and runs until it is closed.
 ///
@@ -198,6 +202,7 @@ impl Plugin for WindowApp {
             CameraPlugin,
             pointer_motion::PointerMotionPlugin,
             pacing::PacingPlugin,
+            assistive::AssistivePlugin,
             touring::TouringPlugin { open: self.options.tour.clone(), light: self.options.light.clone() },
             pages::PagesPlugin,
             looking::LookingPlugin,
@@ -216,6 +221,7 @@ impl Plugin for WindowApp {
         .insert_resource(self.preset.clone())
         .insert_resource(settings)
         .insert_resource(openings)
+        .insert_resource(files::Files::new(&self.options))
         .insert_resource(status::StatusFile::new(self.options.status.clone()))
         .insert_resource(state::panels::Closed(self.preset.panel.closed.iter().cloned().collect()))
         .init_resource::<history::History>()
@@ -251,6 +257,7 @@ impl Plugin for WindowApp {
         .init_resource::<statistics::FrameClock>()
         .init_resource::<statistics::Statistics>()
         .add_message::<open::Opened>()
+        .add_message::<open::Wanted>()
         .add_message::<scene::TransferKept>()
         .add_systems(
             Startup,
@@ -265,11 +272,13 @@ impl Plugin for WindowApp {
             Update,
             (
                 open::follow_preset.run_if(resource_changed::<Preset>),
-                dropped::open_dropped_files.in_set(WindowSystems::TakeInput),
+                (files::take_keys, files::carry_out, dropped::open_dropped_files)
+                    .chain()
+                    .in_set(WindowSystems::TakeInput),
                 (open::finish_opening, growing::grow.run_if(resource_exists::<growing::Growing>)).chain(),
                 objects::receive_catalogue,
                 objects::follow_time.after(objects::receive_catalogue),
-                adopt::adopt_opened,
+                (adopt::adopt_opened, files::remember_opened).chain(),
                 objects::stand_on_heights,
                 ground::follow_ground,
                 (playhead::play, playhead::show_moment).chain(),
@@ -337,6 +346,7 @@ impl Plugin for WindowApp {
                     .after(pages::evict),
             ),
         )
+        .add_systems(PostUpdate, files::keep_title)
         .add_systems(Last, (history::record_settings, status::write_status).chain());
     }
 }

@@ -6,7 +6,7 @@ mod mixed;
 mod sketch;
 
 use super::options::{OpenRequest, Opener};
-use super::preset::Preset;
+use super::preset::{Preset, ResidencyPreset};
 use super::scene::SceneField;
 use super::state::notices::Notices;
 use super::state::progress::SharedProgress;
@@ -33,6 +33,8 @@ pub struct Openings {
     pub(super) behind: Option<(PathBuf, Arc<SharedProgress>)>,
     /// How page files are read.
     pub read: ReadMethod,
+    /// Bytes that pages of particles may take among other data.
+    pub page_memory: u64,
     /// Whether files that are dropped are shown with what is open, not in its place.
     pub adds_dropped: bool,
 }
@@ -95,10 +97,16 @@ pub struct Opened {
     pub has_more: bool,
 }
 
+/// A file that the user asks for otherwise than by dropping it: it is opened in the place of what is open.
+#[derive(bevy::ecs::message::Message, Clone, Debug, PartialEq, Eq)]
+pub struct Wanted(pub PathBuf);
+
 impl Openings {
     /// Opens nothing yet.
     pub fn new(opener: Opener) -> Openings {
-        Openings { opener, current: None, behind: None, read: ReadMethod::default(), adds_dropped: false }
+        let usual = ResidencyPreset::default();
+        let (read, page_memory) = (usual.read, usual.memory_among_others());
+        Openings { opener, current: None, behind: None, read, page_memory, adds_dropped: false }
     }
 
     /// Starts to open a file; one that is still on its way is abandoned.
@@ -107,7 +115,8 @@ impl Openings {
         progress.begin("reading", 0);
         let named = request.members.last().map(|member| member.path.clone()).or_else(|| request.scene.clone());
         let (opener, path, shared) = (Arc::clone(&self.opener), named.unwrap_or_default(), Arc::clone(&progress));
-        let (read, time, (send, outcome)) = (self.read, request.time, channel());
+        let (read, page_memory) = (self.read, self.page_memory);
+        let (time, (send, outcome)) = (request.time, channel());
         // A thread of its own: a disk that does not answer must not take one from a pool that draws.
         let (early, failed) = (send.clone(), send.clone());
         let open = move || {
@@ -121,7 +130,8 @@ impl Openings {
                 return heights::open_heights(members, &seen, read, &opener, shared.as_ref(), &early);
             }
             if MixedSession::is_for(&members) {
-                return mixed::open_mixed(members, &Seen { scene, map }, (read, time), &opener, shared.as_ref());
+                let seen = Seen { scene, map };
+                return mixed::open_mixed(members, &seen, (read, time), page_memory, &opener, shared.as_ref());
             }
             let sketch = match &members[..] {
                 [only] if is_field(&only.path) => Some(Sketch::begin(&members, &scene, read, early)),
@@ -270,6 +280,7 @@ fn data_and_scene(request: OpenRequest) -> Result<(Vec<Member>, Option<OpenedSce
 /// Files that are opened from now on are read as the preset says.
 pub(super) fn follow_preset(preset: Res<Preset>, mut openings: ResMut<Openings>) {
     openings.read = preset.residency.read;
+    openings.page_memory = preset.residency.memory_among_others();
 }
 
 /// Hands over files that have arrived and reports those that cannot be opened.

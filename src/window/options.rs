@@ -32,6 +32,9 @@ pub enum More {
     Done,
 }
 
+/// Writes the demo dataset where it is not yet, and returns its path. Runs on a background thread.
+pub type Demo = Arc<dyn Fn() -> Result<PathBuf, String> + Send + Sync>;
+
 /// Adds a caller's own plugins and systems to the window, after all others.
 pub type Extension = Arc<dyn Fn(&mut App) + Send + Sync>;
 
@@ -100,6 +103,12 @@ pub struct WindowOptions {
     pub tour: Option<PathBuf>,
     /// Whether it is an audience's, which has no mouse.
     pub audience: bool,
+    /// The demo dataset, which the page of a window without a file offers.
+    pub demo: Option<Demo>,
+    /// The list of files that were opened before, which is kept; there is none where it is `None`.
+    pub recent: Option<PathBuf>,
+    /// The folder where other processes of the user find the window, to have a file opened; none does where it is `None`.
+    pub reached_in: Option<PathBuf>,
 }
 
 impl WindowOptions {
@@ -124,6 +133,9 @@ impl WindowOptions {
             labels: None,
             tour: None,
             audience: false,
+            demo: None,
+            recent: None,
+            reached_in: None,
         }
     }
 

@@ -1,5 +1,7 @@
-//! How large pictures are drawn, and of how many particles, while the view moves and when it rests.
+//! How large pictures are drawn, of how many particles, and from how many samples of light, while the view moves and when it rests.
 
+use crate::mode::{SettingValue, Settings};
+use crate::modes::shadowing::{self, LIGHT_SAMPLES, LIGHT_SIZE};
 use crate::view::{CubeLayout, Eyes, Stereo, Surround};
 use crate::window::preset::{MotionPreset, Preset};
 use bevy::prelude::*;
@@ -90,6 +92,52 @@ pub(crate) fn volume_limit(moving: bool, on_adapter: bool, particles: u64, motio
     if moving && particles > most { most } else { u64::MAX }
 }
 
+/// Samples of light in motion.
+const FEW: u32 = 4;
+/// How many times as many samples each picture at rest has as the one before it: all of them together cost little more than the last.
+const MORE: u32 = 4;
+
+/// From how many samples ambient occlusion and shadows are found: few while the view moves, and at rest more in each picture, until it has those that
+/// a file's has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LightSamples {
+    /// At rest.
+    full: u32,
+    /// Whether each of them is another picture of the scene: one that a lamp sees.
+    are_pictures: bool,
+}
+
+impl LightSamples {
+    /// What a mode's settings ask for; `None` where nothing is darkened.
+    pub(crate) fn of(settings: &Settings) -> Option<LightSamples> {
+        let are_pictures = shadowing::casts(settings) && settings.number(&LIGHT_SIZE) > 0.0;
+        shadowing::is_on(settings).then(|| LightSamples { full: settings.number(&LIGHT_SAMPLES) as u32, are_pictures })
+    }
+
+    /// How many the next picture has; `last`: how many the one has that is there, if it is the same but for them.
+    pub(crate) fn next(self, rests: bool, last: Option<u32>) -> u32 {
+        let few = FEW.min(self.full);
+        // What is there already is not given up.
+        let more = if rests { MORE } else { 1 };
+        last.map_or(few, |last| last.saturating_mul(more).clamp(few, self.full))
+    }
+
+    /// Milliseconds that a picture takes in motion, where it took so many with `samples`.
+    pub(crate) fn in_motion(self, milliseconds: f64, samples: u32) -> f64 {
+        match self.are_pictures {
+            true => milliseconds * f64::from(1 + FEW.min(samples)) / f64::from(1 + samples),
+            false => milliseconds,
+        }
+    }
+
+    /// Has a picture drawn from so many.
+    pub(crate) fn set(settings: &mut Settings, samples: Option<u32>) {
+        if let Some(samples) = samples {
+            settings.set(&LIGHT_SAMPLES, SettingValue::Number(f64::from(samples)));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -108,6 +156,36 @@ mod tests {
         let sharper = MotionPreset { volume_shrink: 2.0, ..motion };
         assert_eq!(size(None, &sharper), full / 2);
         assert_eq!(size(Some((full / 4, 1e6)), &sharper), full / 2);
+    }
+
+    #[test]
+    fn light_has_few_samples_in_motion_and_at_rest_ever_more_up_to_those_of_a_file() {
+        let of = |set: &[(&'static crate::mode::Setting, f64)]| {
+            let mut settings = Settings::default();
+            set.iter().for_each(|(setting, number)| settings.set(setting, SettingValue::Number(*number)));
+            (LightSamples::of(&settings), settings)
+        };
+        assert_eq!(of(&[(&LIGHT_SAMPLES, 8.0)]).0, None);
+        for full in [1_u32, 3, 4, 5, 16, 64] {
+            let (samples, mut settings) = of(&[(&shadowing::SHADOWS, 0.5), (&LIGHT_SAMPLES, f64::from(full))]);
+            let samples = samples.unwrap();
+            assert_eq!([None, Some(full)].map(|last| samples.next(false, last)), [full.min(FEW), full]);
+            let mut last = None;
+            let mut pictures = Vec::new();
+            while last != Some(full) {
+                last = Some(samples.next(true, last));
+                pictures.extend(last);
+                assert!(pictures.len() < 5 && pictures.is_sorted_by(|a, b| a < b), "{pictures:?}");
+            }
+            // What has all of them stays, and is what a file has.
+            assert_eq!(samples.next(true, last), full);
+            let whole = settings.number(&LIGHT_SAMPLES);
+            LightSamples::set(&mut settings, last);
+            assert_eq!(settings.number(&LIGHT_SAMPLES), whole);
+            assert!(samples.in_motion(170.0, full) <= 170.0);
+        }
+        assert_eq!(of(&[(&shadowing::SHADOWS, 0.5)]).0.unwrap().in_motion(170.0, 16), 50.0);
+        assert_eq!(of(&[(&shadowing::AMBIENT_OCCLUSION, 0.5)]).0.unwrap().in_motion(170.0, 16), 170.0);
     }
 
     #[test]

@@ -5,11 +5,13 @@
 //! folder `configs` (beside the manifest under cargo, else beside the executable or in `BEVY_ASSET_ROOT`), the file
 //! there wins. Unknown fields and wrong values are refused with file, line and column; the last good preset stays.
 
+use crate::gpu::Offscreen;
 use crate::gpu::volume::Room;
 use crate::mode::Settings;
 use crate::model::ReadMethod;
 use crate::model::ron_file::{self, RonError};
 use crate::model::ron_place::Place;
+use crate::picture::Adapter;
 use crate::picture::drawing_cost::{self, SampleSizes};
 use crate::stream::{CopyOptions, LookAhead, StreamOptions};
 use bevy::prelude::*;
@@ -48,6 +50,16 @@ impl Backend {
             Backend::Compute => "compute",
             Backend::Raster => "raster",
             Backend::Cpu => "cpu",
+        }
+    }
+
+    /// What draws pictures that are put together beside the window's passes: an adapter of their own that draws all that it can where one is
+    /// asked for, or what it is faster at; none where the processor is to draw.
+    pub fn beside(self) -> Option<Box<dyn Adapter>> {
+        match self {
+            Backend::Cpu => None,
+            Backend::Auto => Some(Box::new(Offscreen::default())),
+            Backend::Compute | Backend::Raster => Some(Box::new(Offscreen::preferred())),
         }
     }
 }
@@ -109,6 +121,11 @@ impl Default for ResidencyPreset {
 }
 
 impl ResidencyPreset {
+    /// Bytes that pages of particles may take that are drawn among other data: a quarter, beside those that the window streams.
+    pub fn memory_among_others(&self) -> u64 {
+        (self.budget_mib << 20) / 4
+    }
+
     /// How the open file is streamed.
     pub fn stream_options(&self) -> StreamOptions {
         StreamOptions {

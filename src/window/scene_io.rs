@@ -1,8 +1,8 @@
-//! Scenes in the window: saved with Ctrl+S, opened as any other file.
+//! Scenes in the window: saved with Ctrl+S, under another name with Ctrl+Shift+S, opened as any other file.
 
 use super::camera::{Anchor, Flight, Lens, Viewpoint};
 use super::free_name::free_name;
-use super::input::{PointerOwner, is_control};
+use super::input::{PointerOwner, is_control, is_shift};
 use super::objects::Objects;
 use super::open::OpenedScene;
 use super::picture::{DataCamera, Picture};
@@ -31,6 +31,10 @@ pub struct SceneFiles {
     pub path: Option<PathBuf>,
     /// A button of the panel asks to save.
     pub asked: bool,
+    /// The user asks to save there, and from then on.
+    pub save_as: Option<PathBuf>,
+    /// How often it was saved or opened.
+    pub changes: u64,
 }
 
 /// Viewpoints on number keys, as scenes keep them.
@@ -165,7 +169,7 @@ pub(crate) fn scene_file(
 }
 
 /// Where a scene of the data at `data` is saved at first.
-fn first_path(data: &Path) -> PathBuf {
+pub(crate) fn first_path(data: &Path) -> PathBuf {
     let stem = data.file_stem().map_or_else(|| "scene".to_owned(), |stem| stem.to_string_lossy().into_owned());
     free_name(data, &stem, "scene.ron")
 }
@@ -182,16 +186,15 @@ pub(crate) fn save_scene(
     camera: Single<&Viewpoint, With<DataCamera>>,
 ) {
     let control = is_control(&keys) && owner.keyboard_is_free();
-    let pressed = control && keys.just_pressed(KeyCode::KeyS);
-    let asked = parts.files.asked;
-    if asked {
-        parts.files.asked = false;
-    }
+    let pressed = control && !is_shift(&keys) && keys.just_pressed(KeyCode::KeyS);
+    let asked = parts.files.asked || parts.files.save_as.is_some();
     if !(pressed || asked) {
         return;
     }
+    parts.files.asked = false;
+    let named = parts.files.save_as.take();
     let Some(scene) = scene else { return };
-    let path = parts.files.path.clone().unwrap_or_else(|| first_path(&scene.path));
+    let path = named.or_else(|| parts.files.path.clone()).unwrap_or_else(|| first_path(&scene.path));
     let dataset = |(member, families): (&Member, _)| DatasetRef { families, ..DatasetRef::of_member(member, &path) };
     let datasets = scene.members.iter().zip(families_of(&scene, &settings)).map(dataset).collect();
     let mut file = scene_file(datasets, &settings, &camera, &picture, &parts, &path);
@@ -202,6 +205,7 @@ pub(crate) fn save_scene(
         Ok(()) => {
             notices.info(format!("scene saved in {}", path.display()));
             parts.files.path = Some(path);
+            parts.files.changes += 1;
         }
         Err(error) => notices.error(error.to_string()),
     }
@@ -217,6 +221,7 @@ pub(crate) fn apply(
     commands: &mut Commands,
     notices: &mut Notices,
 ) {
+    parts.files.changes += 1;
     let Some(OpenedScene { path, scene, notes }) = opened else {
         parts.files.path = None;
         parts.bookmarks.0.clear();

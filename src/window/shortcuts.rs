@@ -47,7 +47,8 @@ pub(super) fn run_shortcuts(
     }
     let pressed = KEYS.iter().filter(|(key, _)| !control && keys.just_pressed(*key)).map(|(_, action)| *action);
     for action in pressed {
-        if !owner.keyboard_is_free() && action != Action::Leave {
+        // Esc gives up what has the keyboard first: a control, a list, a path that is typed.
+        if !owner.keyboard_is_free() && (action != Action::Leave || !owner.is_locked()) {
             continue;
         }
         match action {

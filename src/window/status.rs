@@ -2,6 +2,7 @@
 
 use super::camera::{Navigation, Viewpoint};
 use super::comparison::{Comparison, Found};
+use super::files::Files;
 use super::history::History;
 use super::look::Look;
 use super::looking::LookingState;
@@ -76,6 +77,9 @@ struct Status<'a> {
     frames: u64,
     open: Option<&'a std::path::Path>,
     opening: Option<&'a std::path::Path>,
+    /// Whether the page of a window without a file is shown, and whether a path is being typed.
+    first_page: bool,
+    typing: bool,
     panel: bool,
     help: bool,
     flying: bool,
@@ -205,7 +209,7 @@ pub(super) fn write_status(
     converged: Res<Converged>,
     statistics: Res<Statistics>,
     mut notices: ResMut<Notices>,
-    (history, files, closed, controls): (Res<History>, Res<SceneFiles>, Res<Closed>, Res<Controls>),
+    (history, files, closed, controls): (Res<History>, (Res<SceneFiles>, Res<Files>), Res<Closed>, Res<Controls>),
     looking: LookingState,
     (player, ranges, look, playhead): (Res<Player>, Res<Ranges>, Option<Res<Look>>, Option<Res<Playhead>>),
     (show, paths, preset): (Option<Res<ShowStatus>>, Res<Paths>, Res<Preset>),
@@ -225,6 +229,8 @@ pub(super) fn write_status(
         frames: file.frames,
         open: scene.as_ref().map(|scene| scene.path.as_path()),
         opening: opening.as_ref().map(|(path, ..)| *path),
+        first_page: files.1.is_page_shown,
+        typing: files.1.typed.is_some(),
         panel: shown.panel,
         help: shown.help,
         flying: *navigation == Navigation::Fly,
@@ -256,7 +262,7 @@ pub(super) fn write_status(
         backend: &statistics.backend,
         adapter: &statistics.adapter,
         history: history.steps(),
-        scene: files.path.as_deref(),
+        scene: files.0.path.as_deref(),
         settings: SettingsStatus {
             mode: settings.mode.name,
             attribute: match &settings.attribute {

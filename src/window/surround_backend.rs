@@ -1,5 +1,5 @@
 //! Domes, cubes, maps of all directions and stereo pairs in the window: put together on a thread of its own, around the present camera
-//! and from the page file itself; idle while the picture is flat. Their faces are drawn by the processor, or where the preset asks for
+//! and from the data itself, whatever it is; idle while the picture is flat. Their faces are drawn by the processor, or where the preset asks for
 //! the adapter, or has a graphics card, by a renderer beside the window's, which is closed with the last of them.
 //!
 //! What is drawn is the [`Shot`] that the scene would be as a file, so that the window shows what `deepfield render` writes, words
@@ -26,7 +26,6 @@ use super::statistics::{ActiveBackend, Converged, Statistics};
 use super::touring::{Player, Ranges};
 use crate::annotate::overlay::Overlay;
 use crate::color::transfer::Levels;
-use crate::gpu::Offscreen;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
 use crate::picture::{AnySession, PictureError, Session};
@@ -190,22 +189,18 @@ impl SurroundPicture {
         let (opened, file) = (scene.opened.clone(), Arc::clone(&scene.file));
         let (told, members) = (self.told.clone(), wanted.content.members.clone());
         let open = move || {
-            if let Some(field) = field {
-                return Ok(field.opened.drawer(Arc::new(told)));
-            }
-            let adapter = match backend {
-                Backend::Cpu => None,
-                Backend::Auto => Some(Offscreen::default()),
-                Backend::Compute | Backend::Raster => Some(Offscreen::preferred()),
+            let session = match field {
+                Some(field) => field.opened.drawer(Arc::new(told)),
+                None => {
+                    // Of a run whatever moment is asked for.
+                    let session = match opened {
+                        Some(opened) => Session::of_opened_within(opened, members, budget)?.0,
+                        None => Session::of(file, budget),
+                    };
+                    AnySession::Particles(Box::new(session.with_reporter(Arc::new(told))))
+                }
             };
-            // Of a run whatever moment is asked for.
-            let session = match opened {
-                Some(opened) => Session::of_opened_within(opened, members, budget)?.0,
-                None => Session::of(file, budget),
-            };
-            let session = session.with_reporter(Arc::new(told));
-            let session = session.with_adapter(adapter.map(|adapter| Box::new(adapter) as _));
-            Ok::<_, PictureError>(AnySession::Particles(Box::new(session)))
+            Ok::<_, PictureError>(session.with_adapter(backend.beside()))
         };
         let values = self.drawn.take();
         let asked = wanted.clone();

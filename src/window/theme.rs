@@ -2,7 +2,7 @@
 
 use bevy_egui::egui::{
     self, Align, Align2, Color32, CornerRadius, FontFamily, FontId, Layout, Margin, Response, RichText, Sense, Stroke,
-    StrokeKind, TextStyle, Ui, Vec2, vec2,
+    StrokeKind, TextStyle, Ui, Vec2, WidgetInfo, WidgetType, vec2,
 };
 
 /// Background of the panel.
@@ -174,10 +174,19 @@ pub fn register(ui: &Ui, name: &str, rect: egui::Rect) {
     ui.data_mut(|data| data.get_temp_mut_or_default::<Controls>(controls_id()).insert(name.to_owned(), control));
 }
 
+/// Says what a control without a text of its own is called, to those who hear the window instead of seeing it.
+pub fn call(response: &Response, name: &str) {
+    response.ctx.accesskit_node_builder(response.id, |node| node.set_label(name));
+}
+
 /// A small button with a name for scripts; whether it was clicked.
 pub fn button(ui: &mut Ui, name: &str, text: &str, enabled: bool, help: &str) -> bool {
-    let text = RichText::new(text).size(12.0);
-    let response = ui.add_enabled(enabled, egui::Button::new(text).min_size(vec2(18.0, 18.0)));
+    let label = RichText::new(text).size(12.0);
+    let response = ui.add_enabled(enabled, egui::Button::new(label).min_size(vec2(18.0, 18.0)));
+    // A sign is no name.
+    if !text.contains(char::is_alphabetic) {
+        call(&response, help);
+    }
     register(ui, name, response.rect);
     response.on_hover_text(help).clicked()
 }
@@ -197,7 +206,7 @@ pub struct NumberRow<'a> {
     pub label: &'a str,
     /// Its unit.
     pub unit: &'a str,
-    /// Ends of the slider, which are those of the number.
+    /// Ends of the number, and of the slider unless that has its own.
     pub range: std::ops::RangeInclusive<f64>,
     /// Whether the slider is logarithmic.
     pub log: bool,
@@ -205,6 +214,17 @@ pub struct NumberRow<'a> {
     pub default: Option<f64>,
 }
 
+/// How far a slider goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    /// The values at its ends.
+    pub ends: [f64; 2],
+    /// Of a logarithmic one the least value above 0 that it reaches from there.
+    pub least: Option<f64>,
+}
+
+/// The least value above 0 of logarithmic sliders that begin there and go as far as their numbers.
+const LEAST: f64 = 1e-6;
 /// Width of the field in which a number is typed.
 const FIELD: f32 = 74.0;
 /// Room of a reset mark and the gap before it.
@@ -215,6 +235,12 @@ pub const VALUE: f32 = 170.0;
 impl NumberRow<'_> {
     /// Draws the row; whether the number has changed.
     pub fn show(&self, ui: &mut Ui, value: &mut f64) -> Response {
+        let ends = [*self.range.start(), *self.range.end()];
+        self.show_within(ui, value, Reach { ends, least: self.log.then_some(LEAST) })
+    }
+
+    /// The same with a slider that goes less far than the number, which may be typed.
+    pub fn show_within(&self, ui: &mut Ui, value: &mut f64, Reach { ends, least }: Reach) -> Response {
         let before = *value;
         let room = ui.available_width() - VALUE - MARK_ROOM;
         let mut response = row_within(ui, self.label, room, |ui| {
@@ -233,10 +259,13 @@ impl NumberRow<'_> {
                 .custom_parser(|text| text.trim().trim_end_matches(self.unit).trim().parse().ok())
                 .update_while_editing(false);
             let typed = ui.add_sized(vec2(FIELD, ROW), field);
+            call(&typed, self.label);
             register(ui, &format!("{name}:field"), typed.rect);
             ui.spacing_mut().slider_width = VALUE - FIELD - 6.0;
-            let slider = egui::Slider::new(value, self.range.clone()).logarithmic(self.log).show_value(false);
+            let slider = egui::Slider::new(value, ends[0]..=ends[1]).logarithmic(least.is_some()).show_value(false);
+            let slider = slider.smallest_positive(least.unwrap_or(LEAST));
             let dragged = ui.add(slider.clamping(egui::SliderClamping::Edits));
+            call(&dragged, self.label);
             register(ui, &format!("{name}:slider"), dragged.rect);
         });
         if !self.unit.is_empty() {
@@ -251,10 +280,13 @@ impl NumberRow<'_> {
 
 /// A small mark that puts a value back to its default; its room is kept where there is nothing to put back.
 pub fn reset_mark(ui: &mut Ui, label: &str, differs: bool, reset: impl FnOnce()) {
-    let (rect, response) = ui.allocate_exact_size(vec2(12.0, ROW), Sense::click());
+    let sense = if differs { Sense::click() } else { Sense::hover() };
+    let (rect, response) = ui.allocate_exact_size(vec2(12.0, ROW), sense);
     if !differs {
         return;
     }
+    let info = || WidgetInfo::labeled(WidgetType::Button, true, format!("{label}: back to the default"));
+    response.widget_info(info);
     register(ui, &format!("{}:reset", control_name(label)), rect);
     let color = if response.hovered() { TEXT } else { ACCENT };
     ui.painter().circle_filled(rect.center(), 3.0, color);
@@ -287,7 +319,8 @@ pub fn brief(value: f64) -> String {
 pub fn combo(ui: &mut Ui, label: &str, selected: &str, add: impl FnOnce(&mut Ui)) -> Response {
     row(ui, label, |ui| {
         ui.add_space(MARK_ROOM);
-        egui::ComboBox::from_id_salt(label).width(VALUE).truncate().selected_text(selected).show_ui(ui, add);
+        let combo = egui::ComboBox::from_id_salt(label).width(VALUE).truncate().selected_text(selected);
+        call(&combo.show_ui(ui, add).response, label);
     })
 }
 
@@ -295,8 +328,18 @@ pub fn combo(ui: &mut Ui, label: &str, selected: &str, add: impl FnOnce(&mut Ui)
 pub fn switch(ui: &mut Ui, label: &str, on: &mut bool) -> Response {
     row(ui, label, |ui| {
         ui.add_space(MARK_ROOM);
-        ui.add_sized(vec2(18.0, ROW), egui::Checkbox::without_text(on));
+        call(&ui.add_sized(vec2(18.0, ROW), egui::Checkbox::without_text(on)), label);
     })
+}
+
+/// Draws a ring around the control that has the keyboard.
+pub fn ring(ctx: &egui::Context) {
+    let focused = ctx.memory(|memory| memory.focused()).and_then(|id| ctx.read_response(id));
+    if let Some(control) = focused {
+        let painter = ctx.layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::new("focus ring")));
+        let ring = control.rect.intersect(control.interact_rect).expand(2.0);
+        painter.rect_stroke(ring, 4.0, Stroke::new(1.5, ACCENT), StrokeKind::Outside);
+    }
 }
 
 /// A thin bar that is filled to `share`.
@@ -371,6 +414,32 @@ pub fn text_size(painter: &egui::Painter, text: &str, size: f32) -> Vec2 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_control_that_takes_the_keyboard_has_a_name() {
+        let ctx = egui::Context::default();
+        ctx.enable_accesskit();
+        let (mut number, mut on) = (1.0, false);
+        let mut output = ctx.run_ui(egui::RawInput::default(), |ui| {
+            button(ui, "remove", "\u{d7}", true, "Removes it");
+            button(ui, "save", "Save", true, "Saves it");
+            switch(ui, "Axes", &mut on);
+            combo(ui, "Mode", "volume", |_| {});
+            // A mark that has nothing to put back takes no keyboard.
+            for default in [1.0, 2.0] {
+                let row = NumberRow { label: "Speed", unit: "", range: 0.0..=9.0, log: false, default: Some(default) };
+                row.show(ui, &mut number);
+            }
+        });
+        // Nobody draws them.
+        output.textures_delta.clear();
+        let nodes = output.platform_output.accesskit_update.unwrap().nodes;
+        let controls = nodes.iter().filter(|(_, node)| node.supports_action(egui::accesskit::Action::Focus));
+        let mut names: Vec<&str> = controls.map(|(_, node)| node.label().unwrap_or_default()).collect();
+        names.sort_unstable();
+        let speeds = ["Speed", "Speed", "Speed", "Speed", "Speed: back to the default"];
+        assert_eq!(names, [["Axes", "Mode", "Removes it", "Save"].as_slice(), speeds.as_slice()].concat());
+    }
 
     #[test]
     fn numbers_in_fields_are_short_and_right() {

@@ -51,6 +51,7 @@ pub fn show(ui: &mut Ui, playhead: &mut Playhead, before: PlayingPreset) {
             }
         }
         let more = ui.menu_button("...", |ui| options(ui, &mut how)).response;
+        theme::call(&more, "How the run is played");
         theme::register(ui, "time:more", more.rect);
         more.on_hover_text("How the run is played");
         ui.add_space(8.0);
@@ -116,6 +117,7 @@ fn options(ui: &mut Ui, how: &mut PlayingPreset) {
 fn line(ui: &mut Ui, playhead: &mut Playhead, marks: Along, words: f32) {
     let width = (ui.available_width() - words).max(40.0);
     let (rect, response) = ui.allocate_exact_size(vec2(width, LINE_PX), Sense::click_and_drag());
+    theme::call(&response, "Time of the run");
     theme::register(ui, "time:line", rect);
     let times = &playhead.times().times;
     let inner = rect.shrink2(vec2(6.0, 0.0));

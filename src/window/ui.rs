@@ -1,6 +1,7 @@
 //! Lays out the window: the docks at both sides, the picture between them, the overlays on top.
 
 use super::camera::{Navigation, Viewpoint};
+use super::files::{page, typed};
 use super::input::PointerOwner;
 use super::lens::view_of;
 use super::looking::approach::DoubleClick;
@@ -60,6 +61,13 @@ pub(super) fn draw_window(
     if !*styled {
         theme::apply(&ctx);
         *styled = true;
+    }
+    let had_keyboard = !owner.keyboard_is_free();
+    if ctx.input(|input| input.key_pressed(egui::Key::F6)) && !owner.is_locked() {
+        ctx.memory_mut(|memory| match memory.focused() {
+            Some(focused) => memory.surrender_focus(focused),
+            None => memory.move_focus(egui::FocusDirection::Next),
+        });
     }
     let window = ctx.viewport_rect();
     let native = ctx.native_pixels_per_point().unwrap_or(1.0);
@@ -149,9 +157,18 @@ pub(super) fn draw_window(
         let mut tell = |why: String| panel.notices.error(why);
         overlay::tour::draw(&painter, rect, &state, &folder, &mut pictures, &mut tell);
     }
+    let is_page_shown = panel.is_idle() && !owner.is_locked();
+    if panel.files.is_page_shown != is_page_shown {
+        panel.files.is_page_shown = is_page_shown;
+    }
+    if is_page_shown {
+        page::show(&mut root, rect, &mut panel.files);
+    }
     // An audience reads no notices.
     if !owner.is_locked() {
         overlay::draw_notices(&painter, rect, &panel.notices);
+        typed::show(&ctx, rect, &mut panel.files);
+        theme::ring(&ctx);
     }
     if shown.help {
         help::draw(&ctx, rect);
@@ -160,6 +177,7 @@ pub(super) fn draw_window(
     let at = ctx.pointer_latest_pos();
     let over_picture = !owner.is_locked()
         && !on_divider
+        && !is_page_shown
         && at.is_some_and(|at| {
             rect.contains(at) && ctx.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background)
         });
@@ -182,14 +200,16 @@ pub(super) fn draw_window(
         clicked.0 = ctx.pointer_latest_pos().map(|at| Vec2::new(at.x, at.y));
     }
     let any_button = ctx.input(|input| input.pointer.any_down());
-    owner.update(over_picture, any_button, ctx.dragged_id().is_some(), ctx.egui_wants_keyboard_input());
     owner.tool_draws = tool.takes_drags() && pointer.held && is_flat;
-    // Tab belongs to the panel's visibility, not to egui's focus.
+    // Where no control has the keyboard, Tab belongs to the panels' visibility, not to egui's focus.
     if let Some(focused) = ctx.memory(|memory| memory.focused())
+        && !had_keyboard
         && ctx.input(|input| input.key_pressed(egui::Key::Tab))
     {
         ctx.memory_mut(|memory| memory.surrender_focus(focused));
     }
+    let has_keyboard = ctx.egui_wants_keyboard_input() || egui::Popup::is_any_open(&ctx) || panel.files.typed.is_some();
+    owner.update(over_picture, any_button, ctx.dragged_id().is_some(), has_keyboard);
     Ok(())
 }
 

@@ -5,6 +5,7 @@ use crate::volumes::difference;
 use deepfield::color::Colors;
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::field::Field;
+use deepfield::cpu::shadowing::Lighting;
 use deepfield::cpu::volume::VolumeReport;
 use deepfield::gpu::{DeviceOptions, HeadlessRenderer, HeadlessRequest, Offscreen, VolumeJob, VolumeView};
 use deepfield::mode::{FieldJob, FieldPasses, FieldValues, SettingValue, Settings, ValueStatistics};
@@ -80,6 +81,7 @@ impl Wanted<'_> {
             transfer: transfer.as_ref(),
             diameter: volume.field.diameter(),
             paths: None,
+            lighting: Lighting::default(),
         })
     }
 

@@ -29,6 +29,15 @@ fn with(shot: Shot, name: &str, value: f64) -> Shot {
     Shot { look: LookPatch { settings, ..shot.look }, ..shot }
 }
 
+/// Of a field of attributes.
+fn of_field(shot: Shot, set: &[(&str, &str)]) -> Shot {
+    let mut settings = shot.look.settings.clone();
+    for (setting, name) in set {
+        settings.0.insert((*setting).to_owned(), SettingValue::Name((*name).to_owned()));
+    }
+    Shot { look: LookPatch { settings, ..shot.look }, ..shot }
+}
+
 fn session(file: &Path, backend: Backend) -> Session {
     let options = SessionOptions { backend: Some(backend), ..SessionOptions::default() };
     let opened = Session::open(&[Member::new(file)], options, [], |path| Ok(path.to_owned()), Arc::new(()));
@@ -57,6 +66,13 @@ fn panoramas_and_pairs_are_those_of_the_processor() {
         ("a volume", with(dome("volume"), "smallest", 0.0), 1e-4),
         // The smallest particles are enlarged by their depth, not by their distance.
         ("a volume of enlarged particles", dome("volume"), 8e-2),
+        // Ranges, and the densities that the opacity goes by, are those of all faces.
+        ("a field", of_field(with(dome("volume"), "smallest", 0.0), &[("field", "smoothing-length")]), 2e-3),
+        (
+            "a pair of fields",
+            of_field(with(pair("isosurface"), "smallest", 0.0), &[("surface-field", "smoothing-length")]),
+            5e-3,
+        ),
         ("a surface", with(dome("isosurface"), "smallest", 0.0), 1e-3),
         // Its box is that of all the data, and so the same for all faces.
         ("a Cartesian grid", with(dome("cartesian"), "cells", 64.0), 1e-3),

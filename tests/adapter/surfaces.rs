@@ -1,6 +1,8 @@
 //! Measured heights by an adapter's passes: the processor's pictures, without cracks, and the same bits each time.
 
+mod among;
 mod holes;
+mod rays;
 mod seen;
 
 use crate::support::Random;
@@ -330,7 +332,7 @@ fn nothing_shows_through_where_levels_meet_on_a_globe() {
         let target = away * up + away * (aside.sin() * level - aside.cos() * up);
         let projection = Projection::Perspective { fov_y: (0.6 * limb).min(1.0) };
         let view = View::look_at(away * up, target, level.cross(up), projection, 120, 90).unwrap();
-        let cut = random_cut(&nodes, &placed, &view, &mut random);
+        let cut = random_cut(&nodes, &placed, &view, &mut random, 1);
         let scene = Scene::new(&nodes, &placed, cut);
         joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
         let passes = [Passes::Compute, Passes::Raster][round / 3 % 2];
@@ -526,16 +528,6 @@ fn an_adapter_draws_faces_of_panoramas() {
     }
 }
 
-#[test]
-fn what_no_adapter_draws_is_the_processors() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = built(folder.path(), &hills([60, 50], Holes::None));
-    let rays = Wanted { settings: &[("technique", name("rays"))], ..PLAIN };
-    let (picture, found) = rays.draw(&mut session(&path, Backend::Compute));
-    assert_eq!(picture.drawn_by[0], "cpu");
-    assert_eq!(found, rays.draw(&mut session(&path, Backend::Cpu)).1);
-}
-
 /// A random camera above a field that looks onto a place where chunks meet, so that nothing but the field is in the picture.
 fn camera_over(field: &HeightField, random: &mut Random) -> View {
     let [columns, rows] = [field.grid.columns, field.grid.rows].map(|count| (count - 1) as f64);
@@ -568,13 +560,14 @@ fn camera_over(field: &HeightField, random: &mut Random) -> View {
 /// What an adapter is asked for where only chunks and colours matter.
 fn plain_job(scene: Scene, view: View, look: Look, passes: Passes) -> AdapterSurface {
     AdapterSurface {
-        scene,
+        scene: Arc::new(scene),
         view,
         parts: 1,
         look,
         form: None,
         photo: None,
         technique: Technique::Hybrid,
+        point: 1,
         holes: HoleLook::Open,
         walls: None,
         reference: 0.0,
@@ -582,8 +575,8 @@ fn plain_job(scene: Scene, view: View, look: Look, passes: Passes) -> AdapterSur
     }
 }
 
-/// Random chunks of all levels that cover a field, as points where these leave no gap.
-fn random_cut(nodes: &PagedSurface, placed: &Placed, view: &View, random: &mut Random) -> SurfaceCut {
+/// Random chunks of all levels that cover a field, as points of so many pixels where these leave no gap.
+fn random_cut(nodes: &PagedSurface, placed: &Placed, view: &View, random: &mut Random, point: u32) -> SurfaceCut {
     let lattice = nodes.lattice();
     let (mut waiting, mut chosen) = (vec![lattice.root()], Vec::new());
     while let Some(key) = waiting.pop() {
@@ -608,7 +601,7 @@ fn random_cut(nodes: &PagedSurface, placed: &Placed, view: &View, random: &mut R
         let extent = Extent { bounds: Bounds::of(corners.map(|corner| corner.to_array())), margin: 0.0 };
         let whole = f64::from(1_u32 << key.level);
         let apart = view.error_pixels(&extent, whole.hypot(whole).hypot(facts.step));
-        let primitive = if apart <= 0.999 { Primitive::Points } else { Primitive::Triangles };
+        let primitive = if apart <= 0.999 * f64::from(point) { Primitive::Points } else { Primitive::Triangles };
         // What borders add is reckoned with by those who choose.
         let added = facts.max - facts.min;
         chosen.push(CutNode { key, facts, extent, primitive, error_px: 0.0, added });
@@ -637,14 +630,19 @@ fn nothing_shows_through_where_levels_meet() {
     let mut joined = 0;
     for round in 0..12 {
         let view = camera_over(&field, &mut random);
-        let cut = random_cut(&nodes, &placed, &view, &mut random);
+        let point = [1, 3][round / 3 % 2];
+        let cut = random_cut(&nodes, &placed, &view, &mut random, point);
         let scene = Scene::new(&nodes, &placed, cut);
         joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
-        let passes = [Passes::Compute, Passes::Raster][round % 2];
-        let job = plain_job(scene, view, look.clone(), passes);
+        let (passes, technique) = [
+            (Passes::Compute, Technique::Hybrid),
+            (Passes::Raster, Technique::Hybrid),
+            (Passes::Compute, Technique::Rays),
+        ][round % 3];
+        let job = AdapterSurface { technique, point, ..plain_job(scene, view, look.clone(), passes) };
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
-        assert_eq!(open, 0, "{passes:?}, round {round}: {view:?}");
+        assert_eq!(open, 0, "{passes:?}, {technique:?}, round {round}: {view:?}");
     }
     assert!(joined > 50, "{joined} borders of levels");
 }

@@ -1,13 +1,17 @@
-//! Histograms of a part of a page file: as near to those of all of it as is allowed, and from fewer pages where much is.
+//! Plots of a part of a page file: as near to those of all of it as is allowed, and from fewer pages where much is.
 
 use crate::support::{Random, run};
 use deepfield::build::{BuildOptions, build};
-use deepfield::explore::{Binned, BinnedAxis, Data, Members, Plot, PlotOptions, Region, Weight, Work};
+use deepfield::explore::{
+    Binned, BinnedAxis, Data, Effort, Members, Plot, PlotOptions, ProfileOptions, Radial, Region, Shape, Weight, Work,
+    farthest, radial, radials,
+};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::PageFile;
 use glam::DVec3;
 use serde_json::Value;
 use std::path::Path;
+use std::time::Instant;
 
 const EDGE: f64 = 100.0;
 
@@ -47,15 +51,53 @@ fn built(path: &Path) -> PageFile {
     PageFile::open(path).unwrap()
 }
 
-/// The histogram of four bins of a region, from as little as is allowed.
-fn histogram(file: &PageFile, region: &Region, weight: &Weight, allowed: Option<f64>) -> Binned {
+fn plot(file: &PageFile, region: &Region, options: &PlotOptions, effort: Effort) -> Plot {
+    Plot::find(Data::Pages(file), &Members::Region(region.clone()), options, effort, None, Work::quiet()).unwrap()
+}
+
+/// The histogram of four bins of a region.
+fn histogram(file: &PageFile, region: &Region, weight: &Weight, effort: Effort) -> Binned {
     let axis = BinnedAxis { field: "temperature".into(), bins: 4, logarithmic: Some(true), range: None };
-    let options = PlotOptions::Binned { axes: vec![axis], weight: weight.clone(), allowed };
-    let members = Members::Region(region.clone());
-    match Plot::find(Data::Pages(file), &members, &options, None, Work::quiet()).unwrap() {
+    let options = PlotOptions::Binned { axes: vec![axis], weight: weight.clone() };
+    match plot(file, region, &options, effort) {
         Plot::Binned(found) => found,
         other => panic!("{other:?}"),
     }
+}
+
+/// Around the middle of the box, up to its corners.
+fn ball() -> Region {
+    Region::sphere(DVec3::splat(0.5 * EDGE), 0.87 * EDGE)
+}
+
+/// Five shells of equal width.
+fn shells(field: Option<&str>) -> ProfileOptions {
+    ProfileOptions { shells: 5, inner: None, field: field.map(str::to_owned) }
+}
+
+fn profile(file: &PageFile, effort: Effort) -> Radial {
+    match plot(file, &ball(), &PlotOptions::Radial(shells(Some("temperature"))), effort) {
+        Plot::Radial(found) => found,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Bins along the diagonal of the cells of which a scatter plot tells errors.
+const CELLS: usize = 16;
+
+/// Temperatures over themselves: the shares of points in bins of equal width in the logarithm, their errors, and how many particles there are.
+fn shares(file: &PageFile, ends: Option<[f64; 2]>, effort: Effort) -> ([f64; CELLS], Vec<f64>, u64, [f64; 2]) {
+    let options = PlotOptions::Scatter { fields: ["temperature", "temperature"].map(str::to_owned), points: 100_000 };
+    let Plot::Scatter { x, of, estimate, .. } = plot(file, &Region::whole(), &options, effort) else { panic!() };
+    let own = [x.iter().copied().fold(f64::INFINITY, f64::min), x.iter().copied().fold(0.0, f64::max)];
+    let [low, high] = ends.unwrap_or(own);
+    let mut shares = [0.0; CELLS];
+    for value in &x {
+        let bin = ((value / low).ln() / (high / low).ln() * CELLS as f64) as usize;
+        shares[bin.min(CELLS - 1)] += 1.0 / x.len() as f64;
+    }
+    let errors = estimate.map_or_else(Vec::new, |of| (0..CELLS).map(|bin| of.errors[bin * (CELLS + 1)]).collect());
+    (shares, errors, of, own)
 }
 
 #[test]
@@ -65,11 +107,11 @@ fn errors_of_parts_are_as_told_and_save_pages() {
     let ball = Region::sphere(DVec3::splat(0.5 * EDGE), 0.45 * EDGE).with_range("temperature", Some(1e3), Some(2e6));
     for region in [Region::whole(), ball] {
         for weight in [Weight::Mass, Weight::Count, Weight::Field("temperature".into())] {
-            let of_all = histogram(&file, &region, &weight, None);
+            let of_all = histogram(&file, &region, &weight, Effort::ALL);
             assert!(of_all.estimate.is_none());
-            assert_eq!(histogram(&file, &region, &weight, Some(0.0)), of_all);
+            assert_eq!(histogram(&file, &region, &weight, Effort::within(0.0)), of_all);
             for allowed in [0.01, 0.1, 0.6] {
-                let found = histogram(&file, &region, &weight, Some(allowed));
+                let found = histogram(&file, &region, &weight, Effort::within(allowed));
                 let about = format!("{weight} within {allowed}: {:?}, expected {:?}", found.weights, of_all.weights);
                 let share = 0.01 * of_all.total;
                 // Three standard errors are what is told.
@@ -105,6 +147,142 @@ fn errors_of_parts_are_as_told_and_save_pages() {
     }
 }
 
+/// How estimates of one number lie about it: whether they are right on average, and how many are farther off than was told.
+#[derive(Default)]
+struct Spread {
+    off: Vec<f64>,
+    told: Vec<f64>,
+}
+
+impl Spread {
+    fn add(&mut self, estimated: f64, exact: f64, told: f64) {
+        self.off.push(estimated - exact);
+        self.told.push(told);
+    }
+
+    /// Draws that are as far off as was told or less.
+    fn covered(&self) -> usize {
+        self.off.iter().zip(&self.told).filter(|(off, told)| off.abs() <= **told).count()
+    }
+
+    /// The mean, in its own standard errors as they were told.
+    fn bias(&self) -> f64 {
+        let draws = self.off.len() as f64;
+        let mean = self.off.iter().sum::<f64>() / draws;
+        let squares: f64 = self.told.iter().map(|told| (told / 3.0).powi(2)).sum();
+        mean * draws / squares.sqrt()
+    }
+}
+
+#[test]
+fn estimates_of_many_draws_are_right_on_average_and_within_what_is_told() {
+    const DRAWS: u64 = 12;
+    // More than any error: as few parts as tell it are read.
+    const MUCH: f64 = 1e6;
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(&folder.path().join("groups.df"));
+    let of_all = profile(&file, Effort::ALL);
+    assert!(of_all.estimate.is_none());
+    assert_eq!(profile(&file, Effort::within(0.0)), of_all);
+    let (shares_of_all, none, particles, ends) = shares(&file, None, Effort::ALL);
+    assert!(none.is_empty());
+    let bins_of_all = histogram(&file, &Region::whole(), &Weight::Count, Effort::ALL);
+
+    // With no time left, ways through parts are read in place of all of them.
+    for is_hurried in [false, true] {
+        let effort = |draw| {
+            let any = if is_hurried { Effort::until(Instant::now()) } else { Effort::within(MUCH) };
+            any.drawn(draw)
+        };
+        let mut spreads: Vec<Spread> = Vec::new();
+        let mut of_means = Vec::new();
+        for draw in 0..DRAWS {
+            let mut next = 0;
+            let mut add = |estimated: f64, exact: f64, told: f64| {
+                spreads.resize_with(spreads.len().max(next + 1), Spread::default);
+                spreads[next].add(estimated, exact, told);
+                next += 1;
+            };
+            let found = profile(&file, effort(draw));
+            let estimate = found.estimate.as_ref().unwrap();
+            assert!(estimate.of_masses.pages_read < estimate.of_masses.pages && found.error.is_some());
+            for (index, (shell, exact)) in found.shells.iter().zip(&of_all.shells).enumerate() {
+                add(shell.mass, exact.mass, estimate.of_masses.errors[index]);
+                // Errors of means are those of ratios, of which shells of a few parts know little.
+                let weighted = (shell.mass_weighted_mean.unwrap(), exact.mass_weighted_mean.unwrap());
+                let errors =
+                    [&estimate.mean_errors, &estimate.mass_weighted_mean_errors].map(|all| all[index].unwrap());
+                let plain = (shell.mean.unwrap(), exact.mean.unwrap());
+                for ((mean, exact), error) in [plain, weighted].into_iter().zip(errors) {
+                    of_means.push((mean - exact).abs() <= error);
+                }
+            }
+            let found = histogram(&file, &Region::whole(), &Weight::Count, effort(draw));
+            let estimate = found.estimate.as_ref().unwrap();
+            for (bin, (weight, exact)) in found.weights.iter().zip(&bins_of_all.weights).enumerate() {
+                add(*weight, *exact, estimate.errors[bin]);
+            }
+            let (shares, errors, of, _) = shares(&file, Some(ends), effort(draw));
+            assert!((of as f64 / particles as f64 - 1.0).abs() < 0.05, "{of} of {particles}");
+            for ((share, exact), error) in shares.iter().zip(&shares_of_all).zip(errors) {
+                add(*share, *exact, error);
+            }
+        }
+        let all = spreads.len() * DRAWS as usize;
+        let covered: usize = spreads.iter().map(Spread::covered).sum();
+        assert!(covered as f64 > 0.9 * all as f64, "hurried {is_hurried}: {covered} of {all}");
+        let covered = of_means.iter().filter(|is_covered| **is_covered).count();
+        assert!(
+            covered as f64 > 0.9 * of_means.len() as f64,
+            "hurried {is_hurried}: {covered} of {} means",
+            of_means.len()
+        );
+        for (number, spread) in spreads.iter().enumerate() {
+            assert!(spread.bias().abs() < 5.0, "hurried {is_hurried}: number {number} is off by {}", spread.bias());
+        }
+    }
+}
+
+#[test]
+fn profiles_of_one_pass_are_those_of_a_pass_each() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(&folder.path().join("groups.df"));
+    let few = ProfileOptions { shells: 3, ..shells(Some("mass")) };
+    let asked = [shells(None), shells(Some("temperature")), few, shells(Some("temperature"))];
+    let (data, ball) = (Data::Pages(&file), ball());
+    // All of the file, and as little of it as tells errors.
+    for effort in [Effort::ALL, Effort::within(1e6)] {
+        let together = radials(data, &ball, &asked, effort, None, Work::quiet()).unwrap();
+        let each = asked.iter().map(|asked| radial(data, &ball, asked, effort, None, Work::quiet()).unwrap());
+        assert_eq!(together, each.collect::<Vec<_>>());
+        assert!(together.iter().all(|found| found.estimate.is_some() == (effort != Effort::ALL)));
+    }
+    assert!(radials(data, &ball, &[], Effort::ALL, None, Work::quiet()).unwrap().is_empty());
+    let many = vec![shells(None); 257];
+    assert!(radials(data, &ball, &many, Effort::ALL, None, Work::quiet()).is_err());
+}
+
+#[test]
+fn the_farthest_particle_is_found_without_a_look_at_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = built(&folder.path().join("groups.df"));
+    let hot = Region::sphere(DVec3::splat(0.5 * EDGE), 0.4 * EDGE).with_range("temperature", Some(1e5), None);
+    for region in [Region::whole(), hot] {
+        for center in [DVec3::splat(0.5 * EDGE), DVec3::new(-3.0, 0.2 * EDGE, 2.0 * EDGE)] {
+            let found = farthest(Data::Pages(&file), &region, center, Work::quiet()).unwrap();
+            let count = |of: Region| histogram(&file, &of, &Weight::Count, Effort::ALL).count;
+            let within = |radius: f64| {
+                let mut ball = region.clone();
+                ball.shapes.push(Shape::Sphere { center, radius });
+                count(ball)
+            };
+            let all = count(region.clone());
+            assert_eq!(within((1.0 + 1e-9) * found), all, "{found}");
+            assert!(within((1.0 - 1e-6) * found) < all, "{found}");
+        }
+    }
+}
+
 #[test]
 fn an_estimate_says_so_in_every_output() {
     let folder = tempfile::tempdir().unwrap();
@@ -128,6 +306,23 @@ fn an_estimate_says_so_in_every_output() {
     }
     assert_eq!((lines.len(), errors.len()), (6, 4));
     assert_eq!(plot(&["--error", "0.1", "--exact", "-o", "x.csv"]).status.code(), Some(2));
-    let scatter = ["plot", "groups.df", "--scatter", "density,temperature", "--error", "0.1", "-o", "x.csv"];
-    assert_eq!(run(folder, &scatter).status.code(), Some(2));
+
+    // Other plots, each with what it tells of errors.
+    let ball = ["--radial", "temperature", "--sphere", "50,50,50,90", "--bins", "5", "--scale", "linear"];
+    let points = ["--scatter", "density,temperature"];
+    for (asked, word, columns) in [(&ball[..], "shell with", 13), (&points[..], "cell of 16 by 16", 2)] {
+        let more = ["--error", "1000", "-o", "other.csv", "-o", "other.svg", "--json", "other.json"];
+        let output = run(folder, &[&["plot", "groups.df"][..], asked, &more].concat());
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success() && text.contains("an estimate from") && text.contains(word), "{text}");
+        let table = std::fs::read_to_string(folder.join("other.csv")).unwrap();
+        let lines: Vec<&str> = table.lines().collect();
+        assert!(lines[0].starts_with("# an estimate from"), "{table}");
+        assert!(lines[1..].iter().all(|line| line.split(',').count() == columns), "{}", lines[1]);
+        assert_eq!(lines[1].matches("error of").count(), if columns > 2 { 4 } else { 0 });
+        let answer: Value = serde_json::from_slice(&std::fs::read(folder.join("other.json")).unwrap()).unwrap();
+        let estimate = &answer["estimate"];
+        assert!(estimate["pages_read"].as_u64() < estimate["pages"].as_u64() && estimate["errors"].is_array());
+        assert_eq!(estimate["mean_errors"].is_array(), columns > 2);
+    }
 }

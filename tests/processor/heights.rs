@@ -158,6 +158,14 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
         let told: Value = serde_json::from_slice(&std::fs::read(folder.join("top.json")).unwrap()).unwrap();
         assert!(told["converged"] == true && told["error_px"].as_f64().unwrap() <= 0.8, "{told:#}");
     }
+    // What may take little memory is coarser, and says so.
+    for (memory, is_converged) in [("64MiB", true), ("300000", false)] {
+        let arguments =
+            ["render", "waves.df", "-o", "x.png", "--json", "top.json", "--error-px", "0.01", "--memory", memory];
+        ok(folder, &[&arguments[..], &camera].concat());
+        let told: Value = serde_json::from_slice(&std::fs::read(folder.join("top.json")).unwrap()).unwrap();
+        assert_eq!(told["converged"], is_converged, "{memory}: {told:#}");
+    }
     // A dome from within, another colour, lines of equal height: each is a picture of something else.
     let pictures: Vec<Vec<[u8; 4]>> = [
         &["--attribute", "slope"][..],
@@ -264,6 +272,19 @@ fn eyes_stay_above_ground() {
     let twice = ["--set", "clearance=2.0", "--set", "exaggeration=2.0"];
     assert_eq!(eye("-5", &twice), serde_json::json!([20.0, 15.0, 16.0]));
     assert!(eye("9.5", &["--set", "clearance=2.0"]).is_null() && eye("-5", &[]).is_null());
+    // Pictures of numbers have the channels of what is seen, all around as well.
+    for more in [["--fov", "40"], ["--projection", "dome"]] {
+        let arguments =
+            ["render", "flat.df", "-o", "x.exr", "--eye", "20,15,9", "--target", "20,25,7", "--size", "24x24"];
+        ok(folder, &[&arguments[..], &more].concat());
+        let bytes = std::fs::read(folder.join("x.exr")).unwrap();
+        for name in ["R", "depth", "height", "coverage"] {
+            assert!(
+                bytes.windows(name.len() + 1).any(|part| part.strip_suffix(b"\0") == Some(name.as_bytes())),
+                "{name} {more:?}"
+            );
+        }
+    }
     // What is under a pixel is so of the same eye.
     let pixels =
         ["probe", "flat.df", "--pixel", "30,30", "--eye", "20,15,-5", "--target", "20,25,-5", "--size", "60x40"];
@@ -339,6 +360,17 @@ fn what_is_measured_is_what_formulas_say() {
         let point = answer(folder, &["probe", name, "--point=16,48", "--json", "-"]);
         assert!((point["height"].as_f64().unwrap() - height(16, 48) - 3.0 - 0.16 + 0.96).abs() < 1e-9, "{point:#}");
     }
+    // Of these heights as many are above 0 as below, and the material ratio curve says so.
+    ok(folder, &["probe", "whole.df", "--form", "plane", "-o", "ratio.csv"]);
+    let table = std::fs::read_to_string(folder.join("ratio.csv")).unwrap();
+    let ratio = |percent: &str| -> f64 {
+        let row = table.lines().find_map(|line| line.strip_prefix(percent)?.strip_prefix(','));
+        row.unwrap().parse().unwrap()
+    };
+    assert_eq!(table.lines().count(), 102);
+    assert!((ratio("0") - AMPLITUDE).abs() < 0.1 && (ratio("100") + AMPLITUDE).abs() < 0.1, "{table}");
+    assert!(ratio("50").abs() < 0.1 && (ratio("25") + ratio("75")).abs() < 0.2, "{table}");
+    refused(folder, &["probe", "whole.df", "-o", "ratio.svg"], "ratio.svg: expected a name that ends in .csv or .png");
     // Under the middle of a picture from above lies what is there; beside the field nothing.
     let camera =
         ["--eye", "100.3,90.4,300", "--target", "100.3,90.4,0", "--up", "0,1,0", "--size", "101x101", "--fov", "60"];

@@ -36,6 +36,7 @@ mod pictures {
     mod hue;
     mod joined;
     mod lod_budget;
+    mod one_range;
     mod passes;
     mod paths;
     mod periodic;
@@ -75,6 +76,7 @@ mod explore {
     mod particles;
     mod probes;
     mod reference;
+    mod rows;
     mod selections;
 }
 
@@ -83,6 +85,8 @@ mod meshes;
 mod network;
 mod outputs;
 mod plots;
+#[cfg(target_os = "linux")]
+mod release;
 mod tours;
 mod tracked;
 mod vector_fields;

@@ -4,7 +4,7 @@
 use crate::support::{Random, run};
 use deepfield::explore::plot::Part;
 use deepfield::explore::{
-    Data, Fields, Members, Plot, PlotKind, PlotScale, PlotSettings, ProbeOptions, Region, Work, edges, probe,
+    Data, Effort, Fields, Members, Plot, PlotKind, PlotScale, PlotSettings, ProbeOptions, Region, Work, edges, probe,
 };
 use deepfield::store::PageFile;
 use serde_json::Value;
@@ -282,7 +282,7 @@ fn what_is_brushed_from_edge_to_edge_is_what_the_cells_between_hold() {
             ..PlotSettings::default()
         };
         let members = Members::Region(whole.clone());
-        let plot = Plot::find(data, &members, &settings.options(), None, Work::quiet()).unwrap();
+        let plot = Plot::find(data, &members, &settings.options(), Effort::ALL, None, Work::quiet()).unwrap();
         let Plot::Binned(found) = &plot else { panic!("a phase diagram") };
         let [across, up] = [&found.axes[0], &found.axes[1]].map(edges);
         let columns = across.len() - 1;

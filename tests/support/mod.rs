@@ -8,7 +8,6 @@ pub mod golden;
 pub mod hdf5;
 pub mod page_checksums;
 mod pages;
-pub mod parquet;
 mod program;
 mod random;
 

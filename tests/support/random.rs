@@ -1,16 +1,15 @@
 //! Numbers at random that are the same everywhere.
 
+use deepfield::model::mixing::{GOLDEN, mix_bits};
+
 /// A small, fast, seeded generator (SplitMix64).
 pub struct Random(pub u64);
 
 impl Random {
     /// Any number.
     pub fn whole(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
+        self.0 = self.0.wrapping_add(GOLDEN);
+        mix_bits(self.0)
     }
 
     /// Uniform in [0, 1).

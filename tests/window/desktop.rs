@@ -270,6 +270,29 @@ impl Program {
         desktop: &Desktop,
         folder: &Path,
         source: &Path,
+        size: [u16; 2],
+        arguments: &[&str],
+        variables: &[(&str, &Path)],
+    ) -> Program {
+        Program::view(desktop, folder, Some(source), size, arguments, variables)
+    }
+
+    /// A window that nothing is opened in.
+    pub fn without_file(
+        desktop: &Desktop,
+        folder: &Path,
+        size: [u16; 2],
+        arguments: &[&str],
+        variables: &[(&str, &Path)],
+    ) -> Program {
+        Program::view(desktop, folder, None, size, arguments, variables)
+    }
+
+    /// `folder` is all that the program knows of its user.
+    fn view(
+        desktop: &Desktop,
+        folder: &Path,
+        source: Option<&Path>,
         [width, height]: [u16; 2],
         arguments: &[&str],
         variables: &[(&str, &Path)],
@@ -279,12 +302,12 @@ impl Program {
         let _ = std::fs::remove_file(&status);
         let process = program()
             .arg("view")
-            .arg(source)
+            .args(source)
             .args(["--size", &format!("{width}x{height}"), "--status"])
             .arg(&status)
             .args(arguments)
             .env("DISPLAY", &desktop.display)
-            .env("XDG_CACHE_HOME", folder)
+            .envs(["XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_RUNTIME_DIR"].map(|name| (name, folder)))
             .envs(variables.iter().copied())
             .env_remove("WAYLAND_DISPLAY")
             .current_dir(folder)

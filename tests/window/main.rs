@@ -10,6 +10,7 @@ mod budgets;
 mod comparison;
 mod desktop;
 mod fields;
+mod files;
 mod frames;
 mod growing;
 mod heights;

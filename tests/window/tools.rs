@@ -2,7 +2,7 @@
 //! periodic boxes and number keys, driven as a user would under a virtual X server.
 
 use super::desktop::{Desktop, Program, choose, click, columns, distance, keep, middle, point, repeat};
-use crate::support::{demo, in_repository, parquet};
+use crate::support::{demo, in_repository};
 use serde_json::Value;
 use std::path::Path;
 use std::time::Duration;
@@ -106,20 +106,17 @@ fn lassos_boxes_objects_presets_and_keys_do_what_they_say() {
     // Its table is read back: every row is of the source, and seen inside the lasso.
     let written = click(&program, &desktop, "selection:1:Parquet", |s| s["looking"]["table"].is_object());
     let table = &written["looking"]["table"];
-    let contents = parquet::read(&std::fs::read(table["path"].as_str().unwrap()).unwrap());
-    assert_eq!(Some(contents.rows as u64), table["rows"].as_u64());
-    assert!((contents.rows as u64).abs_diff(inside) <= 2 + inside / 500, "{} of {inside}", contents.rows);
+    let path = Path::new(table["path"].as_str().unwrap());
+    let selected = deepfield::import::open(path).unwrap();
+    let rows = selected.description().particles();
+    assert_eq!(Some(rows), table["rows"].as_u64());
+    assert!(rows.abs_diff(inside) <= 2 + inside / 500, "{rows} of {inside}");
     let dataset = deepfield::import::load(&data, &deepfield::import::LoadOptions::default(), &()).unwrap();
     let known: std::collections::HashSet<[u64; 3]> =
         dataset.families[0].positions.iter().map(|at| at.map(f64::to_bits)).collect();
-    assert!(
-        contents.about.iter().any(|(key, value)| key == "deepfield.exact" && value == "true"),
-        "{:?}",
-        contents.about
-    );
-    let column = |name: &str| &contents.columns[contents.names.iter().position(|other| other == name).unwrap()];
-    let rows = column("x").iter().zip(column("y")).zip(column("z"));
-    assert!(rows.clone().all(|((x, y), z)| known.contains(&[x.unwrap(), y.unwrap(), z.unwrap()])));
+    let mut positions = vec![0.0; 3 * rows as usize];
+    selected.read(0, 0, 0..rows, &mut positions).unwrap();
+    assert!(positions.as_chunks::<3>().0.iter().all(|at| known.contains(&at.map(f64::to_bits))));
 
     // Alone, nothing else is left of the picture.
     program.wait("a picture that rests", |s| s["converged"] == true);

@@ -1,9 +1,11 @@
-//! Catalogues as FITS tables, VOTable and ECSV: files that were written from the standards byte by byte hold what they should, plain and
-//! compressed, alone and as parts of one table, and damaged ones are errors that name the file.
+//! Catalogues as FITS tables, VOTable, ECSV and Parquet: files that were written from the standards byte by byte, or by another library, hold what
+//! they should, plain and compressed, alone and as parts of one table, and damaged ones are errors that name the file.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use deepfield_data::import::{FieldKind, LoadOptions, Source, file_in, formats, grid_format, load, open, summarize};
+use deepfield_data::import::{
+    FieldKind, LoadOptions, Source, file_in, files_of, formats, grid_format, load, open, summarize,
+};
 use deepfield_data::model::{FamilyName, ReadMethod};
 use flate2::{Compression, write::GzEncoder};
 use proptest::prelude::*;
@@ -56,6 +58,21 @@ fn values(source: &dyn Source, name: &str) -> Vec<f64> {
         let range = start..family.count.min(start + 77);
         let mut some = vec![0.0; (range.end - range.start) as usize * components];
         source.read(0, field, range, &mut some).unwrap();
+        all.extend(some);
+    }
+    all
+}
+
+/// The ids of a source, read some rows at a time.
+fn ids_of(path: &Path) -> Vec<u64> {
+    let source = open(path).unwrap();
+    let family = &source.description().families[0];
+    let field = family.find(FieldKind::Id).unwrap_or_else(|| panic!("{} has no ids", path.display()));
+    let mut all = Vec::new();
+    for start in (0..family.count).step_by(7) {
+        let range = start..family.count.min(start + 7);
+        let mut some = vec![0; (range.end - range.start) as usize];
+        source.read_ids(0, field, range, &mut some).unwrap();
         all.extend(some);
     }
     all
@@ -134,9 +151,8 @@ fn columns_of_fits_are_read_exactly() {
     let source = open(&data("catalogue.fits")).unwrap();
     let family = &source.description().families[0];
     let ids = family.find(FieldKind::Id).unwrap();
-    let mut found = vec![0; ROWS as usize];
-    source.read_ids(0, ids, 0..ROWS, &mut found).unwrap();
-    assert!(found.iter().copied().eq((0..ROWS).map(|row| (1_u64 << 63) + (1 << 60) + row)));
+    let expected: Vec<u64> = (0..ROWS).map(|row| (1 << 63) + (1 << 60) + row).collect();
+    assert_eq!(ids_of(&data("catalogue.fits")), expected);
     let motion = (0..ROWS).flat_map(|row| [row as f64, -(row as f64), 0.5 * row as f64]);
     assert_same(&values(&*source, "pm"), motion, "pm");
     assert_same(&values(&*source, "bits"), (0..ROWS).map(|row| (row * 7 % 2048) as f64), "bits");
@@ -144,16 +160,173 @@ fn columns_of_fits_are_read_exactly() {
     assert_eq!([unit("pm"), unit("level"), unit("flag")], ["mas/yr", "m", ""]);
     let told = source.description().notes.join("; ");
     assert!(told.contains("columns without numbers are left out: name, list, none"), "{told}");
-    // What is missing is no id.
     let folder = tempfile::tempdir().unwrap();
     let mut bytes = bytes_of("catalogue.fits");
+    let parts = folder.path().join("parts");
+    std::fs::create_dir(&parts).unwrap();
+    file(&parts, "0.fits", &bytes);
+    file(&parts, "1.fits", &bytes);
+    assert_eq!(ids_of(&parts), [&expected[..], &expected[..]].concat());
+    // What is missing is no id.
     let at = bytes.windows(8).position(|card| card == b"TNULL7  ").unwrap();
     let card = format!("TNULL1  = {:>20}", (1_i64 << 60) + 5);
     bytes[at..at + card.len()].copy_from_slice(card.as_bytes());
     let source = open(&file(folder.path(), "null.fits", &bytes)).unwrap();
     let error = source.read_ids(0, ids, 5..6, &mut [0]).unwrap_err().to_string();
-    assert!(error.ends_with("id: found no number, expected whole numbers from 0"), "{error}");
+    assert!(error.ends_with("id in row 6: found no number, expected whole numbers from 0"), "{error}");
     assert!(values(&*source, "id")[5].is_nan());
+}
+
+/// The value of a column of `make_parquet.py` in a row.
+const PARQUET: [(&str, fn(u64) -> f64); 9] = [
+    ("mass", |row| (1250 + row) as f64 / 1000.0),
+    ("flag", |row| [1.0, 0.0, f64::NAN][row as usize % 3]),
+    ("level", |row| if row % 10 == 9 { f64::NAN } else { (row % 4) as f64 - 1.0 }),
+    ("half", |row| row as f64 / 4.0),
+    ("count", |row| (4_000_000_000 + row) as f64),
+    ("delta", |row| (row * row) as f64 - 100.0),
+    ("split", |row| row as f64 / 3.0),
+    ("position", |row| if row == 7 { f64::NAN } else { 0.1 * row as f64 }),
+    ("id", |row| ((1_u64 << 63) + (1 << 60) + row) as f64),
+];
+
+/// Looks whether a source holds the rows of `table.parquet`, so many times.
+fn holds_parquet(source: &dyn Source, times: u64) {
+    let rows = || (0..times).flat_map(|_| 0..60_u64);
+    let family = &source.description().families[0];
+    assert_eq!((family.name, family.count, family.fields.len()), (FamilyName::Dark, 60 * times, PARQUET.len()));
+    for (name, value) in PARQUET {
+        let found = values(source, name);
+        match name {
+            "position" => {
+                let expected = rows().flat_map(|row| [value(row), -0.5 * row as f64, 300.0 - 10.0 * row as f64]);
+                assert_same(&found, expected, name);
+            }
+            _ => assert_same(&found, rows().map(value), name),
+        }
+    }
+    assert!(ids_of(&source.description().path).into_iter().eq(rows().map(|row| (1 << 63) + (1 << 60) + row)));
+}
+
+#[test]
+fn columns_of_parquet_are_read_exactly_whatever_they_are_coded_by() {
+    let source = open(&data("table.parquet")).unwrap();
+    holds_parquet(&*source, 1);
+    let about = source.description();
+    assert_eq!((&*about.format, &*about.length_unit.0, &*about.mass_unit.0), ("parquet", "kpc", "Msun"));
+    let family = &about.families[0];
+    assert_eq!(family.fields[family.named("level").unwrap()].unit.0, "m");
+    assert_eq!(about.notes, ["columns without numbers are left out: name, list, pair, when"]);
+    // A folder of such files is one table; what is said of them beside them is none.
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = bytes_of("table.parquet");
+    file(folder.path(), "part-0.parquet", &bytes);
+    file(folder.path(), "part-1.parquet", &bytes);
+    file(folder.path(), "_common_metadata", &bytes_of("hats/dataset/_common_metadata"));
+    file(folder.path(), "_SUCCESS", b"");
+    let parts = open(folder.path()).unwrap();
+    assert_eq!((parts.description().files, parts.description().bytes), (2, 2 * bytes.len() as u64));
+    holds_parquet(&*parts, 2);
+    // A file that is another one by now is not read on.
+    file(folder.path(), "part-1.parquet", &bytes[..bytes.len() - 9]);
+    let error = parts.read(0, 0, 50..70, &mut [0.0; 60]).unwrap_err().to_string();
+    assert!(error.contains("part-1.parquet: length: found"), "{error}");
+    // One of encrypted columns says so.
+    let told = refused(&file(folder.path(), "secret", b"PARE0123456789PARE"));
+    assert!(told.contains("found PARE, which is encrypted, expected PAR1"), "{told}");
+}
+
+#[test]
+fn partitions_on_the_sky_are_one_catalogue() {
+    for name in ["hats", "hats/properties", "hats/dataset"] {
+        let source = open(&data(name)).unwrap();
+        let about = source.description();
+        assert_eq!((&*about.format, about.files, &*about.length_unit.0), ("hats", 2, "pc"), "{name}");
+        assert_eq!((about.families[0].name, about.families[0].count), (FamilyName::Stars, 50));
+        assert_same(&values(&*source, "ra"), (0..50).map(|row| f64::from(row) * 7.0), "ra");
+        let magnitude = (0..50).map(|row| f64::from(10 + row % 5));
+        assert_same(&values(&*source, "magnitude"), magnitude, "magnitude");
+        assert!(ids_of(&data(name)).into_iter().eq((0..50).map(|row| (1 << 62) + row)), "{name}");
+        for (row, at) in values(&*source, "position").as_chunks::<3>().0.iter().enumerate() {
+            let at = glam::DVec3::from_array(*at);
+            let declination = (row as f64 - 25.0).to_radians();
+            let is_there = (at.length() - 250.0).abs() < 1e-9 && (at.z - 250.0 * declination.sin()).abs() < 1e-9;
+            assert!(if row == 40 { at.is_nan() } else { is_there }, "{row}: {at}");
+        }
+    }
+    // Without the text the columns have to be called as usual.
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("Norder=0/Dir=0");
+    std::fs::create_dir_all(&inner).unwrap();
+    let told = refused(folder.path());
+    assert!(told.contains("partitions: missing"), "{told}");
+    file(&inner, "Npix=4.parquet", &bytes_of("hats/dataset/Norder=0/Dir=0/Npix=4.parquet"));
+    let told = refused(folder.path());
+    assert!(told.contains("positions: missing"), "{told}");
+    // A partition that is not there shows.
+    file(folder.path(), "properties", &bytes_of("hats/properties"));
+    let notes = open(folder.path()).unwrap().description().notes.join("; ");
+    assert!(notes.contains("30 of the catalogue's 50 rows are there"), "{notes}");
+}
+
+#[test]
+fn of_a_collection_of_catalogues_the_primary_one_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let inner = folder.join("inner/Norder=0/Dir=0");
+    std::fs::create_dir_all(&inner).unwrap();
+    std::fs::create_dir_all(folder.join("inner_margin/Norder=0")).unwrap();
+    let partition = file(&inner, "Npix=4.parquet", &bytes_of("hats/dataset/Norder=0/Dir=0/Npix=4.parquet"));
+    let properties = file(&folder.join("inner"), "properties", &bytes_of("hats/properties"));
+    let collection = |primary: &str| {
+        let text =
+            format!("#HATS Collection\nobs_collection=c\nhats_primary_table_url={primary}\nall_margins=inner_margin\n");
+        file(folder, "collection.properties", text.as_bytes())
+    };
+    let text = collection("inner");
+    for path in [folder, text.as_path()] {
+        let source = open(path).unwrap();
+        let about = source.description();
+        assert_eq!((&*about.format, about.files, about.particles()), ("hats", 1, 30), "{}", path.display());
+    }
+    assert_eq!(file_in(folder, &[]).unwrap(), folder.join("inner"));
+    assert_eq!(files_of(folder).unwrap(), [&*partition, &*properties]);
+    assert_eq!(files_of(&text).unwrap(), [&*partition, &*text, &*properties]);
+    for primary in ["other", "inner_margin/Norder=0", "https://sky.example/inner"] {
+        collection(primary);
+        let told = refused(folder);
+        let expected = format!(
+            "collection.properties: hats_primary_table_url: found {primary}, expected the folder of a HATS catalogue"
+        );
+        assert!(told.ends_with(&expected), "{told}");
+    }
+}
+
+/// A footer that differs in any one bit is an error, or that of another table, all of which is read or is an error.
+#[test]
+fn footers_of_parquet_with_any_bit_changed_are_errors_or_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = bytes_of("hats/dataset/Norder=0/Dir=0/Npix=4.parquet");
+    let footer = bytes.len() - 8 - u32::from_le_bytes(bytes[bytes.len() - 8..][..4].try_into().unwrap()) as usize;
+    let one_line = |error: &str| assert!(!error.contains('\n') && error.contains("damaged"), "{error}");
+    std::fs::create_dir_all(folder.path().join("damaged/Norder=0/Dir=0")).unwrap();
+    file(&folder.path().join("damaged"), "properties", &bytes_of("hats/properties"));
+    for at in (0..bytes.len()).filter(|at| *at >= footer || at % 7 == 0) {
+        let mut changed = bytes.clone();
+        changed[at] ^= 1 << (at % 8);
+        file(&folder.path().join("damaged/Norder=0/Dir=0"), "Npix=4.parquet", &changed);
+        match open(&folder.path().join("damaged")) {
+            Ok(source) => {
+                let family = &source.description().families[0];
+                for (index, field) in family.fields.iter().enumerate() {
+                    let mut values = vec![0.0; family.count as usize * field.components];
+                    let read = source.read(0, index, 0..family.count, &mut values);
+                    let _ = read.map_err(|error| one_line(&error.to_string()));
+                }
+            }
+            Err(error) => one_line(&error.to_string()),
+        }
+    }
 }
 
 /// A VOTable of elements with positions.
@@ -228,11 +401,13 @@ fn files_that_are_cut_are_refused_wherever_they_end() {
     let stream_end = vot.windows(9).position(|part| part == b"</STREAM>").unwrap();
     let ecsv = bytes_of("catalogue.ecsv.zst");
     // The bytes of each, where its headers end, and from where on it is whole; the first frame of the last is a table without rows.
-    let cases: [(&str, &[u8], usize, usize); 4] = [
+    let parquet = bytes_of("table.parquet");
+    let cases: [(&str, &[u8], usize, usize); 5] = [
         ("a.fits", &fits, 14_400, data_end),
         ("b.vot", &vot, 1500, stream_end),
         ("c.vot", text.as_bytes(), text_end, text_end),
         ("d.ecsv.zst", &ecsv, 1000, ecsv.len() - 1),
+        ("e.parquet", &parquet, 100, parquet.len() - 1),
     ];
     for (name, bytes, header, end) in cases {
         let path = file(folder.path(), name, bytes);
@@ -287,11 +462,15 @@ proptest! {
     /// Whatever is written over a file, it is an error of one line or another table, all of which can be read.
     #[test]
     fn damaged_catalogues_are_errors_or_other_catalogues(
-        which in 0..4usize, packing in 0..3usize, cut in 0.3..1.5f64,
+        which in 0..5usize, packing in 0..3usize, cut in 0.3..1.5f64,
         changes in prop::collection::vec((0.0..1.0f64, 0.0..4.0f64, any::<u8>()), 1..12),
     ) {
         let folder = tempfile::tempdir().unwrap();
-        let name = ["catalogue.fits", "catalogue.vot", "catalogue2.vot", "catalogue.ecsv.zst"][which];
+        let names = ["catalogue.fits", "catalogue.vot", "catalogue2.vot", "catalogue.ecsv.zst", "table.parquet"];
+        let name = names[which];
+        // Rows of one are read in place, and so is their damage found.
+        let (in_place, cut) = (which == 4, if which == 4 { cut.max(1.0) } else { cut });
+        let packing = if in_place { 0 } else { packing };
         let mut bytes = bytes_of(name);
         // Damage within what is compressed as well as of the compressed.
         let damage = |bytes: &mut Vec<u8>| {
@@ -314,18 +493,94 @@ proptest! {
         }
         let path = file(folder.path(), "damaged", &bytes);
         let one_line = |error: String| assert!(!error.contains('\n') && error.contains("damaged"), "{error}");
-        for format in formats().into_iter().filter(|format| ["FITS table", "VOTable", "ECSV table"].contains(&format.name())) {
+        for format in formats().into_iter().filter(|format| ["FITS table", "VOTable", "ECSV table", "Parquet table"].contains(&format.name())) {
             match format.open(&path, ReadMethod::default()) {
                 Ok(source) => {
                     let family = &source.description().families[0];
                     for (index, field) in family.fields.iter().enumerate() {
                         let mut values = vec![0.0; family.count as usize * field.components];
-                        source.read(0, index, 0..family.count, &mut values).unwrap();
+                        match source.read(0, index, 0..family.count, &mut values) {
+                            Err(error) if in_place => one_line(error.to_string()),
+                            read => read.unwrap(),
+                        }
                     }
                 }
                 Err(error) => one_line(error.to_string()),
             }
         }
         let _ = load(&path, &LoadOptions::default(), &()).map_err(|error| one_line(error.to_string()));
+    }
+}
+
+/// Bytes in base64 (RFC 4648).
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let four = |three: &[u8]| -> String {
+        let byte = |at: usize| three.get(at).map_or(0, |byte| u32::from(*byte));
+        let bits = byte(0) << 16 | byte(1) << 8 | byte(2);
+        let letter =
+            |at: usize| if at > three.len() { '=' } else { LETTERS[(bits >> (18 - 6 * at)) as usize % 64] as char };
+        (0..4).map(letter).collect()
+    };
+    bytes.chunks(3).map(four).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Ids have all of their 64 bits however they are written, by whichever usual name, alone and in parts of one table.
+    #[test]
+    fn ids_keep_all_their_bits(
+        name in prop::sample::select(vec!["id", "source_id", "objid", "OBJECT_ID", "objectId", "Source ID"]),
+        ids in prop::collection::vec(prop_oneof![any::<u64>(), 0..9_u64, (1_u64 << 53) - 4..(1_u64 << 53) + 4], 5..40),
+    ) {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let signed: Vec<u64> = ids.iter().map(|id| id >> 1).collect();
+        let rows = |ids: &[u64]| ids.iter().map(|id| format!("1,{id},2,3\n")).collect::<String>();
+        let header = format!("x,{name},y,z\n");
+        let parts = folder.join("parts");
+        std::fs::create_dir(&parts).unwrap();
+        file(&parts, "0.csv", (header.clone() + &rows(&ids[..3])).as_bytes());
+        file(&parts, "1.csv.gz", &gzip((header.clone() + &rows(&ids[3..])).as_bytes()));
+        // A line for each column.
+        let ones = vec!["1"; ids.len()].join(",");
+        let words = ids.iter().map(u64::to_string).collect::<Vec<_>>().join(",");
+        let column = |name: &str, kind: &str| format!("# - {{name: '{name}', datatype: {kind}}}\n");
+        let columns = [column("x", "float64"), column(name, "uint64"), column("y", "float64"), column("z", "float64")];
+        let described = format!("# %ECSV 1.0\n# ---\n# delimiter: ','\n# datatype:\n{}", columns.concat());
+        let places = ids.iter().map(|id| {
+            format!("{{\"geometry\": {{\"coordinates\": [1, 2]}}, \"properties\": {{\"{name}\": {id}}}}}")
+        });
+        let places = places.collect::<Vec<_>>().join(",");
+        let field = |name: &str, kind: &str| format!("<FIELD name='{name}' datatype='{kind}'/>");
+        let fields = [field("x", "double"), field(name, "long"), field("y", "double"), field("z", "double")].concat();
+        let votable =
+            |data: &str| format!("<VOTABLE><RESOURCE><TABLE>{fields}<DATA>{data}</DATA></TABLE></RESOURCE></VOTABLE>");
+        let cells = signed.iter().map(|id| match id % 3 {
+            0 => format!("<TR><TD>1</TD><TD>{id:#x}</TD><TD>2</TD><TD>3</TD></TR>"),
+            _ => format!("<TR><TD>1</TD><TD>{id}</TD><TD>2</TD><TD>3</TD></TR>"),
+        });
+        let bytes = signed.iter().flat_map(|id| [1_f64.to_bits(), *id, 0, 0].map(u64::to_be_bytes));
+        let bytes = base64(&bytes.flatten().collect::<Vec<u8>>());
+        let stream = format!("<BINARY><STREAM encoding='base64'>{bytes}</STREAM></BINARY>");
+        let cases = [
+            ("rows.csv", header.clone() + &rows(&ids), &ids),
+            ("lines.csv", format!("{header}{ones}\n{words}\n{ones}\n{ones}\n"), &ids),
+            ("rows.ecsv", described + &header + &rows(&ids), &ids),
+            ("places.json", format!("{{\"type\": \"FeatureCollection\", \"features\": [{places}]}}"), &ids),
+            ("cells.vot", votable(&format!("<TABLEDATA>{}</TABLEDATA>", cells.collect::<String>())), &signed),
+            ("bytes.vot", votable(&stream), &signed),
+        ];
+        for (path, text, expected) in &cases {
+            assert_eq!(&ids_of(&file(folder, path, text.as_bytes())), *expected, "{path}");
+        }
+        assert_eq!(ids_of(&parts), ids);
+        // Where a row has none, rows cannot be asked for by them; the others are numbers all the same.
+        let source = open(&file(folder, "gap.csv", format!("{header}{}1,,2,3\n", rows(&ids)).as_bytes())).unwrap();
+        let about = source.description();
+        assert_eq!(about.families[0].find(FieldKind::Id), None);
+        let told = format!("{name} is no id, as it is not a whole number in every row");
+        assert!(about.notes.contains(&told) && values(&*source, name)[0] == ids[0] as f64, "{:?}", about.notes);
     }
 }

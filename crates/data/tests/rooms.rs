@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// The rooms of each package, each before those that may use it; the package of height fields is one of them.
 const ROOMS: [&[&str]; 4] = [
-    &["model", "codec", "import", "hierarchy", "store", "build", "synth"],
+    &["model", "codec", "columnar", "import", "hierarchy", "store", "build", "synth"],
     &["heights"],
     &["view", "stream", "color", "cpu", "mode", "modes", "annotate", "explore", "look", "picture", "tour"],
     &["gpu", "window", "show", "command_line", "bench", "commands", "program"],
@@ -81,9 +81,22 @@ const WINDOW: [&[&str]; 4] = [
         "gpu_backend",
         "light_backend",
         "pacing",
+        "assistive",
     ],
     // What the user does and reads.
-    &["looking", "time_dock", "screenshot", "history", "shortcuts", "dropped", "overlay", "panel", "ui", "status"],
+    &[
+        "looking",
+        "time_dock",
+        "screenshot",
+        "history",
+        "shortcuts",
+        "dropped",
+        "files",
+        "overlay",
+        "panel",
+        "ui",
+        "status",
+    ],
 ];
 
 /// A path in a source file: the line where it stands, and its segments from the package's root on.

@@ -4,7 +4,7 @@
 //! Data flows one way through the rooms: those of `deepfield_data`, then `view`, `stream`, `color`, `cpu`, `mode`,
 //! `modes`, `annotate`, `explore`, `look`, `picture`, `tour`.
 
-pub use deepfield_data::{build, codec, hierarchy, import, model, store, synth};
+pub use deepfield_data::{build, codec, columnar, hierarchy, import, model, store, synth};
 pub use deepfield_heights as heights;
 
 pub mod annotate;

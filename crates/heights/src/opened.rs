@@ -169,6 +169,7 @@ fn summary_of(file: &HeightFile) -> HeightSummary {
         rows: grid.rows,
         samples: grid.samples(),
         valid: facts.valid,
+        valid_share: facts.valid as f64 / grid.samples() as f64,
         invalid: *invalid,
         lone: facts.lone,
         origin: grid.origin,

@@ -81,10 +81,12 @@ pub use gpu::GpuCanvas;
 #[cfg(feature = "viewer")]
 mod gpu {
     use super::*;
+    use crate::cpu::volume::attributes::Column;
+    use crate::gpu::column_tables::ColumnTables;
     use crate::gpu::content_look::ContentLook;
-    use crate::gpu::depiction::{entries, footprint, request_nodes};
+    use crate::gpu::depiction::{footprint, request_nodes};
     use crate::gpu::page_copies::{self, CopyState};
-    use crate::gpu::{Backend, DrawItem, Footprint, HeadlessRenderer, ParticleScene, SplatView, TableId};
+    use crate::gpu::{Backend, Footprint, HeadlessRenderer, ParticleScene, SplatView};
 
     /// The GPU techniques, without a window.
     pub struct GpuCanvas {
@@ -95,7 +97,7 @@ mod gpu {
         footprint: Footprint,
         renderer: HeadlessRenderer,
         scene: ParticleScene,
-        tables: Vec<Vec<(TableId, f32)>>,
+        tables: ColumnTables,
         options: CopyOptions,
     }
 
@@ -120,17 +122,7 @@ mod gpu {
             let scene = renderer.scene().clone();
             // Room for gaps between copies, as the window leaves it.
             scene.set_budgets(options.budget + options.budget / 7, options.on_their_way / 2);
-            let tables = metadata
-                .families
-                .iter()
-                .map(|family| {
-                    let one = |book| {
-                        let table = depiction.table(family, book);
-                        (scene.insert_table(entries(&table)), table.most_important)
-                    };
-                    family.codebooks.iter().map(one).collect()
-                })
-                .collect();
+            let tables = ColumnTables::new(&scene, &depiction, metadata);
             let footprint = footprint(&depiction, metadata.kernel);
             // Shaders are compiled before the flight begins.
             renderer.complete()?;
@@ -175,8 +167,7 @@ mod gpu {
         fn draw(&mut self, view: &View, nodes: &[SceneNode], plan: &Plan) -> Result<(), Failure> {
             let metadata = self.tree.metadata();
             let wanted = (&self.depiction, metadata, plan);
-            let items: Vec<DrawItem> =
-                nodes.iter().filter_map(|drawn| page_copies::item(SOURCE, drawn, view, wanted, &self.tables)).collect();
+            let (items, _) = self.tables.items(&[Column::Attribute], nodes, (SOURCE, view), wanted);
             let (view, footprint, backend) = (*view, self.footprint, self.backend);
             let Plan { culling, faintest, .. } = *plan;
             let items = items.into();

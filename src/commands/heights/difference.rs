@@ -47,11 +47,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if let Some(json) = json {
         return write_json(json, &found);
     }
-    let Volumes { valid, area, volume_above, volume_below } = found;
-    let grid = difference.grid();
-    let length = Lengths::unit(grid);
+    let Volumes { samples, valid, valid_share, area, volume_above, volume_below } = found;
+    let length = Lengths::unit(difference.grid());
     let unit = |power: u32| if length.is_unknown() { String::new() } else { format!(" {length}^{power}") };
-    println!("{valid} of {} samples are known of both, over {}{}", grid.samples(), short(area), unit(2));
+    let share = short(100.0 * valid_share);
+    println!("{valid} of {samples} samples are known of both ({share} %), over {}{}", short(area), unit(2));
     println!("above: {}{}, below: {}{}", short(volume_above), unit(3), short(volume_below), unit(3));
     Ok(())
 }

@@ -52,7 +52,7 @@ fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
     if let Some(crs) = &summary.crs {
         writeln!(text, "coordinate reference system: {crs}")?;
     }
-    let share = 100.0 * summary.valid as f64 / summary.samples as f64;
+    let share = 100.0 * summary.valid_share;
     writeln!(text, "measured: {} of {} samples ({share:.2} %)", summary.valid, summary.samples)?;
     let invalid = &summary.invalid;
     for (count, what) in [(invalid.no_data, "no data"), (invalid.nan, "NaN"), (invalid.infinite, "infinite")] {

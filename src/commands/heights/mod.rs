@@ -9,6 +9,7 @@ pub mod options;
 pub mod pixels;
 pub mod probe;
 pub mod profile;
+pub mod ratio;
 pub mod refusal;
 pub mod select;
 pub mod synth;

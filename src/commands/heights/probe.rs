@@ -2,7 +2,7 @@
 
 use super::StatedOptions;
 use super::select::{Corners, numbers, rectangle, window_in};
-use super::{options, pixels, profile};
+use super::{options, pixels, profile, ratio};
 use crate::commands::CommandResult;
 use crate::commands::arguments::{PictureSize, positive, vector};
 use crate::commands::probe::short;
@@ -10,7 +10,8 @@ use crate::commands::projection_options::ProjectionOptions;
 use crate::commands::statistics::write_json;
 use crate::heights::OpenHeights;
 use crate::heights::measure::{
-    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Probe, Residual, Roughness, fit, probe_on, roughness_on,
+    Disc, Filter, Filtered, FormKind, FormNumbers, Iso, Part, Probe, Residual, Roughness, fit, material_ratio,
+    probe_on, roughness_on,
 };
 use crate::heights::model::{HeightGrid, Heights, Lengths, Window};
 use crate::model::Unit;
@@ -19,6 +20,8 @@ use serde::Serialize;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// What is asked of heights.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -131,15 +134,19 @@ pub fn run(
     if let Some(Polyline(corners)) = &asked.line {
         return profile::run(path, &open, corners, asked.map.as_deref(), (out, asked.size), json);
     }
-    if out.is_some() {
-        return Err("-o: expected --line beside it".into());
-    }
     if !asked.pixel.is_empty() || asked.pixels.is_some() {
+        if out.is_some() {
+            return Err("-o: found --pixel beside it, expected --line or a region".into());
+        }
         let (seen, note) = options.open_for_pictures(path)?;
         note.into_iter().for_each(|note| eprintln!("deepfield: {}: {note}", path.display()));
         return pixels::run(path, &seen, asked, json);
     }
-    let region = numbers_of(path, &open, asked)?;
+    let is_asked = out.map(profile::is_plot).transpose()?.is_some();
+    let (region, curve) = numbers_of(path, &open, asked, is_asked)?;
+    if let Some(out) = out {
+        ratio::write(out, path, open.grid(), &curve, asked.size)?;
+    }
     answer(json, &region, |text, found| write_region(text, path, open.grid(), found))
 }
 
@@ -172,6 +179,9 @@ fn write_point(text: &mut String, path: &Path, grid: &HeightGrid, found: &Probe)
     }
     if let Some(slope) = found.slope {
         writeln!(text, "slope: {}, {} degrees", short(slope), short(slope.atan().to_degrees()))?;
+    }
+    if let Some(aspect) = found.aspect {
+        writeln!(text, "downhill: {} degrees clockwise from y", short(aspect))?;
     }
     if let Some(near) = &found.nearest {
         let (x, y, away, lengths) = (near.x, near.y, short(near.distance), after(&Lengths::unit(grid)));
@@ -209,12 +219,14 @@ impl FormAnswer {
     }
 }
 
-/// The numbers of a region, of which a form and waves are taken off where that is asked for. Filters see the whole field.
+/// The numbers of a region, of which a form and waves are taken off where that is asked for, and where `has_curve` its material ratio curve. Filters
+/// see the whole field.
 fn numbers_of(
     path: &Path,
     open: &OpenHeights,
     asked: &HeightsProbe,
-) -> Result<RegionAnswer, Box<dyn std::error::Error + Send + Sync>> {
+    has_curve: bool,
+) -> Result<(RegionAnswer, Vec<[f64; 2]>), Failure> {
     let grid = open.grid();
     let told = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let window = match (asked.rectangle, asked.disc) {
@@ -241,7 +253,8 @@ fn numbers_of(
     let region = region(third)?;
     let lengths = options::lengths(path, asked.map.as_deref(), region.grid())?;
     let found = roughness_on(&region, &lengths)?;
-    Ok(RegionAnswer { roughness: found, form: numbers })
+    let curve = if has_curve { material_ratio(&region, &found)? } else { Vec::new() };
+    Ok((RegionAnswer { roughness: found, form: numbers }, curve))
 }
 
 fn write_form(text: &mut String, grid: &HeightGrid, form: &FormAnswer) -> std::fmt::Result {

@@ -41,18 +41,15 @@ pub fn run(
     (out, size): (Option<&Path>, Option<PictureSize>),
     json: Option<&Path>,
 ) -> CommandResult {
-    let extension = |out: &Path| out.extension().map(|extension| extension.to_ascii_lowercase());
-    let is_plot = match out.map(|out| (out, extension(out))) {
-        None => false,
-        Some((_, Some(extension))) if extension == "csv" => false,
-        Some((_, Some(extension))) if extension == "png" => true,
-        Some((out, _)) => return Err(format!("{}: expected a name that ends in .csv or .png", out.display()).into()),
-    };
+    let is_plot = out.map(is_plot).transpose()?.unwrap_or_default();
     let grid = open.grid();
     let lengths = lengths(path, map, grid)?;
     let found = profile_on(open, &lengths, corners)?;
     match out {
-        Some(out) if is_plot => write_png(out, &plot(path, grid, &found, size))?,
+        Some(out) if is_plot => {
+            let points: Vec<[f64; 2]> = found.points.iter().map(|point| [point.distance, point.height]).collect();
+            write_png(out, &plot(path, &named("distance", &Lengths::unit(grid)), grid, &points, size))?;
+        }
         Some(out) => write_atomically(out, table(grid, &found)?.as_bytes())?,
         None => {}
     }
@@ -75,8 +72,20 @@ pub fn run(
     })
 }
 
+/// Whether a file that is asked for is a plot by its name, and no table.
+///
+/// # Errors
+/// Where it is neither.
+pub(super) fn is_plot(out: &Path) -> Result<bool, String> {
+    match out.extension().map(|extension| extension.to_ascii_lowercase()) {
+        Some(extension) if extension == "csv" => Ok(false),
+        Some(extension) if extension == "png" => Ok(true),
+        _ => Err(format!("{}: expected a name that ends in .csv or .png", out.display())),
+    }
+}
+
 /// A quantity's name with its unit.
-fn named(name: &str, unit: &Unit) -> String {
+pub(super) fn named(name: &str, unit: &Unit) -> String {
     if unit.is_unknown() { name.to_owned() } else { format!("{name} [{unit}]") }
 }
 
@@ -91,14 +100,15 @@ fn table(grid: &HeightGrid, found: &Profile) -> Result<String, std::fmt::Error> 
     Ok(text)
 }
 
-fn plot(path: &Path, grid: &HeightGrid, found: &Profile, size: Option<PictureSize>) -> Image {
-    let points: Vec<[f64; 2]> = found.points.iter().map(|point| [point.distance, point.height]).collect();
+/// A plot of heights of the file at `path`, which are of a grid; `across` says what goes to the right.
+pub(super) fn plot(
+    path: &Path,
+    across: &str,
+    grid: &HeightGrid,
+    points: &[[f64; 2]],
+    size: Option<PictureSize>,
+) -> Image {
     let title = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let curve = Curve {
-        title: &title,
-        across: &named("distance", &Lengths::unit(grid)),
-        up: &named("height", &grid.height_unit),
-        points: &points,
-    };
+    let curve = Curve { title: &title, across, up: &named("height", &grid.height_unit), points };
     curve.picture(size.map_or(SIZE, |size| [size.width, size.height]))
 }

@@ -1,10 +1,9 @@
 //! What a folder of frames was recorded from: a recording goes on only with the same.
 
 use super::Arguments;
-use super::frames::Frames;
-use super::show::Show;
 use crate::color::output::write_atomically;
 use crate::look::dataset::Fingerprint;
+use crate::tour::{Frames, Show};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -1,23 +1,21 @@
 //! `deepfield tour`: pictures and videos of a tour, every frame converged.
 
 mod avi;
-mod frames;
 mod journal;
 mod manifest;
 mod record;
-mod show;
 mod timetable;
 mod video;
 
-use super::CommandResult;
 use super::arguments::{PictureSize, not_negative, positive};
 use super::light_options::LightOptions;
 use super::projection_options::ProjectionOptions;
+use super::{CommandResult, request};
+use crate::build::default_memory;
 use crate::look::{Backend, Member, Shot, data_file};
-use crate::tour::{TourFile, around_data};
+use crate::picture::SessionOptions;
+use crate::tour::{Frames, Pattern, Show, TourFile, around_data};
 use crate::view::{CubeLayout, Surround};
-use frames::{Frames, Pattern};
-use show::Show;
 use std::path::PathBuf;
 
 /// Renders a tour: pictures, a video, one frame, or its timetable.
@@ -102,7 +100,8 @@ pub struct Arguments {
     #[arg(long)]
     pub backend: Option<Backend>,
     /// Memory that pages of particles may take, with what is drawn of them at a time: they stay from frame to frame, and those of the
-    /// next frame are read ahead. Sums that need more are drawn in passes, volumes in slabs [default: half of what is free].
+    /// next frame are read ahead. Sums that need more are drawn in passes, volumes in slabs [default: half of what is free]. And
+    /// what chunks of heights may take [default: 1GiB].
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
     /// Threads that draw [default: all].
@@ -213,5 +212,12 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
     if let Some(error_px) = arguments.error_px {
         tour.keyframes.iter_mut().for_each(|keyframe| keyframe.look.error_px = Some(error_px));
     }
-    Show::open(tour, file, data, arguments)
+    let options = SessionOptions {
+        backend: Some(arguments.backend.unwrap_or(Backend::Cpu)),
+        page_memory: Some(arguments.memory.unwrap_or_else(default_memory)),
+        chunk_memory: arguments.memory,
+        ..SessionOptions::default()
+    };
+    let session = request::open_any(std::slice::from_ref(&data), options, [])?;
+    Show::open(tour, file, data, session, &mut |note| eprintln!("deepfield: {note}"))
 }

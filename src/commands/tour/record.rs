@@ -1,12 +1,11 @@
 //! Frames into a folder, one after the other; a recording that was interrupted goes on.
 
-use super::frames::Frames;
 use super::journal::{self, Journal};
 use super::manifest::{self, Manifest};
-use super::show::Show;
 use super::{Arguments, Format};
 use crate::color::output;
 use crate::model::new_file;
+use crate::tour::{Frames, Show, Take};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -91,7 +90,7 @@ pub(super) fn record(
     let mut progress = Progress::new(open.len(), finished.len());
     let begun = Instant::now();
     // Frames of a pause are the same picture.
-    let mut last: Option<(crate::look::SceneFile, super::show::Take)> = None;
+    let mut last: Option<(crate::look::SceneFile, Take)> = None;
     for (i, &frame) in open.iter().enumerate() {
         let files = Files::new(folder, arguments, frame);
         let shot = show.shot(frames.time(frame), &files.place)?;

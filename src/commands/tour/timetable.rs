@@ -1,7 +1,6 @@
 //! A tour's timetable as text: keyframes, speeds, and what is too fast.
 
-use super::show::Show;
-use crate::tour::{Move, remarks};
+use crate::tour::{Move, Show, remarks};
 use std::fmt::Write;
 
 /// The timetable.

@@ -1,8 +1,8 @@
 //! Frames to a video: by ffmpeg where it is installed, or as Motion-JPEG, which needs nothing.
 
-use super::frames::Frames;
 use super::{Arguments, avi};
 use crate::commands::CommandResult;
+use crate::tour::Frames;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 

@@ -73,6 +73,9 @@ pub fn variants() -> Vec<Variant> {
             let defs = || surface::pipelines::Variant { globe, filled, ..Default::default() }.defs();
             all.push(plain("surface/visible.wgsl", defs(), vec!["cells", "fans", "large"]));
             all.push(plain("surface/raster.wgsl", defs(), vec!["cell", "fan", "point", "number"]));
+            if !globe {
+                all.push(plain("surface/rays.wgsl", defs(), vec!["rays"]));
+            }
         }
         // What lies over holes is a membrane, or there are rims, or neither.
         for (filled, rims) in [(false, false), (true, false), (false, true)] {

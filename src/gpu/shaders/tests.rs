@@ -427,6 +427,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             wall_base,
             box_max,
             spans,
+            limb,
+            limb_away,
         }),
         "draws" => layout!(Draw {
             start,
@@ -447,7 +449,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             fill,
         }),
         "surface_step" => {
-            layout!(SurfaceStep { is_second, first, count, counter, most, squares, unused_end })
+            layout!(SurfaceStep { is_second, first, count, counter, most, unused, unused_end })
         }
         "ramp" => plain(16, ScalarKind::Float),
         "gradient" => plain(16, ScalarKind::Float),

@@ -17,7 +17,7 @@ pub const CHUNK: u32 = 1 << SIDE_BITS;
 pub const UNMEASURED: f32 = 3e38;
 /// Bits of a part of one of the picture's samples.
 const FRACTION: u32 = 8;
-/// Cells along the side of what a workgroup draws.
+/// Cells, or samples of the picture, along the side of what a workgroup draws.
 pub const TILE: u32 = 16;
 /// Triangles that are at most so many samples wide and high are drawn by one invocation, others by workgroups.
 pub const SMALL: u32 = 16;
@@ -49,6 +49,8 @@ pub const FANNED: u32 = 6;
 /// The first bit of six flags of a chunk: the side of the square about a sample in which its margin is, samples of the picture; 0 where there are
 /// no margins.
 pub const MARGIN: u32 = 10;
+/// A flag of a chunk: rays find its triangles.
+pub const CAST: u32 = 1 << 16;
 /// Cells, or samples, along the side of a square of what only parts of a chunk have.
 pub const SQUARE: u32 = rims::SQUARE as u32;
 /// Invocations of a workgroup.
@@ -100,6 +102,7 @@ pub fn wgsl() -> String {
         ("LAID", LAID),
         ("FANNED", FANNED),
         ("MARGIN", MARGIN),
+        ("CAST", CAST),
         ("SECANTS", SECANTS),
         ("ENDS", ENDS),
         ("BEFORE_POINTS", BEFORE_POINTS),

@@ -6,8 +6,9 @@ use super::list::{DrawList, counted};
 use super::photo::PhotoPlace;
 use crate::color::transfer::Scale;
 use crate::cpu::surface::holes::Holes;
+use crate::cpu::surface::horizon::Limb;
 use crate::cpu::surface::look::{Attribute, Contours, Light};
-use crate::cpu::surface::select::Technique;
+use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::stitch::{Mesh, Scene};
 use crate::picture::adapter::AdapterSurface;
 use crate::view::{Projection, View};
@@ -93,6 +94,8 @@ pub struct SurfaceUniform {
     pub wall_base: f32,
     pub box_max: [f32; 3],
     pub spans: f32,
+    pub limb: [f32; 3],
+    pub limb_away: f32,
 }
 
 /// WGSL `Draw`.
@@ -111,7 +114,7 @@ pub struct Draw {
     pub key_row: u32,
     /// Its column among them.
     pub key_column: u32,
-    /// Whether it is points, has holes, and which of its sides are special.
+    /// Whether it is points, has holes or is found by rays, and which of its sides are special.
     pub flags: u32,
     /// Where its heights along its sides are listed, or [`NONE`](constants::NONE).
     pub border: u32,
@@ -139,7 +142,7 @@ pub struct Draw {
 pub struct SurfaceStep {
     /// Whether numbers are found, and not depths.
     pub is_second: u32,
-    /// Where the chunks' numbers, or the triangles, are listed.
+    /// Where the chunks' numbers, the triangles, or chunks with squares of the picture are listed.
     pub first: u32,
     /// How many there are.
     pub count: u32,
@@ -147,8 +150,8 @@ pub struct SurfaceStep {
     pub counter: u32,
     /// How many that list has room for.
     pub most: u32,
-    /// Pixels of the largest square about a sample.
-    pub squares: u32,
+    /// Padding.
+    pub unused: u32,
     /// Padding.
     pub unused_end: [u32; 2],
 }
@@ -177,6 +180,7 @@ impl SurfaceUniform {
         let focal = view.focal_pixels();
         let is_perspective = matches!(view.projection, Projection::Perspective { .. });
         let [x, y] = placed.spacing();
+        let limb = Limb::of(scene, &Sight::Flat(*view));
         let cut = &view.cut;
         // The box as rows, columns and heights have it, which may run the other way.
         let ends = |pick: fn(f64, f64) -> f64| -> [f32; 3] {
@@ -233,7 +237,7 @@ impl SurfaceUniform {
             world_right: view.right.as_vec3().to_array(),
             clips: u32::from(cut.clips()),
             world_up: view.up.as_vec3().to_array(),
-            point_side: if job.technique == Technique::Points { job.parts } else { 1 },
+            point_side: job.technique.side(job.point, job.parts),
             world_forward: view.forward.as_vec3().to_array(),
             lone_side: job.parts,
             clip_min: (cut.bounds.min - view.eye).max(DVec3::splat(-1e37)).as_vec3().to_array(),
@@ -303,6 +307,8 @@ impl SurfaceUniform {
             wall_base: (job.walls.unwrap_or(job.reference) - job.reference) as f32,
             box_max: ends(f64::max),
             spans: job.holes.spans(placed).into_iter().fold(0.0, f64::max).min(1e37) as f32,
+            limb: limb.map_or([0.0; 3], |limb| camera(limb.normal)),
+            limb_away: limb.map_or(0.0, |limb| limb.away as f32),
         }
     }
 }

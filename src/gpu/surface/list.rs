@@ -1,6 +1,7 @@
 //! What shaders are told of a surface's chunks: each chunk, and lists of numbers, heights and triangles.
 
-use super::constants::{CHUNK, FAN, FANNED, LAID, LEAF, MARGIN, MIXED, NONE, POINTS, SMALL, UNMEASURED};
+use super::cast;
+use super::constants::{CAST, CHUNK, FAN, FANNED, LAID, LEAF, MARGIN, MIXED, NONE, POINTS, SMALL, UNMEASURED};
 use super::globe::{Anchor, Tables};
 use super::layout::Draw;
 use super::photo::PhotoList;
@@ -29,6 +30,8 @@ pub struct DrawList {
     pub near: (u32, u32),
     /// Triangles whose corners are listed.
     pub fans: (u32, u32),
+    /// Chunks that rays are cast through, each with squares of the picture (`cast::squares`).
+    pub rays: (u32, u32),
     /// The tree that finds chunks.
     pub tree: u32,
     /// Where the rows of a globe's poles are listed.
@@ -48,8 +51,13 @@ impl DrawList {
         let scene = &job.scene;
         // How steep a membrane is nothing says.
         let is_far = |mesh: &Mesh| mesh.membrane().is_none() && largest(job, mesh) < f64::from(SMALL) - 1.0;
-        let (far, near): (Vec<usize>, Vec<usize>) =
-            (0..scene.meshes.len()).partition(|number| is_far(&scene.meshes[*number]));
+        let is_cast = job.casts_rays();
+        let numbers = 0..scene.meshes.len();
+        let (far, near): (Vec<usize>, Vec<usize>) = match is_cast {
+            // Beside what rays meet there are points where something was not measured.
+            true => (numbers.filter(|number| !scene.meshes[*number].samples.coverage.is_empty()).collect(), Vec::new()),
+            false => numbers.partition(|number| is_far(&scene.meshes[*number])),
+        };
         let mut lists: Vec<u32> = far.iter().chain(&near).map(|number| *number as u32).collect();
         let (far, near) = (far.len() as u32, near.len() as u32);
         let mut chains: BTreeMap<ChunkKey, u32> = BTreeMap::new();
@@ -99,7 +107,9 @@ impl DrawList {
             });
             draws.push(draw);
         }
-        let has_fans = |mesh: &Mesh| mesh.extras.iter().any(|side| !side.is_empty()) || is_seam(mesh, CHUNK as usize);
+        let has_fans = |mesh: &Mesh| {
+            !is_cast && (mesh.extras.iter().any(|side| !side.is_empty()) || is_seam(mesh, CHUNK as usize))
+        };
         let fans: Vec<Vec<u32>> = scene
             .meshes
             .par_iter()
@@ -122,16 +132,19 @@ impl DrawList {
         }
         let first = lists.len() as u32;
         lists.extend(&fans);
-        let count = fans.len() as u32 / FAN;
+        let fans = (first, fans.len() as u32 / FAN);
+        let squares = if is_cast { cast::squares(job) } else { Vec::new() };
+        let rays = (lists.len() as u32, squares.len() as u32 / 2);
+        lists.extend(squares);
         let tree = Tree::of(scene).branch(scene.lattice.root(), &mut lists);
         let photo = job.photo.as_ref().zip(photo);
         let photo = photo.map(|(cut, held)| PhotoList::new(cut, held, &mut lists)).unwrap_or_default();
-        DrawList { draws, lists, far: (0, far), near: (far, near), fans: (first, count), tree, poles, photo }
+        DrawList { draws, lists, far: (0, far), near: (far, near), fans, rays, tree, poles, photo }
     }
 }
 
 /// Between which heights a chunk's triangles are, and a little more.
-fn ends_of(mesh: &Mesh) -> [f64; 2] {
+pub fn ends_of(mesh: &Mesh) -> [f64; 2] {
     let (facts, added) = (&mesh.node.facts, mesh.node.added);
     let measured = if facts.is_empty() { [f64::INFINITY, f64::NEG_INFINITY] } else { [facts.min, facts.max] };
     let membrane = mesh.membrane().into_iter().flatten().filter(|height| !height.is_nan());
@@ -190,7 +203,11 @@ fn largest(job: &AdapterSurface, mesh: &Mesh) -> f64 {
 }
 
 fn flags_of(job: &AdapterSurface, mesh: &Mesh) -> u32 {
-    let mut flags = if mesh.node.primitive == Primitive::Points { POINTS } else { 0 };
+    let mut flags = match mesh.node.primitive {
+        _ if job.casts_rays() => CAST,
+        Primitive::Points => POINTS,
+        Primitive::Triangles => 0,
+    };
     flags |= if mesh.samples.coverage.is_empty() { 0 } else { MIXED };
     flags |= mesh.margin_side(&job.scene, |length| job.view.error_pixels(&mesh.node.extent, length)) << MARGIN;
     for side in 0..4 {

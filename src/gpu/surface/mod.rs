@@ -4,7 +4,8 @@
 //!
 //! 1. [`arena`] holds the samples of chunks, and the tiles of a [`photo`] that lies over them, which are copied once while they stay ([`pool`]).
 //! 2. What is seen at each sample of the picture, as a number of a triangle or a point: by compute passes (`cells`, `fans`, `large`), which
-//!    draw all twice, for the least depth and then for the least number that has it; or by the adapter's rasteriser with a buffer of depths.
+//!    draw all twice, for the least depth and then for the least number that has it; or, in as many passes, by `rays` through chunks with
+//!    `cells` for points alone; or by the adapter's rasteriser with a buffer of depths.
 //!    Places of corners are those of the sample alone, so that chunks have no cracks between them.
 //! 3. `resolve` finds the place that each sample shows, and its colour, and sums the samples of each pixel.
 //!
@@ -14,6 +15,7 @@
 //! What is seen can be read back ([`seen`]), for those who look for places in double precision.
 
 pub mod arena;
+mod cast;
 pub mod constants;
 mod globe;
 pub mod job;

@@ -35,22 +35,28 @@ pub enum Step {
     Fans,
     /// Triangles of any size that those have listed.
     Large,
+    /// Rays through chunks.
+    Rays,
     /// Colours.
     Resolve,
 }
 
 impl Step {
     /// All of them, in their order.
-    pub const ALL: [Step; 4] = [Step::Cells, Step::Fans, Step::Large, Step::Resolve];
+    pub const ALL: [Step; 5] = [Step::Cells, Step::Fans, Step::Large, Step::Rays, Step::Resolve];
 
     /// Its entry point.
     pub fn entry(self) -> &'static str {
-        ["cells", "fans", "large", "resolve"][self as usize]
+        ["cells", "fans", "large", "rays", "resolve"][self as usize]
     }
 
     /// Its shader.
     pub fn shader(self) -> &'static str {
-        if self == Step::Resolve { "surface/resolve.wgsl" } else { "surface/visible.wgsl" }
+        match self {
+            Step::Cells | Step::Fans | Step::Large => "surface/visible.wgsl",
+            Step::Rays => "surface/rays.wgsl",
+            Step::Resolve => "surface/resolve.wgsl",
+        }
     }
 }
 
@@ -147,7 +153,7 @@ pub struct SurfacePipelines {
 /// Compiled pipelines.
 pub struct Ready<'a> {
     /// In the order of [`Step::ALL`].
-    pub steps: [Option<&'a ComputePipeline>; 4],
+    pub steps: [Option<&'a ComputePipeline>; 5],
     /// In the order of [`Shape::ALL`].
     pub shapes: [Option<&'a RenderPipeline>; 3],
 }
@@ -205,7 +211,10 @@ impl SurfacePipelines {
         let is_raster = view.job.is_raster();
         let is_needed = |step: &Step| match step {
             Step::Resolve => view.is_colored,
-            Step::Cells | Step::Fans | Step::Large => !is_raster,
+            Step::Rays => view.job.casts_rays(),
+            // Beside rays there are points.
+            Step::Fans => !is_raster && !view.job.casts_rays(),
+            Step::Cells | Step::Large => !is_raster,
         };
         let steps = Step::ALL.into_iter().filter(is_needed).map(|step| (step, variant.of_step(step)));
         let missing: Vec<(Step, Variant)> = steps.filter(|key| !self.steps.contains_key(key)).collect();

@@ -1,7 +1,7 @@
 //! What a camera's surface is drawn with, and the passes.
 
 use super::arena::SurfaceArena;
-use super::constants::{CHUNK, ENTRY, GROUP, MARGIN, SCANNERS, TILE};
+use super::constants::{CHUNK, ENTRY, GROUP, MARGIN, POINTS, SCANNERS, TILE};
 use super::job::{SurfaceFindings, SurfaceNews, SurfaceView};
 use super::layout::{SurfaceStep, SurfaceUniform};
 use super::list::DrawList;
@@ -26,6 +26,8 @@ use std::sync::Arc;
 const NEAR: u32 = 8;
 /// Large triangles of a chunk at most.
 const TRIANGLES: u32 = 2 * CHUNK * CHUNK;
+/// Workgroups along an axis of a dispatch at most.
+const GROUPS: u32 = 65_535;
 /// Samples of a row of the picture are a multiple of this: rows of textures begin at such places in buffers.
 const ROW: u32 = 64;
 
@@ -35,7 +37,9 @@ struct Turn {
     step: Step,
     /// Where its uniform begins.
     offset: u32,
-    /// How many chunks or triangles there are.
+    /// The first of them in the lists.
+    first: u32,
+    /// How many chunks, triangles or squares of the picture there are.
     count: u32,
 }
 
@@ -51,8 +55,8 @@ pub struct SurfaceWork {
     raster: BindGroup,
     resolve: BindGroup,
     turns: Vec<Turn>,
-    /// Pixels of the largest square about a sample.
-    squares: u32,
+    /// Pixels of the largest square about a sample, for each chunk in the order in which they are listed.
+    squares: Vec<u32>,
 }
 
 /// Buffers that are kept from picture to picture.
@@ -161,9 +165,13 @@ impl SurfaceWork {
             return None;
         }
         let most_large = (NEAR.min(list.near.1) * TRIANGLES).max(list.fans.1).max(GROUP * GROUP);
-        let margins = list.draws.iter().map(|draw| draw.flags >> MARGIN & 63).max().unwrap_or(0);
-        let squares = job.parts.max(margins).pow(2);
-        let (steps, turns, counters) = turns_of(&list, most_large, squares);
+        let square = |number: &u32| {
+            let flags = list.draws[*number as usize].flags;
+            let point = if flags & POINTS == 0 { 0 } else { job.technique.side(job.point, job.parts) };
+            job.parts.max(flags >> MARGIN & 63).max(point).pow(2)
+        };
+        let squares = list.lists[..(list.far.1 + list.near.1) as usize].iter().map(square).collect();
+        let (steps, turns, counters) = turns_of(&list, most_large);
 
         let mut buffers = before.map(|before| before.buffers.clone()).unwrap_or_default();
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
@@ -268,9 +276,14 @@ impl SurfaceWork {
             pass.set_pipeline(ready.steps[turn.step as usize]?);
             pass.set_bind_group(1, &self.visible, &[turn.offset]);
             match turn.step {
+                Step::Rays => {
+                    pass.dispatch_workgroups(turn.count, 1, 1);
+                    continue;
+                }
                 Step::Fans => pass.dispatch_workgroups(turn.count.div_ceil(GROUP), 1, 1),
                 _ => pass.dispatch_workgroups((CHUNK / TILE).pow(2), turn.count, 1),
             }
+            // What these have listed.
             pass.set_pipeline(large);
             pass.dispatch_workgroups(SCANNERS, 1, 1);
         }
@@ -302,7 +315,6 @@ impl SurfaceWork {
             });
             pass.set_bind_group(0, &self.shared, &[]);
             let cell_corners = 6 * CHUNK * CHUNK;
-            let samples = self.squares * (CHUNK + 1).pow(2);
             // All is drawn once.
             for turn in self.turns.iter().take(self.turns.len() / 2) {
                 pass.set_bind_group(1, &self.raster, &[turn.offset]);
@@ -315,7 +327,13 @@ impl SurfaceWork {
                         pass.set_pipeline(cells);
                         pass.draw(0..cell_corners, 0..turn.count);
                         pass.set_pipeline(points);
-                        pass.draw(0..samples, 0..turn.count);
+                        let mut done = 0;
+                        let chunks = &self.squares[turn.first as usize..(turn.first + turn.count) as usize];
+                        for alike in chunks.chunk_by(|a, b| a == b) {
+                            let count = alike.len() as u32;
+                            pass.draw(0..alike[0] * (CHUNK + 1).pow(2), done..done + count);
+                            done += count;
+                        }
                     }
                 }
             }
@@ -359,10 +377,14 @@ impl Targets {
 }
 
 /// What is drawn one after the other, first for depths and then for numbers, with the bytes of its uniforms; and how many counters that takes.
-fn turns_of(list: &DrawList, most: u32, squares: u32) -> (Vec<u8>, Vec<Turn>, u32) {
+fn turns_of(list: &DrawList, most: u32) -> (Vec<u8>, Vec<Turn>, u32) {
     let (far, (first, near), fans) = (list.far, list.near, list.fans);
     let batches = (0..near).step_by(NEAR as usize).map(|done| (Step::Cells, first + done, NEAR.min(near - done)));
-    let all: Vec<(Step, u32, u32)> = std::iter::once((Step::Cells, far.0, far.1))
+    let (squares_at, cast) = list.rays;
+    let casts =
+        (0..cast).step_by(GROUPS as usize).map(|done| (Step::Rays, squares_at + 2 * done, GROUPS.min(cast - done)));
+    let all: Vec<(Step, u32, u32)> = casts
+        .chain(std::iter::once((Step::Cells, far.0, far.1)))
         .chain(batches)
         .chain(std::iter::once((Step::Fans, fans.0, fans.1)))
         .filter(|(_, _, count)| *count > 0)
@@ -372,10 +394,10 @@ fn turns_of(list: &DrawList, most: u32, squares: u32) -> (Vec<u8>, Vec<Turn>, u3
         for (step, first, count) in &all {
             let (offset, counter) = (bytes.len() as u32, turns.len() as u32);
             let (first, count) = (*first, *count);
-            let about = SurfaceStep { is_second, first, count, counter, most, squares, ..SurfaceStep::default() };
+            let about = SurfaceStep { is_second, first, count, counter, most, ..SurfaceStep::default() };
             bytes.extend_from_slice(bytemuck::bytes_of(&about));
             bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
-            turns.push(Turn { step: *step, offset, count });
+            turns.push(Turn { step: *step, offset, first, count });
         }
     }
     let counters = turns.len() as u32;

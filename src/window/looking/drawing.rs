@@ -281,10 +281,11 @@ pub fn cursor(tool: Tool) -> Option<egui::CursorIcon> {
     }
 }
 
-/// A selection's colour in a list.
-pub fn swatch(ui: &mut egui::Ui, color: [u8; 3]) -> egui::Response {
+/// A selection's colour in a list, as a button with a name.
+pub fn swatch(ui: &mut egui::Ui, color: [u8; 3], name: &str) -> egui::Response {
     let (rect, response) = ui.allocate_exact_size(vec2(12.0, 12.0), egui::Sense::click());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name));
     let [r, g, b] = color;
     ui.painter().rect_filled(rect.shrink(1.0), 2.0, Color32::from_rgb(r, g, b));
-    response
+    response.on_hover_text(name)
 }

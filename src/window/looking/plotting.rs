@@ -1,12 +1,13 @@
-//! The plot of the panel: found on a thread of its own while the panel shows it, once more where the data, its moment or whose values are
-//! meant have changed; and what is brushed in it, which is a selection like any other.
+//! The plot of the panel: found on a thread of its own while the panel shows it, first as an estimate from a part of the page file, then from
+//! all of it; once more where the data, its moment or whose values are meant have changed; and what is brushed in it, which is a selection like
+//! any other.
 
 use super::asking::Asking;
 use super::prober::Prober;
 use crate::color::output::{OutputError, write_atomically, write_png};
 use crate::explore::{
-    ChartScales, ExploreError, Fields, Lasso, Members, Plot, PlotKind, PlotOf, PlotOptions, PlotSettings, ProbeOptions,
-    Region, SelectionSet, Shape, members_about, probe,
+    ChartScales, Effort, ExploreError, Fields, Lasso, Members, Plot, PlotKind, PlotOf, PlotOptions, PlotSettings,
+    ProbeOptions, Region, SelectionSet, Shape, members_about, probe,
 };
 use crate::model::{Bounds, FamilyName};
 use crate::view::View;
@@ -23,12 +24,16 @@ use bevy::math::DVec3;
 use bevy::prelude::*;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// The name of the selection that is brushed. Under another name it stays when something else is brushed.
 pub const BRUSH: &str = "Brush";
 /// How long the camera rests before what it shows is plotted.
 const REST: Duration = Duration::from_millis(300);
+/// How long it takes until there is an estimate of a plot, as far as its error can be told by then: about a frame; and a better one.
+const BUDGETS: [Duration; 3] = [Duration::from_millis(33), Duration::from_millis(500), Duration::from_secs(8)];
+/// Where all can be read within so many times the next budget, that is not spent on an estimate.
+const WORTH: u32 = 4;
 /// Size of a picture that is written, pixels.
 const SIZE: [u32; 2] = [900, 600];
 
@@ -152,6 +157,10 @@ impl Plotting {
     /// Takes what was found.
     fn receive(&mut self) {
         self.brushed.receive();
+        if let Some(found) = self.coming.so_far() {
+            (self.found, self.failed) = (Some(found), None);
+            self.revision += 1;
+        }
         if !self.coming.receive() {
             return;
         }
@@ -319,19 +328,35 @@ fn follow_brush(plotting: &mut Plotting, scene: &Scene, settings: &Settings, mom
 /// Begins to find a plot.
 fn find(scene: &Scene, asked: &Asked) -> Answer<Found> {
     let (asking, asked) = (Asking::about(scene, &asked.members, false), asked.clone());
-    Answer::ask("plot", move |work| {
+    Answer::ask_in_steps("plot", move |work, tell| {
         asking.ask(&asked.members, work, |data, members, periodic| {
             let members = match asked.about {
                 Some(center) => members_about(data, members.clone(), (center, None), periodic, work)?,
                 None => members.clone(),
             };
-            let plot = Plot::find(data, &members, &asked.options, periodic, work)?;
             let region = match &asked.members {
                 Members::Region(region) => Some(region.clone()),
                 Members::Ids(_) | Members::Tracked { .. } => None,
             };
-            let (notes, path) = (plot.notes(), data.path().to_owned());
-            Ok::<_, ExploreError>(Found { plot: Arc::new(plot), notes, path, region })
+            let found = |plot: Plot| {
+                let (notes, path, region) = (plot.notes(), data.path().to_owned(), region.clone());
+                Found { plot: Arc::new(plot), notes, path, region }
+            };
+            let of = |effort| Plot::find(data, &members, &asked.options, effort, periodic, work);
+            let mut longest: Option<Duration> = None;
+            for budget in BUDGETS {
+                // A source is read as a whole.
+                if data.is_exact() || longest.is_some_and(|longest| longest <= WORTH * budget) {
+                    break;
+                }
+                let begun = Instant::now();
+                let plot = of(Effort::until(begun + budget))?;
+                let Some(estimate) = plot.estimate() else { break };
+                let pages = estimate.pages as f64 / estimate.pages_read.max(1) as f64;
+                longest = Duration::try_from_secs_f64(pages * begun.elapsed().as_secs_f64()).ok();
+                tell(found(plot));
+            }
+            Ok::<_, ExploreError>(found(of(Effort::ALL)?))
         })
     })
 }
@@ -353,7 +378,7 @@ mod tests {
 
     fn found(of: u64) -> Found {
         let fields = ["a", "b"].map(|field| ScatterAxis { field: field.to_owned(), unit: Unit::default() });
-        let plot = Plot::Scatter { fields, x: vec![1.0], y: vec![2.0], of, exact: true };
+        let plot = Plot::Scatter { fields, x: vec![1.0], y: vec![2.0], of, exact: true, estimate: None };
         Found { plot: Arc::new(plot), notes: Vec::new(), path: PathBuf::from("a.df"), region: Some(Region::whole()) }
     }
 
@@ -416,6 +441,26 @@ mod tests {
         assert!(is_asked && plotting.revision == 3);
         plotting.rest();
         plotting.follow(asked(PlotKind::Scatter, 3), |_| unreachable!("what was found stays"));
+
+        // An estimate is shown until the plot is there.
+        let (go, wait) = std::sync::mpsc::channel::<()>();
+        plotting.follow(asked(PlotKind::Histogram, 4), |_| {
+            Answer::ask_in_steps("test", move |_, tell| {
+                tell(found(4));
+                wait.recv().map(|()| found(5))
+            })
+        });
+        let particles = |plotting: &Plotting| plotting.found.as_ref().map(|found| found.plot.particles());
+        for (revision, of) in [(4, 4), (5, 5)] {
+            let start = Instant::now();
+            while plotting.revision < revision && start.elapsed() < Duration::from_secs(30) {
+                plotting.receive();
+            }
+            assert_eq!((plotting.revision, particles(&plotting)), (revision, Some(of)));
+            assert_eq!(matches!(plotting.coming, Answer::Coming(_)), of == 4);
+            // Nobody waits the second time.
+            let _ = go.send(());
+        }
 
         // An error takes the place of the plot; it is told once.
         let failing = |_: &Asked| Answer::ask("test", |_| Err::<Found, _>("no such field"));

@@ -17,7 +17,7 @@ use crate::window::scene::SceneField;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Opens datasets of which one at least is no particles.
+/// Opens datasets of which one at least is no particles; pages of those that are take at most `page_memory` bytes.
 ///
 /// # Errors
 /// When they cannot be read, or built, or do not fit together.
@@ -25,6 +25,7 @@ pub(super) fn open_mixed(
     members: Vec<Member>,
     seen: &Seen,
     (read, time): (ReadMethod, Option<When>),
+    page_memory: u64,
     opener: &Opener,
     progress: &dyn Progress,
 ) -> Result<Opened, String> {
@@ -36,7 +37,7 @@ pub(super) fn open_mixed(
     let settings = Settings(map.map(|map| ("map".to_owned(), map)).into_iter().collect());
     let built = |path: &Path, said: &HeightsSaid| opener(path, said, progress).map_err(PictureError::Asked);
     let when = time.or(look.and_then(|look| look.time));
-    let opened = OpenMixed::open(&members, (read, when), MEMORY, &settings, built);
+    let opened = OpenMixed::open(&members, (read, when), [MEMORY, page_memory], &settings, built);
     let (opened, notes) = opened.map_err(|error| error.to_string())?;
     for field in opened.heights() {
         check_map(&field.member.path, &field.opened.file().about().grid, seen)?;
@@ -115,7 +116,7 @@ mod tests {
             let mut members = paths.map(Member::new).to_vec();
             say(&mut members, &HeightsSaid { nodata: Some(-1.0), ..HeightsSaid::default() });
             let seen = Seen { scene: None, map: map.map(str::to_owned) };
-            open_mixed(members, &seen, (ReadMethod::default(), None), &opener, &())
+            open_mixed(members, &seen, (ReadMethod::default(), None), 1 << 30, &opener, &())
         };
         for (paths, index) in [([&field, &particles], 0), ([&particles, &field], 1)] {
             let opened = open(paths, None).unwrap();
@@ -154,7 +155,7 @@ mod tests {
         for (paths, index) in [([&particles, &volume], 1), ([&volume, &particles], 0)] {
             let members = paths.map(Member::new).to_vec();
             let seen = Seen { scene: None, map: None };
-            let opened = open_mixed(members, &seen, (ReadMethod::default(), None), &opener, &()).unwrap();
+            let opened = open_mixed(members, &seen, (ReadMethod::default(), None), 1 << 30, &opener, &()).unwrap();
             let sampled = &opened.field.as_ref().unwrap().opened;
             let mixed = sampled.mixed().unwrap();
             assert!(mixed.heights().is_empty() && mixed.particles().is_some() && !sampled.has_z_up());

@@ -43,6 +43,7 @@ pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) -> bool {
     let handle = Rect::from_x_y_ranges(at - REACH_PX..=at + REACH_PX, picture.y_range());
     theme::register(ui, "divider", knob);
     let response = ui.interact(handle, Id::new("divider"), Sense::drag());
+    theme::call(&response, "Divider between the two hierarchies");
     if response.hovered() || response.dragged() {
         ctx.set_cursor_icon(CursorIcon::ResizeHorizontal);
     }

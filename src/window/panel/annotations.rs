@@ -32,6 +32,7 @@ fn show(ui: &mut Ui, annotations: &mut Annotations) {
     theme::row(ui, "Caption", |ui| {
         ui.add_space(theme::MARK_ROOM);
         let width = theme::VALUE - 8.0;
-        ui.add(TextEdit::singleline(&mut annotations.caption).hint_text("none").desired_width(width));
+        let field = TextEdit::singleline(&mut annotations.caption).hint_text("none").desired_width(width);
+        theme::call(&ui.add(field), "Caption");
     });
 }

@@ -19,7 +19,9 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
             let mut name = bookmark.name.clone();
             let width = (ui.available_width() - 92.0).max(60.0);
             let field = TextEdit::singleline(&mut name).desired_width(width).hint_text("name it").char_limit(60);
-            if ui.add(field).changed() {
+            let field = ui.add(field);
+            theme::call(&field, &format!("Name of the view on key {key}"));
+            if field.changed() {
                 named = Some((key, name));
             }
             if theme::button(ui, &format!("bookmark:{key}:fly"), "Fly to", true, "Fly there") {

@@ -231,8 +231,21 @@ fn roughness(ui: &mut Ui, numbers: &Numbers, grid: &HeightGrid) {
     if let Some(mean) = found.mean {
         theme::fact(ui, "Mean height", about(mean, heights));
     }
-    let Iso { sa, sq, ssk, sku, sp, sv, sz, sdq, sdr, sk, spk, svk, .. } = &found.iso;
-    let rows = [
+    for (name, value, unit, help) in numbers_of(&found.iso, heights, &Lengths::unit(grid).0) {
+        if let Some(value) = value {
+            theme::fact(ui, name, about(value, unit)).on_hover_text(format!("{help} ISO 25178-2."));
+        }
+    }
+}
+
+/// Names, values, units and meanings of the numbers of a region whose heights and lengths have these units.
+fn numbers_of<'a>(
+    iso: &Iso,
+    heights: &'a str,
+    lengths: &'a str,
+) -> [(&'static str, Option<f64>, &'a str, &'static str); 16] {
+    let &Iso { sa, sq, ssk, sku, sp, sv, sz, sdq, sdr, sk, spk, svk, smr1, smr2, sal, str } = iso;
+    [
         ("Sa", sa, heights, "Mean distance from the mean height."),
         ("Sq", sq, heights, "Root of the mean square distance from it."),
         ("Sz", sz, heights, "Highest peak and deepest pit together."),
@@ -245,10 +258,26 @@ fn roughness(ui: &mut Ui, numbers: &Numbers, grid: &HeightGrid) {
         ("Sk", sk, heights, "Height of the core of the material ratio curve."),
         ("Spk", spk, heights, "Peaks above the core."),
         ("Svk", svk, heights, "Valleys below it."),
-    ];
-    for (name, value, unit, help) in rows {
-        if let Some(value) = value {
-            theme::fact(ui, name, about(*value, unit)).on_hover_text(format!("{help} ISO 25178-2."));
-        }
+        ("Smr1", smr1, "%", "Share of the samples above the core."),
+        ("Smr2", smr2, "%", "Share of the samples above the valleys."),
+        ("Sal", sal, lengths, "Shortest length at which the autocorrelation falls to 0.2."),
+        ("Str", str, "", "That length over the longest one."),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_number_of_a_region_is_shown() {
+        let serde_json::Value::Object(known) = serde_json::to_value(Iso::default()).unwrap() else { panic!("numbers") };
+        let iso = Iso { sal: Some(3.0), ..Iso::default() };
+        let shown = numbers_of(&iso, "um", "mm");
+        let names: BTreeSet<&str> = shown.iter().map(|(name, ..)| *name).collect();
+        let expected: BTreeSet<&str> = known.keys().map(String::as_str).collect();
+        assert_eq!(names, expected);
+        assert!(shown.iter().any(|(name, value, unit, _)| (*name, *value, *unit) == ("Sal", Some(3.0), "mm")));
     }
 }

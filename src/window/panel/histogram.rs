@@ -66,6 +66,7 @@ pub fn range_editor(
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 36.0), Sense::hover());
     let id = ui.id().with(id);
     let response = ui.interact(rect, id, Sense::click_and_drag());
+    theme::call(&response, "Range over its distribution: the fields below are for typing");
     let painter = ui.painter().with_clip_rect(rect.expand(8.0));
     painter.rect_filled(rect, 4.0, theme::WELL);
     let plot = rect.shrink2(vec2(6.0, 4.0));

@@ -20,6 +20,7 @@ mod paths;
 mod plots;
 mod probe;
 mod projection;
+mod reach;
 mod selections;
 mod statistics;
 mod tour;
@@ -30,6 +31,7 @@ pub use section::{Section, SectionData, Sections};
 use super::camera::Viewpoint;
 use super::comparison::Comparison;
 use super::exposure::Exposure;
+use super::files::{Ask, Files, menu};
 use super::history::{History, Step};
 use super::look::Look;
 use super::looking::LookingState;
@@ -38,7 +40,6 @@ use super::paths::Paths;
 use super::picture::DataCamera;
 use super::preset::Preset;
 use super::scene::{Scene, Settings};
-use super::scene_io::SceneFiles;
 use super::state::choices::Choices;
 use super::state::notices::Notices;
 use super::state::panels::{Closed, Dock};
@@ -114,7 +115,8 @@ pub struct PanelState<'w, 's> {
     pub time: Res<'w, Time<Real>>,
     sections: Res<'w, Sections>,
     history: ResMut<'w, History>,
-    files: ResMut<'w, SceneFiles>,
+    /// Files, and what is asked for.
+    pub files: ResMut<'w, Files>,
     /// Paths over the picture.
     pub paths: ResMut<'w, Paths>,
     /// Two hierarchies side by side.
@@ -138,15 +140,14 @@ impl PanelState<'_, '_> {
                 ui.set_max_width(ui.available_width() - theme::SCROLL_ROOM);
                 self.header(ui);
                 self.opening(ui);
-                if self.scene.is_none() && self.openings.progress().is_none() {
-                    ui.add_space(12.0);
-                    let hint = "Nothing is open. Drop a snapshot, a catalogue, a page file or a scene here.";
-                    ui.label(RichText::new(hint).color(theme::LABEL));
-                    ui.add_space(12.0);
-                }
             });
         }
         section::show_dock(ui, dock, self);
+    }
+
+    /// Whether nothing is shown, opened or waited for.
+    pub fn is_idle(&self) -> bool {
+        self.scene.is_none() && self.openings.progress().is_none() && self.files.has_page()
     }
 
     /// The program's name, and what one can do at any time.
@@ -154,13 +155,14 @@ impl PanelState<'_, '_> {
         let [past, future] = self.history.steps();
         ui.horizontal(|ui| {
             ui.label(RichText::new("deepfield").size(17.0).color(theme::TEXT).strong());
+            menu::show(ui, &mut self.files, self.scene.is_some());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 ui.spacing_mut().item_spacing.x = 4.0;
                 let mut button =
                     |text: &str, name: &str, enabled: bool, help: &str| theme::button(ui, name, text, enabled, help);
                 button("F1", "help", true, "Keys and gestures: press F1");
                 if button("Save", "save", self.scene.is_some(), "Save the scene (Ctrl+S)") {
-                    self.files.asked = true;
+                    self.files.asked = Some(Ask::Save);
                 }
                 if button("Redo", "redo", future > 0, "Redo what was undone (Ctrl+Shift+Z, Ctrl+Y)") {
                     self.history.asked = Some(Step::Redo);

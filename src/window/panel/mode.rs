@@ -1,6 +1,6 @@
 //! The section about the mode: which one, its settings as it describes them itself, the attribute, and the error bound.
 
-use super::{Dock, PanelState, Section, theme};
+use super::{Dock, PanelState, Section, reach, theme};
 use crate::look::Attribute;
 use crate::mode::blend::ORDER;
 use crate::mode::levels::{LEVELS, REPRESENTATIVE, is_of_levels, is_of_pictures};
@@ -59,11 +59,12 @@ fn show(ui: &mut Ui, state: &PanelState<'_, '_>, settings: &mut Settings) {
                 && (lies_over || name != ORDER.name)
         }
     };
+    let surface = state.scene.as_ref().and_then(|scene| scene.surface_for(settings.mode));
     for setting in settings.mode.all_settings().filter(|setting| applies(setting.name)) {
-        mode_setting(ui, setting, &state.choices.attributes, settings.values(setting));
+        let reach = surface.as_ref().and_then(|opened| reach::of(setting, opened, &settings.look.settings));
+        mode_setting(ui, setting, reach, &state.choices.attributes, settings.values(setting));
     }
-    let is_surface = state.scene.as_ref().is_some_and(|scene| scene.is_about_heights(settings.mode));
-    if is_field && !is_surface {
+    if is_field && surface.is_none() {
         return;
     }
     let error = theme::NumberRow {
@@ -125,8 +126,14 @@ pub(super) fn label_of(setting: &Setting) -> String {
     label
 }
 
-/// A control for a setting of the mode, of data with these columns.
-fn mode_setting(ui: &mut Ui, setting: &Setting, columns: &[String], values: &mut crate::mode::Settings) {
+/// A control for a setting of the mode, of data with these columns; a number's slider may have ends of its own.
+fn mode_setting(
+    ui: &mut Ui,
+    setting: &Setting,
+    reach: Option<theme::Reach>,
+    columns: &[String],
+    values: &mut crate::mode::Settings,
+) {
     let label = label_of(setting);
     let response = match setting.kind {
         SettingKind::Number { min, max, default } => {
@@ -135,7 +142,10 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, columns: &[String], values: &mut
             let log = max > 1000.0;
             let row =
                 theme::NumberRow { label: &label, unit: setting.unit, range: min..=max, log, default: Some(default) };
-            let response = row.show(ui, &mut value);
+            let response = match reach {
+                Some(reach) => row.show_within(ui, &mut value, reach),
+                None => row.show(ui, &mut value),
+            };
             if response.changed() {
                 values.set(setting, SettingValue::Number(value.clamp(min, max)));
             }
@@ -146,7 +156,8 @@ fn mode_setting(ui: &mut Ui, setting: &Setting, columns: &[String], values: &mut
             let response = theme::row(ui, &label, |ui| {
                 ui.spacing_mut().item_spacing.x = 6.0;
                 theme::reset_mark(ui, &label, value != default, || value = default);
-                ui.add_sized([18.0, theme::ROW], bevy_egui::egui::Checkbox::without_text(&mut value));
+                let switch = bevy_egui::egui::Checkbox::without_text(&mut value);
+                theme::call(&ui.add_sized([18.0, theme::ROW], switch), &label);
             });
             if value != values.flag(setting) {
                 values.set(setting, SettingValue::Flag(value));
@@ -186,7 +197,7 @@ fn name_setting<'a>(
     ui.add_space(theme::MARK_ROOM);
     // Long names have their room, too.
     let width = theme::VALUE.min(ui.available_width() - theme::MARK_ROOM);
-    ComboBox::from_id_salt(setting.name).width(width).selected_text(&current).show_ui(ui, |ui| {
+    let shown = ComboBox::from_id_salt(setting.name).width(width).selected_text(&current).show_ui(ui, |ui| {
         for option in options {
             let chosen = ui.selectable_label(current == option, option);
             theme::register(ui, &format!("{}:{option}", setting.name), chosen.rect);
@@ -195,6 +206,7 @@ fn name_setting<'a>(
             }
         }
     });
+    theme::call(&shown.response, setting.name);
 }
 
 /// A list as text with commas; taken over when the field is left and the list is right.
@@ -205,6 +217,7 @@ fn list_setting(ui: &mut Ui, setting: &Setting, values: &mut crate::mode::Settin
     let typed = ui.data(|data| data.get_temp::<String>(id));
     let mut text = typed.or(set).unwrap_or_default();
     let response = ui.add(TextEdit::singleline(&mut text).hint_text("automatic").desired_width(theme::VALUE - 8.0));
+    theme::call(&response, setting.name);
     if response.lost_focus() {
         if let Some(value) = parse_list(setting, &text) {
             values.set(setting, value);

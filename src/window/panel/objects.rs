@@ -34,6 +34,7 @@ fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     }
     let field = TextEdit::singleline(&mut state.looking.objects.search).hint_text("search").char_limit(60);
     let field = ui.add(field.desired_width(f32::INFINITY));
+    theme::call(&field, "Search for an object");
     theme::register(ui, "objects:search", field.rect);
     let (found, count) = state.looking.objects.found(ROWS);
     let usual = usual_radius(scene.bounds);

@@ -128,7 +128,8 @@ fn unwrapped(ui: &mut Ui, state: &PanelState<'_, '_>, paths: &mut PathSettings) 
     }
     let row = theme::row(ui, &label_of(&UNWRAPPED), |ui| {
         ui.add_space(theme::MARK_ROOM);
-        ui.add_sized([18.0, theme::ROW], egui::Checkbox::without_text(&mut paths.unwrapped));
+        let switch = egui::Checkbox::without_text(&mut paths.unwrapped);
+        theme::call(&ui.add_sized([18.0, theme::ROW], switch), UNWRAPPED.name);
     });
     row.on_hover_text(UNWRAPPED.help);
 }
@@ -153,7 +154,9 @@ fn color(ui: &mut Ui, state: &PanelState<'_, '_>, paths: &mut PathSettings) {
     if let Some(color) = plain {
         theme::row(ui, "Colour", |ui| {
             let mut rgb = color.map(|part| (255.0 * part).round() as u8);
-            if ui.color_edit_button_srgb(&mut rgb).changed() {
+            let button = ui.color_edit_button_srgb(&mut rgb);
+            theme::call(&button, "Colour of the paths");
+            if button.changed() {
                 let [r, g, b] = rgb;
                 paths.color = format!("#{r:02x}{g:02x}{b:02x}");
             }

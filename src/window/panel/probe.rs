@@ -80,9 +80,11 @@ fn shape(ui: &mut Ui, region: &mut Region, unit: &str) {
         theme::row(ui, label, |ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             // Laid out from the right.
-            for value in values.iter_mut().rev() {
+            let several = values.len() > 1;
+            for (value, axis) in values.iter_mut().zip(["x", "y", "z"]).rev() {
                 let speed = 0.002 * value.abs().max(1e-9);
-                ui.add(DragValue::new(value).speed(speed).max_decimals(6).min_decimals(0));
+                let field = ui.add(DragValue::new(value).speed(speed).max_decimals(6).min_decimals(0));
+                theme::call(&field, &if several { format!("{label}, {axis}") } else { label.to_owned() });
             }
         });
     };

@@ -86,7 +86,20 @@ pub fn show_dock(ui: &mut Ui, dock: Dock, state: &mut PanelState<'_, '_>) {
                 }
             });
         }
+        follow_focus(ui);
     });
+}
+
+/// Scrolls to the control of these that has got the keyboard.
+fn follow_focus(ui: &Ui) {
+    let focused = ui.memory(|memory| memory.focused()).and_then(|id| ui.ctx().read_response(id));
+    if let Some(control) = focused
+        && control.gained_focus()
+        && control.layer_id == ui.layer_id()
+        && ui.max_rect().x_range().contains(control.rect.center().x)
+    {
+        ui.scroll_to_rect(control.rect, None);
+    }
 }
 
 /// Draws below what is there, in this width whatever the contents want: a row that is too wide must not push those of other
@@ -102,6 +115,8 @@ fn of_width(ui: &mut Ui, width: f32, name: &str, show: impl FnOnce(&mut Ui)) {
 /// The heading with a mark that says whether the section is open; whether it was clicked.
 fn heading(ui: &mut Ui, section: &Section, open: bool) -> bool {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
+    let info = || egui::WidgetInfo::selected(egui::WidgetType::CollapsingHeader, true, open, section.title);
+    response.widget_info(info);
     let hot = response.hovered();
     let color = if hot { theme::TEXT } else { theme::LABEL };
     let painter = ui.painter();

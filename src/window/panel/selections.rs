@@ -63,12 +63,13 @@ fn row(ui: &mut Ui, index: usize, set: &mut SelectionSet) -> bool {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 5.0;
         let color = set.rgb().unwrap_or([255; 3]);
-        if swatch(ui, color).on_hover_text("Another colour").clicked() {
+        if swatch(ui, color, "Another colour").clicked() {
             let at = COLORS.iter().position(|known| *known == set.color).map_or(0, |at| (at + 1) % COLORS.len());
             set.color = COLORS[at].to_owned();
         }
         let width = (ui.available_width() - 118.0).max(50.0);
         let name = ui.add(TextEdit::singleline(&mut set.name).desired_width(width).char_limit(60));
+        theme::call(&name, &format!("Name of selection {}", index + 1));
         theme::register(ui, &format!("selection:{index}:name"), name.rect);
         let title = |show: Show| match show {
             Show::Hidden => "hidden",
@@ -81,6 +82,7 @@ fn row(ui: &mut Ui, index: usize, set: &mut SelectionSet) -> bool {
                 theme::register(ui, &format!("selection:{index}:show:{}", title(show)), choice.rect);
             }
         });
+        theme::call(&shown.response, &format!("How selection {} is shown", index + 1));
         theme::register(ui, &format!("selection:{index}:show"), shown.response.rect);
         remove = theme::button(ui, &format!("selection:{index}:remove"), "×", true, "Remove it");
     });
@@ -200,13 +202,16 @@ fn by_value(ui: &mut Ui, state: &mut PanelState<'_, '_>, sets: &mut Vec<Selectio
         {
             range.field.clone_from(&first.name);
         }
-        ComboBox::from_id_salt("value field").width(74.0).truncate().selected_text(&range.field).show_ui(ui, |ui| {
+        let fields = ComboBox::from_id_salt("value field").width(74.0).truncate().selected_text(&range.field);
+        let fields = fields.show_ui(ui, |ui| {
             for name in names(infos().map(|info| info.name.as_str())) {
                 ui.selectable_value(&mut range.field, name.to_owned(), name);
             }
         });
+        theme::call(&fields.response, "Field to select by");
         for (text, hint, name) in [(&mut range.min, "from", "range:from"), (&mut range.max, "to", "range:to")] {
             let field = ui.add(TextEdit::singleline(text).desired_width(38.0).hint_text(hint).char_limit(24));
+            theme::call(&field, hint);
             theme::register(ui, name, field.rect);
         }
         let number = |text: &str| match text.trim() {

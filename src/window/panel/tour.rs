@@ -101,6 +101,7 @@ fn strip(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<Aske
     let painter = ui.painter().clone();
     painter.rect_filled(rect, 3.0, theme::WELL);
     let scrub = ui.interact(bar, ui.id().with("scrub"), Sense::click_and_drag());
+    theme::call(&scrub, "Time of the tour");
     if let Some(at) = scrub.interact_pointer_pos().filter(|_| scrub.dragged() || scrub.clicked()) {
         asked.push(Asked::Seek(time_at(at.x).clamp(0.0, duration)));
     }
@@ -135,6 +136,7 @@ fn strip(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<Aske
             asked.push(Asked::Retime(i, time_at(pointer.x)));
         }
         let named = stop.label.as_deref().map_or_else(|| format!("keyframe {}", i + 1), str::to_owned);
+        theme::call(&response, &named);
         response.on_hover_text(format!("{named}, at {:.1} s", stop.arrive));
     }
     if let Some(state) = player.state() {
@@ -154,6 +156,7 @@ fn keyframe(ui: &mut Ui, player: &Player, timeline: &Timeline, index: usize, ask
     theme::row(ui, &format!("Keyframe {}", index + 1), |ui| {
         let drag = egui::DragValue::new(&mut at).range(0.0..=1e6).speed(0.05).max_decimals(2).suffix(" s");
         let response = ui.add(drag);
+        theme::call(&response, &format!("Time of keyframe {}", index + 1));
         theme::register(ui, "tour:at", response.rect);
         if response.changed() {
             asked.push(Asked::Retime(index, at));
@@ -166,6 +169,7 @@ fn keyframe(ui: &mut Ui, player: &Player, timeline: &Timeline, index: usize, ask
         let mut text = text.unwrap_or_default();
         let field = TextEdit::singleline(&mut text).desired_width(ui.available_width() - 12.0).hint_text(hint);
         let response = ui.add(field.char_limit(300));
+        theme::call(&response, hint);
         theme::register(ui, name, response.rect);
         if response.changed() {
             asked.push(make(index, text));

@@ -102,6 +102,7 @@ fn clip(ui: &mut Ui, bounds: Bounds, settings: &mut Settings) {
                     .custom_formatter(|value, _| theme::brief(value))
                     .update_while_editing(false);
                 let response = ui.add_sized([width, theme::ROW], field);
+                theme::call(&response, &format!("{name} of {}", axis.as_str()));
                 theme::register(ui, &format!("clip-{}-{name}", axis.as_str()), response.rect);
             }
         });

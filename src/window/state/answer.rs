@@ -25,6 +25,8 @@ pub struct Coming<T> {
     /// How far it is.
     pub progress: Arc<SharedProgress>,
     stop: Arc<AtomicBool>,
+    /// What may be shown in the meantime.
+    so_far: Mutex<Receiver<T>>,
     outcome: Mutex<Receiver<Result<T, String>>>,
 }
 
@@ -40,16 +42,29 @@ impl<T: Send + 'static> Answer<T> {
         name: &str,
         find: impl FnOnce(Work<'_>) -> Result<T, E> + Send + 'static,
     ) -> Answer<T> {
+        Answer::ask_in_steps(name, |work, _| find(work))
+    }
+
+    /// The same of an answer that becomes better: what is told before it is done is [`Answer::so_far`].
+    pub fn ask_in_steps<E: std::fmt::Display>(
+        name: &str,
+        find: impl FnOnce(Work<'_>, &dyn Fn(T)) -> Result<T, E> + Send + 'static,
+    ) -> Answer<T> {
         let progress = Arc::new(SharedProgress::default());
         let stop = Arc::new(AtomicBool::new(false));
+        let (tell, so_far) = channel();
         let (send, outcome) = channel();
         let (shared, halt) = (Arc::clone(&progress), Arc::clone(&stop));
         let run = move || {
             let work = Work { progress: shared.as_ref(), stop: &halt };
-            drop(send.send(find(work).map_err(|error| error.to_string())));
+            // Whoever no longer waits does not hear it.
+            let found = find(work, &|found| drop(tell.send(found)));
+            drop(send.send(found.map_err(|error| error.to_string())));
         };
         match std::thread::Builder::new().name(format!("deepfield {name}")).spawn(run) {
-            Ok(_) => Answer::Coming(Coming { progress, stop, outcome: Mutex::new(outcome) }),
+            Ok(_) => {
+                Answer::Coming(Coming { progress, stop, so_far: Mutex::new(so_far), outcome: Mutex::new(outcome) })
+            }
             Err(error) => Answer::Failed(error.to_string()),
         }
     }
@@ -58,7 +73,14 @@ impl<T: Send + 'static> Answer<T> {
     pub fn ready(answer: T) -> Answer<T> {
         let (send, outcome) = channel();
         drop(send.send(Ok(answer)));
-        Answer::Coming(Coming { progress: Arc::default(), stop: Arc::default(), outcome: Mutex::new(outcome) })
+        let (so_far, outcome) = (Mutex::new(channel().1), Mutex::new(outcome));
+        Answer::Coming(Coming { progress: Arc::default(), stop: Arc::default(), so_far, outcome })
+    }
+
+    /// Takes what was told of the answer last, while it is being worked out.
+    pub fn so_far(&self) -> Option<T> {
+        let Answer::Coming(coming) = self else { return None };
+        coming.so_far.lock().unwrap_or_else(PoisonError::into_inner).try_iter().last()
     }
 
     /// Takes the answer if it has come in the meantime; whether it has.
@@ -104,6 +126,27 @@ mod tests {
         assert_eq!(settled(Answer::ready(9)).here(), Some(&9));
         let answer = settled(Answer::<i32>::ask("test", |_| -> Result<i32, String> { panic!("a bug") }));
         assert!(matches!(answer, Answer::Failed(why) if why.contains("without an answer")));
+    }
+
+    #[test]
+    fn what_is_told_before_an_answer_can_be_had_once() {
+        let (go, wait) = channel();
+        let mut answer = Answer::<i32>::ask_in_steps("test", move |_, tell| {
+            [1, 2].into_iter().for_each(tell);
+            wait.recv().map_err(|error| error.to_string())?;
+            Ok::<_, String>(3)
+        });
+        let told = loop {
+            // Both may not have come yet.
+            match answer.so_far() {
+                Some(told) if told == 2 => break told,
+                _ => std::thread::sleep(Duration::from_millis(1)),
+            }
+        };
+        assert_eq!((told, answer.so_far(), answer.receive()), (2, None, false));
+        go.send(()).unwrap();
+        let answer = settled(answer);
+        assert_eq!((answer.so_far(), answer.here()), (None, Some(&3)));
     }
 
     #[test]

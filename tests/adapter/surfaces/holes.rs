@@ -5,7 +5,7 @@ use deepfield::view::CutSettings;
 use deepfield::view::cut::ClipBox;
 
 /// Lakes of several sizes, and beyond a column a third of all samples.
-fn broken() -> HeightField {
+pub(super) fn broken() -> HeightField {
     let mut field = hills(SIZE, Holes::Lakes);
     let mut random = Random(3);
     for (index, height) in field.stored.iter_mut().enumerate() {
@@ -16,7 +16,7 @@ fn broken() -> HeightField {
     field
 }
 
-fn covered(picture: &Picture) -> f64 {
+pub(super) fn covered(picture: &Picture) -> f64 {
     picture.surface.as_ref().unwrap().report.covered
 }
 

@@ -4,7 +4,7 @@ use super::*;
 use deepfield::cpu::surface::labels::ContourLabel;
 
 /// Depth, x, y, height, row, column and coverage of a pixel.
-type Channels = [f64; 7];
+pub(super) type Channels = [f64; 7];
 
 /// A field of which one half is rough and has holes, and the other is smooth.
 fn halves() -> HeightField {
@@ -34,14 +34,14 @@ fn height_at(field: &HeightField, row: f64, column: f64) -> f64 {
     }
 }
 
-fn reading(path: &Path, backend: Backend) -> SurfaceSession {
+pub(super) fn reading(path: &Path, backend: Backend) -> SurfaceSession {
     let options = SessionOptions { backend: Some(backend), raw: true, ..SessionOptions::default() };
     let session = SurfaceSession::open(path, &HeightsSaid::default(), options, Arc::new(())).unwrap();
     session.with_adapter(Some(Box::new(Offscreen::preferred())))
 }
 
 /// A picture, and the channels of its pixels.
-fn read(session: &mut SurfaceSession, shot: &Shot) -> (Picture, Vec<Channels>) {
+pub(super) fn read(session: &mut SurfaceSession, shot: &Shot) -> (Picture, Vec<Channels>) {
     let picture = session.draw(shot).unwrap();
     let channels = picture.surface.as_ref().and_then(|surface| surface.channels.clone()).unwrap();
     assert_eq!(Some((channels.width, channels.height)), shot.size);
@@ -65,7 +65,7 @@ fn around(index: usize, reach: usize, [width, height]: [usize; 2]) -> impl Itera
 
 /// Channels are the same to the bit but where rounding decides for the triangle, or the sample, next to it: then they are among those of the
 /// pixels around. Only at edges there is a hit in one picture alone.
-fn assert_alike(found: &[Channels], expected: &[Channels], size: [usize; 2], what: &str) {
+pub(super) fn assert_alike(found: &[Channels], expected: &[Channels], size: [usize; 2], what: &str) {
     let (mut both, mut same, mut beyond, mut lost) = (0_usize, 0_usize, 0_usize, 0_usize);
     for (index, (own, other)) in found.iter().zip(expected).enumerate() {
         let near: Vec<&Channels> = around(index, 1, size).map(|index| &expected[index]).collect();
@@ -93,11 +93,17 @@ fn assert_alike(found: &[Channels], expected: &[Channels], size: [usize; 2], wha
     assert!(1000 * lost <= expected.len(), "{what}: {lost} beside edges");
 }
 
-/// T at the place of each hit is seen within the error bound of the pixel's middle; a point stands for its pixel.
-fn assert_within(field: &HeightField, session: &SurfaceSession, shot: &Shot, found: &[Channels], what: &str) {
+/// T at the place of each hit is seen within the error that is told of the pixel's middle; a point stands for its pixel.
+fn assert_within(
+    field: &HeightField,
+    session: &SurfaceSession,
+    shot: &Shot,
+    (found, error_px): (&[Channels], f64),
+    what: &str,
+) {
     let facts = &session.file().about().facts;
     let (sight, placed) = SurfaceSession::sight(session.file(), [facts.min, facts.max], shot).unwrap();
-    let (width, tau) = (sight.size()[0] as usize, shot.look.error_px.unwrap_or(0.8));
+    let width = sight.size()[0] as usize;
     let (mut worst, mut count) = (0.0_f64, 0);
     for (index, &[_, _, _, _, row, column, _]) in found.iter().enumerate().filter(|(_, channels)| is_hit(channels)) {
         let height = height_at(field, row, column);
@@ -112,7 +118,7 @@ fn assert_within(field: &HeightField, session: &SurfaceSession, shot: &Shot, fou
         count += 1;
     }
     println!("{what}: {count} places of T are within {worst:.4} pixels");
-    assert!(worst <= tau + 0.01, "{what}: {worst}");
+    assert!(worst <= error_px + 0.01, "{what}: {worst} of {error_px}");
     assert!(count > found.len() / 8, "{what}: {count} places");
 }
 
@@ -170,11 +176,12 @@ fn an_adapter_finds_raw_channels_and_places_of_heights() {
     };
     let without = Wanted { settings: &from_above.settings[..2], ..from_above };
     let [lettered, plain] = [&from_above, &without].map(|wanted| Shot { size: Some((320, 220)), ..wanted.shot() });
-    let far = |error_px: f64| {
-        let shot = PLAIN.shot();
+    let far = |wanted: &Wanted<'_>, error_px: f64| {
+        let shot = wanted.shot();
         Shot { look: LookPatch { error_px: Some(error_px), ..shot.look.clone() }, ..shot }
     };
-    let shots = [("far away", far(0.8)), ("coarse", far(2.0)), ("from above", lettered.clone())];
+    let wide = Wanted { settings: &[("point", number(3.0))], ..PLAIN };
+    let shots = [("far away", far(&PLAIN, 0.8)), ("coarse", far(&wide, 2.0)), ("from above", lettered.clone())];
     let path = built(folder.path(), &field);
     let mut processor = reading(&path, Backend::Cpu);
     let expected: Vec<_> = shots.iter().map(|(_, shot)| read(&mut processor, shot)).collect();
@@ -187,7 +194,7 @@ fn an_adapter_finds_raw_channels_and_places_of_heights() {
             assert_eq!(picture.drawn_by[0], passes, "{what}");
             assert_eq!(picture.error_px, by_processor.error_px, "{what}");
             assert_alike(&found, expected, [width as usize, height as usize], &what);
-            assert_within(&field, &adapter, shot, &found, &what);
+            assert_within(&field, &adapter, shot, (&found, picture.error_px), &what);
             if *shot == lettered {
                 let (plain, _) = read(&mut adapter, &plain);
                 assert_lettered((&picture, &found, &plain), by_processor, shot, &what);
@@ -195,7 +202,7 @@ fn an_adapter_finds_raw_channels_and_places_of_heights() {
         }
     }
     let path = built(folder.path(), &globe);
-    let shot = far(0.8);
+    let shot = far(&PLAIN, 0.8);
     let (_, expected) = read(&mut reading(&path, Backend::Cpu), &shot);
     let (picture, found) = read(&mut reading(&path, Backend::Compute), &shot);
     assert_eq!(picture.drawn_by[0], "compute");

@@ -1,7 +1,7 @@
 //! Exported tables, read back.
 
 use super::particles::{EDGE, Memory, Particle, is_inside, page_file, particles};
-use crate::support::{in_repository, parquet};
+use crate::support::in_repository;
 use deepfield::explore::{Data, Format, Frame, IdSet, Region, Work, export};
 use deepfield::import::{FamilyRows, FieldKind, Source, open};
 use deepfield::model::FamilyName;
@@ -89,32 +89,6 @@ fn a_file_that_cannot_be_written_is_named_and_nothing_is_left() {
     assert!(message.starts_with("/nowhere/at/all.csv: writing"), "{message}");
 }
 
-/// The parts of a Parquet file that hold a column, by a reader of its own.
-#[test]
-fn parquet_is_read_back() {
-    let source = Memory::new(false);
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("halo.parquet");
-    assert_eq!(Format::of(&path), Some(Format::Parquet));
-    let done =
-        export(Data::Source(&source), &region(), Format::Parquet, &Frame::Stored, &path, Some(EDGE), Work::quiet())
-            .unwrap();
-    let bytes = std::fs::read(&path).unwrap();
-    let file = parquet::read(&bytes);
-    let members: Vec<&Particle> = particles().iter().filter(|p| is_inside(&region(), p, true)).collect();
-    assert_eq!((file.rows, done.rows), (members.len() as i64, members.len() as u64));
-    assert_eq!(file.names, done.columns);
-    let column = |name: &str| &file.columns[file.names.iter().position(|other| other == name).unwrap()];
-    let bits = |of: fn(&Particle) -> f64| members.iter().map(|p| Some(of(p).to_bits())).collect::<Vec<_>>();
-    assert_eq!(column("x"), &bits(|p| p.at.x));
-    assert_eq!(column("vz"), &bits(|p| p.velocity.z));
-    assert_eq!(column("mass"), &bits(|p| p.mass));
-    assert_eq!(column("id"), &members.iter().map(|p| Some(p.id)).collect::<Vec<_>>());
-    let temperature = |p: &&Particle| (p.family == FamilyName::Gas).then(|| p.temperature.to_bits());
-    assert_eq!(column("temperature"), &members.iter().map(temperature).collect::<Vec<_>>());
-    assert!(file.about.contains(&("unit.x".to_owned(), "kpc".to_owned())));
-}
-
 #[test]
 fn points_of_ply_are_read_back() {
     let source = Memory::new(false);
@@ -169,7 +143,12 @@ fn tables_for_other_programs_are_read_back_to_the_last_bit() {
     let source = Memory::new(false);
     let folder = tempfile::tempdir().unwrap();
     let members: Vec<&Particle> = particles().iter().filter(|p| is_inside(&region(), p, true)).collect();
-    for (name, format) in [("halo.fits", Format::Fits), ("halo.vtp", Format::Vtp), ("halo.hdf5", Format::Gadget)] {
+    for (name, format) in [
+        ("halo.fits", Format::Fits),
+        ("halo.vtp", Format::Vtp),
+        ("halo.hdf5", Format::Gadget),
+        ("halo.parquet", Format::Parquet),
+    ] {
         let path = folder.path().join(name);
         assert_eq!(Format::of(&path), Some(format));
         let done =
@@ -202,6 +181,11 @@ fn tables_for_other_programs_are_read_back_to_the_last_bit() {
                     assert!(found("temperature") == expected, "{name}");
                 }
             }
+        }
+        if format == Format::Parquet {
+            let bytes = std::fs::read(&path).unwrap();
+            let exact = b"deepfield.exact\x18\x04true";
+            assert!(bytes.windows(exact.len()).any(|part| part == exact), "the table does not say that it is exact");
         }
         // VTK's reader has no units yet.
         if format != Format::Vtp {

@@ -2,7 +2,8 @@
 
 use super::particles::{EDGE, Memory, Particle, is_inside, page_file, particles, region};
 use deepfield::explore::{
-    AxisOptions, Data, Highlighter, IdSet, Marked, PageParticle, Places, Region, Work, histogram, identify, scatter,
+    AxisOptions, Data, Effort, Highlighter, IdSet, Marked, PageParticle, Places, Region, Work, histogram, identify,
+    scatter,
 };
 use deepfield::import::Source;
 use deepfield::model::FamilyName;
@@ -99,8 +100,9 @@ fn samples_are_of_the_selection_and_the_same_every_time() {
     let source = Memory::new(false);
     let region = Region::sphere(DVec3::splat(50.0), 45.0);
     for data in [Data::Source(&source), Data::Pages(page_file())] {
-        let ask =
-            |most| scatter(data, &region, ["temperature", "smoothing-length"], most, None, Work::quiet()).unwrap();
+        let ask = |most| {
+            scatter(data, &region, ["temperature", "smoothing-length"], most, Effort::ALL, None, Work::quiet()).unwrap()
+        };
         let (few, again, all) = (ask(200), ask(200), ask(100_000));
         assert_eq!((few.x.len(), few.y.len()), (200, 200));
         assert_eq!(few, again);

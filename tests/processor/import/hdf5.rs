@@ -63,6 +63,32 @@ fn swifts_kernels_are_taken_by_name() {
 }
 
 #[test]
+fn kernels_of_gadget_4_and_gizmo_are_what_they_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("told.hdf5");
+    let kernel = |group: &str, name: &str, value: Values| {
+        let mut file = gizmo(0.0, &[(1, 0, 0, [0.0; 3]), (2, 0, 0, [1.0; 3])]);
+        file.attribute(group, name, value);
+        file.write(&path);
+        let source = open(&path).unwrap();
+        // Lengths are of the support already.
+        assert!(read_all(source.as_ref(), 0, "smoothing-length", 2).iter().all(|h| *h == 0.5));
+        let about = source.description();
+        (about.kernel, about.notes.iter().any(|note| note.contains("taken for the cubic spline")))
+    };
+    let option = |name| kernel("Config", name, Values::Text("\0"));
+    assert_eq!(option("SELFGRAVITY"), (Kernel::CubicSpline, false));
+    assert_eq!(option("CUBIC_SPLINE_KERNEL"), (Kernel::CubicSpline, false));
+    assert_eq!(option("WENDLAND_C2_KERNEL"), (Kernel::WendlandC2, false));
+    assert_eq!(option("WENDLAND_C6_KERNEL"), (Kernel::WendlandC6, false));
+    let number = |id| kernel("Header", "Kernel_Function_ID", Values::I32(vec![id]));
+    assert_eq!(number(3), (Kernel::CubicSpline, false));
+    assert_eq!(number(5), (Kernel::QuinticSpline, false));
+    assert_eq!(number(7), (Kernel::WendlandC4, false));
+    assert_eq!([2, 77].map(number), [(Kernel::CubicSpline, true); 2]);
+}
+
+#[test]
 fn both_files_of_a_snapshot_open_under_either_name() {
     let sources = ["arepo.0.hdf5", "arepo.1.hdf5"].map(|name| open(&data(name)).unwrap());
     for source in &sources {
@@ -276,7 +302,7 @@ fn units_of_positions_that_are_unknown_are_named() {
 }
 
 /// A snapshot of gas in GIZMO's layout: of each particle id, number among the children, generation and place.
-fn gizmo(path: &Path, time: f64, particles: &[(u32, u32, u32, [f64; 3])]) {
+fn gizmo(time: f64, particles: &[(u32, u32, u32, [f64; 3])]) -> Hdf5 {
     let mut file = Hdf5::default();
     let count = particles.len() as u32;
     for name in ["NumPart_ThisFile", "NumPart_Total"] {
@@ -296,7 +322,7 @@ fn gizmo(path: &Path, time: f64, particles: &[(u32, u32, u32, [f64; 3])]) {
     file.dataset("PartType0", "Masses", 1, still(1, 1.0));
     file.dataset("PartType0", "SmoothingLength", 1, still(1, 0.5));
     file.dataset("PartType0", "Density", 1, still(1, 1.0));
-    file.write(path);
+    file
 }
 
 #[test]
@@ -313,7 +339,7 @@ fn particles_that_gizmo_splits_stay_who_they_are() {
     let steps = [whole(1).collect(), halves(&[0, 1], 1), halves(&[0, 1, 2, 3], 2)];
     let paths: Vec<_> = (0..3).map(|step| folder.path().join(format!("snapshot_{step}.hdf5"))).collect();
     for ((path, step), time) in paths.iter().zip(&steps).zip([0.0, 1.0, 2.0]) {
-        gizmo(path, time, step);
+        gizmo(time, step).write(path);
     }
     let source = open(&paths[2]).unwrap();
     let mut ids = vec![0; steps[2].len()];

@@ -2,8 +2,7 @@
 
 use super::writers::file;
 use super::{data, las, message, phantom, ply, vtk_points};
-use deepfield::import::{LoadOptions, load, open_with, summarize};
-use deepfield::model::ReadMethod;
+use deepfield::import::{LoadOptions, load, summarize};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -157,6 +156,8 @@ fn a_mass_beyond_single_precision_is_none_for_a_load_and_a_summary() {
 #[cfg(unix)]
 #[test]
 fn sources_that_are_cut_while_they_are_open_give_errors_however_they_are_read() {
+    use deepfield::import::open_with;
+    use deepfield::model::ReadMethod;
     let folder = tempfile::tempdir().unwrap();
     for bytes in [gadget(1), tipsy(), bytes_of("gas_sphere_collapse_025.hdf5"), bytes_of("emitter_000.hdf5")] {
         for method in [ReadMethod::Positioned, ReadMethod::Mapped] {

@@ -1,9 +1,11 @@
-//! LAS: every point format gives what is written; LAZ and what is cut are errors.
+//! LAS and LAZ: every point format gives what is written, also by another library; what is damaged is an error.
 
 use super::writers::file;
 use super::{message, read_all};
 use deepfield::import::{open, summarize};
+use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 use proptest::prelude::*;
+use std::io::Cursor;
 
 /// Position, intensity, class and time of a point.
 type Point = ([i32; 3], u16, u8, f64);
@@ -121,12 +123,104 @@ fn a_shortened_file_is_an_error_that_names_it() {
     }
 }
 
-#[test]
-fn compressed_points_are_told_with_what_unpacks_them() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut bytes = sample();
+/// The same points packed by another library, in chunks of so many points; 0: of different numbers.
+fn packed(plain: &[u8], format: usize, extra: usize, chunk: u32) -> Vec<u8> {
+    let builder = LazVlrBuilder::default().with_point_format(format as u8, extra as u16).unwrap();
+    let vlr = match chunk {
+        0 => builder.with_variable_chunk_size(),
+        points => builder.with_fixed_chunk_size(points),
+    }
+    .build();
+    let mut record = Vec::new();
+    vlr.write_to(&mut record).unwrap();
+    let (header, points) = (&plain[..375], &plain[380..]);
+    let mut bytes = header.to_vec();
     bytes[104] |= 0x80;
-    let path = file(folder.path(), "points", &bytes);
-    let text = message(&open(&path).err().unwrap(), &path);
-    assert!(text.contains("LAZ") && text.contains("laszip"), "{text}");
+    // Another record before LASzip's.
+    for (user, number, content) in
+        [(&b"another"[..], 1, &[7; 3][..]), (LazVlr::USER_ID.as_bytes(), LazVlr::RECORD_ID, &record)]
+    {
+        let mut about = [0; 54];
+        about[2..2 + user.len()].copy_from_slice(user);
+        about[18..20].copy_from_slice(&number.to_le_bytes());
+        about[20..22].copy_from_slice(&(content.len() as u16).to_le_bytes());
+        bytes.extend(about);
+        bytes.extend(content);
+    }
+    let start = bytes.len() as u32;
+    bytes[96..100].copy_from_slice(&start.to_le_bytes());
+    bytes[100..104].copy_from_slice(&2_u32.to_le_bytes());
+    let mut out = Cursor::new(bytes);
+    out.set_position(u64::from(start));
+    let mut compressor = LasZipCompressor::new(&mut out, vlr).unwrap();
+    let stride = FORMATS[format].0 + extra;
+    match chunk {
+        // 1, 2, 3... points.
+        0 => {
+            let (mut rest, mut size) = (points, 1);
+            while !rest.is_empty() {
+                let (now, later) = rest.split_at(rest.len().min(size * stride));
+                compressor.compress_many(now).unwrap();
+                compressor.finish_current_chunk().unwrap();
+                (rest, size) = (later, size + 1);
+            }
+        }
+        _ => compressor.compress_many(points).unwrap(),
+    }
+    compressor.done().unwrap();
+    drop(compressor);
+    out.into_inner()
+}
+
+/// Points that are much alike, as those of a scan.
+fn scan(count: i32) -> Vec<Point> {
+    let point =
+        |i: i32| ([i * 7, i * i % 1001 - 500, i % 50], (i % 300) as u16, (i % 9) as u8, 1e3 + f64::from(i) * 1e-3);
+    (0..count).map(point).collect()
+}
+
+#[test]
+fn packed_points_are_those_that_were_packed() {
+    let folder = tempfile::tempdir().unwrap();
+    let points = scan(1000);
+    for (format, extra, chunk) in
+        [(0, 0, 100), (1, 2, 50_000), (2, 0, 333), (3, 1, 0), (6, 0, 100), (7, 3, 0), (8, 1, 999), (8, 0, 1000)]
+    {
+        let plain = las(format, extra, &points);
+        let one = file(folder.path(), "plain.las", &plain);
+        let other = file(folder.path(), "packed.laz", &packed(&plain, format, extra, chunk));
+        let [one, other] = [one, other].map(|path| open(&path).unwrap());
+        let fields = &one.description().families[0].fields;
+        assert_eq!(fields.len(), other.description().families[0].fields.len(), "{format}");
+        for field in fields {
+            let [plain, unpacked] = [&one, &other].map(|source| read_all(source.as_ref(), 0, &field.name, 177));
+            assert!(plain == unpacked, "format {format}, chunks of {chunk}: {}", field.name);
+        }
+    }
+}
+
+/// Whatever becomes of a packed file, it is points or an error that names it.
+#[test]
+fn damaged_packed_points_are_errors_or_other_points() {
+    let folder = tempfile::tempdir().unwrap();
+    for (format, chunk) in [(3, 0), (7, 40)] {
+        let whole = packed(&las(format, 0, &scan(100)), format, 0, chunk);
+        let check = |bytes: &[u8]| {
+            let path = file(folder.path(), "damaged.laz", bytes);
+            match open(&path) {
+                Ok(source) => {
+                    drop(summarize(&path).map_err(|error| message(&error, source.description().path.as_path())))
+                }
+                Err(error) => drop(message(&error, &path)),
+            }
+        };
+        (0..whole.len()).step_by(3).for_each(|length| check(&whole[..length]));
+        for at in (0..whole.len()).filter(|at| *at < 600 || at % 7 == 0) {
+            for value in [0, 0xff, whole[at] ^ 0x11] {
+                let mut bytes = whole.clone();
+                bytes[at] = value;
+                check(&bytes);
+            }
+        }
+    }
 }

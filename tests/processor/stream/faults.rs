@@ -3,7 +3,7 @@
 
 use super::disk::{Answer, FaultyDisk, offset_of, sound};
 use deepfield::model::ReadMethod;
-use deepfield::store::{Change, PageFile, PageId};
+use deepfield::store::{PageFile, PageId};
 use deepfield::stream::{Scene, SceneSelection, StreamOptions};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
@@ -123,6 +123,7 @@ fn a_file_rewritten_in_place_is_told() {
 #[cfg(unix)]
 #[test]
 fn a_file_replaced_or_deleted_while_open_is_told_and_goes_on_where_the_system_lets_it() {
+    use deepfield::store::Change;
     let folder = tempfile::tempdir().unwrap();
     for (change, word) in [(Change::Replaced, "replaced by another one"), (Change::Deleted, "deleted")] {
         let path = write_sound(folder.path());

@@ -2,11 +2,13 @@
 //!
 //! - `cargo demo [ARGUMENTS]` starts deepfield (with no arguments: the demo dataset), without a display as a program that
 //!   has no windows and compiles no Bevy;
-//! - `cargo test-all [--long] [ARGUMENTS]` runs every test; with `--long`, property tests try new cases, and many.
+//! - `cargo test-all [--long] [ARGUMENTS]` runs every test, those of the Python package too where no arguments choose some; with `--long`,
+//!   property tests try new cases, and many.
 //!
 //! Both first see to what cargo cannot install: on a Debian-like Linux, the packages that a [`Requirement`] names. Nothing is
 //! installed without saying so; on a terminal, not without asking.
 
+use std::ffi::OsStr;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -112,13 +114,28 @@ fn test(arguments: &[String]) -> Result<u8, String> {
         }
         // Nextest leaves the documentation's examples out.
         let documented = run(cargo().args(["test", "--locked", "--workspace", "--doc"]))?;
-        return Ok(tested.max(documented));
+        return Ok(tested.max(documented).max(test_python()?));
     }
     command.args(["test", "--locked", "--workspace", "--no-fail-fast"]).args(&arguments);
     if has_data {
         command.args(["--", "--include-ignored"]);
     }
-    run(&mut command)
+    let tested = run(&mut command)?;
+    Ok(if arguments.is_empty() { tested.max(test_python()?) } else { tested })
+}
+
+/// Builds and tries the Python package. What the machine lacks for that is told, and is a failure only where DEEPFIELD_PYTHON_TESTS
+/// is `require`.
+fn test_python() -> Result<u8, String> {
+    let named = std::env::var_os("PYO3_PYTHON").unwrap_or_else(|| "python3".into());
+    // The interpreter itself: a version manager's stand-in changes PATH, for which the native part would be compiled again.
+    let asked = Command::new(&named).args(["-c", "import sys; print(sys.executable)"]).output();
+    let Some(asked) = asked.ok().filter(|asked| asked.status.success()) else {
+        println!("The Python package was not tested: no {}.", Path::new(&named).display());
+        return Ok(u8::from(std::env::var_os("DEEPFIELD_PYTHON_TESTS").is_some_and(|value| value == "require")));
+    };
+    let interpreter = String::from_utf8_lossy(&asked.stdout);
+    run(in_root(interpreter.trim()).arg(root().join("python/tests/run.py")))
 }
 
 /// The arguments without `--long`, and the environment that property tests get: where `--long` is given a new seed and ten times
@@ -142,9 +159,14 @@ fn root() -> &'static Path {
     here.ancestors().nth(2).unwrap_or(here)
 }
 
-/// Cargo in the repository's root, with build output in the user's cache unless the user chose a place.
+/// Cargo in the repository's root.
 fn cargo() -> Command {
-    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    in_root(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+}
+
+/// A program in the repository's root, with cargo's output in the user's cache unless the user chose a place.
+fn in_root(program: impl AsRef<OsStr>) -> Command {
+    let mut command = Command::new(program);
     command.current_dir(root());
     if std::env::var_os("CARGO_TARGET_DIR").is_none()
         && let Some(cache) = user_cache()

@@ -1,8 +1,8 @@
 //! Attributes that are derived from how the neighbours of each particle move, some buckets at a time.
 //!
 //! The neighbours of a bucket's particles may lie in other buckets. As with [`super::estimates`], a block of buckets is searched together
-//! with everything in others that its particles' smoothing lengths reach, so that the result is that of a search among all particles, to
-//! the last bit; one search serves all quantities.
+//! with everything in others that its particles' smoothing lengths reach, across the faces of a periodic box too, so that the result is that
+//! of a search among all particles, to the last bit; one search serves all quantities.
 
 use super::BuildError;
 use super::estimates::{Reach, SAMPLE, around_ball, position};
@@ -12,6 +12,7 @@ use crate::hierarchy::octree::{Columns, Place};
 use crate::hierarchy::{Histogram, RootCell};
 use crate::import::derived;
 use crate::import::neighbours::Moving;
+use crate::model::periodic::images;
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Derivation, Kernel};
 use glam::DVec3;
@@ -37,13 +38,14 @@ struct Particles {
     velocities: Vec<[f64; 3]>,
 }
 
-/// How columns are derived: what, with which kernel, below which root cell, beside how many attributes.
+/// How columns are derived: what, with which kernel, below which root cell, beside how many attributes, in a periodic box of which edge.
 #[derive(Clone, Copy)]
 pub(super) struct Deriving<'a> {
     pub derivation: &'a Derivation,
     pub kernel: Kernel,
     pub root: RootCell,
     pub own: usize,
+    pub edge: Option<f64>,
 }
 
 impl Deriving<'_> {
@@ -127,8 +129,8 @@ impl Deriving<'_> {
         let count = all.positions.len();
         if self.derivation.needs_neighbours() && buckets.len() < partition.buckets() {
             let balls = all.positions.iter().zip(&all.smoothing_length);
-            let balls: Vec<Bounds> = balls.map(|(at, &h)| around_ball(*at, f64::from(h))).collect();
-            self.add_others(partition, buckets, &Reach::of(&balls), &mut all)?;
+            let balls: Vec<Bounds> = balls.map(|(at, &h)| around_ball(*at, Moving::reach(h, self.edge))).collect();
+            self.add_others(partition, buckets, &self.reaches(partition, &balls), &mut all)?;
         }
         let moving = Moving {
             positions: &all.positions,
@@ -136,6 +138,7 @@ impl Deriving<'_> {
             density: &all.density,
             smoothing_length: &all.smoothing_length,
             velocities: &all.velocities,
+            edge: self.edge,
         };
         let found = derived::columns(self.derivation, self.kernel, &moving, (count, Some(&heat[..])), &());
         progress.advance(count as u64);
@@ -149,25 +152,42 @@ impl Deriving<'_> {
         Ok(orders.into_iter().map(of_bucket).collect())
     }
 
+    /// The box around the particles of a bucket; `None` if there are none.
+    fn bounds(&self, partition: &Partition, bucket: usize) -> Option<Bounds> {
+        let (low, high) = partition.extent(bucket)?;
+        Some(Bounds { min: DVec3::from_array(low) * self.root.size, max: DVec3::from_array(high) * self.root.size })
+    }
+
+    /// Where balls reach, and those of their images in a periodic box that particles may be in.
+    fn reaches(&self, partition: &Partition, balls: &[Bounds]) -> Vec<Reach> {
+        let buckets = (0..partition.buckets()).filter_map(|bucket| self.bounds(partition, bucket));
+        let everything = buckets.fold(Bounds::EMPTY, Bounds::union);
+        let of_image = |image: DVec3| {
+            let moved = balls.iter().map(|ball| ball.moved(image)).filter(|ball| meet(*ball, everything));
+            let moved: Vec<Bounds> = moved.collect();
+            (!moved.is_empty()).then(|| Reach::of(&moved))
+        };
+        images(self.edge).into_iter().filter_map(of_image).collect()
+    }
+
     /// Appends the particles of other buckets that are within reach.
     fn add_others(
         &self,
         partition: &Partition,
         buckets: std::ops::Range<usize>,
-        reach: &Reach,
+        reaches: &[Reach],
         all: &mut Particles,
     ) -> Result<(), BuildError> {
         let meets = |bucket: &usize| {
-            let Some((low, high)) = partition.extent(*bucket) else { return false };
-            let (low, high) = (DVec3::from_array(low) * self.root.size, DVec3::from_array(high) * self.root.size);
-            !buckets.contains(bucket) && low.cmple(reach.bounds.max).all() && reach.bounds.min.cmple(high).all()
+            let Some(bounds) = self.bounds(partition, *bucket) else { return false };
+            !buckets.contains(bucket) && reaches.iter().any(|reach| meet(bounds, reach.bounds))
         };
         let parts: Vec<Particles> = (0..partition.buckets())
             .into_par_iter()
             .filter(meets)
             .map(|bucket| {
                 let (places, columns) = partition.read_inputs(bucket)?;
-                Ok(self.within(reach, &places, &columns))
+                Ok(self.within(reaches, &places, &columns))
             })
             .collect::<Result<_, BuildError>>()?;
         for part in parts {
@@ -181,9 +201,10 @@ impl Deriving<'_> {
     }
 
     /// Those particles of a bucket that are within reach.
-    fn within(&self, reach: &Reach, places: &[Place], columns: &Columns) -> Particles {
+    fn within(&self, reaches: &[Reach], places: &[Place], columns: &Columns) -> Particles {
+        let is_near = |at: [f64; 3]| reaches.iter().any(|reach| reach.contains(at));
         let near: Vec<u32> =
-            (0..places.len() as u32).filter(|&i| reach.contains(position(places[i as usize], self.root))).collect();
+            (0..places.len() as u32).filter(|&i| is_near(position(places[i as usize], self.root))).collect();
         let columns = columns.gather(&near);
         Particles {
             positions: near.iter().map(|&i| position(places[i as usize], self.root)).collect(),
@@ -193,6 +214,11 @@ impl Deriving<'_> {
             smoothing_length: columns.smoothing_length,
         }
     }
+}
+
+/// Whether two boxes have a place in common.
+fn meet(one: Bounds, other: Bounds) -> bool {
+    one.min.cmple(other.max).all() && other.min.cmple(one.max).all()
 }
 
 /// Values in the order in which a bucket's particles are read, of those in another order.

@@ -41,9 +41,7 @@ use crate::hierarchy::pca::SplitRule;
 use crate::hierarchy::{AttributeInfo, ClusterOptions, Kinds, LevelInfo, OctreeOptions, Purpose};
 use crate::import::{ImportError, LoadOptions, Source, SourceStream, open_with, replaced_densities, streams};
 use crate::model::progress::Progress;
-use crate::model::{
-    Dataset, Derivation, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError, Unit,
-};
+use crate::model::{Dataset, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError, Unit};
 use crate::store::paging::{FamilyTrees, PAGE_BYTES, write_trees};
 use crate::store::temporary::{clean, folder_of};
 use crate::store::writer::CompletePageFile;
@@ -306,15 +304,7 @@ fn built_of(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Unnamed, BuildError> {
-    let choose = |names: &[&str]| {
-        let mut own = chosen(names, options);
-        // What is derived is asked for; the most telling others fill the rest.
-        if options.attributes.is_none() {
-            own.truncate(DEFAULT_ATTRIBUTES.saturating_sub(load_options.derive.len()));
-        }
-        own
-    };
-    let streams = streams(source, load_options, &choose)?;
+    let streams = streams(source, load_options, &|names| kept(names, options, load_options))?;
     let particles = source.description().families.iter().map(|family| family.count).sum();
     let options = &options.for_particles(particles);
     let mut build = Build::new(options, streams.about.kernel, out, progress)?;
@@ -440,8 +430,7 @@ impl<'a> Build<'a> {
         let plan = Plan::new(&survey.keys(root), survey.weight, most);
         let own = stream.attributes();
         let derivation = stream.derivation();
-        let attributes: Vec<(String, Unit)> =
-            derivation.into_iter().flat_map(Derivation::attributes).chain(own.iter().cloned()).collect();
+        let attributes = stream.all_attributes();
         if attributes.len() > MAX_ATTRIBUTES {
             let what = format!(
                 "{} attributes of {}, {} of them derived; at most {MAX_ATTRIBUTES} can be kept",
@@ -473,7 +462,8 @@ impl<'a> Build<'a> {
             histograms.splice(1..3, found.histograms);
         }
         if let Some(derivation) = derivation {
-            let deriving = Deriving { derivation, kernel: self.kernel, root, own: own.len() };
+            let edge = derivation.edge(survey.bounds);
+            let deriving = Deriving { derivation, kernel: self.kernel, root, own: own.len(), edge };
             let found = deriving.derive(&mut partition, memory.motion_block(), progress)?;
             survey.derived(own.len(), found.ranges, found.samples);
             histograms.truncate(3 + own.len());
@@ -638,6 +628,16 @@ fn selected_families(
         family.attributes = order.into_iter().filter_map(|index| attributes[index].take()).collect();
     }
     Ok(families)
+}
+
+/// Which of a family's attributes are kept beside those that are derived, by index, in order.
+fn kept(names: &[&str], options: &BuildOptions, load_options: &LoadOptions) -> Vec<usize> {
+    let mut own = chosen(names, options);
+    // What is derived is asked for; the most telling others fill the rest.
+    if options.attributes.is_none() {
+        own.truncate(DEFAULT_ATTRIBUTES.saturating_sub(load_options.derive.len()));
+    }
+    own
 }
 
 /// Which of a family's attributes are kept, by index, in order.

@@ -70,10 +70,6 @@ impl RunBuild<'_> {
 
     fn build_here(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
         let RunBuild { load: load_options, options, tracks, skip_damaged, .. } = *self;
-        if tracks.is_some() && run.steps.len() > 1 && !load_options.derive.is_empty() {
-            let what = "derived attributes: found tracks, expected stored steps alone (--stills-only)".into();
-            return Err(BuildError::Selection { path: out.to_owned(), what });
-        }
         run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
         for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
             clean(out, folder);

@@ -1,5 +1,6 @@
 //! The states of a step's particles, sent to buckets by their ids: where they are, how they move and what they are.
 
+use super::derive::Deriving;
 use super::estimates::estimate;
 use super::memory::{Memory, default_memory};
 use super::partition::Partition;
@@ -11,7 +12,8 @@ use crate::hierarchy::octree::Plan;
 use crate::hierarchy::spacetime::Lattice;
 use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::import::{SourceStream, StateChunk};
-use crate::model::{Chunk, FamilyName, ParticleStream, Progress, StreamError, Unit};
+use crate::model::mixing::{GOLDEN, mix_bits};
+use crate::model::{Chunk, Derivation, FamilyName, ParticleStream, Progress, StreamError, Unit};
 use crate::store::temporary::folder_of;
 use rayon::prelude::*;
 use std::path::Path;
@@ -83,10 +85,7 @@ impl State<'_> {
 
 /// A number that looks random, the same for the same id.
 pub(super) fn hash(id: u64) -> u64 {
-    let mut z = id.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
+    mix_bits(id.wrapping_add(GOLDEN))
 }
 
 /// What the states of all steps have in common.
@@ -196,8 +195,8 @@ impl StepStates {
         let Some(family) = found else { return Ok(()) };
         progress.begin(&format!("states of {}", stream.family()), stream.particles());
         let sender = Sender { layout, family, scales, states: self, sample: Mutex::default() };
-        let rounding = if stream.is_lacking() {
-            sender.estimated(stream, by_row, (options, out), progress)?
+        let rounding = if stream.is_lacking() || stream.derivation().is_some() {
+            sender.partitioned(stream, by_row, (options, out), progress)?
         } else {
             sender.streamed(stream, by_row, progress)?
         };
@@ -221,7 +220,7 @@ struct Sender<'a> {
 }
 
 impl Sender<'_> {
-    /// Chunk by chunk, where nothing has to be estimated.
+    /// Chunk by chunk, where nothing has to be estimated or derived.
     fn streamed(&self, stream: &SourceStream, by_row: bool, progress: &dyn Progress) -> Result<Rounding, BuildError> {
         let one = |scratch: &mut StateChunk, number: usize| {
             stream.read_states(number, by_row, scratch)?;
@@ -241,8 +240,9 @@ impl Sender<'_> {
         Ok(all.into_iter().fold(Rounding::default(), Rounding::with))
     }
 
-    /// By way of the places where neighbours are found, as for the still: smoothing lengths and densities are those of the still.
-    fn estimated(
+    /// By way of the places where neighbours are found, as for the still: smoothing lengths, densities and what is derived are those of the
+    /// still.
+    fn partitioned(
         &self,
         stream: &SourceStream,
         by_row: bool,
@@ -255,16 +255,23 @@ impl Sender<'_> {
         let root = survey.root(octree);
         let most = octree.bucket_size(survey.count);
         let plan = Plan::new(&survey.keys(root), survey.weight, most);
-        let columns = carrier.attributes.len();
+        let derivation = stream.derivation();
+        let derived = derivation.map_or(0, |derivation| derivation.quantities.len());
+        let columns = derived + carrier.columns();
         let halved =
             BuildOptions { memory: Some(options.memory.unwrap_or_else(default_memory) / 2), ..options.clone() };
         let memory = Memory::plan(&halved, out, survey.count, columns, most, plan.len())?;
         let spill = Spill::new(out, &memory.folder, memory.particles, options.read);
         let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, true, spill, progress)?;
-        if let Some(k) = stream.neighbours() {
+        if let Some(k) = stream.neighbours().filter(|_| survey.is_lacking()) {
             estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
         }
-        let own = stream.attributes().len();
+        if let Some(derivation) = derivation {
+            let (own, edge) = (carrier.attributes.len(), derivation.edge(survey.bounds));
+            let deriving = Deriving { derivation, kernel: stream.kernel(), root, own, edge };
+            deriving.derive(&mut partition, memory.motion_block(), progress)?;
+        }
+        let own = derived + stream.attributes().len();
         let all = (0..partition.buckets()).into_par_iter().map(|bucket| {
             let (places, columns) = partition.read(bucket)?;
             let corner = root.min.to_array();
@@ -382,17 +389,23 @@ impl ParticleStream for Carrier<'_> {
         self.stream.neighbours()
     }
 
+    fn derivation(&self) -> Option<&Derivation> {
+        self.stream.derivation()
+    }
+
     fn read(&self, number: usize, into: &mut Chunk) -> Result<(), StreamError> {
         let mut states = StateChunk { chunk: std::mem::take(into), ..StateChunk::default() };
         states.chunk.attributes.truncate(self.stream.attributes().len());
         self.stream.read_states(number, self.by_row, &mut states)?;
         let StateChunk { mut chunk, ids, velocities } = states;
+        let inputs = chunk.attributes.split_off(self.stream.attributes().len());
         for part in 0..ID_PARTS {
             chunk.attributes.push(ids.iter().map(|id| (id >> (16 * part) & 0xffff) as f32).collect());
         }
         for axis in 0..3 {
             chunk.attributes.push(velocities.iter().map(|velocity| velocity[axis] as f32).collect());
         }
+        chunk.attributes.extend(inputs);
         *into = chunk;
         Ok(())
     }

@@ -13,12 +13,12 @@ use super::shuffle::Shuffle;
 use super::spill::Spill;
 use super::states::{Scales, State, StateLayout, StepStates};
 use super::track_nodes::write_nodes;
-use super::{BuildError, BuildOptions, chosen};
+use super::{BuildError, BuildOptions, kept};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Plan;
 use crate::hierarchy::spacetime::lattice::morton_key;
 use crate::hierarchy::spacetime::{Interval, Lattice};
-use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, streams};
+use crate::import::{FieldKind, ImportError, LoadOptions, Run, Source, SourceStream, streams};
 use crate::model::periodic::PeriodicBox;
 use crate::model::{Bounds, ClockVariable, FamilyName, ParticleStream, Progress, Unit};
 use crate::store::Metadata;
@@ -250,7 +250,7 @@ impl TrackBuild<'_> {
             for stream in self.streams(source.as_ref(), index)?.families {
                 if step.means.iter().any(|(name, _)| *name == stream.family()) && is_new_in(&families, stream.family())
                 {
-                    families.push((stream.family(), stream.attributes().to_vec()));
+                    families.push((stream.family(), stream.all_attributes()));
                     units.push(stream.velocity_unit().cloned().unwrap_or_default());
                 }
             }
@@ -263,7 +263,8 @@ impl TrackBuild<'_> {
     }
 
     fn streams<'a>(&self, source: &'a dyn Source, step: usize) -> Result<crate::import::Streams<'a>, BuildError> {
-        Ok(streams(source, &(self.load)(step), &|names| chosen(names, self.options))?)
+        let load = (self.load)(step);
+        Ok(streams(source, &load, &|names| kept(names, self.options, &load))?)
     }
 
     /// Whether a family is matched by rows; which must agree in number then.
@@ -318,6 +319,9 @@ impl TrackBuild<'_> {
                 means: means.map(|(_, means)| means.clone()).unwrap_or_default(),
             };
             let family = plans.layout.families.iter().position(|(name, _)| *name == stream.family());
+            if let Some(family) = family {
+                check_attributes(&own.about.path, stream, &plans.layout.families[family].1)?;
+            }
             let by_row = family.is_some_and(|family| plans.by_row[family]);
             states.add(&plans.layout, stream, by_row, &scales, (self.options, self.out), progress)?;
         }
@@ -575,6 +579,20 @@ fn keep_from(interval: usize, by_differences: bool) -> usize {
 
 fn is_new_in(families: &[(FamilyName, Vec<(String, Unit)>)], name: FamilyName) -> bool {
     families.iter().all(|(known, _)| *known != name)
+}
+
+/// A family has the same attributes at every step: what is derived at one may lack what it takes at another.
+fn check_attributes(path: &Path, stream: &SourceStream, expected: &[(String, Unit)]) -> Result<(), BuildError> {
+    let found = stream.all_attributes();
+    if found.iter().map(|(name, _)| name).eq(expected.iter().map(|(name, _)| name)) {
+        return Ok(());
+    }
+    let [found, expected] = [&found[..], expected].map(|attributes| {
+        let names: Vec<&str> = attributes.iter().map(|(name, _)| name.as_str()).collect();
+        if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+    });
+    let field = format!("{}: attributes", stream.family());
+    Err(ImportError::malformed(path, field, found, format!("{expected}, as at other steps")).into())
 }
 
 fn missing_ids(path: &Path, name: FamilyName) -> BuildError {

@@ -54,11 +54,13 @@ impl VqBits {
             VqBits::Eight => out.extend(codes.iter().map(|&code| code as u8)),
             VqBits::Sixteen => out.extend(codes.iter().flat_map(|code| code.to_le_bytes())),
             VqBits::Twelve => {
-                for pair in codes.chunks(2) {
-                    let (a, b) = (pair[0], pair.get(1).copied().unwrap_or(0));
-                    let bytes = [a as u8, (a >> 8 & 0xf) as u8 | (b << 4) as u8, (b >> 4) as u8];
-                    out.extend_from_slice(&bytes[..pair.len() + 1]);
+                let (pairs, odd) = codes.as_chunks::<2>();
+                let start = out.len();
+                out.resize(start + 3 * pairs.len(), 0);
+                for (triple, &[a, b]) in out[start..].as_chunks_mut::<3>().0.iter_mut().zip(pairs) {
+                    *triple = [a as u8, (a >> 8 & 0xf) as u8 | (b << 4) as u8, (b >> 4) as u8];
                 }
+                out.extend(odd.iter().flat_map(|code| [*code as u8, (code >> 8 & 0xf) as u8]));
             }
         }
     }
@@ -71,11 +73,18 @@ impl VqBits {
                 out.extend(bytes.chunks_exact(2).take(count).map(|pair| u16::from_le_bytes([pair[0], pair[1]])));
             }
             VqBits::Twelve => {
-                let codes = bytes.chunks(3).flat_map(|triple| {
-                    let at = |i: usize| u16::from(triple.get(i).copied().unwrap_or(0));
-                    [at(0) | (at(1) & 0xf) << 8, at(1) >> 4 | at(2) << 4]
-                });
-                out.extend(codes.take(count));
+                let triples = bytes.as_chunks::<3>().0;
+                let triples = &triples[..triples.len().min(count / 2)];
+                let start = out.len();
+                out.resize(start + 2 * triples.len(), 0);
+                for (pair, triple) in out[start..].as_chunks_mut::<2>().0.iter_mut().zip(triples) {
+                    let [a, b, c] = triple.map(u16::from);
+                    *pair = [a | (b & 0xf) << 8, b >> 4 | c << 4];
+                }
+                // The last of an odd number has two bytes of its own.
+                if let ([a, b, ..], 1) = (&bytes[3 * triples.len()..], count % 2) {
+                    out.push(u16::from(*a) | (u16::from(*b) & 0xf) << 8);
+                }
             }
         }
     }
@@ -166,7 +175,16 @@ mod tests {
             prop_assert_eq!(Some(bytes.len()), bits.packed_len(codes.len()));
             let mut back = Vec::new();
             bits.unpack(&bytes, codes.len(), &mut back);
-            prop_assert_eq!(back, codes);
+            prop_assert_eq!(&back, &codes);
+            // One code's bits follow those of the one before.
+            let width = usize::from(bits.bits());
+            let bit = |at: usize| u16::from(bytes[at / 8] >> (at % 8) & 1);
+            for (i, &code) in codes.iter().enumerate() {
+                prop_assert_eq!((0..width).fold(0, |read, k| read | bit(i * width + k) << k), code);
+            }
+            let mut fewer = Vec::new();
+            bits.unpack(&bytes[..bytes.len() / 2], codes.len(), &mut fewer);
+            prop_assert!(codes.starts_with(&fewer), "{:?} of {:?}", fewer, codes);
         }
     }
 }

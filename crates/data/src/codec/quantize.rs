@@ -1,120 +1,28 @@
 //! From the quantities of many particles to a codebook and one index for each particle.
 
+mod batches;
+mod sums;
+mod training;
+mod vectors;
+
 use super::codebook::{Codebook, CodebookScope, QuantityError};
 use super::packing::VqBits;
-use super::quantizer::{LbgLimits, Quantizer};
+use super::quantizer::Quantizer;
 use super::refinement::{Bend, Refinement, STEPS};
-use super::scaling::{AttributeMerge, ColumnScaling};
+use super::scaling::{ColumnScaling, fast_log2};
 use rayon::prelude::*;
 use std::ops::Range;
+use sums::Sums;
+use training::{effort, sample};
+use vectors::RUN;
+
+pub use batches::{BatchInfo, Batches, Coded, Quantities};
+pub use vectors::Scaling;
 
 /// The largest number of attributes beside mass, density and smoothing length: the quantiser's space has 8 dimensions.
 pub const MAX_ATTRIBUTES: usize = 5;
 /// Sums are taken over this many parts of the data, whatever the number of threads.
 const PARTS: usize = 16;
-/// Particles whose vectors are made together.
-const RUN: usize = 256;
-
-/// Quantities of a run of particles. All slices have the same length.
-#[derive(Clone, Debug)]
-pub struct Quantities<'a> {
-    /// Masses.
-    pub mass: &'a [f32],
-    /// Densities.
-    pub density: &'a [f32],
-    /// Smoothing lengths.
-    pub smoothing_length: &'a [f32],
-    /// Attributes, in the family's order.
-    pub attributes: Vec<&'a [f32]>,
-}
-
-impl Quantities<'_> {
-    /// Number of particles.
-    pub fn len(&self) -> usize {
-        self.mass.len()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.mass.is_empty()
-    }
-}
-
-/// What is known of a batch of particles without reading it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BatchInfo {
-    /// Number of particles.
-    pub particles: usize,
-    /// Sum of their masses.
-    pub mass: f64,
-    /// Sum of their `m rho`.
-    pub mass_density: f64,
-}
-
-impl BatchInfo {
-    /// Looks through a batch.
-    pub fn of(quantities: &Quantities) -> BatchInfo {
-        let mut info = BatchInfo { particles: quantities.len(), ..BatchInfo::default() };
-        for (&mass, &density) in quantities.mass.iter().zip(quantities.density) {
-            info.mass += f64::from(mass);
-            info.mass_density += f64::from(mass) * f64::from(density);
-        }
-        info
-    }
-}
-
-/// Particles that are read batch by batch, more often than once, from wherever they are kept; and a place to keep their codes.
-pub trait Batches: Sync {
-    /// Why something could not be read or kept.
-    type Error: Send;
-    /// Codes that were put somewhere.
-    type Kept: Send + Sync;
-
-    /// Number of batches.
-    fn len(&self) -> usize;
-
-    /// Whether there is none.
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// What is known of a batch.
-    fn info(&self, batch: usize) -> BatchInfo;
-
-    /// Reads a batch.
-    ///
-    /// # Errors
-    /// When it cannot be read.
-    fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> Result<R, Self::Error>;
-
-    /// Keeps a batch's codes.
-    ///
-    /// # Errors
-    /// When they cannot be kept.
-    fn keep(&self, codes: Vec<u16>) -> Result<Self::Kept, Self::Error>;
-
-    /// Gives kept codes back.
-    ///
-    /// # Errors
-    /// When they cannot be read.
-    fn codes(&self, kept: &Self::Kept) -> Result<Vec<u16>, Self::Error>;
-
-    /// Gives the room of kept codes back.
-    fn forget(&self, kept: Self::Kept);
-}
-
-/// A coded batch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Coded<Kept> {
-    /// Its codes, still to be renumbered by [`Quantized::numbers`].
-    pub codes: Kept,
-    /// Sum of the decoded masses.
-    pub mass: f64,
-    /// Sum of the decoded `m rho`.
-    pub mass_density: f64,
-    /// Largest decoded smoothing length.
-    pub smoothing_length_max: f32,
-}
 
 /// A codebook and what it codes.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,71 +37,9 @@ pub struct Quantized<Kept> {
     pub batches: Vec<Coded<Kept>>,
 }
 
-/// How the columns of a family are scaled and merged; the same for all its codebooks.
-#[derive(Clone, Debug)]
-pub struct Scaling {
-    /// Of mass, density, smoothing length.
-    pub quantities: [ColumnScaling; 3],
-    /// Of each attribute.
-    pub attributes: Vec<(ColumnScaling, AttributeMerge)>,
-}
-
-impl Scaling {
-    /// The mean coordinate of densities.
-    pub fn mean_density(&self, densities: &[f32]) -> f32 {
-        let mut mapped = [0.0; RUN];
-        let mut sum = 0.0;
-        for densities in densities.chunks(RUN) {
-            self.quantities[1].map_all(densities, &mut mapped);
-            sum = mapped[..densities.len()].iter().fold(sum, |sum, &v| sum + f64::from(v));
-        }
-        (sum / densities.len().max(1) as f64) as f32
-    }
-
-    /// The vectors of a run of at most [`RUN`] particles.
-    fn vectors<const L: usize>(&self, from: &Quantities, run: Range<usize>, out: &mut [[f32; L]; RUN]) {
-        let mut mapped = [0.0; RUN];
-        let mut put = |axis: usize, scaling: &ColumnScaling, column: &[f32]| {
-            scaling.map_all(&column[run.clone()], &mut mapped);
-            out.iter_mut().zip(&mapped).take(run.len()).for_each(|(vector, &v)| vector[axis] = v);
-        };
-        put(0, &self.quantities[0], from.mass);
-        put(1, &self.quantities[1], from.density);
-        put(2, &self.quantities[2], from.smoothing_length);
-        for (axis, ((scaling, _), column)) in (3..L).zip(self.attributes.iter().zip(&from.attributes)) {
-            put(axis, scaling, column);
-        }
-    }
-
-    fn vector<const L: usize>(&self, from: &Quantities, i: usize) -> [f32; L] {
-        let mut vector = [0.0; L];
-        vector[0] = self.quantities[0].map(from.mass[i]);
-        vector[1] = self.quantities[1].map(from.density[i]);
-        vector[2] = self.quantities[2].map(from.smoothing_length[i]);
-        for ((place, (scaling, _)), column) in vector[3..].iter_mut().zip(&self.attributes).zip(&from.attributes) {
-            *place = scaling.map(column[i]);
-        }
-        vector
-    }
-}
-
-/// Vectors for each entry in the sample where several codebooks share the effort.
-const LEAST_SAMPLE: usize = 32;
-
-/// Training effort for a number of bits, and a number of codebooks that share it: vectors in the sample, and LBG's limits. The sample is large enough to give
-/// each code a few vectors, and bounded, so that training does not grow with the data.
-fn effort(bits: VqBits, books: usize) -> (usize, LbgLimits) {
-    let (sample, limits) = match bits {
-        VqBits::Eight => (1 << 15, LbgLimits { k_max: 8, epsilon: 0.01 }),
-        VqBits::Twelve => (1 << 17, LbgLimits { k_max: 3, epsilon: 0.02 }),
-        VqBits::Sixteen => (1 << 18, LbgLimits { k_max: 1, epsilon: 0.05 }),
-    };
-    ((sample / books.max(1)).max(LEAST_SAMPLE * bits.entries()).min(sample), limits)
-}
-
 /// Trains a codebook on `batches` and codes them. The result depends on the batches only, not on the number of threads. A
 /// code's entry is computed from all particles that have it: the mean mass, the mass-weighted density, the smoothing length that
-/// keeps their `sum m / h^2` (central column density), and attributes as [`AttributeMerge`] says; so `sum m` and `sum m rho` over
+/// keeps their `sum m / h^2` (central column density), and attributes as [`super::AttributeMerge`] says; so `sum m` and `sum m rho` over
 /// the batches are conserved. `books` is how many codebooks share the effort of training. Where codes are to be refined ([`Refinement`])
 /// `bits` are those of a line.
 ///
@@ -313,11 +159,16 @@ fn refine<B: Batches>(
                 let mut codes = batches.codes(&kept)?;
                 batches.forget(kept);
                 batches.with(batch, |batch| {
-                    for (code, &smoothing_length) in codes.iter_mut().zip(batch.smoothing_length) {
-                        let line = usize::from(numbers[usize::from(*code)]);
-                        let refined = Refinement::code(line, finder.step(line, smoothing_length));
-                        counts[refined] += 1;
-                        *code = refined as u16;
+                    let mut octaves = [0.0; RUN];
+                    for (codes, lengths) in codes.chunks_mut(RUN).zip(batch.smoothing_length.chunks(RUN)) {
+                        // A loop of its own, so that it is one for SIMD lanes.
+                        octaves.iter_mut().zip(lengths).for_each(|(octaves, &length)| *octaves = fast_log2(length));
+                        for (code, &octaves) in codes.iter_mut().zip(&octaves) {
+                            let line = usize::from(numbers[usize::from(*code)]);
+                            let refined = Refinement::code(line, finder.step(line, octaves));
+                            counts[refined] += 1;
+                            *code = refined as u16;
+                        }
                     }
                 })?;
                 batches.keep(codes)
@@ -351,48 +202,6 @@ fn parts<B: Batches>(batches: &B) -> Vec<Range<usize>> {
     parts
 }
 
-/// About `len` vectors for training (all of them if there are no more). Half of the sample is spread evenly over the
-/// particles, half over their shares of `sum m` and `sum m rho`: what dominates the picture gets its codes even if it is
-/// rare. Without that, one bright outlier can end in a cluster of faint particles, whose mean it then is.
-fn sample<const L: usize, B: Batches>(batches: &B, scaling: &Scaling, len: usize) -> Result<Vec<[f32; L]>, B::Error> {
-    let infos: Vec<BatchInfo> = (0..batches.len()).map(|batch| batches.info(batch)).collect();
-    let all = infos.iter().fold(BatchInfo::default(), |sum, info| BatchInfo {
-        particles: sum.particles + info.particles,
-        mass: sum.mass + info.mass,
-        mass_density: sum.mass_density + info.mass_density,
-    });
-    let everything = all.particles <= len;
-    let by_count = 0.5 * len as f64 / all.particles.max(1) as f64;
-    let share = |all: f64| if all > 0.0 && all.is_finite() { 0.25 * len as f64 / all } else { 0.0 };
-    let (by_mass, by_presence) = (share(all.mass), share(all.mass_density));
-    // Where each batch starts in the running sum that decides which particles are taken.
-    let starts: Vec<f64> = infos
-        .iter()
-        .scan(0.0, |at, info| {
-            let start = *at;
-            *at += info.particles as f64 * by_count + info.mass * by_mass + info.mass_density * by_presence;
-            Some(start)
-        })
-        .collect();
-    let parts: Vec<Vec<[f32; L]>> = starts
-        .into_par_iter()
-        .enumerate()
-        .map(|(batch, start)| {
-            batches.with(batch, |batch| {
-                let mut at = start;
-                let taken = (0..batch.len()).filter(|&i| {
-                    let before = at.floor();
-                    let mass = f64::from(batch.mass[i]);
-                    at += by_count + mass * by_mass + mass * f64::from(batch.density[i]) * by_presence;
-                    everything || at.floor() > before
-                });
-                taken.map(|i| scaling.vector(batch, i)).collect()
-            })
-        })
-        .collect::<Result<_, _>>()?;
-    Ok(parts.concat())
-}
-
 /// What the batches of a part decode to, and the sum and the maximum of each quantity's errors.
 fn settle<B: Batches>(
     batches: &B,
@@ -403,20 +212,21 @@ fn settle<B: Batches>(
 ) -> Result<(Vec<Coded<B::Kept>>, Vec<QuantityError>), B::Error> {
     let mut errors = vec![QuantityError::default(); 3 + scaling.attributes.len()];
     let coded = part.map(|(batch, kept)| {
-        let codes = batches.codes(&kept)?;
-        let entry = |code: &u16| usize::from(numbers[usize::from(*code)]);
+        // Renumbered once, for all columns.
+        let mut entries = batches.codes(&kept)?;
+        entries.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
         let mut coded = Coded { codes: kept, mass: 0.0, mass_density: 0.0, smoothing_length_max: 0.0 };
-        for entry in codes.iter().map(entry) {
+        for entry in entries.iter().map(|&entry| usize::from(entry)) {
             let mass = f64::from(codebook.mass[entry]);
             coded.mass += mass;
             coded.mass_density += mass * f64::from(codebook.density[entry]);
             coded.smoothing_length_max = coded.smoothing_length_max.max(codebook.smoothing_length[entry]);
         }
         batches.with(batch, |batch| {
-            let mut measure = |k: usize, scaling: &ColumnScaling, values: &[f32], entries: &[f32]| {
+            let mut measure = |k: usize, scaling: &ColumnScaling, values: &[f32], decoded: &[f32]| {
                 let QuantityError { mean: mut sum, mut max } = errors[k];
-                for (&value, code) in values.iter().zip(&codes) {
-                    let error = scaling.error(value, entries[entry(code)]);
+                for (&value, &entry) in values.iter().zip(&entries) {
+                    let error = scaling.error(value, decoded[usize::from(entry)]);
                     sum += error;
                     max = max.max(error);
                 }
@@ -435,102 +245,9 @@ fn settle<B: Batches>(
     Ok((coded, errors))
 }
 
-/// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, and weighted attributes; and the range of the smoothing lengths.
-struct Sums {
-    scope: CodebookScope,
-    columns: usize,
-    counts: Vec<u64>,
-    values: Vec<f64>,
-    ranges: Vec<[f32; 2]>,
-}
-
-impl Sums {
-    fn new(codes: usize, columns: usize, scope: CodebookScope) -> Sums {
-        let ranges = vec![[f32::INFINITY, 0.0]; codes];
-        Sums { scope, columns, counts: vec![0; codes], values: vec![0.0; codes * columns], ranges }
-    }
-
-    #[inline]
-    fn add(&mut self, code: usize, from: &Quantities, i: usize, scaling: &Scaling) {
-        let (m, rho, h) = (f64::from(from.mass[i]), f64::from(from.density[i]), f64::from(from.smoothing_length[i]));
-        let row = &mut self.values[code * self.columns..][..self.columns];
-        row[0] += m;
-        row[1] += m * rho;
-        row[2] += m / (h * h);
-        for ((sum, (_, merge)), column) in row[3..].iter_mut().zip(&scaling.attributes).zip(&from.attributes) {
-            *sum += match merge {
-                // As particles are merged.
-                AttributeMerge::Mean => m * f64::from(column[i]),
-                AttributeMerge::Magnitude => (-0.4 * std::f64::consts::LN_10 * f64::from(column[i])).exp(),
-            };
-        }
-        self.counts[code] += 1;
-        let [shortest, longest] = &mut self.ranges[code];
-        *shortest = shortest.min(from.smoothing_length[i]);
-        *longest = longest.max(from.smoothing_length[i]);
-    }
-
-    fn merge(&mut self, other: &Sums) {
-        self.counts.iter_mut().zip(&other.counts).for_each(|(a, b)| *a += b);
-        self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
-        self.ranges.iter_mut().zip(&other.ranges).for_each(|(a, b)| *a = [a[0].min(b[0]), a[1].max(b[1])]);
-    }
-
-    /// The codes in use.
-    fn used(&self) -> impl Iterator<Item = usize> {
-        (0..self.counts.len()).filter(|&code| self.counts[code] > 0)
-    }
-
-    /// The sum of `m rho` of each code in use.
-    fn presence(&self) -> Vec<f64> {
-        self.used().map(|code| self.values[code * self.columns + 1]).collect()
-    }
-
-    /// Lines for the codes in use, whose codebook this is; density follows this power of the smoothing length.
-    fn lines(&self, codebook: &Codebook, slope: f32) -> Refinement {
-        Refinement {
-            slope,
-            density: codebook.density.clone(),
-            shortest: self.used().map(|code| self.ranges[code][0]).collect(),
-            longest: self.used().map(|code| self.ranges[code][1]).collect(),
-        }
-    }
-
-    /// The codebook of the codes in use, and the new number of each code; 0 for one that is not in use.
-    fn codebook(&self, scaling: &Scaling) -> (Codebook, Vec<u16>) {
-        let used: Vec<usize> = self.used().collect();
-        let mut renumbered = vec![0; self.counts.len()];
-        used.iter().enumerate().for_each(|(new, &old)| renumbered[old] = new as u16);
-        let row = |code: usize| &self.values[code * self.columns..][..self.columns];
-        let column = |value: &dyn Fn(&[f64], f64) -> f64| -> Vec<f32> {
-            used.iter().map(|&code| single(value(row(code), self.counts[code] as f64))).collect()
-        };
-        let attributes = scaling.attributes.iter().enumerate();
-        let codebook = Codebook {
-            scope: self.scope,
-            particles: self.counts.iter().sum(),
-            mass: column(&|row, count| row[0] / count),
-            density: column(&|row, _| row[1] / row[0]),
-            smoothing_length: column(&|row, _| (row[0] / row[2]).sqrt()),
-            attributes: attributes
-                .map(|(k, (_, merge))| match merge {
-                    AttributeMerge::Mean => column(&|row, _| row[3 + k] / row[0]),
-                    AttributeMerge::Magnitude => column(&|row, count| -2.5 * (row[3 + k] / count).log10()),
-                })
-                .collect(),
-            errors: Vec::new(),
-        };
-        (codebook, renumbered)
-    }
-}
-
-/// The nearest finite single.
-fn single(value: f64) -> f32 {
-    (value as f32).clamp(f32::MIN, f32::MAX)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::scaling::AttributeMerge;
     use super::*;
     use proptest::prelude::*;
 
@@ -678,6 +395,22 @@ mod tests {
             let [plain, refined] = [false, true].map(|is_refined| run(&columns, 500, CodebookScope::Leaves, is_refined).0.errors);
             for (k, least) in [(1, 4.0), (2, 4.0), (3, 1.2)] {
                 prop_assert!(least * refined[k].mean <= plain[k].mean, "{k}: {:?} {:?}", refined[k], plain[k]);
+            }
+        }
+
+        /// Whatever run of its batch a particle is in: of all steps of its line.
+        #[test]
+        fn refined_codes_name_the_nearest_step(columns in columns(300..1500, 1)) {
+            let batches = InMemory(columns.batches(700));
+            let Ok(done) = quantize(&batches, &columns.scaling(), VqBits::Eight, CodebookScope::Leaves, 1, true);
+            let finder = done.refinement.as_ref().unwrap().finder();
+            let codes = done.batches.iter().flat_map(|coded| &coded.codes);
+            for (&code, &h) in codes.zip(&columns.smoothing_length) {
+                let (line, step) = (usize::from(code) / STEPS, usize::from(code) % STEPS);
+                prop_assert_eq!(step, finder.step(line, fast_log2(h)));
+                let off = |step: usize| (done.codebook.smoothing_length[Refinement::code(line, step)] / h).log2().abs();
+                let nearest = (0..STEPS).map(off).fold(f32::INFINITY, f32::min);
+                prop_assert!(off(step) <= nearest + 1e-4, "{} and {}", off(step), nearest);
             }
         }
 

@@ -120,12 +120,12 @@ pub struct Finder {
 }
 
 impl Finder {
-    /// The step of a line whose smoothing length is nearest to this one, in ratio.
+    /// The step of a line whose smoothing length is nearest, in ratio, to one of so many octaves: its [`fast_log2`].
     #[inline]
-    pub fn step(&self, line: usize, smoothing_length: f32) -> usize {
+    pub fn step(&self, line: usize, octaves: f32) -> usize {
         let [start, steps] = self.lines[line];
         // The cast saturates: what rounding puts before the line is on its first step.
-        (((fast_log2(smoothing_length) - start) * steps) as usize).min(STEPS - 1)
+        (((octaves - start) * steps) as usize).min(STEPS - 1)
     }
 }
 
@@ -203,7 +203,7 @@ mod tests {
             let h = (shortest + share * octaves).exp2();
             let book = refinement.unrolled(lines(2));
             prop_assert_eq!(book.len(), 2 * STEPS);
-            let step = refinement.finder().step(1, h);
+            let step = refinement.finder().step(1, fast_log2(h));
             let code = Refinement::code(1, step);
             let off = (book.smoothing_length[code] / h).log2().abs();
             prop_assert!(off <= octaves / (2.0 * STEPS as f32) + 6e-5, "{off} of {octaves} octaves");
@@ -214,7 +214,7 @@ mod tests {
             prop_assert!((f64::from(book.density[code] / 5.0).log2() - expected).abs() < 1e-3);
             // What has one smoothing length keeps it, to the last bit.
             prop_assert!(book.smoothing_length[..STEPS].iter().all(|&h| h == 1.0));
-            prop_assert_eq!(refinement.finder().step(0, 1.0), 0);
+            prop_assert_eq!(refinement.finder().step(0, fast_log2(1.0)), 0);
         }
 
         #[test]

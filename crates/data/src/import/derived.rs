@@ -1,8 +1,8 @@
 //! Which quantities are derived for a family, from which of its fields, and their values.
 //!
 //! Velocities are taken as they are stored, so that rates are in their unit by that of lengths, whatever powers of the scale factor
-//! those have; a periodic box has no neighbours across its borders, and the flow of the expanding universe is not in it. Only the Mach
-//! number brings velocity and speed of sound to one unit: it is the peculiar velocity's, of an ideal gas.
+//! those have; the flow of the expanding universe is not in it. Only the Mach number brings velocity and speed of sound to one unit: it is
+//! the peculiar velocity's, of an ideal gas.
 
 use super::attributes::{Part, Planned, has_attribute};
 use super::neighbours::{LocalMotion, Moving, Neighbours};
@@ -79,7 +79,8 @@ pub(super) fn plan(
     }
     let mach_factor = sound.as_ref().map(|sound| sound.mach_factor);
     notes.extend(sound.map(|sound| format!("{name}: {}", sound.note)));
-    Ok(Some(DerivedPlan { derivation: Derivation { quantities, mach_factor }, inputs, notes }))
+    let derivation = Derivation { quantities, mach_factor, box_size: about.box_size };
+    Ok(Some(DerivedPlan { derivation, inputs, notes }))
 }
 
 /// Quantities among named attributes that a source lacks and its velocities give.

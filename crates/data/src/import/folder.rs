@@ -2,9 +2,10 @@
 
 use super::format::{Head, format_of, open_file};
 use super::grid::is_stack;
-use super::table::same_columns;
+use super::table::{catalogue_in, same_columns};
 use super::{Description, ImportError, multifile};
 use crate::model::ReadMethod;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// A kind of file that may be meant beside the sources: its name in messages, and whether a file that begins with these bytes is
@@ -13,6 +14,9 @@ pub type OtherKind = (&'static str, fn(&[u8]) -> bool);
 
 /// How many entries of a folder a message lists.
 const LISTED: usize = 12;
+
+/// Files that tell of Parquet files beside them.
+const ABOUT_PARTS: [&str; 2] = ["_metadata", "_common_metadata"];
 
 /// How many files are opened to find that out.
 const TRIED: usize = 64;
@@ -73,9 +77,11 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
     }
 }
 
-/// A file of the source that a folder is as a whole, as some codes write them, whatever else lies in it.
+/// A file of the source that a folder is as a whole, as some codes write them, whatever else lies in it; the folder itself where it is one of
+/// partitions, and of several catalogues the primary one.
 pub(super) fn whole(folder: &Path) -> Option<PathBuf> {
-    super::ramses::info_in(folder).or_else(|| super::nchilada::field_in(folder))
+    let file = super::ramses::info_in(folder).or_else(|| super::nchilada::field_in(folder));
+    file.or_else(|| catalogue_in(folder))
 }
 
 /// Whether a folder is one of slices of a volume: of pictures, beside which lies nothing that can be opened. Pictures of a snapshot beside it are
@@ -128,7 +134,10 @@ fn look_into(folder: &Path, others: &[OtherKind]) -> Result<(Vec<Claimant>, Vec<
     for entry in std::fs::read_dir(folder).map_err(io)? {
         entries.push(entry.map_err(io)?.path());
     }
-    entries.retain(|path| !path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".")));
+    // What is said of Parquet files beside them holds no rows.
+    let is_beside =
+        |name: &OsStr| name.as_encoded_bytes().starts_with(b".") || ABOUT_PARTS.iter().any(|about| name == *about);
+    entries.retain(|path| !path.file_name().is_some_and(is_beside));
     entries.sort();
     let mut claimants = Vec::new();
     let mut names = Vec::with_capacity(entries.len());

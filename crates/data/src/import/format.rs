@@ -4,7 +4,7 @@ use super::packed::Packing;
 use super::{ImportError, Source};
 use crate::model::ReadMethod;
 use std::io::{BufReader, Read, Seek};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock};
 
 /// A file format. Adding one takes a file in this room and a line in [`BUILT_IN`], or [`register`] from another crate.
@@ -21,6 +21,15 @@ pub trait Format: Sync {
     /// # Errors
     /// [`ImportError`] when the file is damaged, incomplete or holds nothing to draw.
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError>;
+
+    /// The files that are read of the source that `path` belongs to, those that say how others are to be read too. Formats that take no folder
+    /// leave this as it is.
+    ///
+    /// # Errors
+    /// [`ImportError`] when a folder cannot be read, or is none of this format.
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        Ok(vec![path.to_owned()])
+    }
 
     /// How many steps the file holds, each of which is a snapshot; those that turn out to be damaged are counted, too. Formats of one
     /// snapshot leave this as it is. [`Format::open`] of several opens the first.
@@ -61,6 +70,8 @@ static BUILT_IN: &[&dyn Format] = &[
     &super::trajectory::LammpsDump,
     &super::trajectory::Xyz,
     &super::table::FitsTable,
+    &super::table::Parquet,
+    &super::table::Hats,
     &super::table::VoTable,
     &super::table::Ecsv,
     &super::table::GeoJson,
@@ -160,6 +171,16 @@ pub(super) fn open_file(path: &Path, method: ReadMethod) -> Result<Box<dyn Sourc
     }
 }
 
+/// The files that the source at `path` is read from ([`Format::files`]); of a folder those of the one source in it.
+///
+/// # Errors
+/// [`ImportError`] when the file or folder cannot be read, or is of no known format.
+pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let path = super::file_in(path, &[])?;
+    let (file, _) = super::step_name::parts(&path);
+    format_at(file)?.files(file)
+}
+
 /// How many steps the source at `path` holds; a step in a file is one.
 ///
 /// # Errors
@@ -173,6 +194,9 @@ pub fn steps_in(path: &Path) -> Result<u64, ImportError> {
 
 /// The format of a file.
 fn format_at(path: &Path) -> Result<&'static dyn Format, ImportError> {
+    if path.is_dir() && super::table::is_partitioned(path) {
+        return Ok(&super::table::Hats);
+    }
     // Formats of text take almost anything for a table, so that grids are told first.
     let is_grid = match path.is_dir() {
         true => super::folder::is_of_slices(path)?,

@@ -7,8 +7,8 @@ use super::neighbours::{Moving, Neighbours};
 use super::stream::{SourceStream, streams};
 use super::{Description, ImportError, Source};
 use crate::model::{
-    Attribute, Chunk, Dataset, Derivation, DerivedQuantity, Family, FamilyName, Kernel, ParticleStream, Progress,
-    Provenance,
+    Attribute, Bounds, Chunk, Dataset, Derivation, DerivedQuantity, Family, FamilyName, Kernel, ParticleStream,
+    Progress, Provenance,
 };
 use rayon::prelude::*;
 use std::path::Path;
@@ -216,6 +216,7 @@ fn complete(
             density: &density,
             smoothing_length: &lengths,
             velocities: &velocities,
+            edge: derivation.edge(Bounds::of(positions.iter().copied())),
         };
         let columns = derived::columns(derivation, kernel, &all, (count, heat), progress);
         named.extend(derivation.attributes().zip(columns));

@@ -48,7 +48,7 @@ pub use choice::replaced_densities;
 pub use derived::derivable;
 pub use error::ImportError;
 pub use folder::{OtherKind, file_in};
-pub use format::{Format, HEAD, formats, names, open, open_with, register, steps_in};
+pub use format::{Format, HEAD, files_of, formats, names, open, open_with, register, steps_in};
 pub use grid::voxels;
 pub use grid::{GridOptions, GridSource, grid_format, open_grid, summarize_grid};
 pub use hdf5::{Hdf5Column, Hdf5Tables};

@@ -41,12 +41,7 @@ impl Format for Nchilada {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let whole = path.canonicalize().map_err(|error| ImportError::io(path, "file", error))?;
-        let own = whole.parent().unwrap_or(Path::new(""));
-        let name = super::folder::name_of(own);
-        let (true, Some(folder)) = (FOLDERS.iter().any(|(family, _)| *family == name), own.parent()) else {
-            return Err(ImportError::malformed(path, "folder", name, "gas, dark or star, with a file for each field"));
-        };
+        let folder = folder_of(path)?;
         let mut about = Description::unitless(path, "nchilada", 0);
         let (mut storages, mut families) = (Vec::new(), Vec::new());
         let (mut files, mut is_doubled) = (0, false);
@@ -83,6 +78,23 @@ impl Format for Nchilada {
         about.notes.extend(is_doubled.then(|| "smoothing lengths are doubled to give the support radius".to_owned()));
         about.notes.push(format!("{files} files of the snapshot are read"));
         Ok(Box::new(TypedColumns::new(about, storages, families)))
+    }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        let folder = folder_of(path)?;
+        let families = FOLDERS.iter().map(|(name, _)| fields_of(&folder.join(name)));
+        Ok(families.collect::<Result<Vec<_>, ImportError>>()?.concat())
+    }
+}
+
+/// The folder of the snapshot that the file of a field belongs to.
+fn folder_of(path: &Path) -> Result<PathBuf, ImportError> {
+    let whole = path.canonicalize().map_err(|error| ImportError::io(path, "file", error))?;
+    let own = whole.parent().unwrap_or(Path::new(""));
+    let name = super::folder::name_of(own);
+    match own.parent().filter(|_| FOLDERS.iter().any(|(family, _)| *family == name)) {
+        Some(folder) => Ok(folder.to_owned()),
+        None => Err(ImportError::malformed(path, "folder", name, "gas, dark or star, with a file for each field")),
     }
 }
 

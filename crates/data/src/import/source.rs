@@ -193,7 +193,7 @@ pub trait Source: Send + Sync {
     fn read(&self, family: usize, field: usize, range: Range<u64>, out: &mut [f64]) -> Result<(), ImportError>;
 
     /// Reads the particles `range` of field `field`, which is one of ids, into `out`, exactly to all 64 bits. Formats that hold
-    /// whole numbers as such read them so; what holds numbers as text or floats has no ids above 2^53.
+    /// whole numbers as such, or as text, read them so; what holds them as floats has no ids above 2^53.
     ///
     /// # Errors
     /// As [`Source::read`], and where a value is not a whole number that is held exactly.

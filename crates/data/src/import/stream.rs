@@ -6,7 +6,7 @@ use super::choice::Chosen;
 use super::derived;
 use super::load::{about_dataset, check_families};
 use super::{FamilyInfo, FieldKind, ImportError, LoadOptions, Source};
-use crate::model::{Chunk, Dataset, Derivation, FamilyName, ParticleStream, Skipped, StreamError, Unit};
+use crate::model::{Chunk, Dataset, Derivation, FamilyName, Kernel, ParticleStream, Skipped, StreamError, Unit};
 use std::cell::RefCell;
 use std::ops::Range;
 use std::sync::Mutex;
@@ -110,6 +110,11 @@ impl SourceStream<'_> {
     /// Whether smoothing lengths or densities are to be estimated, for all particles or for some.
     pub fn is_lacking(&self) -> bool {
         self.chosen.smoothing_length.is_none() || self.chosen.density.is_none()
+    }
+
+    /// The source's kernel.
+    pub fn kernel(&self) -> Kernel {
+        self.source.description().kernel
     }
 
     /// Unit of velocities; `None` where there are none.

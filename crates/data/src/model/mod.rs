@@ -12,6 +12,7 @@ pub mod grid;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
 mod mapping;
+pub mod mixing;
 pub mod moment;
 pub mod new_file;
 pub mod particles;

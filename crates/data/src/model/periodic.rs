@@ -22,3 +22,12 @@ impl PeriodicBox {
         (fits && !bounds.is_empty()).then_some(PeriodicBox { edge, bounds })
     }
 }
+
+/// By how much the images of a place that may be within half a periodic box of places in it lie beside it, itself first; only itself
+/// where there is no box.
+pub fn images(edge: Option<f64>) -> Vec<DVec3> {
+    let Some(edge) = edge else { return vec![DVec3::ZERO] };
+    let sides = [0.0, edge, -edge];
+    let plane = sides.into_iter().flat_map(|x| sides.map(|y| [x, y]));
+    plane.flat_map(|[x, y]| sides.map(|z| DVec3::new(x, y, z))).collect()
+}

@@ -70,7 +70,6 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use std::path::Path;
-    use std::sync::atomic::{AtomicBool, Ordering};
     use std::sync::{Mutex, MutexGuard, PoisonError};
 
     /// One test takes all places for mappings that the others need.
@@ -90,10 +89,6 @@ mod tests {
     fn read(file: &ReadFile, offset: u64, len: usize) -> Result<Vec<u8>, io::ErrorKind> {
         let mut buffer = vec![0; len];
         file.read_exact_at(&mut buffer, offset).map(|()| buffer).map_err(|error| error.kind())
-    }
-
-    fn set_len(path: &Path, len: u64) {
-        std::fs::OpenOptions::new().write(true).open(path).unwrap().set_len(len).unwrap();
     }
 
     proptest! {
@@ -120,7 +115,11 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn a_file_that_is_cut_while_threads_read_it_gives_errors_and_no_signal() {
+        use std::sync::atomic::{AtomicBool, Ordering};
         const LEN: usize = 1 << 20;
+        let set_len = |path: &Path, len: u64| {
+            std::fs::OpenOptions::new().write(true).open(path).unwrap().set_len(len).unwrap();
+        };
         let _alone = alone();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");

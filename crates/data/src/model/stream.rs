@@ -45,6 +45,12 @@ pub trait ParticleStream: Sync {
         None
     }
 
+    /// Name and unit of each attribute that is known in the end: those that are derived, then [`ParticleStream::attributes`].
+    fn all_attributes(&self) -> Vec<(String, Unit)> {
+        let derived = self.derivation().into_iter().flat_map(Derivation::attributes);
+        derived.chain(self.attributes().iter().cloned()).collect()
+    }
+
     /// Columns of a chunk's attributes: those of [`ParticleStream::attributes`], then those that the derivation takes, which may have
     /// values that are not finite.
     fn columns(&self) -> usize {

@@ -68,25 +68,27 @@ impl Unit {
         let mut size = 1.0;
         let mut rest = String::new();
         let mut known = 0;
-        // Names are runs of letters; `1e10` is a number.
+        // `1e10` is a number; names have powers, and a stroke before those that divide.
         for (i, word) in self.0.split_whitespace().enumerate() {
             if let (0, Ok(number)) = (i, word.parse::<f64>()) {
                 size *= number;
                 continue;
             }
-            rest.push(' ');
-            for part in word.split_inclusive(|c: char| !c.is_ascii_alphabetic()) {
-                let name = part.trim_end_matches(|c: char| !c.is_ascii_alphabetic());
+            for (k, factor) in word.split('/').enumerate() {
+                rest.push(if k == 0 { ' ' } else { '/' });
+                let (name, power) = factor.split_once('^').map_or((factor, None), |(name, power)| (name, Some(power)));
                 let of = |table: &[(&str, f64)]| table.iter().find(|(known, _)| *known == name).map(|(_, size)| *size);
                 let found =
                     of(&LENGTHS).map(|size| (size, "length")).or_else(|| of(&MASSES).map(|size| (size, "mass")));
-                match found {
-                    Some((of, kind)) => {
-                        (size, known) = (size * of, known + 1);
+                let exponent = power.map_or(Some(1.0), |power| power.parse::<f64>().ok());
+                match found.zip(exponent) {
+                    Some(((of, kind), exponent)) => {
+                        size *= of.powf(if k == 0 { exponent } else { -exponent });
+                        known += 1;
                         rest.push_str(kind);
-                        rest.push_str(&part[name.len()..]);
+                        rest.push_str(&factor[name.len()..]);
                     }
-                    None => rest.push_str(part),
+                    None => rest.push_str(factor),
                 }
             }
         }
@@ -106,8 +108,19 @@ mod tests {
         assert!((ratio("a Mpc/h", "a kpc/h").unwrap() / 1e3 - 1.0).abs() < 1e-12);
         assert!((ratio("1e10 Msun/h", "Msun/h").unwrap() / 1e10 - 1.0).abs() < 1e-12);
         assert!((ratio("pc", "ly").unwrap() - 3.261_563_777).abs() < 1e-9);
-        for (a, b) in [("a Mpc/h", "Mpc"), ("kpc", "Msun"), ("", "kpc"), ("K", "K"), ("kpc", "a kpc"), ("0 kpc", "kpc")]
-        {
+        for (a, b, expected) in [("kpc^2", "pc^2", 1e6), ("1e3 /kpc^3", "/Mpc^3", 1e12), ("km^-1", "m^-1", 1e-3)] {
+            assert!((ratio(a, b).unwrap() / expected - 1.0).abs() < 1e-12, "{a} {b}: {:?}", ratio(a, b));
+        }
+        for (a, b) in [
+            ("kpc^x", "pc^x"),
+            ("kpc^2", "kpc"),
+            ("a Mpc/h", "Mpc"),
+            ("kpc", "Msun"),
+            ("", "kpc"),
+            ("K", "K"),
+            ("kpc", "a kpc"),
+            ("0 kpc", "kpc"),
+        ] {
             assert_eq!(ratio(a, b), None, "{a} {b}");
         }
         let physical = |name: &str| Unit::new(name).without_scale_factor().0;

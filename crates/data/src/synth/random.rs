@@ -1,14 +1,8 @@
 //! Random numbers and the few functions of the generators, the same to the last bit on every machine.
 
+use crate::model::mixing::{GOLDEN, mix_bits};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-
-/// A hash of an integer, each of whose bits depends on all of it (the output function of SplitMix64).
-pub fn mix_bits(value: u64) -> u64 {
-    let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    value ^ (value >> 31)
-}
 
 /// A stream of random numbers.
 pub struct Random(Pcg64Mcg);
@@ -17,7 +11,7 @@ impl Random {
     /// The stream that belongs to a seed and a number.
     pub fn new(seed: u64, stream: u64) -> Random {
         // Two rounds of an integer hash keep neighbouring seeds and streams apart.
-        Random(Pcg64Mcg::seed_from_u64(mix_bits(mix_bits(seed.wrapping_add(0x9e37_79b9_7f4a_7c15)) ^ stream)))
+        Random(Pcg64Mcg::seed_from_u64(mix_bits(mix_bits(seed.wrapping_add(GOLDEN)) ^ stream)))
     }
 
     /// Uniform in [0, 1).

@@ -77,6 +77,12 @@ impl Uncertain {
         self.mass += other.mass;
         self.position = self.position.max(other.position);
     }
+
+    /// As though each particle had been there so many times.
+    pub(super) fn scaled(self, factor: f64) -> Uncertain {
+        let count = (factor * self.count as f64).round() as u64;
+        Uncertain { count, mass: factor * self.mass, position: self.position }
+    }
 }
 
 /// What is done with the particles. Runs are worked on in parallel, each into a part of its own; the parts are joined in the data's

@@ -7,7 +7,7 @@ use super::bins::Bins;
 use super::coded::{Coded, add, mass_errors, missing_values};
 use super::data::Data;
 use super::error::ExploreError;
-use super::estimate::{Estimate, estimate, extents};
+use super::estimate::{Effort, Estimate, Estimated, Found, Totals, ask, extents, largest};
 use super::histogram::{Axis, MOST_BINS};
 use super::query::{Of, Query, Wanted};
 use crate::model::Unit;
@@ -127,8 +127,7 @@ pub struct BinnedError {
     pub missing_values: u64,
 }
 
-/// Counts a selection along one axis or two. Of a page file as much is read as keeps errors to what is `allowed` ([`Estimate::allowed`]);
-/// all of it where that is `None` or zero.
+/// Counts a selection along one axis or two.
 ///
 /// # Errors
 /// [`ExploreError`] when the data cannot be read, a field is not there, no particle has a place on an axis, or there are too many bins.
@@ -137,7 +136,7 @@ pub fn binned<'a>(
     of: impl Into<Of<'a>>,
     axes: &[BinnedAxis],
     weight: &Weight,
-    allowed: Option<f64>,
+    effort: Effort,
     periodic: Option<f64>,
     work: Work,
 ) -> Result<Binned, ExploreError> {
@@ -169,12 +168,7 @@ pub fn binned<'a>(
         columns.push(field.clone());
     }
     let query = Query::new(data, of, Wanted { columns: columns.clone(), ..Wanted::default() }, periodic)?;
-    // A source is read as a whole.
-    let estimated = match data {
-        Data::Pages(tree) => allowed.filter(|allowed| *allowed > 0.0).map(|allowed| (tree, allowed)),
-        Data::Source(_) => None,
-    };
-    let held = || estimated.and_then(|(tree, _)| extents(tree, &query, axes.len()));
+    let held = || effort.part_of(data).and_then(|tree| extents(tree, &query, axes.len()));
     let extents = match axes.iter().all(|axis| axis.range.is_some()) {
         true => vec![Extent::NONE; axes.len()],
         false => match held() {
@@ -192,14 +186,11 @@ pub fn binned<'a>(
         weight_column: matches!(weight, Weight::Field(_)).then_some(axes.len()),
         coded: columns.iter().map(|field| Coded::by_family(data, field)).collect(),
     };
-    let found = match estimated {
-        Some((tree, allowed)) => estimate(tree, &query, &gather, allowed, work)?,
-        None => None,
-    };
-    let (part, estimate) = match found {
-        Some(found) => found,
-        None => (query.ask(data, &gather, work)?, None),
-    };
+    let Found { mut part, sampled } = ask(data, &query, &gather, effort, work)?;
+    let estimate = sampled.map(|(totals, estimate)| {
+        gather.correct(&mut part, &totals);
+        estimate
+    });
     let total: f64 = part.weights.iter().sum();
     let share = |weight: f64| if weight > 0.0 { weight / part.size } else { 0.0 };
     let uncertain = match weight {
@@ -290,7 +281,7 @@ impl Gather for Extents {
 }
 
 /// An axis over all values, of some width.
-fn laid_out(data: Data, options: &BinnedAxis, extent: Extent) -> Result<Axis, ExploreError> {
+pub(super) fn laid_out(data: Data, options: &BinnedAxis, extent: Extent) -> Result<Axis, ExploreError> {
     let BinnedAxis { field, bins, logarithmic, range } = options;
     let unit = data.unit_of(field).unwrap_or_default();
     if let Some([min, max]) = *range {
@@ -317,45 +308,109 @@ fn laid_out(data: Data, options: &BinnedAxis, extent: Extent) -> Result<Axis, Ex
     Ok(Axis { field: field.clone(), unit, logarithmic, min, max, bins: *bins })
 }
 
-pub(super) struct Binning {
+struct Binning {
     bins: Vec<Bins>,
-    pub cells: usize,
-    pub is_count: bool,
-    pub weight_column: Option<usize>,
+    cells: usize,
+    is_count: bool,
+    weight_column: Option<usize>,
     /// By column and family.
     coded: Vec<Vec<Option<Coded>>>,
 }
 
 /// Bins so far.
-pub(super) struct BinningPart {
-    pub weights: Vec<f64>,
-    pub counts: Vec<u64>,
+struct BinningPart {
+    weights: Vec<f64>,
+    counts: Vec<u64>,
     /// Sum of the weights' sizes.
-    pub size: f64,
+    size: f64,
     /// Of it, what may belong to other bins: at most, and usually.
-    pub other_bins: [f64; 2],
+    other_bins: [f64; 2],
     /// By how much weights may be off.
-    pub off: [f64; 2],
-    pub not_positive: u64,
-    pub outside: u64,
-    pub missing: u64,
-    pub uncertain: Uncertain,
+    off: [f64; 2],
+    not_positive: u64,
+    outside: u64,
+    missing: u64,
+    uncertain: Uncertain,
+}
+
+/// The place of one of a batch among bins, of which it has the columns; `None` where it has none.
+pub(super) fn place(bins: &[Bins], batch: &Batch, i: usize) -> Option<usize> {
+    let (mut place, mut stride) = (0, 1);
+    for (bins, values) in bins.iter().zip(&batch.columns) {
+        let value = *values.get(i)?;
+        let has_place = value.is_finite() && !(bins.logarithmic && value <= 0.0) && bins.reaches((value, value));
+        if !has_place {
+            return None;
+        }
+        place += stride * bins.bin(value);
+        stride *= bins.edges.len() - 1;
+    }
+    Some(place)
 }
 
 impl Binning {
-    /// The place of one of a batch among the bins, of which it has the columns; `None` where it has none.
-    pub(super) fn place(&self, batch: &Batch, i: usize) -> Option<usize> {
-        let (mut place, mut stride) = (0, 1);
-        for (bins, values) in self.bins.iter().zip(&batch.columns) {
-            let value = *values.get(i)?;
-            let has_place = value.is_finite() && !(bins.logarithmic && value <= 0.0) && bins.reaches((value, value));
-            if !has_place {
-                return None;
-            }
-            place += stride * bins.bin(value);
-            stride *= bins.edges.len() - 1;
+    /// Puts estimates in the place of what was read.
+    fn correct(&self, part: &mut BinningPart, totals: &Totals) {
+        let (weights, counts) = totals.values.split_at(self.cells);
+        let is_field = self.weight_column.is_some();
+        // No bin has less than nothing of a mass or a number.
+        part.weights = weights.iter().map(|&weight| if is_field { weight } else { weight.max(0.0) }).collect();
+        part.counts = counts.iter().map(|count| count.round().max(0.0) as u64).collect();
+    }
+}
+
+/// Totals are the weights of all bins, and the numbers in them.
+impl Estimated for Binning {
+    fn totals(&self) -> usize {
+        2 * self.cells
+    }
+
+    fn ratios(&self) -> Vec<[usize; 2]> {
+        Vec::new()
+    }
+
+    fn count(&self, part: &BinningPart, totals: &mut [f64]) {
+        let (weights, counts) = totals.split_at_mut(self.cells);
+        weights.iter_mut().zip(&part.weights).for_each(|(sum, weight)| *sum += weight);
+        counts.iter_mut().zip(&part.counts).for_each(|(sum, &count)| *sum += count as f64);
+    }
+
+    fn merged(&self, batch: &Batch, per_mass: f64, say: &mut dyn FnMut(usize, f64)) {
+        let weights = self.weight_column.map_or(Some(&batch.mass), |column| batch.columns.get(column));
+        for (i, (&mass, &weight)) in batch.mass.iter().zip(weights.into_iter().flatten()).enumerate() {
+            let is_told = weight.is_finite() && mass.is_finite();
+            let Some(place) = place(&self.bins, batch, i).filter(|_| is_told) else { continue };
+            let count = mass * per_mass;
+            let weight = match self.weight_column {
+                Some(_) => count * weight,
+                None if self.is_count => count,
+                None => mass,
+            };
+            say(place, weight);
+            say(self.cells + place, count);
         }
-        Some(place)
+    }
+
+    fn scaled(&self, mut part: BinningPart, factor: f64) -> BinningPart {
+        let number = |number: u64| (factor * number as f64).round() as u64;
+        let times = |pair: [f64; 2]| pair.map(|value| factor * value);
+        part.weights.iter_mut().for_each(|weight| *weight *= factor);
+        part.counts.iter_mut().for_each(|count| *count = number(*count));
+        BinningPart {
+            size: factor * part.size,
+            other_bins: times(part.other_bins),
+            off: times(part.off),
+            not_positive: number(part.not_positive),
+            outside: number(part.outside),
+            missing: number(part.missing),
+            uncertain: part.uncertain.scaled(factor),
+            ..part
+        }
+    }
+
+    fn errors(&self, totals: &Totals) -> (Vec<f64>, f64) {
+        let errors = &totals.errors[..self.cells];
+        (errors.to_vec(), largest(errors, &totals.values[..self.cells]))
     }
 }
 

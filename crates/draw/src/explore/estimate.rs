@@ -1,22 +1,30 @@
-//! Weights in bins of a page file of which a part is read: an estimate by differences.
+//! Totals over a page file of which a part is read: an estimate by differences.
 //!
 //! The tree is split into parts, each of them what lies below a few nodes in pages of its own. Merged particles above a part say about
-//! how much it has in each bin. Parts are drawn at random and read down to their leaves: how far these are from what merged particles
-//! say tells how far all are from it. With `N` parts, of which `n` were read, and `d` by how much one of these has more weight in a bin
+//! how much it adds to each total. Parts are drawn at random and read down to their leaves: how far these are from what merged particles
+//! say tells how far all are from it. With `N` parts, of which `n` were read, and `d` by how much one of these has more of a total
 //! than was said of it, the estimate adds `N mean(d)`, whose standard error is `N sqrt((1 - n/N) var(d) / n)` (the difference estimator of
 //! survey sampling; Cochran, Sampling Techniques, 7.3). It is right on average whatever merged particles say; the more they are like
-//! the leaves, the fewer parts are read. Which parts come first depends on the file alone.
+//! the leaves, the fewer parts are read. Errors of ratios of totals `R = A / B` are those of `A - R B`, over `B` (6.3 there). Which parts
+//! come first depends on the file and a number alone.
+//!
+//! Where time is short, a large part is not read as a whole: a way is drawn through it, at each step to what lies below with a chance in
+//! proportion to its particles, and what is found counts by the inverse of the chances (two stages; 11.7 there). What a part has is then known
+//! with an error of its own, which is in `var(d)`, too; without the factor `1 - n/N` the standard error is rather too large.
 
-use super::batch::{Batch, Gather, Uncertain, Work};
-use super::binned::{Binning, BinningPart, Extent};
+use super::batch::{Batch, Gather, Work};
+use super::binned::Extent;
+use super::data::Data;
 use super::error::ExploreError;
 use super::paged::{Entry, FamilyQuery, Walked, families};
 use super::query::Query;
 use super::shape::Cover;
+use crate::model::mixing::{GOLDEN, as_share, mix_bits};
 use crate::store::{Encoding, Node, Page, PageId, Tree};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::{BTreeMap, HashSet};
+use std::time::Instant;
 
 /// Parts that are split or read at a time: a number of its own, so that an answer does not depend on that of the threads.
 const AT_ONCE: usize = 16;
@@ -24,27 +32,82 @@ const AT_ONCE: usize = 16;
 const PAGES_PER_PART: usize = 4;
 const FEWEST_PARTS: usize = 64;
 const MOST_PARTS: usize = 1024;
-/// It is not split further once so much is held of what merged particles say: 16 bytes each.
-const MOST_SHARES: usize = 1 << 23;
-/// Bins that a part has something in up to which its parts have their share of that where nothing nearer is known of them.
-const MOST_PASSED_DOWN: usize = 1 << 10;
+/// It is not split further once so much is held of what merged particles say: 8 bytes each.
+const MOST_SHARES: usize = 1 << 24;
+/// Totals that a part adds something to up to which its parts have their share of that where nothing nearer is known of them.
+const MOST_PASSED_DOWN: usize = 1 << 11;
 /// Parts that are read in any case: of fewer, how much they differ is hardly known.
 const FEWEST_READ: usize = 48;
+/// Where time is short, parts of about so many pages are read as a whole, and a way is drawn through larger ones.
+const READ_WHOLE: f64 = 2.0;
 /// Standard errors that an error is told as: of bins to which many parts contribute, one in some hundreds is farther off.
 const STANDARD_ERRORS: f64 = 3.0;
 /// Bins with less than this share of the weight may be off by as much as one that has this share.
-const LEAST_SHARE: f64 = 0.01;
+pub(super) const LEAST_SHARE: f64 = 0.01;
 
-/// How far off bins may be because a part of a page file was read.
+/// How much of a page file is read for an answer. Sources are read as a whole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    enough: Enough,
+    draw: u64,
+}
+
+/// When a part of a page file is enough.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Enough {
+    Never,
+    /// Errors are at most so large.
+    Error(f64),
+    /// It is so late; it is not split any more before that.
+    Time {
+        split: Instant,
+        read: Instant,
+    },
+}
+
+impl Effort {
+    /// All is read.
+    pub const ALL: Effort = Effort { enough: Enough::Never, draw: 0 };
+
+    /// As much as keeps errors to what is allowed ([`Estimate::allowed`]); all for 0.
+    pub fn within(allowed: f64) -> Effort {
+        Effort { enough: if allowed > 0.0 { Enough::Error(allowed) } else { Enough::Never }, draw: 0 }
+    }
+
+    /// As much as there is time for, and in any case as much as tells the error.
+    pub fn until(deadline: Instant) -> Effort {
+        let now = Instant::now();
+        let split = now + deadline.saturating_duration_since(now) / 2;
+        Effort { enough: Enough::Time { split, read: deadline }, draw: 0 }
+    }
+
+    /// The same with the parts that another number draws.
+    pub fn drawn(self, draw: u64) -> Effort {
+        Effort { draw, ..self }
+    }
+
+    /// What may be read in part.
+    pub(super) fn part_of<'a>(&self, data: Data<'a>) -> Option<&'a dyn Tree> {
+        match data {
+            Data::Pages(tree) if self.enough != Enough::Never => Some(tree),
+            Data::Pages(_) | Data::Source(_) => None,
+        }
+    }
+}
+
+/// How far off an answer may be because a part of a page file was read.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Estimate {
-    /// What was allowed: relative to the weight of a bin, or to [`Estimate::least_share`] of all weight where it has less.
-    pub allowed: f64,
+    /// What was allowed: relative to the weight of a bin, or to [`Estimate::least_share`] of all weight where it has less; `None` where as much
+    /// was read as there was time for.
+    pub allowed: Option<f64>,
     /// Share of all weight below which bins may be off by as much as one that has it.
     pub least_share: f64,
-    /// Three standard errors of each bin's weight.
+    /// Three standard errors: of each bin's weight; of each shell's mass; of a scatter plot of the share of the particles that each of 16 by 16
+    /// equal cells has, row by row.
     pub errors: Vec<f64>,
-    /// The largest of them, relative as what is allowed.
+    /// The largest of them, relative as what is allowed; of a profile also of the means, relative to the root mean square of their shell's
+    /// values.
     pub largest: f64,
     /// Pages that were read.
     pub pages_read: u64,
@@ -56,11 +119,55 @@ pub struct Estimate {
     pub parts: usize,
 }
 
-/// What merged particles say that a part has in a bin.
+/// A question that a part of a page file may answer: totals over particles, of which merged particles may say something beforehand.
+pub(super) trait Estimated: Gather {
+    /// How many totals; fewer than 2^32.
+    fn totals(&self) -> usize;
+
+    /// Ratios whose errors are wanted: the total above, and that below.
+    fn ratios(&self) -> Vec<[usize; 2]>;
+
+    /// Adds what some particles amount to.
+    fn count(&self, part: &Self::Part, totals: &mut [f64]);
+
+    /// Tells what merged particles add to totals; `per_mass`: how many particles their mass stands for.
+    fn merged(&self, batch: &Batch, per_mass: f64, say: &mut dyn FnMut(usize, f64));
+
+    /// As though each particle had been there so many times, at least once.
+    fn scaled(&self, part: Self::Part, factor: f64) -> Self::Part;
+
+    /// The errors that are told, and the largest relative to what it may be relative to.
+    fn errors(&self, totals: &Totals) -> (Vec<f64>, f64);
+}
+
+/// Totals over all particles.
+pub(super) struct Totals {
+    pub values: Vec<f64>,
+    /// Three standard errors of them.
+    pub errors: Vec<f64>,
+    /// The same of [`Estimated::ratios`].
+    pub ratio_errors: Vec<f64>,
+}
+
+/// The largest error relative to its value, or to the least share of all.
+pub(super) fn largest(errors: &[f64], values: &[f64]) -> f64 {
+    let least = LEAST_SHARE * values.iter().map(|value| value.abs()).sum::<f64>();
+    let relative = |(&error, value): (&f64, &f64)| if error > 0.0 { error / value.abs().max(least) } else { 0.0 };
+    errors.iter().zip(values).map(relative).fold(0.0, f64::max)
+}
+
+/// What was found.
+pub(super) struct Found<P> {
+    /// Of all particles; where a part was read, of those that were, each as many times as it stands for others.
+    pub part: P,
+    /// Totals and how far off they may be, where a part was read.
+    pub sampled: Option<(Totals, Estimate)>,
+}
+
+/// What merged particles say that a part adds to a total.
 struct Share {
-    place: u32,
-    count: f32,
-    weight: f64,
+    total: u32,
+    value: f32,
 }
 
 /// What lies below some nodes in pages that lead to nothing else.
@@ -72,15 +179,17 @@ struct Part {
 }
 
 impl Part {
-    /// When its turn comes: anything that has nothing to do with what it holds (the finaliser of SplitMix64).
-    fn turn(&self) -> u64 {
+    /// When its turn comes: anything that has nothing to do with what it holds.
+    fn turn(&self, draw: u64) -> u64 {
         let first = self.entries.first_key_value();
         let node = first.and_then(|(_, entries)| entries.first()).map_or(0, |entry| entry.node);
         let page = first.map_or(0, |(page, _)| page.0);
-        let mut turn = (u64::from(page) << 32 | u64::from(node)).wrapping_add(0x9e37_79b9_7f4a_7c15);
-        turn = (turn ^ (turn >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        turn = (turn ^ (turn >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        turn ^ (turn >> 31)
+        mix_bits((u64::from(page) << 32 | u64::from(node)).wrapping_add(GOLDEN) ^ mix_bits(draw))
+    }
+
+    /// What its chance to be drawn is in proportion to.
+    fn size(&self) -> f64 {
+        self.particles.max(1) as f64
     }
 }
 
@@ -108,27 +217,43 @@ fn coded<'a>(tree: &'a dyn Tree, query: &'a Query<'a>) -> Option<Vec<Option<Fami
     is_coded.then_some(families)
 }
 
-/// Bins of a tree, each within the allowed relative error; `None` where only all of it can be read. Without an [`Estimate`] all of it was.
+/// Asks as much of the data as is wanted; all of it where only that can be read.
 ///
 /// # Errors
-/// [`ExploreError`] where a page cannot be read.
-pub(super) fn estimate(
-    tree: &dyn Tree,
+/// [`ExploreError`] where the data cannot be read.
+pub(super) fn ask<G: Estimated>(
+    data: Data,
     query: &Query,
-    binning: &Binning,
-    allowed: f64,
+    gather: &G,
+    effort: Effort,
     work: Work,
-) -> Result<Option<(BinningPart, Option<Estimate>)>, ExploreError> {
-    let Some(families) = coded(tree, query) else { return Ok(None) };
-    let asked: Vec<_> = families.iter().flatten().map(|family| family.family).collect();
-    let total = asked.iter().map(|family| family.count).fold(0, u64::saturating_add);
+) -> Result<Found<G::Part>, ExploreError> {
+    if let Some(tree) = effort.part_of(data)
+        && let Some(families) = coded(tree, query)
+    {
+        return estimate(tree, &families, gather, effort, work);
+    }
+    Ok(Found { part: query.ask(data, gather, work)?, sampled: None })
+}
+
+/// Totals over a tree, from as much as is enough; what is found is of all of it where all of it was read.
+fn estimate<G: Estimated>(
+    tree: &dyn Tree,
+    families: &[Option<FamilyQuery>],
+    gather: &G,
+    effort: Effort,
+    work: Work,
+) -> Result<Found<G::Part>, ExploreError> {
+    let asked: Vec<&FamilyQuery> = families.iter().flatten().collect();
+    let total = asked.iter().map(|asked| asked.family.count).fold(0, u64::saturating_add);
     work.progress.begin("reading pages", total);
     let mut roots: BTreeMap<PageId, u64> = BTreeMap::new();
-    for family in &asked {
-        let particles = roots.entry(family.root_page).or_default();
-        *particles = particles.saturating_add(family.count);
+    for asked in &asked {
+        let particles = roots.entry(asked.family.root_page).or_default();
+        *particles = particles.saturating_add(asked.family.count);
     }
-    let inside = query.shapes.are_everywhere();
+    // The same of all families.
+    let inside = asked.first().is_some_and(|asked| asked.query.shapes.are_everywhere());
     let root = |(page, particles): (PageId, u64)| {
         let entries = BTreeMap::from([(page, vec![Entry { node: 0, inside }])]);
         Part { entries, particles, shares: Vec::new() }
@@ -136,21 +261,25 @@ pub(super) fn estimate(
     let mut parts: Vec<Part> = roots.into_iter().map(root).collect();
 
     let wanted = (tree.page_count() as usize / PAGES_PER_PART).clamp(FEWEST_PARTS, MOST_PARTS);
-    let mut known = binning.part();
+    let mut known = gather.part();
     let (mut pages_read, mut dealt_with) = (0, 0_u64);
     let held = |parts: &[Part]| parts.iter().map(|part| part.shares.len()).sum::<usize>();
+    let is_late = |parts: &[Part]| match effort.enough {
+        Enough::Time { split, .. } => parts.len() >= FEWEST_PARTS && Instant::now() >= split,
+        Enough::Never | Enough::Error(_) => false,
+    };
     // Every page of a sound file is reached from one other; a file that was made to harm may lead to one many times.
     let mut seen: HashSet<PageId> = HashSet::new();
-    while !parts.is_empty() && parts.len() < wanted && held(&parts) < MOST_SHARES {
+    while !parts.is_empty() && parts.len() < wanted && held(&parts) < MOST_SHARES && !is_late(&parts) {
         work.go_on()?;
         // The largest ones: what parts differ in size they differ in error.
         parts.sort_by_key(|part| part.particles);
         let largest = parts.split_off(parts.len().saturating_sub(AT_ONCE));
-        let split: Vec<Result<Split, ExploreError>> =
-            largest.into_par_iter().map(|part| split(tree, &families, part, binning)).collect();
+        let split: Vec<Result<Split<G::Part>, ExploreError>> =
+            largest.into_par_iter().map(|mut part| split(tree, families, &mut part, gather)).collect();
         for split in split {
             let split = split?;
-            binning.join(&mut known, split.known)?;
+            gather.join(&mut known, split.known)?;
             pages_read += split.pages;
             dealt_with = dealt_with.saturating_add(split.particles);
             work.progress.advance(split.particles);
@@ -162,45 +291,68 @@ pub(super) fn estimate(
             }
         }
     }
-    parts.sort_by_cached_key(Part::turn);
-    let mut sample = Sample::new(binning, known, &parts);
+    parts.sort_by_cached_key(|part| part.turn(effort.draw));
+    let pages_of = |part: &Part| f64::from(tree.page_count()) * (part.particles as f64 / total.max(1) as f64);
+    let is_read_whole = |part: &Part| match effort.enough {
+        Enough::Time { .. } => pages_of(part) <= READ_WHOLE,
+        Enough::Never | Enough::Error(_) => true,
+    };
+    let mut sample = Sample::new(gather, known, &parts);
     let mut waiting = parts.into_iter();
     loop {
-        let is_enough = sample.read >= FEWEST_READ && sample.largest_error() <= allowed;
+        let is_enough = sample.read >= FEWEST_READ
+            && match effort.enough {
+                Enough::Never => false,
+                Enough::Error(allowed) => gather.errors(&sample.totals()).1 <= allowed,
+                Enough::Time { read, .. } => Instant::now() >= read,
+            };
         if sample.read == sample.parts || is_enough {
             break;
         }
         work.go_on()?;
         let next: Vec<Part> = waiting.by_ref().take(AT_ONCE).collect();
-        let found: Vec<Result<(BinningPart, u64, Part), ExploreError>> =
-            next.into_par_iter().map(|part| read(tree, &families, part, binning, work)).collect();
-        for found in found {
-            let (own, pages, part) = found?;
-            pages_read += pages;
-            dealt_with = dealt_with.saturating_add(part.particles);
-            work.progress.advance(part.particles);
-            sample.add(binning, own, &part.shares)?;
+        let drawn: Vec<Result<Drawn<G::Part>, ExploreError>> = next
+            .into_par_iter()
+            .map(|part| match is_read_whole(&part) {
+                true => read(tree, families, part, gather, work),
+                false => descend(tree, families, part, gather, effort.draw, work),
+            })
+            .collect();
+        for drawn in drawn {
+            let drawn = drawn?;
+            pages_read += drawn.pages;
+            dealt_with = dealt_with.saturating_add(drawn.particles);
+            work.progress.advance(drawn.particles);
+            sample.add(drawn)?;
         }
     }
     // What merged particles stand for, and what is outside the region.
     work.progress.advance(total.saturating_sub(dealt_with));
-    let estimate = (sample.read < sample.parts).then(|| Estimate {
-        allowed,
-        least_share: LEAST_SHARE,
-        errors: sample.errors(),
-        largest: sample.largest_error(),
-        pages_read,
-        pages: tree.page_count().into(),
-        parts_read: sample.read,
-        parts: sample.parts,
+    let sampled = (!sample.is_all()).then(|| {
+        let totals = sample.totals();
+        let (errors, largest) = gather.errors(&totals);
+        let estimate = Estimate {
+            allowed: match effort.enough {
+                Enough::Error(allowed) => Some(allowed),
+                Enough::Never | Enough::Time { .. } => None,
+            },
+            least_share: LEAST_SHARE,
+            errors,
+            largest,
+            pages_read,
+            pages: tree.page_count().into(),
+            parts_read: sample.read,
+            parts: sample.parts,
+        };
+        (totals, estimate)
     });
-    Ok(Some((sample.found(binning)?, estimate)))
+    Ok(Found { part: sample.found()?, sampled })
 }
 
 /// A part, split.
-struct Split {
+struct Split<P> {
     /// Of its pages.
-    known: BinningPart,
+    known: P,
     /// Source particles of the leaves in them.
     particles: u64,
     /// Below them.
@@ -209,35 +361,36 @@ struct Split {
 }
 
 /// Reads the pages of a part alone.
-fn split(
+fn split<G: Estimated>(
     tree: &dyn Tree,
     families: &[Option<FamilyQuery>],
-    part: Part,
-    binning: &Binning,
-) -> Result<Split, ExploreError> {
-    let mut split = Split { known: binning.part(), particles: 0, parts: Vec::new(), pages: 0 };
-    let Part { entries, particles, shares } = part;
-    for (id, entries) in entries {
+    part: &mut Part,
+    gather: &G,
+) -> Result<Split<G::Part>, ExploreError> {
+    let mut split = Split { known: gather.part(), particles: 0, parts: Vec::new(), pages: 0 };
+    for (id, entries) in std::mem::take(&mut part.entries) {
         let page = tree.read_page(id)?;
         split.pages += 1;
         if let Some(family) = families.get(page.family as usize).and_then(Option::as_ref) {
-            split_page(family, &page, entries, binning, &mut split);
+            split_page(family, &page, entries, gather, &mut split);
         }
     }
-    let are_few = shares.len() <= MOST_PASSED_DOWN;
+    let are_few = part.shares.len() <= MOST_PASSED_DOWN;
     for below in split.parts.iter_mut().filter(|below| are_few && below.shares.is_empty()) {
-        let share = (below.particles as f64 / particles.max(1) as f64).min(1.0);
-        let of = |of: &Share| {
-            let count = (share * f64::from(of.count)) as f32;
-            Share { place: of.place, count, weight: share * of.weight }
-        };
-        below.shares = shares.iter().map(of).collect();
+        let share = (below.particles as f64 / part.size()).min(1.0) as f32;
+        below.shares = part.shares.iter().map(|of| Share { total: of.total, value: share * of.value }).collect();
     }
     Ok(split)
 }
 
 /// Takes the leaves of a page from its entries on, and parts of what is below.
-fn split_page(family: &FamilyQuery, page: &Page, entries: Vec<Entry>, binning: &Binning, split: &mut Split) {
+fn split_page<G: Estimated>(
+    family: &FamilyQuery,
+    page: &Page,
+    entries: Vec<Entry>,
+    gather: &G,
+    split: &mut Split<G::Part>,
+) {
     let mut batch = Batch::default();
     let mut reached = vec![false; page.nodes.len()];
     let mut below = Below::default();
@@ -257,7 +410,7 @@ fn split_page(family: &FamilyQuery, page: &Page, entries: Vec<Entry>, binning: &
         let inside = cover == Cover::Inside;
         if node.is_leaf() {
             family.leaf(page, index, node, inside, &mut batch);
-            binning.take(&mut split.known, &batch);
+            gather.take(&mut split.known, &batch);
             split.particles = split.particles.saturating_add(node.source_particles);
             continue;
         }
@@ -280,7 +433,7 @@ fn split_page(family: &FamilyQuery, page: &Page, entries: Vec<Entry>, binning: &
                 // What of the node is below, where not all of it is.
                 let share = (particles as f64 / of.source_particles.max(1) as f64).min(1.0);
                 family.merged(page, merged, of, inside, &mut batch);
-                shares(binning, &batch, of, share)
+                shares(gather, &batch, of, share)
             });
             below.add(Part { entries: elsewhere, particles, shares });
         }
@@ -289,25 +442,14 @@ fn split_page(family: &FamilyQuery, page: &Page, entries: Vec<Entry>, binning: &
 }
 
 /// What merged particles of a node say of this share of it.
-fn shares(binning: &Binning, batch: &Batch, node: &Node, share: f64) -> Vec<Share> {
-    let weights = binning.weight_column.map_or(Some(&batch.mass), |column| batch.columns.get(column));
-    let Some(weights) = weights.filter(|weights| weights.len() == batch.mass.len()) else { return Vec::new() };
-    // How many particles a mass stands for.
+fn shares<G: Estimated>(gather: &G, batch: &Batch, node: &Node, share: f64) -> Vec<Share> {
     let per_mass = if node.mass > 0.0 { node.source_particles as f64 / node.mass } else { 0.0 };
-    let mut found: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
-    for (i, (&mass, &weight)) in batch.mass.iter().zip(weights).enumerate() {
-        let Some(place) = binning.place(batch, i).filter(|_| weight.is_finite() && mass.is_finite()) else { continue };
-        let count = share * mass * per_mass;
-        let weight = match binning.weight_column {
-            Some(_) => count * weight,
-            None if binning.is_count => count,
-            None => share * mass,
-        };
-        // Bins are fewer than 2^32.
-        let (counts, weights) = found.entry(place as u32).or_default();
-        (*counts, *weights) = (*counts + count, *weights + weight);
-    }
-    found.into_iter().map(|(place, (count, weight))| Share { place, count: count as f32, weight }).collect()
+    let mut found: BTreeMap<u32, f64> = BTreeMap::new();
+    // Totals are fewer than 2^32.
+    gather.merged(batch, per_mass, &mut |total, value| *found.entry(total as u32).or_default() += share * value);
+    let said = found.into_iter().map(|(total, value)| Share { total, value: value as f32 });
+    // Whatever is said, the answer is right on average; what has no place in single precision says nothing.
+    said.filter(|share| share.value.is_finite()).collect()
 }
 
 /// Parts below a page, joined where they have a page in common, so that each page is of one of them.
@@ -335,74 +477,166 @@ impl Below {
     }
 }
 
-/// Reads all of a part; how many pages that were, and the part without what led to them.
-fn read(
+/// A part that was drawn.
+struct Drawn<P> {
+    /// Its leaves; of a way through it, each as many times as it stands for others.
+    found: P,
+    /// What was said of it.
+    said: Vec<Share>,
+    /// What was said of what lies beside the way, and what the way says of that: to be added to totals.
+    beside: Vec<(u32, f64)>,
+    particles: u64,
+    pages: u64,
+    is_whole: bool,
+}
+
+impl<P> Drawn<P> {
+    fn new(found: P, part: &Part) -> Drawn<P> {
+        let particles = part.particles;
+        Drawn { found, said: Vec::new(), beside: Vec::new(), particles, pages: 0, is_whole: true }
+    }
+}
+
+/// Reads all of a part.
+fn read<G: Estimated>(
     tree: &dyn Tree,
     families: &[Option<FamilyQuery>],
-    mut part: Part,
-    binning: &Binning,
+    part: Part,
+    gather: &G,
     work: Work,
-) -> Result<(BinningPart, u64, Part), ExploreError> {
-    let mut whole = binning.part();
-    let mut open = std::mem::take(&mut part.entries);
+) -> Result<Drawn<G::Part>, ExploreError> {
+    let mut drawn = Drawn::new(gather.part(), &part);
+    let mut open = part.entries;
     let mut seen = HashSet::new();
-    let mut pages = 0;
     while let Some((id, entries)) = open.pop_first() {
         work.go_on()?;
         let page = tree.read_page(id)?;
-        pages += 1;
+        drawn.pages += 1;
         let Some(family) = families.get(page.family as usize).and_then(Option::as_ref) else { continue };
-        let Walked { part: own, elsewhere, .. } = family.page(&page, entries, binning);
-        binning.join(&mut whole, own)?;
+        let Walked { part: own, elsewhere, .. } = family.page(&page, entries, gather);
+        gather.join(&mut drawn.found, own)?;
         for (child, inside) in elsewhere {
             if seen.insert(child) {
                 open.entry(child.page).or_default().push(Entry { node: child.node, inside });
             }
         }
     }
-    Ok((whole, pages, part))
+    drawn.said = part.shares;
+    Ok(drawn)
+}
+
+/// Reads a way through a part: at each step one of the parts below is drawn, with a chance in proportion to its particles.
+fn descend<G: Estimated>(
+    tree: &dyn Tree,
+    families: &[Option<FamilyQuery>],
+    part: Part,
+    gather: &G,
+    draw: u64,
+    work: Work,
+) -> Result<Drawn<G::Part>, ExploreError> {
+    let mut drawn = Drawn::new(gather.part(), &part);
+    let mut seen: HashSet<PageId> = part.entries.keys().copied().collect();
+    let mut turn = part.turn(draw);
+    // One over the chance to get here.
+    let mut factor = 1.0;
+    let mut said = None;
+    let mut here = part;
+    loop {
+        work.go_on()?;
+        let Split { known, mut parts, pages, .. } = split(tree, families, &mut here, gather)?;
+        drawn.pages += pages;
+        // Of the part itself, which was split first.
+        said.get_or_insert_with(|| std::mem::take(&mut here.shares));
+        gather.join(&mut drawn.found, gather.scaled(known, factor))?;
+        turn = mix_bits(turn.wrapping_add(GOLDEN));
+        let size: f64 = parts.iter().map(Part::size).sum();
+        let mut place = size * as_share(turn);
+        let chosen = parts.iter().position(|part| {
+            place -= part.size();
+            place < 0.0
+        });
+        let Some(chosen) = chosen.or(parts.len().checked_sub(1)) else { break };
+        let times = |factor: f64| move |share: &Share| (share.total, factor * f64::from(share.value));
+        drawn.beside.extend(parts.iter().flat_map(|part| &part.shares).map(times(factor)));
+        drawn.is_whole &= parts.len() == 1;
+        here = parts.swap_remove(chosen);
+        factor *= size / here.size();
+        drawn.beside.extend(here.shares.iter().map(times(-factor)));
+        here.entries.retain(|page, _| seen.insert(*page));
+        if here.entries.is_empty() {
+            break;
+        }
+    }
+    drawn.said = said.unwrap_or_default();
+    Ok(drawn)
 }
 
 /// What is known of all parts by those that were read.
-struct Sample {
+struct Sample<'a, G: Estimated> {
+    gather: &'a G,
     /// What is in no part.
-    known: BinningPart,
+    known: G::Part,
     /// What those that were read hold together.
-    inside: BinningPart,
-    /// What merged particles say of all parts: weights and numbers.
-    said: [Vec<f64>; 2],
-    /// By how much parts that were read have more than was said of them: sums, sums of squares, and sums of the same of numbers.
-    differences: [Vec<f64>; 3],
+    inside: G::Part,
+    /// Totals of what is in no part, and of what merged particles say of all parts.
+    said: Vec<f64>,
+    /// By how much parts that were read have more than was said of them: sums, and sums of squares.
+    differences: [Vec<f64>; 2],
+    ratios: Vec<[usize; 2]>,
+    /// Sums of the products of these differences of each ratio.
+    products: Vec<f64>,
+    /// Those of a part.
+    own: Vec<f64>,
     read: usize,
     parts: usize,
+    /// Whether parts were read as a whole.
+    are_whole: bool,
 }
 
-impl Sample {
-    fn new(binning: &Binning, known: BinningPart, parts: &[Part]) -> Sample {
-        let none = || vec![0.0; binning.cells];
-        let mut said = [none(), none()];
+impl<'a, G: Estimated> Sample<'a, G> {
+    fn new(gather: &'a G, known: G::Part, parts: &[Part]) -> Sample<'a, G> {
+        let none = vec![0.0; gather.totals()];
+        let mut said = none.clone();
+        gather.count(&known, &mut said);
         for share in parts.iter().flat_map(|part| &part.shares) {
-            said[0][share.place as usize] += share.weight;
-            said[1][share.place as usize] += f64::from(share.count);
+            said[share.total as usize] += f64::from(share.value);
         }
-        let differences = [none(), none(), none()];
-        Sample { known, inside: binning.part(), said, differences, read: 0, parts: parts.len() }
+        let ratios = gather.ratios();
+        Sample {
+            gather,
+            known,
+            inside: gather.part(),
+            said,
+            differences: [none.clone(), none.clone()],
+            products: vec![0.0; ratios.len()],
+            ratios,
+            own: none,
+            read: 0,
+            parts: parts.len(),
+            are_whole: true,
+        }
     }
 
-    /// Adds a part that was read, and what was said of it.
-    fn add(&mut self, binning: &Binning, own: BinningPart, shares: &[Share]) -> Result<(), ExploreError> {
-        let mut weights = own.weights.clone();
-        let mut counts: Vec<f64> = own.counts.iter().map(|&count| count as f64).collect();
-        for share in shares {
-            weights[share.place as usize] -= share.weight;
-            counts[share.place as usize] -= f64::from(share.count);
-        }
-        let [sums, squares, numbers] = &mut self.differences;
-        sums.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight);
-        squares.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight * weight);
-        numbers.iter_mut().zip(&counts).for_each(|(sum, count)| *sum += count);
+    /// Adds a part that was read.
+    fn add(&mut self, drawn: Drawn<G::Part>) -> Result<(), ExploreError> {
+        let own = &mut self.own;
+        own.fill(0.0);
+        self.gather.count(&drawn.found, own);
+        drawn.beside.iter().for_each(|&(total, value)| own[total as usize] += value);
+        drawn.said.iter().for_each(|share| own[share.total as usize] -= f64::from(share.value));
+        let [sums, squares] = &mut self.differences;
+        sums.iter_mut().zip(&*own).for_each(|(sum, own)| *sum += own);
+        squares.iter_mut().zip(&*own).for_each(|(sum, own)| *sum += own * own);
+        let products = self.products.iter_mut().zip(&self.ratios);
+        products.for_each(|(sum, &[above, below])| *sum += own[above] * own[below]);
         self.read += 1;
-        binning.join(&mut self.inside, own)
+        self.are_whole &= drawn.is_whole;
+        self.gather.join(&mut self.inside, drawn.found)
+    }
+
+    /// Whether there is nothing that was not read.
+    fn is_all(&self) -> bool {
+        self.read == self.parts && self.are_whole
     }
 
     /// Parts for one that was read.
@@ -410,64 +644,41 @@ impl Sample {
         if self.read > 0 { self.parts as f64 / self.read as f64 } else { 0.0 }
     }
 
-    fn weight(&self, bin: usize) -> f64 {
-        self.known.weights[bin] + self.said[0][bin] + self.factor() * self.differences[0][bin]
-    }
-
-    /// Errors of all bins' weights.
-    fn errors(&self) -> Vec<f64> {
-        let [sums, squares, _] = &self.differences;
+    /// The error of a total of which parts have this much in sum, and the squares of which have this sum.
+    fn error(&self, sum: f64, squares: f64) -> f64 {
+        if self.read < 2 {
+            return f64::INFINITY;
+        }
         let (read, parts) = (self.read as f64, self.parts as f64);
-        let error = |(sum, squares): (&f64, &f64)| {
-            let variance = ((squares - sum * sum / read) / (read - 1.0)).max(0.0);
-            STANDARD_ERRORS * parts * ((1.0 - read / parts) * variance / read).sqrt()
-        };
-        match self.read {
-            0 | 1 => vec![f64::INFINITY; sums.len()],
-            _ => sums.iter().zip(squares).map(error).collect(),
-        }
+        let variance = ((squares - sum * sum / read) / (read - 1.0)).max(0.0);
+        let left = if self.are_whole { 1.0 - read / parts } else { 1.0 };
+        STANDARD_ERRORS * parts * (left * variance / read).sqrt()
     }
 
-    /// The largest error, relative to the weight of a bin or to the least share.
-    fn largest_error(&self) -> f64 {
-        let weights: Vec<f64> = (0..self.said[0].len()).map(|bin| self.weight(bin).abs()).collect();
-        let least = LEAST_SHARE * weights.iter().sum::<f64>();
-        let relative = |(error, weight): (f64, &f64)| if error > 0.0 { error / weight.max(least) } else { 0.0 };
-        self.errors().into_iter().zip(&weights).map(relative).fold(0.0, f64::max)
-    }
-
-    /// All bins: exact where all parts were read.
-    fn found(mut self, binning: &Binning) -> Result<BinningPart, ExploreError> {
-        if self.read == self.parts {
-            binning.join(&mut self.known, self.inside)?;
-            return Ok(self.known);
-        }
+    fn totals(&self) -> Totals {
+        let [sums, squares] = &self.differences;
         let factor = self.factor();
-        let is_field = binning.weight_column.is_some();
-        // No bin has less than nothing of a mass or a number.
-        let weight = |bin: usize| if is_field { self.weight(bin) } else { self.weight(bin).max(0.0) };
-        let count = |bin: usize| {
-            let of_parts = self.said[1][bin] + factor * self.differences[2][bin];
-            (self.known.counts[bin] as f64 + of_parts).round().max(0.0) as u64
+        let values: Vec<f64> = self.said.iter().zip(sums).map(|(said, sum)| said + factor * sum).collect();
+        let errors = sums.iter().zip(squares).map(|(&sum, &squares)| self.error(sum, squares)).collect();
+        let ratio_error = |(&[above, below], product): (&[usize; 2], &f64)| {
+            if values[below] <= 0.0 {
+                return f64::INFINITY;
+            }
+            let ratio = values[above] / values[below];
+            let sum = sums[above] - ratio * sums[below];
+            let squares = squares[above] - 2.0 * ratio * product + ratio * ratio * squares[below];
+            self.error(sum, squares) / values[below]
         };
-        let (known, inside) = (&self.known, &self.inside);
-        let sum = |known: f64, inside: f64| known + factor * inside;
-        let number = |known: u64, inside: u64| sum(known as f64, inside as f64).round() as u64;
-        let both = |known: [f64; 2], inside: [f64; 2]| [sum(known[0], inside[0]), sum(known[1], inside[1])];
-        Ok(BinningPart {
-            weights: (0..known.weights.len()).map(weight).collect(),
-            counts: (0..known.counts.len()).map(count).collect(),
-            size: sum(known.size, inside.size),
-            other_bins: both(known.other_bins, inside.other_bins),
-            off: both(known.off, inside.off),
-            not_positive: number(known.not_positive, inside.not_positive),
-            outside: number(known.outside, inside.outside),
-            missing: number(known.missing, inside.missing),
-            uncertain: Uncertain {
-                count: number(known.uncertain.count, inside.uncertain.count),
-                mass: sum(known.uncertain.mass, inside.uncertain.mass),
-                position: known.uncertain.position.max(inside.uncertain.position),
-            },
-        })
+        let ratio_errors = self.ratios.iter().zip(&self.products).map(ratio_error).collect();
+        Totals { values, errors, ratio_errors }
+    }
+
+    /// All particles that were read, each as many times as it stands for others; exact where all were.
+    fn found(self) -> Result<G::Part, ExploreError> {
+        let factor = self.factor();
+        let Sample { gather, mut known, inside, .. } = self;
+        let inside = if factor > 1.0 { gather.scaled(inside, factor) } else { inside };
+        gather.join(&mut known, inside)?;
+        Ok(known)
     }
 }

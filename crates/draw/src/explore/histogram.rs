@@ -1,11 +1,15 @@
 //! Histograms of a selection, of one field or of two together, and samples of it for scatter plots.
 
 use super::batch::{Batch, Gather, Work};
+use super::binned::{BinnedAxis, Extent, laid_out, place};
+use super::bins::Bins;
 use super::data::Data;
 use super::error::ExploreError;
+use super::estimate::{Effort, Estimate, Estimated, Found, Totals, ask, extents, largest};
 use super::probe::{Fields, ProbeOptions, probe};
 use super::query::{Of, Query, Wanted};
 use crate::model::Unit;
+use crate::model::mixing::{GOLDEN, as_share, mix_bits};
 use serde::Serialize;
 use std::collections::BinaryHeap;
 
@@ -221,9 +225,12 @@ pub struct Scatter {
     pub y: Vec<f64>,
     /// Particles with both values, of which these are a sample.
     pub of: u64,
+    /// How far off shares of the sample may be, where a part of a page file was read; `None` where all of it was.
+    pub estimate: Option<Estimate>,
 }
 
-/// A sample of at most `most` particles, each as likely as any other, the same every time.
+/// A sample of at most `most` particles, each as likely as any other, the same every time. Where a part of a page file is read, errors are
+/// those of the share of the particles that each of 16 by 16 equal cells over all values has ([`Estimate::errors`]).
 ///
 /// # Errors
 /// [`ExploreError`] when the data cannot be read or a field is not there.
@@ -232,28 +239,57 @@ pub fn scatter<'a>(
     of: impl Into<Of<'a>>,
     fields: [&str; 2],
     most: usize,
+    effort: Effort,
     periodic: Option<f64>,
     work: Work,
 ) -> Result<Scatter, ExploreError> {
     let columns = fields.map(str::to_owned).to_vec();
     let query = Query::new(data, of.into(), Wanted { columns, ..Wanted::default() }, periodic)?;
-    let Sample { kept, of } = query.ask(data, &Sampling { most }, work)?;
-    let kept = kept.into_sorted_vec();
-    Ok(Scatter { x: kept.iter().map(|kept| kept.x).collect(), y: kept.iter().map(|kept| kept.y).collect(), of })
+    let held = effort.part_of(data).and_then(|tree| extents(tree, &query, fields.len()));
+    let cell_axis = |(field, extent): (&str, Extent)| {
+        let axis = BinnedAxis { field: field.to_owned(), bins: CELLS, logarithmic: None, range: None };
+        Some(Bins::of(&laid_out(data, &axis, extent).ok()?, false))
+    };
+    let cells = held.and_then(|held| fields.into_iter().zip(held).map(cell_axis).collect::<Option<Vec<Bins>>>());
+    // Without cells there is nothing that errors could be told of.
+    let effort = if cells.is_some() { effort } else { Effort::ALL };
+    let gather = Sampling { most, cells: cells.unwrap_or_default() };
+    let Found { part, sampled } = ask(data, &query, &gather, effort, work)?;
+    let of = sampled.as_ref().map_or(part.of, |(totals, _)| totals.values[gather.of()]);
+    // A particle that stands for few others is left out as often as makes it as likely as the one that stands for most.
+    let is_as_likely = |kept: &Kept| kept.rank * part.heaviest < 1.0;
+    let (mut x, mut y) = (Vec::with_capacity(part.kept.len()), Vec::with_capacity(part.kept.len()));
+    for kept in part.kept.into_sorted_vec().into_iter().filter(is_as_likely) {
+        x.push(kept.x);
+        y.push(kept.y);
+    }
+    Ok(Scatter { x, y, of: of.round() as u64, estimate: sampled.map(|(_, estimate)| estimate) })
 }
+
+/// Cells to the right and upwards of whose shares errors are told.
+const CELLS: usize = 16;
 
 struct Sampling {
     most: usize,
+    /// Cells of whose shares errors are told: along both axes; none where all is read.
+    cells: Vec<Bins>,
 }
 
-/// The particles with the smallest hashes.
+/// The particles with the smallest ranks.
 struct Sample {
     kept: BinaryHeap<Kept>,
-    of: u64,
+    /// Particles with both values.
+    of: f64,
+    /// How many others the particle stands for that stands for most.
+    heaviest: f64,
+    /// Particles in cells.
+    in_cells: Vec<f64>,
 }
 
 struct Kept {
-    hash: u64,
+    /// A number from 0 to below 1 that has nothing to do with the particle, over how many particles it stands for: those below any bound are as
+    /// likely as that number says.
+    rank: f64,
     x: f64,
     y: f64,
 }
@@ -275,7 +311,7 @@ impl PartialOrd for Kept {
 impl Ord for Kept {
     fn cmp(&self, other: &Kept) -> std::cmp::Ordering {
         let values = || self.x.total_cmp(&other.x).then(self.y.total_cmp(&other.y));
-        self.hash.cmp(&other.hash).then_with(values)
+        self.rank.total_cmp(&other.rank).then_with(values)
     }
 }
 
@@ -294,30 +330,86 @@ impl Gather for Sampling {
     type Part = Sample;
 
     fn part(&self) -> Sample {
-        Sample { kept: BinaryHeap::new(), of: 0 }
+        let cells = if self.cells.is_empty() { 0 } else { CELLS * CELLS };
+        Sample { kept: BinaryHeap::new(), of: 0.0, heaviest: 0.0, in_cells: vec![0.0; cells] }
     }
 
     fn take(&self, part: &mut Sample, batch: &Batch) {
         let [x, y] = [0, 1].map(|column| batch.columns.get(column).map_or(&[][..], Vec::as_slice));
-        for ((&key, &x), &y) in batch.keys.iter().zip(x).zip(y) {
-            if x.is_finite() && y.is_finite() {
-                part.of += 1;
-                part.offer(self.most, Kept { hash: mixed(key ^ (batch.family as u64) << 56), x, y });
+        for (i, ((&key, &x), &y)) in batch.keys.iter().zip(x).zip(y).enumerate() {
+            if !(x.is_finite() && y.is_finite()) {
+                continue;
+            }
+            part.of += 1.0;
+            part.heaviest = part.heaviest.max(1.0);
+            let hash = mix_bits((key ^ (batch.family as u64) << 56).wrapping_add(GOLDEN));
+            part.offer(self.most, Kept { rank: as_share(hash), x, y });
+            if !self.cells.is_empty()
+                && let Some(cell) = place(&self.cells, batch, i)
+            {
+                part.in_cells[cell] += 1.0;
             }
         }
     }
 
     fn join(&self, whole: &mut Sample, next: Sample) -> Result<(), ExploreError> {
         whole.of += next.of;
+        whole.heaviest = whole.heaviest.max(next.heaviest);
+        whole.in_cells.iter_mut().zip(&next.in_cells).for_each(|(whole, next)| *whole += next);
         next.kept.into_iter().for_each(|kept| whole.offer(self.most, kept));
         Ok(())
     }
 }
 
-/// SplitMix64's finisher: numbers that follow each other become numbers that do not.
-fn mixed(key: u64) -> u64 {
-    let mut z = key.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
+impl Sampling {
+    /// The total of particles with both values, as those that were read tell it. Shares are of it, for the sample knows no other.
+    fn of_those_read(&self) -> usize {
+        CELLS * CELLS
+    }
+
+    /// The same total, of which merged particles say something, too.
+    fn of(&self) -> usize {
+        CELLS * CELLS + 1
+    }
+}
+
+/// Totals are the numbers of particles in all cells, of which merged particles say nothing: a sample has none of them.
+impl Estimated for Sampling {
+    fn totals(&self) -> usize {
+        CELLS * CELLS + 2
+    }
+
+    fn ratios(&self) -> Vec<[usize; 2]> {
+        (0..CELLS * CELLS).map(|cell| [cell, self.of_those_read()]).collect()
+    }
+
+    fn count(&self, part: &Sample, totals: &mut [f64]) {
+        totals.iter_mut().zip(&part.in_cells).for_each(|(sum, count)| *sum += count);
+        totals[self.of_those_read()] += part.of;
+        totals[self.of()] += part.of;
+    }
+
+    fn merged(&self, batch: &Batch, per_mass: f64, say: &mut dyn FnMut(usize, f64)) {
+        let [x, y] = [0, 1].map(|column| batch.columns.get(column).map_or(&[][..], Vec::as_slice));
+        let valued = batch.mass.iter().zip(x).zip(y).filter(|((_, x), y)| x.is_finite() && y.is_finite());
+        say(self.of(), valued.map(|((mass, _), _)| mass * per_mass).sum());
+    }
+
+    fn scaled(&self, mut part: Sample, factor: f64) -> Sample {
+        let times = |kept: Kept| Kept { rank: kept.rank / factor, ..kept };
+        part.in_cells.iter_mut().for_each(|count| *count *= factor);
+        Sample {
+            kept: part.kept.into_iter().map(times).collect(),
+            of: factor * part.of,
+            heaviest: factor * part.heaviest,
+            in_cells: part.in_cells,
+        }
+    }
+
+    fn errors(&self, totals: &Totals) -> (Vec<f64>, f64) {
+        let all = totals.values[self.of_those_read()];
+        let shares: Vec<f64> =
+            totals.values[..CELLS * CELLS].iter().map(|count| if all > 0.0 { count / all } else { 0.0 }).collect();
+        (totals.ratio_errors.clone(), largest(&totals.ratio_errors, &shares))
+    }
 }

@@ -115,6 +115,16 @@ impl Moments {
         self.min_positive = self.min_positive.min(other.min_positive);
     }
 
+    /// As though each value had been there so many times, up to rounding of their number.
+    pub(super) fn scaled(mut self, factor: f64) -> Moments {
+        let count = (factor * self.count as f64).round();
+        self.plain.squares *= if self.count > 0 { count / self.count as f64 } else { 0.0 };
+        self.count = count as u64;
+        self.weight *= factor;
+        self.weighted.squares *= factor;
+        self
+    }
+
     /// The mean; `None` of no values.
     pub fn mean(&self) -> Option<f64> {
         (self.count > 0).then_some(self.plain.mean)

@@ -205,7 +205,7 @@ impl<'a> FamilyQuery<'a> {
         }
     }
 
-    /// Fills masses and columns of the batch with those of the merged particles of a node that are members by what their means say. Their
+    /// Fills places, masses and columns of the batch with those of the merged particles of a node that are members by what their means say. Their
     /// masses add up to the node's, where all are members.
     pub(super) fn merged(&self, page: &Page, index: usize, node: &Node, inside: bool, batch: &mut Batch) {
         batch.clear(self.columns.len());
@@ -219,8 +219,11 @@ impl<'a> FamilyQuery<'a> {
             let is_accepted = self.is_accepted(usize::from(node.codebook), usize::from(code));
             is_accepted && (inside || self.query.shapes.contains(place.at(particles.fraction(i))))
         };
-        let all = particles.codes.iter().enumerate();
-        let codes: Vec<u16> = all.filter(|&(i, &code)| is_member(i, code)).map(|(_, &code)| code).collect();
+        let mut codes = Vec::with_capacity(particles.len());
+        for (i, &code) in particles.codes.iter().enumerate().filter(|&(i, &code)| is_member(i, code)) {
+            codes.push(code);
+            batch.relative.push(self.query.shapes.relative(place.at(particles.fraction(i))));
+        }
         let value =
             |values: &[f32], code: u16| values.get(usize::from(code)).map_or(f64::NAN, |&value| f64::from(value));
         batch.mass.extend(codes.iter().map(|&code| value(&codebook.mass, code) * scale));

@@ -52,6 +52,18 @@ pub struct Shell {
     pub mass_weighted_dispersion: Option<f64>,
 }
 
+impl Shell {
+    /// Its volume.
+    pub(in crate::explore) fn volume(&self) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * (self.to.powi(3) - self.from.powi(3))
+    }
+
+    /// Sets its mass, and with it its density.
+    pub(super) fn set_mass(&mut self, mass: f64) {
+        (self.mass, self.density) = (mass, mass / self.volume());
+    }
+}
+
 /// Shells that are being filled.
 pub(super) struct Shells {
     /// The centre, from the region's reference.
@@ -64,9 +76,9 @@ pub(super) struct Shells {
 /// What is in the shells so far.
 #[derive(Clone)]
 pub(super) struct Filled {
-    counts: Vec<u64>,
-    masses: Vec<f64>,
-    values: Vec<Moments>,
+    pub counts: Vec<u64>,
+    pub masses: Vec<f64>,
+    pub values: Vec<Moments>,
 }
 
 impl Shells {
@@ -93,17 +105,26 @@ impl Shells {
         Ok(Shells { center: center - reference, squared, edges })
     }
 
+    pub(super) fn len(&self) -> usize {
+        self.edges.len()
+    }
+
+    /// The shell that a place is in, which counts from the region's reference.
+    pub(super) fn shell(&self, at: DVec3) -> usize {
+        let squared = (at - self.center).length_squared();
+        // What rounding puts a hair outside of the sphere belongs to its last shell.
+        self.squared.partition_point(|&edge| edge < squared).min(self.squared.len() - 1)
+    }
+
     pub(super) fn empty(&self) -> Filled {
-        let n = self.edges.len();
+        let n = self.len();
         Filled { counts: vec![0; n], masses: vec![0.0; n], values: vec![Moments::NONE; n] }
     }
 
     /// Adds a run of particles; `values` is the field's column, or empty.
     pub(super) fn fill(&self, filled: &mut Filled, batch: &Batch, values: &[f64]) {
         for (i, (at, &mass)) in batch.relative.iter().zip(&batch.mass).enumerate() {
-            let squared = (*at - self.center).length_squared();
-            // What rounding puts a hair outside of the sphere belongs to its last shell.
-            let shell = self.squared.partition_point(|&edge| edge < squared).min(self.squared.len() - 1);
+            let shell = self.shell(*at);
             filled.counts[shell] += 1;
             filled.masses[shell] += mass;
             if let Some(&value) = values.get(i) {
@@ -128,22 +149,34 @@ impl Shells {
         let inner = std::iter::once(0.0).chain(self.edges.iter().copied());
         let shells = inner.zip(&self.edges).zip(filled.counts.iter().zip(&filled.masses).zip(&filled.values));
         shells
-            .map(|((from, &to), ((&count, &mass), values))| Shell {
-                from,
-                to,
-                count,
-                mass,
-                density: mass / (4.0 / 3.0 * std::f64::consts::PI * (to.powi(3) - from.powi(3))),
-                mean: values.mean(),
-                dispersion: values.dispersion(),
-                mass_weighted_mean: values.weighted_mean(),
-                mass_weighted_dispersion: values.weighted_dispersion(),
+            .map(|((from, &to), ((&count, &mass), values))| {
+                let mut shell = Shell {
+                    from,
+                    to,
+                    count,
+                    mass: 0.0,
+                    density: 0.0,
+                    mean: values.mean(),
+                    dispersion: values.dispersion(),
+                    mass_weighted_mean: values.weighted_mean(),
+                    mass_weighted_dispersion: values.weighted_dispersion(),
+                };
+                shell.set_mass(mass);
+                shell
             })
             .collect()
     }
 }
 
 impl Filled {
+    /// As though each particle had been there so many times.
+    pub(super) fn scaled(mut self, factor: f64) -> Filled {
+        self.counts.iter_mut().for_each(|count| *count = (factor * *count as f64).round() as u64);
+        self.masses.iter_mut().for_each(|mass| *mass *= factor);
+        self.values.iter_mut().for_each(|values| *values = values.scaled(factor));
+        self
+    }
+
     pub(super) fn join(&mut self, other: &Filled) {
         self.counts.iter_mut().zip(&other.counts).for_each(|(a, b)| *a += b);
         self.masses.iter_mut().zip(&other.masses).for_each(|(a, b)| *a += b);

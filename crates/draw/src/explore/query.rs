@@ -52,6 +52,8 @@ pub(super) struct Wanted {
     pub ids: bool,
     /// Whole rows of the source: ids where there are any, and every field.
     pub rows: bool,
+    /// The fields of these rows that are read; the others are left empty. Every field where it is `None`.
+    pub only: Option<Vec<String>>,
 }
 
 /// A question that is ready to be asked.

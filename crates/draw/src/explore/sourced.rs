@@ -154,9 +154,10 @@ impl FamilyQuery<'_> {
             batch.ids.extend(rows.iter().map(|&row| ids[row as usize]));
         }
         if wanted.rows {
-            for field in 0..self.rows.info().fields.len() {
+            for (field, info) in self.rows.info().fields.iter().enumerate() {
                 let mut out = Vec::new();
-                if self.rows.info().fields[field].kind != FieldKind::Id {
+                let is_wanted = wanted.only.as_ref().is_none_or(|only| only.contains(&info.name));
+                if info.kind != FieldKind::Id && is_wanted {
                     self.rows.vector(field, range.clone(), rows, buffer, &mut out)?;
                 }
                 batch.rows.push(out);

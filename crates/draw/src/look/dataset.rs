@@ -3,6 +3,7 @@
 use super::{Attribute, HeightsSaid, Member, SceneError, SceneFile, TakenFor, data_file};
 use crate::color::transfer::TransferFunction;
 use crate::heights::import::PhotoChoice;
+use crate::import::files_of;
 use crate::mode::{Mode, Settings};
 use crate::model::{DerivedQuantity, FamilyName, Unit};
 use glam::DVec3;
@@ -160,7 +161,8 @@ pub struct Fingerprint {
 pub const SPAN: u64 = 1 << 16;
 
 impl Fingerprint {
-    /// The fingerprint of a file; of a folder that of the names and lengths of what is in it.
+    /// The fingerprint of a file; of a folder that of the names and lengths of the files that are read of it, none where nothing in it can be
+    /// opened, which is told where it is.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -179,9 +181,9 @@ impl Fingerprint {
 
     fn of_folder(path: &Path) -> std::io::Result<Fingerprint> {
         let mut files = Vec::new();
-        for entry in std::fs::read_dir(path)? {
-            let entry = entry?;
-            files.push((entry.file_name(), entry.metadata()?.len()));
+        for file in files_of(path).unwrap_or_default() {
+            let bytes = std::fs::metadata(&file)?.len();
+            files.push((file.strip_prefix(path).unwrap_or(&file).as_os_str().to_owned(), bytes));
         }
         files.sort();
         let bytes = files.iter().map(|(_, bytes)| bytes).sum();
@@ -357,6 +359,15 @@ mod tests {
         assert_eq!((located.members[0].path.as_path(), located.notes.len()), (&*slices.canonicalize().unwrap(), 0));
         std::fs::write(slices.join("s2.png"), b"\x89PNG\r\n\x1a\n").unwrap();
         assert!(named_slices.locate(&scene).unwrap().notes[0].contains("slices is not the file that"));
+        // So is a catalogue, whose files lie deeper.
+        let (sky, partition) = (data.join("sky"), data.join("sky/dataset/Norder=0/Dir=0/Npix=4.parquet"));
+        std::fs::create_dir_all(partition.parent().unwrap()).unwrap();
+        std::fs::write(&partition, "PAR1").unwrap();
+        let named_sky = DatasetRef::of(&sky, &scene);
+        std::fs::write(sky.join("notes.txt"), "told").unwrap();
+        assert!(named_sky.locate(&scene).unwrap().notes.is_empty());
+        std::fs::write(&partition, "PAR1PAR1").unwrap();
+        assert!(named_sky.locate(&scene).unwrap().notes[0].contains("it has 8 bytes and had 4"));
 
         // Gone: both places are named, and what to do.
         std::fs::remove_file(&file).unwrap();

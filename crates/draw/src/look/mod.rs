@@ -6,6 +6,7 @@
 
 pub mod dataset;
 pub mod members;
+pub mod page_cache;
 
 mod check;
 mod film;

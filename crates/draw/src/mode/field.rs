@@ -4,6 +4,7 @@ use super::Settings;
 use crate::color::transfer::{Scale, TransferFunction};
 use crate::cpu::field::{Field, FieldPoints, ValueAxis};
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::Lighting;
 use crate::cpu::volume::{Scenery, VolumeLevels, VolumeOptions};
 use crate::view::{PerspectiveGrid, View};
 
@@ -27,6 +28,8 @@ pub struct FieldJob<'a> {
     pub diameter: f64,
     /// Paths that are drawn among it, by techniques that take them.
     pub paths: Option<&'a PathFragments>,
+    /// What lamps go with, and what else hides light, by techniques with opaque surfaces.
+    pub lighting: Lighting<'a>,
 }
 
 /// What an adapter's passes draw of a field.

@@ -5,6 +5,7 @@
 pub mod blend;
 pub mod depiction;
 pub mod field;
+pub mod in_view;
 pub mod levels;
 pub mod lod_budget;
 pub mod over;
@@ -15,6 +16,7 @@ pub mod technique;
 
 pub use depiction::{CodeTable, Coloring, Depiction, SourceColumns};
 pub use field::{FieldJob, FieldMarch, FieldPasses, FieldValues, ValueStatistics};
+pub use in_view::InView;
 pub use levels::{LevelChoice, Levels};
 pub use lod_budget::{LodBudget, Plan};
 pub use paths::{Focus, PathColor, PathSettings, PathShape, PathsOf, Span};

@@ -1,7 +1,7 @@
 //! How a mode is drawn: what a technique needs, which backends it has, what it is handed and what it hands back. What draws
 //! asks the technique and never for the mode.
 
-use super::{FieldJob, FieldPasses, Footprint, Settings};
+use super::{FieldJob, FieldPasses, Footprint, InView, Settings};
 use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
@@ -10,6 +10,7 @@ use crate::cpu::layered::Assignment;
 use crate::cpu::over::Order;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
+use crate::cpu::shadowing::{Casters, Lighting};
 use crate::cpu::volume::attributes::ColumnMarch;
 use crate::cpu::volume::{
     Classifier, FieldRange, Light, Scenery, Supply, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
@@ -163,6 +164,20 @@ pub trait Technique: Sync {
         None
     }
 
+    /// Whether ranges of its colours or of its fields are looked for in what is in view ([`Technique::in_view`]), of techniques that draw light.
+    /// Others find those of all the data, where a picture is put together of several views.
+    fn looks_in_view(&self, _settings: &Settings, _transfer: &TransferFunction) -> bool {
+        false
+    }
+
+    /// What such ranges are found by: one view's part of the [`Job::in_views`] of each of them.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw`].
+    fn in_view(&self, _job: &Job<'_>) -> Result<Option<InView>, VolumeError> {
+        Ok(None)
+    }
+
     /// Changes settings that depend on the view, so that all faces of a panorama are drawn alike; `all` are particles of all the data, whose
     /// kernel this is.
     fn for_panorama(&self, _settings: &mut Settings, _all: &[Splats<'_>], _kernel: Kernel) {}
@@ -245,6 +260,22 @@ pub trait Technique: Sync {
         Err(VolumeError::OnlyAlone)
     }
 
+    /// How the opaque surfaces of an image or a volume hide light from something else in a job's picture; `None` of techniques without any.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw_field`].
+    fn field_casters<'j>(&'j self, _job: &'j FieldJob<'j>) -> Result<Option<Box<Casters<'j>>>, VolumeError> {
+        Ok(None)
+    }
+
+    /// How the opaque surfaces of particles hide light from something else in a job's picture; `None` of techniques without any.
+    ///
+    /// # Errors
+    /// [`VolumeError`] as [`Technique::draw`].
+    fn casters<'j>(&'j self, _job: &'j Job<'j>) -> Result<Option<Box<Casters<'j>>>, VolumeError> {
+        Ok(None)
+    }
+
     /// What draws on the processor a picture whose batches are not all there at once: it is given them in their order, and the job's own do
     /// not count. `None` where a picture needs all of them, as all but sums do.
     fn summation(&self, _job: &Job<'_>) -> Option<Summation> {
@@ -306,6 +337,10 @@ pub struct Job<'a> {
     pub paths: Option<&'a PathFragments>,
     /// Angle of a pixel of the panorama that the picture is a face of, radians; `None` for a flat picture.
     pub around: Option<f64>,
+    /// What all views of a picture that is put together of several show, by which one range is found for all; `None`: this one has its own.
+    pub in_views: Option<&'a InView>,
+    /// What lamps go with, and what else hides light, by techniques with opaque surfaces.
+    pub lighting: Lighting<'a>,
     /// The order in which splats lie over each other, by techniques that draw them so.
     pub order: Order,
 }
@@ -577,6 +612,8 @@ mod tests {
             mean_mass: 1.0,
             paths: None,
             around: None,
+            in_views: None,
+            lighting: Lighting::default(),
             order: Order::default(),
         };
         let refused = MODE.draw(&job).unwrap_err().to_string();

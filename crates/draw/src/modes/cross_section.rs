@@ -10,7 +10,9 @@ use crate::cpu::slice::{Slice, SlicePixel};
 use crate::cpu::volume::attributes::LEAST_FILLED;
 use crate::cpu::volume::particles::density_scale;
 use crate::cpu::volume::{VolumeError, VolumeLevels, VolumeReport};
-use crate::mode::{Job, LightPicture, Mode, Output, Raw, Setting, SettingKind, Settings, Technique, ValueStatistics};
+use crate::mode::{
+    InView, Job, LightPicture, Mode, Output, Raw, Setting, SettingKind, Settings, Technique, ValueStatistics,
+};
 use crate::view::perspective_grid::GridError;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -107,25 +109,25 @@ impl Shown {
     }
 }
 
-/// What is known of a plane before it is coloured.
+/// What is known of a plane in a view before it is coloured.
 struct Section {
     plane: WorldPlane,
     sums: Vec<Sums>,
+    shown: Shown,
     /// NaN where there is none.
     values: Vec<f32>,
     /// Of what colours them, where something does.
     hues: Option<Vec<f32>>,
     transfer: TransferFunction,
-    levels: VolumeLevels,
     /// Particles that the plane cuts.
     particles: u64,
 }
 
 impl Section {
-    /// What settings and the transfer function come to for particles.
+    /// The plane that settings mean, with its values.
     ///
     /// # Errors
-    /// [`VolumeError`] for settings that do not fit the data, for automatic ranges of panoramas, and where nothing of the plane is in view.
+    /// [`VolumeError`] for settings that do not fit the data, and where nothing of the plane is in view.
     fn new(job: &Job<'_>) -> Result<Section, VolumeError> {
         let view = job.view;
         let (names, plane) = (names(job.settings), plane(job)?);
@@ -142,22 +144,37 @@ impl Section {
         if !values.iter().any(|value| value.is_finite()) {
             return Err(GridError::NothingInView.into());
         }
-        let terms = job.terms();
-        let usual = || TransferFunction::of_volumes(terms.attribute);
-        let mut transfer = job.transfer.cloned().unwrap_or_else(usual).for_volume();
-        // Each face of a panorama would find numbers of its own.
-        let alone = |field: &'static str| match job.around {
-            Some(_) => {
-                let expected = "numbers for a slice in panoramas".into();
-                Err(VolumeError::Setting { field, found: "auto".into(), expected })
-            }
-            None => Ok(()),
+        let has_attribute = job.terms().attribute;
+        let usual = || TransferFunction::of_volumes(has_attribute);
+        let transfer = job.transfer.cloned().unwrap_or_else(usual).for_volume();
+        let hues = (has_attribute && transfer.hue.is_some()).then(|| {
+            let of_pixel = |(sums, value): (&Sums, &f32)| {
+                // Where nothing is shown nothing is coloured.
+                let shown = sums.attribute().filter(|_| value.is_finite());
+                shown.unwrap_or(f32::NAN)
+            };
+            sums.iter().zip(&values).map(of_pixel).collect()
+        });
+        Ok(Section { plane, sums, shown, values, hues, transfer, particles })
+    }
+
+    /// What its ranges are found by.
+    fn in_view(self) -> InView {
+        let finite = |values: Vec<f32>| values.into_iter().filter(|value| value.is_finite()).collect();
+        InView::Pixels([self.values, self.hues.unwrap_or_default()].map(finite))
+    }
+
+    /// The ranges of its colours, by what it shows itself where it is not one view of several. Values below zero have a linear scale from now on.
+    fn levels(&mut self, in_views: Option<&InView>) -> VolumeLevels {
+        let statistics = |index: usize, own: &[f32]| match in_views {
+            Some(InView::Pixels(all)) => ValueStatistics::of(&all[index]),
+            _ => ValueStatistics::of(own),
         };
+        let Section { shown, values, hues, transfer, .. } = self;
         let range = match transfer.range {
             Range::Fixed(low, high) => [low, high],
             Range::Auto => {
-                alone("range")?;
-                let found = ValueStatistics::of(&values);
+                let found = statistics(0, values);
                 let [low, high] = ENDS.map(|share| found.percentile(share));
                 match shown {
                     Shown::Weights | Shown::Density if transfer.scale == Scale::Log => {
@@ -172,22 +189,12 @@ impl Section {
             // A logarithm is no scale for them.
             transfer.scale = Scale::Linear;
         }
-        let hue = transfer.hue.clone().filter(|_| terms.attribute);
-        let hues = hue.is_some().then(|| {
-            let of_pixel = |(sums, value): (&Sums, &f32)| {
-                // Where nothing is shown nothing is coloured.
-                let shown = sums.attribute().filter(|_| value.is_finite());
-                shown.unwrap_or(f32::NAN)
-            };
-            sums.iter().zip(&values).map(of_pixel).collect::<Vec<f32>>()
-        });
-        let attribute = match (&hue, &hues) {
+        let attribute = match (&transfer.hue, hues) {
             (Some(hue), Some(hues)) => {
                 let ends = match hue.range {
                     Range::Fixed(low, high) => [low, high],
                     Range::Auto => {
-                        alone("hue: range")?;
-                        let found = ValueStatistics::of(hues);
+                        let found = statistics(1, hues);
                         Range::apart(HUE_ENDS.map(|share| found.percentile(share)))
                     }
                 };
@@ -195,14 +202,13 @@ impl Section {
             }
             _ => [0.0, 1.0],
         };
-        let levels = VolumeLevels { density: transfer.scale.usable(range), attribute, unit_length: 1.0 };
-        Ok(Section { plane, sums, values, hues, transfer, levels, particles })
+        VolumeLevels { density: transfer.scale.usable(range), attribute, unit_length: 1.0 }
     }
 
-    /// Coloured, with the vectors that there are.
-    fn slice(&self, job: &Job<'_>) -> Slice {
+    /// Coloured over these ranges, with the vectors that there are.
+    fn slice(&self, job: &Job<'_>, levels: VolumeLevels) -> Slice {
         let view = job.view;
-        let color = samples::colors_at(&self.transfer, self.levels);
+        let color = samples::colors_at(&self.transfer, levels);
         let mut slice = Slice::new(view);
         slice.pixels.par_iter_mut().enumerate().for_each(|(at, out)| {
             let value = self.values[at];
@@ -238,17 +244,25 @@ impl Technique for CrossSection {
     }
 
     fn own_levels(&self, job: &Job<'_>) -> Option<VolumeLevels> {
-        Section::new(job).ok().map(|section| section.levels)
+        Section::new(job).ok().map(|mut section| section.levels(job.in_views))
+    }
+
+    fn looks_in_view(&self, _: &Settings, transfer: &TransferFunction) -> bool {
+        transfer.numbers().is_none()
+    }
+
+    fn in_view(&self, job: &Job<'_>) -> Result<Option<InView>, VolumeError> {
+        Ok(Some(Section::new(job)?.in_view()))
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
-        let section = Section::new(job)?;
-        let mut slice = section.slice(job);
+        let mut section = Section::new(job)?;
+        let levels = section.levels(job.in_views);
+        let mut slice = section.slice(job, levels);
         let arrows = slice.decorate(&slice_overlay::of(job.settings));
         let (particles, grid) = (section.particles, [job.view.width, job.view.height, 1]);
         let report = VolumeReport { particles, grid, arrows: arrows.map(Box::new), ..VolumeReport::default() };
-        let (colors, levels) = (slice.colors(), section.levels);
-        Ok(Raw::Light(LightPicture { colors, report, levels, isovalues: Vec::new() }))
+        Ok(Raw::Light(LightPicture { colors: slice.colors(), report, levels, isovalues: Vec::new() }))
     }
 }
 
@@ -266,6 +280,7 @@ pub static MODE: Mode = Mode {
 mod tests {
     use super::*;
     use crate::cpu::over::Order;
+    use crate::cpu::shadowing::Lighting;
     use crate::cpu::{Extent, Positions, SplatOptions};
     use crate::mode::SettingValue;
     use crate::model::Bounds;
@@ -313,6 +328,8 @@ mod tests {
             mean_mass: 1.0,
             paths: None,
             around: None,
+            in_views: None,
+            lighting: Lighting::default(),
             order: Order::default(),
         };
         MODE.draw(&job).and_then(|raw| raw.light(&MODE))

@@ -5,17 +5,16 @@ use super::shadowing;
 use super::volume_fields::{self, VolumeFields};
 use crate::color::colors::to_linear;
 use crate::color::transfer::{Range, TransferFunction, UnitLength};
-use crate::cpu::Splats;
 use crate::cpu::paths::PathFragments;
-use crate::cpu::shadowing::Shadowing;
+use crate::cpu::shadowing::{Casters, Lighting, Shadowing};
 use crate::cpu::volume::particles::SMALLEST;
 use crate::cpu::volume::{
     self, Classifier, FieldRange, Light, Scenery, Supply, Surface, VolumeError, VolumeLevels, VolumeOptions, range,
 };
 use crate::hierarchy::Purpose;
 use crate::mode::{
-    Adapter, Columns, Conserved, FieldJob, FieldPasses, FindRanges, Job, LightPasses, LightPicture, LightPlan, Mode,
-    Needs, Output, Raw, Setting, SettingKind, SettingValue, Settings, Technique, Terms,
+    Adapter, Columns, Conserved, FieldJob, FieldPasses, FindRanges, InView, Job, LightPasses, LightPicture, LightPlan,
+    Mode, Needs, Output, Raw, Setting, SettingKind, Settings, Technique, Terms,
 };
 use crate::model::{Bounds, Kernel, Unit};
 use crate::view::perspective_grid::GridOptions;
@@ -414,11 +413,15 @@ pub struct Marched(pub Layers);
 
 impl Marched {
     /// How its surfaces darken each other in a view of data of this diameter; `None` where they do not.
-    fn shadowing(&self, settings: &Settings, view: &View, diameter: f64) -> Option<Shadowing> {
+    fn shadowing(&self, settings: &Settings, view: &View, lighting: &Lighting<'_>, diameter: f64) -> Option<Shadowing> {
         match self.0.surfaces {
             [] => None,
-            _ => shadowing::beside_eye(settings, view, diameter),
+            _ => shadowing::beside_eye(settings, view, lighting, diameter),
         }
+    }
+
+    fn field_shadowing(&self, job: &FieldJob<'_>) -> Option<Shadowing> {
+        self.shadowing(job.settings, job.view, &job.lighting, job.diameter)
     }
 }
 
@@ -428,7 +431,9 @@ impl Technique for Marched {
     }
 
     fn needs(&self, settings: &Settings) -> Needs {
-        let own = Needs { purpose: Purpose::Samples, slices: true, hides: true, ..Needs::default() };
+        let steps = settings.number(&SURFACE_SMOOTHING).round() as u32;
+        let margin_px = Needs::default().margin_px.max(volume::smoothing::reach(steps));
+        let own = Needs { purpose: Purpose::Samples, slices: true, margin_px, hides: true, ..Needs::default() };
         shadowing::needs(own, settings)
     }
 
@@ -459,11 +464,15 @@ impl Technique for Marched {
         (!names.is_empty()).then(fields).flatten().map(|fields| fields.levels)
     }
 
-    fn for_panorama(&self, settings: &mut Settings, _: &[Splats<'_>], _: Kernel) {
-        // Each face would find densities of its own.
-        if self.0.volume {
-            settings.set(&volume_fields::FIELD_OPACITY, SettingValue::Name("field".into()));
-        }
+    fn looks_in_view(&self, settings: &Settings, transfer: &TransferFunction) -> bool {
+        let names = self.fields(settings);
+        // The transfer function has a range for the first one alone.
+        !names.is_empty() && (names.len() > 1 || transfer.numbers().is_none())
+    }
+
+    fn in_view(&self, job: &Job<'_>) -> Result<Option<InView>, VolumeError> {
+        let names = self.fields(job.settings);
+        (!names.is_empty()).then(|| volume_fields::in_view(job, &names)).transpose()
     }
 
     fn takes_paths(&self) -> bool {
@@ -500,7 +509,7 @@ impl Technique for Marched {
     }
 
     fn draw_field(&self, job: &FieldJob<'_>) -> Result<Raw, VolumeError> {
-        Ok(Raw::Light(match self.shadowing(job.settings, job.view, job.diameter) {
+        Ok(Raw::Light(match self.field_shadowing(job) {
             Some(shadowing) => samples::march_darkened(job, &self.0, &shadowing)?,
             None => samples::march(job, &self.0)?,
         }))
@@ -511,12 +520,32 @@ impl Technique for Marched {
     }
 
     fn field_parts(&self, job: &FieldJob<'_>) -> Result<PathFragments, VolumeError> {
-        samples::march_in_parts(job, &self.0, self.shadowing(job.settings, job.view, job.diameter).as_ref())
+        samples::march_in_parts(job, &self.0, self.field_shadowing(job).as_ref())
+    }
+
+    fn field_casters<'j>(&'j self, job: &'j FieldJob<'j>) -> Result<Option<Box<Casters<'j>>>, VolumeError> {
+        Ok((!self.0.surfaces.is_empty()).then(|| samples::casters(job, &self.0)))
+    }
+
+    fn casters<'j>(&'j self, job: &'j Job<'j>) -> Result<Option<Box<Casters<'j>>>, VolumeError> {
+        if self.0.surfaces.is_empty() {
+            return Ok(None);
+        }
+        let names = self.fields(job.settings);
+        if !names.is_empty() {
+            return Ok(Some(VolumeFields::new(job, &self.0, &names)?.casters(job)));
+        }
+        let look = Look::new(job)?;
+        let (scenery, _) = look.scenery(&job.terms(), self.0)?;
+        let parts = move |from: &View| {
+            volume::draw_in_parts(from, job.batches, &scenery, &look.options.seen_from(from == job.view))
+        };
+        Ok(Some(shadowing::casters_of(parts)))
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let names = self.fields(job.settings);
-        let shadowing = self.shadowing(job.settings, job.view, job.diameter);
+        let shadowing = self.shadowing(job.settings, job.view, &job.lighting, job.diameter);
         if !names.is_empty() {
             let fields = VolumeFields::new(job, &self.0, &names)?;
             return Ok(Raw::Light(match shadowing {
@@ -532,7 +561,8 @@ impl Technique for Marched {
                     let options = look.options.seen_from(view == job.view);
                     volume::draw_in_parts(view, job.batches, &scenery, &options)
                 };
-                let (parts, report) = shadowing::darkened(job.view, &shadowing, parts)?;
+                let others = job.lighting.others.as_ref();
+                let (parts, report) = shadowing::darkened(job.view, &shadowing, others, parts)?;
                 (shadowing::colors_among(&parts, job.paths), report)
             }
             None => volume::draw_with_paths(job.view, job.batches, &scenery, &look.options, job.paths)?,

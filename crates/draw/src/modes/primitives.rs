@@ -304,6 +304,7 @@ pub static MODE: Mode = Mode {
 mod tests {
     use super::*;
     use crate::cpu::over::Order;
+    use crate::cpu::shadowing::Lighting;
     use crate::cpu::{Positions, SplatOptions};
     use crate::model::Bounds;
     use crate::view::{Projection, View};
@@ -340,6 +341,8 @@ mod tests {
             mean_mass: 1.0,
             paths: None,
             around: None,
+            in_views: None,
+            lighting: Lighting::default(),
             order: Order::default(),
         };
         let light = MODE.draw(&job).and_then(|raw| raw.light(&MODE)).expect("outlines");

@@ -8,7 +8,7 @@ use crate::color::transfer::{Curve, Hue, Range, TransferFunction, UnitLength};
 use crate::cpu::field::plane::{self, Plane};
 use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::paths::PathFragments;
-use crate::cpu::shadowing::Shadowing;
+use crate::cpu::shadowing::{Casters, Shadowing};
 use crate::cpu::slice::Slice;
 use crate::cpu::slice::arrows::ArrowKey;
 use crate::cpu::volume::bricks::BrickGrid;
@@ -19,7 +19,7 @@ use crate::mode::{
 };
 use crate::model::Kernel;
 use crate::view::perspective_grid::{GridOptions, depth_range, planes, seen};
-use crate::view::{Extent, PerspectiveGrid, Projection};
+use crate::view::{Extent, PerspectiveGrid, Projection, View};
 use glam::{DAffine3, DVec3};
 
 /// How far a value may be off.
@@ -251,12 +251,25 @@ fn darkened_parts(
     layers: &Layers,
     shadowing: &Shadowing,
 ) -> Result<(PathFragments, Told), VolumeError> {
+    shadowing::darkened(job.view, shadowing, job.lighting.others.as_ref(), parts_from(job, layers))
+}
+
+/// How the surfaces among layers of a field hide light from something else.
+pub fn casters<'j>(job: &'j FieldJob<'j>, layers: &'j Layers) -> Box<Casters<'j>> {
+    shadowing::casters_of(parts_from(job, layers))
+}
+
+/// The parts that any view shows of a job's picture.
+fn parts_from<'j>(
+    job: &'j FieldJob<'j>,
+    layers: &'j Layers,
+) -> impl Fn(&View) -> Result<(PathFragments, Told), VolumeError> + Sync + 'j {
     // These planes are at depths from the eye.
-    let settings = &job.settings.filtered(|name| name != grid::NEAR.name && name != grid::FAR.name);
-    shadowing::darkened(job.view, shadowing, |view| match view == job.view {
+    let settings = job.settings.filtered(|name| name != grid::NEAR.name && name != grid::FAR.name);
+    move |view: &View| match view == job.view {
         true => parts(job, layers),
-        false => parts(&FieldJob { view, settings, ..*job }, layers),
-    })
+        false => parts(&FieldJob { view, settings: &settings, ..*job }, layers),
+    }
 }
 
 /// What fills the perspective grid from a field.

@@ -4,7 +4,7 @@ use super::grid;
 use crate::color::Colors;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::shadowing::ambient_occlusion::FARTHEST;
-use crate::cpu::shadowing::{Casters, Lamp, Shadowing, covering_depths};
+use crate::cpu::shadowing::{Casters, Lamp, Lighting, Others, Shadowing, covering_depths};
 use crate::cpu::surface::look::{Light, toward_sun};
 use crate::cpu::surface::placed::Map;
 use crate::cpu::volume::VolumeError;
@@ -53,12 +53,19 @@ pub static SHADOW_ALTITUDE: Setting = Setting {
     kind: SettingKind::Number { min: -90.0, max: 90.0, default: 35.0 },
     help: "where the lamp is that casts shadows: above the eye",
 };
+/// How finely light is looked for.
+pub static LIGHT_SAMPLES: Setting = Setting {
+    name: "light-samples",
+    unit: "",
+    kind: SettingKind::Number { min: 1.0, max: 64.0, default: 16.0 },
+    help: "in how many directions ambient occlusion looks, and from how many places of the lamp shadows are cast: time for evenness",
+};
 
 /// Settings of modes whose surfaces are lit from somewhere else than the eye.
-pub static OF_SUN: &[&Setting] = &[&AMBIENT_OCCLUSION, &OCCLUSION_RADIUS, &SHADOWS, &LIGHT_SIZE];
+pub static OF_SUN: &[&Setting] = &[&AMBIENT_OCCLUSION, &OCCLUSION_RADIUS, &SHADOWS, &LIGHT_SIZE, &LIGHT_SAMPLES];
 /// Settings of modes whose surfaces are lit from the eye, where no shadow is seen: they have a lamp beside it.
 pub static BESIDE_EYE: &[&Setting] =
-    &[&AMBIENT_OCCLUSION, &OCCLUSION_RADIUS, &SHADOWS, &LIGHT_SIZE, &SHADOW_AZIMUTH, &SHADOW_ALTITUDE];
+    &[&AMBIENT_OCCLUSION, &OCCLUSION_RADIUS, &SHADOWS, &LIGHT_SIZE, &LIGHT_SAMPLES, &SHADOW_AZIMUTH, &SHADOW_ALTITUDE];
 
 /// Whether settings ask for any of it.
 pub fn is_on(settings: &Settings) -> bool {
@@ -87,6 +94,7 @@ pub fn of(settings: &Settings, scene: f64, lamp: Option<Lamp>, ambient: f64) -> 
         ambient,
         scene,
         slack: 0.0,
+        samples: settings.number(&LIGHT_SAMPLES) as u32,
     };
     Some(shadowing).filter(Shadowing::is_on)
 }
@@ -104,28 +112,36 @@ pub fn of_sun(settings: &Settings, light: Light, map: Map, ambient: f64) -> Opti
     of(settings, 1.0, lamp, ambient)
 }
 
-/// The same where surfaces are lit from the eye of a view.
-pub fn beside_eye(settings: &Settings, view: &View, scene: f64) -> Option<Shadowing> {
+/// The same where surfaces are lit from the eye of a view; the lamp goes with the picture's camera.
+pub fn beside_eye(settings: &Settings, view: &View, lighting: &Lighting<'_>, scene: f64) -> Option<Shadowing> {
     let angle = |setting: &Setting| settings.number(setting).to_radians().sin_cos();
     let ((right, back), (up, level)) = (angle(&SHADOW_AZIMUTH), angle(&SHADOW_ALTITUDE));
-    let toward = level * (right * view.right - back * view.forward) + up * view.up;
+    let camera = lighting.camera.unwrap_or(view);
+    let toward = level * (right * camera.right - back * camera.forward) + up * camera.up;
     let lamp = Lamp { toward, size: settings.number(&LIGHT_SIZE).to_radians(), lights: false };
     of(settings, scene, Some(lamp), settings.number(&grid::AMBIENT))
 }
 
-/// What parts of a picture look like when their surfaces darken each other; `parts` draws those of any view.
+/// What parts of a picture look like when their surfaces, and `others`, darken each other; `parts` draws those of any view.
 ///
 /// # Errors
 /// As `parts` for the picture's own view. What is not there for a lamp casts no shadow.
 pub fn darkened<T>(
     view: &View,
     shadowing: &Shadowing,
-    parts: impl Fn(&View) -> Result<(PathFragments, T), VolumeError>,
+    others: Option<&Others<'_>>,
+    parts: impl Fn(&View) -> Result<(PathFragments, T), VolumeError> + Sync,
 ) -> Result<(PathFragments, T), VolumeError> {
     let (mut fragments, told) = parts(view)?;
-    let casters: &mut Casters<'_> = &mut |from: &View| Some(covering_depths(&parts(from).ok()?.0));
-    shadowing.darken_fragments(view, &mut fragments, casters);
+    shadowing.darken_fragments(view, &mut fragments, &*casters_of(parts), others);
     Ok((fragments, told))
+}
+
+/// How such parts hide light from something else.
+pub fn casters_of<'a, T>(
+    parts: impl Fn(&View) -> Result<(PathFragments, T), VolumeError> + Sync + 'a,
+) -> Box<Casters<'a>> {
+    Box::new(move |from: &View| Some(covering_depths(&parts(from).ok()?.0)))
 }
 
 /// The colours of parts, with the paths and surfaces among them that a picture has.
@@ -148,10 +164,15 @@ mod tests {
         };
         let perspective = Projection::Perspective { fov_y: 0.8 };
         let view = View::look_at(DVec3::new(3.0, 1.0, 2.0), DVec3::ZERO, DVec3::Z, perspective, 30, 20).unwrap();
-        assert_eq!(beside_eye(&Settings::default(), &view, 1.0), None);
+        let plain = Lighting::default();
+        assert_eq!(beside_eye(&Settings::default(), &view, &plain, 1.0), None);
         let of = |azimuth: f64, altitude: f64| {
             let pairs = [(&SHADOWS, 0.5), (&SHADOW_AZIMUTH, azimuth), (&SHADOW_ALTITUDE, altitude)];
-            let found = beside_eye(&set(&pairs), &view, 1.0).unwrap();
+            let found = beside_eye(&set(&pairs), &view, &plain, 1.0).unwrap();
+            // The faces of a panorama have the lamp of its camera.
+            let face = View { right: view.forward, forward: -view.right, ..view };
+            let around = Lighting { camera: Some(&view), ..plain };
+            assert_eq!(beside_eye(&set(&pairs), &face, &around, 1.0), Some(found));
             found.lamp.unwrap().toward
         };
         for (azimuth, altitude, expected) in
@@ -159,7 +180,8 @@ mod tests {
         {
             assert!((of(azimuth, altitude) - expected).length() < 1e-12, "{azimuth} {altitude}");
         }
-        let half = beside_eye(&set(&[(&AMBIENT_OCCLUSION, 0.5), (&OCCLUSION_RADIUS, 0.1)]), &view, 20.0).unwrap();
-        assert!(half.occlusion == 0.5 && half.radius == 2.0 && half.shadows == 0.0);
+        let pairs = [(&AMBIENT_OCCLUSION, 0.5), (&OCCLUSION_RADIUS, 0.1)];
+        let half = beside_eye(&set(&pairs), &view, &plain, 20.0).unwrap();
+        assert!(half.occlusion == 0.5 && half.radius == 2.0 && half.shadows == 0.0 && half.samples == 16);
     }
 }

@@ -5,7 +5,7 @@ use super::shadowing;
 use crate::color::Colors;
 use crate::color::transfer::Scale;
 use crate::cpu::screen_spheres::{Front, NEIGHBOURHOOD, SphereOptions, SurfaceColors, front};
-use crate::cpu::shadowing::Shadowing;
+use crate::cpu::shadowing::{Casters, Shadowing};
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::classify::BRIGHTNESSES;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
@@ -99,12 +99,18 @@ fn darken(job: &Job<'_>, surface: &Front, options: &SphereOptions, shadowing: &S
     // Of two pictures each is smoothed by itself.
     let slack = if options.smoothing > 0.0 { SLACK * surface.mean_radius() } else { 0.0 };
     let shadowing = Shadowing { slack, ..*shadowing };
-    let spheres = SphereOptions { near: None, far: None, ..*options };
-    shadowing.darken(job.view, &surface.depths(), colors, &mut |from: &View| {
-        let (mut seen, _) = front(from, job.batches, job.density_scale, &spheres).ok()?;
-        seen.smooth(from, spheres.smoothing);
+    let others = job.lighting.others.as_ref();
+    shadowing.darken(job.view, &surface.depths(), colors, &*casters(job, *options), others);
+}
+
+/// The depths of the surface from any view; planes are at depths from the eye.
+fn casters<'j>(job: &'j Job<'j>, options: SphereOptions) -> Box<Casters<'j>> {
+    Box::new(move |from: &View| {
+        let own = if from == job.view { options } else { SphereOptions { near: None, far: None, ..options } };
+        let (mut seen, _) = front(from, job.batches, job.density_scale, &own).ok()?;
+        seen.smooth(from, own.smoothing);
         Some(seen.depths())
-    });
+    })
 }
 
 impl Technique for Spheres {
@@ -141,6 +147,12 @@ impl Technique for Spheres {
         Ok(Some(LightPlan { passes, levels: look.levels, isovalues: vec![threshold] }))
     }
 
+    fn casters<'j>(&'j self, job: &'j Job<'j>) -> Result<Option<Box<Casters<'j>>>, VolumeError> {
+        let look = Look::new(job)?;
+        let threshold = threshold(&look, &job.terms())?;
+        Ok(Some(casters(job, options(&look, job.settings, threshold))))
+    }
+
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
         let look = Look::new(job)?;
         let settings = job.settings;
@@ -157,7 +169,7 @@ impl Technique for Spheres {
         };
         let light = grid::light(settings);
         let mut colors = surface.shade(job.view, light.as_ref(), color);
-        if let Some(shadowing) = shadowing::beside_eye(settings, job.view, job.diameter) {
+        if let Some(shadowing) = shadowing::beside_eye(settings, job.view, &job.lighting, job.diameter) {
             darken(job, &surface, &options, &shadowing, &mut colors);
         }
         if let Some(surfaces) = job.paths {

@@ -13,6 +13,7 @@ use crate::heights::measure::FormKind;
 use crate::heights::model::{Facts, Globe, HeightGrid, units};
 use crate::heights::store::HeightAbout;
 use crate::mode::{Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
+use crate::model::Unit;
 
 /// How it is drawn.
 pub static TECHNIQUE: Setting = Setting {
@@ -20,6 +21,14 @@ pub static TECHNIQUE: Setting = Setting {
     unit: "",
     kind: SettingKind::Choice { options: &["hybrid", "points", "triangles", "rays"] },
     help: "points where samples are as dense as pixels and triangles elsewhere (hybrid), one of them alone, or a ray through each pixel",
+};
+/// How wide points are.
+pub static POINT: Setting = Setting {
+    name: "point",
+    unit: "px",
+    kind: SettingKind::Number { min: 1.0, max: 16.0, default: 1.0 },
+    help: "how wide a point is, and how far apart samples are at most that are drawn as points, of which the next whole number is taken: samples \
+           of the picture, with technique points pixels; wider ones take the place of more triangles, and add to the error",
 };
 /// How many times as high as they are heights stand.
 pub static EXAGGERATION: Setting = Setting {
@@ -232,6 +241,8 @@ const LETTERS: f64 = 11.0;
 pub struct SurfaceSettings {
     /// How it is drawn.
     pub technique: How,
+    /// The side of a point, samples of the picture or pixels.
+    pub point: u32,
     /// How many times as high as they are heights stand.
     pub exaggeration: f64,
     /// The height that stays where it is.
@@ -297,6 +308,7 @@ impl SurfaceSettings {
         let map = map_of(&settings.name(&MAP), grid)?;
         Ok(SurfaceSettings {
             technique,
+            point: settings.number(&POINT).ceil() as u32,
             exaggeration: settings.number(&EXAGGERATION),
             base: settings.number(&BASE),
             map,
@@ -341,8 +353,9 @@ fn map_of(name: &str, grid: &HeightGrid) -> Result<Map, String> {
             Ok(Map::Globe(of_file().unwrap_or(globe("earth"))))
         }
         (kind, _) if !is_degrees => {
-            let unit = if grid.xy_unit.is_unknown() { "no unit" } else { &grid.xy_unit.0 };
-            Err(format!("map {kind}: found x and y in {unit}, expected degrees (--xy-unit deg), or map plate"))
+            let named = |unit: &Unit| if unit.is_unknown() { "no unit".to_owned() } else { unit.to_string() };
+            let found = format!("x and y in {}, heights in {}", named(&grid.xy_unit), named(&grid.height_unit));
+            Err(format!("map {kind}: found {found}, expected x and y in degrees (--xy-unit deg), or map plate"))
         }
         ("local", body) => Ok(Map::Local { radius: radius(body) }),
         (_, body) => Ok(Map::Globe(globe(body))),
@@ -493,6 +506,7 @@ impl SurfaceSettings {
     pub fn options(&self, look: Look, error_px: Option<f64>) -> SurfaceOptions {
         SurfaceOptions {
             technique: self.technique,
+            point: self.point,
             tau: error_px.unwrap_or(USUAL_TAU),
             samples: self.samples,
             holes: self.holes,
@@ -539,6 +553,7 @@ pub static MODE: Mode = Mode {
     settings: &[
         &[
             &TECHNIQUE,
+            &POINT,
             &EXAGGERATION,
             &BASE,
             &MAP,
@@ -571,7 +586,7 @@ pub static MODE: Mode = Mode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{SampleType, Unit};
+    use crate::model::SampleType;
 
     #[test]
     fn a_few_outliers_do_not_have_the_colours() {
@@ -609,7 +624,10 @@ mod tests {
         assert_eq!(map_of("automatic", &grid(10, "deg")), Ok(Map::Local { radius: 6371.0088 }));
         assert_eq!(map_of("automatic", &grid(21, "deg")), Ok(Map::Globe(Globe::sphere(6371.0088))));
         assert_eq!(map_of("globe:moon", &grid(4, "deg")), Ok(Map::Globe(Globe::sphere(1737.4))));
-        assert!(map_of("globe", &grid(4, "")).unwrap_err().contains("no unit, expected degrees"));
+        assert_eq!(
+            map_of("globe:moon", &grid(4, "")),
+            Err("map globe: found x and y in no unit, heights in km, expected x and y in degrees (--xy-unit deg), or map plate".into())
+        );
         assert!(MAPS.iter().all(|name| map_of(name, &grid(4, "deg")).is_ok()));
     }
 }

@@ -5,10 +5,11 @@ use super::grid::{self, FIELD, ISOVALUES, Layers, OPACITY, TERMINATION};
 use super::shadowing;
 use crate::color::transfer::{Range, Scale, TransferFunction, UnitLength};
 use crate::cpu::field::ValueAxis;
-use crate::cpu::shadowing::Shadowing;
+use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::{Casters, Shadowing};
 use crate::cpu::volume::attributes::{ByDensity, Column, ColumnMarch, Columns, Reading, Shown};
-use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeOptions};
-use crate::mode::{Job, LightPasses, LightPicture, LightPlan, Setting, SettingKind, Settings};
+use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeOptions, VolumeReport};
+use crate::mode::{InView, Job, LightPasses, LightPicture, LightPlan, Setting, SettingKind, Settings};
 use crate::view::View;
 
 /// The name of densities among columns.
@@ -58,6 +59,32 @@ pub fn names(settings: &Settings, layers: &Layers) -> Vec<String> {
     if names == [DENSITY] { Vec::new() } else { names }
 }
 
+/// The transfer function of a picture of fields, whether it has a hue, and the columns that are resampled: those with these names first.
+fn colors_and_columns(job: &Job<'_>, names: &[String]) -> (TransferFunction, bool, Vec<Column>) {
+    let terms = job.terms();
+    let usual = || TransferFunction::of_volumes(terms.attribute);
+    let transfer = terms.transfer.cloned().unwrap_or_else(usual).for_volume();
+    let has_hue = terms.attribute && transfer.hue.is_some();
+    let hue_column = has_hue.then_some(Column::Attribute);
+    (transfer, has_hue, (0..names.len()).map(Column::Field).chain(hue_column).collect())
+}
+
+fn is_density(names: &[String], column: usize) -> bool {
+    names.get(column).is_some_and(|name| name == DENSITY)
+}
+
+/// What the ranges of fields of columns with these names are found by in a view.
+///
+/// # Errors
+/// [`VolumeError`] when nothing is in view.
+pub fn in_view(job: &Job<'_>, names: &[String]) -> Result<InView, VolumeError> {
+    let (_, _, wanted) = colors_and_columns(job, names);
+    let options = grid::options(job.settings, job.options.kernel);
+    let columns = Columns::prepare(job.view, job.batches, &wanted, &options)?;
+    let histogram = |column: usize| columns.histogram(column, is_density(names, column));
+    Ok(InView::Columns((0..wanted.len()).map(histogram).collect()))
+}
+
 /// What a picture of fields is made of.
 pub struct VolumeFields {
     columns: Columns,
@@ -90,35 +117,28 @@ impl VolumeFields {
     /// What the settings and the transfer function come to for layers of fields of these columns.
     ///
     /// # Errors
-    /// [`VolumeError`] for settings that do not fit the data or each other, for automatic ranges of panoramas, and when nothing is in view.
+    /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
     pub fn new(job: &Job<'_>, layers: &Layers, names: &[String]) -> Result<VolumeFields, VolumeError> {
         let (terms, settings) = (job.terms(), job.settings);
-        // Each face of a panorama would find numbers of its own.
-        let alike = |field: &'static str, found: &str, expected: &str| match job.around {
-            Some(_) => {
-                Err(VolumeError::Setting { field, found: found.into(), expected: format!("{expected} in panoramas") })
-            }
-            None => Ok(()),
-        };
         let options = grid::options(settings, terms.kernel);
-        let usual = || TransferFunction::of_volumes(terms.attribute);
-        let mut transfer = terms.transfer.cloned().unwrap_or_else(usual).for_volume();
-        let has_hue = terms.attribute && transfer.hue.is_some();
-        let hue_column = has_hue.then_some(Column::Attribute);
-        let wanted: Vec<Column> = (0..names.len()).map(Column::Field).chain(hue_column).collect();
+        let (mut transfer, has_hue, wanted) = colors_and_columns(job, names);
         let columns = Columns::prepare(job.view, job.batches, &wanted, &options)?;
-        let is_density = |index: usize| names[index] == DENSITY;
-        let measured = |index: usize| match is_density(index) {
-            true => columns.range(index, true),
-            false => columns.range(index, false).map(Range::apart),
+        let is_density = |index: usize| is_density(names, index);
+        let measured = |index: usize| {
+            let of_all = match job.in_views {
+                Some(InView::Columns(all)) => all.get(index),
+                _ => None,
+            };
+            let found = match of_all {
+                Some(all) => Columns::range(all, is_density(index))?,
+                None => Columns::range(&columns.histogram(index, is_density(index)), is_density(index))?,
+            };
+            Ok::<_, VolumeError>(if is_density(index) { found } else { Range::apart(found) })
         };
 
         let range = match transfer.range {
             Range::Fixed(low, high) => [low, high],
-            Range::Auto => {
-                alike("range", "auto", "numbers for other fields than the density")?;
-                measured(0)?
-            }
+            Range::Auto => measured(0)?,
         };
         if range[0] < 0.0 {
             // A logarithm is no scale for them.
@@ -131,7 +151,6 @@ impl VolumeFields {
         let of_surfaces = match own {
             0 => of_volume,
             _ => {
-                alike(SURFACE_FIELD.name, &names[own], "the same as field")?;
                 let range = measured(own)?;
                 let scale = if range[0] > 0.0 { Scale::Log } else { Scale::Linear };
                 Spread { scale, range: scale.usable(range) }
@@ -154,10 +173,7 @@ impl VolumeFields {
         };
         let of_both: &[f64] = if own == 0 { &isovalues } else { &[] };
         let density = names.iter().position(|name| name == DENSITY).filter(|_| is_dimmed(settings, layers));
-        let by_density = |index: usize| {
-            alike(FIELD_OPACITY.name, DENSITY, "field")?;
-            Ok::<_, VolumeError>(ByDensity { range: columns.range(index, true)? })
-        };
+        let by_density = |index: usize| measured(index).map(|range| ByDensity { range });
         let shown = Shown {
             volume: reading(0, of_volume, of_both),
             surface: (own > 0).then(|| reading(own, of_surfaces, &isovalues)),
@@ -167,10 +183,7 @@ impl VolumeFields {
         let hue = transfer.hue.clone().unwrap_or_default();
         let attribute = match hue.range {
             Range::Fixed(low, high) => [low, high],
-            Range::Auto if has_hue => {
-                alike("hue: range", "auto", "numbers for other fields than the density")?;
-                Range::apart(columns.range(names.len(), false)?)
-            }
+            Range::Auto if has_hue => measured(names.len())?,
             Range::Auto => [0.0, 1.0],
         };
         let unit = match transfer.unit_length {
@@ -213,17 +226,26 @@ impl VolumeFields {
     /// # Errors
     /// As [`VolumeFields::new`].
     pub fn draw_darkened(self, job: &Job<'_>, shadowing: &Shadowing) -> Result<LightPicture, VolumeError> {
-        let VolumeFields { columns, wanted, shown, scenery, options, levels, isovalues } = self;
-        let parts = |view: &View| {
-            if view == job.view {
-                return Ok::<_, VolumeError>(columns.draw_in_parts(view, &shown, &scenery, &options));
-            }
-            let options = options.seen_from(false);
-            let columns = Columns::prepare(view, job.batches, &wanted, &options)?;
-            Ok(columns.draw_in_parts(view, &shown, &scenery, &options))
-        };
-        let (parts, report) = shadowing::darkened(job.view, shadowing, parts)?;
-        Ok(LightPicture { colors: shadowing::colors_among(&parts, job.paths), report, levels, isovalues })
+        let others = job.lighting.others.as_ref();
+        let (parts, report) = shadowing::darkened(job.view, shadowing, others, |from: &View| self.parts(job, from))?;
+        let colors = shadowing::colors_among(&parts, job.paths);
+        Ok(LightPicture { colors, report, levels: self.levels, isovalues: self.isovalues })
+    }
+
+    /// How its surfaces hide light from something else in a job's picture.
+    pub fn casters<'j>(self, job: &'j Job<'j>) -> Box<Casters<'j>> {
+        shadowing::casters_of(move |from: &View| self.parts(job, from))
+    }
+
+    /// The parts that any view shows of a job's picture.
+    fn parts(&self, job: &Job<'_>, from: &View) -> Result<(PathFragments, VolumeReport), VolumeError> {
+        let VolumeFields { columns, wanted, shown, scenery, options, .. } = self;
+        if from == job.view {
+            return Ok(columns.draw_in_parts(from, shown, scenery, options));
+        }
+        let options = options.seen_from(false);
+        let columns = Columns::prepare(from, job.batches, wanted, &options)?;
+        Ok(columns.draw_in_parts(from, shown, scenery, &options))
     }
 
     /// Draws it, with the paths among it that the job has.

@@ -107,7 +107,7 @@ pub struct AdapterField<'a> {
 /// What an adapter draws of measured heights.
 pub struct AdapterSurface {
     /// The chunks that are drawn, and what they lie in. Samples of the picture before are on the adapter already.
-    pub scene: Scene,
+    pub scene: Arc<Scene>,
     /// The camera, whose pixels are the samples of the picture.
     pub view: View,
     /// Samples along the side of a pixel of the picture; 1 at least.
@@ -118,8 +118,10 @@ pub struct AdapterSurface {
     pub form: Option<Arc<Form>>,
     /// What is shown of the photo that lies over it, where that is what colours it.
     pub photo: Option<PhotoCut>,
-    /// What it is drawn as: no rays.
+    /// What it is drawn as; rays of a flat field alone.
     pub technique: Technique,
+    /// The side of a point: samples, with [`Technique::Points`] pixels; 1 at least.
+    pub point: u32,
     /// What is shown where nothing was measured; a membrane is in the scene.
     pub holes: Holes,
     /// The height that walls of a flat field go down or up to; `None`: there are none.
@@ -139,6 +141,11 @@ impl AdapterSurface {
     /// Whether the field stands on a globe.
     pub fn is_globe(&self) -> bool {
         !self.scene.placed.is_flat()
+    }
+
+    /// Whether rays find what is seen: compute passes cast them through flat fields, and elsewhere triangles are drawn in their place.
+    pub fn casts_rays(&self) -> bool {
+        self.technique == Technique::Rays && !self.is_raster() && !self.is_globe()
     }
 
     /// Whether the adapter's rasteriser finds what is seen, and not compute passes.

@@ -174,6 +174,15 @@ impl Annotation {
         }
     }
 
+    /// What colours mean; `None` where no axis tells it.
+    pub(super) fn legend(&self, Coloration { transfer, levels }: &Coloration) -> Option<Legend> {
+        let lut = match self.depiction.mode.is_light() {
+            true => transfer.bake_colors(),
+            false => transfer.bake_lut(),
+        };
+        Legend::told(&self.depiction, transfer, Arc::new(lut), levels, &self.units)
+    }
+
     /// Writes what is asked for into the finished picture, or on a sheet in it that `view` sees; `arrows` says how long arrows in it are, where there
     /// are some.
     pub(super) fn write(
@@ -181,14 +190,10 @@ impl Annotation {
         image: &mut Image,
         view: &View,
         annotations: &Annotations,
-        Coloration { transfer, levels }: &Coloration,
+        coloration: &Coloration,
         arrows: Option<ArrowKey>,
     ) {
-        let lut = match self.depiction.mode.is_light() {
-            true => transfer.bake_colors(),
-            false => transfer.bake_lut(),
-        };
-        let legend = Legend::told(&self.depiction, transfer, Arc::new(lut), levels, &self.units).map(|legend| {
+        let legend = self.legend(coloration).map(|legend| {
             let found = arrows.and_then(|key| KeyArrow::of(key.scale, key.spacing, &self.units.vector));
             Legend { arrow: found.or_else(|| legend.arrow.clone()), ..legend }
         });

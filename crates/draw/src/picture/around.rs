@@ -3,7 +3,7 @@
 //!
 //! - Near and far plane: every face has the same, so that what is in front is left out within a cube around the eye. Unless set,
 //!   far is the distance of the data's farthest corner and near a 256th of it.
-//! - Ranges of densities and attributes are those of all the data.
+//! - Ranges of densities and attributes are those of all the data; of the fields of attributes, and of slices, of what all views show together.
 //! - Particles too small for the picture are raised to the least size in the panorama's pixels, in every direction; the same for
 //!   all, as faces have wider pixels in their middle than towards their edges. Modes that raise none in a flat picture do not here.
 //! - A Cartesian grid is laid around all the data.
@@ -11,16 +11,18 @@
 use super::subject::Subject;
 use crate::color::transfer::{Range, TransferFunction};
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::Lighting;
 use crate::cpu::volume::range::FieldRange;
 use crate::cpu::volume::{VolumeError, VolumeOptions, range};
 use crate::cpu::{Extent, SplatError, Splats};
-use crate::mode::{Depiction, LightPicture, SettingValue};
+use crate::mode::{Depiction, InView, LightPicture, SettingValue};
 use crate::model::{Bounds, Covariance, Kernel};
 use crate::modes::grid;
 use crate::view::perspective_grid::GridError;
 use crate::view::{PerspectiveGrid, Projection, View, ViewError};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Longest side of the picture of all data by which ranges are found, pixels.
 const SIDE: u32 = 512;
@@ -32,8 +34,12 @@ pub struct SharedLook {
     pub depiction: Depiction,
     /// The transfer function, with its ranges set.
     pub transfer: TransferFunction,
+    /// What all views show together, where ranges are looked for in that.
+    pub in_views: Option<Arc<InView>>,
     /// Least smoothing length over distance; 0 where nothing is raised.
     least: f64,
+    /// The camera: lamps beside the eye go with it, not with a face.
+    camera: View,
 }
 
 /// The batches of one node or family, with smoothing lengths of their own.
@@ -106,8 +112,7 @@ impl SharedLook {
         };
         depiction.mode.technique.for_panorama(settings, all, subject.metadata.kernel);
         let mut transfer = subject.transfer.clone();
-        // Of other fields than the density ranges are not found here.
-        if transfer.numbers().is_none() && depiction.mode.technique.fields(settings).is_empty() {
+        if transfer.numbers().is_none() && !depiction.mode.technique.looks_in_view(settings, &transfer) {
             let flat = |_| VolumeError::Grid(GridError::NothingInView);
             let options = VolumeOptions { kernel: subject.metadata.kernel, ..VolumeOptions::default() };
             let FieldRange { density, attribute } =
@@ -120,7 +125,7 @@ impl SharedLook {
                 hue.range = Range::Fixed(low, high);
             }
         }
-        Ok(SharedLook { depiction, transfer, least })
+        Ok(SharedLook { depiction, transfer, in_views: None, least, camera: *view })
     }
 
     /// Paints a face of a panorama whose pixels are `around` radians wide, or a flat picture, paths among what it shows; `None` where it
@@ -155,7 +160,9 @@ impl SharedLook {
 
     /// A subject as all faces have it.
     pub fn subject<'a>(&'a self, subject: &Subject<'a>) -> Subject<'a> {
-        Subject { depiction: &self.depiction, transfer: &self.transfer, ..*subject }
+        let in_views = self.in_views.as_deref();
+        let lighting = Lighting { camera: Some(&self.camera), ..subject.lighting };
+        Subject { depiction: &self.depiction, transfer: &self.transfer, in_views, lighting, ..*subject }
     }
 
     /// A batch whose smallest particles are as large as the panorama's pixels ask for, its masses what they are. Of ellipsoids each

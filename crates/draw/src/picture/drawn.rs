@@ -10,6 +10,7 @@ use super::lettering::{self, Sheet};
 use super::level_report::LevelReport;
 use super::paths::PathCounts;
 use super::surface::{CHANNELS, SurfaceShown};
+use crate::annotate::Legend;
 use crate::annotate::overlay::mix_into;
 use crate::color::composite::Background;
 use crate::color::transfer::{Levels, TransferFunction};
@@ -152,6 +153,11 @@ impl Picture {
             Raw::Light(painted) => Levels { p: painted.levels.density, s: painted.levels.attribute },
         };
         Coloration { transfer: self.transfer.clone(), levels }
+    }
+
+    /// What its colours mean; `None` where no axis tells it.
+    pub fn legend(&self) -> Option<Legend> {
+        self.annotation.legend(self.told.as_ref().unwrap_or(&self.coloration()))
     }
 
     /// In colours, with selections and annotations; without what the shot's film does to it

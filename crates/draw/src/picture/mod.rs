@@ -20,6 +20,7 @@ pub mod level_report;
 pub mod look;
 pub mod mixed;
 mod node_traits;
+mod opening;
 pub mod panorama;
 pub mod paths;
 mod placement;

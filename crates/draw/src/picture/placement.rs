@@ -30,6 +30,12 @@ impl FieldPlacement {
         View { eye: self.inside(view.eye), projection, cut: self.cut(&view.cut), ..*view }
     }
 
+    /// A view of the field's own world in the scene.
+    pub fn view_outside(&self, own: &View) -> View {
+        let scale = self.scale.recip();
+        FieldPlacement { offset: -self.offset * scale, scale }.view(own)
+    }
+
     /// A line of sight in the field's own lengths.
     pub fn sight(&self, sight: &Sight) -> Sight {
         match *sight {

@@ -11,7 +11,7 @@ use super::adapter_faces;
 use super::around::{SharedLook, sketch, with_images};
 use super::decode::{batches, cut, decode};
 use super::error::PictureError;
-use super::ground::{Ground, among};
+use super::ground::{Ground, among, lighting};
 use super::level_report::{bound_around, has_clusters};
 use super::panorama::{Texels, assemble};
 use super::paths::{ChosenPaths, PathLayer, Sight};
@@ -21,11 +21,15 @@ use crate::color::Accumulation;
 use crate::color::Colors;
 use crate::color::transfer::Levels;
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::Lighting;
+use crate::cpu::volume::VolumeError;
 use crate::cpu::{Counts, Splats};
 use crate::hierarchy::Purpose;
-use crate::mode::{self, Depiction, Footprint, LightPicture, Needs, Raw};
-use crate::stream::{Scene, SceneSelection};
+use crate::mode::{self, Depiction, Footprint, InView, LightPicture, Needs, Plan, Raw};
+use crate::stream::{Scene, SceneNode, SceneSelection};
+use crate::view::perspective_grid::GridError;
 use crate::view::{Detail, Eye, Eyes, Panorama, Projection, Sampling, Scope, Sections, Stereo, Surround, View};
+use std::sync::Arc;
 
 /// How splats are sampled: with a few more pixels than the panorama has, since they may be as small as one.
 const SPLATS: Sampling = Sampling { oversampling: 1.5, density: 1.5, margin: 0 };
@@ -56,9 +60,9 @@ impl Means<'_> {
         Some(layer)
     }
 
-    /// What of surfaces is in a face, where the picture has some.
+    /// What of surfaces is in a face, where the picture has some, for something else than their colours.
     fn surfaces_in(&self, face: &Face<'_>) -> Option<PathFragments> {
-        Some(self.ground?.fragments(face.view))
+        Some(self.ground?.fragments(face.view, &Lighting::default()))
     }
 
     /// Waits until what a view needs is there.
@@ -259,9 +263,11 @@ impl Projector {
     /// As [`Projector::draw`].
     pub fn ground(&self, means: &Means<'_>) -> Result<Option<Colors>, PictureError> {
         let Some(ground) = means.ground else { return Ok(None) };
-        let texels = self.shoot(COLORS, |face| {
+        let lighting = Lighting { camera: Some(&self.base), others: None };
+        let margin = ground.light().margin_px.max(COLORS.margin);
+        let texels = self.shoot(Sampling { margin, ..COLORS }, |face| {
             means.go_on()?;
-            Ok(ground.fragments(face.view).colors().into())
+            Ok(ground.fragments(face.view, &lighting).colors().into())
         })?;
         Ok(Some(texels.into()))
     }
@@ -279,9 +285,6 @@ impl Projector {
         }
         if depiction.mode.technique.tells_columns() {
             return Some("panoramas of splats over each other".into());
-        }
-        if depiction.draws_fields() {
-            return Some("panoramas of fields of attributes".into());
         }
         let is_able = match depiction.adapter() {
             // Discs have as many pixels everywhere in a flat picture.
@@ -396,7 +399,7 @@ impl Projector {
         // Where faces do not share what they draw, all the data is read for ranges that are looked for.
         let everything = match whole {
             Some(whole) => whole,
-            None if of_data || subject.transfer.numbers().is_none() => self.select_all(means, subject)?,
+            None if of_data || finds_in_all(subject) => self.select_all(means, subject)?,
             None => SceneSelection::default(),
         };
         if of_data {
@@ -404,10 +407,13 @@ impl Projector {
         }
         let all = cut(&self.base, decode(depiction, metadata, &everything.nodes));
         let all = batches(depiction, &all)?;
-        let shared = self.shared(subject, &all)?;
+        let mut shared = self.shared(subject, &all)?;
+        self.look_in_views(means, subject, (&mut shared, tau), is_of_all.then_some(&everything))?;
         // What the last view that showed something was painted with.
         let mut last: Option<LightPicture> = None;
-        let texels = self.shoot(Sampling { margin: margin_px, ..COLORS }, |face| {
+        let (ground, shared) = (means.ground, &shared);
+        let margin = ground.map_or(0, |ground| ground.light().margin_px).max(margin_px);
+        let texels = self.shoot(Sampling { margin, ..COLORS }, |face| {
             means.go_on()?;
             let own = match is_of_all {
                 true => None,
@@ -419,23 +425,28 @@ impl Projector {
                 }
             };
             let selection = own.as_ref().unwrap_or(&everything);
+            let decoded = match (&means.adapter, &own) {
+                (None, Some(selection)) => cut(face.view, decode(depiction, metadata, &selection.nodes)),
+                _ => Vec::new(),
+            };
+            let of_face = batches(depiction, &decoded)?;
+            let seen = if own.is_some() { &of_face } else { &all };
+            let in_the_way = |from: &View| ground.and_then(|ground| ground.opaque(from, face.view));
+            let subject = &Subject { lighting: lighting(ground, &in_the_way), ..*subject };
+            let surfaces =
+                ground.map(|ground| shared.subject(subject).ground(ground, face.view, seen, Some(&self.base)));
             let takes_paths = depiction.mode.technique.takes_paths();
             let paths = takes_paths.then(|| means.paths_in(face).map(PathLayer::fragments)).flatten();
-            let surfaces = means.surfaces_in(face);
             let among = among(paths, surfaces.as_ref());
             let among = among.as_deref();
             let around = face.around.map(|[pixel, _]| pixel);
-            let painted = match (&mut means.adapter, &own) {
-                (Some((passes, adapter)), _) => {
+            let painted = match &mut means.adapter {
+                Some((passes, adapter)) => {
                     let painter = (*passes, &mut **adapter);
                     let shared = shared.subject(subject);
                     adapter_faces::light(painter, &shared, face.view, &selection.nodes, &mut tally.drawn_by)?
                 }
-                (None, None) => shared.paint(subject, face.view, &all, (among, around))?,
-                (None, Some(selection)) => {
-                    let nodes = cut(face.view, decode(depiction, metadata, &selection.nodes));
-                    shared.paint(subject, face.view, &batches(depiction, &nodes)?, (among, around))?
-                }
+                None => shared.paint(subject, face.view, seen, (among, around))?,
             };
             let Some(mut painted) = painted else {
                 let black = || Texels::black(face.view.width, face.view.height);
@@ -492,6 +503,65 @@ impl Projector {
         means.converge(&all, detail)
     }
 
+    /// The views in which ranges are looked for: those of both eyes, or the faces of a panorama around the middle between them; with what
+    /// [`Face::around`] says.
+    fn views(&self) -> Result<Vec<(View, Option<[f64; 2]>)>, PictureError> {
+        let Some(panorama) = self.panorama else {
+            let Some(stereo) = self.stereo else { return Ok(vec![(self.base, None)]) };
+            // A picture of one eye has the colours of the pair.
+            let [left, right] = [Eye::Left, Eye::Right].map(|eye| stereo.off_axis(&self.base, eye));
+            return Ok(vec![(left?, None), (right?, None)]);
+        };
+        let sections = Sections::new(panorama, None, COLORS);
+        let around = Some([panorama.pixel_angle(), sections.oversampling()]);
+        Ok(sections.faces(0, &self.base).into_iter().map(|face| (face.view, around)).collect())
+    }
+
+    /// Notes what all views show together, where ranges are looked for in that; each of them draws `whole`, or what its own pixels ask for. One of
+    /// the views that show something, and its nodes.
+    fn look_in_views(
+        &self,
+        means: &mut Means<'_>,
+        subject: &Subject<'_>,
+        (shared, tau): (&mut SharedLook, f64),
+        whole: Option<&SceneSelection>,
+    ) -> Result<Option<(View, Vec<SceneNode>)>, PictureError> {
+        let &Subject { metadata, depiction, transfer, .. } = subject;
+        if !depiction.mode.technique.looks_in_view(&depiction.settings, transfer) {
+            return Ok(None);
+        }
+        let (mut all, mut last): (Option<InView>, _) = (None, None);
+        for (view, around) in self.views()? {
+            means.go_on()?;
+            let face = Face { view: &view, around };
+            let nodes = match whole {
+                Some(whole) => whole.nodes.clone(),
+                None => {
+                    let detail = shared.depiction.detail(&view, tau * face.scale(), metadata);
+                    means.converge(&seen(depiction.reach_px(), &face), detail)?.nodes
+                }
+            };
+            let found = {
+                let decoded = cut(&view, decode(depiction, metadata, &nodes));
+                let pixel = around.map(|[pixel, _]| pixel);
+                shared.subject(subject).in_view(&view, &batches(depiction, &decoded)?, pixel)
+            };
+            match found {
+                Ok(Some(found)) => {
+                    match &mut all {
+                        Some(all) => all.add(found),
+                        None => all = Some(found),
+                    }
+                    last = Some((view, nodes));
+                }
+                Ok(None) | Err(VolumeError::Grid(GridError::NothingInView)) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        shared.in_views = all.map(Arc::new);
+        Ok(last)
+    }
+
     /// What all faces share, where `all` are the particles of all the data.
     fn shared(&self, subject: &Subject<'_>, all: &[Splats<'_>]) -> Result<SharedLook, PictureError> {
         let bounds = with_images(&self.base, subject.metadata.bounds());
@@ -507,12 +577,21 @@ impl Projector {
             let texels = self.sums(means, subject, tau, &mut Tally::new())?;
             return Ok(subject.transfer.levels(&texels.accumulation(subject.depiction.attribute.is_some())));
         }
-        let all = self.select_all(means, subject)?;
+        let all = if finds_in_all(subject) { self.select_all(means, subject)? } else { SceneSelection::default() };
         let all = cut(&self.base, decode(subject.depiction, subject.metadata, &all.nodes));
-        let shared = self.shared(subject, &batches(subject.depiction, &all)?)?;
-        // No picture is asked for ranges that are numbers by now.
-        Ok(shared.transfer.levels(&Accumulation::default()))
+        let mut shared = self.shared(subject, &batches(subject.depiction, &all)?)?;
+        match self.look_in_views(means, subject, (&mut shared, tau), None)? {
+            Some((view, nodes)) => Ok(shared.subject(subject).levels_of_nodes(&view, &nodes, &Plan::default())?),
+            // No picture is asked for ranges that are numbers by now.
+            None => Ok(shared.transfer.levels(&Accumulation::default())),
+        }
     }
+}
+
+/// Whether colours of light have ranges that are looked for in all the data.
+fn finds_in_all(subject: &Subject<'_>) -> bool {
+    let &Subject { depiction, transfer, .. } = subject;
+    transfer.numbers().is_none() && !depiction.mode.technique.looks_in_view(&depiction.settings, transfer)
 }
 
 /// The batches that a view may see. What clusters reach is not known before it is known how many are drawn of a node.

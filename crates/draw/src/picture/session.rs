@@ -15,7 +15,7 @@ use super::adapter::{self, Adapter, Passes};
 use super::annotation::{Annotation, FollowedPlaces};
 use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
-use super::ground::{Ground, Solid, through};
+use super::ground::{Ground, Solid, lighting, through};
 use super::hiding::Hiding;
 use super::left_out::LeftOut;
 use super::level_report::LevelReport;
@@ -29,6 +29,7 @@ use crate::color::composite::{composite_glowing, composite_over};
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image};
 use crate::cpu::Method;
+use crate::cpu::shadowing::Lighting;
 use crate::cpu::volume::VolumeError;
 use crate::explore::selection::Show;
 use crate::explore::{Members, Places, Work};
@@ -467,12 +468,15 @@ impl Session {
         if ground.is_some() {
             self.check_among(&depiction)?;
         }
-        let surfaces = ground.map(|ground| ground.fragments(view));
+        let in_the_way = |from: &View| ground.and_then(|ground| ground.opaque(from, view));
+        let subject = Subject { lighting: lighting(ground, &in_the_way), ..subject };
+        let surfaces = ground.map(|ground| subject.ground_among(ground, view, &selection.nodes, &plan)).transpose()?;
         let nodes = subject.decode(view, &selection.nodes, &plan);
         let bloom = look.bloom.unwrap_or_default();
         let (image, levels, sums) = match subject.draw_with_paths(view, &nodes, &plan, surfaces.as_ref()) {
             Ok(Raw::Sums(sums, _)) => {
-                let solid = ground.filter(|ground| ground.is_filter()).map(|ground| ground.solid(view));
+                let solid =
+                    ground.filter(|ground| ground.is_filter()).map(|ground| ground.solid(view, &Lighting::default()));
                 let whole = solid.map(|solid| subject.draw_with_paths(view, &nodes, &plan, Some(&solid)));
                 let whole = match whole.transpose()? {
                     Some(Raw::Sums(whole, _)) => Some(whole),

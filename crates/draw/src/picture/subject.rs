@@ -2,6 +2,7 @@
 //! a picture may leave out is planned, the rest is decoded and drawn.
 
 use super::decode::{DecodedNode, batches, cut, decode, decode_planned};
+use super::ground::{Ground, SceneLight};
 use super::sampling_error::Estimate;
 use super::summing::Summing;
 use super::{drawing_cost, sampling_error};
@@ -10,12 +11,13 @@ use crate::color::Accumulation;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::{Lighting, Others};
 use crate::cpu::volume::particles::{density_scale, density_scale_of};
 use crate::cpu::volume::{Supply, VolumeError};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
 use crate::mode::over::own_column;
 use crate::mode::{
-    CodeTable, Conserved, Depiction, FindRanges, Footprint, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms,
+    CodeTable, Conserved, Depiction, FindRanges, Footprint, InView, Job, LightPlan, LodBudget, Output, Plan, Raw, Terms,
 };
 use crate::modes::grid::Look;
 use crate::store::{FamilyMetadata, Metadata};
@@ -38,6 +40,10 @@ pub struct Subject<'a> {
     pub method: Method,
     /// Mean mass of a source particle of the families that are drawn.
     pub mean_mass: f64,
+    /// What all views of a picture that is put together of several show: see [`Job::in_views`].
+    pub in_views: Option<&'a InView>,
+    /// What lamps go with, and what else hides light: see [`Job::lighting`].
+    pub lighting: Lighting<'a>,
 }
 
 /// Mean mass of a source particle of families; 0 where there is none.
@@ -55,7 +61,16 @@ impl<'a> Subject<'a> {
         diameter: f64,
     ) -> Subject<'a> {
         let mean_mass = mean_mass(metadata.families.iter());
-        Subject { metadata, depiction, transfer, diameter, method: Method::default(), mean_mass }
+        Subject {
+            metadata,
+            depiction,
+            transfer,
+            diameter,
+            method: Method::default(),
+            mean_mass,
+            in_views: None,
+            lighting: Lighting::default(),
+        }
     }
 
     /// The same of those families alone that are `shown`, in their order; of all that it says nothing of.
@@ -210,6 +225,53 @@ impl<'a> Subject<'a> {
         around: Option<f64>,
     ) -> Result<Raw, VolumeError> {
         self.depiction.mode.draw(&Job { paths, around, ..self.job(view, batches, &Plan::default()) })
+    }
+
+    /// What a view, or a face of a panorama around a camera, shows of a ground, darkened by the surfaces of batches of particles, too.
+    pub(super) fn ground(
+        &self,
+        ground: &dyn Ground,
+        view: &View,
+        batches: &[Splats<'_>],
+        camera: Option<&View>,
+    ) -> PathFragments {
+        let SceneLight { scene, sun, is_darkened, .. } = ground.light();
+        let job = self.job(view, batches, &Plan::default());
+        // What is wrong with them, their picture says itself.
+        let casters = match is_darkened {
+            true => self.depiction.mode.technique.casters(&job).ok().flatten(),
+            false => None,
+        };
+        let others = casters.as_deref().map(|casters| Others { casters, scene, sun });
+        ground.fragments(view, &Lighting { camera, others })
+    }
+
+    /// The same of nodes in a flat picture.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub(super) fn ground_among(
+        &self,
+        ground: &dyn Ground,
+        view: &View,
+        nodes: &[SceneNode],
+        plan: &Plan,
+    ) -> Result<PathFragments, VolumeError> {
+        let decoded = if ground.light().is_darkened { self.decode(view, nodes, plan) } else { Vec::new() };
+        Ok(self.ground(ground, view, &batches(self.depiction, &decoded)?, None))
+    }
+
+    /// What ranges of a face, or of a flat picture, are found by where they are looked for in what is in view.
+    ///
+    /// # Errors
+    /// As [`Subject::draw`].
+    pub(super) fn in_view(
+        &self,
+        view: &View,
+        batches: &[Splats<'_>],
+        around: Option<f64>,
+    ) -> Result<Option<InView>, VolumeError> {
+        self.depiction.mode.technique.in_view(&Job { around, ..self.job(view, batches, &Plan::default()) })
     }
 
     /// Sums of nodes on a face of a panorama whose pixels are `pixel` radians wide, or in a flat picture; without what is behind `surfaces`.
@@ -374,6 +436,8 @@ impl<'a> Subject<'a> {
             mean_mass: self.mean_mass,
             paths: None,
             around: None,
+            in_views: self.in_views,
+            lighting: self.lighting,
             order: depiction.choice.order.unwrap_or_default(),
         }
     }

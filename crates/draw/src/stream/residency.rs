@@ -33,12 +33,12 @@ pub struct Failure {
 }
 
 /// Attempts at a page before a disk's errors are told; the first ones follow one another after [`backoff`].
-const ATTEMPTS: u32 = 4;
+pub(crate) const ATTEMPTS: u32 = 4;
 /// Reads without an answer at most; while there are so many, no more are begun.
 const MOST_STALLED: usize = 32;
 
 /// How long to leave the disk alone after so many failed attempts at a page: 0.1 s, 0.4 s, 1.6 s, ... up to 30 s.
-fn backoff(attempts: u32) -> Duration {
+pub(crate) fn backoff(attempts: u32) -> Duration {
     Duration::from_millis(100 * 4_u64.pow(attempts.saturating_sub(1).min(8))).min(Duration::from_secs(30))
 }
 

@@ -67,6 +67,8 @@ pub struct HeightSummary {
     pub samples: u64,
     /// Those that were measured.
     pub valid: u64,
+    /// Their share.
+    pub valid_share: f64,
     /// The others, by what stands in their place.
     pub invalid: Invalid,
     /// Measured samples that are in no triangle.
@@ -148,6 +150,7 @@ pub fn summarize_heights(source: &HeightSource) -> Result<HeightSummary, ImportE
         rows: grid.rows,
         samples: grid.samples(),
         valid: facts.valid,
+        valid_share: facts.valid as f64 / grid.samples() as f64,
         invalid,
         lone: facts.lone,
         origin: grid.origin,

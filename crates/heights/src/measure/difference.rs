@@ -188,8 +188,12 @@ impl Heights for Difference<'_> {
 /// Volumes between T and the height 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Volumes {
+    /// Samples.
+    pub samples: u64,
     /// Measured samples.
     pub valid: u64,
+    /// Their share.
+    pub valid_share: f64,
     /// T's area in plan, in the square of the unit of lengths.
     pub area: f64,
     /// What is above, in the cube of the unit of lengths where heights are lengths as well; else in their unit times its square.
@@ -235,7 +239,9 @@ pub fn volumes_on(heights: &dyn Heights, lengths: &Lengths) -> Result<Volumes, H
         (all.0 + band.0, all.1 + band.1, all.2 + band.2, all.3 + band.3)
     };
     let (valid, area, above, below) = bands.into_iter().fold((0, 0.0, 0.0, 0.0), add);
-    Ok(Volumes { valid, area, volume_above: lengths.lift * above, volume_below: lengths.lift * below })
+    let (samples, valid_share) = (heights.grid().samples(), valid as f64 / heights.grid().samples() as f64);
+    let [volume_above, volume_below] = [above, below].map(|volume| lengths.lift * volume);
+    Ok(Volumes { samples, valid, valid_share, area, volume_above, volume_below })
 }
 
 /// Integrals of what is above and below 0 over a triangle of area 1.

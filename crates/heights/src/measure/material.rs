@@ -4,6 +4,7 @@
 //! steep; a straight line fitted to that part and continued to 0 % and 100 % bounds the core (ISO 13565-2).
 
 use super::bands::map_bands;
+use super::iso::Roughness;
 use crate::model::{HeightError, Heights};
 use rayon::prelude::*;
 
@@ -18,6 +19,17 @@ const FINE: usize = 1 << 20;
 
 /// Points of the curve between which the least steep secant is looked for.
 const SECANTS: usize = 10_000;
+
+/// The material ratio curve of a field whose numbers these are: percents of its measured samples from 0 to 100, and the height above which so many of
+/// them are. Nothing where none was measured.
+///
+/// # Errors
+/// Where the field cannot be read.
+pub fn material_ratio(heights: &dyn Heights, found: &Roughness) -> Result<Vec<[f64; 2]>, HeightError> {
+    let (Some(mean), Some(sp), Some(sv)) = (found.mean, found.iso.sp, found.iso.sv) else { return Ok(Vec::new()) };
+    let curve = Curve::read(heights, [mean - sv, mean + sp], found.valid)?;
+    Ok((0..=100).map(|percent| [f64::from(percent), curve.height(f64::from(percent) / 100.0)]).collect())
+}
 
 /// Heights that bound the core, and what is above and below it.
 #[derive(Clone, Copy, Debug, PartialEq)]

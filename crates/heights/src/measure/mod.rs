@@ -43,7 +43,7 @@ pub use form::{Form, FormKind, FormNumbers, Residual};
 pub use geojson::GeoJson;
 pub use great_circle::great_circle;
 pub use iso::{Iso, Roughness, roughness, roughness_on};
-pub use material::Material;
+pub use material::{Material, material_ratio};
 pub use on_globe::pick_on_globe;
 pub use paged::{PagedPyramid, Stands, pick_all};
 pub use part::{Disc, Part, window_of};

@@ -1,10 +1,7 @@
 //! Numbers that belong to the places of a lattice: random access instead of a sequence, so that any window can be made
 //! alone.
 
-use deepfield_data::synth::random::mix_bits;
-
-/// The odd number next to 2^64 over the golden ratio, which spreads multiples evenly.
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+use deepfield_data::model::mixing::{GOLDEN, mix_bits};
 
 /// The noise of one purpose: a lattice of independent numbers.
 #[derive(Clone, Copy, Debug)]

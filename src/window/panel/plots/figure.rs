@@ -99,6 +99,7 @@ pub fn show(ui: &mut Ui, chart: &Chart<'_>, shown: &Shown) -> Option<Brushing> {
     }
     let frame = Frame { rect, across: chart.across, up: chart.up };
     let response = ui.interact(rect, ui.id().with("plot frame"), Sense::click_and_drag());
+    theme::call(&response, "Plot: drag to select");
     theme::register(ui, "plots:frame", rect);
 
     painter.rect_filled(rect, 3.0, theme::WELL);

@@ -184,6 +184,7 @@ fn choose<T: Clone + PartialEq>(ui: &mut Ui, name: &str, width: f32, chosen: &mu
             theme::register(ui, &format!("{name}:{title}"), choice.rect);
         }
     });
+    theme::call(&shown.response, name.trim_start_matches("plots:"));
     theme::register(ui, name, shown.response.rect);
 }
 

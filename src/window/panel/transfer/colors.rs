@@ -14,7 +14,7 @@ pub fn show(ui: &mut Ui, choices: &Choices, map: &mut ColorMap, reverse: &mut bo
     theme::combo(ui, "Colour map", name, |ui| {
         for (choice, colors) in choices.color_maps() {
             ui.horizontal(|ui| {
-                let (rect, swatch) = ui.allocate_exact_size(vec2(64.0, 12.0), Sense::click());
+                let (rect, swatch) = ui.allocate_exact_size(vec2(64.0, 12.0), Sense::CLICK);
                 let last = colors.len().saturating_sub(1);
                 theme::gradient(ui.painter(), rect, false, |t| colors[(t * last as f32).round() as usize]);
                 let label = ui.selectable_label(map == choice, choice.name()).on_hover_text(choice.help());
@@ -56,14 +56,20 @@ fn edit_stops(ui: &mut Ui, stops: &[Stop]) -> Option<Vec<Stop>> {
         let low = index.checked_sub(1).map_or(0.0, |before| stops[before].0 + 0.001);
         let high = stops.get(index + 1).map_or(1.0, |after| after.0 - 0.001);
         theme::row(ui, &format!("Stop {}", index + 1), |ui| {
-            if ui.small_button("−").on_hover_text("take this stop away").clicked() {
+            let [take, another] = ["take this stop away", "another stop before the next one"];
+            let button = ui.small_button("−").on_hover_text(take);
+            theme::call(&button, take);
+            if button.clicked() {
                 remove = Some(index);
             }
-            if ui.small_button("+").on_hover_text("another stop before the next one").clicked() {
+            let button = ui.small_button("+").on_hover_text(another);
+            theme::call(&button, another);
+            if button.clicked() {
                 add = Some(index);
             }
-            ui.add(DragValue::new(&mut stop.0).range(low..=high.max(low)).speed(0.003).max_decimals(3));
-            ui.color_edit_button_srgb(&mut stop.1.0);
+            let place = DragValue::new(&mut stop.0).range(low..=high.max(low)).speed(0.003).max_decimals(3);
+            theme::call(&ui.add(place), &format!("Place of stop {}", index + 1));
+            theme::call(&ui.color_edit_button_srgb(&mut stop.1.0), &format!("Colour of stop {}", index + 1));
         });
     }
     if let Some(index) = remove.filter(|_| edited.len() > 2) {

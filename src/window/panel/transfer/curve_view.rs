@@ -103,14 +103,16 @@ fn fields(ui: &mut Ui, curve: &Curve, index: usize, backdrop: &Backdrop<'_>) -> 
     theme::row(ui, "Point", |ui| {
         gone = ui.small_button("remove").clicked();
         let step = 0.005;
-        ui.add(DragValue::new(&mut level).range(0.0..=1.0).speed(step).max_decimals(4)).on_hover_text("its height");
+        let height = ui.add(DragValue::new(&mut level).range(0.0..=1.0).speed(step).max_decimals(4));
+        theme::call(&height.on_hover_text("its height"), "Height of the point");
         ui.label(RichText::new("at").color(theme::LABEL));
         let speed = 0.003 * (backdrop.range[1] - backdrop.range[0]).abs().max(f64::MIN_POSITIVE) * 0.2;
         let field = DragValue::new(&mut at)
             .speed(speed)
             .custom_formatter(|value, _| theme::brief(value))
             .update_while_editing(false);
-        ui.add(field.custom_parser(|text| text.trim().parse().ok())).on_hover_text("the value that it belongs to");
+        let field = ui.add(field.custom_parser(|text| text.trim().parse().ok()));
+        theme::call(&field.on_hover_text("the value that it belongs to"), "Value of the point");
     });
     if gone {
         return curve_edit::remove(curve, index);

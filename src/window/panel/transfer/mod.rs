@@ -105,7 +105,9 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, presets: &mut TransferPresets, setti
         let mut gamma = transfer.gamma;
         let field = DragValue::new(&mut gamma).range(0.1..=10.0).speed(0.01).max_decimals(3);
         let hint = "exponent on the place in the range: above 1 is more contrast in the bright parts";
-        if ui.add(field).on_hover_text(hint).changed() {
+        let field = ui.add(field).on_hover_text(hint);
+        theme::call(&field, "Contrast");
+        if field.changed() {
             transfer.gamma = gamma;
         }
     });
@@ -165,19 +167,20 @@ fn range(
     ui.horizontal(|ui| {
         ui.spacing_mut().interact_size.y = 14.0;
         let speed = 0.002 * (shown[1] - shown[0]).abs().max(f64::MIN_POSITIVE);
-        let field = |ui: &mut Ui, end: &mut f64| {
+        let field = |ui: &mut Ui, name: &str, end: &mut f64| {
             let field = DragValue::new(end)
                 .speed(speed)
                 .custom_formatter(|value, _| theme::brief(value))
                 .update_while_editing(false);
-            ui.add(field.custom_parser(|text| text.trim().parse().ok().filter(|value: &f64| value.is_finite())))
-                .on_hover_text("an end of the range, to type or to drag")
-                .changed()
+            let field = field.custom_parser(|text| text.trim().parse().ok().filter(|value: &f64| value.is_finite()));
+            let field = ui.add(field).on_hover_text("an end of the range, to type or to drag");
+            theme::call(&field, &format!("{}: {name}", axis.title));
+            field.changed()
         };
-        let low = field(ui, &mut ends[0]);
+        let low = field(ui, "lower end", &mut ends[0]);
         let right = egui::Layout::right_to_left(egui::Align::Center);
         let high = ui.with_layout(right, |ui| {
-            let high = field(ui, &mut ends[1]);
+            let high = field(ui, "upper end", &mut ends[1]);
             let unit = RichText::new(&axis.unit).size(theme::SMALL).color(theme::LABEL);
             ui.with_layout(egui::Layout::centered_and_justified(egui::Direction::LeftToRight), |ui| {
                 ui.add(egui::Label::new(unit).truncate());

@@ -113,7 +113,8 @@ fn draw_region(plot: &Plot, region: &Region, chosen: bool) {
 fn factors(ui: &mut Ui, label: &str, brightness: &mut f32, opacity: &mut f32) {
     theme::row(ui, label, |ui| {
         let factor = |ui: &mut Ui, value: &mut f32, name: &str| {
-            ui.add(DragValue::new(value).range(0.0..=MOST_FACTOR).speed(0.01).max_decimals(3));
+            let field = ui.add(DragValue::new(value).range(0.0..=MOST_FACTOR).speed(0.01).max_decimals(3));
+            theme::call(&field, &format!("{label}: {name}"));
             ui.label(RichText::new(name).color(theme::LABEL));
         };
         factor(ui, opacity, "opacity ×");
@@ -126,26 +127,27 @@ fn fields(ui: &mut Ui, region: &mut Region) -> bool {
     let mut gone = false;
     factors(ui, "Region", &mut region.brightness, &mut region.opacity);
     theme::row(ui, "At", |ui| {
-        let number = |ui: &mut Ui, value: &mut f32, most: f32, least: f32| {
-            ui.add(DragValue::new(value).range(least..=most).speed(0.005).max_decimals(3));
+        let number = |ui: &mut Ui, name: &str, value: &mut f32, most: f32, least: f32| {
+            let field = ui.add(DragValue::new(value).range(least..=most).speed(0.005).max_decimals(3));
+            theme::call(&field, name);
         };
-        number(ui, &mut region.radius.1, 4.0, 0.001);
-        number(ui, &mut region.radius.0, 4.0, 0.001);
+        number(ui, "Radius of the region upwards", &mut region.radius.1, 4.0, 0.001);
+        number(ui, "Radius of the region across", &mut region.radius.0, 4.0, 0.001);
         ui.label(RichText::new("±").color(theme::LABEL));
-        number(ui, &mut region.at.1, 1.0, 0.0);
-        number(ui, &mut region.at.0, 1.0, 0.0);
+        number(ui, "Middle of the region upwards", &mut region.at.1, 1.0, 0.0);
+        number(ui, "Middle of the region across", &mut region.at.0, 1.0, 0.0);
     });
     theme::row(ui, "Rim, hue", |ui| {
         gone = ui.small_button("remove").clicked();
         let mut own = region.color.is_some();
         if let Some(HexColor(color)) = &mut region.color {
-            ui.color_edit_button_srgb(color);
+            theme::call(&ui.color_edit_button_srgb(color), "Hue of the region");
         }
         if ui.checkbox(&mut own, "own hue").changed() {
             region.color = own.then_some(HexColor([255, 150, 40]));
         }
-        ui.add(DragValue::new(&mut region.soft).range(0.0..=1.0).speed(0.005).max_decimals(3))
-            .on_hover_text("the share of the radius over which it fades");
+        let rim = ui.add(DragValue::new(&mut region.soft).range(0.0..=1.0).speed(0.005).max_decimals(3));
+        theme::call(&rim.on_hover_text("the share of the radius over which it fades"), "Rim of the region");
     });
     gone
 }

@@ -39,6 +39,7 @@ impl Plot {
     pub fn new(ui: &mut Ui, id: &str, height: f32) -> Plot {
         let (outer, _) = ui.allocate_exact_size(vec2(ui.available_width(), height), Sense::hover());
         let response = ui.interact(outer, ui.id().with(("plot", id)), Sense::click_and_drag());
+        theme::call(&response, id);
         theme::register(ui, &format!("plot:{id}"), outer.shrink2(vec2(7.0, 6.0)));
         let painter = ui.painter().with_clip_rect(outer.expand(6.0));
         painter.rect_filled(outer, 4.0, theme::WELL);

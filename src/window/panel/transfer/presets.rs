@@ -30,7 +30,8 @@ pub fn show(ui: &mut Ui, presets: &mut TransferPresets, settings: &mut Settings)
             let name = name.to_owned();
             presets.ask_to_save(name, settings.transfer.clone());
         }
-        ComboBox::from_id_salt("preset").width(ui.available_width()).truncate().selected_text(text).show_ui(ui, |ui| {
+        let combo = ComboBox::from_id_salt("preset").width(ui.available_width()).truncate().selected_text(text);
+        let combo = combo.show_ui(ui, |ui| {
             for name in presets.names() {
                 let chosen = presets.chosen().is_some_and(|(chosen, _)| chosen == name);
                 if ui.selectable_label(chosen && !changed, name).clicked() {
@@ -38,6 +39,7 @@ pub fn show(ui: &mut Ui, presets: &mut TransferPresets, settings: &mut Settings)
                 }
             }
         });
+        theme::call(&combo.response, "Preset of colours");
     });
     if let Some(name) = pick
         && let Some(transfer) = presets.choose(&name)
@@ -51,6 +53,7 @@ pub fn show(ui: &mut Ui, presets: &mut TransferPresets, settings: &mut Settings)
             theme::register(ui, "preset:name:save", save.rect);
             let save = save.clicked();
             let field = ui.add(TextEdit::singleline(&mut name).desired_width(ui.available_width()));
+            theme::call(&field, "Name of the preset");
             theme::register(ui, "preset:name", field.rect);
             if save && !name.trim().is_empty() {
                 presets.ask_to_save(name.trim().to_owned(), settings.transfer.clone());

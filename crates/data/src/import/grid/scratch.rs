@@ -18,6 +18,17 @@ pub(in crate::import) enum Storage {
     File(RangeFile),
     /// In memory.
     Memory(Vec<u8>),
+    /// In pieces that are unpacked where they are read.
+    Pieces(Box<dyn Pieces>),
+}
+
+/// Bytes that are unpacked piece by piece.
+pub(in crate::import) trait Pieces: Send + Sync {
+    /// Fills `out` from byte `offset` on.
+    ///
+    /// # Errors
+    /// When there are no such bytes, or a piece is damaged.
+    fn read(&self, path: &Path, offset: u64, out: &mut [u8]) -> Result<(), ImportError>;
 }
 
 impl Storage {
@@ -28,6 +39,7 @@ impl Storage {
     pub(in crate::import) fn read(&self, path: &Path, offset: u64, out: &mut [u8]) -> Result<(), ImportError> {
         match self {
             Storage::File(file) => file.read(offset, out, "data"),
+            Storage::Pieces(pieces) => pieces.read(path, offset, out),
             Storage::Memory(bytes) => {
                 let from = usize::try_from(offset).ok().and_then(|from| bytes.get(from..)?.get(..out.len()));
                 let Some(from) = from else {

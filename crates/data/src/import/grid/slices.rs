@@ -62,6 +62,14 @@ pub(in crate::import) fn is_stack(path: &Path) -> Result<bool, ImportError> {
     Ok(Folder::read(path)?.is_stack())
 }
 
+/// The slices in a folder, in their order.
+///
+/// # Errors
+/// When it cannot be read.
+pub(super) fn pictures_in(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    Ok(Folder::read(path)?.pictures)
+}
+
 /// Opens the slices in a folder as a volume.
 ///
 /// # Errors

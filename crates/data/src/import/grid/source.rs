@@ -82,7 +82,7 @@ impl GridSource {
     pub fn memory_bytes(&self) -> u64 {
         match &self.storage {
             Storage::Memory(bytes) => bytes.len() as u64,
-            Storage::File(_) => 0,
+            Storage::File(_) | Storage::Pieces(_) => 0,
         }
     }
 

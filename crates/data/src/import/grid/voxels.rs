@@ -4,11 +4,12 @@
 //! to the value again. What is air around a volume is left out.
 
 use super::super::{Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source};
+use super::slices::pictures_in;
 use super::{GridOptions, GridSource, open_grid, summarize_grid};
 use crate::model::{FamilyName, Grid, ReadMethod, Region, Unit};
 use glam::DVec3;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Values of volumes above the least one by no more than this share of the range are air.
 pub const AIR: f64 = 0.02;
@@ -30,6 +31,10 @@ impl Format for Voxels {
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         Ok(Box::new(VoxelSource::open(path, method)?))
+    }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        if path.is_dir() { pictures_in(path) } else { Ok(vec![path.to_owned()]) }
     }
 }
 

@@ -25,12 +25,42 @@ pub(super) struct Header {
     pub is_virtual: bool,
     /// Particles of GADGET-4's light cones, each of which is of a time of its own.
     pub is_light_cone: bool,
-    /// SWIFT's kernel function.
+    /// The kernel function that the file names.
     pub kernel: Option<String>,
     /// SWIFT's support radius over its smoothing length, where the file says it.
     pub gamma: Option<f64>,
     /// What it says of the expansion of space.
     pub expansion: Expansion,
+}
+
+/// Options that GADGET-4 is compiled with, of which a snapshot lists those that are set: one of these, or none.
+const GADGET4_KERNELS: [&str; 4] =
+    ["CUBIC_SPLINE_KERNEL", "WENDLAND_C2_KERNEL", "WENDLAND_C4_KERNEL", "WENDLAND_C6_KERNEL"];
+
+/// Kernels by GIZMO's numbers for them (its `KERNEL_FUNCTION`).
+const GIZMO_KERNELS: [(u8, &str); 8] = [
+    (1, "linear ramp"),
+    (2, "quadratic peak"),
+    (3, "cubic spline"),
+    (4, "quartic spline"),
+    (5, "quintic spline"),
+    (6, "Wendland C2"),
+    (7, "Wendland C4"),
+    (9, "Wendland C6"),
+];
+
+/// The kernel that SWIFT's scheme, GADGET-4's options or GIZMO's header names.
+fn kernel([hydro, config, header]: [Option<&Attributes>; 3]) -> Option<String> {
+    let compiled = |config: &Attributes| GADGET4_KERNELS.into_iter().find(|option| config.has(option));
+    let numbered = |header: &Attributes| {
+        let number = header.number("Kernel_Function_ID")?;
+        let known = GIZMO_KERNELS.iter().find(|(own, _)| f64::from(*own) == number);
+        Some(known.map_or_else(|| format!("GIZMO's number {number}"), |(_, name)| (*name).to_owned()))
+    };
+    hydro
+        .and_then(|hydro| hydro.text("Kernel function"))
+        .or_else(|| config.and_then(compiled).map(str::to_owned))
+        .or_else(|| header.and_then(numbered))
 }
 
 impl Header {
@@ -60,7 +90,9 @@ impl Header {
         units.comoving = (if comoving { 1.0 } else { 0.0 }, if hubble.is_some() { -1.0 } else { 0.0 });
         let swift = unit_group.as_ref().is_some_and(|group| group.number("Unit length in cgs (U_L)").is_some())
             || code.as_ref().and_then(|code| code.text("Code")).is_some_and(|code| code == "SWIFT");
-        let kernel = hydro.as_ref().and_then(|hydro| hydro.text("Kernel function"));
+        // No more than the kernel depends on this one.
+        let config = optional("Config").ok().flatten();
+        let kernel = kernel([&hydro, &config, &header].map(Option::as_ref));
         let gamma = hydro.as_ref().and_then(|hydro| hydro.number("Kernel gamma"));
 
         let (mut counts, mut totals, mut masses) = (None, None, Vec::new());

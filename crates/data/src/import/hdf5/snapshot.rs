@@ -255,14 +255,12 @@ fn describe(path: &Path, files: &[File]) -> Description {
         box_size: header.box_size,
         ..Description::unitless(path, format, files.iter().map(|file| file.h5.bytes).sum())
     };
-    if header.swift {
-        match (swift_kernel(header), &header.kernel) {
-            (Some((_, kernel, _)), _) => about.kernel = *kernel,
-            (None, Some(name)) => {
-                about.notes.push(format!("SWIFT kernel function \"{name}\" is not known: taken for the cubic spline"));
-            }
-            (None, None) => {}
+    match (named_kernel(header), &header.kernel) {
+        (Some((_, kernel, _)), _) => about.kernel = *kernel,
+        (None, Some(name)) => {
+            about.notes.push(format!("kernel function \"{name}\" is not known: taken for the cubic spline"));
         }
+        (None, None) => {}
     }
     about
 }
@@ -555,11 +553,11 @@ impl Planned {
     }
 }
 
-/// A part of the name that SWIFT gives its kernel, which that is, and its support radius over SWIFT's smoothing length, in three
+/// A part of the name that codes give a kernel, which that is, and its support radius over SWIFT's smoothing length, in three
 /// dimensions (Dehnen and Aly 2012, table 1).
 type Named = (&'static str, Kernel, f64);
 
-const SWIFT_KERNELS: [Named; 6] = [
+const KERNELS: [Named; 6] = [
     ("cubic", Kernel::CubicSpline, 1.825742),
     ("quartic", Kernel::QuarticSpline, 2.018932),
     ("quintic", Kernel::QuinticSpline, 2.195775),
@@ -568,14 +566,14 @@ const SWIFT_KERNELS: [Named; 6] = [
     ("wendland c6", Kernel::WendlandC6, 2.449490),
 ];
 
-/// SWIFT's kernel, where it is named and known.
-fn swift_kernel(header: &Header) -> Option<&'static Named> {
-    let name = header.kernel.as_deref()?.to_lowercase().replace('-', " ");
-    SWIFT_KERNELS.iter().find(|(kernel, ..)| name.contains(kernel))
+/// The kernel, where it is named and known.
+fn named_kernel(header: &Header) -> Option<&'static Named> {
+    let name = header.kernel.as_deref()?.to_lowercase().replace(['-', '_'], " ");
+    KERNELS.iter().find(|(kernel, ..)| name.contains(kernel))
 }
 
 /// The support radius of SWIFT's kernel over its smoothing length: of the cubic spline where no kernel is told.
 fn kernel_gamma(header: &Header) -> f64 {
     let stated = header.gamma.filter(|gamma| (1.0..=4.0).contains(gamma));
-    stated.or_else(|| swift_kernel(header).map(|(.., gamma)| *gamma)).unwrap_or(SWIFT_KERNELS[0].2)
+    stated.or_else(|| named_kernel(header).map(|(.., gamma)| *gamma)).unwrap_or(KERNELS[0].2)
 }

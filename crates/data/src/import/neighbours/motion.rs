@@ -4,10 +4,14 @@
 //! the SPH estimate, corrected so that it is exact for any velocity that is linear in space, however particles lie:
 //! `sum_j V_j (v_j - v_i) (x) grad W`, times the inverse of `sum_j V_j (x_j - x_i) (x) grad W`, with volumes `V_j = m_j / rho_j`
 //! (Bonet and Lok 1999, Computer Methods in Applied Mechanics and Engineering 180, 97).
+//!
+//! In a periodic box neighbours are the nearest images of particles: places are searched around the images of a particle's own. No ball
+//! is larger than half the box, so that nobody is found twice.
 
 use super::tree::Near;
 use super::{MOST_NEIGHBOURS, Neighbours};
 use crate::model::covariance::principal_axes;
+use crate::model::periodic::images;
 use crate::model::{Kernel, Progress};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -30,6 +34,15 @@ pub(crate) struct Moving<'a> {
     pub smoothing_length: &'a [f32],
     /// Velocities. A particle without a finite one is no neighbour of others.
     pub velocities: &'a [[f64; 3]],
+    /// Edge of the periodic box that positions lie in, or a little beside; `None` where there is none.
+    pub edge: Option<f64>,
+}
+
+impl Moving<'_> {
+    /// How far neighbours of a particle with this smoothing length are looked for: not beyond half of a periodic box.
+    pub(crate) fn reach(smoothing_length: f32, edge: Option<f64>) -> f64 {
+        f64::from(smoothing_length).min(edge.map_or(f64::INFINITY, |edge| 0.5 * edge))
+    }
 }
 
 /// How the neighbours of a particle move. What cannot be known is NaN.
@@ -106,6 +119,24 @@ impl Body {
     }
 }
 
+/// An entry of the tree, or an image of it, near a place.
+#[derive(Clone, Copy)]
+struct Neighbour {
+    /// Squared distance.
+    squared: f64,
+    /// From the place to it.
+    away: DVec3,
+    entry: u32,
+}
+
+/// Memory for the neighbours of a place.
+#[derive(Default)]
+struct Scratch {
+    /// Those of one image of it.
+    near: Vec<Near>,
+    all: Vec<Neighbour>,
+}
+
 /// What the neighbours of a place tell, whatever moves there.
 #[derive(Clone, Copy)]
 struct Moments {
@@ -142,6 +173,7 @@ impl Moments {
 impl Neighbours {
     /// For every particle how those within its smoothing length move; of more than 512 places the nearest so many, within a smoothing
     /// length that reaches to the last of them. `wanted` as in [`Neighbours::estimate`]. The positions of `all` are those of the tree.
+    /// Smoothing lengths of more than half a periodic box are taken as that.
     pub(crate) fn local_motion(
         &self,
         kernel: Kernel,
@@ -151,8 +183,9 @@ impl Neighbours {
     ) -> Vec<LocalMotion> {
         let entries = (0..self.tree.at.len() as u32).into_par_iter();
         let bodies: Vec<Body> = entries.map(|entry| Body::of(self.tree.particles_of(entry), all)).collect();
+        let images = images(all.edge.map(|edge| edge / self.scale));
         self.for_each_leaf(wanted, progress, |_, leaf, out: &mut Vec<LocalMotion>| {
-            let mut near = Vec::new();
+            let mut scratch = Scratch::default();
             let node = self.tree.nodes[self.tree.leaves[leaf as usize] as usize];
             for entry in node.start..node.end {
                 let mut known: Option<(f32, Moments)> = None;
@@ -165,7 +198,10 @@ impl Neighbours {
                     }
                     let moments = match known {
                         Some((of, moments)) if of == h => moments,
-                        _ => self.moments(kernel, &bodies, entry, f64::from(h), &mut near),
+                        _ => {
+                            let reach = Moving::reach(h, all.edge);
+                            self.moments(kernel, &bodies, (entry, &images[..]), reach, &mut scratch)
+                        }
                     };
                     known = Some((h, moments));
                     out.push(moments.seen_from(DVec3::from_array(all.velocities[particle])));
@@ -174,17 +210,41 @@ impl Neighbours {
         })
     }
 
-    /// Sums over the neighbours of an entry within `support`; the same to the last bit whatever else is in the tree.
-    fn moments(&self, kernel: Kernel, bodies: &[Body], entry: u32, support: f64, near: &mut Vec<Near>) -> Moments {
+    /// Sums over the neighbours of an entry and its images within `support`; the same to the last bit whatever else is in the tree.
+    fn moments(
+        &self,
+        kernel: Kernel,
+        bodies: &[Body],
+        (entry, images): (u32, &[DVec3]),
+        support: f64,
+        scratch: &mut Scratch,
+    ) -> Moments {
         let at = self.tree.at[entry as usize];
         let mut h = support / self.scale;
-        self.tree.nearest(at, MOST_NEIGHBOURS, h * h, near);
+        // No place is infinitely far away but an image whose coordinates overflow.
+        let most = (h * h).min(f64::MAX);
+        let Scratch { near: of_image, all: near } = scratch;
+        near.clear();
+        for place in images.iter().map(|image| at + *image) {
+            if self.tree.nodes[0].bounds.distance(place) > most {
+                continue;
+            }
+            self.tree.nearest(place, MOST_NEIGHBOURS, most, of_image);
+            near.extend(of_image.iter().map(|&Near { squared, entry }| {
+                let away = self.tree.at[entry as usize] - place;
+                Neighbour { squared, away, entry }
+            }));
+        }
+        if near.len() > MOST_NEIGHBOURS {
+            near.select_nth_unstable_by(MOST_NEIGHBOURS - 1, |a, b| a.squared.total_cmp(&b.squared));
+            near.truncate(MOST_NEIGHBOURS);
+        }
         if near.len() == MOST_NEIGHBOURS {
             // The kernel vanishes where the last ones are, so that it does not matter which of several there are among them.
             h = near.iter().map(|near| near.squared).fold(0.0, f64::max).sqrt().min(h);
         }
         near.sort_unstable_by(|a, b| {
-            let [place, others] = [a, b].map(|near| self.tree.at[near.entry as usize].to_array());
+            let [place, others] = [a, b].map(|near| near.away.to_array());
             let places = || place.iter().zip(&others).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne());
             let body = || bodies[a.entry as usize].compare(&bodies[b.entry as usize]);
             a.squared.total_cmp(&b.squared).then_with(|| places().unwrap_or_else(body))
@@ -205,7 +265,7 @@ impl Neighbours {
             let q = r / h;
             spread += kernel.value(q) * (body.spread + body.mass * body.velocity.distance_squared(mean));
             if r > 0.0 {
-                let direction = (self.tree.at[other.entry as usize] - at) / r;
+                let direction = other.away / r;
                 let slope = -kernel.slope(q) * body.volume * direction;
                 let flow = body.flow - mean;
                 directions += slope;
@@ -248,7 +308,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Particles as columns.
+    /// Particles as columns, in a periodic box or none.
     #[derive(Clone, Default)]
     struct Cloud {
         positions: Vec<[f64; 3]>,
@@ -256,6 +316,7 @@ mod tests {
         density: Vec<f32>,
         smoothing_length: Vec<f32>,
         velocities: Vec<[f64; 3]>,
+        edge: Option<f64>,
     }
 
     impl Cloud {
@@ -271,6 +332,7 @@ mod tests {
                 smoothing_length: several(h, 0.05 * h, 4),
                 velocities: positions.iter().enumerate().map(|(i, at)| velocity(*at, i)).collect(),
                 positions,
+                edge: None,
             }
         }
 
@@ -281,6 +343,7 @@ mod tests {
                 density: &self.density,
                 smoothing_length: &self.smoothing_length,
                 velocities: &self.velocities,
+                edge: self.edge,
             };
             Neighbours::of(&self.positions).unwrap().local_motion(kernel, &all, None, &())
         }
@@ -292,6 +355,12 @@ mod tests {
             self.smoothing_length.push(other.smoothing_length[i]);
             self.velocities.push(other.velocities[i]);
         }
+    }
+
+    /// Whether two are the same to the last bit; a NaN has many.
+    fn are_same(one: &LocalMotion, other: &LocalMotion) -> bool {
+        let values = |motion: &LocalMotion| [motion.dispersion, motion.divergence, motion.vorticity];
+        values(one).into_iter().zip(values(other)).all(|(a, b)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan())
     }
 
     fn times(gradient: &[f64; 9], [x, y, z]: [f64; 3]) -> [f64; 3] {
@@ -340,15 +409,55 @@ mod tests {
             order.iter().for_each(|&i| other.push(&cloud, i));
             let away = Cloud::new(vec![[-4.0 * far - 10.0, 20.0, far + 30.0]; 3], 0.5, |_, _| [1e3; 3]);
             (0..3).for_each(|i| other.push(&away, i));
-            let bits = |motion: &LocalMotion| [motion.dispersion, motion.divergence, motion.vorticity].map(f64::to_bits);
             let (own, others) = (cloud.motions(Kernel::CubicSpline), other.motions(Kernel::CubicSpline));
             for (at, &i) in order.iter().enumerate() {
-                // A NaN has many bits.
-                prop_assert!(
-                    bits(&own[i]) == bits(&others[at]) || own[i].divergence.is_nan() && others[at].divergence.is_nan(),
-                    "{:?} {:?}", own[i], others[at]
-                );
+                prop_assert!(are_same(&own[i], &others[at]), "{:?} {:?}", own[i], others[at]);
             }
+        }
+
+        /// It does not matter where the faces of a periodic box are, to the last bit: places are whole 1024ths of its edge. Smoothing
+        /// lengths of more than half of it are among them.
+        #[test]
+        fn the_faces_of_a_periodic_box_may_be_anywhere(
+            grid in prop::collection::vec(prop::array::uniform3(0..1024u32), 2..150),
+            shift in prop::array::uniform3(0..1024u32), h in 0.05..0.9f32,
+        ) {
+            let at = |shift: [u32; 3]| -> Vec<[f64; 3]> {
+                let place = |at: &[u32; 3]| [0, 1, 2].map(|axis| f64::from((at[axis] + shift[axis]) % 1024) / 1024.0);
+                grid.iter().map(place).collect()
+            };
+            let mut cloud = Cloud::new(at([0; 3]), h, |_, i| [(i % 7) as f64, 0.3 * i as f64, (i * i % 11) as f64]);
+            cloud.edge = Some(1.0);
+            let moved = Cloud { positions: at(shift), ..cloud.clone() };
+            let (own, others) = (cloud.motions(Kernel::CubicSpline), moved.motions(Kernel::CubicSpline));
+            for (own, other) in own.iter().zip(&others) {
+                prop_assert!(are_same(own, other), "{own:?} {other:?}");
+            }
+        }
+    }
+
+    /// Waves as long as a periodic box that a lattice fills: at its faces as within, gradients are the true ones times one factor, that of
+    /// a wave's differences over the kernel, which is below 1 and above `1 - (k h)^2 / 6`.
+    #[test]
+    fn waves_in_a_periodic_box_have_their_gradient_at_its_faces_too() {
+        let (cells, spacing, h) = (12_u32, 0.5, 1.1_f32);
+        let edge = f64::from(cells) * spacing;
+        let k = std::f64::consts::TAU / edge;
+        let place = |i: u32| [i % cells, i / cells % cells, i / cells / cells].map(|x| spacing * f64::from(x));
+        let velocity = |[x, y, z]: [f64; 3], _: usize| [(k * x).sin() + (k * y).sin(), (k * y).sin(), (k * z).cos()];
+        let mut cloud = Cloud::new((0..cells.pow(3)).map(place).collect(), h, velocity);
+        let even = |value: f32| vec![value; cloud.positions.len()];
+        (cloud.mass, cloud.density, cloud.smoothing_length) = (even(1.0), even(8.0), even(h));
+        cloud.edge = Some(edge);
+        let found = cloud.motions(Kernel::CubicSpline);
+        // The first one is in a corner, where the curl is the wave number.
+        let factor = found[0].vorticity / k;
+        assert!(factor < 1.0 && factor > 1.0 - (k * f64::from(h)).powi(2) / 6.0, "{factor}");
+        for (&[x, y, z], found) in cloud.positions.iter().zip(&found) {
+            let divergence = factor * k * ((k * x).cos() + (k * y).cos() - (k * z).sin());
+            let vorticity = factor * k * (k * y).cos().abs();
+            assert!((found.divergence - divergence).abs() < 1e-9, "{x} {y} {z}: {found:?}, divergence {divergence}");
+            assert!((found.vorticity - vorticity).abs() < 1e-9, "{x} {y} {z}: {found:?}, vorticity {vorticity}");
         }
     }
 

@@ -56,6 +56,17 @@ impl Format for Ramses {
         found.families.sort_by_key(|(family, _)| family.name);
         Ok(Box::new(TypedColumns::new(about, found.storages, found.families)))
     }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        let output = Output::open(path, ReadMethod::default())?;
+        let header = format!("header_{}.txt", output.number);
+        let texts = ["part_file_descriptor.txt", "hydro_file_descriptor.txt", header.as_str()];
+        let texts = texts.map(|name| output.folder.join(name));
+        let of_cpu = |cpu: u32| ["amr", "hydro", "part"].map(|kind| output.file(kind, cpu));
+        let mut files = vec![path.to_owned()];
+        files.extend(texts.into_iter().chain((1..=output.info.cpus).flat_map(of_cpu)).filter(|file| file.is_file()));
+        Ok(files)
+    }
 }
 
 /// The text of an output's numbers in a folder, where that is one of an output.

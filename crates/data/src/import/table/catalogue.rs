@@ -1,9 +1,8 @@
 //! A table as a source of particles.
 
-use super::STANDARD;
-use super::columns::{Column, Opened, Table};
+use super::columns::{Column, Opened, Table, shown};
 use super::sky::{self, Recipe};
-use crate::import::source::exact_id;
+use super::{STANDARD, ids};
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, units};
 use crate::model::{FamilyName, Unit};
 use std::ops::Range;
@@ -68,6 +67,12 @@ impl Catalogue {
             let standard = STANDARD
                 .iter()
                 .find(|(names, name, ..)| names.contains(&key.as_str()) && free(name) && column.components == 1);
+            // Rows of which some have no id cannot be asked for by it.
+            let lacks_ids = standard.is_some_and(|(_, _, kind, _)| *kind == FieldKind::Id) && table.lacks_ids(index);
+            if lacks_ids {
+                notes.push(format!("{} is no id, as it is not a whole number in every row", column.name));
+            }
+            let standard = standard.filter(|_| !lacks_ids);
             let (name, kind, unit) =
                 standard.map_or((&*column.name, FieldKind::Other, ""), |(_, name, kind, unit)| (*name, *kind, *unit));
             let mut unit = Unit::new(if column.unit.is_empty() { unit } else { &column.unit });
@@ -150,18 +155,25 @@ impl Source for Catalogue {
     }
 
     fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
-        self.description.check_range(family, field, &range, out.len())?;
-        if let Origin::Column(column, _) = &self.origins[field]
-            && self.table.read_whole(*column, range.clone(), out)?
-        {
-            return Ok(());
-        }
-        let mut values = vec![0.0; out.len()];
-        self.read(family, field, range, &mut values)?;
-        for (id, value) in out.iter_mut().zip(values) {
-            let expected = "whole numbers from 0 to 2^53";
-            let wrong = || ImportError::malformed(&self.description.path, "ids", value, expected);
-            *id = exact_id(value).ok_or_else(wrong)?;
+        let about = self.description.check_range(family, field, &range, out.len())?;
+        let wrong = |place: &str, found: String| {
+            let field = format!("{}{place}", shown(&about.stored_as));
+            ImportError::malformed(&self.description.path, field, found, "whole numbers from 0")
+        };
+        let (Origin::Column(column, _), 1) = (&self.origins[field], about.components) else {
+            return Err(wrong("", format!("{} numbers a row", about.components)));
+        };
+        let found = ids::read(&*self.table, *column, range.clone())?;
+        for ((row, place), id) in range.zip(out).zip(found) {
+            *place = match id {
+                Some(id) => id,
+                None => {
+                    let mut value = [f64::NAN];
+                    self.table.read(*column, row..row + 1, &mut value)?;
+                    let found = if value[0].is_nan() { "no number".to_owned() } else { value[0].to_string() };
+                    return Err(wrong(&format!(" in row {}", row + 1), found));
+                }
+            };
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! What a table is: rows of named columns of numbers, which are read in ranges.
 
-use crate::import::ImportError;
+use super::STANDARD;
+use crate::import::{FieldKind, ImportError};
 use std::ops::Range;
 
 /// One column.
@@ -38,6 +39,19 @@ impl Column {
     pub(super) fn key(&self) -> String {
         self.name.to_lowercase().replace([' ', '-'], "_")
     }
+
+    /// Whether its numbers are ids, by its name.
+    pub(super) fn is_id(&self) -> bool {
+        let key = self.key();
+        let is_named =
+            STANDARD.iter().any(|(names, _, kind, _)| *kind == FieldKind::Id && names.contains(&key.as_str()));
+        is_named && self.components == 1
+    }
+
+    /// Numbers that stand for it in a row where ids are to be exact: behind one that is an id what it lacks ([`super::ids`]).
+    pub(super) fn width(&self) -> usize {
+        self.components + usize::from(self.is_id())
+    }
 }
 
 /// A table that has been opened. Several threads may read at once.
@@ -54,12 +68,18 @@ pub(super) trait Table: Send + Sync {
     /// When the file cannot be read there.
     fn read(&self, column: usize, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError>;
 
-    /// Reads whole numbers exactly; false where the column does not hold them as such, and `out` stays as it is.
+    /// Reads whole numbers exactly, `None` where one is missing or below 0; false where the column does not hold them as such, and
+    /// `out`, which is all `None`, stays as it is.
     ///
     /// # Errors
-    /// As [`Table::read`], and where a number is missing or below 0.
-    fn read_whole(&self, _column: usize, _rows: Range<u64>, _out: &mut [u64]) -> Result<bool, ImportError> {
+    /// As [`Table::read`].
+    fn read_whole(&self, _column: usize, _rows: Range<u64>, _out: &mut [Option<u64>]) -> Result<bool, ImportError> {
         Ok(false)
+    }
+
+    /// Whether it is known that some row has no whole number from 0 in a column of ids.
+    fn lacks_ids(&self, _column: usize) -> bool {
+        false
     }
 
     /// Whether it is known that no row has a number in the column.

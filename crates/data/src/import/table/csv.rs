@@ -3,8 +3,8 @@
 //! number of values, holds a column in every line.
 
 use super::catalogue::Catalogue;
-use super::columns::{Column, Opened, number};
-use super::separated::{Heading, header_line, rows};
+use super::columns::{Column, number};
+use super::separated::{Heading, Separated, header_line, open};
 use super::text;
 use crate::import::{Format, ImportError, Source};
 use crate::model::ReadMethod;
@@ -32,34 +32,19 @@ impl Format for Csv {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        Ok(Box::new(Catalogue::new(path, open(path, method)?)?))
+        Ok(Box::new(Catalogue::new(path, open::<Csv>(path, method)?)?))
     }
 }
 
-/// Opens a table.
-///
-/// # Errors
-/// When the file cannot be read, or is damaged.
-pub(super) fn open(path: &Path, _: ReadMethod) -> Result<Opened, ImportError> {
-    let (mut reader, bytes) = text::open(path)?;
-    let heading = heading(path, &mut *reader)?;
-    let table = Box::new(rows(path, heading, reader)?);
-    Ok(Opened { table, format: "csv", bytes, notes: Vec::new() })
-}
+impl Separated for Csv {
+    const NAME: &'static str = "csv";
 
-/// The columns of a table, numbers or not.
-///
-/// # Errors
-/// When the file cannot be read.
-pub(super) fn columns(path: &Path) -> Result<Vec<Column>, ImportError> {
-    Ok(heading(path, &mut *text::open(path)?.0)?.columns)
-}
-
-fn heading(path: &Path, reader: &mut dyn BufRead) -> Result<Heading, ImportError> {
-    let header = header_line(path, reader)?;
-    let delimiter = delimiter(&header);
-    let names = header.trim_start_matches('\u{feff}').trim_start_matches('#').trim_end().split(delimiter);
-    Ok(Heading::of_names(names.map(Column::new).collect(), delimiter as u8))
+    fn heading(path: &Path, reader: &mut dyn BufRead) -> Result<Heading, ImportError> {
+        let header = header_line(path, reader)?;
+        let delimiter = delimiter(&header);
+        let names = header.trim_start_matches('\u{feff}').trim_start_matches('#').trim_end().split(delimiter);
+        Ok(Heading::of_names(names.map(Column::new).collect(), delimiter as u8))
+    }
 }
 
 /// What separates the names of a header line.

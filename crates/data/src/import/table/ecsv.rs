@@ -2,9 +2,9 @@
 //! comments that says what each column holds and in which unit.
 
 use super::catalogue::Catalogue;
-use super::columns::{Column, Opened};
+use super::columns::Column;
 use super::ecsv_header::{Description, Kind, MARK, described};
-use super::separated::{Heading, header_line, rows};
+use super::separated::{Heading, Separated, header_line, open};
 use super::text;
 use crate::import::{Format, ImportError, Source};
 use crate::model::ReadMethod;
@@ -27,58 +27,48 @@ impl Format for Ecsv {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        Ok(Box::new(Catalogue::new(path, open(path, method)?)?))
+        Ok(Box::new(Catalogue::new(path, open::<Ecsv>(path, method)?)?))
     }
 }
 
-/// Opens a table.
-///
-/// # Errors
-/// When the file cannot be read, or is damaged.
-pub(super) fn open(path: &Path, _: ReadMethod) -> Result<Opened, ImportError> {
-    let (mut reader, bytes) = text::open(path)?;
-    let heading = heading(path, &mut *reader)?;
-    let table = Box::new(rows(path, heading, reader)?);
-    Ok(Opened { table, format: "ecsv", bytes, notes: Vec::new() })
-}
+impl Separated for Ecsv {
+    const NAME: &'static str = "ecsv";
 
-/// The columns of a table, numbers or not.
-///
-/// # Errors
-/// When the file cannot be read, or its header is damaged.
-pub(super) fn columns(path: &Path) -> Result<Vec<Column>, ImportError> {
-    Ok(heading(path, &mut *text::open(path)?.0)?.columns)
-}
-
-/// Reads the header, and the line of names behind it.
-fn heading(path: &Path, reader: &mut dyn BufRead) -> Result<Heading, ImportError> {
-    let (mut header, mut bytes) = (Vec::new(), 0);
-    let names = loop {
-        let line = header_line(path, reader)?;
-        let Some(comment) = line.trim_start_matches('\u{feff}').strip_prefix('#') else { break line };
-        bytes += line.len();
-        if bytes > LONGEST {
-            return Err(ImportError::malformed(path, "header", format!("more than {LONGEST} bytes"), "a shorter one"));
-        }
-        header.push(comment.strip_prefix(' ').unwrap_or(comment).trim_end().to_owned());
-    };
-    let Description { delimiter, columns } = described(path, &header)?;
-    let mut names: Vec<&str> = names.trim_end_matches(['\r', '\n']).split(delimiter).collect();
-    names.iter_mut().for_each(|name| *name = name.trim().trim_matches('"'));
-    let stated: Vec<&str> = columns.iter().map(|column| column.name.trim()).collect();
-    if names != stated {
-        let shown = |names: &[&str]| {
-            let shown: String = names.join(",").chars().filter(|letter| !letter.is_control()).take(60).collect();
-            format!("{} ({shown})", names.len())
+    /// Reads the header, and the line of names behind it.
+    fn heading(path: &Path, reader: &mut dyn BufRead) -> Result<Heading, ImportError> {
+        let (mut header, mut bytes) = (Vec::new(), 0);
+        let names = loop {
+            let line = header_line(path, reader)?;
+            let Some(comment) = line.trim_start_matches('\u{feff}').strip_prefix('#') else { break line };
+            bytes += line.len();
+            if bytes > LONGEST {
+                return Err(ImportError::malformed(
+                    path,
+                    "header",
+                    format!("more than {LONGEST} bytes"),
+                    "a shorter one",
+                ));
+            }
+            header.push(comment.strip_prefix(' ').unwrap_or(comment).trim_end().to_owned());
         };
-        let expected = format!("those of the header, {}", shown(&stated));
-        return Err(ImportError::malformed(path, "names of columns", shown(&names), expected));
+        let Description { delimiter, columns } = described(path, &header)?;
+        let mut names: Vec<&str> = names.trim_end_matches(['\r', '\n']).split(delimiter).collect();
+        names.iter_mut().for_each(|name| *name = name.trim().trim_matches('"'));
+        let stated: Vec<&str> = columns.iter().map(|column| column.name.trim()).collect();
+        if names != stated {
+            let shown = |names: &[&str]| {
+                let shown: String = names.join(",").chars().filter(|letter| !letter.is_control()).take(60).collect();
+                format!("{} ({shown})", names.len())
+            };
+            let expected = format!("those of the header, {}", shown(&stated));
+            return Err(ImportError::malformed(path, "names of columns", shown(&names), expected));
+        }
+        Ok(Heading {
+            is_text: columns.iter().map(|column| column.kind == Kind::Text).collect(),
+            is_truth: columns.iter().map(|column| column.kind == Kind::Truth).collect(),
+            columns: columns.iter().map(|column| Column::with_unit(&column.name, &column.unit, 1)).collect(),
+            delimiter: delimiter as u8,
+            lines: header.len() as u64 + 1,
+        })
     }
-    Ok(Heading {
-        is_text: columns.iter().map(|column| column.kind == Kind::Text).collect(),
-        is_truth: columns.iter().map(|column| column.kind == Kind::Truth).collect(),
-        columns: columns.iter().map(|column| Column::with_unit(&column.name, &column.unit, 1)).collect(),
-        delimiter: delimiter as u8,
-        lines: header.len() as u64 + 1,
-    })
 }

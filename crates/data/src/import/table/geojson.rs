@@ -4,7 +4,8 @@
 use super::catalogue::Catalogue;
 use super::columns::{Column, Opened, number};
 use super::store::StoreWriter;
-use super::text;
+use super::{ids, text};
+use crate::import::source::exact_id;
 use crate::import::{Format, ImportError, Source};
 use crate::model::ReadMethod;
 use serde::Deserialize;
@@ -54,11 +55,17 @@ impl Format for GeoJson {
             Some(_) => None,
         };
         let features = &collection.features;
+        let id = |feature: &Feature, name: &str, value: f64| match feature.properties.get(name) {
+            Some(Value::Number(number)) => number.as_u64().or_else(|| exact_id(value)),
+            Some(Value::String(text)) => ids::of_text(text, value),
+            _ => None,
+        };
         let mut names: std::collections::BTreeSet<&String> =
             features.iter().flat_map(|feature| feature.properties.keys()).collect();
         names.retain(|name| features.iter().all(|feature| value(feature, name).is_some()));
         let mut columns = vec![Column::new("ra [deg]"), Column::new("dec [deg]")];
         columns.extend(names.iter().map(|name| Column::new(name)));
+        let widths: Vec<usize> = columns[2..].iter().map(Column::width).collect();
         let mut rows = StoreWriter::new(path, columns);
         for (index, feature) in features.iter().enumerate() {
             let [longitude, latitude] = feature.geometry.coordinates[..] else {
@@ -70,8 +77,12 @@ impl Format for GeoJson {
                     "longitude and latitude",
                 ));
             };
-            let values = names.iter().map(|name| value(feature, name).unwrap_or(f64::NAN));
-            rows.push(&[longitude, latitude].into_iter().chain(values).collect::<Vec<f64>>())?;
+            let mut row = vec![longitude, latitude];
+            for (name, width) in names.iter().zip(&widths) {
+                let value = value(feature, name).unwrap_or(f64::NAN);
+                row.extend_from_slice(&[value, ids::rest(value, id(feature, name, value))][..*width]);
+            }
+            rows.push(&row)?;
         }
         let table = Box::new(rows.finish(|_| true)?);
         Ok(Box::new(Catalogue::new(path, Opened { table, format: "geojson", bytes, notes: Vec::new() })?))

@@ -1,5 +1,5 @@
 //! Tables and catalogues: a row per particle or star. Text is parsed in one pass into numbers, which are kept in memory or a temporary
-//! file; rows of FITS files are read in place. Neither is ever held.
+//! file; rows of FITS and Parquet files are read in place. Neither is ever held.
 
 mod catalogue;
 mod columns;
@@ -8,7 +8,9 @@ mod ecsv;
 mod ecsv_header;
 mod fits;
 mod geojson;
+mod ids;
 mod kstars;
+mod parquet;
 mod parts;
 mod separated;
 mod sky;
@@ -21,6 +23,7 @@ pub(super) use ecsv::Ecsv;
 pub(super) use fits::{FitsTable, is_fits};
 pub(super) use geojson::GeoJson;
 pub(super) use kstars::KStars;
+pub(super) use parquet::{Hats, Parquet, catalogue_in, is_partitioned};
 pub(super) use parts::{Parts, same_columns};
 pub(super) use text::head as text_head;
 pub(super) use votable::VoTable;
@@ -32,7 +35,7 @@ pub(super) const STANDARD: &[(&[&str], &str, FieldKind, &str)] = &[
     (&["mass", "m", "masses"], "mass", FieldKind::Mass, ""),
     (&["h", "hsml", "smoothing_length", "smoothinglength"], "smoothing-length", FieldKind::SmoothingLength, ""),
     (&["rho", "density"], "density", FieldKind::Density, ""),
-    (&["id", "particle_id", "ids"], "id", FieldKind::Id, ""),
+    (&["id", "particle_id", "ids", "source_id", "objid", "object_id", "objectid"], "id", FieldKind::Id, ""),
     (&["mag", "vmag", "magnitude", "phot_g_mean_mag"], "magnitude", FieldKind::Other, "mag"),
     (&["ci", "bv", "b_v", "color_index", "bp_rp"], "color-index", FieldKind::Other, "mag"),
     (&["absmag", "absolute_magnitude"], "absolute-magnitude", FieldKind::Other, "mag"),

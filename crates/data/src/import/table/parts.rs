@@ -3,7 +3,7 @@
 use super::catalogue::Catalogue;
 use super::columns::{Column, Opened, Table, shown};
 use super::store::{Store, StoreWriter};
-use super::{csv, ecsv, fits, votable};
+use super::{Csv, Ecsv, fits, ids, parquet, separated, votable};
 use crate::import::check::chunks;
 use crate::import::format::{Head, format_of};
 use crate::import::{Format, ImportError, Source, folder};
@@ -18,13 +18,21 @@ struct Reader {
     format: &'static dyn Format,
     open: fn(&Path, ReadMethod) -> Result<Opened, ImportError>,
     columns: fn(&Path) -> Result<Vec<Column>, ImportError>,
+    /// Opens all files at once, where their rows can be read in place.
+    in_place: Option<fn(&[PathBuf]) -> Result<Opened, ImportError>>,
 }
 
 static READERS: &[Reader] = &[
-    Reader { format: &super::FitsTable, open: fits::open, columns: fits::columns },
-    Reader { format: &super::VoTable, open: votable::open, columns: votable::columns },
-    Reader { format: &super::Ecsv, open: ecsv::open, columns: ecsv::columns },
-    Reader { format: &super::Csv, open: csv::open, columns: csv::columns },
+    Reader { format: &super::FitsTable, open: fits::open, columns: fits::columns, in_place: None },
+    Reader {
+        format: &super::Parquet,
+        open: parquet::open,
+        columns: parquet::columns,
+        in_place: Some(parquet::together),
+    },
+    Reader { format: &super::VoTable, open: votable::open, columns: votable::columns, in_place: None },
+    Reader { format: &Ecsv, open: separated::open::<Ecsv>, columns: separated::columns::<Ecsv>, in_place: None },
+    Reader { format: &Csv, open: separated::open::<Csv>, columns: separated::columns::<Csv>, in_place: None },
 ];
 
 /// How many files are compared before they are opened; the others are when they are read.
@@ -57,8 +65,12 @@ impl Format for Parts {
         false
     }
 
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        folder::claimants(path)
+    }
+
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let files = folder::claimants(path)?;
+        let files = self.files(path)?;
         let reader = files.first().and_then(|file| reader_of(file));
         let reader = reader.ok_or_else(|| ImportError::missing(path, "tables", "files with the same columns"))?;
         let opened = together(path, &files, reader, method)?;
@@ -68,12 +80,19 @@ impl Format for Parts {
 
 /// The rows of all files, one file after the other. What a column holds besides numbers in some file leaves it out.
 fn together(path: &Path, files: &[PathBuf], reader: &Reader, method: ReadMethod) -> Result<Opened, ImportError> {
-    let mut all: Option<(StoreWriter, Vec<Column>, Vec<bool>, &'static str)> = None;
-    let (mut bytes, mut notes) = (0_u64, Vec::new());
     for file in files {
         if reader_of(file).is_none_or(|other| !std::ptr::eq(other, reader)) {
             return Err(unlike(file, "a file of another format".into(), reader.format.name().into()));
         }
+    }
+    if let Some(in_place) = reader.in_place {
+        let mut opened = in_place(files)?;
+        opened.notes.push(note(files));
+        return Ok(opened);
+    }
+    let mut all: Option<(StoreWriter, Vec<Column>, Vec<bool>, &'static str)> = None;
+    let (mut bytes, mut notes) = (0_u64, Vec::new());
+    for file in files {
         let opened = (reader.open)(file, method)?;
         bytes = bytes.saturating_add(opened.bytes);
         let (writer, columns, is_kept, _) = all.get_or_insert_with(|| {
@@ -104,7 +123,7 @@ fn together(path: &Path, files: &[PathBuf], reader: &Reader, method: ReadMethod)
     let Some((writer, _, is_kept, format)) = all else {
         return Err(ImportError::missing(path, "tables", "files with the same columns"));
     };
-    notes.push(format!("one table in {} files", files.len()));
+    notes.push(note(files));
     let store: Store = writer.finish(|column| is_kept[column])?;
     Ok(Opened { table: Box::new(store), format, bytes, notes })
 }
@@ -116,6 +135,7 @@ fn append(
     columns: &[Column],
     writer: &mut StoreWriter,
 ) -> Result<(), ImportError> {
+    let widths: Vec<usize> = columns.iter().map(Column::width).collect();
     let mut lists: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
     let mut row = Vec::with_capacity(writer.width());
     // Fewer rows at a time where there are many columns.
@@ -124,17 +144,23 @@ fn append(
         for start in range.clone().step_by(step) {
             let rows = start..range.end.min(start + step as u64);
             let count = (rows.end - rows.start) as usize;
-            for ((list, place), column) in lists.iter_mut().zip(places).zip(columns) {
+            for (((list, place), column), width) in lists.iter_mut().zip(places).zip(columns).zip(&widths) {
                 list.clear();
+                let Some(place) = place else {
+                    list.resize(count * width, f64::NAN);
+                    continue;
+                };
                 list.resize(count * column.components, f64::NAN);
-                if let Some(place) = place {
-                    table.read(*place, rows.clone(), list)?;
+                table.read(*place, rows.clone(), list)?;
+                if *width > column.components {
+                    let ids = ids::read(table, *place, rows.clone())?;
+                    *list = list.iter().zip(ids).flat_map(|(number, id)| [*number, ids::rest(*number, id)]).collect();
                 }
             }
             for index in 0..count {
                 row.clear();
-                for (list, column) in lists.iter().zip(columns) {
-                    row.extend_from_slice(&list[index * column.components..(index + 1) * column.components]);
+                for (list, width) in lists.iter().zip(&widths) {
+                    row.extend_from_slice(&list[index * width..(index + 1) * width]);
                 }
                 writer.push(&row)?;
             }
@@ -145,6 +171,10 @@ fn append(
 
 /// Numbers that are copied at a time.
 const STEP: usize = 1 << 19;
+
+fn note(files: &[PathBuf]) -> String {
+    format!("one table in {} files", files.len())
+}
 
 fn unlike(file: &Path, found: String, expected: String) -> ImportError {
     ImportError::Unlike { path: file.into(), found, expected }

@@ -1,14 +1,47 @@
 //! Rows of values that something separates, behind a header: what CSV and ECSV have in common.
 
-use super::columns::{Column, number, shown};
+use super::columns::{Column, Opened, number, shown};
 use super::store::{Store, StoreWriter};
+use super::{ids, text};
 use crate::import::ImportError;
+use crate::model::ReadMethod;
 use csv::{ByteRecord, ReaderBuilder};
 use std::io::BufRead;
 use std::path::Path;
 
 /// The longest line of a header, bytes: a file without line ends is not read as one.
 const LONGEST: u64 = 1 << 16;
+
+/// A format of such rows.
+pub(super) trait Separated {
+    /// Its name in descriptions.
+    const NAME: &'static str;
+
+    /// Reads what stands before the rows.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or its header is damaged.
+    fn heading(path: &Path, reader: &mut dyn BufRead) -> Result<Heading, ImportError>;
+}
+
+/// Opens a table.
+///
+/// # Errors
+/// When the file cannot be read, or is damaged.
+pub(super) fn open<F: Separated>(path: &Path, _: ReadMethod) -> Result<Opened, ImportError> {
+    let (mut reader, bytes) = text::open(path)?;
+    let heading = F::heading(path, &mut *reader)?;
+    let table = Box::new(rows(path, heading, reader)?);
+    Ok(Opened { table, format: F::NAME, bytes, notes: Vec::new() })
+}
+
+/// The columns of a table, numbers or not.
+///
+/// # Errors
+/// As [`Separated::heading`].
+pub(super) fn columns<F: Separated>(path: &Path) -> Result<Vec<Column>, ImportError> {
+    Ok(F::heading(path, &mut *text::open(path)?.0)?.columns)
+}
 
 /// What stands before the rows.
 pub(super) struct Heading {
@@ -47,11 +80,12 @@ pub(super) fn header_line(path: &Path, reader: &mut dyn BufRead) -> Result<Strin
 ///
 /// # Errors
 /// When the file cannot be read, a row has too few or too many values, or one of a column that positions need is no number.
-pub(super) fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store, ImportError> {
+fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store, ImportError> {
     let Heading { columns, is_text, is_truth, delimiter, lines } = heading;
     let mut csv = ReaderBuilder::new().has_headers(false).delimiter(delimiter).flexible(true).from_reader(reader);
     let mut record = ByteRecord::new();
-    let mut row = vec![f64::NAN; columns.len()];
+    let widths: Vec<usize> = columns.iter().map(Column::width).collect();
+    let mut row = Vec::with_capacity(widths.iter().sum());
     // The first value of a column that is text, and the line that it is in.
     let mut text: Vec<Option<(u64, String)>> = vec![None; columns.len()];
     let names = columns.clone();
@@ -69,16 +103,21 @@ pub(super) fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> R
             let expected = format!("{}, as many as the header has names", names.len());
             return Err(ImportError::malformed(path, format!("line {line}"), found, expected));
         }
+        row.clear();
         for (index, field) in record.iter().enumerate() {
-            row[index] = f64::NAN;
             if is_text[index] || text[index].is_some() {
+                row.resize(row.len() + widths[index], f64::NAN);
                 continue;
             }
             let field = String::from_utf8_lossy(field);
             let value = if is_truth[index] { truth(&field) } else { number(&field) };
-            match value {
-                Some(value) => row[index] = value,
-                None => text[index] = Some((line, field.chars().take(40).collect())),
+            if value.is_none() {
+                text[index] = Some((line, field.chars().take(40).collect()));
+            }
+            let value = value.unwrap_or(f64::NAN);
+            row.push(value);
+            if widths[index] > 1 {
+                row.push(ids::rest(value, ids::of_text(&field, value)));
             }
         }
         rows.push(&row)?;
@@ -98,11 +137,12 @@ fn transposed(
     mut csv: csv::Reader<Box<dyn BufRead>>,
     first: &ByteRecord,
 ) -> Result<Store, ImportError> {
-    let values_of = |record: &ByteRecord, column: &Column| -> Result<Vec<f64>, ImportError> {
+    let values_of = |record: &ByteRecord, column: &Column| -> Result<Vec<[f64; 2]>, ImportError> {
         let values = record.iter().map(|field| {
             let field = String::from_utf8_lossy(field);
             let wrong = || ImportError::malformed(path, shown(&column.name), format!("{field:.40?}"), "a number");
-            number(&field).ok_or_else(wrong)
+            let value = number(&field).ok_or_else(wrong)?;
+            Ok([value, ids::rest(value, ids::of_text(&field, value))])
         });
         values.collect()
     };
@@ -121,9 +161,11 @@ fn transposed(
         let found = format!("{} values", line.len());
         return Err(ImportError::malformed(path, shown(&column.name), found, format!("{longest} as in other lines")));
     }
+    let widths: Vec<usize> = names.iter().map(Column::width).collect();
     let mut rows = StoreWriter::new(path, names);
     for row in 0..longest {
-        rows.push(&lines.iter().map(|line| line[row]).collect::<Vec<f64>>())?;
+        let values = lines.iter().zip(&widths).flat_map(|(line, width)| &line[row][..*width]);
+        rows.push(&values.copied().collect::<Vec<f64>>())?;
     }
     rows.finish(|_| true)
 }

@@ -1,7 +1,9 @@
 //! Numbers of rows that were parsed once, for reading in any order: memory while they are few, else a temporary file without a name.
-//! They stand in blocks of rows, and column by column in a block, so that reading one column leaves out the others.
+//! They stand in blocks of rows, and column by column in a block, so that reading one column leaves out the others. Behind the numbers of ids
+//! stands what these lack.
 
 use super::columns::{Column, Table};
+use super::ids;
 use crate::import::ImportError;
 use crate::import::grid::scratch::{Scratch, Storage};
 use std::ops::Range;
@@ -19,8 +21,9 @@ pub(super) struct StoreWriter {
     columns: Vec<Column>,
     /// The block that is being filled, one list for each number of a row.
     block: Vec<Vec<f64>>,
-    /// Whether a number was seen, by number of a row.
+    /// Whether a number was seen, and whether one was missing, by number of a row.
     has_numbers: Vec<bool>,
+    has_gaps: Vec<bool>,
     rows_per_block: usize,
     rows: u64,
     scratch: Scratch,
@@ -30,12 +33,13 @@ pub(super) struct StoreWriter {
 impl StoreWriter {
     /// For the rows of `path`.
     pub(super) fn new(path: &Path, columns: Vec<Column>) -> StoreWriter {
-        let width = columns.iter().map(|column| column.components).sum();
+        let width = columns.iter().map(Column::width).sum();
         StoreWriter {
             path: path.into(),
             columns,
             block: vec![Vec::new(); width],
             has_numbers: vec![false; width],
+            has_gaps: vec![false; width],
             rows_per_block: (NUMBERS / width.max(1)).clamp(1, ROWS),
             rows: 0,
             scratch: Scratch::new(path),
@@ -53,14 +57,16 @@ impl StoreWriter {
         self.rows
     }
 
-    /// Adds a row; `numbers` are as many as its columns have.
+    /// Adds a row; `numbers` are as many as its columns have by [`Column::width`].
     ///
     /// # Errors
     /// When the temporary file cannot be written.
     pub(super) fn push(&mut self, numbers: &[f64]) -> Result<(), ImportError> {
-        for ((list, has_numbers), number) in self.block.iter_mut().zip(&mut self.has_numbers).zip(numbers) {
+        let seen = self.has_numbers.iter_mut().zip(&mut self.has_gaps);
+        for ((list, (has_numbers, has_gaps)), number) in self.block.iter_mut().zip(seen).zip(numbers) {
             list.push(*number);
             *has_numbers |= number.is_finite();
+            *has_gaps |= !number.is_finite();
         }
         self.rows += 1;
         if self.rows.is_multiple_of(self.rows_per_block as u64) {
@@ -85,19 +91,21 @@ impl StoreWriter {
     /// When the temporary file cannot be written.
     pub(super) fn finish(mut self, keep: impl Fn(usize) -> bool) -> Result<Store, ImportError> {
         self.flush()?;
-        let (mut columns, mut firsts, mut is_blank, mut first) = (Vec::new(), Vec::new(), Vec::new(), 0);
+        let (mut columns, mut firsts, mut first) = (Vec::new(), Vec::new(), 0);
+        let (mut is_blank, mut lacks_ids) = (Vec::new(), Vec::new());
         for (index, column) in self.columns.into_iter().enumerate() {
-            let next = first + column.components;
+            let next = first + column.width();
             if keep(index) {
                 firsts.push(first);
                 is_blank.push(!self.has_numbers[first..next].contains(&true));
+                lacks_ids.push(self.has_gaps[first..next].contains(&true));
                 columns.push(column);
             }
             first = next;
         }
         let (path, width, rows_per_block) = (self.path, self.block.len(), self.rows_per_block as u64);
         let storage = self.scratch.into_storage()?;
-        Ok(Store { path, columns, firsts, is_blank, width, rows_per_block, rows: self.rows, storage })
+        Ok(Store { path, columns, firsts, is_blank, lacks_ids, width, rows_per_block, rows: self.rows, storage })
     }
 }
 
@@ -108,10 +116,34 @@ pub(super) struct Store {
     /// Which number of a row is the first of a column.
     firsts: Vec<usize>,
     is_blank: Vec<bool>,
+    /// Whether a number of a column is missing in some row, or what an id lacks is.
+    lacks_ids: Vec<bool>,
     width: usize,
     rows_per_block: u64,
     rows: u64,
     storage: Storage,
+}
+
+impl Store {
+    /// Calls `take` with each row's place among `rows`, and number `number` of that row.
+    fn each(&self, number: usize, rows: Range<u64>, mut take: impl FnMut(usize, f64)) -> Result<(), ImportError> {
+        const SIZE: u64 = size_of::<f64>() as u64;
+        let mut bytes = Vec::new();
+        let mut at = rows.start;
+        while at < rows.end {
+            let start = at / self.rows_per_block * self.rows_per_block;
+            let length = self.rows_per_block.min(self.rows - start);
+            let end = rows.end.min(start + length);
+            bytes.resize(((end - at) * SIZE) as usize, 0);
+            let list = start * self.width as u64 + number as u64 * length;
+            self.storage.read(&self.path, (list + at - start) * SIZE, &mut bytes)?;
+            for (row, number) in bytes.as_chunks().0.iter().enumerate() {
+                take((at - rows.start) as usize + row, f64::from_ne_bytes(*number));
+            }
+            at = end;
+        }
+        Ok(())
+    }
 }
 
 impl Table for Store {
@@ -124,33 +156,37 @@ impl Table for Store {
     }
 
     fn read(&self, column: usize, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
-        const SIZE: u64 = size_of::<f64>() as u64;
         let components = self.columns[column].components;
-        let mut bytes = Vec::new();
-        let mut at = rows.start;
-        while at < rows.end {
-            let block = at / self.rows_per_block;
-            let start = block * self.rows_per_block;
-            let length = self.rows_per_block.min(self.rows - start);
-            let end = rows.end.min(start + length);
-            bytes.resize(((end - at) * SIZE) as usize, 0);
-            let place = (at - rows.start) as usize;
-            for component in 0..components {
-                let list = start * self.width as u64 + (self.firsts[column] + component) as u64 * length;
-                self.storage.read(&self.path, (list + at - start) * SIZE, &mut bytes)?;
-                for (row, number) in bytes.as_chunks().0.iter().enumerate() {
-                    if let Some(value) = out.get_mut((place + row) * components + component) {
-                        *value = f64::from_ne_bytes(*number);
-                    }
+        for component in 0..components {
+            self.each(self.firsts[column] + component, rows.clone(), |row, number| {
+                if let Some(value) = out.get_mut(row * components + component) {
+                    *value = number;
                 }
-            }
-            at = end;
+            })?;
         }
         Ok(())
     }
 
+    fn read_whole(&self, column: usize, rows: Range<u64>, out: &mut [Option<u64>]) -> Result<bool, ImportError> {
+        if !self.columns[column].is_id() {
+            return Ok(false);
+        }
+        let mut numbers = vec![f64::NAN; out.len()];
+        self.read(column, rows.clone(), &mut numbers)?;
+        self.each(self.firsts[column] + 1, rows, |row, rest| {
+            if let (Some(id), Some(number)) = (out.get_mut(row), numbers.get(row)) {
+                *id = ids::joined(*number, rest);
+            }
+        })?;
+        Ok(true)
+    }
+
     fn is_blank(&self, column: usize) -> bool {
         self.is_blank[column]
+    }
+
+    fn lacks_ids(&self, column: usize) -> bool {
+        self.lacks_ids[column]
     }
 }
 

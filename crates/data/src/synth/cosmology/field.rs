@@ -8,7 +8,7 @@
 use super::local::{between, corners};
 use super::power::Power;
 use crate::model::fft::{ComplexCube, Direction};
-use crate::synth::random::mix_bits;
+use crate::model::mixing::mix_bits;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

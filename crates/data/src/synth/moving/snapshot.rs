@@ -1,9 +1,9 @@
 //! Moving particles at a time as a Gadget binary snapshot, format 2: several families, ids of 64 bits, rows in an order of their own.
 
 use super::{Moving, State};
+use crate::model::mixing::mix_bits;
 use crate::model::new_file;
 use crate::synth::gadget::{Header, frame};
-use crate::synth::random::mix_bits;
 use rayon::prelude::*;
 use std::io::{BufWriter, Error, ErrorKind, Seek, SeekFrom, Write};
 use std::path::Path;

@@ -342,7 +342,7 @@ mod tests {
         for strength in [0.0, 0.3] {
             let Whole { report, mut mesh, .. } = whole(lattice, 64, |at| ball(at) + strength * noise(at), 0.0);
             let before = mesh.clone().into_piece();
-            let smooth = mesh.smooth(20, report, &());
+            let Ok(smooth) = mesh.smooth(20, report, || Ok::<(), Infallible>(()));
             let after = mesh.into_piece();
             assert!((smooth.volume / report.volume - 1.0).abs() < 1e-4, "{smooth:?} {report:?}");
             assert_eq!((smooth.triangles, smooth.boundary_edges), (report.triangles, 0));
@@ -363,7 +363,15 @@ mod tests {
         let Whole { report, mut mesh, .. } =
             placed(halved, 64, |at| ball(at) + 0.3 * noise(at), 0.0, (Faces::Capped, None));
         let before = mesh.clone().into_piece();
-        let smooth = mesh.smooth(10, report, &());
+        // Whoever stops it finds it as it was.
+        let mut left = 3;
+        let stopped = mesh.smooth(10, report, || {
+            left -= 1;
+            if left > 0 { Ok(()) } else { Err("stopped") }
+        });
+        assert_eq!((stopped, left), (Err("stopped"), 0));
+        assert_eq!(mesh.clone().into_piece().vertices, before.vertices);
+        let Ok(smooth) = mesh.smooth(10, report, || Ok::<(), Infallible>(()));
         let after = mesh.into_piece();
         assert!((smooth.volume / report.volume - 1.0).abs() < 1e-4, "{smooth:?} {report:?}");
         let mut kept = 0;

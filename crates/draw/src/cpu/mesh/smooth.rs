@@ -4,7 +4,7 @@
 //! of that is given back along the normals.
 
 use super::{MeshReport, Piece, Vertex};
-use crate::model::Progress;
+use crate::model::mixing::{GOLDEN, mix_bits};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -55,8 +55,16 @@ impl WholeMesh {
     }
 
     /// Smoothes it in so many steps; `report` is what it was, and what it is is returned. Caps, their rims and open
-    /// edges stay where they are, so that what matches there still does. `progress` hears of steps.
-    pub fn smooth(&mut self, steps: u32, report: MeshReport, progress: &dyn Progress) -> MeshReport {
+    /// edges stay where they are, so that what matches there still does. `go_on` is called after each step.
+    ///
+    /// # Errors
+    /// Where `go_on` fails; the mesh stays as it was.
+    pub fn smooth<E>(
+        &mut self,
+        steps: u32,
+        report: MeshReport,
+        mut go_on: impl FnMut() -> Result<(), E>,
+    ) -> Result<MeshReport, E> {
         let graph = Graph::of(self);
         let mut places: Vec<DVec3> = self.vertices.iter().map(|vertex| vertex.position).collect();
         let mut moved = places.clone();
@@ -66,7 +74,7 @@ impl WholeMesh {
                 graph.step(&places, share, &mut moved);
                 std::mem::swap(&mut places, &mut moved);
             }
-            progress.advance(1);
+            go_on()?;
         }
         for _ in 0..CORRECTIONS {
             let areas = self.vector_areas(&places);
@@ -90,7 +98,7 @@ impl WholeMesh {
             }
         }
         let (after, area_after) = self.measures(&places);
-        MeshReport { volume: report.volume + after - volume, area: report.area + area_after - area, ..report }
+        Ok(MeshReport { volume: report.volume + after - volume, area: report.area + area_after - area, ..report })
     }
 
     /// Volume of the cones from a vertex to all triangles but the caps, and these triangles' area.
@@ -184,10 +192,7 @@ impl Graph {
     }
 }
 
-/// A vertex's number, scattered (splitmix64).
+/// A vertex's number, scattered.
 fn hash(vertex: u32) -> u64 {
-    let scattered = (u64::from(vertex) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let scattered = (scattered ^ scattered >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let scattered = (scattered ^ scattered >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    scattered ^ scattered >> 31
+    mix_bits((u64::from(vertex) + 1).wrapping_mul(GOLDEN))
 }

@@ -1,7 +1,7 @@
 //! Ambient occlusion: the share of the hemisphere over a surface, weighted with the cosine to its normal, that nothing near by hides, from a
 //! picture of depths.
 //!
-//! Around the line of sight lie [`SLICES`] half-planes on either side, and in each of them the highest thing within the radius is the horizon.
+//! Around the line of sight lie half-planes ([`super::Shadowing::samples`]), and in each of them the highest thing within the radius is the horizon.
 //! The hemisphere between two horizons of a slice has its integral in closed form (Jimenez, Wu, Pesce, Jarabo, "Practical Real-Time Strategies
 //! for Accurate Indirect Occlusion", SIGGRAPH 2016, equation 7). Heights of things are measured from the surface's own plane, so that a plane has exactly
 //! none, however it is seen. The slices are the same in every pixel and every picture: nothing flickers.
@@ -11,8 +11,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Planes through a line of sight.
-const SLICES: usize = 8;
 /// How far a picture is looked at from a pixel, pixels: where the radius is longer, that is the radius.
 pub const FARTHEST: u32 = 256;
 /// How much further each sample lies than the one before.
@@ -33,10 +31,14 @@ fn samples() -> Vec<(f64, usize)> {
     samples
 }
 
-/// The share of each pixel that is open, row by row, within a radius in world units; 1 where there is nothing.
-pub(super) fn open_shares(picture: &DepthPicture, radius: f64) -> Vec<f32> {
-    let (samples, [width, height]) = (samples(), picture.size());
-    let share = |index: usize| open_share(picture, [index % width, index / width], radius, &samples) as f32;
+/// The share of each pixel of a surface that is open, row by row, within a radius in world units, as `scene` hides it, in which the surface is;
+/// 1 where there is nothing.
+pub(super) fn open_shares(surface: &DepthPicture, scene: &DepthPicture, radius: f64, directions: u32) -> Vec<f32> {
+    let (samples, [width, height]) = (samples(), surface.size());
+    // Each plane through a line of sight has two.
+    let slices = (directions as usize / 2).max(1);
+    let share =
+        |index: usize| open_share((surface, scene), [index % width, index / width], radius, (slices, &samples)) as f32;
     (0..width * height).into_par_iter().map(share).collect()
 }
 
@@ -50,28 +52,33 @@ struct Slice {
     along: DVec3,
 }
 
-fn open_share(picture: &DepthPicture, pixel: [usize; 2], radius: f64, samples: &[(f64, usize)]) -> f64 {
-    let (Some(here), Some(normal)) = (picture.shown(pixel), picture.normal(pixel)) else { return 1.0 };
-    let sight = picture.toward_eye(here);
-    let pixels = picture.pixels_at(here.z);
+fn open_share(
+    (surface, scene): (&DepthPicture, &DepthPicture),
+    pixel: [usize; 2],
+    radius: f64,
+    (slices, samples): (usize, &[(f64, usize)]),
+) -> f64 {
+    let (Some(here), Some(normal)) = (surface.shown(pixel), surface.normal(pixel)) else { return 1.0 };
+    let sight = surface.toward_eye(here);
+    let pixels = surface.pixels_at(here.z);
     let radius = radius.min(f64::from(FARTHEST) / pixels);
     let first = (DVec3::X - sight * sight.x).normalize_or(DVec3::Y);
     let second = sight.cross(first);
     let (mut open, mut whole, mut is_occluded) = (0.0_f64, 0.0_f64, false);
-    for slice in 0..SLICES {
-        let (sine, cosine) = ((slice as f64 + 0.5) * PI / SLICES as f64).sin_cos();
+    for slice in 0..slices {
+        let (sine, cosine) = ((slice as f64 + 0.5) * PI / slices as f64).sin_cos();
         let side = cosine * first + sine * second;
         let axis = sight.cross(side);
         let within = normal - axis * normal.dot(axis);
         let length = within.length();
-        let Some([x, y]) = picture.across(here, side).filter(|_| length > 1e-6) else { continue };
+        let Some([x, y]) = surface.across(here, side).filter(|_| length > 1e-6) else { continue };
         // From the line of sight to the normal, towards `side`.
         let [toward, aside] = [within.dot(sight) / length, within.dot(side) / length];
         let turned = aside.atan2(toward);
         let along = side * toward - sight * aside;
         for (sign, turned) in [(1.0_f64, turned), (-1.0, -turned)] {
             let half = Slice { normal, length, along: sign * along };
-            let height = half.height(picture, (pixel, here), [sign * x, sign * y], radius, samples);
+            let height = half.height(scene, (pixel, here), [sign * x, sign * y], radius, samples);
             is_occluded |= height > 0.0;
             // Heights run from 0 on the surface over 1 at the normal to 2 on the surface beyond.
             let from_normal = if height <= 1.0 { height.acos() } else { -(2.0 - height).acos() };

@@ -3,6 +3,8 @@
 //! What draws a surface hands over a depth for each pixel; what is darkened are colours, and no value is. [`ambient_occlusion`] looks at the
 //! picture's own depths, [`shadows`] at those of the same scene as places of a lamp see it. Both depend on nothing but depths and settings,
 //! so that a picture is the same whenever it is drawn. What is beside the picture or behind something hides nothing from [`ambient_occlusion`].
+//!
+//! Where several kinds of data stand in one picture, each is darkened as what it is, by the nearest depths of all of them: [`Others`].
 
 pub mod ambient_occlusion;
 mod depth_picture;
@@ -50,10 +52,32 @@ pub struct Shadowing {
     pub scene: f64,
     /// How far the surface of one picture may be from that of another picture of the same scene, world units.
     pub slack: f64,
+    /// Directions around a pixel in which [`ambient_occlusion`] looks, and places of a lamp that is no point.
+    pub samples: u32,
 }
 
-/// Draws the depths of the scene, pixel by pixel, from a view of a lamp; `None` where there is nothing in it.
-pub type Casters<'a> = dyn FnMut(&View) -> Option<Vec<f32>> + 'a;
+/// Draws the depths of what hides light, pixel by pixel, from any view; `None` where there is nothing in it.
+pub type Casters<'a> = dyn Fn(&View) -> Option<Vec<f32>> + Sync + 'a;
+
+/// Everything else in a picture that hides light from what is drawn.
+#[derive(Clone, Copy)]
+pub struct Others<'a> {
+    /// Its depths.
+    pub casters: &'a Casters<'a>,
+    /// The diameter of all that the picture shows, with what is drawn, world units.
+    pub scene: f64,
+    /// The sun that some of it has: what has a lamp of its own has this one, so that all shadows fall to one side.
+    pub sun: Option<Lamp>,
+}
+
+/// What the light of a picture depends on beside what is drawn and its settings.
+#[derive(Clone, Copy, Default)]
+pub struct Lighting<'a> {
+    /// The camera that a lamp beside the eye goes with, where that is not the view itself: what a panorama's faces are around.
+    pub camera: Option<&'a View>,
+    /// What else hides light.
+    pub others: Option<Others<'a>>,
+}
 
 impl Shadowing {
     /// Whether anything is darkened.
@@ -72,19 +96,44 @@ impl Shadowing {
         self.lamp.filter(|_| self.shadows > 0.0)
     }
 
-    /// What each pixel's colour is multiplied by, row by row, where a view's picture has these depths (infinite where there is nothing).
-    /// `None` where there are not as many as pixels.
-    pub fn factors(&self, view: &View, depths: &[f32], casters: &mut Casters<'_>) -> Option<Vec<f32>> {
+    /// The same in a scene with something else.
+    fn among(self, others: &Others<'_>) -> Shadowing {
+        let larger = if self.scene > 0.0 { others.scene / self.scene } else { 1.0 };
+        let lamp = self.lamp.map(|own| others.sun.map_or(own, |sun| Lamp { lights: own.lights, ..sun }));
+        Shadowing { radius: self.radius * larger, scene: others.scene, lamp, ..self }
+    }
+
+    /// What each pixel's colour is multiplied by, row by row, where a surface has these depths in a view (infinite where there is nothing of it);
+    /// `own` draws it from elsewhere. What is behind something else has a factor, too, since that may cover it in part. `None` where there are not as
+    /// many depths as pixels.
+    pub fn factors(
+        &self,
+        view: &View,
+        depths: &[f32],
+        own: &Casters<'_>,
+        others: Option<&Others<'_>>,
+    ) -> Option<Vec<f32>> {
+        let whole = others.map_or(*self, |others| self.among(others));
         let picture = DepthPicture::new(view, depths)?;
-        let mut factors = match self.occlusion > 0.0 {
-            true => ambient_occlusion::open_shares(&picture, self.radius),
+        let mut factors = match whole.occlusion > 0.0 {
+            true => {
+                let beside = others.and_then(|others| (others.casters)(view));
+                let scene = beside.and_then(|beside| DepthPicture::new(view, &nearer(depths.to_vec(), Some(beside))));
+                ambient_occlusion::open_shares(
+                    &picture,
+                    scene.as_ref().unwrap_or(&picture),
+                    whole.radius,
+                    whole.samples,
+                )
+            }
             false => vec![1.0; depths.len()],
         };
-        factors.par_iter_mut().for_each(|share| *share = 1.0 - self.occlusion as f32 * (1.0 - *share));
-        if let Some(lamp) = self.lamp_of_shadows() {
-            let reached = shadows::reached_shares(&picture, &lamp, (self.scene, self.slack), casters);
+        factors.par_iter_mut().for_each(|share| *share = 1.0 - whole.occlusion as f32 * (1.0 - *share));
+        if let Some(lamp) = whole.lamp_of_shadows() {
+            let all = |from: &View| nearest(own(from), others.and_then(|others| (others.casters)(from)));
+            let reached = shadows::reached_shares(&picture, (&lamp, whole.samples), (whole.scene, whole.slack), &all);
             factors.par_iter_mut().zip(&reached).for_each(|(factor, reached)| {
-                *factor *= self.in_shadow(&lamp, *reached);
+                *factor *= whole.in_shadow(&lamp, *reached);
             });
         }
         Some(factors)
@@ -105,8 +154,15 @@ impl Shadowing {
     }
 
     /// Darkens the colours of a view's picture with these depths.
-    pub fn darken(&self, view: &View, depths: &[f32], colors: &mut Colors, casters: &mut Casters<'_>) {
-        let Some(factors) = self.factors(view, depths, casters) else { return };
+    pub fn darken(
+        &self,
+        view: &View,
+        depths: &[f32],
+        colors: &mut Colors,
+        own: &Casters<'_>,
+        others: Option<&Others<'_>>,
+    ) {
+        let Some(factors) = self.factors(view, depths, own, others) else { return };
         colors.rgba.par_iter_mut().zip(&factors).for_each(|([r, g, b, _], factor)| {
             [r, g, b].into_iter().for_each(|channel| *channel *= factor);
         });
@@ -114,8 +170,14 @@ impl Shadowing {
 
     /// Darkens in each pixel of a view's picture the first fragment that covers it: what is in front of that is seen through, and neither
     /// hides light nor is hidden.
-    pub fn darken_fragments(&self, view: &View, fragments: &mut PathFragments, casters: &mut Casters<'_>) {
-        let Some(factors) = self.factors(view, &covering_depths(fragments), casters) else { return };
+    pub fn darken_fragments(
+        &self,
+        view: &View,
+        fragments: &mut PathFragments,
+        own: &Casters<'_>,
+        others: Option<&Others<'_>>,
+    ) {
+        let Some(factors) = self.factors(view, &covering_depths(fragments), own, others) else { return };
         let (size, side) = (fragments.size, fragments.side.max(1));
         let across = size[0].div_ceil(side).max(1);
         for (index, tile) in fragments.tiles.iter_mut().enumerate() {
@@ -131,6 +193,22 @@ impl Shadowing {
             }
         }
     }
+}
+
+/// The depths of what is nearest of two things that hide light; `None` where there is neither.
+pub fn nearest(one: Option<Vec<f32>>, other: Option<Vec<f32>>) -> Option<Vec<f32>> {
+    match one {
+        Some(one) => Some(nearer(one, other)),
+        None => other,
+    }
+}
+
+fn nearer(mut one: Vec<f32>, other: Option<Vec<f32>>) -> Vec<f32> {
+    // What has another size is of another view.
+    if let Some(other) = other.filter(|other| other.len() == one.len()) {
+        one.par_iter_mut().zip(other).for_each(|(depth, other)| *depth = depth.min(other));
+    }
+    one
 }
 
 fn covers(fragment: &PathFragment) -> bool {

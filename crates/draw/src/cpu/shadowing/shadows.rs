@@ -11,8 +11,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Places of a lamp that is no point.
-pub const PLACES: usize = 16;
 /// Pixels along the longer side of the picture from a point, for each along that of the picture: they lie across those of the picture. From places of a
 /// lamp, whose pictures are added up, as many as the picture has.
 const FINER: u32 = 2;
@@ -46,12 +44,12 @@ struct Receiver {
 }
 
 /// What of a lamp reaches each pixel, row by row; all of it where there is nothing. The scene's diameter, and how far surfaces may be from each
-/// other in two pictures, are in world units.
+/// other in two pictures, are in world units. `samples` are places of a lamp that is no point.
 pub(super) fn reached_shares(
     picture: &DepthPicture,
-    lamp: &Lamp,
+    (lamp, samples): (&Lamp, u32),
     (scene, slack): (f64, f64),
-    casters: &mut Casters<'_>,
+    casters: &Casters<'_>,
 ) -> Vec<Reached> {
     let ([width, height], view) = (picture.size(), &picture.view);
     let to_world = |[x, y, z]: [f64; 3]| x * view.right + y * view.up + z * view.forward;
@@ -65,7 +63,7 @@ pub(super) fn reached_shares(
     };
     let receivers: Vec<Receiver> = (0..width * height).into_par_iter().filter_map(receiver).collect();
     let mut sums = vec![0.0f32; receivers.len()];
-    let places = places(lamp);
+    let places = places(lamp, samples as usize);
     let finer = if places.len() > 1 { 1 } else { FINER };
     for toward in &places {
         let seen = lamp_view(view, *toward, &receivers, (scene, finer));
@@ -86,20 +84,20 @@ pub(super) fn reached_shares(
     reached
 }
 
-/// Directions to places of a lamp.
-fn places(lamp: &Lamp) -> Vec<DVec3> {
-    if lamp.size <= 0.0 {
+/// Directions to so many places of a lamp; one is its middle.
+fn places(lamp: &Lamp, count: usize) -> Vec<DVec3> {
+    if lamp.size <= 0.0 || count <= 1 {
         return vec![lamp.toward];
     }
     let (first, second) = lamp.toward.any_orthonormal_pair();
     let radius = (0.5 * lamp.size).tan();
     let golden = PI * (3.0 - 5.0_f64.sqrt());
     let place = |number: usize| {
-        let away = radius * ((number as f64 + 0.5) / PLACES as f64).sqrt();
+        let away = radius * ((number as f64 + 0.5) / count as f64).sqrt();
         let (sine, cosine) = (number as f64 * golden).sin_cos();
         (lamp.toward + away * (cosine * first + sine * second)).normalize_or(lamp.toward)
     };
-    (0..PLACES).map(place).collect()
+    (0..count).map(place).collect()
 }
 
 /// How the scene is seen from a lamp in a direction, in so many times as many pixels: all receivers, and in front of them as far as the scene reaches.

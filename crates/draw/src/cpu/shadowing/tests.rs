@@ -53,7 +53,7 @@ fn nobody(_: &View) -> Option<Vec<f32>> {
 }
 
 fn occlusion(radius: f64) -> Shadowing {
-    Shadowing { occlusion: 1.0, radius, shadows: 0.0, lamp: None, ambient: 0.0, scene: 10.0, slack: 0.0 }
+    Shadowing { occlusion: 1.0, radius, shadows: 0.0, lamp: None, ambient: 0.0, scene: 10.0, slack: 0.0, samples: 16 }
 }
 
 fn look(eye: [f64; 3], target: [f64; 3], projection: Projection, size: [u32; 2]) -> View {
@@ -72,7 +72,7 @@ fn nothing_occludes_a_plane_however_it_is_seen() {
                 let normal = DVec3::new(sine * turned.cos(), sine * turned.sin(), cosine);
                 let view = look([0.0, 0.0, 3.0], [0.0; 3], projection, [60, 48]);
                 let seen = depths(&view, &[Shape::Plane(normal, 0.0)]);
-                let factors = occlusion(5.0).factors(&view, &seen, &mut nobody).unwrap();
+                let factors = occlusion(5.0).factors(&view, &seen, &nobody, None).unwrap();
                 assert!(factors.iter().all(|factor| *factor == 1.0), "{projection:?} {degrees} {turned}");
             }
         }
@@ -92,7 +92,7 @@ fn a_groove_is_as_open_as_its_angle() {
             });
             let view = look([0.4, 0.3, 3.0], [0.0; 3], projection, [221, 221]);
             let seen = depths(&view, &faces);
-            let factors = occlusion(4.0).factors(&view, &seen, &mut nobody).unwrap();
+            let factors = occlusion(4.0).factors(&view, &seen, &nobody, None).unwrap();
             let expected = 0.5 * (1.0 - degrees.to_radians().cos());
             // Two pixels from the edge, of which the picture shows 110 in each direction.
             for column in [108, 112] {
@@ -110,7 +110,7 @@ fn occlusion_ends_at_the_radius() {
     let view = look([0.0, 3.0, 1.5], [0.0; 3], ORTHOGRAPHIC, [120, 120]);
     let ball = Shape::Sphere(DVec3::new(0.0, 0.0, 0.3), 0.3);
     let seen = depths(&view, &[Shape::Plane(DVec3::Z, 0.0), ball]);
-    let of = |shadowing: Shadowing| shadowing.factors(&view, &seen, &mut nobody).unwrap();
+    let of = |shadowing: Shadowing| shadowing.factors(&view, &seen, &nobody, None).unwrap();
     let (all, half) = (of(occlusion(0.2)), of(Shadowing { occlusion: 0.5, ..occlusion(0.2) }));
     assert!(all.iter().any(|factor| *factor < 0.8));
     for (index, (all, half)) in all.iter().zip(&half).enumerate() {
@@ -143,7 +143,7 @@ fn a_shadow_is_as_soft_as_its_lamp_is_large() {
         let lamp = Lamp { toward: DVec3::Z, size, lights: true };
         let shadowing =
             Shadowing { occlusion: 0.0, shadows: 1.0, lamp: Some(lamp), ambient: 0.0, scene: 12.0, ..occlusion(1.0) };
-        let factors = shadowing.factors(&view, &seen, &mut |from: &View| Some(depths(from, &shapes))).unwrap();
+        let factors = shadowing.factors(&view, &seen, &|from: &View| Some(depths(from, &shapes)), None).unwrap();
         // The rim's rays that touch the ball on one and on the other side.
         let [core, edge] = [-1.0, 1.0].map(|sign| 1.0 / (0.5 * size).cos() + sign * height * (0.5 * size).tan());
         let square = (0..40).flat_map(|i| (0..40).map(move |j| [i, j].map(|k| (f64::from(k) + 0.5) / 20.0 - 1.0)));
@@ -193,8 +193,8 @@ fn what_is_seen_through_keeps_its_light() {
         own[2 * pixel + 1] = PathFragment { depth: *depth, color: [1.0; 3], alpha: 1.0 };
     }
     let shadowing = occlusion(0.5);
-    shadowing.darken_fragments(&view, &mut fragments, &mut nobody);
-    let factors = shadowing.factors(&view, &seen, &mut nobody).unwrap();
+    shadowing.darken_fragments(&view, &mut fragments, &nobody, None);
+    let factors = shadowing.factors(&view, &seen, &nobody, None).unwrap();
     assert!(factors.iter().any(|factor| *factor < 0.7));
     for (pixel, depth) in seen.iter().enumerate() {
         let [first, second] = fragments.of(pixel % 64, pixel / 64) else { panic!("two fragments") };
@@ -202,6 +202,79 @@ fn what_is_seen_through_keeps_its_light() {
         assert!(*first == veil && second.color == [expected; 3]);
     }
     let mut colors = Colors { width: 64, height: 64, rgba: vec![[1.0; 4]; 64 * 64] };
-    shadowing.darken(&view, &seen, &mut colors, &mut nobody);
+    shadowing.darken(&view, &seen, &mut colors, &nobody, None);
     assert!(colors.rgba.iter().zip(&factors).all(|(color, factor)| *color == [*factor, *factor, *factor, 1.0]));
+}
+
+/// A ball on a plane, each of another kind of data, is as dark as both are as one, and so is the plane: in the core of the shadow that the sun casts
+/// there is no light of it, at the foot of the ball less of the sky, and beyond both all of it. The plane by itself is exactly as bright as it was.
+#[test]
+fn kinds_darken_each_other_as_one_darkens_itself() {
+    let (plane, ball) = (Shape::Plane(DVec3::Z, 0.0), Shape::Sphere(DVec3::new(0.0, 0.0, 0.5), 0.5));
+    let projection = Projection::Orthographic { height: 4.0 };
+    let view =
+        View::look_at(DVec3::new(0.0, -5.0, 6.0), DVec3::new(0.0, 0.0, 0.3), DVec3::Z, projection, 96, 96).unwrap();
+    let sun = Lamp { toward: DVec3::new(1.0, 0.0, 1.0).normalize(), size: 0.1, lights: true };
+    let all = |lamp: Lamp| Shadowing { shadows: 1.0, lamp: Some(lamp), ..occlusion(0.6) };
+    let factors = |own: &[Shape], other: &[Shape], shadowing: Shadowing| {
+        let drawn = |from: &View| Some(depths(from, own));
+        let beside = |from: &View| Some(depths(from, other));
+        let others = Others { casters: &beside, scene: 10.0, sun: Some(sun) };
+        shadowing.factors(&view, &depths(&view, own), &drawn, Some(&others)).unwrap()
+    };
+    assert!(factors(&[plane], &[], all(sun)).iter().all(|factor| *factor == 1.0));
+    let of_plane = factors(&[plane], &[ball], all(sun));
+    let sky = factors(&[plane], &[ball], occlusion(0.6));
+    // What has a lamp of its own beside the eye has the sun's direction.
+    let of_ball = factors(&[ball], &[plane], all(Lamp { toward: DVec3::Y, size: 0.0, lights: false }));
+    let [as_plane, as_ball] = [true, false].map(|lights| factors(&[plane, ball], &[], all(Lamp { lights, ..sun })));
+    let [plane_depths, ball_depths] = [plane, ball].map(|shape| depths(&view, &[shape]));
+    let (mut core, mut foot, mut beyond, mut apart) = (0, 0, 0, 0.0_f64);
+    for (index, open) in sky.iter().enumerate() {
+        let depth = plane_depths[index].min(ball_depths[index]);
+        let place = view.at_depth([index % 96, index / 96].map(|at| at as f64 + 0.5), f64::from(depth));
+        let (x, y) = (place.x, place.y);
+        if ball_depths[index] < plane_depths[index] {
+            apart += f64::from((of_ball[index] - as_ball[index]).abs());
+            continue;
+        }
+        apart += f64::from((of_plane[index] - as_plane[index]).abs());
+        if (x + 0.5).hypot(y) < 0.35 {
+            core += 1;
+            assert!(of_plane[index] < 1e-3, "{place}: {}", of_plane[index]);
+        }
+        let away = x.hypot(y);
+        if (y + 0.3).hypot(x) < 0.1 {
+            foot += 1;
+            assert!((0.25..0.7).contains(open), "{place}: {open}");
+        } else if (y + 0.7).hypot(x) < 0.1 {
+            assert!((0.93..1.0).contains(open), "{place}: {open}");
+        } else if away > 1.6 && x > 0.0 {
+            beyond += 1;
+            assert!(of_plane[index] == 1.0 && *open == 1.0, "{place}: {} {open}", of_plane[index]);
+        }
+    }
+    assert!(core > 50 && foot > 5 && beyond > 500, "{core} {foot} {beyond}");
+    assert!(apart / f64::from(96 * 96) < 1e-3, "{apart}");
+    // A radius is a share of all that the picture shows.
+    assert!(factors(&[plane], &[ball], Shadowing { radius: 0.3, scene: 5.0, ..all(sun) }) == of_plane);
+}
+
+/// With few samples shadows are as dark and about as wide, in fewer steps; with one, the lamp is a point.
+#[test]
+fn fewer_samples_are_steps_towards_the_same() {
+    let shapes = [Shape::Plane(DVec3::Z, 0.0), Shape::Sphere(DVec3::new(0.0, 0.0, 2.0), 1.0)];
+    let view = look([0.0, -6.0, 6.0], [0.0; 3], Projection::Orthographic { height: 6.0 }, [64, 64]);
+    let seen = depths(&view, &shapes);
+    let lit = |samples: u32, size: f64| {
+        let lamp = Some(Lamp { toward: DVec3::Z, size, lights: true });
+        let shadowing = Shadowing { occlusion: 0.0, shadows: 1.0, lamp, samples, ..occlusion(1.0) };
+        shadowing.factors(&view, &seen, &|from: &View| Some(depths(from, &shapes)), None).unwrap()
+    };
+    let full = lit(16, 0.2);
+    for (samples, most) in [(1, 0.05), (4, 0.02), (8, 0.01)] {
+        let away: f32 = lit(samples, 0.2).iter().zip(&full).map(|(few, all)| (few - all).abs()).sum();
+        assert!(away / 4096.0 < most, "{samples}: {}", away / 4096.0);
+    }
+    assert!(lit(1, 0.2) == lit(16, 0.0));
 }

@@ -4,6 +4,7 @@
 //! threads, and from one time to the next.
 
 use super::{Slice, mix};
+use crate::model::mixing::{GOLDEN, mix_bits};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -16,8 +17,6 @@ const DARKEST: f32 = 0.35;
 const BRIGHTEST: f32 = 0.25;
 /// Below this length a mean of directions is none.
 const LEAST: f32 = 1e-3;
-/// Of the noise.
-const SEED: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// Streaks the colours of a slice; the averages reach over so many pixels.
 pub fn streak(slice: &mut Slice, length: f64) {
@@ -35,11 +34,8 @@ pub fn streak(slice: &mut Slice, length: f64) {
 
 /// The noise at a pixel, even within [0, 1).
 fn noise(x: usize, y: usize) -> f32 {
-    // The finaliser of SplitMix64 (Steele, Lea and Flood 2014).
-    let mut bits = (x as u64 | (y as u64) << 32).wrapping_add(1).wrapping_mul(SEED);
-    bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((bits ^ bits >> 31) >> 40) as f32 / (1u32 << 24) as f32
+    let bits = mix_bits((x as u64 | (y as u64) << 32).wrapping_add(1).wrapping_mul(GOLDEN));
+    (bits >> 40) as f32 / (1u32 << 24) as f32
 }
 
 /// The means of noise along the line of the field through each pixel's middle, weighted by a cosine bell (Hann's window) of that length in pixels;

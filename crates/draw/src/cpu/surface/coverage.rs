@@ -6,11 +6,14 @@
 //! and what is covered is in the same rectangle as some of T, not farther from it than the diagonal of a cell.
 //!
 //! A cell without one of its corners has one triangle at most, and rectangles reach beyond it. That part is a sample's margin. Where samples are
-//! points that are less than a pixel apart, the margin's pixels are the point's own; elsewhere a square about the sample stands for it, behind
-//! all else ([`draw_margins`]). Places in margins are on the plane of the sample's mean normal. Globes have none.
+//! points that are no farther apart than they are wide, the margin's pixels are the point's own; elsewhere a square about the sample stands for it, behind
+//! all else ([`draw_margins`]). Places in margins are on the plane of the sample's mean normal.
+//!
+//! On a globe rectangles are those of longitudes and latitudes, and that plane is as round as the globe. Through holes its far side is seen, so that
+//! margins of the near side are before that, behind all else of the near side, and only in pixels whose centre is in them.
 
-use super::placed::GridRay;
-use super::raster::{Shown, Visibility};
+use super::horizon::Limb;
+use super::raster::{Shown, Visibility, behind};
 use super::rays::CellFrame;
 use super::resolve::{Hit, Resolver};
 use super::select::Primitive;
@@ -83,7 +86,7 @@ impl Mesh {
     /// there are no margins.
     pub fn margin_side(&self, scene: &Scene, error_pixels: impl Fn(f64) -> f64) -> u32 {
         let level = self.node.key.level;
-        if level == 0 || self.samples.coverage.is_empty() || !scene.placed.is_flat() {
+        if level == 0 || self.samples.coverage.is_empty() {
             return 0;
         }
         let [across, along] = scene.placed.spacing().map(|step| step * (1_u64 << level) as f64);
@@ -96,6 +99,10 @@ impl Mesh {
 
 /// Puts the margins of samples that are not points where nothing else is shown.
 pub(super) fn draw_margins(scene: &Scene, sight: &Sight, picture: &Visibility) {
+    if scene.meshes.iter().all(|mesh| mesh.samples.coverage.is_empty()) {
+        return;
+    }
+    let globe = (!scene.placed.is_flat()).then(|| (Resolver::new(scene, sight), Limb::of(scene, sight)));
     scene.meshes.par_iter().enumerate().for_each(|(number, mesh)| {
         let side = mesh.margin_side(scene, |length| sight.error_pixels(&mesh.node.extent, length));
         let has_points = mesh.node.primitive == Primitive::Points && mesh.is_laid == [false; 4];
@@ -109,10 +116,19 @@ pub(super) fn draw_margins(scene: &Scene, sight: &Sight, picture: &Visibility) {
             let height = mesh.height(row * mesh.samples.columns + column);
             let place = scene.placed.world(mesh.rows[row] as f64, mesh.columns[column] as f64, height);
             let seen = sight.project(place - sight.eye()).filter(|_| sight.cut().keeps(place));
-            if let Some((at, depth)) = seen {
-                let shown = Shown { node: number, at: [row, column], slot: None };
+            let Some((at, depth)) = seen else { continue };
+            let shown = Shown { node: number, at: [row, column], slot: None };
+            let Some((resolver, limb)) = &globe else {
                 picture.put_behind(at, side, depth, shown.pack());
-            }
+                continue;
+            };
+            let limb = limb.as_ref().filter(|limb| limb.is_beyond(place - sight.eye()));
+            let passed = |pixel: [f64; 2]| {
+                let (origin, direction) = resolver.ray(pixel)?;
+                limb?.passed(origin - sight.eye(), direction)
+            };
+            let depth_at = |pixel: [f64; 2]| passed(pixel).unwrap_or_else(|| behind(depth));
+            picture.put_where(at, side, shown.pack(), depth_at, |pixel| resolver.margin(shown, pixel).is_some());
         }
     });
 }
@@ -128,8 +144,8 @@ impl Resolver<'_> {
     }
 
     /// The share of a pixel that is covered where a point is drawn: as much as is valid in the pixel, and not as the point's own sample says, for of
-    /// many samples in a pixel one is seen that was measured.
-    pub(super) fn point_coverage(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2]) -> f64 {
+    /// many samples in a pixel one is seen that was measured. With a pixel it is the mean of the samples in that, where these can be told.
+    pub(super) fn point_coverage(&self, mesh: &Mesh, hit: &Hit, pixel: Option<[f64; 2]>) -> f64 {
         let ([row, column], place) = (hit.shown.at, [hit.under[0], hit.under[1]]);
         let own = f64::from(mesh.opacity(row, column));
         let level = self.level_at(hit.depth);
@@ -137,7 +153,7 @@ impl Resolver<'_> {
             return if mesh.node.key.level == 0 { 1.0 } else { own };
         }
         let is_own = mesh.is_point(row, column) && !mesh.is_lone(row, column);
-        let mean = if is_own { self.mean_share(mesh, hit, pixel) } else { None };
+        let mean = pixel.filter(|_| is_own).and_then(|pixel| self.mean_share(mesh, hit, pixel));
         let share = mean.unwrap_or_else(|| {
             let (first, share) = self.levels(hit.shown.node, level);
             let covered = |level: u8| {
@@ -165,10 +181,16 @@ impl Resolver<'_> {
     /// for anything, so that all together is the area. `None` where all are whole, or the surface is seen from its edge.
     fn mean_share(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2]) -> Option<f64> {
         let (scene, key) = (self.scene, mesh.node.key);
-        if mesh.samples.coverage.is_empty() || !scene.placed.is_flat() {
+        if mesh.samples.coverage.is_empty() {
             return None;
         }
-        let moves = self.moves(hit)?;
+        let mut hit = *hit;
+        if !scene.placed.is_flat() {
+            let [column, row, height] =
+                self.on_plane(self.ray(pixel)?, [hit.row, hit.column], hit.height, hit.slope)?;
+            hit.under = [row, column, height];
+        }
+        let moves = self.moves(&hit)?;
         if (0..2).any(|k| (moves.at[k] - pixel[k]).abs() > THERE) {
             return None;
         }
@@ -243,15 +265,14 @@ impl Resolver<'_> {
         if level == 0 || mesh.samples.coverage.is_empty() {
             return None;
         }
-        let (origin, direction) = self.ray(pixel)?;
-        let ray: GridRay = scene.placed.ray(origin, direction)?;
+        let ray = self.ray(pixel)?;
         let [row, column] = shown.at;
         let index = row * mesh.samples.columns + column;
         let slope = scene.placed.slope(mesh.samples.normals.at(index));
         let own = [mesh.rows[row] as f64, mesh.columns[column] as f64];
         let (_, depth) =
             self.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], mesh.height(index)))?;
-        let [right, down, height] = ray.on_plane(own, mesh.height(index), slope)?;
+        let [right, down, height] = self.on_plane(ray, own, mesh.height(index), slope)?;
         let place = [down, right];
         let size = self.level_at(depth).exp2();
         let [across, along] = scene.placed.spacing();

@@ -22,7 +22,7 @@ pub(crate) fn darken(
     let centres = |sight: &Sight| depths((source, placed, sight), &plain);
     // Samples are beside the centre, but know walls.
     let own = if options.walls.is_some() && !shown.is_empty() { shown.to_vec() } else { centres(sight) };
-    shadowing.darken(view, &own, colors, &mut |from: &View| Some(centres(&Sight::Flat(*from))));
+    shadowing.darken(view, &own, colors, &|from: &View| Some(centres(&Sight::Flat(*from))), None);
 }
 
 /// The depth at each pixel's centre, row by row, with options for pictures without colours; infinite where nothing is.
@@ -35,7 +35,7 @@ pub(crate) fn depths(
         return raw.iter().map(|[depth, ..]| if depth.is_nan() { f32::INFINITY } else { *depth as f32 }).collect();
     }
     let scene = scene(source, placed, sight, options);
-    let (seen, _) = visible(&scene, sight, options.technique, 1);
+    let (seen, _) = visible(&scene, sight, options, 1);
     let resolver = Resolver::new(&scene, sight);
     let depth = |index: usize| {
         let place = [index % seen.width, index / seen.width].map(|at| at as f64 + 0.5);

@@ -6,7 +6,7 @@
 //! area that the front ones leave: an edge is as smooth before a star as before the dark.
 
 use super::photo::PhotoLook;
-use super::picture::{self, SurfaceOptions, SurfaceReport, parts, report, visible};
+use super::picture::{self, SurfaceOptions, SurfaceReport, counted, parts, report, visible};
 use super::placed::Placed;
 use super::raster::Visibility;
 use super::shade::{ENDS, Shader};
@@ -16,6 +16,7 @@ use super::stitch::Scene;
 use crate::cpu::paths::fragments::TileFragments;
 use crate::cpu::paths::{PathFragment, PathFragments};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Pixels along the side of what one task does.
 const SIDE: usize = 32;
@@ -58,17 +59,29 @@ struct Shaded<'a> {
 
 /// What each pixel shows of surfaces that have colours, and what was drawn. Pictures of one size; they do not depend on the number of threads.
 pub fn fragments(layers: &[Layer<'_>]) -> (PathFragments, SurfaceReport) {
+    fragments_found(layers, &|_, _| None)
+}
+
+/// The same where something else may find what is seen: what each sample of a picture, whose pixels are these samples, shows of a scene; the
+/// processor finds it where that is `None`.
+pub fn fragments_found(
+    layers: &[Layer<'_>],
+    find: &dyn Fn(&Arc<Scene>, &Sight) -> Option<Visibility>,
+) -> (PathFragments, SurfaceReport) {
     let layers: Vec<&Layer<'_>> = layers.iter().filter(|layer| layer.options.look.is_some()).collect();
     let mut whole = SurfaceReport { is_converged: true, ..SurfaceReport::default() };
     let Some(first) = layers.first() else { return (PathFragments::default(), whole) };
     let parts = parts(first.options.samples);
     let [width, height] = first.sight.size().map(|pixels| pixels as usize);
-    let drawn: Vec<(Scene, Sight, Visibility)> = layers
+    let drawn: Vec<(Arc<Scene>, Sight, Visibility)> = layers
         .iter()
         .map(|layer| {
-            let scene = picture::scene(layer.source, layer.placed, layer.sight, layer.options);
+            let scene = Arc::new(picture::scene(layer.source, layer.placed, layer.sight, layer.options));
             let fine = layer.sight.refined(parts);
-            let (seen, counts) = visible(&scene, &fine, layer.options.technique, parts);
+            let (seen, counts) = match find(&scene, &fine) {
+                Some(seen) => (seen, counted(&scene)),
+                None => visible(&scene, &fine, layer.options, parts),
+            };
             whole.add(&report(&scene, counts, f64::from(parts)));
             (scene, fine, seen)
         })

@@ -1,7 +1,9 @@
-//! What of a globe is behind its own horizon: chunks that nobody can see are neither chosen nor read.
+//! What of a globe is behind its own horizon: chunks that nobody can see are neither chosen nor read, and what may be seen of the far side, through
+//! holes, is behind all of the near side.
 
 use super::placed::{Map, Placed};
 use super::sight::Sight;
+use super::stitch::Scene;
 use crate::view::{Projection, View};
 use deepfield_heights::model::Globe;
 use glam::DVec3;
@@ -86,6 +88,55 @@ impl Horizon {
         };
         // A little for rounding.
         most.clamp(-1.0, 1.0).acos() > beyond + 1e-9
+    }
+}
+
+/// The plane through all places where lines of sight touch a globe: between its near side and its far side, whatever line of sight passes both.
+#[derive(Clone, Copy, Debug)]
+pub struct Limb {
+    /// Away from the eye, a unit vector.
+    pub normal: DVec3,
+    /// How far along that from the eye it is.
+    pub away: f64,
+}
+
+impl Limb {
+    /// That of the lowest place of a scene, beyond those of all that is higher; `None` of what is flat, or has no chunks.
+    pub fn of(scene: &Scene, sight: &Sight) -> Option<Limb> {
+        let Map::Globe(globe) = scene.placed.map else { return None };
+        let facts = scene.meshes.iter().map(|mesh| &mesh.node.facts).filter(|facts| !facts.is_empty());
+        let heights = facts.flat_map(|facts| [facts.min, facts.max]).map(|height| scene.placed.lifted(height));
+        Limb::new(&globe, heights.fold(f64::INFINITY, f64::min), sight)
+    }
+
+    /// That of a globe which is so much larger along all its axes.
+    fn new(globe: &Globe, lowest: f64, sight: &Sight) -> Option<Limb> {
+        let axes = DVec3::new(globe.equator, globe.equator, globe.pole) + lowest;
+        if !(axes.is_finite() && axes.min_element() > 0.0) {
+            return None;
+        }
+        // The polar plane of the eye is where this times a place is 1, that of a direction where it is 0.
+        let polar = |place: DVec3| place / (axes * axes);
+        let eye = sight.eye();
+        let (normal, away) = match sight {
+            Sight::Flat(View { projection: Projection::Orthographic { .. }, forward, .. }) => {
+                (polar(*forward), -polar(*forward).dot(eye))
+            }
+            _ => (-polar(eye), polar(eye).dot(eye) - 1.0),
+        };
+        let length = normal.length();
+        (length > 0.0).then(|| Limb { normal: normal / length, away: away / length })
+    }
+
+    /// Whether what is so far from the eye is on the near side of it.
+    pub fn is_beyond(&self, relative: DVec3) -> bool {
+        self.normal.dot(relative) < self.away
+    }
+
+    /// The parameter at which a ray that begins so far from the eye passes from the near side to the far side; `None` where it does not.
+    pub fn passed(&self, start: DVec3, direction: DVec3) -> Option<f64> {
+        let t = (self.away - self.normal.dot(start)) / self.normal.dot(direction);
+        (self.normal.dot(direction) > 0.0 && t > 0.0).then_some(t)
     }
 }
 

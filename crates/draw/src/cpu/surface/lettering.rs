@@ -47,7 +47,7 @@ pub(crate) fn layer(
     let parts = parts(options.samples);
     let fine = sight.refined(parts);
     let scene = picture::scene(source, placed, sight, options);
-    let (seen, _) = picture::visible(&scene, &fine, options.technique, parts);
+    let (seen, _) = picture::visible(&scene, &fine, options, parts);
     let [width, height] = sight.size();
     let colors = Colors { width, height, rgba: vec![[0.0; 4]; width as usize * height as usize] };
     let mut layer = SurfacePicture { colors, ..SurfacePicture::default() };

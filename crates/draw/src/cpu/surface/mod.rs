@@ -10,7 +10,7 @@ mod coverage;
 pub(crate) mod darken;
 pub mod fragments;
 pub mod holes;
-pub(crate) mod horizon;
+pub mod horizon;
 pub mod labels;
 pub mod lambert;
 pub(crate) mod lettering;

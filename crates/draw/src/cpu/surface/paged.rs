@@ -15,9 +15,10 @@ use super::samples::MeanNormal;
 use super::sight::Sight;
 use super::since::Since;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
+use crate::stream::residency::{ATTEMPTS, backoff};
 use decode::Decoder;
 use deepfield_data::model::{SampleType, Scale};
-use deepfield_data::store::error::Damage;
+use deepfield_data::store::error::{Damage, StoreError};
 use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
 use deepfield_heights::hierarchy::photo::TileKey;
 use deepfield_heights::store::{HeightFile, Tile};
@@ -65,6 +66,8 @@ struct Entry<V> {
 struct Damaged {
     keys: BTreeSet<ChunkKey>,
     first: Option<String>,
+    /// Why the disk has not given something that this picture needs: it may give it later.
+    passing: Option<String>,
 }
 
 impl PagedSurface {
@@ -96,9 +99,11 @@ impl PagedSurface {
         }
     }
 
-    /// Turns normals to a world in which the field is placed so; exaggeration and base do not matter. Without this degrees are those of the
-    /// Earth, as in the file. What is decoded is decoded again where slopes change.
+    /// Begins a picture: turns normals to a world in which the field is placed so; exaggeration and base do not matter. Without this degrees are
+    /// those of the Earth, as in the file. What is decoded is decoded again where slopes change, and what the disk has failed to give for pictures
+    /// before is no longer told.
     pub fn place(&mut self, placed: &Placed) {
+        self.take_passing();
         let about = self.file.about();
         let slopes = slopes::of_world(placed);
         if !slopes::is_same(slopes, self.decoder.slopes()) {
@@ -126,8 +131,27 @@ impl PagedSurface {
 
     /// Why a chunk could not be read: of the first one that could not. Coarser chunks stand in for such.
     pub fn error(&self) -> Option<String> {
-        let own = locked(&self.damaged).first.clone();
+        let own = {
+            let damaged = locked(&self.damaged);
+            damaged.first.clone().or_else(|| damaged.passing.clone())
+        };
         own.or_else(|| self.since.as_ref().and_then(|since| since.error()))
+    }
+
+    fn take_passing(&self) -> Option<String> {
+        locked(&self.damaged).passing.take()
+    }
+
+    /// Notes why something cannot be read, and which chunk never can be, if it is one.
+    fn note(&self, error: &StoreError, key: Option<ChunkKey>) {
+        let mut damaged = locked(&self.damaged);
+        let Damaged { keys, first, passing } = &mut *damaged;
+        if error.may_pass() {
+            passing.get_or_insert_with(|| error.to_string());
+        } else {
+            first.get_or_insert_with(|| error.to_string());
+            keys.extend(key);
+        }
     }
 
     /// Bytes of the decoded chunks and tiles that are kept.
@@ -148,8 +172,24 @@ impl PagedSurface {
     }
 
     /// Reads what a picture needs, all at once. Where chunks turn out to be damaged, also what stands in for them: a picture that is drawn
-    /// next has no gaps there.
+    /// next has no gaps there. What the disk fails to give is asked for a few times before it is told.
     pub fn prepare(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) {
+        // What other parts of the picture lack is told as well.
+        let before = self.take_passing();
+        self.read_all(placed, sight, options);
+        for attempt in 1..ATTEMPTS {
+            if self.take_passing().is_none() {
+                break;
+            }
+            std::thread::sleep(backoff(attempt));
+            self.read_all(placed, sight, options);
+        }
+        if let Some(before) = before {
+            locked(&self.damaged).passing.get_or_insert(before);
+        }
+    }
+
+    fn read_all(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) {
         let damaged = || locked(&self.damaged).keys.len();
         let colors = options.look.is_some().then(|| options.clone());
         let raw = options.raw.then(|| SurfaceOptions { look: None, ..options.clone() });
@@ -202,11 +242,7 @@ impl PagedSurface {
             }
             Ok(None) => Some(Arc::new(self.decoder.nothing([0, 1].map(|axis| self.lattice.span(key, axis).1)))),
             Err(error) => {
-                let mut damaged = locked(&self.damaged);
-                damaged.first.get_or_insert_with(|| error.to_string());
-                if !error.may_pass() {
-                    damaged.keys.insert(key);
-                }
+                self.note(&error, Some(key));
                 None
             }
         }

@@ -22,6 +22,7 @@ use crate::color::Colors;
 use crate::cpu::shadowing::Shadowing;
 use deepfield_heights::measure::Form;
 use rayon::prelude::*;
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::sync::Arc;
 
 /// How a surface is drawn.
@@ -29,6 +30,8 @@ use std::sync::Arc;
 pub struct SurfaceOptions {
     /// Points, triangles, rays, or what fits.
     pub technique: Technique,
+    /// The side of a point: samples of the picture, with [`Technique::Points`] pixels; 1 at least.
+    pub point: u32,
     /// Largest error, pixels; 0: none.
     pub tau: f64,
     /// Samples of a pixel; the next square number is taken.
@@ -56,6 +59,7 @@ impl Default for SurfaceOptions {
         let technique = Technique::default();
         SurfaceOptions {
             technique,
+            point: 1,
             tau: USUAL_TAU,
             samples: 4,
             most_nodes: MOST_NODES,
@@ -112,6 +116,9 @@ pub fn chosen(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options
     let choice = Choice {
         tau: options.tau * f64::from(parts),
         technique: options.technique,
+        point: options.point,
+        // By half a diagonal of what is more than a pixel.
+        reach: FRAC_1_SQRT_2 * f64::from(options.technique.side(options.point.saturating_sub(1), parts)),
         looks: if options.look.is_some() { looked(options.tau) * f64::from(parts) } else { f64::INFINITY },
         lines: options.look.as_ref().and_then(|look| look.contours).map_or(f64::INFINITY, |lines| lines.interval),
         change: options
@@ -182,7 +189,7 @@ pub fn draw_lettered(
         let parts = parts(options.samples);
         let fine = sight.refined(parts);
         let scene = scene(source, placed, sight, options);
-        let (seen, counts) = visible(&scene, &fine, options.technique, parts);
+        let (seen, counts) = visible(&scene, &fine, options, parts);
         picture.report = report(&scene, counts, f64::from(parts));
         let [width, height] = sight.size();
         let photo = PhotoLook::of(source, look, placed);
@@ -211,7 +218,7 @@ pub fn draw_lettered(
             Some(pieces) => pieces.raw(source, placed, sight, &choice),
             None => {
                 let scene = scene(source, placed, sight, &choice);
-                let (seen, counts) = visible(&scene, sight, options.technique, 1);
+                let (seen, counts) = visible(&scene, sight, options, 1);
                 (channels(&scene, sight, &seen), report(&scene, counts, 1.0))
             }
         };
@@ -221,14 +228,13 @@ pub fn draw_lettered(
 }
 
 /// What is seen in each sample of a picture with `parts` of them along a pixel's side, and how many samples, points and triangles were drawn.
-/// Points fill a sample where they are drawn since they leave no gap so, and else a pixel. What coarse samples stand for beside their triangles is
-/// behind all else.
-pub(super) fn visible(scene: &Scene, sight: &Sight, technique: Technique, parts: u32) -> (Visibility, [u64; 3]) {
+/// Points are `options.point` samples wide where they are drawn since they leave no gap so, and else as many pixels. What coarse samples stand
+/// for beside their triangles is behind all else.
+pub(crate) fn visible(scene: &Scene, sight: &Sight, options: &SurfaceOptions, parts: u32) -> (Visibility, [u64; 3]) {
     let seen = Visibility::new(sight.size());
     let counts = match sight {
-        Sight::Flat(view) if technique != Technique::Rays => {
-            let side = if technique == Technique::Points { parts } else { 1 };
-            raster::draw(scene, view, &seen, [side, parts])
+        Sight::Flat(view) if options.technique != Technique::Rays => {
+            raster::draw(scene, view, &seen, [options.technique.side(options.point, parts), parts])
         }
         _ => {
             Caster::new(scene).draw(sight, &seen);

@@ -96,7 +96,7 @@ impl Pieces {
         let cut = chosen(source, placed, sight, options);
         let lattice = source.lattice();
         let touching = (0..cut.nodes.len()).map(|number| touching(&cut, &lattice, number)).collect();
-        let beside = BESIDE + WIDTHS * lines.map_or(0.0, |lines| lines.width);
+        let beside = BESIDE + f64::from(options.point) + WIDTHS * lines.map_or(0.0, |lines| lines.width);
         let mut pieces = Vec::new();
         let all = [0..view.width as usize, 0..view.height as usize];
         Whole { source, lattice, view, cut: &cut, touching, beside }.divide(all, &mut pieces);
@@ -119,7 +119,7 @@ impl Pieces {
         let mut drawn = Drawn::NOTHING;
         for piece in &self.pieces {
             let scene = piece.scene(source, placed, options);
-            let (seen, counts) = visible(&scene, &fine, options.technique, parts);
+            let (seen, counts) = visible(&scene, &fine, options, parts);
             let photo = PhotoLook::of(source, look, placed);
             let shader = shader(Shader::new(&scene, &fine, look, photo, parts), &seen, options);
             let (colors, [depths, shares]) = shader.shade_part(&seen, &piece.pixels);
@@ -145,7 +145,7 @@ impl Pieces {
         let (mut raw, mut drawn) = (vec![NOTHING; columns * rows], Drawn::NOTHING);
         for piece in &self.pieces {
             let scene = piece.scene(source, placed, options);
-            let (seen, counts) = visible(&scene, sight, options.technique, 1);
+            let (seen, counts) = visible(&scene, sight, options, 1);
             piece.put(&channels_of(&scene, sight, &seen, &piece.pixels), columns, &mut raw);
             drawn.add(&scene, counts);
         }

@@ -8,6 +8,8 @@
 //! Points: if no edge of a projected triangle is longer than a pixel, each pixel centre in it shares its pixel with one of its corners. For if
 //! all three are outside the pixel's square, they cannot be on opposite sides of it, so they lie beyond one of its diagonals, and the centre is
 //! not between them; a segment of length 1 with both ends outside passes the centre at no less than 0.2 pixels, so that rounding does not matter.
+//! The same holds of edges of any number of pixels and squares about the centre as wide: those centres that the square of a corner covers are the
+//! ones in whose square the corner is. So points of any whole number of pixels leave no gap where no edge is longer.
 //!
 //! What is nearest is kept, among equals the least number, by an atomic minimum: the picture is the same for any number of threads.
 
@@ -45,7 +47,7 @@ const LEAST_BEHIND: f64 = 1e-6;
 const BAND: usize = 32;
 /// Columns of cells of which it is looked whether any is in the picture.
 const BLOCK: usize = 32;
-/// Pixels beside the picture within which what is drawn may reach into it: half of the largest point, and what is rounded.
+/// Pixels beside the picture within which what is drawn may reach into it, but for wide points: half of a point, and what is rounded.
 const PADDING: u32 = 8;
 
 /// Which triangle or point a pixel shows.
@@ -136,19 +138,56 @@ impl Visibility {
 
     /// Keeps the nearer of what is there and this; `depth` is not negative.
     pub fn put(&self, index: usize, depth: f64, number: u32) {
-        // Positive floats sort as their bits do.
-        let value = u64::from((depth.max(0.0) as f32).to_bits()) << 32 | u64::from(number);
-        let cell = &self.cells[index];
+        let (value, cell) = (ordered(depth, number), &self.cells[index]);
         if value < cell.load(Ordering::Relaxed) {
             cell.fetch_min(value, Ordering::Relaxed);
         }
     }
 }
 
+/// What sorts as depths do, and of equal ones as numbers.
+fn ordered(depth: f64, number: u32) -> u64 {
+    // Positive floats sort as their bits do.
+    u64::from((depth.max(0.0) as f32).to_bits()) << 32 | u64::from(number)
+}
+
+/// The depth of what is behind all else.
+pub(super) fn behind(depth: f64) -> f64 {
+    depth.max(LEAST_BEHIND) * BEHIND
+}
+
 impl Visibility {
     /// Keeps a point, in a square of pixels about its place, where nothing else is; of several the nearest.
     pub(super) fn put_behind(&self, place: [f64; 2], side: u32, depth: f64, number: u32) {
-        self.put_square(parts_of(place), side, depth.max(LEAST_BEHIND) * BEHIND, number);
+        self.put_square(parts_of(place), side, behind(depth), number);
+    }
+
+    /// Keeps the nearer of what is there and a point, in those pixels of a square about its place at whose centres it is, with a depth for each.
+    pub(super) fn put_where(
+        &self,
+        place: [f64; 2],
+        side: u32,
+        number: u32,
+        depth_at: impl Fn([f64; 2]) -> f64,
+        is_at: impl Fn([f64; 2]) -> bool,
+    ) {
+        for [x, y] in self.square(parts_of(place), side) {
+            let (index, centre) = (y * self.width + x, [x as f64 + 0.5, y as f64 + 0.5]);
+            let depth = depth_at(centre);
+            // What would not be kept is not asked for.
+            if ordered(depth, number) < self.cells[index].load(Ordering::Relaxed) && is_at(centre) {
+                self.put(index, depth, number);
+            }
+        }
+    }
+
+    /// The pixels of a square about a place in parts of pixels.
+    fn square(&self, place: [i64; 2], side: u32) -> impl Iterator<Item = [usize; 2]> {
+        let side = i64::from(side);
+        let [left, top] = place.map(|place| (place - (side - 1) * ONE / 2) >> FRACTION);
+        let columns = left.max(0)..(left + side).min(self.width as i64);
+        let rows = top.max(0)..(top + side).min(self.height as i64);
+        rows.flat_map(move |y| columns.clone().map(move |x| [x as usize, y as usize]))
     }
 
     /// Keeps the nearer of what is there and a point, in a square of pixels about its place in parts of pixels.
@@ -161,12 +200,8 @@ impl Visibility {
             }
             return;
         }
-        let side = i64::from(side);
-        let [left, top] = place.map(|place| (place - (side - 1) * ONE / 2) >> FRACTION);
-        for y in top.max(0)..(top + side).min(self.height as i64) {
-            for x in left.max(0)..(left + side).min(self.width as i64) {
-                self.put(y as usize * self.width + x as usize, depth, number);
-            }
+        for [x, y] in self.square(place, side) {
+            self.put(y * self.width + x, depth, number);
         }
     }
 }
@@ -206,7 +241,8 @@ struct Raster<'a> {
 /// Draws all chunks of a scene into a flat picture. Points of chunks are `sides[0]` pixels of it wide, samples in no triangle `sides[1]`. Also says
 /// how many samples, points and triangles that were.
 pub fn draw(scene: &Scene, view: &View, picture: &Visibility, sides: [u32; 2]) -> [u64; 3] {
-    let raster = Raster { sides, ..Raster::new(scene, view, picture) };
+    let padded = view.padded(PADDING.max(sides[0]));
+    let raster = Raster { sides, padded, ..Raster::new(scene, view, picture) };
     let bands: Vec<(usize, usize)> = scene
         .meshes
         .iter()

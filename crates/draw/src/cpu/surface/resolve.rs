@@ -1,7 +1,7 @@
 //! From what a pixel shows to the exact place: where the ray through its centre meets the triangle that is drawn there; of a point the place of
 //! its sample.
 
-use super::placed::{GridRay, Vantage};
+use super::placed::{GridRay, Map, Vantage};
 use super::raster::{POLE, Shown};
 use super::rays::{Caster, CellFrame, curved_hit};
 use super::sight::{Lens, Sight};
@@ -10,7 +10,7 @@ use super::stitch::{Mesh, Scene};
 use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
 use deepfield_heights::measure::Spread;
-use deepfield_heights::model::Triangle;
+use deepfield_heights::model::{Globe, Triangle};
 use glam::DVec3;
 use std::sync::OnceLock;
 
@@ -44,6 +44,9 @@ pub const CHANNELS: usize = 7;
 
 /// From triangle to triangle at most so many times.
 const STEPS: u32 = 6;
+
+/// Most steps to where a ray meets what a sample of a globe stands for.
+const PLANE_STEPS: u32 = 16;
 
 /// Rounding may leave a pixel's centre so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f64 = 1e-9;
@@ -232,12 +235,12 @@ impl<'a> Resolver<'a> {
         })
     }
 
-    /// A point's hit.
-    fn point(&self, shown: Shown, mesh: &Mesh, pixel: [f64; 2]) -> Option<Hit> {
+    /// A point's hit. `counts` says whether its coverage is the mean of the samples in the pixel, or of what is about it in the levels.
+    fn point(&self, shown: Shown, mesh: &Mesh, pixel: [f64; 2], counts: bool) -> Option<Hit> {
         let [row, column] = shown.at;
         let index = row * mesh.samples.columns + column;
         let height = mesh.height(index);
-        let (_, depth) = self.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
+        let (seen, depth) = self.project(self.vantage.relative(mesh.rows[row], mesh.columns[column], height))?;
         let at = [mesh.rows[row] as f64, mesh.columns[column] as f64];
         let placed = &self.scene.placed;
         let slope = placed.slope(mesh.samples.normals.at(index));
@@ -247,14 +250,15 @@ impl<'a> Resolver<'a> {
             let t = (plane - origin[2]) / (direction[2] - slope[0] * direction[0] - slope[1] * direction[1]);
             let place = [t.mul_add(direction[1], origin[1]), t.mul_add(direction[0], origin[0])];
             // A plane that is seen from its edge says nothing.
-            let most = 2.0 * self.level_at(depth).max(0.0).exp2();
+            let away = (0..2).map(|k| (seen[k] - pixel[k]).abs()).fold(1.0, f64::max);
+            let most = 2.0 * away * self.level_at(depth).max(0.0).exp2();
             let is_near = (0..2).all(|k| (place[k] - at[k]).abs() <= most);
             is_near.then(|| [place[0], place[1], t.mul_add(direction[2], origin[2])])
         });
         let under = found.unwrap_or([at[0], at[1], height]);
         let (coverage, is_membrane, is_pole) = (0.0, false, false);
         let hit = Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane, is_pole, slope, under };
-        Some(Hit { coverage: self.point_coverage(mesh, &hit, pixel), ..hit })
+        Some(Hit { coverage: self.point_coverage(mesh, &hit, counts.then_some(pixel)), ..hit })
     }
 
     /// The place of the surface at a pixel's centre, for looks: as [`Resolver::hit`], but where a point is shown it is where the centre's ray
@@ -268,7 +272,10 @@ impl<'a> Resolver<'a> {
             return self.hit(shown, pixel);
         }
         let Some((origin, direction)) = self.ray(pixel) else { return self.hit(shown, pixel) };
-        let Some(ray) = self.scene.placed.ray(origin, direction) else { return self.hit(shown, pixel) };
+        // On globes as adapters have it.
+        let Some(ray) = self.scene.placed.ray(origin, direction) else {
+            return self.point(shown, mesh, pixel, false);
+        };
         let mut best: Option<(f64, Met)> = None;
         for (up, left) in [(1, 1), (1, 0), (0, 1), (0, 0)] {
             if row < up
@@ -362,7 +369,7 @@ impl<'a> Resolver<'a> {
         let Some(slot) = shown.slot else {
             // Where nothing else is.
             return match mesh.is_point(row, column) || mesh.is_lone(row, column) {
-                true => self.point(shown, mesh, pixel),
+                true => self.point(shown, mesh, pixel, true),
                 false => self.margin(shown, pixel),
             };
         };
@@ -526,14 +533,10 @@ impl<'a> Resolver<'a> {
         });
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let mut t = normal.dot(corners[0] - origin) / normal.dot(direction);
-        let (origin_place, step) = (self.scene.placed.origin, self.scene.placed.step);
-        let middle = origin_place[0] + step[0] * 0.5 * (columns[0] + columns[1]) as f64;
-        let super::placed::Map::Globe(globe) = self.scene.placed.map else { return [0.5; 2] };
+        let Map::Globe(globe) = self.scene.placed.map else { return [0.5; 2] };
+        let middle = 0.5 * (columns[0] + columns[1]) as f64;
         let local = |t: f64| {
-            let [mut longitude, latitude, height] = globe.geodetic((origin + t * direction).to_array());
-            longitude += 360.0 * ((middle - longitude) / 360.0).round();
-            let column = (longitude - origin_place[0]) / step[0];
-            let row = (latitude - origin_place[1]) / step[1];
+            let [row, column, height] = self.about(&globe, origin + t * direction, middle);
             let u = (column - columns[0] as f64) / (columns[1] - columns[0]) as f64;
             let v = (row - rows[0] as f64) / (rows[1] - rows[0]) as f64;
             ([u, v], height)
@@ -571,6 +574,52 @@ impl<'a> Resolver<'a> {
             }
         }
         local(t).0
+    }
+
+    /// Row, column and what is above a globe at a place of the world, of all turns of the globe that nearest to a column.
+    fn about(&self, globe: &Globe, place: DVec3, near: f64) -> [f64; 3] {
+        let (origin, step) = (self.scene.placed.origin, self.scene.placed.step);
+        let [longitude, latitude, height] = globe.geodetic(place.to_array());
+        let wanted = near.mul_add(step[0], origin[0]);
+        let longitude = longitude + 360.0 * ((wanted - longitude) / 360.0).round();
+        [(latitude - origin[1]) / step[1], (longitude - origin[0]) / step[0], height]
+    }
+
+    /// Where a ray meets what has a height at a row and a column, and to which a column and a row add the two of `slope`; on a globe near there.
+    /// Column, row and height; `None` where it does not, or behind its origin.
+    pub(super) fn on_plane(
+        &self,
+        (origin, direction): (DVec3, DVec3),
+        own: [f64; 2],
+        height: f64,
+        slope: [f64; 2],
+    ) -> Option<[f64; 3]> {
+        let placed = &self.scene.placed;
+        let Map::Globe(globe) = placed.map else {
+            return placed.ray(origin, direction)?.on_plane(own, height, slope);
+        };
+        let at = |t: f64| {
+            let [row, column, lifted] = self.about(&globe, origin + t * direction, own[1]);
+            let height = height + slope[0] * (column - own[1]) + slope[1] * (row - own[0]);
+            ([column, row, height], lifted - placed.lifted(height))
+        };
+        // By Newton's steps from where the ray is nearest to the sample.
+        let away = placed.world(own[0], own[1], height) - origin;
+        let mut t = away.dot(direction) / direction.length_squared();
+        let [across, along] = placed.spacing();
+        let small = 1e-5 * across.max(along) / direction.length();
+        for _ in 0..PLANE_STEPS {
+            let (place, above) = at(t);
+            let change = small * above / (at(t + small).1 - above);
+            if !change.is_finite() {
+                break;
+            }
+            t -= change;
+            if change.abs() < small {
+                return (t > 0.0).then_some(place);
+            }
+        }
+        None
     }
 
     /// The triangle of the cut at a place of a cell that is not in a triangle of it; `None` where it is, and where there is none.

@@ -23,7 +23,7 @@ use glam::DVec3;
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashMap};
 
-/// Points are drawn where neighbours are at most so many pixels apart: a pixel, less what snapping to the rasteriser's lattice may add.
+/// Points are drawn where neighbours are at most so many of a point's sides apart: one, less what snapping to the rasteriser's lattice may add.
 pub const POINT_LIMIT: f64 = 0.999;
 /// The least error in pixels at which points are drawn: they show a place of their pixel, but not its middle.
 pub const EXACT: f64 = 0.05;
@@ -44,7 +44,7 @@ pub enum Technique {
     /// Points where they leave no gap, triangles elsewhere.
     #[default]
     Hybrid,
-    /// Points of one pixel, whatever gaps they leave.
+    /// Points of whole pixels, whatever gaps they leave.
     Points,
     /// Triangles alone.
     Triangles,
@@ -52,10 +52,17 @@ pub enum Technique {
     Rays,
 }
 
+impl Technique {
+    /// Samples of the picture along the side of a point: `point` of them; where points may leave gaps that many pixels, with `parts` along a side.
+    pub fn side(self, point: u32, parts: u32) -> u32 {
+        if self == Technique::Points { point * parts } else { point }
+    }
+}
+
 /// What a chunk is drawn as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Primitive {
-    /// A pixel for each sample.
+    /// A square of pixels for each sample.
     Points,
     /// The triangles of its cells.
     Triangles,
@@ -68,6 +75,10 @@ pub struct Choice {
     pub tau: f64,
     /// What the surface is drawn as.
     pub technique: Technique,
+    /// The side of points where they leave no gap, pixels; 1 at least.
+    pub point: u32,
+    /// How much farther from its place a point may show than one of a single pixel does, pixels.
+    pub reach: f64,
     /// Most pixels between samples that looks, or lines, differ between; infinite where only places are asked for.
     pub looks: f64,
     /// The interval between lines of equal height, in units of height; infinite where there are none.
@@ -188,9 +199,9 @@ impl Ord for Waiting {
 /// Chooses the chunks for a view, whose pixels are the samples of the picture.
 pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice: &Choice) -> SurfaceCut {
     let lattice = source.lattice();
-    // A border that is laid upon a coarser one may reach beyond its chunk's box by what shows as `tau` pixels.
+    // A border that is laid upon a coarser one may reach beyond its chunk's box by what shows as `tau` pixels, and so may wide points.
     let padded = match sight {
-        Sight::Flat(view) => Sight::Flat(view.padded((choice.tau.min(64.0)).ceil() as u32 + 2)),
+        Sight::Flat(view) => Sight::Flat(view.padded((choice.tau.min(64.0) + choice.reach).ceil() as u32 + 2)),
         around => *around,
     };
     // Through holes, and where the field ends, the far side is seen.
@@ -277,10 +288,13 @@ impl Chooser<'_> {
         let spacing = self.placed.spacing().map(|step| step * whole);
         let apart_px = sight.error_pixels(&extent, self.apart(&facts, key.level));
         let is_flat = matches!(sight, Sight::Flat(_));
+        let most_apart = POINT_LIMIT * f64::from(self.choice.point);
+        // Holes keep their area by the samples in each pixel: there are some where they are no farther apart than that.
+        let dense = if facts.is_mixed() { POINT_LIMIT } else { most_apart };
         let primitive = match self.choice.technique {
             _ if facts.is_empty() => Primitive::Triangles,
             Technique::Points if is_flat => Primitive::Points,
-            Technique::Hybrid if is_flat && apart_px <= POINT_LIMIT && tau >= EXACT => Primitive::Points,
+            Technique::Hybrid if is_flat && apart_px <= dense && tau >= EXACT => Primitive::Points,
             _ => Primitive::Triangles,
         };
         let ratio = |pixels: f64, most: f64| if pixels <= most { 0.0 } else { pixels / most };
@@ -289,7 +303,7 @@ impl Chooser<'_> {
             want = want.max(ratio(apart_px, tau.min(MOST_APART)));
         }
         if self.choice.technique == Technique::Points {
-            want = want.max(ratio(apart_px, POINT_LIMIT));
+            want = want.max(ratio(apart_px, most_apart));
         }
         // A line on a gentle slope moves far for little. Where there are more lines than pixels none is seen.
         let lines = (facts.max - facts.min) / self.choice.lines;
@@ -316,10 +330,13 @@ impl Chooser<'_> {
     fn own_error(&self, node: &CutNode) -> f64 {
         let CutNode { key, facts, extent, primitive, .. } = node;
         let error_px = self.sight.error_pixels(extent, self.world_delta(facts, key.level, 0.0));
-        let has_margins = facts.is_mixed() && key.level > 0 && self.placed.is_flat();
-        match has_margins && *primitive == Primitive::Triangles {
-            true => error_px.max(0.5 * self.sight.error_pixels(extent, self.apart(facts, key.level))),
-            false => error_px,
+        let has_margins = facts.is_mixed() && key.level > 0;
+        match primitive {
+            Primitive::Points => error_px + self.choice.reach,
+            Primitive::Triangles if has_margins => {
+                error_px.max(0.5 * self.sight.error_pixels(extent, self.apart(facts, key.level)))
+            }
+            Primitive::Triangles => error_px,
         }
     }
 

@@ -12,6 +12,7 @@ use super::select::{CutNode, Primitive, SurfaceCut};
 use super::sight::Sight;
 use super::source::SurfaceNodes;
 use crate::model::Bounds;
+use crate::model::mixing::{GOLDEN, mix_bits};
 use crate::view::{Extent, Projection, View};
 use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::model::{Cell, HeightField};
@@ -27,10 +28,8 @@ impl Random {
     }
 
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        self.0 = self.0.wrapping_add(GOLDEN);
+        (mix_bits(self.0) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     pub(super) fn between(&mut self, low: f64, high: f64) -> f64 {
@@ -84,13 +83,13 @@ fn t_height(field: &HeightField, row: f64, column: f64) -> f64 {
     if (row - r).hypot(column - c) < 1e-6 { field.stored[r as usize * columns + c as usize] } else { f64::NAN }
 }
 
-/// A random set of chunks that covers the field: the same for the same numbers.
+/// A random set of chunks that covers the field: the same for the same numbers. As points of so many pixels where these leave no gap; 0: none.
 fn random_cut(
     source: &dyn SurfaceNodes,
     placed: &Placed,
     sight: &Sight,
     random: &mut Random,
-    points: bool,
+    point: u32,
 ) -> SurfaceCut {
     let lattice = source.lattice();
     let (mut waiting, mut nodes) = (vec![lattice.root()], Vec::new());
@@ -102,12 +101,12 @@ fn random_cut(
             waiting.extend(key.quarters());
             continue;
         }
-        nodes.push(cut_node(source, placed, sight, key, points));
+        nodes.push(cut_node(source, placed, sight, key, point));
     }
     SurfaceCut::new(nodes)
 }
 
-fn cut_node(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, key: ChunkKey, points: bool) -> CutNode {
+fn cut_node(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, key: ChunkKey, point: u32) -> CutNode {
     let facts = source.facts(key).unwrap();
     let [rows, columns] = source.lattice().rectangle(key);
     let corner = |k: usize| placed.world(rows[k] as f64, columns[k] as f64, [facts.min, facts.max][k]).to_array();
@@ -115,7 +114,7 @@ fn cut_node(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, key: Chun
     let whole = f64::from(1_u32 << key.level);
     let [x, y] = placed.spacing();
     let apart = (x * whole).hypot(y * whole).hypot(facts.step * placed.lift);
-    let is_points = points && sight.error_pixels(&extent, apart) <= super::select::POINT_LIMIT;
+    let is_points = sight.error_pixels(&extent, apart) <= super::select::POINT_LIMIT * f64::from(point);
     let primitive = if is_points { Primitive::Points } else { Primitive::Triangles };
     CutNode { key, facts, extent, primitive, error_px: 0.0, added: 0.0 }
 }
@@ -157,22 +156,28 @@ pub(super) fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 
 }
 
 proptest! {
-    /// No edge longer than a pixel: each pixel centre inside shares its pixel with a corner.
+    /// No edge longer than a point's side: the square of pixels about some corner holds each pixel centre inside.
     #[test]
     fn points_leave_no_gap(
         middle in prop::array::uniform2(0.0..3.0f64),
         ends in prop::array::uniform4(-1.0..1.0f64),
+        side in 1_i32..=16,
     ) {
+        let wide = f64::from(side);
+        let ends = ends.map(|end| wide * end);
         let (first, second) = ([ends[0], ends[1]], [ends[2], ends[3]]);
         let corners = [middle, [middle[0] + first[0], middle[1] + first[1]], [middle[0] + second[0], middle[1] + second[1]]];
         let length = |k: usize, n: usize| (corners[k][0] - corners[n][0]).hypot(corners[k][1] - corners[n][1]);
-        prop_assume!(length(0, 1) <= 1.0 && length(1, 2) <= 1.0 && length(0, 2) <= 1.0);
+        prop_assume!(length(0, 1) <= wide && length(1, 2) <= wide && length(0, 2) <= wide);
         let cross = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
-        for (x, y) in (-2..6).flat_map(|y| (-2..6).map(move |x| (x, y))) {
+        let pixels = -side - 1..side + 5;
+        for (x, y) in pixels.clone().flat_map(|y| pixels.clone().map(move |x| (x, y))) {
             let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
             let sides = [0, 1, 2].map(|k| cross(corners[k], corners[(k + 1) % 3], centre));
             let is_in = sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0);
-            let shares = corners.iter().any(|corner| corner[0].floor() == f64::from(x) && corner[1].floor() == f64::from(y));
+            let first = |place: f64| (place - 0.5 * (wide - 1.0)).floor() as i32;
+            let covers = |place: f64, pixel: i32| (0..side).contains(&(pixel - first(place)));
+            let shares = corners.iter().any(|corner| covers(corner[0], x) && covers(corner[1], y));
             prop_assert!(!is_in || shares || cross(corners[0], corners[1], corners[2]) == 0.0);
         }
     }

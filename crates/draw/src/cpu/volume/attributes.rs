@@ -187,12 +187,8 @@ impl Columns {
         Ok(Columns { prepared, filling, kernel, took: start.elapsed() })
     }
 
-    /// Between which values of a column most of what is in view lies: 3 % of the volume below and above; of densities 3 % of the mass below and
-    /// 0.5 % above, two decades apart at least.
-    ///
-    /// # Errors
-    /// [`GridError::NothingInView`] where no particle has mass.
-    pub fn range(&self, column: usize, is_density: bool) -> Result<[f64; 2], VolumeError> {
+    /// How much of what is in view has which values of a column: volume, or of densities mass.
+    pub fn histogram(&self, column: usize, is_density: bool) -> Histogram {
         let mut histogram = Histogram::default();
         for particle in self.prepared[column].particles.chunks.iter().flatten() {
             let value = particle.weighted / particle.mass;
@@ -201,6 +197,15 @@ impl Columns {
                 false => histogram.add(value, f64::from(particle.mass)),
             }
         }
+        histogram
+    }
+
+    /// Between which values most of it lies: 3 % of the volume below and above; of densities 3 % of the mass below and 0.5 % above, two decades
+    /// apart at least.
+    ///
+    /// # Errors
+    /// [`GridError::NothingInView`] where nothing has values.
+    pub fn range(histogram: &Histogram, is_density: bool) -> Result<[f64; 2], VolumeError> {
         let found = histogram.percentiles([0.03, if is_density { 0.995 } else { 0.97 }]);
         let [low, high] = found.ok_or(GridError::NothingInView)?;
         Ok([if is_density { low.min(1e-2 * high) } else { low }, high])

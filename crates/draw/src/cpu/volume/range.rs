@@ -163,6 +163,11 @@ impl Histogram {
         }
     }
 
+    /// Adds the mass of another one.
+    pub fn add_all(&mut self, other: &Histogram) {
+        self.0.iter_mut().zip(&other.0).for_each(|(mass, more)| *mass += more);
+    }
+
     /// The values below which these shares of the mass lie; `None` without mass.
     pub(super) fn percentiles<const N: usize>(&self, shares: [f64; N]) -> Option<[f64; N]> {
         let total: f64 = self.0.iter().sum();

@@ -63,6 +63,13 @@ impl Rays {
     }
 }
 
+/// How many pixels away what changes a direction is in so many steps: all that is farther adds less than 3e-3 of it.
+pub fn reach(steps: u32) -> u32 {
+    // A step spreads a direction over its neighbours, of which half are along each axis: three standard deviations.
+    let deviation = (0.5 * f64::from(STEP) * f64::from(steps)).sqrt();
+    steps.min((3.0 * deviation).ceil() as u32)
+}
+
 /// The cosine between a slope and a ray; 1 where there is no slope.
 pub fn cosine([x, y, z]: [f32; 3], ray: [f32; 3]) -> f32 {
     let length = (x * x + y * y + z * z).sqrt();
@@ -247,6 +254,27 @@ mod tests {
         let mut empty = before.clone();
         smooth(&mut empty, &faces, width, &grid, &LIGHT, 40);
         assert_eq!(empty, before);
+    }
+
+    #[test]
+    fn what_is_farther_than_the_reach_adds_next_to_nothing() {
+        let (width, height, first, steps) = (80, 24, 20, 40);
+        let (grid, faces, before) = planes(width, height);
+        let mut whole = before.clone();
+        smooth(&mut whole, &faces, width, &grid, &LIGHT, steps);
+        // How much the light differs where the picture begins so many pixels before.
+        let off = |margin: usize| {
+            let skipped = first - margin;
+            let faces: Vec<Face> = faces.chunks(width).flat_map(|row| row[skipped..].iter().copied()).collect();
+            let mut part: Vec<[f32; 4]> = before.chunks(width).flat_map(|row| row[skipped..].iter().copied()).collect();
+            smooth(&mut part, &faces, width - skipped, &grid, &LIGHT, steps);
+            let found = part.chunks(width - skipped).flat_map(|row| &row[margin..]);
+            let expected = whole.chunks(width).flat_map(|row| &row[first..]);
+            found.zip(expected).map(|(found, expected)| (found[0] - expected[0]).abs()).fold(0.0, f32::max)
+        };
+        let (near, far) = (off(1), off(reach(steps) as usize));
+        assert!(far < 5e-4 && near > 2e-3, "{near} {far}");
+        assert_eq!([0, 1, 3].map(reach), [0, 1, 3]);
     }
 
     #[test]

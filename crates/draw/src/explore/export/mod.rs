@@ -15,8 +15,8 @@ mod hdf5;
 pub mod mesh;
 mod parquet;
 mod ply;
+pub mod rows;
 mod stated;
-mod thrift;
 mod vtp;
 
 use super::batch::{Batch, Gather, Work};
@@ -26,6 +26,7 @@ use super::query::{Of, Query, Wanted};
 use crate::import::FieldKind;
 use crate::model::{FamilyName, Unit};
 use crate::store::temporary::{self, Temporary};
+use columnwise::Array;
 pub use frame::Frame;
 use frame::Scaled;
 use serde::Serialize;
@@ -155,7 +156,7 @@ fn write<T: Table>(
     out: &Path,
     work: Work,
 ) -> Result<u64, ExploreError> {
-    let writing = Writing { layout, out, table: Mutex::new(table) };
+    let writing = Writing { layout, out, doing: "writing", table: Mutex::new(table) };
     let rows: Vec<Piece<T>> = query.ask(data, &writing, work)?;
     // What has been joined is written; nothing is left over.
     debug_assert!(rows.is_empty());
@@ -266,6 +267,63 @@ impl Layout {
         layout
     }
 
+    /// Leaves out all columns but those of these names: a column's own, or that of the quantity whose components some are. Ids are among them where
+    /// they are named.
+    fn only(&mut self, data: Data, fields: &[String]) -> Result<(), ExploreError> {
+        let arrays = Array::all(&self.columns);
+        let mut kept: Vec<usize> = Vec::new();
+        let mut names_ids = false;
+        for field in fields {
+            if field == "id" && self.has_ids {
+                names_ids = true;
+                continue;
+            }
+            let own = self.columns.iter().position(|column| column.name == *field).map(|at| at..at + 1);
+            let components = || arrays.iter().find(|array| array.name == *field).map(|array| array.columns.clone());
+            let found = own.or_else(components).ok_or_else(|| {
+                let names: Vec<&str> = self.columns.iter().map(|column| column.name.as_str()).collect();
+                let ids = if self.has_ids { "id, " } else { "" };
+                let expected = format!("one of {ids}{}", names.join(", "));
+                ExploreError::missing(data.path(), format!("field {field}"), expected)
+            })?;
+            for column in found {
+                if !kept.contains(&column) {
+                    kept.push(column);
+                }
+            }
+        }
+        self.has_ids = names_ids;
+        self.columns = kept.iter().map(|&column| self.columns[column].clone()).collect();
+        for from in &mut self.from {
+            *from = kept.iter().map(|&column| from[column]).collect();
+        }
+        if let Data::Pages(_) = data {
+            // Those are asked for alone that are kept; field 0 is the position.
+            let mut names = Vec::new();
+            for (field, _) in self.from.iter_mut().flatten().flatten().filter(|(field, _)| *field > 0) {
+                let name = &self.names[*field - 1];
+                *field = 1 + names.iter().position(|other| other == name).unwrap_or_else(|| {
+                    names.push(name.clone());
+                    names.len() - 1
+                });
+            }
+            self.names = names;
+        }
+        Ok(())
+    }
+
+    /// The names of the fields of a source that the columns are of.
+    fn fields_of(&self, data: Data) -> Vec<String> {
+        let Data::Source(source) = data else { return Vec::new() };
+        let families = source.description().families.iter().zip(&self.from);
+        let named =
+            families.flat_map(|(info, from)| from.iter().flatten().map(move |(field, _)| &info.fields[*field].name));
+        let mut names: Vec<String> = named.cloned().collect();
+        names.sort_unstable();
+        names.dedup();
+        names
+    }
+
     fn family(&mut self) {
         self.from.push(vec![None; self.columns.len()]);
         self.components.push(Vec::new());
@@ -354,7 +412,9 @@ type Piece<T> = <T as Table>::Piece;
 
 struct Writing<'a, T> {
     layout: &'a Layout,
+    /// The file that errors name, and what is done.
     out: &'a Path,
+    doing: &'static str,
     table: Mutex<T>,
 }
 
@@ -374,7 +434,7 @@ impl<T: Table> Gather for Writing<'_, T> {
     fn join(&self, _whole: &mut Vec<T::Piece>, next: Vec<T::Piece>) -> Result<(), ExploreError> {
         let mut table = self.table.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let written = next.into_iter().try_for_each(|piece| table.write(piece));
-        written.map_err(|source| ExploreError::io(self.out, "writing", source))
+        written.map_err(|source| ExploreError::io(self.out, self.doing, source))
     }
 }
 

@@ -51,7 +51,10 @@ pub(super) fn write_surface<F: Field<Error = ExploreError>>(
     if let Some(mut whole) = whole {
         work.go_on()?;
         work.progress.begin("smoothing", options.smooth.into());
-        mesh = whole.smooth(options.smooth, mesh, work.progress);
+        mesh = whole.smooth(options.smooth, mesh, || {
+            work.progress.advance(1);
+            work.go_on()
+        })?;
         file.write(&whole.into_piece()).map_err(failed)?;
     }
     let bytes = file.finish(out).map_err(failed)?;

@@ -96,7 +96,7 @@ mod tests {
 
     fn scatter() -> Plot {
         let fields = ["a", "b"].map(|field| ScatterAxis { field: field.to_owned(), unit: Unit::default() });
-        Plot::Scatter { fields, x: vec![0.0], y: vec![0.0], of: 1, exact: true }
+        Plot::Scatter { fields, x: vec![0.0], y: vec![0.0], of: 1, exact: true, estimate: None }
     }
 
     fn profile() -> Plot {
@@ -111,6 +111,7 @@ mod tests {
             mass: 0.0,
             exact: true,
             error: None,
+            estimate: None,
         })
     }
 

@@ -60,7 +60,8 @@ impl Plot {
                 let across = named("radius", &found.length_unit);
                 let mut points = Vec::with_capacity(found.shells.len());
                 let mut spreads = Vec::new();
-                for shell in found.shells.iter().filter(|shell| shell.count > 0) {
+                let errors = found.estimate.as_ref().map(|estimate| &estimate.of_masses.errors);
+                for (index, shell) in found.shells.iter().enumerate().filter(|(_, shell)| shell.count > 0) {
                     // The innermost shell has no middle in the logarithm.
                     let middle = match is_logarithmic && shell.from > 0.0 {
                         true => (shell.from * shell.to).sqrt(),
@@ -71,7 +72,12 @@ impl Plot {
                         false => (shell.mass_weighted_mean, shell.mass_weighted_dispersion),
                     };
                     match (&found.field, mean) {
-                        (None, _) => points.push([middle, shell.density]),
+                        (None, _) => {
+                            points.push([middle, shell.density]);
+                            let error = errors.and_then(|errors| errors.get(index)).map(|error| error / shell.volume());
+                            spreads
+                                .extend(error.map(|error| [(shell.density - error).max(0.0), shell.density + error]));
+                        }
                         (Some(_), None) => {}
                         (Some(_), Some(mean)) => {
                             let dispersion = dispersion.unwrap_or_default();
@@ -81,7 +87,9 @@ impl Plot {
                     }
                 }
                 let values = || points.iter().map(|point| point[1]).chain(spreads.iter().flatten().copied());
-                let (low, high) = values()
+                // That a density may be off does not say how densities are spread.
+                let told = values().take(if found.field.is_some() { usize::MAX } else { points.len() });
+                let (low, high) = told
                     .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
                 let up_logarithmic = scales.weights.unwrap_or(low > 0.0 && high > 10.0 * low);
                 let up = match &found.field {

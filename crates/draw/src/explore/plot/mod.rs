@@ -15,6 +15,7 @@ use super::batch::Work;
 use super::binned::{Binned, BinnedAxis, Weight, binned};
 use super::data::Data;
 use super::error::ExploreError;
+use super::estimate::{Effort, Estimate};
 use super::histogram::scatter;
 use super::profile::ProfileOptions;
 use super::radial::{Radial, radial};
@@ -34,8 +35,6 @@ pub enum PlotOptions {
         axes: Vec<BinnedAxis>,
         /// What particles count for.
         weight: Weight,
-        /// Relative error of bins for which a part of a page file is enough ([`super::Estimate::allowed`]); `None`: all of it is read.
-        allowed: Option<f64>,
     },
     /// Values of two fields, of particles drawn at random.
     Scatter {
@@ -66,6 +65,8 @@ pub enum Plot {
         of: u64,
         /// Whether the source was asked.
         exact: bool,
+        /// How far off shares of the sample may be, where a part of the page file was read; `None` where all of it was.
+        estimate: Option<Estimate>,
     },
     /// A radial profile.
     Radial(Radial),
@@ -81,7 +82,7 @@ pub struct ScatterAxis {
 }
 
 impl Plot {
-    /// Finds it.
+    /// Finds it, from as much of a page file as is wanted.
     ///
     /// # Errors
     /// When the data cannot be read or has no such field or family, no particle has a place in the plot, or a profile is of no sphere.
@@ -89,20 +90,31 @@ impl Plot {
         data: Data,
         members: &Members,
         options: &PlotOptions,
+        effort: Effort,
         periodic: Option<f64>,
         work: Work,
     ) -> Result<Plot, ExploreError> {
         match options {
-            PlotOptions::Binned { axes, weight, allowed } => {
-                Ok(Plot::Binned(binned(data, members, axes, weight, *allowed, periodic, work)?))
+            PlotOptions::Binned { axes, weight } => {
+                Ok(Plot::Binned(binned(data, members, axes, weight, effort, periodic, work)?))
             }
             PlotOptions::Scatter { fields: [x, y], points } => {
-                let found = scatter(data, members, [x.as_str(), y.as_str()], *points, periodic, work)?;
+                let found = scatter(data, members, [x.as_str(), y.as_str()], *points, effort, periodic, work)?;
                 let unit = |field: &str| data.unit_of(field).unwrap_or_default();
                 let fields = [x, y].map(|field| ScatterAxis { field: field.clone(), unit: unit(field) });
-                Ok(Plot::Scatter { fields, x: found.x, y: found.y, of: found.of, exact: data.is_exact() })
+                let (exact, estimate) = (data.is_exact(), found.estimate);
+                Ok(Plot::Scatter { fields, x: found.x, y: found.y, of: found.of, exact, estimate })
             }
-            PlotOptions::Radial(options) => Ok(Plot::Radial(radial(data, members, options, periodic, work)?)),
+            PlotOptions::Radial(options) => Ok(Plot::Radial(radial(data, members, options, effort, periodic, work)?)),
+        }
+    }
+
+    /// How far off it may be because a part of the page file was read; `None` where all of it was.
+    pub fn estimate(&self) -> Option<&Estimate> {
+        match self {
+            Plot::Binned(found) => found.estimate.as_ref(),
+            Plot::Scatter { estimate, .. } => estimate.as_ref(),
+            Plot::Radial(found) => found.estimate.as_ref().map(|estimate| &estimate.of_masses),
         }
     }
 

@@ -46,7 +46,7 @@ impl Plot {
                     }
                 }
                 notes.push(about);
-                notes.extend(found.estimate.as_ref().map(in_words));
+                notes.extend(self.estimate_in_words());
                 if found.not_positive > 0 {
                     let axes = found.axes.iter().filter(|axis| axis.logarithmic).map(|axis| axis.field.as_str());
                     let names = axes.collect::<Vec<_>>().join(" or ");
@@ -63,6 +63,7 @@ impl Plot {
             }
             Plot::Scatter { x, of, exact, .. } => {
                 notes.push(format!("{} of {of} particles, {}", x.len(), from(*exact)));
+                notes.extend(self.estimate_in_words());
             }
             Plot::Radial(found) => {
                 let mut about = format!("{} particles, {}", found.count, from(found.exact));
@@ -82,23 +83,29 @@ impl Plot {
                     }
                 }
                 notes.push(about);
+                notes.extend(self.estimate_in_words());
                 notes.extend(stand_ins(found.error.map_or(0, |error| error.missing_values)));
             }
         }
         notes
     }
-}
 
-/// How much of a page file was read, and how far off bins may be for it.
-pub(super) fn in_words(estimate: &Estimate) -> String {
-    let Estimate { allowed, least_share, largest, pages_read, pages, parts_read, parts, .. } = estimate;
-    format!(
-        "an estimate from {pages_read} of {pages} pages, {parts_read} of {parts} parts drawn at random: bins with {} of the weight or more \
-         are off by up to {} of theirs (three standard errors; {} allowed), others by as much as a bin with so much",
-        percent(*least_share),
-        percent(*largest),
-        percent(*allowed)
-    )
+    /// How much of a page file was read, and how far off what is shown may be for it; `None` where all of it was.
+    pub(super) fn estimate_in_words(&self) -> Option<String> {
+        let Estimate { allowed, least_share, largest, pages_read, pages, parts_read, parts, .. } = self.estimate()?;
+        let [place, of, means] = match self {
+            Plot::Binned(_) => ["bin", "weight", ""],
+            Plot::Scatter { .. } => ["cell of 16 by 16", "points", ""],
+            Plot::Radial(Radial { field: None, .. }) => ["shell", "mass", ""],
+            Plot::Radial(_) => ["shell", "mass", ", means by as much of the root mean square of their values"],
+        };
+        let allowed = allowed.map_or_else(String::new, |allowed| format!("; {} allowed", percent(allowed)));
+        let (least, largest) = (percent(*least_share), percent(*largest));
+        Some(format!(
+            "an estimate from {pages_read} of {pages} pages, {parts_read} of {parts} parts drawn at random: each {place} with {least} of the \
+             {of} or more is off by up to {largest} of its {of}{means} (three standard errors{allowed}), others by as much as a {place} with so much"
+        ))
+    }
 }
 
 /// A share in words.

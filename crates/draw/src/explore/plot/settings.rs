@@ -117,10 +117,10 @@ impl PlotSettings {
         };
         let weight = self.weight.clone();
         match self.kind {
-            PlotKind::Histogram => PlotOptions::Binned { axes: vec![axis(&self.x, BINS)], weight, allowed: None },
+            PlotKind::Histogram => PlotOptions::Binned { axes: vec![axis(&self.x, BINS)], weight },
             PlotKind::Phase => {
                 let axes = vec![axis(&self.x, CELLS[0]), axis(&self.y, CELLS[1])];
-                PlotOptions::Binned { axes, weight, allowed: None }
+                PlotOptions::Binned { axes, weight }
             }
             PlotKind::Scatter => PlotOptions::Scatter { fields: [self.x.clone(), self.y.clone()], points: POINTS },
             PlotKind::Radial => PlotOptions::Radial(ProfileOptions {

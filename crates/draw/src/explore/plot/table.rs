@@ -1,6 +1,5 @@
 //! Plots as tables.
 
-use super::notes::in_words;
 use super::{Plot, density_unit, named};
 use crate::explore::binned::Weight;
 use crate::explore::bins::edges;
@@ -23,10 +22,7 @@ impl Plot {
                     columns.push(named(&format!("error of {}", found.weight), &found.weight_unit));
                 }
                 columns.push("count".into());
-                let mut table = Table::new(&columns);
-                if let Some(estimate) = &found.estimate {
-                    table.text.insert_str(0, &format!("# {}\n", in_words(estimate)));
-                }
+                let mut table = self.table(&columns);
                 let all: Vec<Vec<f64>> = found.axes.iter().map(edges).collect();
                 for (cell, (&weight, &count)) in found.weights.iter().zip(&found.counts).enumerate() {
                     // Most pairs of bins hold nothing.
@@ -55,35 +51,58 @@ impl Plot {
                 table.text
             }
             Plot::Scatter { fields, x, y, .. } => {
-                let mut table = Table::new(&fields.each_ref().map(|axis| named(&axis.field, &axis.unit)));
+                let mut table = self.table(&fields.each_ref().map(|axis| named(&axis.field, &axis.unit)));
                 x.iter().zip(y).for_each(|(&x, &y)| table.row(&[Some(x), Some(y)], None));
                 table.text
             }
             Plot::Radial(found) => {
-                let Radial { length_unit: length, mass_unit: mass, field_unit, .. } = found;
+                let Radial { length_unit: length, mass_unit: mass, field_unit, estimate, .. } = found;
+                let density = density_unit(mass, length);
                 let mut columns = vec![
                     named("radius from", length),
                     named("radius to", length),
                     named("mass", mass),
-                    named("density", &density_unit(mass, length)),
+                    named("density", &density),
                 ];
+                if estimate.is_some() {
+                    columns.extend([named("error of mass", mass), named("error of density", &density)]);
+                }
                 if let Some(field) = &found.field {
                     let of = ["mean", "dispersion", "mass-weighted mean", "mass-weighted dispersion"];
                     columns.extend(of.map(|what| named(&format!("{what} {field}"), field_unit)));
+                    let errors = ["error of mean", "error of mass-weighted mean"].into_iter();
+                    columns.extend(
+                        errors.filter(|_| estimate.is_some()).map(|what| named(&format!("{what} {field}"), field_unit)),
+                    );
                 }
                 columns.push("count".into());
-                let mut table = Table::new(&columns);
-                for shell in &found.shells {
+                let mut table = self.table(&columns);
+                for (index, shell) in found.shells.iter().enumerate() {
                     let mut row = vec![Some(shell.from), Some(shell.to), Some(shell.mass), Some(shell.density)];
+                    if let Some(estimate) = estimate {
+                        let error = estimate.of_masses.errors.get(index).copied();
+                        row.extend([error, error.map(|error| error / shell.volume())]);
+                    }
                     if found.field.is_some() {
                         row.extend([shell.mean, shell.dispersion]);
                         row.extend([shell.mass_weighted_mean, shell.mass_weighted_dispersion]);
+                        let errors = estimate.iter().flat_map(|of| [&of.mean_errors, &of.mass_weighted_mean_errors]);
+                        row.extend(errors.map(|errors| errors.get(index).copied().flatten()));
                     }
                     table.row(&row, Some(shell.count));
                 }
                 table.text
             }
         }
+    }
+
+    /// A table without rows, below what is to be said of an estimate.
+    fn table(&self, columns: &[String]) -> Table {
+        let mut table = Table::new(columns);
+        if let Some(words) = self.estimate_in_words() {
+            table.text.insert_str(0, &format!("# {words}\n"));
+        }
+        table
     }
 }
 

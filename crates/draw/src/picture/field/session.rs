@@ -11,6 +11,7 @@ use crate::color::composite::composite_glowing;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::field::{Field, FieldPoints};
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::Lighting;
 use crate::cpu::volume::{Variability, VolumeError, VolumeLevels};
 use crate::hierarchy::wavelet::Weighting;
 use crate::look::{Camera, LookPatch, Shot};
@@ -19,6 +20,7 @@ use crate::model::{Bounds, Grid};
 use crate::modes;
 use crate::modes::grid::Layers;
 use crate::modes::samples::{ERROR_VALUE, FieldLook, TRANSFER_SENSITIVITY, WEIGHTING};
+use crate::modes::shadowing;
 use crate::picture::adapter::Adapter;
 use crate::picture::annotation::Annotation;
 use crate::picture::left_out::LeftOut;
@@ -162,6 +164,7 @@ impl FieldSession {
             hue,
             hue_values,
             diameter,
+            camera: None,
             times,
         };
         self.prepared = Some(prepared.clone());
@@ -173,7 +176,7 @@ impl FieldSession {
     /// # Errors
     /// As [`FieldSession::prepare`], and where nothing is in view.
     pub fn draw(&mut self, shot: &Shot) -> Result<Picture, PictureError> {
-        let prepared = self.prepare(shot)?;
+        let mut prepared = self.prepare(shot)?;
         let opened = Arc::clone(&self.opened);
         let (grid, bounds) = (opened.grid(), opened.grid().bounds());
         let projector = match shot.is_projected() {
@@ -184,6 +187,7 @@ impl FieldSession {
             Some(projector) => projector.base,
             None => view_of(shot, grid, prepared.mode)?,
         };
+        prepared.camera = projector.as_ref().map(|projector| projector.base);
         let mut times = Times::default();
         for (pass, time) in ["load", "select", "reconstruct"].into_iter().zip(prepared.times) {
             times.note(pass, time);
@@ -443,6 +447,8 @@ pub struct PreparedField {
     hue: Option<usize>,
     hue_values: Option<Arc<ValueStatistics>>,
     diameter: f64,
+    /// The camera of a picture that is put together of several views: lamps beside the eye go with it.
+    camera: Option<View>,
     /// How long reading the points, choosing some, and drawing these to a grid took.
     times: [Duration; 3],
 }
@@ -490,8 +496,20 @@ impl PreparedField {
     ///
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the field.
-    pub fn parts(&self, view: &View) -> Result<PathFragments, VolumeError> {
-        self.mode.field_parts(&self.job(view))
+    pub fn parts(&self, view: &View, lighting: &Lighting<'_>) -> Result<PathFragments, VolumeError> {
+        self.mode.field_parts(&FieldJob { lighting: *lighting, ..self.job(view) })
+    }
+
+    /// Whether its surfaces are darkened, where it has some.
+    pub(in crate::picture) fn is_darkened(&self) -> bool {
+        shadowing::is_on(&self.settings)
+    }
+
+    /// The depths from anywhere of its surfaces in the picture of a view, row by row; `None` where it has none.
+    pub(in crate::picture) fn opaque(&self, from: &View, view: &View) -> Option<Vec<f32>> {
+        let job = self.job(view);
+        let casters = self.mode.technique.field_casters(&job).ok()??;
+        casters(from)
     }
 
     /// What an adapter's passes draw of a view; `None` where the processor draws it.
@@ -514,6 +532,7 @@ impl PreparedField {
             transfer: self.own.as_ref(),
             diameter: self.diameter,
             paths: None,
+            lighting: Lighting { camera: self.camera.as_ref(), others: None },
         }
     }
 

@@ -3,6 +3,7 @@
 use super::{FieldSession, GRADIENT, OpenField, Wanted};
 use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::color::transfer::{Range, TransferFunction};
+use crate::cpu::shadowing::Lighting;
 use crate::explore::export::grid::{GridFormat, write_grid};
 use crate::hierarchy::wavelet::Weighting;
 use crate::import::{GridOptions, open_grid};
@@ -83,7 +84,7 @@ fn parts_come_to_the_whole() {
             let prepared = session.prepare(&own).unwrap();
             let view = own.view(session.opened().grid().bounds(), None).unwrap();
             let Raw::Light(whole) = prepared.draw(&view).unwrap() else { panic!("light") };
-            let parts = prepared.parts(&view).unwrap();
+            let parts = prepared.parts(&view, &Lighting::default()).unwrap();
             let together = parts.colors();
             let mut lit = 0;
             for (index, (own, expected)) in together.rgba.iter().zip(&whole.colors.rgba).enumerate() {
@@ -98,7 +99,7 @@ fn parts_come_to_the_whole() {
     let away = shot("volume", HAZE, CameraConfig { target: Some([90.0, 90.0, 900.0]), ..camera }, (80, 60));
     let prepared = session.prepare(&away).unwrap();
     let view = away.view(session.opened().grid().bounds(), None).unwrap();
-    assert!(prepared.parts(&view).unwrap().colors().rgba.iter().all(|color| *color == [0.0; 4]));
+    assert!(prepared.parts(&view, &Lighting::default()).unwrap().colors().rgba.iter().all(|color| *color == [0.0; 4]));
 }
 
 #[test]

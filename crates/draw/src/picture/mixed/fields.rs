@@ -1,8 +1,8 @@
 //! The images and volumes of a scene of several kinds of data, as the rest is drawn among them: each in its own mode, in parts from front to back.
 
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::{Lighting, Others, nearest};
 use crate::picture::field::PreparedField;
-use crate::picture::ground::Ground;
 use crate::picture::placement::FieldPlacement;
 use crate::view::View;
 use std::sync::{Mutex, PoisonError};
@@ -34,13 +34,42 @@ impl FieldsAmong {
     pub fn error(&self) -> Option<String> {
         self.error.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
-}
 
-impl Ground for FieldsAmong {
-    fn fragments(&self, view: &View) -> PathFragments {
+    /// Whether the surfaces of any are darkened.
+    pub fn are_darkened(&self) -> bool {
+        self.fields.iter().any(|field| field.prepared.is_darkened())
+    }
+
+    /// The depths from anywhere of the surfaces in a view's picture, but those of one field; `None` where there are none.
+    pub fn opaque(&self, from: &View, view: &View, but: Option<usize>) -> Option<Vec<f32>> {
+        let others = self.fields.iter().enumerate().filter(|(number, _)| Some(*number) != but);
+        let each = others.map(|(_, Lying { prepared, placement })| {
+            let mut depths = prepared.opaque(&placement.view(from), &placement.view(view))?;
+            depths.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * placement.scale) as f32);
+            Some(depths)
+        });
+        each.fold(None, nearest)
+    }
+
+    /// What each pixel of a view shows of them, from front to back.
+    pub fn fragments(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
         let mut all = PathFragments::nothing(view);
         for (number, Lying { prepared, placement }) in self.fields.iter().enumerate() {
-            let mut own = match prepared.parts(&placement.view(view)) {
+            // A field is lit in its own lengths.
+            let inside = placement.view(view);
+            let casters = |from: &View| {
+                let from = if *from == inside { *view } else { placement.view_outside(from) };
+                let beside = lighting.others.and_then(|others| (others.casters)(&from));
+                let mut depths = nearest(self.opaque(&from, view, Some(number)), beside)?;
+                depths.iter_mut().for_each(|depth| *depth = (f64::from(*depth) / placement.scale) as f32);
+                Some(depths)
+            };
+            let others = lighting.others.map(|others| Others {
+                casters: &casters,
+                scene: others.scene / placement.scale,
+                sun: others.sun,
+            });
+            let mut own = match prepared.parts(&inside, &Lighting { others, ..*lighting }) {
                 Ok(own) => own,
                 Err(error) => {
                     self.error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error.to_string());

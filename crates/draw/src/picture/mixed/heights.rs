@@ -1,31 +1,45 @@
 //! The measured heights of a scene of several kinds of data, as the rest is drawn among them.
 
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::{Lighting, Shadowing};
 use crate::cpu::surface::darken::depths;
-use crate::cpu::surface::fragments::{Layer, fragments};
+use crate::cpu::surface::fragments::{Layer, fragments_found};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
+use crate::cpu::surface::raster::Visibility;
 use crate::cpu::surface::sight::Sight;
+use crate::cpu::surface::stitch::Scene;
 use crate::cpu::surface::{SurfaceOptions, SurfaceReport, draw};
-use crate::look::{LookPatch, Member};
-use crate::picture::ground::Ground;
+use crate::look::{Backend, LookPatch, Member};
 use crate::picture::placement::FieldPlacement;
+use crate::picture::session::Reporter;
+use crate::picture::surface::painting::{Field, Painter};
 use crate::picture::surface::session::Prepared;
 use crate::picture::surface::{SurfaceChannels, SurfaceSession};
 use crate::view::View;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// A field that is drawn.
 struct Standing<'a> {
     nodes: &'a PagedSurface,
+    /// The least and the largest height.
+    extremes: [f64; 2],
     placed: Placed,
     placement: FieldPlacement,
     options: SurfaceOptions,
 }
 
+/// What finds what is seen of a field beside the processor, for somebody who asks for a backend.
+pub(super) struct Finder<'a> {
+    pub painter: Mutex<&'a mut Painter>,
+    pub backend: Option<Backend>,
+    pub reporter: &'a dyn Reporter,
+}
+
 /// The fields of heights of a picture.
 pub(super) struct HeightsAmong<'a> {
     fields: Vec<Standing<'a>>,
+    finder: Finder<'a>,
     report: Mutex<SurfaceReport>,
 }
 
@@ -36,14 +50,15 @@ impl<'a> HeightsAmong<'a> {
         prepared: &[Prepared],
         placements: Vec<FieldPlacement>,
         look: &LookPatch,
+        finder: Finder<'a>,
     ) -> HeightsAmong<'a> {
         let each = fields.iter_mut().zip(prepared).zip(placements).map(|(((_, session), prepared), placement)| {
             let options = SurfaceOptions { raw: false, ..session.surface_options(prepared, look) };
-            let placed = prepared.placed;
-            Standing { nodes: session.nodes(prepared), placed, placement, options }
+            let (placed, extremes) = (prepared.placed, session.extremes());
+            Standing { nodes: session.nodes(prepared), extremes, placed, placement, options }
         });
         let report = Mutex::new(SurfaceReport { is_converged: true, ..SurfaceReport::default() });
-        HeightsAmong { fields: each.collect(), report }
+        HeightsAmong { fields: each.collect(), finder, report }
     }
 
     /// Whether there are none.
@@ -65,7 +80,7 @@ impl<'a> HeightsAmong<'a> {
     pub fn channels(&self, sight: &Sight) -> SurfaceChannels {
         let [width, height] = sight.size();
         let mut whole: Vec<[f64; 7]> = Vec::new();
-        for Standing { nodes, placed, placement, options } in &self.fields {
+        for Standing { nodes, placed, placement, options, .. } in &self.fields {
             let (own, options) = (placement.sight(sight), SurfaceOptions { look: None, raw: true, ..options.clone() });
             nodes.prepare(placed, &own, &options);
             let mut drawn = draw(*nodes, placed, &own, &options).raw;
@@ -82,18 +97,30 @@ impl<'a> HeightsAmong<'a> {
         SurfaceChannels { width, height, values: whole }
     }
 
-    /// Darkens parts of a view where fields hide light from themselves and each other: what is told of one holds for all.
-    fn darken(&self, view: &View, parts: &mut PathFragments) {
-        let own = self.fields.iter().filter_map(|field| Some(field.options.shadowing?.scaled(field.placement.scale)));
-        if let Some(shadowing) = own.max_by(|a, b| a.scene.total_cmp(&b.scene)) {
-            shadowing.darken_fragments(view, parts, &mut |from: &View| Some(self.depths(from)));
-        }
+    /// What each sample of a view, whose pixels are these samples, shows of a field's scene, where an adapter finds it.
+    fn seen(&self, scene: &Arc<Scene>, sight: &Sight) -> Option<Visibility> {
+        // Each of several fields would take the room of the others' samples, picture for picture.
+        let [Standing { nodes, extremes, placed, options, .. }] = &self.fields[..] else { return None };
+        let Finder { painter, backend, reporter } = &self.finder;
+        let field = Field { nodes, placed, extremes: *extremes };
+        let mut painter = painter.lock().unwrap_or_else(PoisonError::into_inner);
+        painter.seen(&field, (scene, sight), options, *backend, *reporter)
     }
 
-    /// Depths at a view's pixels' centres, row by row, of what is nearest there.
+    /// How fields hide light from themselves and each other: what is told of one holds for all.
+    pub fn shadowing(&self) -> Option<Shadowing> {
+        let own = self.fields.iter().filter_map(|field| Some(field.options.shadowing?.scaled(field.placement.scale)));
+        own.max_by(|a, b| a.scene.total_cmp(&b.scene))
+    }
+
+    /// Depths at a view's pixels' centres, row by row, of what is nearest there; `None` where there are no fields.
+    pub fn opaque(&self, view: &View) -> Option<Vec<f32>> {
+        (!self.fields.is_empty()).then(|| self.depths(view))
+    }
+
     fn depths(&self, view: &View) -> Vec<f32> {
         let mut whole: Vec<f32> = Vec::new();
-        for Standing { nodes, placed, placement, options } in &self.fields {
+        for Standing { nodes, placed, placement, options, .. } in &self.fields {
             let options = SurfaceOptions { look: None, raw: false, ..options.clone() };
             let sight = Sight::Flat(placement.view(view));
             let mut own = depths((*nodes, placed, &sight), &options);
@@ -105,19 +132,23 @@ impl<'a> HeightsAmong<'a> {
         }
         whole
     }
-}
 
-impl Ground for HeightsAmong<'_> {
-    fn fragments(&self, view: &View) -> PathFragments {
+    /// What each pixel of a view shows of them, from front to back.
+    pub fn fragments(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
         let sights: Vec<Sight> = self.fields.iter().map(|field| Sight::Flat(field.placement.view(view))).collect();
         for (field, sight) in self.fields.iter().zip(&sights) {
             field.nodes.prepare(&field.placed, sight, &field.options);
         }
-        let layers = self.fields.iter().zip(&sights).map(|(Standing { nodes, placed, placement, options }, sight)| {
+        let layers = self.fields.iter().zip(&sights).map(|(field, sight)| {
+            let Standing { nodes, placed, placement, options, .. } = field;
             Layer { source: *nodes, placed, sight, options, scale: placement.scale }
         });
-        let (mut found, report) = fragments(&layers.collect::<Vec<_>>());
-        self.darken(view, &mut found);
+        let find = |scene: &Arc<Scene>, sight: &Sight| self.seen(scene, sight);
+        let (mut found, report) = fragments_found(&layers.collect::<Vec<_>>(), &find);
+        if let Some(shadowing) = self.shadowing() {
+            let own = |from: &View| Some(self.depths(from));
+            shadowing.darken_fragments(view, &mut found, &own, lighting.others.as_ref());
+        }
         self.report.lock().unwrap_or_else(PoisonError::into_inner).add(&report);
         found
     }

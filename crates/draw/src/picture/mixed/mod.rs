@@ -16,12 +16,14 @@ pub use opened::{FieldAmong, HeightsField, OpenMixed, Samples};
 pub use seen::{Colored, ParticlesSeen, SeenMixed};
 
 use self::fields::{FieldsAmong, Lying};
-use self::heights::HeightsAmong;
+use self::heights::{Finder, HeightsAmong};
 use self::looks::{Kinds, Looks};
 use crate::annotate::Units;
 use crate::color::transfer::Levels;
 use crate::color::{Colors, Image};
 use crate::cpu::paths::PathFragments;
+use crate::cpu::shadowing::ambient_occlusion::FARTHEST;
+use crate::cpu::shadowing::{Casters, Lighting, Others, nearest};
 use crate::cpu::surface::sight::Sight;
 use crate::heights::model::{Heights, units};
 use crate::import;
@@ -29,14 +31,16 @@ use crate::look::{Backend, Camera, CameraConfig, DataKind, LookPatch, Member, Me
 use crate::mode::{LightPicture, Raw};
 use crate::model::{Bounds, ReadMethod, Unit};
 use crate::modes::{self, surface};
+use crate::picture::adapter::Adapter;
 use crate::picture::drawn::Coloration;
 use crate::picture::field::{FieldSession, PreparedField};
-use crate::picture::ground::Ground;
+use crate::picture::ground::{Ground, SceneLight};
 use crate::picture::placement::FieldPlacement;
 use crate::picture::projected::Projector;
 use crate::picture::ranges::{Format, Measured};
 use crate::picture::session::Reporter;
 use crate::picture::surface::names::{Floor, Names, take};
+use crate::picture::surface::painting::Painter;
 use crate::picture::surface::session::Prepared;
 use crate::picture::surface::standing::standing;
 use crate::picture::surface::{SurfaceDepths, SurfaceSession, SurfaceShown};
@@ -59,6 +63,8 @@ pub struct MixedSession {
     kinds: Vec<MemberKind>,
     is_raw: bool,
     backend: Option<Backend>,
+    /// What finds what is seen of heights beside the processor.
+    painter: Painter,
     /// Names that stand on heights.
     names: Option<Names>,
     reporter: Arc<dyn Reporter>,
@@ -80,6 +86,8 @@ struct Placements {
 struct Among<'a> {
     heights: HeightsAmong<'a>,
     fields: FieldsAmong,
+    /// The diameter of all that the picture shows.
+    scene: f64,
     /// How far what covers pixels is away in the last picture.
     depths: Mutex<Option<SurfaceDepths>>,
 }
@@ -89,14 +97,33 @@ impl Among<'_> {
     fn error(&self) -> Option<String> {
         self.heights.error().or_else(|| self.fields.error())
     }
+
+    /// The light of one kind, from which others hide some as `casters` draw.
+    fn lit<'l>(&self, lighting: &Lighting<'l>, casters: &'l Casters<'l>) -> Lighting<'l> {
+        let SceneLight { scene, sun, .. } = self.light();
+        Lighting { others: Some(Others { casters, scene, sun }), ..*lighting }
+    }
+
+    /// The heights of a view, from which fields and all else hide light.
+    fn lit_heights(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
+        let casters = |from: &View| nearest(self.fields.opaque(from, view, None), beside(lighting, from));
+        self.heights.fragments(view, &self.lit(lighting, &casters))
+    }
+}
+
+/// The depths of what else hides light than what a ground shows.
+fn beside(lighting: &Lighting<'_>, from: &View) -> Option<Vec<f32>> {
+    (lighting.others?.casters)(from)
 }
 
 impl Ground for Among<'_> {
-    fn fragments(&self, view: &View) -> PathFragments {
-        let fields = self.fields.fragments(view);
-        let found = match self.heights.is_empty() {
-            true => fields,
-            false => self.heights.fragments(view).merged(&fields),
+    fn fragments(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
+        let heights = (!self.heights.is_empty()).then(|| self.lit_heights(view, lighting));
+        let casters = |from: &View| nearest(self.heights.opaque(from), beside(lighting, from));
+        let fields = self.fields.fragments(view, &self.lit(lighting, &casters));
+        let found = match heights {
+            None => fields,
+            Some(heights) => heights.merged(&fields),
         };
         *self.depths.lock().unwrap_or_else(PoisonError::into_inner) = SurfaceDepths::of_fragments(view, &found);
         found
@@ -106,8 +133,23 @@ impl Ground for Among<'_> {
         !self.fields.is_empty()
     }
 
-    fn solid(&self, view: &View) -> PathFragments {
-        if self.heights.is_empty() { PathFragments::nothing(view) } else { self.heights.fragments(view) }
+    fn solid(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
+        if self.heights.is_empty() { PathFragments::nothing(view) } else { self.lit_heights(view, lighting) }
+    }
+
+    fn light(&self) -> SceneLight {
+        let shadowing = self.heights.shadowing();
+        let is_darkened = shadowing.is_some() || self.fields.are_darkened();
+        SceneLight {
+            scene: self.scene,
+            sun: shadowing.and_then(|shadowing| shadowing.lamp),
+            is_darkened,
+            margin_px: if is_darkened { FARTHEST } else { 0 },
+        }
+    }
+
+    fn opaque(&self, from: &View, view: &View) -> Option<Vec<f32>> {
+        nearest(self.heights.opaque(from), self.fields.opaque(from, view, None))
     }
 }
 
@@ -159,6 +201,7 @@ impl MixedSession {
             kinds,
             is_raw: options.raw,
             backend: options.backend,
+            painter: Painter::default(),
             names: None,
             reporter: Arc::clone(&reporter),
         };
@@ -180,6 +223,12 @@ impl MixedSession {
         let shots: Vec<Shot> = shots.iter().map(own).collect();
         opened.particles = Some(Session::open(&others, options, &shots, page_file, reporter)?);
         Ok(opened)
+    }
+
+    /// Has an adapter find what each sample of a picture shows of heights, where it is asked to, or faster, and there is one field of them. The
+    /// processor draws everything else, and puts all of it together.
+    pub fn use_adapter(&mut self, adapter: Option<Box<dyn Adapter>>) {
+        self.painter.adapter = adapter;
     }
 
     /// What draws the particles, where there are some.
@@ -254,18 +303,28 @@ impl MixedSession {
     fn bounds(&self, ready: &Ready) -> Bounds {
         let first = self.first_kind();
         let is_one = self.kinds.iter().all(|kind| *kind == first);
+        let [heights, fields] = self.boxes(ready);
+        let all = if first == MemberKind::Field { fields } else { heights };
+        let count = if is_one { all.len() } else { 1 };
+        all.into_iter().take(count).reduce(Bounds::union).unwrap_or(Bounds::EMPTY)
+    }
+
+    /// The box of each field of heights, and of each image and volume.
+    fn boxes(&self, ready: &Ready) -> [Vec<Bounds>; 2] {
         let Placements { heights, fields } = self.placements(ready);
         let of_heights = self.heights.iter().zip(&ready.heights).zip(heights);
         let of_heights =
             of_heights.map(|(((_, session), prepared), placement)| placement.bounds(session.bounds(&prepared.placed)));
         let of_fields = self.fields.iter().zip(fields);
         let of_fields = of_fields.map(|((_, session), placement)| placement.bounds(session.opened().grid().bounds()));
-        let all: Vec<Bounds> = match first {
-            MemberKind::Field => of_fields.collect(),
-            _ => of_heights.collect(),
-        };
-        let count = if is_one { all.len() } else { 1 };
-        all.into_iter().take(count).reduce(Bounds::union).unwrap_or(Bounds::EMPTY)
+        [of_heights.collect(), of_fields.collect()]
+    }
+
+    /// The diameter of all that looks show, of particles without far outliers: what hides light is no further away.
+    fn scene(&mut self, ready: &Ready, looks: &Looks) -> Result<f64, PictureError> {
+        let rest = self.boxes(ready).into_iter().flatten().fold(Bounds::EMPTY, Bounds::union);
+        let particles = self.particles.as_mut().map(|session| session.framed(&looks.particles)).transpose()?;
+        Ok(rest.union(particles.unwrap_or(Bounds::EMPTY)).size().length())
     }
 
     /// The unit of the scene's lengths: that of its first dataset.
@@ -300,12 +359,15 @@ impl MixedSession {
         ready: &Ready,
         placements: Placements,
         looks: &Looks,
+        scene: f64,
     ) -> (Among<'s>, Option<&'s mut Session>) {
-        let heights = HeightsAmong::new(&mut self.heights, &ready.heights, placements.heights, &looks.heights);
+        let MixedSession { heights, particles, backend, painter, reporter, .. } = self;
+        let finder = Finder { painter: Mutex::new(painter), backend: *backend, reporter: &**reporter };
+        let heights = HeightsAmong::new(heights, &ready.heights, placements.heights, &looks.heights, finder);
         let fields = ready.fields.iter().zip(placements.fields);
         let fields = fields.map(|(prepared, placement)| Lying { prepared: prepared.clone(), placement });
-        let among = Among { heights, fields: FieldsAmong::new(fields.collect()), depths: Mutex::default() };
-        (among, self.particles.as_mut())
+        let among = Among { heights, fields: FieldsAmong::new(fields.collect()), scene, depths: Mutex::default() };
+        (among, particles.as_mut())
     }
 
     /// Draws a shot.
@@ -338,7 +400,8 @@ impl MixedSession {
             .collect();
         let names = take(&mut self.names, &mut shot, &floors, &*self.reporter)?;
         let (shot, is_raw) = (&shot, self.is_raw);
-        let (ground, particles) = self.among(&ready, placements, &looks);
+        let scene = self.scene(&ready, &looks)?;
+        let (ground, particles) = self.among(&ready, placements, &looks, scene);
         let mut times = Times::default();
         let (drawn, view) = match particles {
             Some(session) => {
@@ -534,11 +597,12 @@ fn sight_of(view: &View, shot: &Shot) -> Result<Sight, PictureError> {
 /// What there is without particles, in colours.
 fn alone(ground: &Among<'_>, shot: &Shot, view: &View) -> Result<Colors, PictureError> {
     if !shot.is_projected() {
-        return Ok(ground.fragments(view).colors());
+        return Ok(ground.fragments(view, &Lighting::default()).colors());
     }
     let projector = Projector::new(*view, shot.surround, shot.stereo)?;
-    let each = |view: &View| Ok(Some(Raw::Light(LightPicture::of(ground.fragments(view).colors()))));
-    match projector.draw_each(true, 0, each)? {
+    let lighting = Lighting { camera: Some(&projector.base), others: None };
+    let each = |view: &View| Ok(Some(Raw::Light(LightPicture::of(ground.fragments(view, &lighting).colors()))));
+    match projector.draw_each(true, ground.light().margin_px, each)? {
         Raw::Light(light) => Ok(light.colors),
         Raw::Sums(..) => Err(PictureError::Stopped),
     }

@@ -12,6 +12,7 @@ use crate::modes::{self, surface};
 use crate::picture::field::{FieldSession, OpenField};
 use crate::picture::placement::FieldPlacement;
 use crate::picture::session::Reporter;
+use crate::picture::surface::painting::Painter;
 use crate::picture::surface::standing::standing;
 use crate::picture::surface::{FieldInScene, OpenSurface, SurfaceSession};
 use crate::picture::{PictureError, Session, SessionOptions};
@@ -21,15 +22,14 @@ use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Memory for pages of particles unless it is set, bytes.
-const PAGES: u64 = 1 << 30;
-
 /// Datasets of which one at least is no particles, as they are open.
 pub struct OpenMixed {
     heights: Vec<HeightsField>,
     fields: Vec<FieldAmong>,
     /// The particles as one, and their datasets.
     particles: Option<(Arc<PageFile>, Vec<Member>)>,
+    /// Bytes that the pages of a session's particles may take.
+    page_memory: u64,
     /// Of each dataset, in their order.
     kinds: Vec<MemberKind>,
     /// The first dataset that is no particles.
@@ -66,19 +66,20 @@ pub enum Samples {
 }
 
 impl OpenMixed {
-    /// Opens datasets; `page_file` turns what a user names, and says of heights in it, into a page file. Images and volumes take at most so much
-    /// memory each. Particles of other units are as large as in a world of heights that these settings place, or of an image or a volume. Of runs one
-    /// moment is opened; what the user should know comes with it, a sentence each.
+    /// Opens datasets; `page_file` turns what a user names, and says of heights in it, into a page file. Of the bytes of `memory` images and volumes
+    /// take at most the first number each, pages of particles the second. Particles of other units are as large as in a world of heights that these
+    /// settings place, or of an image or a volume. Of runs one moment is opened; what the user should know comes with it, a sentence each.
     ///
     /// # Errors
     /// What cannot be read or built, or does not fit together.
     pub fn open(
         members: &[Member],
         (read, when): (ReadMethod, Option<When>),
-        memory: u64,
+        memory: [u64; 2],
         settings: &Settings,
         mut page_file: impl FnMut(&Path, &HeightsSaid) -> Result<PathBuf, PictureError>,
     ) -> Result<(OpenMixed, Vec<String>), PictureError> {
+        let [sample_memory, page_memory] = memory;
         let kinds: Vec<MemberKind> = members.iter().map(Member::kind).collect();
         let (mut heights, mut fields, mut others, mut notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for (index, (member, kind)) in members.iter().zip(&kinds).enumerate() {
@@ -93,7 +94,7 @@ impl OpenMixed {
                     heights.push(HeightsField { index, member, opened: Arc::new(opened) });
                 }
                 MemberKind::Field => {
-                    let opened = OpenField::open(&member.path, read, Some(memory))?;
+                    let opened = OpenField::open(&member.path, read, Some(sample_memory))?;
                     notes.extend(opened.note().map(|note| format!("{}: {note}", member.path.display())));
                     fields.push(FieldAmong { index, member, opened: Arc::new(opened) });
                 }
@@ -104,7 +105,7 @@ impl OpenMixed {
         let of_field = fields.first().map(|field| (field.index, Samples::Field(Arc::clone(&field.opened))));
         let first = of_heights.into_iter().chain(of_field).min_by_key(|(index, _)| *index);
         let Some((_, first)) = first else { return Err(PictureError::Asked("nothing but particles".into())) };
-        let mut mixed = OpenMixed { heights, fields, particles: None, kinds, first };
+        let mut mixed = OpenMixed { heights, fields, particles: None, page_memory, kinds, first };
         if others.is_empty() {
             return Ok((mixed, notes));
         }
@@ -213,7 +214,7 @@ impl OpenMixed {
             .iter()
             .map(|field| (field.member.clone(), FieldSession::of(Arc::clone(&field.opened), Arc::clone(reporter))));
         let particles = self.particles.as_ref().map(|(file, members)| {
-            let mut session = Session::of(Arc::clone(file), PAGES).with_reporter(Arc::clone(reporter));
+            let mut session = Session::of(Arc::clone(file), self.page_memory).with_reporter(Arc::clone(reporter));
             session.show_members(members.clone());
             session
         });
@@ -224,6 +225,7 @@ impl OpenMixed {
             kinds: self.kinds.clone(),
             is_raw: false,
             backend: None,
+            painter: Painter::default(),
             names: None,
             reporter: Arc::clone(reporter),
         }

@@ -3,6 +3,7 @@
 use super::MixedSession;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image};
+use crate::cpu::shadowing::Lighting;
 use crate::cpu::surface::SurfaceReport;
 use crate::cpu::surface::look::Attribute;
 use crate::look::{LookPatch, MemberKind};
@@ -91,11 +92,12 @@ impl MixedSession {
             MemberKind::Particles => (None, None),
         };
         let placements = self.placements(&prepared);
-        let (ground, particles) = self.among(&prepared, placements, &looks);
+        let scene = self.scene(&prepared, &looks)?;
+        let (ground, particles) = self.among(&prepared, placements, &looks, scene);
         let (image, levels, particles) = match particles {
             None => {
                 let bloom = look.bloom.unwrap_or_default();
-                (bloom.image(&ground.fragments(view).colors()), own, ParticlesSeen::default())
+                (bloom.image(&ground.fragments(view, &Lighting::default()).colors()), own, ParticlesSeen::default())
             }
             Some(session) => {
                 let levels = levels.filter(|_| about == MemberKind::Particles);

@@ -16,6 +16,8 @@ use crate::view::{Eyes, Stereo, StereoKind, Surround};
 use glam::DVec3;
 
 mod fields;
+mod finding;
+mod lighting;
 
 /// Particles at these places, of these smoothing lengths and masses.
 fn particles(folder: &Path, name: &str, of: &[(DVec3, f64, f64)], unit: &str, magnitude: Option<f32>) -> PathBuf {
@@ -293,11 +295,12 @@ fn sessions_of_what_is_open_draw_the_same() {
     let metres =
         HeightsSaid { xy_unit: Some(Unit::new("m")), height_unit: Some(Unit::new("m")), ..HeightsSaid::default() };
     say(&mut members, &metres);
-    let read = (ReadMethod::default(), None);
-    let (opened, notes) = OpenMixed::open(&members, read, 1 << 30, &Settings::default(), built(folder)).unwrap();
+    let (read, memory) = ((ReadMethod::default(), None), [1 << 30, 1 << 28]);
+    let (opened, notes) = OpenMixed::open(&members, read, memory, &Settings::default(), built(folder)).unwrap();
     assert!(notes.is_empty() && opened.begins_with_heights() && opened.heights().len() == 1, "{notes:?}");
     let reporter: Arc<dyn Reporter> = Arc::new(());
     let (mut one, mut other) = (opened.session(&reporter), open(&members, "m", SessionOptions::default()));
+    assert_eq!(one.particles().unwrap().residency().budget_bytes, memory[1]);
     for mode in [None, Some("column-density"), Some("points"), Some("volume")] {
         let shot = shot(mode, "{}", [2.0, -4.0, 3.0], None);
         let view = other.draw(&shot).unwrap().annotation.view;
@@ -323,14 +326,14 @@ fn sessions_of_what_is_open_draw_the_same() {
     let [plane, cloud] = members;
     let page_file = plane.path.with_extension("df");
     let again = [Member::new(&page_file), cloud.clone()];
-    let (first, _) = OpenMixed::open(&again, read, 1 << 30, &Settings::default(), built(folder)).unwrap();
+    let (first, _) = OpenMixed::open(&again, read, memory, &Settings::default(), built(folder)).unwrap();
     assert!(first.asked().is_some());
     let mut wrong = again.clone();
     say(&mut wrong, &HeightsSaid { nodata: Some(0.0), ..HeightsSaid::default() });
-    let refused = OpenMixed::open(&wrong, read, 1 << 30, &Settings::default(), built(folder)).err().unwrap();
+    let refused = OpenMixed::open(&wrong, read, memory, &Settings::default(), built(folder)).err().unwrap();
     assert!(refused.to_string().contains("--nodata: found a page file"), "{refused}");
     let last = [cloud, Member { scale: None, ..plane }];
-    let (last, _) = OpenMixed::open(&last, read, 1 << 30, &Settings::default(), built(folder)).unwrap();
+    let (last, _) = OpenMixed::open(&last, read, memory, &Settings::default(), built(folder)).unwrap();
     assert!(!last.begins_with_heights() && last.asked().is_none());
     assert_eq!((last.usual_mode().name, last.heights()[0].index), ("column-density", 1));
     assert!(last.home(&Settings::default(), 45.0, (160, 120)).unwrap().is_none());

@@ -9,7 +9,7 @@ use crate::cpu::volume::VolumeError;
 use crate::hierarchy::Purpose;
 use crate::mode::{Adapter, Depiction, LightPicture, LodBudget, Output, Plan, Raw};
 use crate::picture::adapter::{AdapterJob, Passes, draw_on};
-use crate::picture::ground::among;
+use crate::picture::ground::{among, lighting};
 use crate::picture::hiding::{self, Hiding};
 use crate::picture::left_out::LeftOut;
 use crate::picture::paths::PathLayer;
@@ -198,7 +198,12 @@ impl Session {
         }
         let mut values = picture.values;
         let (mut counts, mut on_top) = (None, None);
-        let surfaces = shown.ground.map(|ground| times.measure("surfaces", || ground.fragments(&view)));
+        let in_the_way = |from: &View| shown.ground.and_then(|ground| ground.opaque(from, &view));
+        let subject = Subject { lighting: lighting(shown.ground, &in_the_way), ..subject };
+        let surfaces = shown
+            .ground
+            .map(|ground| times.measure("surfaces", || subject.ground_among(ground, &view, &selection.nodes, &plan)));
+        let surfaces = surfaces.transpose()?;
         if has_paths {
             // Everything is read before times are measured.
             self.gather_paths(shown)?;

@@ -3,6 +3,7 @@
 use super::{Session, Shown};
 use crate::cpu::paths::PathFragments;
 use crate::cpu::paths::fragments::lay_over_colors;
+use crate::cpu::shadowing::Lighting;
 use crate::look::LookPatch;
 use crate::mode::PathsOf;
 use crate::model::FamilyName;
@@ -99,7 +100,7 @@ impl Session {
         }
         let blank = self.blank(shown, shown.view)?;
         let (mut values, mut counts) = (blank.values, PathCounts::default());
-        let surfaces = shown.ground.map(|ground| ground.fragments(&shown.view));
+        let surfaces = shown.ground.map(|ground| ground.fragments(&shown.view, &Lighting::default()));
         // Everything is read before times are measured.
         let start = Instant::now();
         self.gather_paths(shown)?;

@@ -10,7 +10,7 @@ mod in_scene;
 mod letters;
 pub(in crate::picture) mod names;
 mod opened;
-mod painting;
+pub(in crate::picture) mod painting;
 mod raw;
 pub(in crate::picture) mod session;
 pub(in crate::picture) mod standing;

@@ -3,7 +3,7 @@
 use super::clearance::Ground;
 use super::earlier::Earlier;
 use super::painting::not_in_frames;
-use crate::annotate::number::stepped;
+use crate::annotate::number::{quantity, stepped};
 use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::surface::look::Attribute as Coloured;
@@ -154,7 +154,7 @@ impl OpenSurface {
         let Ok(settings) = SurfaceSettings::new(settings, &about.grid) else { return false };
         let Ok(attribute) = self.attribute(attribute) else { return false };
         let look = settings.look(attribute, surface::usual_transfer(attribute), [0.0, 1.0]);
-        not_in_frames(&settings.options(look, None)).is_none()
+        not_in_frames(&settings.options(look, None), settings.map).is_none()
     }
 
     /// A mode of its pictures, coloured by an attribute where one is named.
@@ -208,18 +208,24 @@ impl OpenSurface {
     /// What a legend calls the values of a depiction.
     pub fn units(&self, depiction: &Depiction) -> Units {
         let settings = SurfaceSettings::new(&depiction.settings, &self.file.about().grid);
-        let (form, map) = settings.map_or((FormKind::Plane, Map::Plate), |settings| (settings.form, settings.map));
-        self.units_of(self.coloured(depiction), form, map)
+        let (form, map, exaggeration) = settings.map_or((FormKind::Plane, Map::Plate, 1.0), |settings| {
+            (settings.form, settings.map, settings.exaggeration)
+        });
+        self.units_of(self.coloured(depiction), form, map, exaggeration)
     }
 
-    pub(super) fn units_of(&self, attribute: Coloured, form: FormKind, map: Map) -> Units {
+    pub(super) fn units_of(&self, attribute: Coloured, form: FormKind, map: Map, exaggeration: f64) -> Units {
         let grid = &self.file.about().grid;
-        let named = |name: &str| match attribute {
-            Coloured::Residual => format!("{name} from {form}"),
-            _ => name.to_owned(),
+        let named = |name: &str| {
+            let name = match attribute {
+                Coloured::Residual => format!("{name} from {form}"),
+                _ => name.to_owned(),
+            };
+            // Values are true ones, however high the surface stands.
+            if exaggeration == 1.0 { name } else { format!("{name}, drawn {} × as high", quantity(exaggeration)) }
         };
         let plane = |number: usize| match grid.planes.get(number) {
-            Some(plane) => Shown::Named(plane.name.clone(), Unit::default()),
+            Some(plane) => Shown::Named(named(&plane.name), Unit::default()),
             None => Shown::Colors,
         };
         let value = match (surface::quantity_of(attribute), attribute) {

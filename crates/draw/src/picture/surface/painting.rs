@@ -4,28 +4,30 @@ use super::letters::ProgramFont;
 use crate::cpu::surface::channels::channels;
 use crate::cpu::surface::darken::darken;
 use crate::cpu::surface::lettering;
-use crate::cpu::surface::look::Attribute;
+use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::photo::PhotoCut;
 use crate::cpu::surface::picture::{counted, parts, report, scene};
-use crate::cpu::surface::placed::Placed;
+use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::raster::Visibility;
 use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::SurfaceNodes as _;
+use crate::cpu::surface::stitch::Scene;
 use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
 use crate::cpu::volume::VolumeError;
 use crate::look::Backend;
 use crate::picture::adapter::{Adapter, AdapterSurface, AdapterValues, Passes, WITHOUT_ADAPTER};
 use crate::picture::session::Reporter;
+use crate::view::View;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// What may draw beside the processor, and what has been told of it.
 #[derive(Default)]
-pub(super) struct Painter {
+pub(in crate::picture) struct Painter {
     /// An adapter.
-    pub(super) adapter: Option<Box<dyn Adapter>>,
+    pub(in crate::picture) adapter: Option<Box<dyn Adapter>>,
     told: Vec<String>,
 }
 
@@ -45,13 +47,13 @@ impl Default for DrawnBy {
 }
 
 /// What an adapter is to draw of a field.
-pub(super) struct Field<'a> {
+pub(in crate::picture) struct Field<'a> {
     /// Its chunks.
-    pub(super) nodes: &'a PagedSurface,
+    pub(in crate::picture) nodes: &'a PagedSurface,
     /// Where it stands.
-    pub(super) placed: &'a Placed,
+    pub(in crate::picture) placed: &'a Placed,
     /// The least and the largest height.
-    pub(super) extremes: [f64; 2],
+    pub(in crate::picture) extremes: [f64; 2],
 }
 
 impl Field<'_> {
@@ -86,26 +88,39 @@ impl Field<'_> {
         passes: Passes,
     ) -> Option<(AdapterSurface, SurfaceReport)> {
         let (Sight::Flat(view), Some(look)) = (sight.refined(parts), options.look.clone()) else { return None };
-        let scene = scene(self.nodes, self.placed, sight, chosen);
-        let report = report(&scene, counted(&scene), f64::from(parts));
+        let scene = Arc::new(scene(self.nodes, self.placed, sight, chosen));
+        let job = self.job_of(scene, (view, parts), (options, look), passes);
+        let [samples, points, triangles] = counted(&job.scene);
+        let counts = [samples, points, if job.casts_rays() { 0 } else { triangles }];
+        let report = report(&job.scene, counts, f64::from(parts));
+        Some((job, report))
+    }
+
+    /// The same of a scene that is there, by a camera whose pixels are samples, so many along the side of one of the picture's.
+    fn job_of(
+        &self,
+        scene: Arc<Scene>,
+        (view, parts): (View, u32),
+        (options, look): (&SurfaceOptions, Look),
+        passes: Passes,
+    ) -> AdapterSurface {
         let reference = 0.5 * (self.extremes[0] + self.extremes[1]);
-        let SurfaceOptions { technique, holes, walls, .. } = *options;
-        let form = options.form.clone();
+        let SurfaceOptions { technique, point, holes, walls, .. } = *options;
+        let form = options.form.clone().filter(|_| look.attribute == Attribute::Residual);
         let tiles = self.nodes.photo().filter(|_| look.attribute == Attribute::Photo);
         let photo = tiles.and_then(|tiles| PhotoCut::new(tiles, &scene, &view));
-        let job = AdapterSurface { scene, view, parts, look, form, photo, technique, holes, walls, reference, passes };
-        Some((job, report))
+        AdapterSurface { scene, view, parts, look, form, photo, technique, point, holes, walls, reference, passes }
     }
 }
 
 /// What of a flat picture no adapter draws yet.
-pub(super) fn not_yet(options: &SurfaceOptions) -> Option<&'static str> {
-    (options.technique == Technique::Rays).then_some("rays")
+fn not_yet(options: &SurfaceOptions, map: Map) -> Option<&'static str> {
+    (options.technique == Technique::Rays && matches!(map, Map::Globe(_))).then_some("rays through globes")
 }
 
 /// What of it no adapter draws in frames of its own: the same, and what is found by the processor in what it has drawn.
-pub(super) fn not_in_frames(options: &SurfaceOptions) -> Option<&'static str> {
-    options.shadowing.map(|_| "ambient occlusion and shadows").or_else(|| not_yet(options))
+pub(super) fn not_in_frames(options: &SurfaceOptions, map: Map) -> Option<&'static str> {
+    options.shadowing.map(|_| "ambient occlusion and shadows").or_else(|| not_yet(options, map))
 }
 
 /// Whether heights are written along lines.
@@ -131,9 +146,9 @@ impl Painter {
         }
     }
 
-    /// Whether an adapter draws a flat picture for somebody who asks for `backend`.
-    pub(super) fn is_by_adapter(&mut self, options: &SurfaceOptions, backend: Option<Backend>) -> bool {
-        self.adapter.is_some() && self.passes(backend).is_some() && not_yet(options).is_none()
+    /// Whether an adapter draws flat pictures for somebody who asks for `backend`.
+    pub(super) fn is_by_adapter(&mut self, backend: Option<Backend>) -> bool {
+        self.adapter.is_some() && self.passes(backend).is_some()
     }
 
     /// Draws a picture for somebody who asks for `backend`.
@@ -154,7 +169,11 @@ impl Painter {
                 return Err(VolumeError::Device(WITHOUT_ADAPTER.into()));
             }
             let around = matches!(sight, Sight::Around { .. }).then_some("pictures of all directions");
-            match around.or_else(|| not_yet(options)) {
+            let left = around.or_else(|| not_yet(options, field.placed.map));
+            if left.is_none() && options.technique == Technique::Rays && passes == Passes::Raster {
+                self.tell("--backend: raster draws heights as triangles in place of rays".into(), reporter);
+            }
+            match left {
                 Some(what) if backend.is_some() => {
                     self.tell(format!("--backend: the processor draws {what} of heights"), reporter);
                 }
@@ -172,6 +191,33 @@ impl Painter {
         }
         let picture = draw_lettered(field.nodes, field.placed, sight, options, Some(&ProgramFont));
         Ok((picture, DrawnBy::default()))
+    }
+
+    /// What each sample of a flat view, whose pixels are these samples, shows of a scene, where an adapter finds it for somebody who asks for
+    /// `backend`; `None` where the processor is to, which casts rays.
+    pub(in crate::picture) fn seen(
+        &mut self,
+        field: &Field<'_>,
+        (scene, sight): (&Arc<Scene>, &Sight),
+        options: &SurfaceOptions,
+        backend: Option<Backend>,
+        reporter: &dyn Reporter,
+    ) -> Option<Visibility> {
+        let passes = self.passes(backend).filter(|_| options.technique != Technique::Rays)?;
+        let (Sight::Flat(view), Some(look)) = (sight, options.look.clone()) else { return None };
+        // What is nearest does not depend on what colours it.
+        let look = Look { attribute: Attribute::Height, ..look };
+        let adapter = self.adapter.as_mut()?;
+        let job = Arc::new(field.job_of(Arc::clone(scene), (*view, parts(options.samples)), (options, look), passes));
+        let drawn = adapter.surface_seen(Arc::clone(&job), false);
+        match drawn.and_then(|(_, numbers)| found(&job, &numbers)) {
+            Ok((_, seen)) => Some(seen),
+            Err(error) => {
+                self.tell(format!("{error}; drawing with the CPU instead"), reporter);
+                self.adapter = None;
+                None
+            }
+        }
     }
 
     fn draw_on_adapter(
@@ -202,7 +248,7 @@ impl Painter {
         darken(&mut picture.colors, &[], (field.nodes, field.placed, sight), options);
         if has_labels {
             let (sight, seen) = found(&job, &numbers)?;
-            let seen = (&job.scene, &sight, &seen);
+            let seen = (&*job.scene, &sight, &seen);
             lettering::write(&mut picture, (field.nodes, field.placed), seen, options, &ProgramFont);
         }
         if options.raw

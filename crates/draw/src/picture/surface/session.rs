@@ -19,6 +19,7 @@ use crate::cpu::surface::lettering;
 use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
+use crate::cpu::surface::select::Technique;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::since::Since;
 use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
@@ -157,7 +158,7 @@ impl SurfaceSession {
     }
 
     /// The least and the largest height.
-    fn extremes(&self) -> [f64; 2] {
+    pub(in crate::picture) fn extremes(&self) -> [f64; 2] {
         let facts = &self.file().about().facts;
         [facts.min, facts.max]
     }
@@ -309,7 +310,8 @@ impl SurfaceSession {
         let coloring = name.map(|name| Coloring { name: name.into(), fallback: 0.0, least: prepared.look.range[0] });
         let (mode, choice) = (prepared.mode, look.budget.level_choice());
         let depiction = Depiction { mode, settings: look.settings.clone(), attribute: coloring, choice };
-        (depiction, self.opened.units_of(prepared.attribute, prepared.settings.form, prepared.settings.map))
+        let SurfaceSettings { form, map, exaggeration, .. } = prepared.settings;
+        (depiction, self.opened.units_of(prepared.attribute, form, map, exaggeration))
     }
 
     /// A picture in colours of a shot from a view, with what is in a box.
@@ -363,8 +365,10 @@ impl SurfaceSession {
     ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
         // Colours of a globe are sooner drawn on faces that are put together than by rays, and an adapter draws faces alone.
         let in_parts = SurfaceOptions { raw: false, ..options.clone() };
-        // Heights along lines are written into whole pictures.
-        let is_whole = has_labels(options) || !self.painter.is_by_adapter(&in_parts, self.options.backend);
+        // Heights along lines are written into whole pictures, and rays are cast in all directions at once.
+        let is_whole = has_labels(options)
+            || options.technique == Technique::Rays
+            || !self.painter.is_by_adapter(self.options.backend);
         // What darkens what is found in flat pictures.
         let is_one = placed.is_flat() && is_whole && options.shadowing.is_none();
         let margin = if options.shadowing.is_some() { FARTHEST } else { 0 };
@@ -384,6 +388,9 @@ impl SurfaceSession {
         let (mut whole, mut drawn_by) = (SurfacePicture::default(), DrawnBy::default());
         whole.report.is_converged = true;
         let values = projector.draw_each(true, margin, |view| {
+            if self.reporter.is_stopped() {
+                return Err(PictureError::Stopped);
+            }
             let one;
             (one, drawn_by) = self.drawn(placed, &Sight::Flat(*view), &options)?;
             whole.report.add(&one.report);
@@ -454,7 +461,7 @@ impl SurfaceSession {
         levels: Option<Levels>,
         passes: Passes,
     ) -> Result<SeenSurface<Option<(AdapterSurface, SurfaceReport)>>, PictureError> {
-        self.seen_by(look, view, levels, |field, sight, options| match not_in_frames(options) {
+        self.seen_by(look, view, levels, |field, sight, options| match not_in_frames(options, field.placed.map) {
             Some(_) => None,
             None => field.job(sight, options, passes),
         })

@@ -30,6 +30,9 @@ fn headers_in_any_case_and_rows_of_any_length_are_read() {
     let source = open(&path);
     assert_eq!((source.grid().origin, source.grid().step), ([1.5, 8.0], [1.0, -4.0]));
     assert!(same(&heights(&source), &[f64::NAN, 2.5, 3.0, 4.0], 0.0));
+    // A height of 0 is no data where the header says so.
+    let (_folder, path) = file_of("a.asc", b"ncols 2 nrows 2 cellsize 1 nodata_value 0 0 2.5 3 4");
+    assert!(same(&heights(&open(&path)), &[f64::NAN, 2.5, 3.0, 4.0], 0.0));
     // No distance.
     let (_folder, path) = file_of("a.asc", b"ncols 2\nnrows 2\n1 2 3 4");
     let source = open(&path);

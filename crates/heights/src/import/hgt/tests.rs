@@ -20,7 +20,9 @@ fn squares_are_where_their_names_say() {
         ("N99W106.hgt", 1201, None),
         ("tile.hgt", 1201, None),
     ] {
-        let (_folder, path) = file_of(name, &square(side));
+        // Samples of the larger one are not looked at.
+        let bytes = if side == 1201 { square(side) } else { vec![0; 2 * side * side] };
+        let (_folder, path) = file_of(name, &bytes);
         let source = open(&path);
         let grid = source.grid();
         assert_eq!((grid.columns, grid.rows), (side as u64, side as u64));

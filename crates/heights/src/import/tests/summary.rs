@@ -174,6 +174,7 @@ fn json_has_the_names_that_are_documented() {
     let found = serde_json::to_value(summary(2, vec![1.0, 2.0, 3.0, f64::INFINITY], NoData::Nothing)).unwrap();
     assert_eq!(found["kind"], "heights");
     assert_eq!(found["sample_type"], "f64");
+    assert_eq!((&found["valid"], &found["valid_share"]), (&serde_json::json!(3), &serde_json::json!(0.75)));
     assert_eq!(found["invalid"], serde_json::json!({ "no-data": 0, "nan": 0, "infinite": 1 }));
     assert_eq!((&found["origin"], &found["spacing"]), (&serde_json::json!([0.0, 0.0]), &serde_json::json!([1.0, 1.0])));
     assert_eq!(

@@ -3,7 +3,9 @@
 use super::rays::random;
 use super::truth::{assert_near, cell, of, sines, with_holes};
 use crate::measure::material::Curve;
-use crate::measure::{FormError, FormKind, Iso, Material, Part, Residual, correlation, fit, roughness};
+use crate::measure::{
+    FormError, FormKind, Iso, Material, Part, Residual, Roughness, correlation, fit, material_ratio, roughness,
+};
 use crate::model::{HeightField, Heights, Window};
 use deepfield_data::model::Unit;
 use std::f64::consts::PI;
@@ -155,6 +157,29 @@ fn the_core_of_a_curve_of_straight_parts() {
     assert_near(ramp.sk, 1.0, 2e-3, "Sk");
     assert_near(ramp.spk, 0.0, 1e-3, "Spk");
     assert_near(ramp.svk, 0.0, 1e-3, "Svk");
+}
+
+/// Above the height that is told for a share of the samples is that share of them, with as many as are sorted and with more.
+#[test]
+fn curves_part_samples_by_their_heights() {
+    for (side, slack) in [(200, 1.0), (1250, 20.0)] {
+        let even = |row: f64, column: f64| (0.618_033_988_749 * row + 0.324_717_957_245 * column).fract();
+        let field = with_holes(of(side, side, even), 0.3, 4);
+        let mut sorted: Vec<f64> = field.stored.iter().copied().filter(|height| !height.is_nan()).collect();
+        sorted.sort_unstable_by(|a, b| b.total_cmp(a));
+        let (samples, valid) = (field.grid.samples(), sorted.len() as u64);
+        let iso = Iso { sp: sorted.first().copied(), sv: sorted.last().map(|lowest| -lowest), ..Iso::default() };
+        let found = Roughness { samples, valid, valid_share: 0.7, mean: Some(0.0), area: 0.0, iso };
+        let curve = material_ratio(&field, &found).unwrap();
+        assert_eq!(curve.len(), 101);
+        for [percent, height] in curve {
+            let (above, wanted) =
+                (sorted.partition_point(|other| *other > height), percent / 100.0 * found.valid as f64);
+            assert!((above as f64 - wanted).abs() <= slack + 0.5, "{percent} % at {height}: {above} of {wanted}");
+        }
+    }
+    let none = HeightField::of(3, 3, vec![f64::NAN; 9]);
+    assert!(material_ratio(&none, &roughness(&none).unwrap()).unwrap().is_empty());
 }
 
 fn material(field: &HeightField) -> Material {

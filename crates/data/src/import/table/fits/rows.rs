@@ -3,7 +3,7 @@
 use super::column::StoredColumn;
 use crate::import::ImportError;
 use crate::import::grid::scratch::Storage;
-use crate::import::table::columns::{Column, Table, shown};
+use crate::import::table::columns::{Column, Table};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -45,7 +45,7 @@ impl FitsRows {
         &self,
         column: &StoredColumn,
         rows: Range<u64>,
-        mut take: impl FnMut(usize, &[u8]) -> Result<(), ImportError>,
+        mut take: impl FnMut(usize, &[u8]),
     ) -> Result<(), ImportError> {
         let bytes = column.stored.size() * column.column.components;
         let at = |row: u64| self.start + row * self.stride as u64;
@@ -54,7 +54,7 @@ impl FitsRows {
             buffer.resize(bytes, 0);
             for row in rows.clone() {
                 self.storage.read(&self.path, at(row) + column.at as u64, &mut buffer)?;
-                take((row - rows.start) as usize, &buffer)?;
+                take((row - rows.start) as usize, &buffer);
             }
             return Ok(());
         }
@@ -66,7 +66,7 @@ impl FitsRows {
             self.storage.read(&self.path, at(first), &mut buffer)?;
             for (index, row) in buffer.chunks_exact(stride).enumerate() {
                 // The column lies in the row: that was compared when the header was read.
-                take((first - rows.start) as usize + index, row.get(column.at..column.at + bytes).unwrap_or_default())?;
+                take((first - rows.start) as usize + index, row.get(column.at..column.at + bytes).unwrap_or_default());
             }
         }
         Ok(())
@@ -89,26 +89,18 @@ impl Table for FitsRows {
             let numbers = bytes.chunks_exact(column.stored.size());
             let places = out.get_mut(row * components..(row + 1) * components).unwrap_or_default();
             places.iter_mut().zip(numbers).for_each(|(value, bytes)| *value = column.value(bytes));
-            Ok(())
         })
     }
 
-    fn read_whole(&self, column: usize, rows: Range<u64>, out: &mut [u64]) -> Result<bool, ImportError> {
+    fn read_whole(&self, column: usize, rows: Range<u64>, out: &mut [Option<u64>]) -> Result<bool, ImportError> {
         let column = &self.stored[column];
         if !column.is_plain() || column.column.components != 1 {
             return Ok(false);
         }
         self.each(column, rows, |row, bytes| {
-            let whole = column.whole(bytes);
-            let wrong = || {
-                let found = whole.map_or_else(|| "no number".to_owned(), |whole| whole.to_string());
-                ImportError::malformed(&self.path, shown(&column.column.name), found, "whole numbers from 0")
-            };
-            let id = whole.and_then(|whole| u64::try_from(whole).ok()).ok_or_else(wrong)?;
             if let Some(place) = out.get_mut(row) {
-                *place = id;
+                *place = column.whole(bytes).and_then(|whole| u64::try_from(whole).ok());
             }
-            Ok(())
         })?;
         Ok(true)
     }

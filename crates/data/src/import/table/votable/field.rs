@@ -2,7 +2,9 @@
 
 use super::markup::Markup;
 use crate::import::ImportError;
+use crate::import::source::exact_id;
 use crate::import::table::columns::{Column, shown};
+use crate::import::table::ids;
 use std::path::Path;
 
 /// The type of a value.
@@ -71,6 +73,8 @@ pub(super) struct VoField {
     unit: String,
     pub datatype: Datatype,
     pub count: Count,
+    /// Numbers that it adds to a row ([`Column::width`]).
+    width: usize,
     /// The number that stands for none.
     pub null: Option<f64>,
 }
@@ -95,7 +99,9 @@ impl VoField {
             |count: &Count| count.is_none_or(|count| datatype.bytes(count).is_some_and(|all| all <= MOST_BYTES));
         let count = count.filter(is_short).ok_or_else(|| wrong("arraysize", size, "a size such as 3, 2x3 or *"))?;
         let unit = attribute("unit").trim().to_owned();
-        Ok(VoField { name, unit, datatype, count, null: None })
+        let mut field = VoField { name, unit, datatype, count, width: 0, null: None };
+        field.width = field.column().width();
+        Ok(field)
     }
 
     /// Whether every row has the same number of real numbers in it.
@@ -128,6 +134,7 @@ impl VoField {
         }
         let is_whole = row.len() == end || text.trim().is_empty();
         row.resize(end, f64::NAN);
+        self.push_rest(row, |number| ids::of_text(text, number));
         is_whole
     }
 
@@ -162,12 +169,25 @@ impl VoField {
         }
         let size = self.datatype.bytes(1).unwrap_or(1);
         row.extend(bytes.chunks_exact(size).map(|bytes| self.or_none(self.value(bytes))));
+        self.push_rest(row, |number| match self.datatype {
+            Datatype::Long => u64::try_from(i64::from_be_bytes(bytes.try_into().ok()?)).ok(),
+            _ => exact_id(number),
+        });
+    }
+
+    /// Adds what the number before lacks where it is an id, which `id` says.
+    fn push_rest(&self, row: &mut Vec<f64>, id: impl FnOnce(f64) -> Option<u64>) {
+        if self.width > self.components()
+            && let Some(number) = row.last().copied()
+        {
+            row.push(ids::rest(number, id(number)));
+        }
     }
 
     /// Adds as many missing numbers.
     pub(super) fn push_none(&self, row: &mut Vec<f64>) {
         if self.has_numbers() {
-            row.resize(row.len() + self.components(), f64::NAN);
+            row.resize(row.len() + self.width, f64::NAN);
         }
     }
 

@@ -68,3 +68,40 @@ fn nothing_that_is_seen_is_hidden() {
     }
     assert!(hidden > 600 && seen > 600, "{hidden} {seen}");
 }
+
+/// Of two places of a globe on a line of sight the limb is between them.
+#[test]
+fn the_limb_parts_near_from_far() {
+    let mut random = Random::new(6);
+    let mut passed = 0;
+    for round in 0..2000 {
+        let globe = Globe { equator: 20.0, pole: random.between(17.0, 21.0) };
+        let lowest = random.between(-1.0, 1.0);
+        let axes = DVec3::new(globe.equator, globe.equator, globe.pole) + lowest;
+        let mut place = || DVec3::from_array([(); 3].map(|()| random.between(-1.0, 1.0)));
+        let (eye, target, up) = (60.0 * place(), 12.0 * place(), place());
+        let projection = match round % 2 {
+            0 => Projection::Perspective { fov_y: 0.5 },
+            _ => Projection::Orthographic { height: 20.0 },
+        };
+        let Ok(view) = View::look_at(eye, target, up, projection, 40, 30) else { continue };
+        let sight = Sight::Flat(view);
+        let limb = Limb::new(&globe, lowest, &sight).unwrap();
+        let (start, direction) = sight.ray([random.between(0.0, 40.0), random.between(0.0, 30.0)]).unwrap();
+        // Where the line is in the globe, as a ball of 1.
+        let (from, way) = (start / axes, direction / axes);
+        let (square, half) = (way.length_squared(), from.dot(way));
+        let root = half * half - square * (from.length_squared() - 1.0);
+        let [near, far] = [-1.0, 1.0].map(|sign| (-half + sign * root.sqrt()) / square);
+        // A line that touches the globe is on the limb.
+        if root < 1e-6 || near < 0.0 || eye.length() < 22.0 {
+            continue;
+        }
+        passed += 1;
+        let t = limb.passed(start - eye, direction).unwrap();
+        assert!(near < t && t < far, "{near} {t} {far}: {view:?}");
+        let [near, far] = [near, far].map(|t| limb.is_beyond(start + t * direction - eye));
+        assert!(near && !far, "{view:?}");
+    }
+    assert!(passed > 300, "{passed}");
+}

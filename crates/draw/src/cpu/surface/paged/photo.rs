@@ -1,7 +1,7 @@
 //! The tiles of a page file's photo, read and decoded as they are asked for.
 
 use super::super::photo::{Laid, PhotoTiles};
-use super::{PagedSurface, cached, locked};
+use super::{PagedSurface, cached};
 use deepfield_heights::hierarchy::photo::TileKey;
 use deepfield_heights::store::Tile;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ impl PhotoTiles for PagedSurface {
         let read = || match self.file.tile(key) {
             Ok(tile) => Some(Arc::new(tile)),
             Err(error) => {
-                locked(&self.damaged).first.get_or_insert_with(|| error.to_string());
+                self.note(&error, None);
                 None
             }
         };

@@ -400,6 +400,8 @@ struct Watched {
     file: LocalFile,
     reads: AtomicU64,
     wrong: Mutex<Option<u64>>,
+    /// How many reads fail from now on.
+    failing: Mutex<u64>,
 }
 
 impl Disk for Watched {
@@ -407,6 +409,13 @@ impl Disk for Watched {
         self.reads.fetch_add(1, Ordering::Relaxed);
         // Others come in meanwhile.
         std::thread::sleep(std::time::Duration::from_millis(5));
+        {
+            let mut failing = locked(&self.failing);
+            if *failing > 0 {
+                *failing -= 1;
+                return Err(std::io::Error::other("not now"));
+            }
+        }
         self.file.read_exact_at(buffer, offset)?;
         let at = locked(&self.wrong).and_then(|wrong| wrong.checked_sub(offset));
         if let Some(byte) = at.and_then(|at| buffer.get_mut(at as usize)) {
@@ -426,7 +435,8 @@ impl Disk for Watched {
 
 fn watched(built: &Built, budget_bytes: u64) -> (Arc<Watched>, PagedSurface) {
     let file = LocalFile::open(&built.path(), ReadMethod::default()).unwrap().unwrap();
-    let disk = Arc::new(Watched { file, reads: AtomicU64::new(0), wrong: Mutex::new(None) });
+    let (wrong, failing) = (Mutex::new(None), Mutex::new(0));
+    let disk = Arc::new(Watched { file, reads: AtomicU64::new(0), wrong, failing });
     let file = HeightFile::open_on(&built.path(), disk.clone()).unwrap();
     (disk, PagedSurface::new(Arc::new(file), budget_bytes))
 }
@@ -520,6 +530,30 @@ fn stand_ins_for_damaged_pages() {
     assert!(whole.report.is_converged);
     let gaps = picture.raw.iter().zip(&whole.raw).filter(|(own, whole)| own[0].is_nan() != whole[0].is_nan()).count();
     assert_eq!(gaps, 0);
+}
+
+#[test]
+fn what_the_disk_fails_to_give_is_asked_for_again() {
+    let field = field(700, 1000, Holes::None, 1.0, 0, SampleType::F32);
+    let built = Built::new(&field);
+    let (disk, paged) = watched(&built, AMPLE);
+    let placed = placed(&field);
+    let sight = &sights(&field)[0];
+    let options = SurfaceOptions { look: Some(look(Attribute::Height, [0.0, 1.0])), ..SurfaceOptions::default() };
+    // A disk that fails once, in silence.
+    *locked(&disk.failing) = 1;
+    paged.prepare(&placed, sight, &options);
+    assert_eq!((*locked(&disk.failing), paged.error()), (0, None));
+    assert!(draw(&paged, &placed, sight, &options).report.is_converged);
+    // What it goes on failing to give is told, until a later picture has it.
+    let far = ChunkKey { level: 0, row: 2, column: 3 };
+    let (disk, mut other) = watched(&built, AMPLE);
+    *locked(&disk.failing) = u64::MAX;
+    assert!(other.samples(far).is_none() && other.is_there(far));
+    assert!(other.error().is_some_and(|error| error.contains("field.df") && error.contains("not now")));
+    *locked(&disk.failing) = 0;
+    other.place(&placed);
+    assert!(other.error().is_none() && other.samples(far).is_some());
 }
 
 /// In another world normals turn, of leaves and of coarse chunks alike.

@@ -313,7 +313,7 @@ fn tiles_that_a_picture_needs_are_known_before_it_is_shaded() {
             let fine = sight.refined(2);
             let Sight::Flat(view) = fine else { panic!("a flat picture") };
             let asked = Asked { tiles: &surface, keys: Mutex::default() };
-            let (seen, _) = picture::visible(&scene, &fine, options.technique, 2);
+            let (seen, _) = picture::visible(&scene, &fine, &options, 2);
             Shader::new(&scene, &fine, &look, PhotoLook::new(&asked, &placed), 2).shade(&seen, [160, 120]);
             let cut = PhotoCut::new(&surface, &scene, &view).unwrap();
             assert_eq!(cut.levels(), 13);

@@ -52,7 +52,7 @@ mod tests {
         let sight = Sight::Flat(camera_over(&field, &mut random, size));
         let options = SurfaceOptions::default();
         let scene = picture::scene(&source, &placed(&field), &sight, &options);
-        let (seen, _) = visible(&scene, &sight, options.technique, 1);
+        let (seen, _) = visible(&scene, &sight, &options, 1);
         let number = |index: usize| seen.at(index).map_or(NO_NUMBER, Shown::pack);
         let numbers: Vec<u32> = (0..seen.width * seen.height).map(number).collect();
         let again = Visibility::of_numbers(size, &numbers, &scene).unwrap();

@@ -51,6 +51,8 @@ fn little_room_is_for_what_shows_most() {
     let choice = Choice {
         tau: 0.8,
         technique: Technique::Hybrid,
+        point: 1,
+        reach: 0.0,
         looks: looked(0.8),
         lines: f64::INFINITY,
         spans: 0.0,

@@ -7,9 +7,10 @@ use super::super::sight::Sight;
 use super::super::stitch::Scene;
 use super::*;
 
-fn holes(scene: &Scene, view: &View) -> usize {
+/// Pixels that show nothing, with points so wide.
+fn holes(scene: &Scene, view: &View, point: u32) -> usize {
     let picture = Visibility::new([view.width, view.height]);
-    raster::draw(scene, view, &picture, [1; 2]);
+    raster::draw(scene, view, &picture, [point, 1]);
     (0..picture.width * picture.height).filter(|index| picture.at(*index).is_none()).count()
 }
 
@@ -28,11 +29,12 @@ fn random_cuts_have_none() {
     for round in 0..60 {
         let view = camera_over(&field, &mut random, [120, 90]);
         let sight = Sight::Flat(view);
-        let cut = random_cut(&source, &placed, &sight, &mut random, true);
+        let point = [1, 2, 5][round % 3];
+        let cut = random_cut(&source, &placed, &sight, &mut random, point);
         points += cut.nodes.iter().filter(|node| node.primitive == Primitive::Points).count();
         let scene = Scene::new(&source, &placed, cut);
         joined += joints(&scene);
-        assert_eq!(holes(&scene, &view), 0, "round {round}: {view:?}");
+        assert_eq!(holes(&scene, &view, point), 0, "round {round}: {view:?}");
         if round % 6 == 0 {
             let picture = Visibility::new([120, 90]);
             Caster::new(&scene).draw(&sight, &picture);
@@ -53,6 +55,8 @@ fn chosen_cuts_have_none_within_any_budget() {
         let choice = Choice {
             tau: [0.5, 0.8, 2.0, 8.0][round % 4],
             technique,
+            point: [1, 3][round / 2 % 2],
+            reach: 0.0,
             looks: if round % 3 == 0 { looked(0.8) } else { f64::INFINITY },
             lines: f64::INFINITY,
             change: f64::INFINITY,
@@ -61,7 +65,7 @@ fn chosen_cuts_have_none_within_any_budget() {
             most: [1 << 14, 9][round / 20],
         };
         let cut = choose(&source, &placed, &Sight::Flat(view), &choice);
-        assert_eq!(holes(&Scene::new(&source, &placed, cut), &view), 0, "round {round}: {view:?}");
+        assert_eq!(holes(&Scene::new(&source, &placed, cut), &view, choice.point), 0, "round {round}: {view:?}");
     }
 }
 
@@ -73,7 +77,7 @@ fn borders_of_a_place_are_equal_whoever_asks() {
     let view = camera_over(&hills(900, 1100, 0.0, 3), &mut Random::new(1), [64, 64]);
     let mut random = Random::new(9);
     for _ in 0..12 {
-        let scene = Scene::new(&source, &placed, random_cut(&source, &placed, &Sight::Flat(view), &mut random, false));
+        let scene = Scene::new(&source, &placed, random_cut(&source, &placed, &Sight::Flat(view), &mut random, 0));
         let mut known = std::collections::HashMap::new();
         let mut shared = 0;
         for mesh in &scene.meshes {

@@ -207,7 +207,7 @@ fn no_gap_is_seen_across_the_seam() {
             let picture = draw(&memory, &placed, &sight, &options);
             let gaps = picture.raw.iter().filter(|raw| raw[0].is_nan()).count();
             assert_eq!(gaps, 0, "{columns} columns, round {round}, {technique:?}: {view:?}");
-            let cut = random_cut(&closed, &placed, &sight, &mut random, false);
+            let cut = random_cut(&closed, &placed, &sight, &mut random, 0);
             let scene = Scene::new(&closed, &placed, cut);
             let is_joined = |mesh: &&Mesh| {
                 mesh.is_laid[2] && mesh.columns[0] == 0

@@ -246,7 +246,7 @@ fn particles_without_a_value_are_not_there() {
     };
     let [half, whole] = [0, 1].map(|column| prepare(column).prepared[0].particles.len());
     assert_eq!(2 * half, whole);
-    let [low, high] = prepare(0).range(0, false).unwrap();
+    let [low, high] = Columns::range(&prepare(0).histogram(0, false), false).unwrap();
     assert!((low + 0.94).abs() < 0.06 && (high - 0.94).abs() < 0.06, "{low} {high}");
     gas.fields[0].fill(f32::NAN);
     let nothing = Columns::prepare(&view, &[gas.batch()], &[Column::Field(0)], &VolumeOptions::default());

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use super::*;
+use crate::annotate::Shown;
 use crate::look::CameraConfig;
 use crate::mode::LevelChoice;
 use crate::model::Unit;
@@ -78,6 +79,28 @@ fn lengths_are_told_in_the_unit_that_a_map_gives_them() {
         let attribute = None;
         let depiction = Depiction { mode: &MODE, settings, attribute, choice: LevelChoice::default() };
         assert_eq!(session.opened().units(&depiction).length, Unit::new(unit), "{map}");
+    }
+}
+
+/// Values of a legend are true ones, and it says where the surface is drawn higher than it is.
+#[test]
+fn legends_tell_how_much_higher_a_surface_is_drawn() {
+    let session = opened("m", [41, 41], [0.0, 0.0], 1.0, |x, y| x + y);
+    for (settings, attribute, title) in [
+        ("{}", None, "height"),
+        ("{\"exaggeration\": 10.0}", None, "height, drawn 10 × as high"),
+        ("{\"exaggeration\": 0.25}", Some("slope"), "slope, drawn 0.25 × as high"),
+        (
+            "{\"exaggeration\": 2.5, \"form\": \"sphere\"}",
+            Some("residual"),
+            "residual from sphere, drawn 2.5 × as high",
+        ),
+    ] {
+        let settings = ron::from_str(settings).unwrap();
+        let attribute = attribute.map(|name: &str| Coloring { name: name.into(), fallback: 0.0, least: 0.0 });
+        let depiction = Depiction { mode: &MODE, settings, attribute, choice: LevelChoice::default() };
+        let Shown::Named(found, _) = session.opened().units(&depiction).value else { panic!("{title}") };
+        assert_eq!(found, title);
     }
 }
 

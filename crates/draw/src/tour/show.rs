@@ -1,21 +1,19 @@
 //! A tour with its data: from a time to a scene, and from that to a picture.
 
-use super::Arguments;
+use super::exposure::is_searched;
+use super::{Exposure, State, Surroundings, Timeline, TourFile, play_along};
 use crate::annotate::overlay::Overlay;
-use crate::build::default_memory;
 use crate::color::{Image, output};
-use crate::commands::CommandResult;
-use crate::commands::request;
-use crate::look::{Backend, Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
+use crate::look::{Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
 use crate::picture::ranges::Format;
-use crate::picture::{AnySession, Picture, Session, SessionOptions};
-use crate::tour::exposure::is_searched;
-use crate::tour::{Exposure, State, Surroundings, Timeline, TourFile, play_along};
+use crate::picture::{AnySession, Picture, Session};
 use std::path::{Path, PathBuf};
 
+type Failure = Box<dyn std::error::Error + Send + Sync>;
+
 /// A tour that is shown.
-pub(super) struct Show {
-    /// What was read, with what the command line says.
+pub struct Show {
+    /// What was read, with what is asked for over it.
     pub tour: TourFile,
     /// The data, and what is said of it where it is of heights.
     pub data: Member,
@@ -28,7 +26,7 @@ pub(super) struct Show {
 }
 
 /// A drawn frame.
-pub(super) struct Take {
+pub struct Take {
     /// The finished picture.
     pub image: Image,
     /// What it was made from.
@@ -36,7 +34,7 @@ pub(super) struct Take {
 }
 
 impl Show {
-    /// Opens the data and resolves the tour for it.
+    /// Resolves a tour, of a file or of none, for data that is open; what there is to tell goes to `tell`.
     ///
     /// # Errors
     /// When the data cannot be read, or a keyframe looks at something that is not there.
@@ -44,12 +42,9 @@ impl Show {
         mut tour: TourFile,
         file: Option<PathBuf>,
         data: Member,
-        arguments: &Arguments,
-    ) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
-        let backend = Some(arguments.backend.unwrap_or(Backend::Cpu));
-        let page_memory = Some(arguments.memory.unwrap_or_else(default_memory));
-        let options = SessionOptions { backend, page_memory, ..SessionOptions::default() };
-        let mut session = request::open_any(std::slice::from_ref(&data), options, [])?;
+        mut session: AnySession,
+        tell: &mut dyn FnMut(String),
+    ) -> Result<Show, Failure> {
         if session.has_z_up() {
             tour.up = tour.up.or(Some([0.0, 0.0, 1.0]));
         }
@@ -70,7 +65,7 @@ impl Show {
             play_along(&mut tour, times);
         }
         if surroundings.times.is_none() && tour.keyframes.iter().any(|keyframe| keyframe.look.time.is_some()) {
-            eprintln!("deepfield: {}: is one snapshot, so the tour's times are left out", data.path.display());
+            tell(format!("{}: is one snapshot, so the tour's times are left out", data.path.display()));
         }
         let timeline = Timeline::new(&tour, &surroundings)?;
         Ok(Show {
@@ -105,7 +100,7 @@ impl Show {
     ///
     /// # Errors
     /// When a picture that ranges are found from cannot be drawn.
-    pub fn shot(&mut self, time: f64, place: &Path) -> Result<SceneFile, Box<dyn std::error::Error + Send + Sync>> {
+    pub fn shot(&mut self, time: f64, place: &Path) -> Result<SceneFile, Failure> {
         let state = self.timeline.state(time);
         let look = self.exposed(state.keyframe, state.time, &state.look)?;
         let mut scene = self.scene(&look, state.camera, place);
@@ -126,12 +121,7 @@ impl Show {
     }
 
     /// A look after a keyframe with the ranges that it has at a time.
-    fn exposed(
-        &mut self,
-        keyframe: usize,
-        time: f64,
-        look: &LookPatch,
-    ) -> Result<LookPatch, Box<dyn std::error::Error + Send + Sync>> {
+    fn exposed(&mut self, keyframe: usize, time: f64, look: &LookPatch) -> Result<LookPatch, Failure> {
         if is_searched(look) {
             let needed = self.exposure.needed(keyframe, time);
             for &moment in &needed {
@@ -153,11 +143,7 @@ impl Show {
     ///
     /// # Errors
     /// When it cannot be drawn, or not completely.
-    pub fn take(
-        &mut self,
-        shot: &SceneFile,
-        next: Option<f64>,
-    ) -> Result<Take, Box<dyn std::error::Error + Send + Sync>> {
+    pub fn take(&mut self, shot: &SceneFile, next: Option<f64>) -> Result<Take, Failure> {
         if let Some(session) = self.session.particles() {
             let (width, height) = self.tour.size;
             let periodic = session.tree().metadata().periodic_box();
@@ -185,7 +171,7 @@ impl Show {
     ///
     /// # Errors
     /// As [`Show::take`], and when the file cannot be written.
-    pub fn still(&mut self, time: f64, output: &Path) -> CommandResult {
+    pub fn still(&mut self, time: f64, output: &Path) -> Result<(), Failure> {
         let shot = self.shot(time, output)?;
         let take = self.take(&shot, None)?;
         match output.extension().and_then(|extension| extension.to_str()) {

@@ -1,6 +1,9 @@
-//! LAS: point clouds of laser scanners, versions 1.0 to 1.4 with point formats 0 to 10, uncompressed (ASPRS, "LAS Specification 1.4 -
-//! R15"). Positions are whole numbers with a factor and an offset for each axis.
+//! LAS: point clouds of laser scanners, versions 1.0 to 1.4 with point formats 0 to 10 (ASPRS, "LAS Specification 1.4 - R15"), also
+//! compressed (`laz`). Positions are whole numbers with a factor and an offset for each axis.
 
+mod laz;
+
+use self::laz::PackedPoints;
 use super::bytes::{Order, RangeFile};
 use super::grid::scratch::Storage;
 use super::typed_columns::{Column, Component, FieldList, Meaning, Run, TypedColumns};
@@ -41,7 +44,7 @@ impl Format for Las {
         file.read(0, &mut head, "header")?;
         let header = Header::parse(path, &head)?;
         let bytes = header.count.checked_mul(header.stride).and_then(|bytes| bytes.checked_add(header.start));
-        if bytes.is_none_or(|bytes| bytes > file.length) {
+        if bytes.is_none_or(|bytes| bytes > file.length && !header.is_packed) {
             let found = format!("the file's end at byte {}", file.length);
             let expected = format!("{} points of {} bytes from byte {} on", header.count, header.stride, header.start);
             return Err(ImportError::malformed(path, "points", found, expected));
@@ -51,8 +54,13 @@ impl Format for Las {
         if extra > 0 {
             about.notes.push(format!("{extra} bytes of extra attributes of each point are left out"));
         }
+        let (storage, start) = match header.is_packed {
+            true => (Storage::Pieces(Box::new(PackedPoints::open(file, &header, &head)?)), 0),
+            false => (Storage::File(file), header.start),
+        };
+        let header = Header { start, ..header };
         let family = header.fields().family(FamilyName::Dark, header.count, vec![Run::WHOLE]);
-        Ok(Box::new(TypedColumns::new(about, vec![Storage::File(file)], vec![family])))
+        Ok(Box::new(TypedColumns::new(about, vec![storage], vec![family])))
     }
 }
 
@@ -60,6 +68,7 @@ impl Format for Las {
 struct Header {
     /// Their format.
     format: usize,
+    is_packed: bool,
     /// Byte of the first.
     start: u64,
     /// Bytes from one to the next.
@@ -83,11 +92,7 @@ impl Header {
             return Err(ImportError::malformed(path, "version", found, "1.0 to 1.4"));
         }
         // LASzip marks its formats with a bit that is none of the number.
-        let (format, compressed) = (usize::from(head[104] & 0x3f), head[104] & 0xc0 != 0);
-        if compressed {
-            let expected = "points that are not compressed: laszip -i FILE.laz -o FILE.las unpacks them";
-            return Err(ImportError::malformed(path, "point format", "LAZ", expected));
-        }
+        let (format, is_packed) = (usize::from(head[104] & 0x3f), head[104] & 0xc0 != 0);
         let Some(&least) = POINT.get(format) else {
             return Err(ImportError::malformed(path, "point format", format, "0 to 10"));
         };
@@ -120,7 +125,7 @@ impl Header {
         if let Some(wrong) = offset.iter().find(|offset| !offset.is_finite()) {
             return Err(ImportError::malformed(path, "offsets", wrong, "finite numbers"));
         }
-        Ok(Header { format, start, stride, count, scale, offset })
+        Ok(Header { format, is_packed, start, stride, count, scale, offset })
     }
 
     /// A number of every point.

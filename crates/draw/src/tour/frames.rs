@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Frames at a fixed rate: number `n` of the tour is at `n / rate` seconds, whatever part is recorded.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Frames {
+pub struct Frames {
     /// Frames per second.
     pub rate: f64,
     /// The numbers that are recorded.
@@ -87,13 +87,13 @@ impl std::fmt::Display for Pattern {
 
 impl Pattern {
     /// The name of a number.
-    pub(super) fn name(&self, number: u64) -> String {
+    pub fn name(&self, number: u64) -> String {
         let Pattern { before, digits, after, .. } = self;
         format!("{before}{number:0digits$}{after}")
     }
 
     /// The file of a number in a folder, with an extension.
-    pub(super) fn file(&self, folder: &Path, number: u64, extension: &str) -> PathBuf {
+    pub fn file(&self, folder: &Path, number: u64, extension: &str) -> PathBuf {
         folder.join(format!("{}.{extension}", self.name(number)))
     }
 }

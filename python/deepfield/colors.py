@@ -1,0 +1,23 @@
+"""Colour maps, presets and modes by name."""
+
+from . import _deepfield
+
+
+def color_maps():
+    """Colour maps with a line about each, the perceptually uniform ones first."""
+    return dict(_deepfield.color_maps())
+
+
+def color_map(name, count=256):
+    """Colours of a map at evenly spaced places from 0 to 1: float32 (count, 3), gamma-encoded."""
+    return _deepfield.color_map(name, int(count))
+
+
+def transfer_functions():
+    """Names of presets."""
+    return _deepfield.transfer_functions()
+
+
+def modes():
+    """Names of visualization modes."""
+    return _deepfield.modes()

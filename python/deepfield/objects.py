@@ -1,0 +1,191 @@
+"""Transfer functions, scenes and tours, which are files of the program, too."""
+
+import functools
+import json
+import os
+
+from . import _deepfield, asked, notes, progress as progresses
+
+
+class _Text:
+    """What RON says; fields are attributes, and None of those that are not said."""
+
+    _kind = ""
+
+    def __init__(self, **fields):
+        self._ron = _deepfield.ron_of(self._kind, asked.text(self._said(fields)))
+        self.path = None
+
+    @staticmethod
+    def _said(fields):
+        return fields
+
+    @classmethod
+    def from_ron(cls, text, name=None):
+        """Of a text in RON; ``name`` is what messages call it."""
+        _deepfield.json_of(cls._kind, text, name or cls._kind)
+        made = cls.__new__(cls)
+        made._ron, made.path = text, None
+        return made
+
+    def to_ron(self):
+        """Its text in RON."""
+        return self._ron
+
+    @classmethod
+    def read(cls, path):
+        """Reads a file."""
+        path = os.fspath(path)
+        try:
+            with open(path, encoding="utf-8") as file:
+                made = cls.from_ron(file.read(), path)
+        except OSError as error:
+            raise _deepfield.Error(f"{path}: {error.strerror}") from None
+        made.path = path
+        return made
+
+    def write(self, path):
+        """Writes a file."""
+        with open(os.fspath(path), "w", encoding="utf-8") as file:
+            file.write(self._ron.rstrip("\n") + "\n")
+
+    @functools.cached_property
+    def fields(self):
+        """What it says, by name; variants of RON such as ``fixed(1.0, 2.0)`` are ``{"fixed": [1.0, 2.0]}``."""
+        return json.loads(_deepfield.json_of(self._kind, self._ron, self._kind))
+
+    def asked(self):
+        """What it says."""
+        return self.fields
+
+    def replace(self, **changes):
+        """The same with other values of some fields."""
+        return type(self)(**{**self.fields, **changes})
+
+    def __getattr__(self, name):
+        if name.startswith("_") or name not in self.fields:
+            raise AttributeError(f"{type(self).__name__} has no field {name}")
+        return self.fields[name]
+
+    def __eq__(self, other):
+        return type(self) is type(other) and self.fields == other.fields
+
+    __hash__ = None  # type: ignore
+
+    def __repr__(self):
+        said = ", ".join(f"{name}={value!r}" for name, value in self.fields.items() if value not in (None, [], {}, ""))
+        return f"{type(self).__name__}({said if len(said) < 200 else said[:197] + '...'})"
+
+
+class TransferFunction(_Text):
+    """From values to colours: ``TransferFunction(color_map="viridis", range=(1e-3, 10.0), gamma=1.2)``.
+
+    Its fields are those of the files in assets/transfer. A ``range`` is "auto" or two numbers, a ``color_map`` a name of :func:`color_maps` or a
+    list of stops ``[(0.0, "#000000"), (1.0, "#ffffff")]``.
+    """
+
+    _kind = "transfer"
+
+    @staticmethod
+    def _said(fields):
+        def fixed(value):
+            pair = isinstance(value, (tuple, list)) and len(value) == 2
+            return {"fixed": [float(end) for end in value]} if pair else value
+
+        said = {name: fixed(value) if name == "range" else value for name, value in fields.items()}
+        if isinstance(said.get("unit_length"), (int, float)):
+            said["unit_length"] = {"fixed": said["unit_length"]}
+        if isinstance(said.get("hue"), dict) and "range" in said["hue"]:
+            said["hue"] = {**said["hue"], "range": fixed(said["hue"]["range"])}
+        return said
+
+    @classmethod
+    def named(cls, name):
+        """A preset by its name, one of :func:`transfer_functions`."""
+        return cls.from_ron(_deepfield.transfer_function(os.fspath(name)), os.fspath(name))
+
+
+class Scene(_Text):
+    """What a picture shows: a scene file, as the window saves it with Ctrl+S.
+
+    ``Scene(data, camera=camera, mode="points", settings={"radius": 3.0}, size=(800, 600))`` is of open data or of paths. A time is a number or
+    "step:12", "z:1.5", "a:0.4", "last". ``data.render(scene=scene)`` draws it.
+    """
+
+    _kind = "scene"
+
+    def __init__(self, data=None, **fields):
+        if data is not None:
+            paths = getattr(data, "paths", None) or ([data] if isinstance(data, (str, os.PathLike)) else data)
+            fields["datasets"] = [{"path": os.path.abspath(path)} for path in paths]
+        super().__init__(**fields)
+
+    @staticmethod
+    def _said(fields):
+        return {"version": 2, "datasets": [], **fields}
+
+
+class Tour(_Text):
+    """Keyframes in time: a tour file. ``Tour(keyframes=[{...}, ...], size=(1280, 720), rate=30)`` has the fields of docs/tours.md."""
+
+    _kind = "tour"
+    _seconds = None
+
+    @staticmethod
+    def _said(fields):
+        return {"version": 2, "keyframes": [], **fields}
+
+    @classmethod
+    def around(cls, seconds=10.0):
+        """A tour around whatever data it is of; a run plays along."""
+        made = cls.from_ron(_deepfield.tour_around(float(seconds)))
+        made._seconds = float(seconds)
+        return made
+
+    def _asked(self, **more):
+        of = {"seconds": self._seconds} if self._seconds is not None else {"tour": self._ron, "file": self.path}
+        return asked.text({**of, **more})
+
+    def render(
+        self,
+        data,
+        out,
+        size=None,
+        fps=None,
+        *,
+        start=None,
+        end=None,
+        pattern=None,
+        error_px=None,
+        memory=None,
+        progress=None,
+    ):
+        """Draws its frames as PNG files into the folder ``out``, as ``deepfield tour --record`` does, and gives their paths.
+
+        ``size`` is width and height, ``fps`` frames a second, ``start`` and ``end`` seconds, ``pattern`` the frames' names [frame-%05d].
+        """
+        wanted = self._asked(
+            size=None if size is None else [int(side) for side in size],
+            fps=fps,
+            start=start,
+            end=end,
+            pattern=pattern,
+            error_px=error_px,
+            memory=asked.memory(memory),
+        )
+        with progresses.teller(progress) as tell:
+            paths, told = data._native.record(wanted, os.fspath(out), tell)
+        notes.tell(told)
+        return [os.fspath(path) for path in paths]
+
+    def scene(self, data, time, size=None, progress=None):
+        """The scene that it shows at a time, seconds from its beginning, in a picture of that size [the tour's]."""
+        wanted = self._asked(size=None if size is None else [int(side) for side in size])
+        with progresses.teller(progress) as tell:
+            text, told = data._native.scene(wanted, float(time), tell)
+        notes.tell(told)
+        return Scene.from_ron(text)
+
+    def picture(self, data, time, size=None, progress=None, **settings):
+        """The picture at a time; ``settings`` are those of ``data.render``."""
+        return data.render(scene=self.scene(data, time, size, progress), progress=progress, **settings)

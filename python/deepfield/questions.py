@@ -1,0 +1,151 @@
+"""Which particles a question is about, and rows and numbers of plots that come back."""
+
+import dataclasses
+
+import numpy as np
+
+from ._deepfield import Error
+from .table import Table
+
+
+def _numbers(name, values, expected):
+    try:
+        numbers = [float(value) for value in values]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != len(expected.split(", ")):
+        raise Error(f"{name}: found {values!r}, expected {expected}")
+    return numbers
+
+
+def of(sphere=None, box=None, where=None, families=None, exact=False, wrap=True, time=None):
+    """The question that the native part reads."""
+    shapes = []
+    if sphere is not None:
+        x, y, z, radius = _numbers("sphere", sphere, "x, y, z, radius")
+        shapes.append({"Sphere": {"center": [x, y, z], "radius": radius}})
+    if box is not None:
+        corners = _numbers("box", box, "x0, y0, z0, x1, y1, z1")
+        shapes.append({"Box": {"min": corners[:3], "max": corners[3:]}})
+    ranges = []
+    for name, ends in (where or {}).items():
+        if not isinstance(ends, (tuple, list)) or len(ends) != 2:
+            raise Error(f"where: {name}: found {ends!r}, expected least and largest value, or None")
+        ranges.append({"field": name, "min": ends[0], "max": ends[1]})
+    families = [families] if isinstance(families, str) else list(families or ())
+    return {
+        "region": {"shapes": shapes, "ranges": ranges, "families": families},
+        "exact": bool(exact),
+        "no_wrap": not wrap,
+        "time": None if time is None else str(time),
+    }
+
+
+def ids_of(ids):
+    """Ids as unsigned numbers of 64 bits."""
+    if ids is None:
+        return None
+    array = np.atleast_1d(np.asarray(ids))
+    if array.size == 0:
+        array = array.astype(np.uint64)
+    if array.ndim != 1 or array.dtype.kind not in "iu" or (array.dtype.kind == "i" and array.min() < 0):
+        raise Error(f"ids: found an array of {array.dtype} of shape {array.shape}, expected whole numbers from 0 on of shape (n,)")
+    return np.ascontiguousarray(array, dtype=np.uint64)
+
+
+def table(columns, about):
+    """A table of rows: families by name, ids where there are some, and numbers."""
+    return Table(columns, about["units"], {"family": about["families"]}, {"exact": about["exact"]})
+
+
+def edges(axis):
+    """Edges of the bins along an axis."""
+    ends = (axis["min"], axis["max"], axis["bins"] + 1)
+    return np.geomspace(*ends) if axis["logarithmic"] else np.linspace(*ends)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Histogram:
+    """How the values of a field are distributed: ``counts`` of particles between ``edges``, and the sum of their ``weights``, where asked."""
+
+    counts: np.ndarray
+    edges: np.ndarray
+    logarithmic: bool
+    weights: np.ndarray | None = None
+    field: str = ""
+    unit: str = ""
+    weight: str = "count"
+    weight_unit: str = ""
+    about: dict = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PhaseDiagram:
+    """How the values of two fields are distributed together: ``counts`` and ``weights`` have the shape (bins of y, bins of x), as
+    ``matplotlib.pyplot.pcolormesh(found.x_edges, found.y_edges, found.weights)`` takes them."""
+
+    counts: np.ndarray
+    weights: np.ndarray
+    x_edges: np.ndarray
+    y_edges: np.ndarray
+    fields: tuple
+    units: tuple
+    logarithmic: tuple
+    weight: str
+    weight_unit: str
+    about: dict
+
+
+# What is neither an axis nor in its bins.
+_REST = ("total", "count", "not_positive", "outside", "missing", "exact", "error", "estimate")
+
+
+def _counted(found):
+    return np.array(found["counts"], dtype=np.uint64), np.array(found["weights"], dtype=np.float64)
+
+
+def histogram(found):
+    """A histogram of what the native part tells."""
+    (axis,) = found["axes"]
+    counts, weights = _counted(found)
+    about = {name: found[name] for name in _REST}
+    of_axis = (axis["field"], axis["unit"], found["weight"], found["weight_unit"])
+    return Histogram(counts, edges(axis), axis["logarithmic"], weights, *of_axis, about)
+
+
+def phase_diagram(found):
+    """A phase diagram of what the native part tells."""
+    x, y = found["axes"]
+    counts, weights = (values.reshape(y["bins"], x["bins"]) for values in _counted(found))
+    each = lambda name: (x[name], y[name])
+    about = {name: found[name] for name in _REST}
+    return PhaseDiagram(
+        counts, weights, edges(x), edges(y), each("field"), each("unit"), each("logarithmic"), found["weight"], found["weight_unit"], about
+    )
+
+
+_MEANS = ("mean", "dispersion", "mass_weighted_mean", "mass_weighted_dispersion")
+
+
+def profile(found):
+    """A table of shells of what the native part tells, once for each field."""
+    first = found[0]
+    length, mass = first["length_unit"], first["mass_unit"]
+    volume = f"({length})^3" if any(sign in length for sign in "/ ") else f"{length}^3"
+    shells = first["shells"]
+    columns = {
+        "radius_from": [shell["from"] for shell in shells],
+        "radius_to": [shell["to"] for shell in shells],
+        "mass": [shell["mass"] for shell in shells],
+        "density": [shell["density"] for shell in shells],
+    }
+    units = {"radius_from": length, "radius_to": length, "mass": mass, "density": f"{mass}/{volume}" if mass and length else ""}
+    for one in found:
+        for name in _MEANS if one["field"] else ():
+            own = f"{name}_{one['field']}".replace("-", "_")
+            # What no value is in is told as nothing.
+            columns[own], units[own] = [shell[name] for shell in one["shells"]], one["field_unit"]
+    columns = {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
+    columns["count"] = np.array([shell["count"] for shell in shells], dtype=np.uint64)
+    about = {name: first[name] for name in ("center", "count", "mass", "exact", "error", "estimate")}
+    return Table(columns, units, about=about)

@@ -1,0 +1,164 @@
+// The browser's part of the widget: shows the frames that it gets, and tells what the mouse and the keys do.
+
+const STYLE = `
+.deepfield { display: inline-block; font: 12px system-ui, sans-serif; }
+.deepfield canvas { display: block; background: #000; cursor: grab; touch-action: none; outline-offset: 2px; }
+.deepfield .row { display: flex; flex-wrap: wrap; gap: 8px; align-items: center; padding: 4px 0; }
+.deepfield .row input[type=range] { flex: 1; min-width: 120px; }
+.deepfield .told { min-height: 1.3em; white-space: pre-wrap; opacity: 0.8; }
+`;
+
+const made = (name, attributes = {}, ...children) => {
+  const element = Object.assign(document.createElement(name), attributes);
+  element.append(...children);
+  return element;
+};
+
+const number = (value) => (value == null ? "none" : Number(value.toPrecision(4)).toString());
+
+const withUnit = (value, unit) => `${number(value)}${unit ? " " + unit : ""}`;
+
+// What was found at a pixel, in words.
+function pickedText({ place, unit, values, units, radius, probe }) {
+  const parts = Object.entries(values).map(([name, value]) => `${name} ${withUnit(value, units[name])}`);
+  const lines = [`(${place.map(number).join(", ")})${unit ? " " + unit : ""}: ${parts.join(", ")}`];
+  if (probe) {
+    lines.push(`within ${withUnit(radius, unit)}: ${probe.count} particles, mass ${number(probe.mass)}`);
+  }
+  return lines.join("\n");
+}
+
+function render({ model, el }) {
+  const about = model.get("about");
+  const [width, height] = about.size;
+  const canvas = made("canvas", { width, height, tabIndex: 0 });
+  canvas.setAttribute("aria-label", "a picture that can be turned, dragged and zoomed");
+  const context = canvas.getContext("2d");
+  const told = made("div", { className: "told" });
+  const send = (message) => model.send(message);
+
+  const choice = (label, name, options) => {
+    const select = made("select", {}, made("option", { value: "", textContent: "usual" }));
+    for (const option of options) select.append(made("option", { value: option, textContent: option }));
+    select.value = about[name] ?? "";
+    select.onchange = () => send({ do: "choose", [name]: select.value || null });
+    return made("label", {}, `${label} `, select);
+  };
+  const row = made("div", { className: "row" });
+  if (about.modes.length) row.append(choice("mode", "mode", about.modes));
+  if (about.attributes.length) row.append(choice("colour", "attribute", about.attributes));
+  row.append(made("button", { textContent: "home", onclick: () => send({ do: "home" }) }));
+  if (about.times.length > 1) {
+    const [first, last] = [about.times[0], about.times[about.times.length - 1]];
+    const shown = made("span", { textContent: number(about.time ?? first) });
+    const slider = made("input", { type: "range", min: first, max: last, step: (last - first) / 1000 });
+    slider.value = about.time ?? first;
+    slider.oninput = () => {
+      shown.textContent = number(slider.valueAsNumber);
+      send({ do: "choose", time: slider.valueAsNumber });
+    };
+    row.append(made("label", {}, "time ", slider, " ", shown));
+  }
+  el.append(made("div", { className: "deepfield" }, made("style", { textContent: STYLE }), canvas, row, told));
+
+  // What was moved since the last frame of the browser is one message.
+  let waiting = null;
+  const move = (what, change) => {
+    if (waiting && waiting.do !== what) flush();
+    if (!waiting) {
+      waiting = { do: what };
+      requestAnimationFrame(flush);
+    }
+    change(waiting);
+  };
+  function flush() {
+    if (waiting) send(waiting);
+    waiting = null;
+  }
+  const drag = (what, x, y) =>
+    move(what, (message) => {
+      message.x = (message.x ?? 0) + x;
+      message.y = (message.y ?? 0) + y;
+    });
+  const zoom = (factor, x, y) =>
+    move("zoom", (message) => {
+      message.factor = (message.factor ?? 1) * factor;
+      Object.assign(message, { x, y });
+    });
+  // The page may show the canvas larger or smaller than it is.
+  const at = (event) => {
+    const box = canvas.getBoundingClientRect();
+    return [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
+  };
+
+  let last = null;
+  let way = 0;
+  canvas.onpointerdown = (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    [last, way] = [at(event), 0];
+  };
+  canvas.onpointermove = (event) => {
+    if (!last || !event.buttons) return;
+    const now = at(event);
+    const [x, y] = [now[0] - last[0], now[1] - last[1]];
+    way += Math.hypot(x, y);
+    last = now;
+    drag(about.flat || event.shiftKey || event.buttons !== 1 ? "pan" : "turn", x, y);
+  };
+  canvas.onpointerup = (event) => {
+    if (last && way < 3 && event.button === 0) send({ do: "pick", x: last[0], y: last[1] });
+    last = null;
+  };
+  canvas.onpointercancel = () => (last = null);
+  canvas.oncontextmenu = (event) => event.preventDefault();
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 16 : 1;
+      zoom(Math.exp(0.002 * lines * event.deltaY), ...at(event));
+    },
+    { passive: false },
+  );
+  const keys = {
+    ArrowLeft: [-20, 0],
+    ArrowRight: [20, 0],
+    ArrowUp: [0, -20],
+    ArrowDown: [0, 20],
+  };
+  canvas.onkeydown = (event) => {
+    if (keys[event.key]) drag(about.flat || event.shiftKey ? "pan" : "turn", ...keys[event.key]);
+    else if (event.key === "+" || event.key === "-") zoom(event.key === "+" ? 0.8 : 1.25, width / 2, height / 2);
+    else if (event.key === "Home") send({ do: "home" });
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  };
+
+  // Pictures are decoded beside each other; one that is late is not shown over a newer one.
+  let [arrived, shown] = [0, 0];
+  const show = async (message, [buffer]) => {
+    const mine = ++arrived;
+    const picture = await createImageBitmap(new Blob([buffer], { type: "image/png" }));
+    if (mine > shown) {
+      shown = mine;
+      context.clearRect(0, 0, width, height);
+      context.drawImage(picture, 0, 0, width, height);
+      const hue = message.attribute ? ` of ${message.attribute}` : "";
+      const tall = message.span == null ? "" : `, ${withUnit(message.span, message.unit)} tall`;
+      const state = message.finished ? "" : ` (${message.size.join(" x ")} while it moves)`;
+      told.textContent = `${message.mode}${hue}${tall}, ${Math.round(message.milliseconds)} ms${state}`;
+    }
+    picture.close();
+  };
+  const receive = (message, buffers) => {
+    if (message.kind === "frame") show(message, buffers);
+    else if (message.kind === "picked") told.textContent = pickedText(message);
+    else if (message.kind === "error") told.textContent = message.text;
+  };
+  model.on("msg:custom", receive);
+  send({ do: "begin" });
+  return () => model.off("msg:custom", receive);
+}
+
+export default { render };

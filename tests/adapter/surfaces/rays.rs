@@ -1,0 +1,101 @@
+//! Rays by an adapter's passes: the processor's rays, and what triangles show.
+
+use super::holes::{broken, covered};
+use super::seen::{assert_alike, read, reading};
+use super::*;
+use deepfield::view::CutSettings;
+use deepfield::view::cut::ClipBox;
+
+const PICTURE: (u32, u32) = (105, 70);
+
+/// A small picture by a technique.
+fn small(technique: &str, wanted: &Wanted<'_>) -> Shot {
+    let settings = [wanted.settings, &[("technique", name(technique))][..]].concat();
+    Shot { size: Some(PICTURE), ..Wanted { settings: &settings, ..*wanted }.shot() }
+}
+
+/// Only what is in a box.
+fn cut(shot: Shot) -> Shot {
+    let clip = Some(ClipBox { min: DVec3::new(100.3, 80.2, -500.0), max: DVec3::new(560.6, 400.4, 70.0) });
+    let cut = Some(CutSettings { clip, ..CutSettings::default() });
+    Shot { look: LookPatch { cut, ..shot.look }, ..shot }
+}
+
+#[test]
+fn an_adapter_casts_rays_as_the_processor_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = built(folder.path(), &broken());
+    let far = Wanted { attribute: Some("height"), ..PLAIN };
+    let near = Wanted { eye: Some([310.0, 200.0, 60.0]), target: Some([480.0, 350.0, -20.0]), ..far };
+    let aside =
+        Wanted { eye: Some([700.0, -200.0, 500.0]), target: Some([380.0, 265.0, 0.0]), ortho: Some(260.0), ..far };
+    // Rays along one of the axes, and such as are over one place all along.
+    let above =
+        Wanted { eye: Some([310.0, 265.0, 900.0]), target: Some([310.0, 265.5, 0.0]), ortho: Some(560.0), ..far };
+    let down = Wanted { eye: Some([310.0, 265.0, 900.0]), target: Some([310.0, 265.0001, 0.0]), ..above };
+    let filled = Wanted { settings: &[("holes", name("filled")), ("contours", number(8.0))], ..near };
+    let pictures = [
+        ("far away", &far, false),
+        ("near by", &near, false),
+        ("in parallel, in a box", &aside, true),
+        ("from above", &above, false),
+        ("straight down", &down, false),
+        ("a membrane", &filled, false),
+    ];
+    let (mut processor, mut adapter) = (session(&path, Backend::Cpu), session(&path, Backend::Compute));
+    for (what, wanted, is_cut) in pictures {
+        let shot = |technique| if is_cut { cut(small(technique, wanted)) } else { small(technique, wanted) };
+        let [rays, triangles] = ["rays", "triangles"].map(shot);
+        let (expected, found) = (processor.draw(&rays).unwrap(), adapter.draw(&rays).unwrap());
+        assert_eq!(found.drawn_by[0], "compute", "{what}");
+        let counts = [&expected, &found].map(|picture| {
+            let report = &picture.surface.as_ref().unwrap().report;
+            [report.samples_drawn, report.points, report.triangles, report.nodes_drawn]
+        });
+        assert_eq!(counts[0], counts[1], "{what}");
+        let image = found.image(&rays).unwrap();
+        let others = [("the processor's", expected, 0.02), ("triangles", adapter.draw(&triangles).unwrap(), 0.03)];
+        for (against, other, most) in &others {
+            let (share, mean) = differences(&image, &other.image(&rays).unwrap());
+            let covered = [&found, other].map(covered);
+            println!("{what}, {against}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}, {covered:?}");
+            assert!(share <= *most && mean < 0.6, "{what}, {against}: {share} {mean}");
+            assert!((covered[0] - covered[1]).abs() < 0.01 * covered[1], "{what}, {against}: {covered:?}");
+        }
+        // The same picture twice is the same bits.
+        assert_eq!(adapter.draw(&rays).unwrap().image(&rays).unwrap(), image, "{what}");
+    }
+    let shot = small("rays", &far);
+    let (_, expected) = read(&mut reading(&path, Backend::Cpu), &shot);
+    let (picture, found) = read(&mut reading(&path, Backend::Compute), &shot);
+    assert_eq!(picture.drawn_by[0], "compute");
+    assert_alike(&found, &expected, [PICTURE.0, PICTURE.1].map(|side| side as usize), "rays");
+}
+
+#[test]
+fn where_no_adapter_casts_rays_others_draw() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut field = hills([60, 50], Holes::None);
+    let path = built(folder.path(), &field);
+    let [rays, triangles] = ["rays", "triangles"].map(|technique| small(technique, &PLAIN));
+    let draw = |path: &Path, backend: Backend, shot: &Shot| {
+        let picture = session(path, backend).draw(shot).unwrap();
+        (picture.drawn_by[0].clone(), picture.image(shot).unwrap())
+    };
+    // The rasteriser has triangles in their place.
+    let found = draw(&path, Backend::Raster, &rays);
+    assert_eq!(found.0, "raster");
+    assert_eq!(found, draw(&path, Backend::Raster, &triangles));
+    // All around the eye, and through globes, rays are the processor's.
+    let all_around = Shot { surround: Surround::Equirectangular, ..rays.clone() };
+    (field.grid.step, field.grid.origin) = ([6.0, -3.6], [-177.0, 88.2]);
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    let beside = folder.path().join("globe");
+    std::fs::create_dir(&beside).unwrap();
+    let globe = built(&beside, &field);
+    for (path, shot) in [(&path, &all_around), (&globe, &rays)] {
+        let found = draw(path, Backend::Compute, shot);
+        assert_eq!(found.0, "cpu");
+        assert_eq!(found, draw(path, Backend::Cpu, shot));
+    }
+}
