@@ -165,7 +165,7 @@ class Data:
             "memory": asked.memory(memory),
             "settings": {name.replace("_", "-"): value for name, value in settings.items()},
             **_config(config),
-            "scene": self._scene(scene),
+            **self._scene(scene),
         }
         with progresses.teller(progress) as tell:
             native, told = self._native.render(asked.text(wanted), tell)
@@ -173,13 +173,14 @@ class Data:
         return Picture(native, told)
 
     def _scene(self, scene):
+        """A scene by its text, with the file beside which lies what it names."""
         if scene is None:
-            return None
-        if isinstance(scene, Scene):
-            return scene.to_ron()
+            return {}
         if isinstance(scene, (str, os.PathLike)):
-            return Scene.read(scene).to_ron()
-        return Scene(self, **scene).to_ron()
+            scene = Scene.read(scene)
+        elif not isinstance(scene, Scene):
+            scene = Scene(self, **scene)
+        return {"scene": scene.to_ron(), "scene_file": scene.path}
 
     def widget(self, mode=None, attribute=None, size=(720, 480), camera=None, time=None, *, error_px=0.8, budget=0.1, **asked):
         """A view in a notebook that is turned, dragged, zoomed and asked; anywidget has to be installed.
@@ -384,7 +385,7 @@ class Data:
         ``level`` leaves every 2^level-th sample along each axis. Values are as they are stored, in the type of the file, unless that scales
         them or marks missing ones: then they are float64 with NaN, or as stored with ``stored=True``. ``memory`` is what they may take.
         """
-        wanted = {"level": _whole("level", level), "memory": asked.memory(memory)}
+        wanted = {"level": _whole("level", level), "stored": bool(stored), "memory": asked.memory(memory)}
         with progresses.teller(progress) as tell:
             content, about = self._native.samples(asked.text(wanted), tell)
         about = json.loads(about)
@@ -453,7 +454,8 @@ def _part(name, part, count):
 def _transfer(transfer):
     if transfer is None or isinstance(transfer, str):
         return transfer
-    return transfer.to_ron() if isinstance(transfer, TransferFunction) else os.fspath(transfer)
+    # The text of a file may begin with a comment, by which it would not be told from a name.
+    return TransferFunction(**transfer.fields).to_ron() if isinstance(transfer, TransferFunction) else os.fspath(transfer)
 
 
 def _spaced(count):

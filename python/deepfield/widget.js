@@ -35,7 +35,12 @@ function render({ model, el }) {
   canvas.setAttribute("aria-label", "a picture that can be turned, dragged and zoomed");
   const context = canvas.getContext("2d");
   const told = made("div", { className: "told" });
-  const send = (message) => model.send(message);
+  // What was told of a pixel stays until the view changes.
+  let answer = "";
+  const send = (message) => {
+    if (message.do !== "pick") answer = "";
+    model.send(message);
+  };
 
   const choice = (label, name, options) => {
     const select = made("select", {}, made("option", { value: "", textContent: "usual" }));
@@ -102,6 +107,8 @@ function render({ model, el }) {
     const now = at(event);
     const [x, y] = [now[0] - last[0], now[1] - last[1]];
     way += Math.hypot(x, y);
+    // A click is no drag, though the hand trembles.
+    if (way < 3) return;
     last = now;
     drag(about.flat || event.shiftKey || event.buttons !== 1 ? "pan" : "turn", x, y);
   };
@@ -147,13 +154,13 @@ function render({ model, el }) {
       const hue = message.attribute ? ` of ${message.attribute}` : "";
       const tall = message.span == null ? "" : `, ${withUnit(message.span, message.unit)} tall`;
       const state = message.finished ? "" : ` (${message.size.join(" x ")} while it moves)`;
-      told.textContent = `${message.mode}${hue}${tall}, ${Math.round(message.milliseconds)} ms${state}`;
+      told.textContent = answer || `${message.mode}${hue}${tall}, ${Math.round(message.milliseconds)} ms${state}`;
     }
     picture.close();
   };
   const receive = (message, buffers) => {
     if (message.kind === "frame") show(message, buffers);
-    else if (message.kind === "picked") told.textContent = pickedText(message);
+    else if (message.kind === "picked") told.textContent = answer = pickedText(message);
     else if (message.kind === "error") told.textContent = message.text;
   };
   model.on("msg:custom", receive);

@@ -322,7 +322,7 @@ def _numbers(message, *names):
     """Numbers of a message."""
     found = [message.get(name) for name in names]
     for name, value in zip(names, found):
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or abs(value) > 1e6:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= 1e6:
             raise Error(f"widget: {name}: found {value!r:.60}, expected a number")
     return found
 

@@ -8,7 +8,7 @@ use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::heights::model::{Heights, Window};
 use deepfield_draw::import::{GridOptions, GridSource, open_grid};
 use deepfield_draw::look::{DataKind, is_field};
-use deepfield_draw::model::{Grid, ReadMethod, Region};
+use deepfield_draw::model::{Channel, Grid, ReadMethod, Region};
 use deepfield_draw::picture::Reporter;
 use deepfield_draw::store::GridFile;
 use serde::Deserialize;
@@ -24,6 +24,8 @@ const BAND: u64 = 64 << 20;
 pub struct AskedSamples {
     /// Of a grid: every 2^level-th sample along each axis.
     level: u32,
+    /// Whether they stay as they are stored; else there has to be room for the 64-bit floats that they stand for, too.
+    stored: bool,
     /// Of heights: the first row or column and the one after the last, all where nothing is said.
     rows: Option<[u64; 2]>,
     columns: Option<[u64; 2]>,
@@ -86,7 +88,15 @@ impl AskedSamples {
         let whole = open.grid();
         let kept = whole.thinned(every);
         let what = format!("{} in an array", kept.described());
-        let mut bytes = vec![0; self.room_for(path, kept.bytes(), &what)?];
+        let is_plain =
+            |channel: &Channel| (channel.scale.slope, channel.scale.intercept, channel.no_data) == (1.0, 0.0, None);
+        let floats = match self.stored || kept.channels.iter().all(is_plain) {
+            true => 0,
+            false => (size_of::<f64>() / kept.sample_type.size()) as u64,
+        };
+        let stored = kept.bytes().unwrap_or(u64::MAX);
+        self.room_for(path, stored.checked_mul(1 + floats), &what)?;
+        let mut bytes = vec![0; self.room_for(path, Some(stored), &what)?];
         match every {
             1 => open.read(&whole.region(), &mut bytes)?,
             _ => self.thin(path, &open, every, &mut bytes, state)?,

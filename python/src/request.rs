@@ -14,7 +14,7 @@ use deepfield_draw::modes;
 use deepfield_draw::picture::SessionOptions;
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The largest picture, pixels along a side.
 const LARGEST: u32 = 32_768;
@@ -29,6 +29,8 @@ pub struct Asked {
     config_name: String,
     /// A scene in RON, whose look, camera and size hold where nothing else is said; its own data is not opened.
     scene: Option<String>,
+    /// The file that it was read from.
+    scene_file: Option<PathBuf>,
     /// Visualization mode.
     mode: Option<String>,
     /// The attribute that gives the hue.
@@ -67,7 +69,10 @@ impl Asked {
             None => PictureConfig::default(),
         };
         let base = match &self.scene {
-            Some(text) => Shot::of_scene(SceneFile::parse("scene", text)?, Path::new("")),
+            Some(text) => {
+                let file = self.scene_file.as_deref().unwrap_or(Path::new("scene"));
+                Shot::of_scene(SceneFile::parse(&file.display().to_string(), text)?, file)
+            }
             None => Shot::default(),
         };
         let PictureConfig { look, volume, family, size, camera, projection, stereo, catalogue, residency, .. } = config;

@@ -60,8 +60,13 @@ pub fn ron_of(kind: &str, said: &str) -> PyResult<String> {
             Kind::Transfer => of_json::<TransferFunction>(kind, said)?.to_ron(),
             Kind::Scene => {
                 let of_run = OfRun::take(&mut said)?;
+                let of_before = said.pointer_mut("/film/from").map(OfRun::take).transpose()?;
                 let mut scene: SceneFile = of_json(kind, said)?;
                 of_run.give(&mut scene.look);
+                let before = scene.film.as_mut().and_then(|film| film.from.as_mut());
+                if let Some((of_before, before)) = of_before.zip(before) {
+                    of_before.give(&mut before.look);
+                }
                 let text = scene.text(Path::new(kind))?;
                 SceneFile::parse(kind, &text)?;
                 text

@@ -109,6 +109,11 @@ impl AskedTour {
             return Err(format!("time: found {time}, expected a number of seconds").into());
         }
         let place = Path::new("tour");
-        Ok(show.shot(time, place)?.text(place)?)
+        let mut scene = show.shot(time, place)?;
+        // It may be written into any folder.
+        for dataset in &mut scene.datasets {
+            dataset.path = std::path::absolute(&dataset.path)?;
+        }
+        Ok(scene.text(place)?)
     }
 }

@@ -39,6 +39,9 @@ class Texts(WithFolder):
         self.assertEqual(deepfield.Scene(**scene.fields), scene)
         self.assertEqual([scene.time, scene.paths["of"], scene.camera["eye"]], [{"step": 2}, "all", [1.0, 2.0, 3.0]])
         self.assertEqual(scene.replace(mode="column-density", settings={}).mode, "column-density")
+        fading = scene.replace(film={"from": scene.fields, "share": 0.5}, time="last")
+        self.assertEqual((fading.time, fading.film["from"]["time"]), ("last", {"step": 2}))
+        self.assertEqual(deepfield.Scene(**fading.fields), fading)
 
     def test_mistakes_are_the_programs(self):
         function, scene, tour = deepfield.TransferFunction, deepfield.Scene, deepfield.Tour
@@ -77,7 +80,11 @@ class Drawn(WithData):
         self.assertEqual(self.data.render(scene=scene, size=(20, 10)).size, (20, 10))
         self.assertEqual(self.data.render(scene=scene, mode="column-density").mode, "column-density")
         function = deepfield.TransferFunction(color_map="viridis")
-        self.assertTrue((self.data.render(scene=scene, transfer=function).rgba != plain.rgba).any())
+        drawn = self.data.render(scene=scene, transfer=function).rgba
+        self.assertTrue((drawn != plain.rgba).any())
+        # As files of the program begin.
+        commented = deepfield.TransferFunction.from_ron("// Mine.\n" + function.to_ron())
+        np.testing.assert_array_equal(self.data.render(scene=scene, transfer=commented).rgba, drawn)
 
     def test_a_tour_draws_its_frames(self):
         tour = deepfield.Tour.around(2.0)

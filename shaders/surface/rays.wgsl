@@ -44,9 +44,10 @@ fn beside(corner: vec2<u32>, height: f32, across: vec2<f32>) -> vec3<f32> {
     return vec3(fma(-across, vec2(scale), place.xy), place.z);
 }
 
-/// On which side of an edge the ray is. Corners come in the order that they have in their cell, in which both triangles of an edge have them.
+/// On which side of an edge the ray is. Corners come in the order that they have in their cell, in which both triangles of an edge have them, and
+/// nothing is left to a compiler to fuse for one of these and not for the other.
 fn side_of(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    return a.x * b.y - a.y * b.x;
+    return fma(a.x, b.y, -(a.y * b.x));
 }
 
 /// How far edges where levels meet reach to either side at a depth.

@@ -257,7 +257,7 @@ fn reuse(paths: &[PathBuf]) -> Result<bool, Failure> {
         return Err(format!("--reuse: found {} files, expected one", paths.len()).into());
     };
     // A missing file is an error here, too.
-    if !path.exists() {
+    if !file_of_step(path).exists() {
         return Err(format!("{}: no file is there", path.display()).into());
     }
     let taken = door::folder_of_user().map_or(Ok(false), |folder| door::hand_over(&folder, path))?;

@@ -69,6 +69,10 @@ pub(super) fn draw_window(
             None => memory.move_focus(egui::FocusDirection::Next),
         });
     }
+    // Where no control has the keyboard, Tab belongs to the panels' visibility, not to egui's focus.
+    if !had_keyboard && ctx.input(|input| input.key_pressed(egui::Key::Tab)) {
+        ctx.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
+    }
     let window = ctx.viewport_rect();
     let native = ctx.native_pixels_per_point().unwrap_or(1.0);
     let scale = match preset.panel.scale {
@@ -201,13 +205,6 @@ pub(super) fn draw_window(
     }
     let any_button = ctx.input(|input| input.pointer.any_down());
     owner.tool_draws = tool.takes_drags() && pointer.held && is_flat;
-    // Where no control has the keyboard, Tab belongs to the panels' visibility, not to egui's focus.
-    if let Some(focused) = ctx.memory(|memory| memory.focused())
-        && !had_keyboard
-        && ctx.input(|input| input.key_pressed(egui::Key::Tab))
-    {
-        ctx.memory_mut(|memory| memory.surrender_focus(focused));
-    }
     let has_keyboard = ctx.egui_wants_keyboard_input() || egui::Popup::is_any_open(&ctx) || panel.files.typed.is_some();
     owner.update(over_picture, any_button, ctx.dragged_id().is_some(), has_keyboard);
     Ok(())

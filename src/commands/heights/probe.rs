@@ -126,6 +126,10 @@ pub fn run(
     json: Option<&Path>,
 ) -> CommandResult {
     let open = options.open(path)?;
+    let is_of_pixels = !asked.pixel.is_empty() || asked.pixels.is_some();
+    if out.is_some() && (asked.point.is_some() || is_of_pixels && asked.line.is_none()) {
+        return Err("-o: found --point or --pixel beside it, expected --line or a region".into());
+    }
     if let Some(place) = asked.point {
         let lengths = options::lengths(path, asked.map.as_deref(), open.grid())?;
         let found = probe_on(&open, &lengths, place)?;
@@ -134,10 +138,7 @@ pub fn run(
     if let Some(Polyline(corners)) = &asked.line {
         return profile::run(path, &open, corners, asked.map.as_deref(), (out, asked.size), json);
     }
-    if !asked.pixel.is_empty() || asked.pixels.is_some() {
-        if out.is_some() {
-            return Err("-o: found --pixel beside it, expected --line or a region".into());
-        }
+    if is_of_pixels {
         let (seen, note) = options.open_for_pictures(path)?;
         note.into_iter().for_each(|note| eprintln!("deepfield: {}: {note}", path.display()));
         return pixels::run(path, &seen, asked, json);

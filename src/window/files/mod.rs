@@ -181,7 +181,14 @@ pub(super) fn carry_out(
         Ask::Use(Purpose::Open, path) => {
             wanted.write(Wanted(path));
         }
-        Ask::Use(Purpose::SaveAs, path) => scene_files.save_as = Some(scene_path(path)),
+        Ask::Use(Purpose::SaveAs, path) => {
+            let named = scene_path(path.clone());
+            // A dialog has asked before the file that was chosen is replaced, and about no other.
+            match named != path && named.exists() {
+                true => notices.error(format!("{}: found a file, expected a name that none has", named.display())),
+                false => scene_files.save_as = Some(named),
+            }
+        }
         Ask::Save => scene_files.asked = true,
         Ask::Demo => {
             if let Some(demo) = files.demo.clone() {

@@ -1,5 +1,6 @@
 //! Files that were opened before: a short list in the user's configuration folder, the latest first, which all windows share.
 
+use crate::import::file_of_step;
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
 use crate::window::state::answer::Answer;
@@ -112,7 +113,7 @@ impl Job {
             Job::Clear => write(list, &[])?,
         }
         let files = read(list).map_err(|error| error.to_string())?;
-        Ok(files.into_iter().map(|path| Known { is_missing: !path.exists(), path }).collect())
+        Ok(files.into_iter().map(|path| Known { is_missing: !file_of_step(&path).exists(), path }).collect())
     }
 }
 

@@ -40,8 +40,9 @@ pub(crate) fn keep_title(
     if saved.held.is_none() && files.path.is_some() && is_settled {
         saved.held = Some((settings.clone(), bookmarks.clone()));
     }
-    let shown = (history.present(), &*bookmarks);
-    let unsaved = saved.held.as_ref().is_some_and(|(settings, bookmarks)| shown != (Some(settings), bookmarks));
+    // Of another file there are no settings until they are settled.
+    let shown = saved.held.as_ref().zip(history.present());
+    let unsaved = shown.is_some_and(|(held, present)| (present, &*bookmarks) != (&held.0, &held.1));
     let file = files.path.as_deref().or(scene.as_ref().map(|scene| scene.path.as_path()));
     let title = title_of(file, unsaved);
     if let Ok(mut window) = windows.single_mut()

@@ -1,6 +1,7 @@
 //! A path that is typed: where the system has no dialogs, and for who has it at hand.
 
 use super::{Ask, Files, Purpose};
+use crate::import::file_of_step;
 use crate::window::theme;
 use bevy_egui::egui::{self, Align2, Key, RichText, TextEdit};
 use std::path::{Path, PathBuf};
@@ -27,7 +28,7 @@ impl Typed {
         let path = path.ok_or("found no path, expected one")?;
         let path = std::path::absolute(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         match self.purpose {
-            Purpose::Open if !path.exists() => Err(format!("{}: no file is there", path.display())),
+            Purpose::Open if !file_of_step(&path).exists() => Err(format!("{}: no file is there", path.display())),
             // The system's dialogs ask before a file is replaced.
             Purpose::SaveAs if super::scene_path(path.clone()).exists() => {
                 Err(format!("{}: found a file, expected a name that none has", path.display()))

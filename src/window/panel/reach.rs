@@ -22,7 +22,9 @@ pub(super) fn of(setting: &Setting, opened: &OpenSurface, settings: &Settings) -
         false => 1.0,
     };
     let size = || opened.bounds(settings).map_or(1.0, |bounds| bounds.size().length());
-    reach(setting, [about.facts.min, about.facts.max], cell, size)
+    let found = reach(setting, [about.facts.min, about.facts.max], cell, size);
+    // A field without a measured sample has no heights.
+    found.filter(|found| found.ends.into_iter().all(f64::is_finite))
 }
 
 /// The same of heights, of a cell as wide as gaps are told in, and of a field that is so large in its pictures.

@@ -485,6 +485,8 @@ struct Drawn<P> {
     said: Vec<Share>,
     /// What was said of what lies beside the way, and what the way says of that: to be added to totals.
     beside: Vec<(u32, f64)>,
+    /// Whether what was found is among that already, as it was before numbers of particles were rounded.
+    is_counted: bool,
     particles: u64,
     pages: u64,
     is_whole: bool,
@@ -493,7 +495,7 @@ struct Drawn<P> {
 impl<P> Drawn<P> {
     fn new(found: P, part: &Part) -> Drawn<P> {
         let particles = part.particles;
-        Drawn { found, said: Vec::new(), beside: Vec::new(), particles, pages: 0, is_whole: true }
+        Drawn { found, said: Vec::new(), beside: Vec::new(), is_counted: false, particles, pages: 0, is_whole: true }
     }
 }
 
@@ -534,7 +536,8 @@ fn descend<G: Estimated>(
     draw: u64,
     work: Work,
 ) -> Result<Drawn<G::Part>, ExploreError> {
-    let mut drawn = Drawn::new(gather.part(), &part);
+    let mut drawn = Drawn { is_counted: true, ..Drawn::new(gather.part(), &part) };
+    let mut own = vec![0.0; gather.totals()];
     let mut seen: HashSet<PageId> = part.entries.keys().copied().collect();
     let mut turn = part.turn(draw);
     // One over the chance to get here.
@@ -547,6 +550,10 @@ fn descend<G: Estimated>(
         drawn.pages += pages;
         // Of the part itself, which was split first.
         said.get_or_insert_with(|| std::mem::take(&mut here.shares));
+        own.fill(0.0);
+        gather.count(&known, &mut own);
+        let counted = (0_u32..).zip(&own).filter(|(_, value)| **value != 0.0);
+        drawn.beside.extend(counted.map(|(total, value)| (total, factor * value)));
         gather.join(&mut drawn.found, gather.scaled(known, factor))?;
         turn = mix_bits(turn.wrapping_add(GOLDEN));
         let size: f64 = parts.iter().map(Part::size).sum();
@@ -621,7 +628,9 @@ impl<'a, G: Estimated> Sample<'a, G> {
     fn add(&mut self, drawn: Drawn<G::Part>) -> Result<(), ExploreError> {
         let own = &mut self.own;
         own.fill(0.0);
-        self.gather.count(&drawn.found, own);
+        if !drawn.is_counted {
+            self.gather.count(&drawn.found, own);
+        }
         drawn.beside.iter().for_each(|&(total, value)| own[total as usize] += value);
         drawn.said.iter().for_each(|share| own[share.total as usize] -= f64::from(share.value));
         let [sums, squares] = &mut self.differences;

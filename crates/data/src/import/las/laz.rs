@@ -229,8 +229,13 @@ fn chunks(file: &RangeFile, header: &Header, vlr: &LazVlr) -> Result<Vec<Chunk>,
     let mut about = [0; 8];
     file.read(table, &mut about, "table of chunks")?;
     let number = u64::from(Order::Little.u32(&about, 4));
-    if number > header.count || number > file.length / LEAST_CHUNK {
-        return Err(wrong("number of chunks", number.to_string(), "fewer than points, and than the file has room for"));
+    // Behind the last point some writers end with an empty chunk.
+    if number.saturating_sub(1) > header.count || number > file.length / LEAST_CHUNK {
+        return Err(wrong(
+            "number of chunks",
+            number.to_string(),
+            "no more than points, and than the file has room for",
+        ));
     }
     // Two numbers of at most 32 bits each, coded.
     let mut coded = vec![0; (file.length - table).min(64 + 16 * number) as usize];

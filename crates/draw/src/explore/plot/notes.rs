@@ -99,13 +99,18 @@ impl Plot {
             Plot::Radial(Radial { field: None, .. }) => ["shell", "mass", ""],
             Plot::Radial(_) => ["shell", "mass", ", means by as much of the root mean square of their values"],
         };
-        let allowed = allowed.map_or_else(String::new, |allowed| format!("; {} allowed", percent(allowed)));
-        let (least, largest) = (percent(*least_share), percent(*largest));
+        let allowed = allowed.map_or_else(String::new, |allowed| format!("; {} allowed", error_percent(allowed)));
+        let (least, largest) = (percent(*least_share), error_percent(*largest));
         Some(format!(
             "an estimate from {pages_read} of {pages} pages, {parts_read} of {parts} parts drawn at random: each {place} with {least} of the \
              {of} or more is off by up to {largest} of its {of}{means} (three standard errors{allowed}), others by as much as a {place} with so much"
         ))
     }
+}
+
+/// An error in words, which may be larger than what it is relative to.
+fn error_percent(error: f64) -> String {
+    if error > 1.0 && error.is_finite() { format!("{:.0} %", 100.0 * error) } else { percent(error) }
 }
 
 /// A share in words.

@@ -192,7 +192,8 @@ pub(super) fn page_header(bytes: &[u8]) -> Option<PageHeader> {
             // The header of a page of data, of a dictionary, and of a page of data of the second version.
             (5 | 7 | 8, STRUCT) => fields.fields(|inner, number, kind| {
                 if (number, kind) == (1, 5) {
-                    header.values = inner.whole()?;
+                    // Of several such headers the library takes one of its own choice.
+                    header.values = header.values.max(inner.whole()?);
                     return Some(());
                 }
                 inner.skip(kind, 1)

@@ -107,8 +107,13 @@ pub(in crate::import) fn is_partitioned(folder: &Path) -> bool {
 }
 
 fn has_orders(folder: &Path) -> bool {
-    let is_order = |path: PathBuf| path.is_dir() && number(&path, "Norder=").is_some();
-    std::fs::read_dir(folder).is_ok_and(|entries| entries.flatten().any(|entry| is_order(entry.path())))
+    let is_order = |path: PathBuf| number(&path, "Norder=").is_some() && path.is_dir();
+    entries(folder).is_ok_and(|entries| entries.flatten().any(|entry| is_order(entry.path())))
+}
+
+/// What is in a folder; the one around a bare name has none itself.
+fn entries(folder: &Path) -> std::io::Result<std::fs::ReadDir> {
+    std::fs::read_dir(if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
 }
 
 /// The number in a name behind `key`.
@@ -137,7 +142,7 @@ fn collect(
     found: &mut Vec<([u64; 2], PathBuf)>,
 ) -> Result<(), ImportError> {
     let io = |source| ImportError::io(folder, "folder", source);
-    for entry in std::fs::read_dir(folder).map_err(io)? {
+    for entry in entries(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
         let (order, pixel) = (number(&path, "Norder="), number(&path, "Npix="));
         let own = [order.unwrap_or(place[0]), pixel.unwrap_or(place[1])];

@@ -26,6 +26,9 @@ const LONGEST_HEADER: u64 = 1 << 16;
 /// The largest page, unpacked.
 const MOST_PAGE: u64 = 1 << 29;
 
+/// The most values of a dictionary: once they are decoded they take up to 32 bytes each, whatever the file has of them.
+const MOST_ENTRIES: u64 = 1 << 24;
+
 /// Bytes that a page may have beside its values, for their levels and what codes are told by.
 const BESIDE: u64 = 1 << 16;
 
@@ -136,7 +139,7 @@ impl Reading<'_> {
                 let compressed_page_size = (next - at) as i32;
                 pages.push(PageLocation { offset: at as i64, compressed_page_size, first_row_index: row as i64 });
                 row += values;
-            } else if size > plain {
+            } else if size > plain || values > MOST_ENTRIES {
                 return Err(wrong(format!("a dictionary of {values} values in {plain} bytes"), "fewer values"));
             }
             at = next;

@@ -11,6 +11,9 @@ use std::path::Path;
 /// The most entries of one column that are looked at.
 const MOST_ENTRIES: usize = 64;
 
+/// The longest name or unit, bytes: entries may share one text, which then is looked at again and again.
+const LONGEST_TEXT: usize = 1 << 12;
+
 /// The units that the texts of a file state, by column; the first that is stated counts.
 pub(super) fn units(path: &Path, texts: &[KeyValue]) -> HashMap<String, String> {
     let mut units = HashMap::new();
@@ -107,7 +110,7 @@ impl<'a> Flat<'a> {
 
     fn text(&self, at: usize) -> Option<&'a str> {
         let start = self.indirect(at)?;
-        let length = usize::try_from(self.u32(start)?).ok()?;
+        let length = usize::try_from(self.u32(start)?).ok().filter(|length| *length <= LONGEST_TEXT)?;
         let start = start.checked_add(4)?;
         std::str::from_utf8(self.0.get(start..start.checked_add(length)?)?).ok()
     }
