@@ -2,7 +2,7 @@
 //! and a globe on a dome. `DEEPFIELD_BLESS=1` writes them anew; look at them before committing.
 
 use crate::support::golden::{TOLERANCE, check, difference, golden, picture_at};
-use crate::support::run;
+use crate::support::{in_reference_data, in_repository, run};
 use deepfield::color::composite::Image;
 use deepfield::color::output::write_png;
 use std::path::Path;
@@ -144,4 +144,29 @@ fn a_globe_with_its_photo_is_its_golden_image_on_a_dome() {
     let look = ["--set", "exaggeration=30.0", "--set", "contours=2000.0"];
     // Points leave gaps: a cell is several pixels wide.
     check_all(folder, "heights-dome", "globe.df", &[&dome[..], &camera, &look].concat(), &["triangles", "rays"]);
+}
+
+/// The shipped example: etopo20 under the Blue Marble, on a dome as a tour shows it and flat as its scene does.
+#[test]
+fn the_shipped_earth_is_its_golden_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let shipped = |name: &str| in_repository("assets").join(name).display().to_string();
+    check("heights-earth", &drawn(folder, &shipped("earth/earth.scene.ron"), &["--size", "128x128"]));
+    ok(folder, &["tour", &shipped("tours/earth-dome.ron"), "--frame", "480", "dome.png", "--size", "96x96"]);
+    check("heights-earth-dome", &picture_at(&folder.join("dome.png")));
+}
+
+#[test]
+#[ignore = "needs the reference data: DEEPFIELD_DATA"]
+fn measured_surfaces_are_their_golden_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, file, arguments) in [
+        ("heights-al3d", "al3d-1.al3d", &["--attribute", "texture"][..]),
+        ("heights-frt", "frt-2.frt", &["--set", "exaggeration=20.0"]),
+    ] {
+        let source = in_reference_data(&format!("heightfields/{file}")).display().to_string();
+        check(name, &drawn(folder, &source, &[&["--size", "128x128"], arguments].concat()));
+    }
 }
