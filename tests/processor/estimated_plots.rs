@@ -247,7 +247,7 @@ fn estimates_of_many_draws_are_right_on_average_and_within_what_is_told() {
 fn profiles_of_one_pass_are_those_of_a_pass_each() {
     let folder = tempfile::tempdir().unwrap();
     let file = built(&folder.path().join("groups.df"));
-    let few = ProfileOptions { shells: 3, ..shells(Some("mass")) };
+    let few = ProfileOptions { shells: 3, ..shells(Some("temperature")) };
     let asked = [shells(None), shells(Some("temperature")), few, shells(Some("temperature"))];
     let (data, ball) = (Data::Pages(&file), ball());
     // All of the file, and as little of it as tells errors.

@@ -296,9 +296,22 @@ impl Shelling<'_> {
 
     /// Errors of the means of all shells, plain and weighted.
     fn mean_errors(&self, totals: &Totals) -> [Vec<Option<f64>>; 2] {
+        let known = |error: f64| Some(error).filter(|error| error.is_finite());
+        [0, 1].map(|which| self.errors_of_means(totals, which).map(known).collect())
+    }
+
+    /// Errors of plain means, or of weighted ones: those of the ratios, and at least what the mean is off by where those that the shell has more or
+    /// fewer of than was found, by the error of its weight, are any of it. Ratios alone tell too little where few parts of different values are in a
+    /// shell, and one of them was not read.
+    fn errors_of_means<'a>(&'a self, totals: &'a Totals, which: usize) -> impl Iterator<Item = f64> + 'a {
         let n = self.shells.len();
-        let known = |error: &f64| Some(*error).filter(|error| error.is_finite());
-        [0, 1].map(|which| totals.ratio_errors.iter().skip(which * n).take(n).map(known).collect())
+        let of = move |total: usize, shell: usize| totals.values[self.total(VALUES[which] + total, shell)];
+        totals.ratio_errors.iter().skip(which * n).take(n).enumerate().map(move |(shell, &error)| {
+            let (weight, mean) = (of(0, shell), of(1, shell) / of(0, shell));
+            let dispersion = (of(2, shell) / weight - mean * mean).max(0.0).sqrt();
+            let least = totals.errors[self.total(VALUES[which], shell)] / weight * dispersion;
+            if weight > 0.0 && least.is_finite() { error.max(least) } else { error }
+        })
     }
 
     /// The largest error of a mean relative to the root mean square of its shell's values, of shells with less than the least share of the weight
@@ -306,10 +319,10 @@ impl Shelling<'_> {
     fn largest_of_means(&self, totals: &Totals) -> f64 {
         let n = self.shells.len();
         let of = |total: usize| &totals.values[total * n..][..n];
-        let largest = VALUES.iter().zip(totals.ratio_errors.chunks(n)).map(|(&first, errors)| {
+        let largest = VALUES.iter().enumerate().map(|(which, &first)| {
             let least = LEAST_SHARE * of(first).iter().map(|weight| weight.abs()).sum::<f64>();
-            let shells = of(first).iter().zip(of(first + 2)).zip(errors);
-            let relative = |((&weight, &squares), &error): ((&f64, &f64), &f64)| {
+            let shells = of(first).iter().zip(of(first + 2)).zip(self.errors_of_means(totals, which));
+            let relative = |((&weight, &squares), error): ((&f64, &f64), f64)| {
                 // A shell without values has no mean.
                 if weight <= 0.0 || error <= 0.0 {
                     return 0.0;

@@ -192,8 +192,8 @@ fn covered_of_globe(
 }
 
 /// Triangles of both levels, rays and points; at the limb pixels are in the picture or not as they are of a globe without holes, and through holes
-/// the far side is seen. Pixels are few, so that told at their middles stripes are 1.3 % off; beside the triangles of the coarse level is 8 to 33 % of
-/// the area.
+/// the far side is seen. Pixels are few, so that told at their middles stripes are 1.3 % off, and 5.5 % where points are three samples wide; beside the triangles of the
+/// coarse level is 8 to 33 % of the area.
 #[test]
 fn holes_of_globes_keep_their_area() {
     let toward = DVec3::from(Globe::up(170.0, 40.0));
@@ -201,7 +201,7 @@ fn holes_of_globes_keep_their_area() {
         (Technique::Triangles, 0.1, 2.0, 0.01),
         (Technique::Triangles, 1.0, 5.9, 0.03),
         (Technique::Rays, 1.0, 5.9, 0.03),
-        (Technique::Hybrid, 10.0, 0.95, 0.03),
+        (Technique::Hybrid, 10.0, 0.95, 0.08),
     ];
     let shares_of = |pattern: &str, cases: &[(Technique, f64, f64, f64)]| {
         let field = broken_globe(pattern);
