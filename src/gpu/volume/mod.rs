@@ -26,7 +26,7 @@
 //! 8. `find_rooms`: how dense the field is at most in rooms of it and around them.
 //! 9. `march`: rays of the picture's camera go through it ([`march`]).
 //!
-//! Of columns of particles ([`Shows::Columns`]) 1 to 5 are done for each by itself, and [`column`] puts together what cells show.
+//! Of columns of particles ([`Shows::Columns`]) 1 to 5 are done for each by itself, and [`mod@column`] puts together what cells show.
 //!
 //! Of a sampled field ([`Shows::Field`]) two passes of its own ([`field`]) fill the bricks of each slab in place of 1 to 5.
 //!
