@@ -92,8 +92,9 @@ impl<T: Send + Sync> Pool<T> {
             }
         }
         let free = self.slots.iter().filter(|slot| slot.used < self.picture).count();
-        if missing.len() > free {
-            let needed = self.slots.len() + missing.len() - free;
+        // A picture that shows nothing has a buffer, too.
+        if missing.len() > free || self.buffer.is_none() {
+            let needed = (self.slots.len() + missing.len()).saturating_sub(free).max(1);
             self.grow(needed.max((2 * self.slots.len()).min(most as usize)), (device, queue))?;
         }
         self.copy(&missing, wanted, queue, packed);
