@@ -112,7 +112,8 @@ class OfArrays(WithFolder):
         self.assertLessEqual(abs(found["mass"] - mass), doubt["mass"] + 1e-2 * mass)
         self.assertEqual(len(found["profile"]["shells"]), 4)
         warm = self.data.probe(where={"temperature": (3000.0, None)}, fields=["temperature"])
-        self.assertLessEqual(abs(warm["count"] - int((self.arrays["temperature"] >= 3000.0).sum())), 5)
+        # Values are coded, too: particles near the limit may be on its other side.
+        self.assertLessEqual(abs(warm["count"] - int((self.arrays["temperature"] >= 3000.0).sum())), 30)
 
     def test_pictures_have_colours_and_files(self):
         picture = self.data.render(size=(80, 50), mode="points", radius=3.0, background="transparent")
