@@ -5,6 +5,7 @@ mod page_checksums;
 #[path = "../crates/data/tests/support/run_checksums.rs"]
 mod run_checksums;
 
+use deepfield::explore::Catalogue;
 use deepfield::heights::import::{HeightOptions, open_heights, summarize_heights};
 use deepfield::heights::store::{HeightFile, verify_heights};
 use deepfield::hierarchy::Purpose;
@@ -63,6 +64,14 @@ fn read_source(format: &str, path: &Path) {
             let skipped: u64 = loaded.skipped.iter().map(|skipped| skipped.count).sum();
             assert_eq!(loaded.len() as u64 + skipped, summary.particles);
         }
+    }
+}
+
+/// Reads `bytes` as a catalogue of objects: a table, RON, groups, or haloes of whatever finder they claim to be of.
+pub fn catalogue(bytes: &[u8]) {
+    let Some(file) = file(bytes) else { return };
+    if let Ok(catalogue) = Catalogue::read(file.path()) {
+        assert!(catalogue.objects.iter().all(|object| object.position.is_finite()));
     }
 }
 

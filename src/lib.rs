@@ -14,6 +14,8 @@ pub mod commands;
 #[cfg(feature = "viewer")]
 pub mod gpu;
 pub mod program;
+#[cfg(feature = "remote")]
+pub mod serve;
 pub mod show;
 #[cfg(feature = "viewer")]
 pub mod window;

@@ -1,9 +1,11 @@
 //! The program as a value: what another crate adds to deepfield, and the command line that it is started with.
 
+use crate::command_line::cache;
 use crate::commands::{demo, description};
 use crate::import::{self, Format};
 use crate::mode::Mode;
 use crate::modes;
+use crate::store::{keep_pages_from_afar, take_notes};
 use std::process::ExitCode;
 
 /// deepfield, with modes, formats and plugins of other crates. All that names modes or recognises files knows them: the
@@ -53,10 +55,12 @@ impl Program {
         }
         #[cfg(feature = "viewer")]
         crate::gpu::environment::prepare();
+        keep_pages_from_afar(cache::for_pages_from_afar);
         let outcome = match description::parse() {
             Some(command) => command.run(),
             None => demo::run(),
         };
+        take_notes().iter().for_each(|note| eprintln!("deepfield: {note}"));
         match outcome {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) if is_unread(&*error) => ExitCode::SUCCESS,

@@ -1,8 +1,8 @@
-//! Points: PLY, LAS, PHANTOM, VTK and GenericIO.
+//! Points: PLY, LAS, PHANTOM, VTK, GenericIO and GSD.
 #![no_main]
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    for format in ["PLY", "LAS", "PHANTOM", "VTK", "GenericIO"] {
+    for format in ["PLY", "LAS", "PHANTOM", "VTK", "GenericIO", "GSD"] {
         deepfield_fuzz::import(format, bytes);
     }
 });

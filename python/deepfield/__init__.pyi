@@ -1,4 +1,5 @@
 import os
+import subprocess
 from collections.abc import Callable, Iterable, Iterator, KeysView, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self, TypeAlias, overload
@@ -138,6 +139,7 @@ class Tour(_Text):
         pattern: str | None = None,
         error_px: float | None = None,
         memory: int | str | None = None,
+        threads: int | None = None,
         progress: _Progress | None = None,
     ) -> list[str]: ...
     def scene(
@@ -223,6 +225,7 @@ class Data:
         background: str | None = None,
         time: float | str | None = None,
         memory: int | str | None = None,
+        threads: int | None = None,
         config: _Path | None = None,
         scene: Scene | Mapping[str, Any] | _Path | None = None,
         progress: _Progress | None = None,
@@ -240,6 +243,7 @@ class Data:
         budget: float = 0.1,
         **asked: Any,
     ) -> Any: ...
+    def view(self, **fields: Any) -> subprocess.Popen[bytes]: ...
     def probe(
         self,
         sphere: Sequence[float] | None = None,
@@ -367,13 +371,15 @@ def modes() -> list[str]: ...
 def transfer_functions() -> list[str]: ...
 def open(path: _Path | Iterable[_Path], progress: _Progress | None = None) -> Data: ...
 def build(
-    source: _Path | Iterable[_Path] | Mapping[str, ArrayLike] | Mapping[str, Mapping[str, ArrayLike]],
+    source: _Path | Iterable[_Path] | Mapping[str, ArrayLike] | Mapping[str, Mapping[str, ArrayLike]] | Any,
     out: _Path,
     memory: int | str | None = None,
     progress: _Progress | None = None,
     *,
     attributes: Iterable[str] | None = None,
     families: Iterable[str] | None = None,
+    height_error: float | None = None,
+    threads: int | None = None,
     units: Mapping[str, str] | None = None,
     family: str = "gas",
     box_size: float | None = None,

@@ -29,3 +29,19 @@ def memory(amount):
     if amount is None:
         return None
     return _bytes(str(amount))
+
+
+def size(sides):
+    """Width and height."""
+    try:
+        width, height = (int(side) for side in sides)
+    except (TypeError, ValueError):
+        raise Error(f"size: found {sides!r}, expected width and height") from None
+    return [width, height]
+
+
+def threads(count):
+    """A number of threads; None leaves it to the machine."""
+    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= 1024):
+        raise Error(f"threads: found {count!r}, expected a whole number from 1 to 1024")
+    return None if count is None else int(count)

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Mapping
 
-from . import _deepfield, asked, columns, dataset, notes, progress as progresses
+from . import _deepfield, asked, columns, dataset, notes, others, progress as progresses
 
 
 def build(
@@ -14,6 +14,8 @@ def build(
     *,
     attributes=None,
     families=None,
+    height_error=None,
+    threads=None,
     units=None,
     family="gas",
     box_size=None,
@@ -27,17 +29,30 @@ def build(
     ``velocities`` (n, 3) mean what they say, and everything else of shape (n) or (n, 3) is an attribute. A smoothing length is the radius at
     which a particle ends. What is missing is estimated, as of a file: masses are 1, smoothing lengths the distance to the 32nd neighbour.
 
+    A snapshot of pynbody, a data set or a container of yt and a data set of swiftsimio are read as they are in memory: the families that
+    they have, ``attributes`` by their own names [temperature, internal energy, metallicity and speed], units, box and redshift.
+
     Units come from ``units``, a mapping of names to texts, else from what arrays say of themselves (``.units``, ``.unit``). Nothing is
     converted. ``box_size`` is the edge of a periodic box.
 
-    ``memory`` is what the build may take, in bytes or as "2GiB"; ``progress`` is called with the stage, the steps done and their number, some
+    ``height_error`` is how far heights of a file may be from the source's, in their unit: a larger one makes a smaller file [None: they are
+    the source's own].
+
+    ``memory`` is what the build may take, in bytes or as "2GiB", ``threads`` how many build [all]; ``progress`` is called with the stage, the steps done and their number, some
     times a second, or True for a bar. What it raises, and Ctrl-C, end the build, and nothing is left behind.
     """
     out = os.fspath(out)
     wanted = {"memory": asked.memory(memory), "attributes": attributes and list(attributes), "families": families and list(families)}
+    wanted |= {"height_error": height_error, "threads": asked.threads(threads)}
+    if others.package_of(source):
+        source, own, said = others.arrays_of(source, attributes, families)
+        units = {**own, **(units or {})}
+        box_size, redshift = (said.get(name) if given is None else given for name, given in (("box_size", box_size), ("redshift", redshift)))
     if isinstance(source, Mapping):
         wanted["said"] = {"box_size": box_size, "time": time, "redshift": redshift}
         nested = bool(source) and all(isinstance(fields, Mapping) for fields in source.values())
+        if height_error is not None:
+            raise _deepfield.Error("height_error: found arrays, expected a file of heights")
         found = columns.columns(source if nested else {family: source}, units or {})
         with progresses.teller(progress) as tell:
             told = _deepfield.build_arrays(found, out, asked.text(wanted), tell)

@@ -39,7 +39,10 @@ class Camera:
         for name in ("fov", "ortho"):
             value = getattr(self, name)
             if value is not None:
-                setattr(self, name, float(value))
+                try:
+                    setattr(self, name, float(value))
+                except (TypeError, ValueError):
+                    raise Error(f"camera: {name}: found {value!r}, expected a number") from None
         if self.fov is not None and self.ortho is not None:
             raise Error("camera: found fov and ortho, expected one of them")
 
@@ -98,5 +101,10 @@ class Camera:
     @staticmethod
     def read(path):
         """Reads such a file."""
-        with open(os.fspath(path), encoding="utf-8") as file:
-            return Camera.from_ron(file.read())
+        path = os.fspath(path)
+        try:
+            with open(path, encoding="utf-8") as file:
+                text = file.read()
+        except OSError as error:
+            raise Error(f"{path}: {error.strerror}") from None
+        return Camera.from_ron(text)

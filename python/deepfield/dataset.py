@@ -136,6 +136,7 @@ class Data:
         background=None,
         time=None,
         memory=None,
+        threads=None,
         config=None,
         scene=None,
         progress=None,
@@ -146,14 +147,14 @@ class Data:
         ``camera`` is a Camera or a mapping with ``eye``, ``target``, ``up`` and ``fov`` or ``ortho``; without it all of the data is in view.
         ``size`` is width and height [1200 x 800], ``mode`` a visualization mode, ``attribute`` what gives the hue, ``error_px`` the largest
         displacement of a particle on screen [0.8]; ``exact`` draws every source particle at full precision. ``transfer`` is a
-        TransferFunction, the name of a preset or a file, ``background`` "black", "transparent" or "#rrggbb", ``time`` when of a run ("step:12", "z:1.5", "last"). ``config``
-        is a file or a text in RON, as ``deepfield render --config`` reads it, and ``scene`` a Scene, a mapping of its fields or a file: what is said
+        TransferFunction, the name of a preset or a file, ``background`` "black", "transparent" or "#rrggbb", ``time`` when of a run ("step:12",
+        "z:1.5", "last"). ``memory`` is what pages may take, in bytes or as "2GiB", ``threads`` how many draw [all]. ``config`` is a file or a text in RON, as ``deepfield render --config`` reads it, and ``scene`` a Scene, a mapping of its fields or a file: what is said
         beside it holds, then it does. All other names are settings of the mode, with underscores for
         hyphens; ``deepfield modes`` lists them.
         """
         wanted = {
             "camera": Camera.of(camera).asked(),
-            "size": None if size is None else [int(side) for side in size],
+            "size": None if size is None else asked.size(size),
             "mode": mode,
             "attribute": attribute,
             "exact": bool(exact),
@@ -168,7 +169,7 @@ class Data:
             **self._scene(scene),
         }
         with progresses.teller(progress) as tell:
-            native, told = self._native.render(asked.text(wanted), tell)
+            native, told = self._native.render(asked.text(wanted), asked.threads(threads), tell)
         notes.tell(told)
         return Picture(native, told)
 
@@ -193,6 +194,16 @@ class Data:
         return widget(
             self, mode=mode, attribute=attribute, size=size, camera=camera, time=time, error_px=error_px, budget=budget, **asked
         )
+
+    def view(self, **fields):
+        """Opens it in the program's window, where there is a display, and gives the process at once: ``data.view(mode="points")``.
+
+        ``fields`` are those of a :class:`Scene`. The program is the one that the variable DEEPFIELD_PROGRAM names, else the one that
+        the wheel brought, else the first ``deepfield`` on the path.
+        """
+        from .window import open_window
+
+        return open_window(Scene(self, **fields))
 
     def probe(
         self,
@@ -370,11 +381,12 @@ class Data:
 
         There are the shells' radii, counts, masses and densities, and of each of ``fields`` mean and dispersion, plain and weighted with mass.
         ``log`` makes shells equal in the logarithm over two decades, else they are of equal width. ``error`` is that of :meth:`histogram`.
+        ``about["fields"]`` tells by name how far off the values of each field may be.
         """
         fields = [fields] if isinstance(fields, str) else list(fields) or [None]
         wanted = {
             "of": questions.of(sphere, box, where, families, exact, wrap, time),
-            "profiles": [{"shells": int(shells), "inner": 0.01 if log else None, "field": field} for field in fields],
+            "profiles": [{"shells": _whole("shells", shells), "inner": 0.01 if log else None, "field": field} for field in fields],
             "error": error,
         }
         return questions.profile(self._asked(self._native.plot, wanted, progress))
@@ -435,7 +447,8 @@ def _axis(field, bins, range, log):
 
 
 def _whole(name, value):
-    if isinstance(value, bool) or int(value) != value or value < 0:
+    is_number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+    if not is_number or not 0 <= value < np.inf or int(value) != value:
         raise _deepfield.Error(f"{name}: found {value!r}, expected a whole number from 0 on")
     return int(value)
 

@@ -105,6 +105,12 @@ class TransferFunction(_Text):
         return cls.from_ron(_deepfield.transfer_function(os.fspath(name)), os.fspath(name))
 
 
+def _whole(path):
+    """A path from the root on; a URL as it is."""
+    path = os.fspath(path)
+    return path if path.lower().startswith(("http://", "https://", "s3://")) else os.path.abspath(path)
+
+
 class Scene(_Text):
     """What a picture shows: a scene file, as the window saves it with Ctrl+S.
 
@@ -117,7 +123,7 @@ class Scene(_Text):
     def __init__(self, data=None, **fields):
         if data is not None:
             paths = getattr(data, "paths", None) or ([data] if isinstance(data, (str, os.PathLike)) else data)
-            fields["datasets"] = [{"path": os.path.abspath(path)} for path in paths]
+            fields["datasets"] = [{"path": _whole(path)} for path in paths]
         super().__init__(**fields)
 
     @staticmethod
@@ -158,6 +164,7 @@ class Tour(_Text):
         pattern=None,
         error_px=None,
         memory=None,
+        threads=None,
         progress=None,
     ):
         """Draws its frames as PNG files into the folder ``out``, as ``deepfield tour --record`` does, and gives their paths.
@@ -165,13 +172,14 @@ class Tour(_Text):
         ``size`` is width and height, ``fps`` frames a second, ``start`` and ``end`` seconds, ``pattern`` the frames' names [frame-%05d].
         """
         wanted = self._asked(
-            size=None if size is None else [int(side) for side in size],
+            size=None if size is None else asked.size(size),
             fps=fps,
             start=start,
             end=end,
             pattern=pattern,
             error_px=error_px,
             memory=asked.memory(memory),
+            threads=asked.threads(threads),
         )
         with progresses.teller(progress) as tell:
             paths, told = data._native.record(wanted, os.fspath(out), tell)
@@ -180,7 +188,7 @@ class Tour(_Text):
 
     def scene(self, data, time, size=None, progress=None):
         """The scene that it shows at a time, seconds from its beginning, in a picture of that size [the tour's]."""
-        wanted = self._asked(size=None if size is None else [int(side) for side in size])
+        wanted = self._asked(size=None if size is None else asked.size(size))
         with progresses.teller(progress) as tell:
             text, told = data._native.scene(wanted, float(time), tell)
         notes.tell(told)

@@ -148,4 +148,6 @@ def profile(found):
     columns = {name: np.array(values, dtype=np.float64) for name, values in columns.items()}
     columns["count"] = np.array([shell["count"] for shell in shells], dtype=np.uint64)
     about = {name: first[name] for name in ("center", "count", "mass", "exact", "error", "estimate")}
+    # Shells and masses are the same for every field, how far off its values are is not.
+    about["fields"] = {one["field"]: {name: one[name] for name in ("exact", "error", "estimate")} for one in found if one["field"]}
     return Table(columns, units, about=about)

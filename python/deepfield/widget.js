@@ -1,4 +1,5 @@
-// The browser's part of the widget: shows the frames that it gets, and tells what the mouse and the keys do.
+// The browser's part of the widget, in notebooks and in the page of `deepfield serve --view`: shows the frames that it gets, and tells what
+// the mouse and the keys do.
 
 const STYLE = `
 .deepfield { display: inline-block; font: 12px system-ui, sans-serif; }
@@ -31,10 +32,11 @@ function pickedText({ place, unit, values, units, radius, probe }) {
 function render({ model, el }) {
   const about = model.get("about");
   const [width, height] = about.size;
-  const canvas = made("canvas", { width, height, tabIndex: 0 });
-  canvas.setAttribute("aria-label", "a picture that can be turned, dragged and zoomed");
+  const canvas = made("canvas", { width, height, tabIndex: 0, role: "application" });
+  const keysTold = "arrows turn it, with Shift they move it, plus and minus zoom, Enter asks what is in the middle, Home goes back";
+  canvas.setAttribute("aria-label", `a picture: ${keysTold}`);
   const context = canvas.getContext("2d");
-  const told = made("div", { className: "told" });
+  const told = made("div", { className: "told", role: "status", textContent: "drawing ..." });
   // What was told of a pixel stays until the view changes.
   let answer = "";
   const send = (message) => {
@@ -96,27 +98,37 @@ function render({ model, el }) {
     return [((event.clientX - box.left) / box.width) * width, ((event.clientY - box.top) / box.height) * height];
   };
 
-  let last = null;
+  // Where the mouse or the fingers are that hold the picture.
+  const held = new Map();
   let way = 0;
   canvas.onpointerdown = (event) => {
     canvas.setPointerCapture(event.pointerId);
-    [last, way] = [at(event), 0];
+    // Two fingers are no click.
+    way = held.size ? Infinity : 0;
+    held.set(event.pointerId, at(event));
   };
   canvas.onpointermove = (event) => {
+    const last = held.get(event.pointerId);
     if (!last || !event.buttons) return;
     const now = at(event);
     const [x, y] = [now[0] - last[0], now[1] - last[1]];
     way += Math.hypot(x, y);
     // A click is no drag, though the hand trembles.
     if (way < 3) return;
-    last = now;
-    drag(about.flat || event.shiftKey || event.buttons !== 1 ? "pan" : "turn", x, y);
+    held.set(event.pointerId, now);
+    if (held.size === 1) return drag(about.flat || event.shiftKey || event.buttons !== 1 ? "pan" : "turn", x, y);
+    // Two fingers move the picture with their middle, and zoom about it.
+    const [, other] = [...held].find(([id]) => id !== event.pointerId);
+    const [before, after] = [last, now].map((place) => Math.max(Math.hypot(place[0] - other[0], place[1] - other[1]), 1));
+    drag("pan", x / 2, y / 2);
+    zoom(before / after, (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
   };
   canvas.onpointerup = (event) => {
+    const last = held.get(event.pointerId);
     if (last && way < 3 && event.button === 0) send({ do: "pick", x: last[0], y: last[1] });
-    last = null;
+    held.delete(event.pointerId);
   };
-  canvas.onpointercancel = () => (last = null);
+  canvas.onpointercancel = (event) => held.delete(event.pointerId);
   canvas.oncontextmenu = (event) => event.preventDefault();
   canvas.addEventListener(
     "wheel",
@@ -137,6 +149,7 @@ function render({ model, el }) {
     if (keys[event.key]) drag(about.flat || event.shiftKey ? "pan" : "turn", ...keys[event.key]);
     else if (event.key === "+" || event.key === "-") zoom(event.key === "+" ? 0.8 : 1.25, width / 2, height / 2);
     else if (event.key === "Home") send({ do: "home" });
+    else if (event.key === "Enter") send({ do: "pick", x: width / 2, y: height / 2 });
     else return;
     event.preventDefault();
     event.stopPropagation();
@@ -146,7 +159,7 @@ function render({ model, el }) {
   let [arrived, shown] = [0, 0];
   const show = async (message, [buffer]) => {
     const mine = ++arrived;
-    const picture = await createImageBitmap(new Blob([buffer], { type: "image/png" }));
+    const picture = await createImageBitmap(new Blob([buffer], { type: message.type ?? "image/png" }));
     if (mine > shown) {
       shown = mine;
       context.clearRect(0, 0, width, height);
@@ -161,6 +174,7 @@ function render({ model, el }) {
   const receive = (message, buffers) => {
     if (message.kind === "frame") show(message, buffers);
     else if (message.kind === "picked") told.textContent = answer = pickedText(message);
+    else if (message.kind === "moved") answer = "";
     else if (message.kind === "error") told.textContent = message.text;
   };
   model.on("msg:custom", receive);

@@ -2,18 +2,18 @@
 
 use crate::arrays::{ArraySource, Said};
 use crate::error::{Failure, told};
-use crate::work::{self, State};
+use crate::work;
 use deepfield_draw::build::grid::{GridBuildOptions, build_grid};
-use deepfield_draw::build::{BuildOptions, FEW_PARTICLES, RunBuild, TrackOptions, build, build_source};
+use deepfield_draw::build::{BuildOptions, FEW_PARTICLES, RunBuild, TrackOptions, build_opened, build_source};
 use deepfield_draw::heights::build::HeightBuildOptions;
 use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::heights::{OpenHeights, is_heights};
 use deepfield_draw::import::{
-    AttributeChoice, GridOptions, LoadOptions, RunOptions, grid_format, load_source, open_grid, open_run, sources_of,
-    steps_in,
+    AttributeChoice, GridOptions, LoadOptions, RunOptions, grid_format, open_grid, open_run, sources_of, steps_in,
 };
 use deepfield_draw::look::DataKind;
 use deepfield_draw::model::{FamilyName, Skipped};
+use deepfield_draw::picture::asked::{State, on_threads};
 use pyo3::prelude::*;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -25,10 +25,14 @@ use std::sync::Arc;
 struct Asked {
     /// Bytes of memory that the build may take.
     memory: Option<u64>,
+    /// Threads that build; all where nothing is said. The file is the same for any number.
+    threads: Option<usize>,
     /// Attributes that are kept.
     attributes: Option<Vec<String>>,
     /// Families that are kept; all where none is named.
     families: Vec<FamilyName>,
+    /// How far heights may be from the source's.
+    height_error: Option<f64>,
     /// What is said of arrays.
     said: Said,
 }
@@ -53,8 +57,10 @@ pub fn build_files(
     asked: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let job =
-        |state: &Arc<State>| -> Result<(), Failure> { of_files(&sources, &out, &serde_json::from_str(asked)?, state) };
+    let job = |state: &Arc<State>| -> Result<(), Failure> {
+        let asked: Asked = serde_json::from_str(asked)?;
+        on_threads(asked.threads, || of_files(&sources, &out, &asked, state))
+    };
     Ok(work::run(py, progress, job)?.1)
 }
 
@@ -66,19 +72,30 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
             return Err(format!("{}: content: found {found}, expected a source to build it of", path.display()).into());
         }
     }
-    if let [only] = sources {
-        if is_heights(only) {
-            let options = HeightBuildOptions { memory: asked.memory, ..HeightBuildOptions::default() };
-            let built = OpenHeights::open(only, &HeightOptions::default())?.build(&options, out, state)?;
-            built.notes.into_iter().for_each(|note| state.note(note));
-            return Ok(());
-        }
-        if grid_format(only)?.is_some() {
-            let options = GridBuildOptions { memory: asked.memory, ..GridBuildOptions::default() };
-            let built = build_grid(&open_grid(only, &GridOptions::default())?, &options, out, state)?;
-            built.notes.into_iter().for_each(|note| state.note(note));
-            return Ok(());
-        }
+    if let [only] = sources
+        && is_heights(only)
+    {
+        let options = HeightBuildOptions {
+            memory: asked.memory,
+            height_error: asked.height_error,
+            ..HeightBuildOptions::default()
+        };
+        let built = OpenHeights::open(only, &HeightOptions::default())?.build(&options, out, state)?;
+        let kept = options.not_rounded(&built);
+        built.notes.into_iter().chain(kept).for_each(|note| state.note(note));
+        return Ok(());
+    }
+    if asked.height_error.is_some() {
+        let named = sources.first().map(|path| path.display().to_string()).unwrap_or_default();
+        return Err(format!("{named}: height_error: found no heights, expected some").into());
+    }
+    if let [only] = sources
+        && grid_format(only)?.is_some()
+    {
+        let options = GridBuildOptions { memory: asked.memory, ..GridBuildOptions::default() };
+        let built = build_grid(&open_grid(only, &GridOptions::default())?, &options, out, state)?;
+        built.notes.into_iter().for_each(|note| state.note(note));
+        return Ok(());
     }
     let options = asked.options();
     let load = LoadOptions {
@@ -138,10 +155,11 @@ pub fn build_arrays<'py>(
             attributes: AttributeChoice::Named(attributes),
             ..LoadOptions::default()
         };
-        let dataset = load_source(&source, &load, &**state)?;
-        note_skipped(&dataset.skipped, state);
-        build(dataset, &asked.options(), &out, &**state)?;
-        Ok(())
+        on_threads(asked.threads, || {
+            let built = build_opened(&source, &load, &asked.options(), &out, &**state)?;
+            note_skipped(&built.metadata.skipped, state);
+            Ok(())
+        })
     };
     Ok(work::run(py, progress, job)?.1)
 }

@@ -2,8 +2,8 @@
 //! that each finds what the other has built.
 
 use crate::error::Failure;
-use crate::work::State;
 use deepfield_draw::look::{HeightsSaid, page_cache};
+use deepfield_draw::picture::asked::State;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
 
@@ -12,14 +12,23 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// When the source cannot be read or the page file not be written.
 pub fn page_file(path: &Path, state: &State) -> Result<PathBuf, Failure> {
-    let folder = || -> Result<PathBuf, std::io::Error> {
-        let base = etcetera::choose_base_strategy().map_err(std::io::Error::other)?.cache_dir();
-        let folder = base.join("deepfield").join("pages");
-        let named = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", folder.display()));
-        std::fs::create_dir_all(&folder).map_err(named)?;
-        Ok(folder)
-    };
     let (file, removed) = page_cache::page_file(path, &HeightsSaid::default(), folder, state)?;
     removed.into_iter().for_each(|removed| state.note(removed.to_string()));
     Ok(file)
+}
+
+/// The folder where pages are kept that servers send, and how many bytes of them; none where there is no folder, or its budget is none.
+pub fn for_pages_from_afar() -> Option<(PathBuf, u64)> {
+    let folder = folder().ok()?;
+    let room = page_cache::room_for_pages(&folder).ok()?;
+    Some((folder, room))
+}
+
+/// The folder of page files, created if needed.
+fn folder() -> Result<PathBuf, std::io::Error> {
+    let base = etcetera::choose_base_strategy().map_err(std::io::Error::other)?.cache_dir();
+    let folder = base.join("deepfield").join("pages");
+    let named = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", folder.display()));
+    std::fs::create_dir_all(&folder).map_err(named)?;
+    Ok(folder)
 }

@@ -1,25 +1,23 @@
 //! Data that Python has opened: what it holds, pictures of it, and what is asked of it.
 
-use crate::about::about;
 use crate::cache;
 use crate::error::{Failure, told};
 use crate::grids::{AskedSamples, Samples};
 use crate::picture::Picture;
 use crate::plots::AskedPlot;
-use crate::question::{Question, only};
-use crate::request::Asked;
 use crate::table::{AskedRows, arrays};
 use crate::tours::AskedTour;
-use crate::work::{self, State};
-use deepfield_draw::explore::{self, Fields, ProbeOptions, ProfileOptions, Rows, Work, probe};
+use crate::work;
+use deepfield_draw::explore::Rows;
 use deepfield_draw::look::{Member, Shot, data_file};
+use deepfield_draw::picture::asked::{Asked, AskedProbe, State, about, on_threads, only};
 use deepfield_draw::picture::{AnySession, PictureError, Reporter, SessionOptions};
+use deepfield_draw::store::keep_pages_from_afar;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde::Deserialize;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Datasets that are shown together.
@@ -38,8 +36,9 @@ pub struct Dataset {
 #[pyfunction]
 pub fn open(py: Python<'_>, paths: Vec<PathBuf>, progress: Option<Py<PyAny>>) -> PyResult<(Dataset, Vec<String>)> {
     let job = |state: &Arc<State>| -> Result<Dataset, Failure> {
+        keep_pages_from_afar(cache::for_pages_from_afar);
         let paths = paths.iter().map(|path| data_file(path)).collect::<Result<Vec<_>, _>>()?;
-        let about = about(&members(&paths), state)?.to_string();
+        let about = about(&members(&paths), |path| Ok(cache::page_file(path, state)?), &**state)?.to_string();
         Ok(Dataset { paths: paths.into(), about })
     };
     work::run(py, progress, job)
@@ -85,16 +84,24 @@ impl Dataset {
     }
 
     /// A picture, and what there was to tell.
-    fn render(&self, py: Python<'_>, asked: &str, progress: Option<Py<PyAny>>) -> PyResult<(Picture, Vec<String>)> {
+    fn render(
+        &self,
+        py: Python<'_>,
+        asked: &str,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Picture, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<Picture, Failure> {
-            let asked: Asked = serde_json::from_str(&asked)?;
-            let mut members = members(&paths);
-            let (shot, options) = asked.request(&mut members)?;
-            let mut session = session(&members, options, [&shot], state)?;
-            let drawn = session.draw(&shot)?;
-            let image = session.finished(&shot, &drawn)?;
-            Ok(Picture::new(&mut session, &shot, image, drawn))
+            on_threads(threads, || {
+                let asked: Asked = serde_json::from_str(&asked)?;
+                let mut members = members(&paths);
+                let (shot, options) = asked.request(&mut members)?;
+                let mut session = session(&members, options, [&shot], state)?;
+                let drawn = session.draw(&shot)?;
+                let image = session.finished(&shot, &drawn)?;
+                Ok(Picture::new(&mut session, &shot, image, drawn))
+            })
         };
         work::run_alone(py, progress, job)
     }
@@ -104,7 +111,7 @@ impl Dataset {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<String, Failure> {
             let asked: AskedProbe = serde_json::from_str(&asked)?;
-            asked.answer(only("probe", &paths)?, state)
+            Ok(serde_json::to_string(&asked.answer(only("probe", &paths)?, state)?)?)
         };
         work::run_alone(py, progress, job)
     }
@@ -198,8 +205,10 @@ impl Dataset {
         let job = |state: &Arc<State>| -> Result<Vec<PathBuf>, Failure> {
             let asked: AskedTour = serde_json::from_str(asked)?;
             let open = |members: &[Member], options: SessionOptions| session(members, options, [], state);
-            let mut show = asked.open(only("tour", &self.paths)?, open, state)?;
-            asked.record(&mut show, &folder, state)
+            on_threads(asked.threads, || {
+                let mut show = asked.open(only("tour", &self.paths)?, open, state)?;
+                asked.record(&mut show, &folder, state)
+            })
         };
         work::run(py, progress, job)
     }
@@ -220,35 +229,5 @@ impl Dataset {
             asked.scene(&mut show, time)
         };
         work::run_alone(py, progress, job)
-    }
-}
-
-/// What is asked of a region.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-struct AskedProbe {
-    /// Of whom.
-    of: Question,
-    /// Whose statistics; of all fields where nothing is said.
-    fields: Option<Vec<String>>,
-    /// Shells of equal width of a profile in the region's sphere.
-    shells: Option<usize>,
-    /// The field whose means are in them.
-    shell_field: Option<String>,
-}
-
-impl AskedProbe {
-    fn answer(self, path: &Path, state: &State) -> Result<String, Failure> {
-        self.of.region.check()?;
-        let opened = self.of.opened("probe", path)?;
-        let data = opened.data();
-        let options = ProbeOptions {
-            fields: self.fields.map_or(Fields::All, Fields::Named),
-            profile: self.shells.map(|shells| ProfileOptions { shells, inner: None, field: self.shell_field }),
-            periodic: self.of.periodic(data)?,
-        };
-        let work = Work { progress: state, stop: state.stop() };
-        let found: explore::Probe = probe(data, &self.of.region, &options, work)?;
-        Ok(serde_json::to_string(&found)?)
     }
 }

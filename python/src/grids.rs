@@ -1,7 +1,6 @@
 //! Samples of images, volumes and height fields as arrays of NumPy.
 
 use crate::error::Failure;
-use crate::work::State;
 use deepfield_draw::build::default_memory;
 use deepfield_draw::heights::OpenHeights;
 use deepfield_draw::heights::import::HeightOptions;
@@ -10,6 +9,7 @@ use deepfield_draw::import::{GridOptions, GridSource, open_grid};
 use deepfield_draw::look::{DataKind, is_field};
 use deepfield_draw::model::{Channel, Grid, ReadMethod, Region};
 use deepfield_draw::picture::Reporter;
+use deepfield_draw::picture::asked::State;
 use deepfield_draw::store::GridFile;
 use serde::Deserialize;
 use serde_json::{Value, json};

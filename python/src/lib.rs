@@ -4,7 +4,6 @@
 //! writes; arrays and callables alone cross over as objects of Python. Work is done away from the interpreter ([`work`]), by the processor
 //! alone.
 
-mod about;
 mod arrays;
 mod arrow;
 mod building;
@@ -14,8 +13,6 @@ mod error;
 mod grids;
 mod picture;
 mod plots;
-mod question;
-mod request;
 mod ron;
 mod table;
 mod tours;

@@ -1,9 +1,8 @@
 //! Numbers of plots: what `deepfield plot` finds.
 
 use crate::error::Failure;
-use crate::question::Question;
-use crate::work::State;
 use deepfield_draw::explore::{BinnedAxis, Effort, Plot, PlotOptions, ProfileOptions, Weight, Work, radials};
+use deepfield_draw::picture::asked::{Question, State};
 use serde::Deserialize;
 use std::path::Path;
 

@@ -1,12 +1,11 @@
 //! Rows of particles as arrays of NumPy.
 
 use crate::error::Failure;
-use crate::question::Question;
-use crate::work::State;
 use deepfield_draw::build::default_memory;
 use deepfield_draw::explore::{Data, Following, Members, Region, Rows, Work, rows};
 use deepfield_draw::look::DataKind;
 use deepfield_draw::model::{ReadMethod, When};
+use deepfield_draw::picture::asked::{Question, State};
 use deepfield_draw::store::RunFile;
 use deepfield_draw::store::run::{PathsOf, RunPaths};
 use numpy::PyArray1;

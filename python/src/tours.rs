@@ -1,11 +1,11 @@
 //! Tours of data: frames as files, and what is shown at a time as a scene.
 
 use crate::error::Failure;
-use crate::work::State;
 use deepfield_draw::build::default_memory;
 use deepfield_draw::color::output;
 use deepfield_draw::look::{Backend, Member};
-use deepfield_draw::model::Progress;
+use deepfield_draw::model::{Progress, is_url};
+use deepfield_draw::picture::asked::State;
 use deepfield_draw::picture::{AnySession, PictureError, SessionOptions};
 use deepfield_draw::tour::{Frames, Pattern, Show, TourFile, around_data};
 use serde::Deserialize;
@@ -34,6 +34,8 @@ pub struct AskedTour {
     error_px: Option<f64>,
     /// Bytes that pages may take.
     memory: Option<u64>,
+    /// Threads that draw; all where nothing is said.
+    pub threads: Option<usize>,
 }
 
 impl AskedTour {
@@ -111,7 +113,7 @@ impl AskedTour {
         let place = Path::new("tour");
         let mut scene = show.shot(time, place)?;
         // It may be written into any folder.
-        for dataset in &mut scene.datasets {
+        for dataset in scene.datasets.iter_mut().filter(|dataset| !is_url(&dataset.path)) {
             dataset.path = std::path::absolute(&dataset.path)?;
         }
         Ok(scene.text(place)?)

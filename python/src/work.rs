@@ -1,18 +1,15 @@
 //! Long work away from the interpreter, which meanwhile runs other threads, hears Ctrl-C and is told how far the work has come.
 //!
-//! The work has a thread of its own; the thread that called attends to the interpreter until it ends. What reports progress is stopped by
-//! unwinding from its next report, since progress has no answer: everything that the library leaves behind on its way is removed by its
-//! owners, as on any error.
+//! The work has a thread of its own; the thread that called attends to the interpreter until it ends.
 
 use crate::error::{Failure, told};
-use deepfield_draw::model::Progress;
-use deepfield_draw::picture::Reporter;
+use deepfield_draw::picture::asked::State;
 use pyo3::prelude::*;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// How often the interpreter is attended to.
@@ -21,99 +18,14 @@ const PERIOD: Duration = Duration::from_millis(50);
 /// Stack of the work's thread, bytes: as much as a program's first thread usually has.
 const STACK: usize = 8 << 20;
 
-/// With what stopped work is unwound.
-struct Stopped;
-
-/// How far work has come, what it has to tell, and whether anybody waits for it.
-#[derive(Default)]
-pub struct State {
-    /// The stage, and how many steps it takes; 0 where that is not known.
-    stage: Mutex<(String, u64)>,
-    done: AtomicU64,
-    is_stopped: AtomicBool,
-    notes: Mutex<Vec<String>>,
-}
-
-impl State {
-    /// Set where nobody waits any more.
-    pub fn stop(&self) -> &AtomicBool {
-        &self.is_stopped
+/// Lets signals be handled, and tells `progress` the stage, the steps done and their number.
+fn attend(state: &State, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()> {
+    py.check_signals()?;
+    let Some(progress) = progress else { return Ok(()) };
+    if let Some(reached) = state.reached() {
+        progress.call1(py, reached)?;
     }
-
-    /// Keeps a sentence for the user.
-    pub fn note(&self, note: String) {
-        self.notes.lock().unwrap_or_else(PoisonError::into_inner).push(note);
-    }
-
-    fn take_notes(&self) -> Vec<String> {
-        std::mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    /// Unwinds where nobody waits any more.
-    fn go_on(&self) {
-        if self.is_stopped.load(Ordering::Relaxed) && !std::thread::panicking() {
-            resume_unwind(Box::new(Stopped));
-        }
-    }
-
-    /// Lets signals be handled, and tells `progress` the stage, the steps done and their number.
-    fn attend(&self, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()> {
-        py.check_signals()?;
-        let Some(progress) = progress else { return Ok(()) };
-        let (stage, total) = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        if !stage.is_empty() {
-            progress.call1(py, (stage, self.done.load(Ordering::Relaxed), total))?;
-        }
-        Ok(())
-    }
-}
-
-impl Progress for State {
-    fn begin(&self, stage: &str, total: u64) {
-        self.go_on();
-        *self.stage.lock().unwrap_or_else(PoisonError::into_inner) = (stage.to_owned(), total);
-        self.done.store(0, Ordering::Relaxed);
-    }
-
-    fn advance(&self, n: u64) {
-        self.go_on();
-        self.done.fetch_add(n, Ordering::Relaxed);
-    }
-
-    fn say(&self, line: &str) {
-        self.note(line.to_owned());
-    }
-}
-
-/// The progress of a state that somebody else owns.
-struct Shared<'a>(&'a State);
-
-impl Progress for Shared<'_> {
-    fn begin(&self, stage: &str, total: u64) {
-        self.0.begin(stage, total);
-    }
-
-    fn advance(&self, n: u64) {
-        self.0.advance(n);
-    }
-
-    fn say(&self, line: &str) {
-        self.0.say(line);
-    }
-}
-
-impl Reporter for State {
-    fn tell(&self, message: String) {
-        self.note(message);
-    }
-
-    fn progress(&self) -> Box<dyn Progress + '_> {
-        Box::new(Shared(self))
-    }
-
-    fn is_stopped(&self) -> bool {
-        self.is_stopped.load(Ordering::Relaxed)
-    }
+    Ok(())
 }
 
 /// Does the work, and gives what came of it with what there was to tell. `progress` is called with the stage, the steps done and their
@@ -162,8 +74,8 @@ pub fn run_alone<T: Send + 'static>(
                 Err(RecvTimeoutError::Disconnected) => return Ok(Ok(Err("the work ended without an answer".into()))),
                 Err(RecvTimeoutError::Timeout) => {}
             }
-            if let Err(interruption) = Python::attach(|py| waiting.attend(py, progress)) {
-                waiting.is_stopped.store(true, Ordering::Relaxed);
+            if let Err(interruption) = Python::attach(|py| attend(waiting, py, progress)) {
+                waiting.stop().store(true, Ordering::Relaxed);
                 return Err(interruption);
             }
         }
@@ -201,8 +113,8 @@ fn attended<T: Send>(
             if interruption.is_some() {
                 continue;
             }
-            if let Err(error) = Python::attach(|py| state.attend(py, progress)) {
-                state.is_stopped.store(true, Ordering::Relaxed);
+            if let Err(error) = Python::attach(|py| attend(state, py, progress)) {
+                state.stop().store(true, Ordering::Relaxed);
                 interruption = Some(error);
             }
         }

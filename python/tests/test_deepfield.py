@@ -73,6 +73,8 @@ class OfArrays(WithFolder):
         self.assertEqual(picture.units["S"], "K")
         self.assertIn("kpc", picture.units["P"])
         np.testing.assert_allclose(picture.extent, (-0.75, 0.75, -0.75, 0.75))
+        # A colour bar of the hue has hues.
+        self.assertGreater(len({tuple(color) for color in picture.about["legend"]["hue"]["colors"]}), 20)
         # The arrays may be gone: an exact picture would ask them again.
         self.refused("arrays", self.data.render, ABOVE, (96, 96), "column-density", exact=True)
 
@@ -138,6 +140,10 @@ class OfArrays(WithFolder):
         self.refused("points has no setting radios", render, mode="points", radios=3.0)
         self.refused("radius is 99", render, mode="points", radius=99)
         self.refused("size: found 0 x 10", render, size=(0, 10))
+        self.refused("size: found 5, expected width and height", render, size=5)
+        self.refused("camera: fov: found 'wide', expected a number", render, camera={"fov": "wide"})
+        self.refused("absent.ron: ", deepfield.Camera.read, self.folder / "absent.ron")
+        self.refused("shells: found 'many', expected a whole number", self.data.profile, (0.5, 0.5, 0.5, 0.2), shells="many")
         self.refused("camera: eye", render, camera={"eye": (0.0, 1.0)})
         self.refused("fov and ortho", render, camera={"fov": 20, "ortho": 1})
         self.refused("expected a run", render, time=3.0)
@@ -157,6 +163,15 @@ class OfArrays(WithFolder):
         self.refused("expected kpc|expected Mpc", deepfield.build, arrays, out, units={"positions": "Mpc", "smoothing_length": "kpc"})
         self.refused("family Gas", deepfield.build, arrays, out, family="Gas")
         self.assertFalse(out.exists())
+
+    def test_threads_change_nothing_and_their_number_is_checked(self):
+        alone = deepfield.build(self.arrays, self.folder / "alone.df", threads=1)
+        deepfield.build(self.arrays, self.folder / "three.df", threads=3)
+        self.assertEqual((self.folder / "alone.df").read_bytes(), (self.folder / "three.df").read_bytes())
+        np.testing.assert_array_equal(alone.render(ABOVE, (40, 40), threads=1).rgba, alone.render(ABOVE, (40, 40)).rgba)
+        for wrong in (0, 1025, 1.5, True):
+            self.refused("threads: found", alone.render, threads=wrong)
+            self.refused("threads: found", deepfield.build, self.arrays, self.folder / "no.df", threads=wrong)
 
     def test_what_progress_raises_and_ctrl_c_end_a_build_and_nothing_is_left(self):
         class Enough(Exception):

@@ -55,6 +55,11 @@ class Samples(WithFolder):
             np.testing.assert_allclose(np.sort(y), [20, 22])
             self.refused("rows: found 4 to 7, expected a part of 0 to 6", data.heights, (4, 7))
             self.refused("expected at most 10 bytes", data.heights, memory=10)
+        rounded = deepfield.build(source, self.folder / "rounded.df", height_error=0.25).heights()
+        np.testing.assert_array_equal(np.isnan(rounded), np.isnan(samples))
+        self.assertLessEqual(np.nanmax(abs(rounded - samples)), 0.25)
+        self.refused("--height-error: found 0, expected a number above 0", deepfield.build, source, self.folder / "a.df", height_error=0)
+        self.refused("found arrays, expected a file of heights", deepfield.build, particles(20), self.folder / "a.df", height_error=1)
 
 
 class Shown(WithFolder):

@@ -90,6 +90,7 @@ class OfFiles(WithFolder):
             np.testing.assert_allclose(profile["mean_temperature"][row], temperature[shell].mean())
             np.testing.assert_allclose(profile["mean_mass"][row], mass[shell].mean())
         self.assertEqual(profile.units["mean_temperature"], "K")
+        self.assertEqual(list(profile.about["fields"]), ["temperature", "mass"])
 
     @has("pyarrow")
     def test_arrow_reads_tables_without_a_copy(self):
@@ -131,6 +132,10 @@ class OfArrays(WithFolder):
             found = data.select(fields=["x", "temperature"])
         self.assertFalse(found.about["exact"])
         np.testing.assert_allclose(np.sort(found["x"]), np.sort(arrays["positions"][:, 0]), atol=1e-4)
+        fields = ["temperature", "mass"]
+        told = data.profile((0.0, 0.0, 0.0, 1e3), 3, fields).about["fields"]
+        alone = [data.profile((0.0, 0.0, 0.0, 1e3), 3, field).about["error"]["values"] for field in fields]
+        np.testing.assert_allclose([told[field]["error"]["values"] for field in fields], alone)
         self.refused("arrays|source", data.select, exact=True)
         self.refused("arrays|source", data.select, ids=[1])
 

@@ -1,6 +1,7 @@
 // Shows light that passes have drawn: linear and premultiplied, before black, encoded as the processor's pictures are
 // (`Colors::image`). A picture of fewer pixels is stretched.
-#import deepfield::frame::{frame, corner, pixel_at, stretched, encoded, shown}
+#import deepfield::frame::{frame, corner, pixel_at, stretched, shown}
+#import deepfield::srgb::encoded
 
 struct LightPicture {
     /// Size of the picture, pixels.

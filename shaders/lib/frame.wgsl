@@ -1,8 +1,9 @@
-// What the passes share that show a picture in a camera's target: where it lies there, the picture that it takes the place of,
-// and how colours are encoded. Pictures may have another size than what they cover in the target.
+// What the passes share that show a picture in a camera's target: where it lies there, and the picture that it takes the
+// place of. Pictures may have another size than what they cover in the target.
 //
 // Whoever imports this has bindings 0 and 1 of group 0 taken. The Rust twin is `FrameUniform` in src/gpu/target.rs.
 #define_import_path deepfield::frame
+#import deepfield::srgb::decoded
 
 struct Frame {
     /// What the picture covers in the target, pixels.
@@ -56,13 +57,6 @@ fn before_at(pixel: vec2<u32>) -> vec4<f32> {
     return mix(above, below, at.part.y);
 }
 
-/// Gamma-encoded sRGB from linear light.
-fn encoded(light: vec3<f32>) -> vec3<f32> {
-    let low = light * 12.92;
-    let high = 1.055 * pow(max(light, vec3(0.0)), vec3(1.0 / 2.4)) - 0.055;
-    return select(high, low, light <= vec3(0.0031308));
-}
-
 /// What the target gets of a pixel's encoded colour.
 fn shown(color: vec4<f32>, pixel: vec2<u32>) -> vec4<f32> {
     var seen = color;
@@ -71,9 +65,7 @@ fn shown(color: vec4<f32>, pixel: vec2<u32>) -> vec4<f32> {
         seen = mix(before_at(pixel), color, frame.share);
     }
 #ifdef LINEAR_TARGET
-    let low = seen.rgb / 12.92;
-    let high = pow((seen.rgb + 0.055) / 1.055, vec3(2.4));
-    seen = vec4(select(high, low, seen.rgb <= vec3(0.04045)), seen.a);
+    seen = vec4(decoded(seen.rgb), seen.a);
 #endif
     return seen;
 }

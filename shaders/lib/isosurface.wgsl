@@ -108,13 +108,22 @@ fn take_nearest(left: ptr<function, Crossings>) -> Crossing {
     return nearest;
 }
 
+/// The cosine between a slope and a ray, whose direction has a length of 1, on either side of the surface; 1 where there is no slope.
+fn cosine_between(slope: vec3<f32>, direction: vec3<f32>) -> f32 {
+    let length_squared = dot(slope, slope);
+    if length_squared > 0.0 {
+        return min(abs(dot(slope, direction)) * inverseSqrt(length_squared), 1.0);
+    }
+    return 1.0;
+}
+
 /// A surface's colour where a ray meets it, whose direction has a length of 1.
 fn shaded(color: vec3<f32>, slope: vec3<f32>, direction: vec3<f32>) -> vec3<f32> {
-    let length_squared = dot(slope, slope);
-    var cosine = 1.0;
-    if length_squared > 0.0 {
-        cosine = min(abs(dot(slope, direction)) * inverseSqrt(length_squared), 1.0);
-    }
+    return lit_by(color, cosine_between(slope, direction));
+}
+
+/// A colour as it is seen where a ray meets the surface at this cosine.
+fn lit_by(color: vec3<f32>, cosine: f32) -> vec3<f32> {
     let highlight = volume.specular * pow(cosine, volume.shininess);
     return color * (volume.ambient + (1.0 - volume.ambient) * cosine) + highlight;
 }

@@ -1,9 +1,12 @@
 // Where lines of sight meet measured heights on a globe, and directions there. Between corners that stand on it triangles are flat.
 #define_import_path deepfield::surface_globe
-#import deepfield::surface_constants::COLUMN_WORDS
-#import deepfield::surface_levels::{normal_of, point_coverage, slope_of}
+#import deepfield::surface_constants::{COLUMN_WORDS, MIXED}
+#import deepfield::surface_levels::{Met, level_at, normal_of, point_coverage, slope_of}
 #import deepfield::surface_ray::{Hit, cell_of, hit_of, place_of}
-#import deepfield::surface_view::{surface, draws, Shown, POINT, POLE, camera_of, corner_of, half_of, height_of, sample_at}
+#import deepfield::surface_view::{surface, draws, lists, Draw, Shown, POINT, POLE, camera_of, corner_of, half_of, height_of, sample_at}
+
+/// How far from a sample, in pixels' sizes, what is under the centre of its pixel is looked for: farther only at the limb.
+const MIDDLE: f32 = 8.0;
 
 /// A line of sight in the camera's coordinates; its parameter is the depth.
 struct Sight {
@@ -47,7 +50,16 @@ fn hit_globe(shown: Shown, place: vec2<f32>) -> Hit {
         var hit = Hit(shown.node, camera.z, first, vec2(0.0), height, vec2(0.0), 1.0, vec2(0.0), true, false, true, false, false);
         hit.slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, shown.at.x * draw.columns + shown.at.y));
         hit.aside = place_of_camera(camera) - place;
-        hit.coverage = point_coverage(hit, shown.at);
+        // Levels tell what is covered about the middle of the picture's sample (`Resolver::middle`).
+        var middle = hit;
+        if (draw.flags & MIXED) != 0u {
+            let met = met_by(draw, shown.at, height, hit.slope, place);
+            let pixel = exp2(level_at(camera.z)) * surface.spacing / surface.step.yx;
+            if met.exists && all(abs(met.beside) <= MIDDLE * pixel) {
+                middle.within = met.beside;
+            }
+        }
+        hit.coverage = point_coverage(middle, shown.at);
         return hit;
     }
     let sight = sight_at(place);
@@ -116,6 +128,50 @@ fn frame_of(first: vec2<u32>, within: vec2<f32>) -> Frame {
     let north = cosine.y * surface.per_height - sine.y * outward;
     let up = cosine.y * outward + sine.y * surface.per_height;
     return Frame(mat3x3(east, north, up), cosine.y);
+}
+
+/// Most steps to where a line of sight meets what a sample stands for, and how exact that is, in parts of the samples' distance.
+const STEPS: u32 = 8u;
+const EXACT: f32 = 0.005;
+
+/// Where a line of sight meets the plane of a sample's mean normal, which is as round as the globe (`Resolver::on_plane`). In the east, the north and
+/// the height of the sample all is small near it, and so exact; latitudes are those of a ball that touches the globe there, which is as good as the
+/// same between samples.
+fn met_by(draw: Draw, at: vec2<u32>, height: f32, slope: vec2<f32>, place: vec2<f32>) -> Met {
+    let corner = corner_of(draw, at);
+    let first = sample_at(draw, at);
+    let axes = frame_of(first, vec2(0.0)).axes;
+    let sight = sight_at(place);
+    let start = (sight.origin - camera_of(corner, height)) * axes;
+    let way = sight.direction * axes;
+    let away = bitcast<f32>(lists[corner.x + 1u]);
+    let level = bitcast<f32>(lists[corner.x + 2u]);
+    let sine = bitcast<f32>(lists[corner.x + 4u]);
+    let radius = select(surface.radius, away / level, level > 1e-6) + surface.lift * height;
+    // What the plane rises by to the east and to the north.
+    let rise = surface.lift / radius * slope / (surface.turn * vec2(max(level, 1e-3), 1.0));
+    let small = EXACT * surface.spacing * f32(1u << draw.level) / length(way);
+    // By Newton's steps from where the line is nearest to the sample.
+    var along = -dot(start, way) / dot(way, way);
+    for (var step = 0u; step < STEPS; step++) {
+        let there = start + along * way;
+        let from_middle = radius + there.z;
+        let outward = from_middle * level - there.y * sine;
+        let from_axis = length(vec2(outward, there.x));
+        // How much farther from the axis it is as it is to the east.
+        let more = select(from_axis - outward, there.x * there.x / (from_axis + outward), outward > 0.0);
+        let angles = vec2(atan2(there.x, outward), atan2(there.y - more * sine, from_middle + more * level));
+        let turned = angles / surface.turn;
+        let far = length(vec3(there.xy, from_middle));
+        let above = (dot(there.xy, there.xy) + there.z * (radius + from_middle)) / (far + radius);
+        let steepness = dot(way, vec3(there.xy, from_middle) / far - vec3(rise, 0.0));
+        let change = (above - surface.lift * dot(slope, turned)) / steepness;
+        if abs(change) < small {
+            return Met(turned.yx, height + dot(slope, turned), along > 0.0);
+        }
+        along -= change;
+    }
+    return Met(vec2(0.0), 0.0, false);
 }
 
 /// How far something moves in the picture that moves in space, and is there already.

@@ -4,6 +4,11 @@
 #import deepfield::surface_ray::{Hit, coverage_of}
 #import deepfield::surface_view::{surface, words, draws, lists, Draw, cell_of_level, is_lone, place_of_sample}
 
+#ifdef GLOBE
+/// All around.
+const TURN: f32 = 6.2831855;
+#endif
+
 /// What a column and a row add to the height on a plane of this normal.
 fn slope_of(normal: vec3<f32>) -> vec2<f32> {
     return -normal.xy / (max(normal.z, 1e-6) * surface.true_lift) * surface.lengths;
@@ -13,6 +18,13 @@ fn normal_of(first: u32, count: u32, index: u32) -> vec3<f32> {
     let along = unpack2x16snorm(words[first + count + index]);
     let up = f32(words[first + 2u * count + index] & 0xffffu) / 65535.0;
     return vec3(along, up);
+}
+
+/// Where a line of sight meets the plane of a sample's mean normal: how many rows and columns behind the sample, and the height.
+struct Met {
+    beside: vec2<f32>,
+    height: f32,
+    exists: bool,
 }
 
 /// The level, with a fraction, whose samples are as far apart as the picture's at a depth.
@@ -106,9 +118,14 @@ fn point_coverage(hit: Hit, at: vec2<u32>) -> f32 {
         let coarse = covered(draw, u32(levels.x) + 1u, hit);
         fine = mix(fine, select(fine, coarse, coarse >= 0.0), levels.y);
     }
-    // What of a pixel's size is in the field.
+    // What of a pixel's size is in the field, which has no end where it goes round.
     let side = exp2(level) * surface.spacing / surface.step.yx;
     let place = vec2<f32>(hit.first) + hit.within;
-    let inside = clamp((min(place + 0.5 * side, vec2<f32>(surface.last.yx)) - max(place - 0.5 * side, vec2(0.0))) / side, vec2(0.0), vec2(1.0));
+    var inside = clamp((min(place + 0.5 * side, vec2<f32>(surface.last.yx)) - max(place - 0.5 * side, vec2(0.0))) / side, vec2(0.0), vec2(1.0));
+#ifdef GLOBE
+    if abs(surface.turn.x) * (f32(surface.last.x) + 0.5) > TURN {
+        inside.y = 1.0;
+    }
+#endif
     return max(inside.x * inside.y * fine, 1.0 / 255.0);
 }

@@ -1,5 +1,6 @@
 // What a place of measured heights looks like: its attribute's colour, the light on it, lines of equal height (crates/draw/src/cpu/surface/shade.rs).
 #define_import_path deepfield::surface_light
+#import deepfield::srgb::decoded
 #import deepfield::surface_constants::{FINER, SECANTS, MINOR, EDGE, REACH, BY_HEIGHT, BY_SLOPE, BY_ASPECT, BY_CURVATURE, BY_LEVEL, BY_PRIMITIVE, BY_RESIDUAL, BY_DIFFERENCE, BY_PLANE, BY_TEXTURE, BY_PHOTO, BESIDE, UNMEASURED, NONE, POINTS}
 #import deepfield::surface_globe::{frame_at, rise_of, sight_at}
 #import deepfield::surface_levels::{between, index_of, share_of, levels_of, level_at, normal_of}
@@ -31,11 +32,6 @@ struct Texel {
     /// The share of it that is known.
     known: f32,
     exists: bool,
-}
-
-/// Linear light of an encoded colour.
-fn decoded(color: vec3<f32>) -> vec3<f32> {
-    return select(pow((color + 0.055) / 1.055, vec3(2.4)), color / 12.92, color <= vec3(0.04045));
 }
 
 /// Whether samples have a number each, beside their heights.

@@ -1,67 +1,16 @@
 // What coarse samples stand for beside their triangles, and how deep that is (crates/draw/src/cpu/surface/coverage.rs).
 #define_import_path deepfield::surface_margin
 #import deepfield::surface_constants::{CHUNK, FARTHER, MIXED, NONE}
-#import deepfield::surface_levels::{level_at, normal_of, slope_of}
+#import deepfield::surface_levels::{Met, level_at, normal_of, slope_of}
 #import deepfield::surface_ray::{Hit, chunk_at, coverage_of, no_hit, share_between}
 #import deepfield::surface_view::{surface, draws, Draw, camera_of, cell_of_level, corner_of, height_of, sample_at}
 #ifdef GLOBE
-#import deepfield::surface_globe::{frame_of, sight_at}
-#import deepfield::surface_view::lists
+#import deepfield::surface_globe::{met_by, sight_at}
 #else
 #import deepfield::surface_ray::ray_at
 #endif
 
-/// Where a line of sight meets the plane of a sample's mean normal: how many rows and columns behind the sample, and the height.
-struct Met {
-    beside: vec2<f32>,
-    height: f32,
-    exists: bool,
-}
-
-#ifdef GLOBE
-/// Most steps to where a line of sight meets what a sample stands for, and how exact that is, in parts of the samples' distance.
-const STEPS: u32 = 8u;
-const EXACT: f32 = 0.005;
-
-/// That plane is as round as the globe (`Resolver::on_plane`). In the east, the north and the height of the sample all is small near it, and so exact;
-/// latitudes are those of a ball that touches the globe there, which is as good as the same between samples.
-fn met_by(draw: Draw, at: vec2<u32>, height: f32, slope: vec2<f32>, place: vec2<f32>) -> Met {
-    let corner = corner_of(draw, at);
-    let first = sample_at(draw, at);
-    let axes = frame_of(first, vec2(0.0)).axes;
-    let sight = sight_at(place);
-    let start = (sight.origin - camera_of(corner, height)) * axes;
-    let way = sight.direction * axes;
-    let away = bitcast<f32>(lists[corner.x + 1u]);
-    let level = bitcast<f32>(lists[corner.x + 2u]);
-    let sine = bitcast<f32>(lists[corner.x + 4u]);
-    let radius = select(surface.radius, away / level, level > 1e-6) + surface.lift * height;
-    // What the plane rises by to the east and to the north.
-    let rise = surface.lift / radius * slope / (surface.turn * vec2(max(level, 1e-3), 1.0));
-    let small = EXACT * surface.spacing * f32(1u << draw.level) / length(way);
-    // By Newton's steps from where the line is nearest to the sample.
-    var along = -dot(start, way) / dot(way, way);
-    for (var step = 0u; step < STEPS; step++) {
-        let there = start + along * way;
-        let from_middle = radius + there.z;
-        let outward = from_middle * level - there.y * sine;
-        let from_axis = length(vec2(outward, there.x));
-        // How much farther from the axis it is as it is to the east.
-        let more = select(from_axis - outward, there.x * there.x / (from_axis + outward), outward > 0.0);
-        let angles = vec2(atan2(there.x, outward), atan2(there.y - more * sine, from_middle + more * level));
-        let turned = angles / surface.turn;
-        let far = length(vec3(there.xy, from_middle));
-        let above = (dot(there.xy, there.xy) + there.z * (radius + from_middle)) / (far + radius);
-        let steepness = dot(way, vec3(there.xy, from_middle) / far - vec3(rise, 0.0));
-        let change = (above - surface.lift * dot(slope, turned)) / steepness;
-        if abs(change) < small {
-            return Met(turned.yx, height + dot(slope, turned), along > 0.0);
-        }
-        along -= change;
-    }
-    return Met(vec2(0.0), 0.0, false);
-}
-#else
+#ifndef GLOBE
 fn met_by(draw: Draw, at: vec2<u32>, height: f32, slope: vec2<f32>, place: vec2<f32>) -> Met {
     let ray = ray_at(place);
     let own = vec2<f32>(vec2<i32>(sample_at(draw, at).yx) - surface.anchor);

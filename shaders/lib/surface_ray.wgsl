@@ -3,7 +3,7 @@
 // Where the processor casts a ray through all of the surface, these follow it over cells from a little before what a sample shows.
 #define_import_path deepfield::surface_ray
 #import deepfield::surface_constants::{CHUNK, NONE, LEAF, MIXED}
-#import deepfield::surface_view::{surface, draws, lists, Draw, coverage_at, sample_at, camera_of, quad_of, half_of, Half, Quad}
+#import deepfield::surface_view::{surface, draws, lists, Draw, coverage_at, sample_at, camera_of, from_eye, quad_of, half_of, Half, Quad}
 
 /// Rounding may leave a place so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f32 = 1e-4;
@@ -292,12 +292,23 @@ fn chunk_at(cell: vec2<i32>) -> u32 {
 
 /// The depths between which a ray is in the box outside of which nothing is drawn.
 fn kept_of(ray: Ray) -> vec2<f32> {
+    return kept_in(ray, surface.box_min, surface.box_max);
+}
+
+/// The same of the line of sight through a place of the picture, whatever the surface stands on.
+fn kept_at(place: vec2<f32>) -> vec2<f32> {
+    let origin = from_eye(place, 0.0);
+    return kept_in(Ray(origin, from_eye(place, 1.0) - origin), surface.clip_min, surface.clip_max);
+}
+
+/// The same of a ray and a box that have the same coordinates.
+fn kept_in(ray: Ray, low: vec3<f32>, high: vec3<f32>) -> vec2<f32> {
     var part = vec2(0.0, 1e30);
     if surface.clips == 0u {
         return part;
     }
     for (var axis = 0u; axis < 3u; axis++) {
-        let away = vec2(surface.box_min[axis], surface.box_max[axis]) - ray.origin[axis];
+        let away = vec2(low[axis], high[axis]) - ray.origin[axis];
         if abs(ray.direction[axis]) > 1e-30 {
             let ends = away / ray.direction[axis];
             part = vec2(max(part.x, min(ends.x, ends.y)), min(part.y, max(ends.x, ends.y)));

@@ -151,6 +151,10 @@ struct Draw {
     /// Where `lists` has squares of its cells with rims in them, and of its samples with a membrane; `NONE` where there are none.
     rims: u32,
     fill: u32,
+    /// Of a globe that rays are cast through: where `lists` has the triangles whose corners are listed, of its poles and of cells along its sides, and the
+    /// longest distance between two of its rows; `NONE` where there are no such triangles.
+    fans: u32,
+    row_length: f32,
 }
 
 @group(0) @binding(0) var<uniform> surface: SurfaceView;

@@ -22,7 +22,7 @@
 #import deepfield::volume_view::Portion
 #import deepfield::volume_constants::{
     BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS, VALUE_ENTRIES,
-    COLUMN_VALUES, DIMMED, EVEN_TABLE, HOLES_OF_SURFACES, HOLES_OF_VOLUME,
+    COLUMN_VALUES, DIMMED, EVEN_TABLE, FACE_WORDS, HOLES_OF_SURFACES, HOLES_OF_VOLUME,
 }
 
 @group(0) @binding(1) var<uniform> portion: Portion;
@@ -37,7 +37,9 @@
 @group(0) @binding(6) var<storage, read> table: array<vec4<f32>>;
 /// Light gathered, linear, premultiplied, and opacity.
 @group(0) @binding(7) var<storage, read_write> rays: array<vec4<f32>>;
-/// Share of the present cell that has been drawn; the step in which a ray ended.
+/// Share of the present cell that has been drawn; the step in which a ray ended. With FACES, behind those of all pixels of the
+/// window, the surface that adds most to each: its share of the pixel, its depth, where its line of sight is at depth 1 along x and
+/// y, its slope, and its colour as it is before light.
 @group(0) @binding(8) var<storage, read_write> progress: array<f32>;
 /// For each column of pixels, then for each row, the stored cell before its rays, and the bits of the share of the way to
 /// the next one.
@@ -424,6 +426,27 @@ fn slope_of(place: Place, middle: vec2<f32>, step: u32, at: f32, density: f32) -
 #endif
 }
 
+#ifdef FACES
+/// Where the pixel's surface is kept.
+var<private> face: u32;
+
+/// Keeps a surface at a place along the slices where it adds more to the pixel than the one before.
+fn offer(share: f32, slice: f32, line: vec3<f32>, slope: vec3<f32>, color: vec3<f32>) {
+    if share <= progress[face] {
+        return;
+    }
+    let far = slice / volume.slice_rate;
+    progress[face] = share;
+    progress[face + 1u] = select(volume.near + far, volume.near * exp(far), volume.perspective != 0u);
+    progress[face + 2u] = line.x;
+    progress[face + 3u] = line.y;
+    for (var k = 0u; k < 3u; k++) {
+        progress[face + 4u + k] = slope[k];
+        progress[face + 7u + k] = color[k];
+    }
+}
+#endif
+
 /// Meets a surface at a share of a step.
 fn meet(
     ray: ptr<function, Ray>,
@@ -444,7 +467,11 @@ fn meet(
     if volume.lit != 0u {
         let slope = slope_of(place, middle, step, at, surface.x);
         let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
-        color = shaded(color, slope, normalize(vec3(middle.x * sigma, -middle.y * sigma, 1.0)));
+        let line = vec3(middle.x * sigma, -middle.y * sigma, 1.0);
+#ifdef FACES
+        offer((1.0 - (*ray).alpha) * surface.y, f32(step) - 0.5 + at, line, slope, color);
+#endif
+        color = shaded(color, slope, normalize(line));
     }
     under(ray, color, surface.y);
 }
@@ -457,6 +484,10 @@ fn cast_rays(@builtin(global_invocation_id) invocation: vec3<u32>) {
         return;
     }
     let index = invocation.y * (portion.behind_pixel.x - portion.first_pixel.x) + invocation.x;
+#ifdef FACES
+    let size = portion.behind_pixel - portion.first_pixel;
+    face = size.x * size.y + FACE_WORDS * index;
+#endif
     lookup = Lookup(
         volume.first_entry, volume.last_entry, volume.hues, volume.plane, volume.attribute_log != 0u, volume.attribute_map,
     );

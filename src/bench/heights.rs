@@ -183,7 +183,11 @@ fn field(
         OpenHeights::Source(_) => {
             let built = folder.join("heights.df");
             for &threads in &arguments.threads {
-                let options = HeightBuildOptions { memory: arguments.memory, threads: Some(threads.into()) };
+                let options = HeightBuildOptions {
+                    memory: arguments.memory,
+                    threads: Some(threads.into()),
+                    ..HeightBuildOptions::default()
+                };
                 let mut times = Vec::new();
                 for _ in 0..arguments.repeat {
                     let start = Instant::now();

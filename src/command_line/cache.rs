@@ -1,7 +1,7 @@
 //! The user's cache folder, and the page files in it of sources that were opened directly.
 
 use crate::look::HeightsSaid;
-use crate::look::page_cache::{default_budget, page_file, prune};
+use crate::look::page_cache::{default_budget, page_file, prune, room_for_pages};
 use crate::model::Progress;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
@@ -39,6 +39,13 @@ pub fn page_file_with(
     let (file, removed) = page_file(path, said, || folder("pages"), progress)?;
     removed.into_iter().for_each(|removed| eprintln!("deepfield: {removed}"));
     Ok(file)
+}
+
+/// The folder where pages are kept that servers send, and how many bytes of them; none where there is no folder, or its budget is none.
+pub fn for_pages_from_afar() -> Option<(PathBuf, u64)> {
+    let folder = folder("pages").ok()?;
+    let room = room_for_pages(&folder).ok()?;
+    Some((folder, room))
 }
 
 /// Removes what was used longest ago, so that the folder keeps to its budget; never `made`.

@@ -3,6 +3,7 @@
 pub mod arguments;
 pub mod cache;
 pub mod cached_run;
+pub mod jpeg;
 pub mod progress_bar;
 
 /// What a command ends with: nothing, or an error whose text names the file and the cause.

@@ -40,12 +40,13 @@ use std::path::{Path, PathBuf};
   deepfield build gaia/ -o gaia.df                           one table in many files, which are all of a folder
   deepfield build output/ -o run.df --every 5 --skip-damaged
   deepfield build @steps.txt -o run.df --times 0:0.2         files named in a list, which have no times of their own
-  deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS dump
+  deepfield build movie.xyz -o run.df                        a file of many steps: extended XYZ, LAMMPS, GSD
   deepfield build head.nrrd -o head.df                       a volume, as oriented points over its samples
   deepfield build engine.nii.gz -o engine.df --ignore-below 5
                                                              without points for air
   deepfield build dem.tif -o dem.df                          measured heights, as chunks of samples with exact errors
   deepfield build scan.npy -o scan.df --spacing 0.5,0.5 --xy-unit um --height-unit nm
+  deepfield build dem.tif -o dem.df --height-error 0.05      smaller: heights are within 0.05 of the source's, in its unit
   deepfield build dem.tif -o dem.df --texture photo.jpg      with a photo over it; photo.jpg@X0,Y0,X1,Y1 covers a rectangle
   deepfield build run.h5#fields/density -o density.df        a data set of several
   deepfield build gyre.npy --trace --times 0:0.5 --box 0,0,2,1 -o flow.df
@@ -150,6 +151,10 @@ pub struct Arguments {
     /// A photo over them.
     #[command(flatten)]
     pub texture: TextureOptions,
+    /// How far heights of the file may be from the source's, in the unit of heights: a larger error makes a smaller file [default: they are
+    /// the source's own].
+    #[arg(long, value_name = "HEIGHT", allow_hyphen_values = true, help_heading = "Height fields")]
+    pub height_error: Option<f64>,
     /// How particles are traced through a velocity field.
     #[command(flatten)]
     pub tracing: TraceOptions,
@@ -211,6 +216,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return heights::build::run(arguments, only);
     }
     arguments.texture.refuse()?;
+    if arguments.height_error.is_some() {
+        let named = arguments.sources[0].display();
+        return Err(format!("{named}: --height-error: found no heights, expected some").into());
+    }
     if let [only] = &arguments.sources[..]
         && arguments.as_what == As::Itself
         && trace.is_none()

@@ -3,8 +3,10 @@
 use super::Command;
 use crate::heights::import::height_names;
 use crate::import;
+use crate::model::url::shown_argument;
 use crate::modes;
 use clap::{CommandFactory, FromArgMatches, Parser};
+use std::ffi::OsString;
 
 /// Explore huge point data, sampled grids and measured heights: snapshots, star catalogues, images, volumes, surfaces, and their
 /// hierarchies on disk.
@@ -40,6 +42,9 @@ pub fn command_line() -> clap::Command {
 
 /// The command that is asked for; leaves the program where there is a mistake, or help was asked for.
 pub fn parse() -> Option<Command> {
-    let matches = command_line().get_matches();
+    // Only what is shown of a URL goes further.
+    let shown =
+        |argument: OsString| argument.into_string().map_or_else(|other| other, |text| shown_argument(&text).into());
+    let matches = command_line().get_matches_from(std::env::args_os().map(shown));
     CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command
 }

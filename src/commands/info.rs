@@ -25,9 +25,10 @@ use std::path::PathBuf;
   deepfield info surface.sur
   deepfield info grey.png --kind heights --spacing 0.5,0.5 --height-unit um
   deepfield info scan.raw --shape 512,512,300 --type u16 --spacing 0.5,0.5,1
-  deepfield info galaxy.df --json")]
+  deepfield info galaxy.df --json
+  deepfield info https://data.example.org/galaxy.df")]
 pub struct Arguments {
-    /// The source, page file or run.
+    /// The source, page file or run, or the URL of a built file.
     pub path: PathBuf,
     /// Print JSON instead of a table.
     #[arg(long)]

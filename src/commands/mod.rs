@@ -35,6 +35,8 @@ pub mod render_arguments;
 pub mod request;
 mod run_info;
 pub mod select;
+#[cfg(feature = "remote")]
+pub mod serve;
 pub mod statistics;
 #[cfg(feature = "viewer")]
 mod supervise;
@@ -68,6 +70,8 @@ pub enum Command {
     Export(Box<export::Arguments>),
     Surface(Box<surface::Arguments>),
     Catalogue(catalogue::Arguments),
+    #[cfg(feature = "remote")]
+    Serve(Box<serve::Arguments>),
     Tour(Box<tour::Arguments>),
     Key(key::Arguments),
     Synth(synth::Arguments),
@@ -100,6 +104,8 @@ impl Command {
             Command::Export(arguments) => export::run(arguments),
             Command::Surface(arguments) => surface::run(arguments),
             Command::Catalogue(arguments) => catalogue::run(arguments),
+            #[cfg(feature = "remote")]
+            Command::Serve(arguments) => serve::run(arguments),
             Command::Tour(arguments) => tour::run(arguments),
             Command::Key(arguments) => key::run(arguments),
             Command::Synth(arguments) => synth::run(arguments),

@@ -2,10 +2,11 @@
 
 use super::arguments::{PictureSize, not_negative, vector};
 use super::derive_options::DeriveOptions;
+use super::heights;
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
-use super::{CommandResult, progress_bar::TerminalProgress};
+use super::{CommandResult, progress_bar::TerminalProgress, usage};
 use crate::color::output::{write_atomically, write_png};
 use crate::explore::plot::INNER;
 use crate::explore::plot::settings::DENSITY;
@@ -148,6 +149,12 @@ fn bins(text: &str) -> Result<[usize; 2], String> {
 /// written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, when, who, exact, derive, size, out, json, read, .. } = arguments;
+    heights::refuse(path, "particles")?;
+    let axes = if arguments.phase.is_some() { 2 } else { 1 };
+    if arguments.range.len() > axes {
+        let found = arguments.range.len();
+        return Err(usage(format!("{}: --range: found {found}, expected one for each axis", path.display())));
+    }
     let formats = out.iter().map(|out| Format::of(out)).collect::<Result<Vec<_>, _>>()?;
     let region = &arguments.region_options();
     let progress = TerminalProgress::new();

@@ -71,8 +71,9 @@ pub struct Arguments {
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top; for volumes premultiplied linear RGBA; for heights depth, x, y,
-    /// height, row, column and coverage at the middle of each pixel as float64.
+    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top; for volumes premultiplied linear RGBA; for
+    /// cross-section the field's values, NaN where nothing is; for heights depth, x, y, height, row, column and coverage at the middle of each pixel
+    /// as float64.
     #[arg(long, value_name = "FILE.npy")]
     pub raw: Option<PathBuf>,
     /// Picture size in pixels [default: 1200x800].
@@ -181,7 +182,7 @@ pub struct Arguments {
     /// What is written into the picture.
     #[command(flatten)]
     pub annotate: AnnotateOptions,
-    /// What colours mean: a preset (density, density-hue, stars, volume, volume-hue, terrain, signed) or a RON file like those in
+    /// What colours mean: a preset (density, density-hue, stars, volume, volume-hue, terrain, land, signed) or a RON file like those in
     /// assets/transfer [default: the mode's].
     #[arg(long, value_name = "NAME|FILE.ron", value_parser = transfer_named)]
     pub transfer: Option<TransferFunction>,

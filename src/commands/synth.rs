@@ -100,7 +100,7 @@ pub struct Arguments {
     /// What to make.
     pub kind: Kind,
     /// Number of particles, such as 1000000 or 1e9.
-    #[arg(short = 'n', long = "particles", value_name = "N", value_parser = count, required_unless_present = "size")]
+    #[arg(short = 'n', long = "particles", value_name = "N", value_parser = count)]
     pub particles: Option<u64>,
     /// Samples of an image, a volume or heights along x, y and z.
     #[arg(long, value_name = "W,H[,D]", value_parser = size, conflicts_with = "particles")]
@@ -219,7 +219,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         (Some(kind), Some(size), _) => return grid(arguments, kind, size),
         (Some(_), None, _) => conflict("--size: missing, an image or a volume has one"),
         (None, None, Some(particles)) => particles,
-        (None, ..) => conflict("--size: only an image or a volume has one; a snapshot has a number of particles (-n)"),
+        (None, Some(_), _) => {
+            conflict("--size: only an image or a volume has one; a snapshot has a number of particles (-n)")
+        }
+        (None, None, None) => conflict("--particles: missing, a snapshot has a number of particles (-n)"),
     };
     let progress = TerminalProgress::new();
     let steps = usize::from(arguments.steps.unwrap_or(16));

@@ -11,7 +11,7 @@ use crate::import::{file_of_step, sources_of, steps_in};
 #[cfg(feature = "viewer")]
 use crate::look::HeightsSaid;
 use crate::look::{DataKind, Member, SceneFile, data_file, is_scene_file};
-use crate::model::When;
+use crate::model::{When, is_url};
 use crate::tour::TourFile;
 #[cfg(feature = "viewer")]
 use crate::view::{Stereo, Surround};
@@ -257,7 +257,7 @@ fn reuse(paths: &[PathBuf]) -> Result<bool, Failure> {
         return Err(format!("--reuse: found {} files, expected one", paths.len()).into());
     };
     // A missing file is an error here, too.
-    if !file_of_step(path).exists() {
+    if !is_url(path) && !file_of_step(path).exists() {
         return Err(format!("{}: no file is there", path.display()).into());
     }
     let taken = door::folder_of_user().map_or(Ok(false), |folder| door::hand_over(&folder, path))?;
@@ -274,6 +274,7 @@ fn run_of(arguments: &Arguments) -> Result<Option<CachedRun>, Failure> {
     match &names[..] {
         [] => Ok(None),
         _ if arguments.follow_folder => run(),
+        [only] if is_url(only) => Ok(None),
         [only] if only.is_dir() => match data_file(only) {
             Ok(_) => Ok(None),
             Err(_) if sources_of(names).is_ok_and(|sources| sources.len() > 1) => run(),

@@ -36,6 +36,10 @@ pub struct CompositeUniform {
     pub stride: u32,
     /// How much of the picture is seen over the one before it.
     pub share: f32,
+    /// The upper end of `P`'s range.
+    pub high: f32,
+    /// Padding.
+    pub unused: u32,
 }
 
 /// Adds the composite pass.
@@ -61,8 +65,9 @@ impl Plugin for CompositePlugin {
     }
 }
 
+/// The pass that shows colours of sums, for each format of targets.
 #[derive(Resource)]
-struct CompositePipelines(ShowPipelines);
+pub(super) struct CompositePipelines(ShowPipelines);
 
 fn init_composite_pipelines(mut commands: Commands, server: Res<AssetServer>) {
     let pipelines = ShowPipelines::new(&server, "composite/composite.wgsl", size_of::<CompositeUniform>(), 3);
@@ -79,7 +84,8 @@ pub struct CompositeBindings {
     lut: (Arc<Lut>, Buffer),
 }
 
-fn prepare_composites(
+/// Prepares every camera that shows colours of sums.
+pub(super) fn prepare_composites(
     mut commands: Commands,
     cameras: Query<(Entity, &ExtractedCamera, &ViewTarget, &Composite, &SplatBuffers, Option<&CompositeBindings>)>,
     pipelines: Option<ResMut<CompositePipelines>>,
@@ -99,6 +105,8 @@ fn prepare_composites(
             s_log: if composite.attribute { s_log } else { 2 },
             stride: buffers.stride,
             share: composite.last.filter(|_| buffers.shared.last.is_some()).unwrap_or(1.0),
+            high: composite.levels.p[1] as f32,
+            unused: 0,
         };
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         let bytes = bytemuck::bytes_of(&uniform);
@@ -111,13 +119,24 @@ fn prepare_composites(
             }
         };
         let frame = Frame::new(known.map(|known| &known.frame), camera, composite.before.as_ref(), &device, &queue);
-        // Nothing is read of it where all of the picture is seen.
-        let last = buffers.shared.last.as_ref().unwrap_or(&buffers.shared.cells);
-        let others = [&uniform, &buffers.shared.cells, &lut.1, last];
-        let group = frame.group(&pipelines.0.layout, &others, &cache, &device);
+        let group = frame.group(&pipelines.0.layout, &coloring(&uniform, &lut.1, buffers), &cache, &device);
         let pipeline = pipelines.0.variant(target.main_texture_format(), &cache);
         commands.entity(entity).insert(CompositeBindings { group, pipeline, frame, uniform, lut });
     }
+}
+
+impl CompositeBindings {
+    /// What passes bind that import `deepfield::colored`.
+    pub(super) fn coloring<'a>(&'a self, buffers: &'a SplatBuffers) -> [&'a Buffer; 4] {
+        coloring(&self.uniform, &self.lut.1, buffers)
+    }
+}
+
+/// The same of a uniform and a table.
+fn coloring<'a>(uniform: &'a Buffer, lut: &'a Buffer, buffers: &'a SplatBuffers) -> [&'a Buffer; 4] {
+    // Nothing is read of the last one where all of the picture is seen.
+    let last = buffers.shared.last.as_ref().unwrap_or(&buffers.shared.cells);
+    [uniform, &buffers.shared.cells, lut, last]
 }
 
 /// Draws the colours of an accumulated picture into the camera's target.

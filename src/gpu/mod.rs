@@ -11,12 +11,14 @@
 //! 4. A camera with a [`LightView`] beside its [`SplatView`] shows the light that a mode's passes draw of these nodes.
 //! 5. A camera with an [`integrals::IntegralView`] accumulates line integrals of a sampled field in their place.
 //! 6. A camera with a [`surface::SurfaceView`] beside its [`LightView`] shows measured heights.
-//! 7. [`timing::PassTimer`] measures milliseconds of passes, [`ParticleScene::stats`] memory.
+//! 7. With a [`Glow`] it shows how bright light of any of these spreads.
+//! 8. [`timing::PassTimer`] measures milliseconds of passes, [`ParticleScene::stats`] memory.
 //!
 //! [`render_headless`] does all that for one picture without a window.
 
 pub mod answer;
 pub mod arena;
+pub mod bloom;
 pub mod capabilities;
 pub mod clusters;
 pub mod column_tables;
@@ -54,6 +56,7 @@ pub mod timing;
 pub mod view;
 pub mod volume;
 
+pub use bloom::Glow;
 pub use capabilities::{Capabilities, Technique, Withheld};
 pub use clusters::GpuCluster;
 pub use device::{DeviceOptions, Gpu, GpuError, open};
@@ -85,6 +88,7 @@ impl PluginGroup for DeepfieldRenderPlugins {
             .add(splat::SplatPlugin)
             .add(composite::CompositePlugin)
             .add(light::LightPlugin)
+            .add(bloom::BloomPlugin)
             .add(volume::VolumePlugin)
             .add(measure::MeasurePlugin)
             .add(integrals::IntegralPlugin)

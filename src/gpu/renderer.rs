@@ -2,6 +2,7 @@
 //! draws them as often as asked.
 
 use super::DeepfieldRenderPlugins;
+use super::bloom::{Glow, GlowWork};
 use super::capabilities::Technique;
 use super::device::{DeviceOptions, GpuError, open};
 use super::headless::{HeadlessNode, HeadlessRequest};
@@ -177,6 +178,7 @@ impl HeadlessRenderer {
             ModeView,
             Composite,
             LightView,
+            Glow,
             VolumeView,
             CountOverdraw,
             IntegralView,
@@ -492,10 +494,24 @@ impl HeadlessRenderer {
 
     /// Whether all of the picture is there.
     fn is_complete(&mut self) -> bool {
+        if !self.glows_as_wanted() {
+            return false;
+        }
         match self.app.world().get::<LightView>(self.camera) {
             Some(_) => self.cells().is_some_and(|cells| cells.complete),
             None => self.buffers().is_some_and(|buffers| buffers.accumulated.load(Ordering::Relaxed)),
         }
+    }
+
+    /// Whether light spreads that is shown and is to.
+    fn glows_as_wanted(&mut self) -> bool {
+        let camera = self.app.world().entity(self.camera);
+        if !camera.contains::<Glow>() || !(camera.contains::<LightView>() || camera.contains::<Composite>()) {
+            return true;
+        }
+        let world = self.render_world();
+        let mut query = world.query::<&GlowWork>();
+        query.iter(world).any(|work| work.is_shown.load(Ordering::Relaxed))
     }
 
     /// Draws frames until shaders are compiled and the picture is there.

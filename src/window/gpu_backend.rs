@@ -159,8 +159,6 @@ pub(super) fn choose_backend(
     let wanted = match asked {
         // Panoramas are put together from pages themselves.
         _ if surrounds || is_processors || adapter_of_mode == Adapter::None => None,
-        // Light spreads on the processor.
-        _ if glows && adapter_of_mode != Adapter::Plugin => None,
         // What paths hide, and what hides them, the processor knows.
         _ if paths.is_among() => None,
         Backend::Compute if adapter_of_mode == Adapter::Light => Some(gpu::Backend::Compute),
@@ -185,7 +183,9 @@ pub(super) fn choose_backend(
                 Adapter::Plugin | Adapter::Light => found,
                 _ => found.or_else(|_| capabilities.technique(gpu::Backend::Auto)),
             };
-            (other.ok(), found.err())
+            // Light spreads in compute passes.
+            let is_able = !glows || capabilities.compute || adapter_of_mode == Adapter::Plugin;
+            (other.ok().filter(|_| is_able), found.err())
         }
         (Some(_), None) => (None, Some("a working driver")),
     };

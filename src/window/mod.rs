@@ -8,6 +8,7 @@
 
 pub mod adopt;
 mod assistive;
+mod bloom;
 pub mod bookmarks;
 pub mod camera;
 mod comparison;
@@ -338,6 +339,7 @@ impl Plugin for WindowApp {
                     light_backend::draw_light_on_gpu,
                     field_backend::on_adapter::draw_field_on_adapter,
                     field_backend::surface_on_adapter::draw_surface_on_adapter,
+                    bloom::follow_bloom,
                     paths::draw_paths,
                     run_ranges::hold_convergence,
                 )

@@ -1,5 +1,6 @@
 //! What the adapter's passes took last.
 
+use crate::gpu::bloom;
 use crate::gpu::timing::PassTimes;
 use bevy::prelude::*;
 use std::time::{Duration, Instant};
@@ -34,10 +35,16 @@ impl PictureTimes {
 }
 
 impl LastPasses {
+    /// Whether a pass has ever run.
+    pub fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|pass| pass.name == name)
+    }
+
     /// Those of the last picture; `None` before the first one.
     pub fn of_picture(&self) -> Option<PictureTimes> {
-        // Colours alone are composed in every frame; passes of the mode before have not run for long.
-        let at = self.0.iter().filter(|pass| pass.name != "composite").map(|pass| pass.at).max()?;
+        // Colours alone are composed, and light spreads, in every frame; passes of the mode before have not run for long.
+        let is_of_picture = |pass: &&LastPass| pass.name != "composite" && pass.name != bloom::PASS;
+        let at = self.0.iter().filter(is_of_picture).map(|pass| pass.at).max()?;
         let of_now = self.0.iter().filter(|pass| at.saturating_duration_since(pass.at) < TOGETHER);
         Some(PictureTimes { passes: of_now.map(|pass| (pass.name, pass.milliseconds)).collect(), at })
     }

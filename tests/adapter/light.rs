@@ -6,10 +6,10 @@ use bevy::render::render_resource::{BufferInitDescriptor, BufferUsages};
 use bevy::render::renderer::RenderDevice;
 use bevy::render::{Render, RenderApp, RenderSystems};
 use deepfield::color::colors::to_encoded;
-use deepfield::color::{Colors, Image};
+use deepfield::color::{Bloom, Colors, Image};
 use deepfield::gpu::light::prepare_light;
 use deepfield::gpu::{
-    Backend, DeviceOptions, Fading, Footprint, HeadlessRenderer, HeadlessRequest, LightCells, LightView, plugins,
+    Backend, DeviceOptions, Fading, Footprint, Glow, HeadlessRenderer, HeadlessRequest, LightCells, LightView, plugins,
 };
 use deepfield::model::Kernel;
 use deepfield::view::{Projection, View};
@@ -95,6 +95,26 @@ fn light_is_shown_as_the_processor_encodes_it() {
     };
     let expected = Image { rgba: image.rgba.iter().map(mixed).collect(), ..image };
     assert!(largest_difference(&renderer.shown().unwrap(), &expected) <= 1);
+}
+
+#[test]
+fn bright_light_spreads_as_on_the_processor() {
+    let mut renderer = renderer();
+    // One level, and as many as there are; from the middle of what is there on, and from nothing.
+    for (strength, threshold, radius) in [(0.8, 0.5, 0.01), (0.6, 0.3, 1.0), (1.0, 0.0, 0.2)] {
+        let bloom = Bloom { strength, threshold, radius };
+        renderer.insert((LightView::default(), Known(SIZE), Glow(bloom)));
+        renderer.complete().unwrap();
+        assert_eq!(renderer.light().unwrap(), known(SIZE));
+        let expected = bloom.image(&known(SIZE));
+        assert!(largest_difference(&expected, &known(SIZE).image()) > 20, "{bloom:?}");
+        let found = renderer.shown().unwrap();
+        let difference = largest_difference(&found, &expected);
+        assert!(difference <= 1, "{bloom:?}: {difference}");
+    }
+    // Off, it is the light itself.
+    renderer.insert(Glow(Bloom { strength: 0.0, ..Bloom::default() }));
+    assert!(largest_difference(&renderer.shown().unwrap(), &known(SIZE).image()) <= 1);
 }
 
 #[test]

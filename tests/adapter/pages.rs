@@ -3,13 +3,13 @@
 use crate::support::golden::check_against;
 use crate::support::{Built, built, built_plainly, demo, draw_nodes, sum_nodes, view_from};
 use deepfield::codec::VqBits;
-use deepfield::color::Accumulation;
 use deepfield::color::accumulation::relative_error;
-use deepfield::color::composite::composite;
-use deepfield::color::transfer::TransferFunction;
+use deepfield::color::composite::{color_error, composite, composite_at, composite_glowing};
+use deepfield::color::transfer::{Levels, TransferFunction};
+use deepfield::color::{Accumulation, Bloom};
 use deepfield::cpu::{Counts, Method};
 use deepfield::gpu::depiction::request_nodes;
-use deepfield::gpu::{Backend, HeadlessFrame, HeadlessRequest, render_headless};
+use deepfield::gpu::{Backend, Composite, Glow, HeadlessFrame, HeadlessRenderer, HeadlessRequest, render_headless};
 use deepfield::mode::{Depiction, Plan, Settings};
 use deepfield::model::Bounds;
 use deepfield::modes;
@@ -118,6 +118,36 @@ fn regions_have_the_cpus_colors() {
     assert!(pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap() <= 1);
     let usual = composite(&gpu.accumulation, &TransferFunction::preset("density-hue").unwrap());
     assert!(usual.rgba != found.rgba);
+}
+
+#[test]
+fn bright_light_of_sums_spreads_as_on_the_processor() {
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
+    let metadata = built.file.metadata();
+    let mode = modes::find("density-squared").unwrap();
+    let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
+    let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
+    let bloom = Bloom { strength: 0.5, threshold: 0.4, radius: 0.2 };
+    for backend in BACKENDS {
+        let request = request_nodes(&view, &depiction, metadata, &nodes, &Plan::default(), backend);
+        let mut renderer = HeadlessRenderer::open(&request).unwrap();
+        renderer.complete().unwrap();
+        let (sums, _) = renderer.accumulation(request.attribute).unwrap();
+        let transfer = TransferFunction::preset("density-hue").unwrap();
+        let usual = transfer.levels(&sums);
+        // A part of the picture lies above its range, some of it by more than counts.
+        let levels = Levels { p: [usual.p[0], usual.p[1] / 30.0], ..usual };
+        renderer.insert((Composite::new(&transfer, levels, sums.has_attribute()), Glow(bloom)));
+        renderer.complete().unwrap();
+        let found = renderer.shown().unwrap();
+        let expected = composite_glowing(&sums, &transfer, &levels, &bloom);
+        let pairs = expected.rgba.as_flattened().iter().zip(found.rgba.as_flattened());
+        let difference = pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+        assert!(difference <= 2, "{}: {difference}", backend.name());
+        let (_, glow) = color_error(&expected, &composite_at(&sums, &transfer, &levels));
+        assert!(glow > 20.0, "{}: {glow}", backend.name());
+    }
 }
 
 #[test]

@@ -335,11 +335,14 @@ fn nothing_shows_through_where_levels_meet_on_a_globe() {
         let cut = random_cut(&nodes, &placed, &view, &mut random, 1);
         let scene = Scene::new(&nodes, &placed, cut);
         joined += scene.meshes.iter().flat_map(|mesh| mesh.is_laid).filter(|is_laid| *is_laid).count();
-        let passes = [Passes::Compute, Passes::Raster][round / 3 % 2];
-        let job = plain_job(scene, view, look.clone(), passes);
+        let (passes, technique) = match round / 3 % 3 {
+            2 => (Passes::Compute, Technique::Rays),
+            _ => ([Passes::Compute, Passes::Raster][round / 3 % 2], Technique::Hybrid),
+        };
+        let job = AdapterSurface { technique, ..plain_job(scene, view, look.clone(), passes) };
         let AdapterValues::Light(colors, _) = adapter.surface(Arc::new(job)).unwrap().values else { panic!("sums") };
         let open = colors.rgba.iter().filter(|color| color[3] < 1.0).count();
-        assert_eq!(open, 0, "{passes:?}, round {round}: at {longitude} {latitude} {away} {aside}");
+        assert_eq!(open, 0, "{passes:?}, {technique:?}, round {round}: at {longitude} {latitude} {away} {aside}");
     }
     assert!(joined > 50, "{joined} borders of levels");
 }

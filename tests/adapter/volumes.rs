@@ -482,6 +482,40 @@ fn surfaces_are_the_cpus() {
 }
 
 #[test]
+fn smoothed_surfaces_are_the_cpus() {
+    let merger = Cloud::merger(6_000);
+    let scenery = merger.surfaces(false, [0.2, 0.4, 1.0]);
+    let eye = DVec3::new(25.0, 18.0, 40.0);
+    let mut limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 19, ..wgpu::Limits::default() };
+    limits.max_buffer_size = limits.max_storage_buffer_binding_size;
+    let small = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
+    let (mut renderer, mut windows) = (renderer(), Renderer::open(&small));
+    for projection in [Projection::Perspective { fov_y: 0.8 }, Projection::Orthographic { height: 36.0 }] {
+        let view = look(eye, projection, 90, 70);
+        // From the first directions to the others, and back.
+        for smoothing in [1, 6] {
+            let plain = VolumeOptions::default();
+            let options = VolumeOptions { smoothing, ..plain };
+            let expected = on_cpu(&view, &merger, &scenery, &options).0;
+            let (changed, _) = difference(&expected, &on_cpu(&view, &merger, &scenery, &plain).0);
+            let found = renderer.draw(&view, &merger, &scenery, &options).0;
+            let (l2, most) = difference(&found, &expected);
+            println!("{projection:?}, {smoothing} steps: L2 {l2:.2e}, at most {most:.2e}, changed by {changed:.2e}");
+            // Where pixels are just about of one surface rounding decides.
+            assert!(l2 < 2e-3 && l2 < 0.2 * changed, "{projection:?}, {smoothing} steps: L2 {l2} of {changed}");
+
+            // In slabs and windows.
+            if smoothing > 1 {
+                let (parts, report) = windows.draw(&view, &merger, &scenery, &options);
+                assert!(report.slabs[1] > 1);
+                let (l2, most) = difference(&parts, &found);
+                assert!(l2 < 1e-4, "{projection:?}, windows: L2 {l2}, at most {most}");
+            }
+        }
+    }
+}
+
+#[test]
 fn lit_volumes_are_the_cpus() {
     let mut renderer = renderer();
     let merger = Cloud::merger(6_000);

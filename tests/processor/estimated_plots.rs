@@ -115,7 +115,7 @@ fn errors_of_parts_are_as_told_and_save_pages() {
                 let about = format!("{weight} within {allowed}: {:?}, expected {:?}", found.weights, of_all.weights);
                 let share = 0.01 * of_all.total;
                 // Three standard errors are what is told.
-                let slack = if found.estimate.is_some() && allowed > 0.01 { 1.5 } else { 1.0 };
+                let slack = if found.estimate.is_some() { 1.5 } else { 1.0 };
                 let is_whole = region.shapes.is_empty();
                 if is_whole {
                     assert_eq!(found.axes, of_all.axes);
@@ -196,6 +196,7 @@ fn estimates_of_many_draws_are_right_on_average_and_within_what_is_told() {
         };
         let mut spreads: Vec<Spread> = Vec::new();
         let mut of_means = Vec::new();
+        let mut told_of_means = Vec::new();
         for draw in 0..DRAWS {
             let mut next = 0;
             let mut add = |estimated: f64, exact: f64, told: f64| {
@@ -208,13 +209,13 @@ fn estimates_of_many_draws_are_right_on_average_and_within_what_is_told() {
             assert!(estimate.of_masses.pages_read < estimate.of_masses.pages && found.error.is_some());
             for (index, (shell, exact)) in found.shells.iter().zip(&of_all.shells).enumerate() {
                 add(shell.mass, exact.mass, estimate.of_masses.errors[index]);
-                // Errors of means are those of ratios, of which shells of a few parts know little.
                 let weighted = (shell.mass_weighted_mean.unwrap(), exact.mass_weighted_mean.unwrap());
                 let errors =
                     [&estimate.mean_errors, &estimate.mass_weighted_mean_errors].map(|all| all[index].unwrap());
                 let plain = (shell.mean.unwrap(), exact.mean.unwrap());
                 for ((mean, exact), error) in [plain, weighted].into_iter().zip(errors) {
                     of_means.push((mean - exact).abs() <= error);
+                    told_of_means.push(error / exact);
                 }
             }
             let found = histogram(&file, &Region::whole(), &Weight::Count, effort(draw));
@@ -232,9 +233,12 @@ fn estimates_of_many_draws_are_right_on_average_and_within_what_is_told() {
         let covered: usize = spreads.iter().map(Spread::covered).sum();
         assert!(covered as f64 > 0.9 * all as f64, "hurried {is_hurried}: {covered} of {all}");
         // Values differ a thousandfold here, and a shell is of few parts, not all of which are read.
+        told_of_means.sort_unstable_by(f64::total_cmp);
+        let usual = told_of_means[told_of_means.len() / 2];
+        assert!(usual < 0.05, "hurried {is_hurried}: errors of means are {usual} of them");
         let covered = of_means.iter().filter(|is_covered| **is_covered).count();
         assert!(
-            covered as f64 > 0.6 * of_means.len() as f64,
+            covered as f64 > 0.9 * of_means.len() as f64,
             "hurried {is_hurried}: {covered} of {} means",
             of_means.len()
         );

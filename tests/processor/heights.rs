@@ -124,6 +124,45 @@ fn a_field_is_built_verified_and_selected_bit_for_bit() {
 }
 
 #[test]
+fn heights_within_a_bound_make_a_smaller_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    waves(folder);
+    ok(folder, &["build", "waves.npy", "-o", "waves.df"]);
+    let build = |error: &'static str| ["build", "waves.npy", "-o", "within.df", "--height-error", error];
+    ok(folder, &build("0.05"));
+    ok(folder, &["verify", "within.df"]);
+    ok(folder, &["select", "within.df", "-o", "within.npy"]);
+    let back = doubles(&folder.join("within.npy"));
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (index, value) in back.iter().enumerate() {
+        let (column, row) = (index % SIZE[0], index / SIZE[0]);
+        assert_eq!(value.is_nan(), !is_measured(column, row));
+        assert!(value.is_nan() || (value - height(column, row)).abs() <= 0.05);
+        (low, high) = (low.min(*value), high.max(*value));
+    }
+    let [exact, told] = ["waves.df", "within.df"].map(|name| answer(folder, &["info", name, "--json"]));
+    assert_eq!((&exact["height_error"], &told["height_error"]), (&Value::Null, &0.05.into()));
+    assert_eq!((&told["min"], &told["max"]), (&low.into(), &high.into()));
+    assert_eq!((&told["valid"], &told["lone"]), (&exact["valid"], &exact["lone"]));
+    assert!(told["bytes"].as_f64().unwrap() < 0.5 * exact["bytes"].as_f64().unwrap(), "{told:#}");
+    let sentence = "heights are within 0.05 of the source's";
+    let said = |arguments: &[&str]| {
+        let Output { stdout, stderr, .. } = ok(folder, arguments);
+        String::from_utf8([stdout, stderr].concat()).unwrap().contains(sentence)
+    };
+    assert!(said(&["info", "within.df"]) && said(&["select", "within.df", "-o", "within.npy"]));
+    assert!(said(&["probe", "within.df", "--point=20,30"]) && said(&["probe", "within.df", "--pixel", "600,400"]));
+    assert!(!said(&["info", "waves.df"]) && !said(&["probe", "waves.df", "--point=20,30"]));
+    let point = answer(folder, &["probe", "within.df", "--point=20,30", "--json", "-"]);
+    assert_eq!(point["height_error"], 0.05);
+    for (error, found) in [("0", "0"), ("-1", "-1"), ("nan", "NaN"), ("1e4", "10000")] {
+        refused(folder, &build(error), &format!("waves.npy: --height-error: found {found}, expected "));
+    }
+    refused(folder, &["build", "within.df", "-o", "x.df", "--height-error", "1"], "found 1 for a page file");
+}
+
+#[test]
 fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -371,6 +410,8 @@ fn what_is_measured_is_what_formulas_say() {
     assert!((ratio("0") - AMPLITUDE).abs() < 0.1 && (ratio("100") + AMPLITUDE).abs() < 0.1, "{table}");
     assert!(ratio("50").abs() < 0.1 && (ratio("25") + ratio("75")).abs() < 0.2, "{table}");
     refused(folder, &["probe", "whole.df", "-o", "ratio.svg"], "ratio.svg: expected a name that ends in .csv or .png");
+    let few = "whole.df: region: found 1 x 1 samples, expected at least 2 x 2";
+    refused(folder, &["probe", "whole.df", "--rectangle=0,0,0.5,0.5"], few);
     // Under the middle of a picture from above lies what is there; beside the field nothing.
     let camera =
         ["--eye", "100.3,90.4,300", "--target", "100.3,90.4,0", "--up", "0,1,0", "--size", "101x101", "--fov", "60"];
@@ -421,6 +462,7 @@ fn synthetic_surfaces_and_bad_input() {
     refused(folder, &["info", "cut.npy"], "cut.npy: ");
     written(&folder.join("none.npy"), [8, 8], |_, _| f64::NAN);
     refused(folder, &["info", "none.npy"], "found 0 of 64");
+    misused(folder, &["synth", "surface", "-o", "x.npy"], "--size: expected two numbers of samples");
     written(&folder.join("row.npy"), [9, 1], |_, _| 1.0);
     refused(folder, &["info", "row.npy"], "2 x 2");
     let damaged = folder.join("damaged.df");
@@ -480,6 +522,10 @@ fn options_of_particles_are_refused() {
             misused(folder, &[&["render", name, "-o", "x.png"][..], option].concat(), &found(option));
         }
     }
+    for option in [&["--family", "gas"][..], &["--attributes", "mass"], &["--smoothing", "knn:9"], &["--every", "2"]] {
+        let found = format!("waves.npy: {}: found heights, expected particles", option[0]);
+        misused(folder, &[&["build", "waves.npy", "-o", "x.df"][..], option].concat(), &found);
+    }
     misused(
         folder,
         &["render", "waves.df", "--with", "waves.df@0,0,99", "-o", "x.png", "--family", "gas"],
@@ -508,11 +554,22 @@ fn commands_that_have_no_use_for_heights_name_them() {
         refused(folder, &["export", name, "-o", "x.ply", "--mode", "column-density"], &found("particles"));
         refused(folder, &["reconstruct", name, "-o", "x.npy"], &found("an image or a volume"));
         refused(folder, &["catalogue", name], &found("a catalogue of objects"));
+        refused(folder, &["plot", name, "--histogram", "height", "-o", "x.svg"], &found("particles"));
+        refused(folder, &["surface", name, "--isovalue", "1", "-o", "x.ply"], &found("particles or a volume"));
     }
     // An array is an image as well.
     ok(folder, &["reconstruct", "waves.npy", "-o", "x.npy", "--exact"]);
     let as_image = ["render", "waves.df", "-o", "x.png", "--kind", "image"];
     refused(folder, &as_image, "waves.df: --kind: found a file of heights");
+    // Its pixels are particles where those are asked for; other formats have none.
+    let drawn = ["-o", "x.png", "--size", "32x24", "--backend", "cpu"];
+    let sums = [&drawn[..], &["--mode", "column-density"]].concat();
+    ok(folder, &[&["render", "waves.npy"], &sums[..]].concat());
+    ok(folder, &[&["render", "waves.npy", "--kind", "particles"], &drawn[..]].concat());
+    let no_sums = "mode column-density does not draw heights, expected surface";
+    refused(folder, &[&["render", "waves.asc"], &sums[..]].concat(), &format!("waves.asc: {no_sums}"));
+    let as_heights = [&["render", "waves.npy", "--kind", "heights"], &sums[..]].concat();
+    refused(folder, &as_heights, &format!("waves.npy: {no_sums}"));
     // What is no heights is named as what it is; what could be some says how.
     array(&folder.join("three.npy"), "<f4", "6, 5, 4", &[0; 480]);
     array(&folder.join("grey.npy"), "|u1", "16, 9", &[7; 144]);

@@ -15,6 +15,7 @@ mod synth;
 mod page_file {
     mod clusters;
     mod damage;
+    mod deep;
     mod promises;
 }
 mod derived;
@@ -87,6 +88,10 @@ mod outputs;
 mod plots;
 #[cfg(target_os = "linux")]
 mod release;
+#[cfg(feature = "remote")]
+mod remote;
+#[cfg(feature = "remote")]
+mod serve;
 mod tours;
 mod tracked;
 mod vector_fields;

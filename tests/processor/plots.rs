@@ -262,6 +262,7 @@ fn what_cannot_be_plotted_is_told_in_one_line() {
         &["plot", "ball.df", "--histogram", "density"],
         &["plot", "ball.df", "--histogram", "density", "--phase", "a,b", "-o", "x.csv"],
         &["plot", "ball.df", "--phase", "density", "-o", "x.csv"],
+        &["plot", "ball.df", "--histogram", "density", "--range", "1,2", "--range", "1,2", "-o", "x.csv"],
     ] {
         assert_eq!(run(folder, wrong).status.code(), Some(2), "{wrong:?}");
     }

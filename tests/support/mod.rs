@@ -3,6 +3,7 @@
 #![allow(dead_code, unused_imports, reason = "each program uses a part of it")]
 
 mod eclipse;
+pub mod fault_server;
 mod files;
 pub mod golden;
 pub mod hdf5;

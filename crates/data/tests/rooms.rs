@@ -13,7 +13,7 @@ const ROOMS: [&[&str]; 4] = [
     &["model", "codec", "columnar", "import", "hierarchy", "store", "build", "synth"],
     &["heights"],
     &["view", "stream", "color", "cpu", "mode", "modes", "annotate", "explore", "look", "picture", "tour"],
-    &["gpu", "window", "show", "command_line", "bench", "commands", "program"],
+    &["gpu", "window", "show", "command_line", "serve", "bench", "commands", "program"],
 ];
 
 /// The rooms of height fields in the same way. Their names are those of the rooms of other data.
@@ -80,6 +80,7 @@ const WINDOW: [&[&str]; 4] = [
         "surround_backend",
         "gpu_backend",
         "light_backend",
+        "bloom",
         "pacing",
         "assistive",
     ],

@@ -6,9 +6,9 @@ use crate::import::{HeightOptions, HeightSource, height_format, open_heights, pr
 use crate::model::{HeightError, HeightGrid, Heights, Window, facts_of};
 use crate::store::{HeightAbout, HeightFile};
 use deepfield_data::import::ImportError;
-use deepfield_data::model::Unit;
 use deepfield_data::model::progress::Progress;
-use std::io::Read;
+use deepfield_data::model::{Unit, is_url};
+use deepfield_data::store::first_bytes;
 use std::path::Path;
 
 /// Heights that are open. Several threads may read at once.
@@ -22,11 +22,8 @@ pub enum OpenHeights {
 
 /// Whether the file at `path` begins as a page file of heights does.
 fn is_page_file(path: &Path) -> bool {
-    let mut head = [0; 8];
     // Reading a pipe would take from it.
-    path.is_file()
-        && std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut head)).is_ok()
-        && HeightFile::recognises(&head)
+    (is_url(path) || path.is_file()) && first_bytes(path, 8).is_ok_and(|head| HeightFile::recognises(&head))
 }
 
 /// Whether a file is of heights, built or not, and of nothing else. What cannot be read is left to whoever opens it.
@@ -91,6 +88,14 @@ impl OpenHeights {
         }
     }
 
+    /// How far heights are from the source's at most, in their unit, where a page file's were rounded.
+    pub fn height_error(&self) -> Option<f64> {
+        match self {
+            OpenHeights::Source(_) => None,
+            OpenHeights::Pages(file) => file.about().rounded.map(|rounded| rounded.error),
+        }
+    }
+
     /// What it holds. Of a source all samples are read.
     ///
     /// # Errors
@@ -124,6 +129,7 @@ impl OpenHeights {
                     bytes: about.source_bytes,
                     has_spacing: about.has_spacing,
                     notes: about.notes.clone(),
+                    rounded: about.rounded,
                 };
                 build_heights(&**file, &origin, options, output, progress)
             }

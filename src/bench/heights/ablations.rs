@@ -13,7 +13,7 @@ use crate::cpu::surface::picture::scene;
 use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::raster::{self, Visibility};
 use crate::cpu::surface::rays::Caster;
-use crate::cpu::surface::select::Technique;
+use crate::cpu::surface::select::{Coarse, Technique};
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::SurfaceNodes;
 use crate::cpu::surface::stitch::Mesh;
@@ -42,12 +42,19 @@ const LEANS: [f64; 2] = [0.15, 0.9];
 struct Way {
     name: &'static str,
     technique: Technique,
+    coarse: Coarse,
     left: Left,
     grows: bool,
 }
 
-const SHIPS: Way = Way { name: "as it ships", technique: Technique::Hybrid, left: Left::Nothing, grows: false };
-const WAYS: [Way; 7] = [
+const SHIPS: Way = Way {
+    name: "as it ships",
+    technique: Technique::Hybrid,
+    coarse: Coarse::Nested,
+    left: Left::Nothing,
+    grows: false,
+};
+const WAYS: [Way; 8] = [
     SHIPS,
     Way { name: "points only", technique: Technique::Points, ..SHIPS },
     Way { name: "triangles only", technique: Technique::Triangles, ..SHIPS },
@@ -55,6 +62,7 @@ const WAYS: [Way; 7] = [
     Way { name: "without coverage: as if whole", left: Left::Coverage, ..SHIPS },
     Way { name: "without coverage: holes grow", grows: true, ..SHIPS },
     Way { name: "without mean normals", left: Left::MeanNormals, ..SHIPS },
+    Way { name: "pyramid of means", coarse: Coarse::Means, ..SHIPS },
 ];
 
 /// What leaving things out came to.
@@ -150,7 +158,7 @@ impl Bench<'_> {
         let plain = self.options();
         let repeat = if exact.is_some() { self.arguments.repeat } else { 0 };
         let options = match exact {
-            Some(_) => SurfaceOptions { technique: way.technique, holes_grow: way.grows, ..plain },
+            Some(_) => SurfaceOptions { technique: way.technique, coarse: way.coarse, holes_grow: way.grows, ..plain },
             // Points fill what they are in: of holes between them triangles know, at more places of a pixel.
             None => SurfaceOptions { technique: Technique::Triangles, tau: 0.0, samples: 16, ..plain },
         };

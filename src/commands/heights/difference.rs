@@ -33,6 +33,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
                     bytes: 0,
                     has_spacing: true,
                     notes: vec![note],
+                    ..HeightOrigin::default()
                 };
                 build_heights(&difference, &origin, &HeightBuildOptions::default(), output, &progress)?;
             }

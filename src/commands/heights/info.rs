@@ -1,9 +1,11 @@
 //! What `deepfield info` prints of height fields.
 
+use super::probe::after;
 use crate::commands::info::short;
 use crate::heights::OpenHeights;
 use crate::heights::import::HeightSummary;
 use crate::heights::import::summary::{PhotoSummary, PlaneSummary};
+use crate::heights::model::Heights;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 
@@ -20,6 +22,7 @@ pub fn as_json(open: &OpenHeights) -> Result<Value, Box<dyn std::error::Error + 
         told["pages"] = json!(file.pages());
         told["bytes_per_sample"] = json!(file.bytes() as f64 / samples);
         told["source"] = json!(about.source);
+        told["height_error"] = json!(open.height_error());
     }
     Ok(told)
 }
@@ -31,6 +34,9 @@ pub fn as_json(open: &OpenHeights) -> Result<Value, Box<dyn std::error::Error + 
 pub fn table(open: &OpenHeights) -> Result<String, Box<dyn std::error::Error + Send + Sync>> {
     let mut text = String::new();
     write_table(&mut text, &open.summary()?)?;
+    if let Some(within) = within(open) {
+        writeln!(text, "{within}")?;
+    }
     if let OpenHeights::Pages(file) = open {
         let each = file.bytes() as f64 / file.about().grid.samples() as f64;
         writeln!(text, "\n{} pages, {each:.2} bytes a sample", file.pages())?;
@@ -42,11 +48,16 @@ pub fn table(open: &OpenHeights) -> Result<String, Box<dyn std::error::Error + S
     Ok(text)
 }
 
+/// How far the heights of a page file are from the source's, in words; nothing where they are the source's own.
+pub fn within(open: &OpenHeights) -> Option<String> {
+    let unit = after(&open.grid().height_unit);
+    open.height_error().map(|error| format!("heights are within {error}{unit} of the source's"))
+}
+
 fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
     let HeightSummary { format, bytes, columns, rows, sample_type, .. } = summary;
     writeln!(text, "{format}, {bytes} bytes: heights of {columns} x {rows} samples ({sample_type})")?;
-    let unit = |unit: &crate::model::Unit| if unit.is_unknown() { String::new() } else { format!(" {unit}") };
-    let (places, heights) = (unit(&summary.xy_unit), unit(&summary.height_unit));
+    let (places, heights) = (after(&summary.xy_unit), after(&summary.height_unit));
     let [x, y] = summary.spacing;
     writeln!(text, "spacing: {x}, {y}{places}; first sample at {}, {}{places}", summary.origin[0], summary.origin[1])?;
     if let Some(crs) = &summary.crs {

@@ -1,5 +1,6 @@
 //! `deepfield probe --pixel`: what is under pixels of a picture.
 
+use super::info::within;
 use super::probe::{HeightsProbe, after, answer};
 use crate::commands::CommandResult;
 use crate::commands::probe::short;
@@ -60,6 +61,9 @@ impl Under {
 #[derive(Serialize)]
 struct PixelsAnswer {
     picks: Vec<Option<Under>>,
+    /// How far heights are from the source's at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height_error: Option<f64>,
 }
 
 /// Tells what is under pixels.
@@ -93,7 +97,7 @@ pub fn run(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&
     let mut found = pick_all(path, open, file, &placed.stands(), &there)?.into_iter();
     // Beside a dome's circle nothing is seen.
     let picks = rays.iter().map(|ray| ray.and_then(|_| found.next()).and_then(Under::of)).collect();
-    answer(json, &PixelsAnswer { picks }, |text, told| {
+    answer(json, &PixelsAnswer { picks, height_error: open.height_error() }, |text, told| {
         let (places, heights) = (after(&open.grid().xy_unit), after(&open.grid().height_unit));
         for ([x, y], under) in pixels.iter().zip(&told.picks) {
             match under {
@@ -111,7 +115,7 @@ pub fn run(path: &Path, open: &OpenHeights, asked: &HeightsProbe, json: Option<&
                 }
             }
         }
-        Ok(())
+        within(open).iter().try_for_each(|within| writeln!(text, "{within}"))
     })
 }
 

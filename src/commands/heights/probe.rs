@@ -1,6 +1,7 @@
 //! `deepfield probe` of a height field: places, profiles, what is under pixels, and numbers of regions.
 
 use super::StatedOptions;
+use super::info::within;
 use super::select::{Corners, numbers, rectangle, window_in};
 use super::{options, pixels, profile, ratio};
 use crate::commands::CommandResult;
@@ -111,7 +112,9 @@ fn disc(text: &str) -> Result<Disc, String> {
 }
 
 fn form(text: &str) -> Result<FormKind, String> {
-    FormKind::named(text).ok_or_else(|| "expected plane, quadric, sphere, cylinder or polynomial-N".into())
+    let most = FormKind::LARGEST_DEGREE;
+    FormKind::named(text)
+        .ok_or_else(|| format!("expected plane, quadric, sphere, cylinder or polynomial-N with N from 1 to {most}"))
 }
 
 /// Asks and prints.
@@ -132,8 +135,11 @@ pub fn run(
     }
     if let Some(place) = asked.point {
         let lengths = options::lengths(path, asked.map.as_deref(), open.grid())?;
-        let found = probe_on(&open, &lengths, place)?;
-        return answer(json, &found, |text, found| write_point(text, path, open.grid(), found));
+        let found = PointAnswer { probe: probe_on(&open, &lengths, place)?, height_error: open.height_error() };
+        return answer(json, &found, |text, found| {
+            write_point(text, path, open.grid(), &found.probe)?;
+            within(&open).iter().try_for_each(|within| writeln!(text, "{within}"))
+        });
     }
     if let Some(Polyline(corners)) = &asked.line {
         return profile::run(path, &open, corners, asked.map.as_deref(), (out, asked.size), json);
@@ -191,6 +197,16 @@ fn write_point(text: &mut String, path: &Path, grid: &HeightGrid, found: &Probe)
     Ok(())
 }
 
+/// What `--json` writes of a place.
+#[derive(Serialize)]
+struct PointAnswer {
+    #[serde(flatten)]
+    probe: Probe,
+    /// How far heights are from the source's at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height_error: Option<f64>,
+}
+
 /// What `--json` writes of a region.
 #[derive(Serialize)]
 struct RegionAnswer {
@@ -235,7 +251,10 @@ fn numbers_of(
         (None, Some(Disc { center: [x, y], radius: r })) => window_in(path, grid, [[x - r, y - r], [x + r, y + r]])?,
         (None, None) => Window::all(grid),
     };
-    let few = || format!("{}: region: expected at least 2 x 2 samples", path.display());
+    let few = || {
+        let (columns, rows) = (window.columns, window.rows);
+        format!("{}: region: found {columns} x {rows} samples, expected at least 2 x 2", path.display())
+    };
     let disc = asked.disc.filter(|_| asked.rectangle.is_none());
     let region = |heights| {
         disc.map_or_else(|| Part::of_window(heights, window), |disc| Part::of_disc(heights, disc)).ok_or_else(few)

@@ -1,6 +1,7 @@
 //! `deepfield select` of a height field: a rectangle of its samples as another file.
 
 use super::StatedOptions;
+use super::info::within;
 use crate::commands::CommandResult;
 use crate::commands::progress_bar::TerminalProgress;
 use crate::heights::OpenHeights;
@@ -54,7 +55,7 @@ pub fn run(path: &Path, options: &StatedOptions, part: Option<Corners>, out: &Pa
     };
     let all_valid = open.all_valid();
     let written = export_heights(&open, window, out, &ExportOptions { all_valid }, &TerminalProgress::new())?;
-    for note in &written.notes {
+    for note in within(&open).iter().chain(&written.notes) {
         eprintln!("note: {note}");
     }
     if matches!(&open, OpenHeights::Pages(file) if file.about().photo.is_some()) {

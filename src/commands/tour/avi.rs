@@ -1,8 +1,8 @@
 //! Videos as Motion-JPEG in AVI (RIFF): every frame a JPEG picture, an index at the end.
 
 use crate::annotate::overlay::read_png;
+use crate::command_line::jpeg::jpeg;
 use crate::model::new_file;
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use rayon::prelude::*;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -58,7 +58,7 @@ pub(super) fn write(video: &Path, frames: &[PathBuf], rate: f64) -> Result<(), A
     // Offsets in the index count from the word "movi".
     let (mut at, mut largest, mut size) = (4u64, 0u32, (0, 0));
     for batch in frames.chunks(BATCH) {
-        let encoded: Vec<Result<(Vec<u8>, (u16, u16)), AviError>> =
+        let encoded: Vec<Result<(Vec<u8>, (u32, u32)), AviError>> =
             batch.par_iter().map(|frame| encode(frame)).collect();
         for (frame, jpeg) in batch.iter().zip(encoded) {
             let (jpeg, found) = jpeg?;
@@ -100,23 +100,14 @@ pub(super) fn write(video: &Path, frames: &[PathBuf], rate: f64) -> Result<(), A
     Ok(())
 }
 
-fn encode(frame: &Path) -> Result<(Vec<u8>, (u16, u16)), AviError> {
+fn encode(frame: &Path) -> Result<(Vec<u8>, (u32, u32)), AviError> {
     let image = read_png(frame)?;
     let fail = |message: String| AviError::Encode { path: frame.to_owned(), message };
-    let side =
-        |side: u32| u16::try_from(side).map_err(|_| fail(format!("{side} pixels are too many for a JPEG picture")));
-    let (width, height) = (side(image.width)?, side(image.height)?);
-    let mut jpeg = Vec::new();
-    let mut encoder = Encoder::new(&mut jpeg, QUALITY);
-    encoder.set_sampling_factor(SamplingFactor::F_2_2);
-    encoder
-        .encode(image.rgba.as_flattened(), width, height, ColorType::Rgba)
-        .map_err(|error| fail(error.to_string()))?;
-    Ok((jpeg, (width, height)))
+    Ok((jpeg(&image, QUALITY).map_err(fail)?, (image.width, image.height)))
 }
 
 /// The headers: `RIFF`, the main and the stream's header, and the beginning of the list of frames, `movi` bytes long.
-fn head(frames: u32, (width, height): (u16, u16), rate: f64, largest: u32, movi: u32, total: u32) -> Vec<u8> {
+fn head(frames: u32, (width, height): (u32, u32), rate: f64, largest: u32, movi: u32, total: u32) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEAD);
     let mut words = |tag: &[u8], words: &[u32]| {
         bytes.extend_from_slice(tag);
@@ -124,7 +115,6 @@ fn head(frames: u32, (width, height): (u16, u16), rate: f64, largest: u32, movi:
     };
     // Rates such as 29.97 are fractions.
     let (numerator, denominator) = ((rate * 1000.0).round().max(1.0) as u32, 1000);
-    let (width, height) = (u32::from(width), u32::from(height));
     let list = 4 + 64 + 12 + 64 + 48;
     words(b"RIFF", &[total - 8]);
     words(b"AVI LIST", &[list]);

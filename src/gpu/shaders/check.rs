@@ -2,6 +2,7 @@
 //! No graphics adapter is needed.
 
 use super::{ShaderFile, sources};
+use crate::gpu::bloom;
 use crate::gpu::sorted_splats;
 use crate::gpu::splat::compute::pipeline::project_defs;
 use crate::gpu::splat::compute::sums::{accumulate_defs, slices_defs};
@@ -48,6 +49,8 @@ pub fn variants() -> Vec<Variant> {
         plain("layered/plan.wgsl", vec![], vec!["plan"]),
         plain("layered/blend.wgsl", vec![], vec!["blend"]),
         plain("splat/reconstruct.wgsl", vec![], vec!["main"]),
+        plain("bloom/light.wgsl", bloom::defs(), vec!["light"]),
+        plain("bloom/spread.wgsl", bloom::defs(), vec!["down", "up", "spread"]),
         plain("measure/reduce.wgsl", vec![], vec!["reduce"]),
         plain("integrals/integrate.wgsl", vec![], vec!["integrate"]),
         plain("splat/upsample.wgsl", vec![], vec!["vertex", "along_x", "along_y"]),
@@ -73,9 +76,7 @@ pub fn variants() -> Vec<Variant> {
             let defs = || surface::pipelines::Variant { globe, filled, ..Default::default() }.defs();
             all.push(plain("surface/visible.wgsl", defs(), vec!["cells", "fans", "large"]));
             all.push(plain("surface/raster.wgsl", defs(), vec!["cell", "fan", "point", "number"]));
-            if !globe {
-                all.push(plain("surface/rays.wgsl", defs(), vec!["rays"]));
-            }
+            all.push(plain("surface/rays.wgsl", defs(), vec!["rays"]));
         }
         // What lies over holes is a membrane, or there are rims, or neither.
         for (filled, rims) in [(false, false), (true, false), (false, true)] {
@@ -96,7 +97,7 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..128).map(move |index| (kernel, index)));
+        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..256).map(move |index| (kernel, index)));
         for (kernel, index) in choices {
             let variant = volume::Variant {
                 kernel,
@@ -107,9 +108,10 @@ pub fn variants() -> Vec<Variant> {
                 field: index & 16 > 0,
                 lit: index & 32 > 0,
                 columns: index & 64 > 0,
+                smooth: index & 128 > 0,
             };
-            // Columns have values, and are no samples.
-            if variant.columns && (variant.field || !variant.attribute) {
+            // Columns have values, and are no samples; surfaces are what is smoothed.
+            if variant.columns && (variant.field || !variant.attribute) || variant.smooth && !variant.surfaces {
                 continue;
             }
             let defs = kind.defs(variant);

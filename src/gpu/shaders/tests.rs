@@ -3,6 +3,7 @@
 
 use super::SHADERS;
 use super::check::{Variant, compose, variants};
+use crate::gpu::bloom::levels::{Givers, LevelUniform, Takers};
 use crate::gpu::composite::CompositeUniform;
 use crate::gpu::integrals::layout::{IntegralUniform, RaysUniform};
 use crate::gpu::layered::{LayerGroup, LayerUniform};
@@ -251,8 +252,25 @@ fn written(path: &str, name: &str) -> Option<Layout> {
         "vectors" => plain(size_of::<RawParticle>() / 2, ScalarKind::Float),
         "batch" => layout!(Pass { add, further, level, unused, source, unused_end }),
         "composite" => {
-            layout!(CompositeUniform { lut_size, p_map, s_map, p_log, s_log, stride, share })
+            layout!(CompositeUniform { lut_size, p_map, s_map, p_log, s_log, stride, share, high, unused })
         }
+        "bloom" => layout!(LevelUniform {
+            fine,
+            coarse,
+            givers,
+            takers,
+            fine_start,
+            coarse_start,
+            is_picture,
+            own,
+            coarser,
+            strength,
+            threshold,
+            most_light,
+        }),
+        "givers" => layout!(Givers { pixels, weights }),
+        "takers" => layout!(Takers { pixels, weights }),
+        "lit" | "planes" | "points" | "tints" | "normals" | "flown" => plain(16, ScalarKind::Float),
         "frame" => layout!(FrameUniform { size, before_size, origin, share, unused }),
         "picture" => layout!(LightUniform { size }),
         "light" => plain(16, ScalarKind::Float),
@@ -447,6 +465,8 @@ fn written(path: &str, name: &str) -> Option<Layout> {
             columns_at,
             rims,
             fill,
+            fans,
+            row_length,
         }),
         "surface_step" => {
             layout!(SurfaceStep { is_second, first, count, counter, most, unused, unused_end })
@@ -637,7 +657,7 @@ fn buffers_are_laid_out_as_the_program_writes_them(built: &[(Variant, Module)]) 
             }
         }
     }
-    assert_eq!(compared.len(), 96, "{compared:?}");
+    assert_eq!(compared.len(), 105, "{compared:?}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
-//! Where rays are cast: the squares of the picture that each chunk of a flat field may be seen in.
+//! Where rays are cast: the squares of the picture that each chunk may be seen in.
 
 use super::constants::TILE;
+use super::globe;
 use super::list::ends_of;
 use crate::cpu::surface::stitch::Mesh;
 use crate::picture::adapter::AdapterSurface;
@@ -40,6 +41,9 @@ pub fn squares(job: &AdapterSurface) -> Vec<u32> {
 fn corners_of(job: &AdapterSurface, mesh: &Mesh) -> Option<[DVec3; 8]> {
     if mesh.node.facts.is_empty() && mesh.membrane().is_none() {
         return None;
+    }
+    if job.is_globe() {
+        return globe::around(&job.scene, mesh, ends_of(mesh));
     }
     let ends = |places: &[u64]| Some([*places.first()? as f64, *places.last()? as f64]);
     let (rows, columns, heights) = (ends(&mesh.rows)?, ends(&mesh.columns)?, ends_of(mesh));

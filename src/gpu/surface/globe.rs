@@ -96,6 +96,35 @@ pub fn drawn_ends(scene: &Scene) -> [[f64; 2]; 2] {
     [ends(|mesh| &mesh.columns, columns), ends(|mesh| &mesh.rows, rows)]
 }
 
+/// The longest distances from a column and from a row of a globe to the next, between two heights.
+pub fn longest(placed: &Placed, heights: [f64; 2]) -> [f64; 2] {
+    let highest = heights.map(|height| placed.lifted(height).abs()).into_iter().fold(0.0, f64::max);
+    let (spacing, angles) = (placed.spacing(), placed.step.map(|degrees| degrees.to_radians().abs()));
+    [0, 1].map(|axis| highest.mul_add(angles[axis], spacing[axis]))
+}
+
+/// The corners of a box around the triangles of a globe's chunk, to poles too, whose heights are between two: around the line that stands in its
+/// middle, as far as ways along rows and columns are long.
+pub fn around(scene: &Scene, mesh: &Mesh, [mut low, mut high]: [f64; 2]) -> Option<[DVec3; 8]> {
+    let placed = &scene.placed;
+    // What is in the middle, and how far it is from there.
+    let half = |places: &[u64]| {
+        let middle = *places.get(places.len() / 2)?;
+        Some([middle, (middle - places.first()?).max(places.last()? - middle)].map(|at| at as f64))
+    };
+    let ([row, mut rows], [column, columns]) = (half(&mesh.rows)?, half(&mesh.columns)?);
+    for pole in [0, 1].into_iter().filter_map(|end| scene.pole_beside(mesh, end)) {
+        (low, high) = (low.min(pole.height), high.max(pole.height));
+        // It is a spacing beyond a row at most, and a little more.
+        rows += 1.01;
+    }
+    let [per_column, per_row] = longest(placed, [low, high]);
+    let reach = (rows * per_row).hypot(columns * per_column);
+    let [a, b] = [low, high].map(|height| placed.world(row, column, height));
+    let ends = [a.min(b) - reach, a.max(b) + reach];
+    Some(std::array::from_fn(|k| DVec3::new(ends[k >> 2].x, ends[k >> 1 & 1].y, ends[k & 1].z)))
+}
+
 /// Where the lists of a picture have rows and columns.
 pub struct Tables<'a> {
     anchor: Anchor<'a>,
@@ -248,11 +277,56 @@ mod tests {
         Scene::new(&nodes, &placed, SurfaceCut::new(chosen))
     }
 
+    /// A chunk's corners are in its box, and those of blocks of its cells within the reach that shaders reckon of the place of their own height in the
+    /// block's middle.
+    fn assert_around(scene: &Scene, globe: Globe, mesh: &Mesh) {
+        let placed = &scene.placed;
+        let heights = [mesh.node.facts.min - 1.0, mesh.node.facts.max + 1.0];
+        let corners = around(scene, mesh, heights).unwrap();
+        let whole = f64::from(1_u32 << mesh.node.key.level);
+        let row_length = whole * longest(placed, heights)[1];
+        let place = |[row, column]: [usize; 2], height: f64| {
+            placed.world(mesh.rows[row] as f64, mesh.columns[column] as f64, height)
+        };
+        let from_axis = |row: usize| {
+            let latitude = (mesh.rows[row] as f64).mul_add(placed.step[1], placed.origin[1]);
+            let away = |height: f64| globe.place(0.0, latitude, placed.lifted(height))[0].abs();
+            away(heights[0]).max(away(heights[1]))
+        };
+        let cells = [mesh.rows.len() - 1, mesh.columns.len() - 1];
+        for size in [4, 32, 256] {
+            for (row, column) in
+                (0..cells[0]).step_by(3 * size).flat_map(|r| (0..cells[1]).step_by(5 * size).map(move |c| (r, c)))
+            {
+                let (first, last) = ([row, column], [(row + size).min(cells[0]), (column + size).min(cells[1])]);
+                let middle = [0, 1].map(|axis| (first[axis] + last[axis]) / 2);
+                let half = [0, 1].map(|axis| (last[axis] - middle[axis]) as f64);
+                let down = half[0] * row_length;
+                let radius = from_axis(first[0]).max(from_axis(last[0])) + down;
+                let right = half[1] * whole * placed.step[0].to_radians() * radius;
+                let reach = down.hypot(right) * (1.0 + 1e-9);
+                let steps = |axis: usize| [first[axis], (first[axis] + middle[axis]) / 2, middle[axis], last[axis]];
+                for corner in steps(0).into_iter().flat_map(|r| steps(1).map(|c| [r, c])) {
+                    for height in heights {
+                        let found = place(corner, height);
+                        let away = found.distance(place(middle, height));
+                        assert!(away <= reach, "{first:?} to {last:?} at {corner:?}: {away} of {reach}");
+                        assert!(
+                            found.cmpge(corners[0]).all() && found.cmple(corners[7]).all(),
+                            "{found} in {corners:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
     #[test]
     fn all_corners_of_a_scene_are_where_the_processor_has_them() {
         let globe = Globe { equator: 20_000.0, pole: 19_900.0 };
         let scene = scene(globe);
         assert!(scene.meshes.iter().any(|mesh| mesh.extras.iter().any(|side| !side.is_empty())));
+        scene.meshes.iter().for_each(|mesh| assert_around(&scene, globe, mesh));
         for (longitude, latitude) in [(129.6, 89.9), (-20.0, -89.9), (179.9, 10.0), (0.0, -60.0)] {
             let eye = 22_900.0 * DVec3::from(Globe::up(longitude, latitude));
             let anchor = Anchor::of(&scene, eye, 5.0).unwrap();

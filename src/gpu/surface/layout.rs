@@ -134,6 +134,10 @@ pub struct Draw {
     pub rims: u32,
     /// Where its squares of samples with a membrane are listed, or [`NONE`](constants::NONE).
     pub fill: u32,
+    /// On a globe that rays are cast through: where its triangles whose corners are listed are found, or [`NONE`](constants::NONE).
+    pub fans: u32,
+    /// And the longest distance between two of its rows.
+    pub row_length: f32,
 }
 
 /// WGSL `SurfaceStep`.

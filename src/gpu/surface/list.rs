@@ -2,7 +2,7 @@
 
 use super::cast;
 use super::constants::{CAST, CHUNK, FAN, FANNED, LAID, LEAF, MARGIN, MIXED, NONE, POINTS, SMALL, UNMEASURED};
-use super::globe::{Anchor, Tables};
+use super::globe::{Anchor, Tables, longest};
 use super::layout::Draw;
 use super::photo::PhotoList;
 use super::pool::Held;
@@ -82,6 +82,7 @@ impl DrawList {
                 low,
                 high,
                 border: if border.is_empty() { NONE } else { lists.len() as u32 },
+                fans: NONE,
                 ..Draw::default()
             };
             lists.extend(border);
@@ -89,6 +90,8 @@ impl DrawList {
             draw.fill = squares::of_membrane(mesh, job.reference, &mut lists);
             if let Some(tables) = &mut tables {
                 [draw.rows_at, draw.columns_at] = tables.of_chunk(mesh, &mut lists);
+                let [_, per_row] = longest(&scene.placed, ends_of(mesh));
+                draw.row_length = (per_row * (1_u64 << key.level) as f64) as f32;
             }
             let top = scene.lattice.top();
             draw.chain_length = u32::from(top - key.level) + 1;
@@ -107,8 +110,10 @@ impl DrawList {
             });
             draws.push(draw);
         }
+        // Rays through flat fields have edges a little wider in their place.
+        let is_listed = !is_cast || job.is_globe();
         let has_fans = |mesh: &Mesh| {
-            !is_cast && (mesh.extras.iter().any(|side| !side.is_empty()) || is_seam(mesh, CHUNK as usize))
+            is_listed && (mesh.extras.iter().any(|side| !side.is_empty()) || is_seam(mesh, CHUNK as usize))
         };
         let fans: Vec<Vec<u32>> = scene
             .meshes
@@ -132,7 +137,16 @@ impl DrawList {
         }
         let first = lists.len() as u32;
         lists.extend(&fans);
-        let fans = (first, fans.len() as u32 / FAN);
+        let fans = match is_cast {
+            true => {
+                let corners = (first..).step_by(FAN as usize);
+                corners
+                    .zip(fans.chunks_exact(FAN as usize))
+                    .for_each(|(at, fan)| find(fan[0], at, &mut draws, &mut lists));
+                (first, 0)
+            }
+            false => (first, fans.len() as u32 / FAN),
+        };
         let squares = if is_cast { cast::squares(job) } else { Vec::new() };
         let rays = (lists.len() as u32, squares.len() as u32 / 2);
         lists.extend(squares);
@@ -231,6 +245,35 @@ fn border_of(mesh: &Mesh, reference: f64) -> Vec<u32> {
 /// Whether a column of cells is that which closes a globe, and behind all others of its chunk: these are listed one by one.
 fn is_seam(mesh: &Mesh, column: usize) -> bool {
     column == CHUNK as usize && column + 2 == mesh.samples.columns
+}
+
+/// Has rays find a triangle whose corners are listed, behind others of its cell or its pole: of each of these lists say where the first one is, and how
+/// many there are.
+fn find(number: u32, at: u32, draws: &mut [Draw], lists: &mut Vec<u32>) {
+    let shown = Shown::unpack(number);
+    let draw = &mut draws[shown.node];
+    let cells = [draw.rows, draw.columns].map(|samples| samples as usize - 1);
+    if draw.fans == NONE {
+        draw.fans = lists.len() as u32;
+        lists.resize(lists.len() + 2 * (2 + 2 * (cells[0] + cells[1])), 0);
+    }
+    let entry = draw.fans as usize + 2 * entry_of(shown, cells);
+    if lists[entry + 1] == 0 {
+        lists[entry] = at;
+    }
+    lists[entry + 1] += 1;
+}
+
+/// The number of a pole, or of a cell along a side, among those of a chunk of so many rows and columns of cells: poles come first, then the first and
+/// the last row, then the first and the last column.
+fn entry_of(Shown { at: [row, column], slot, .. }: Shown, [rows, columns]: [usize; 2]) -> usize {
+    match slot {
+        Some(slot) if slot >= POLE => slot - POLE,
+        _ if row == 0 => 2 + column,
+        _ if row + 1 == rows => 2 + columns + column,
+        _ if column == 0 => 2 + 2 * columns + row,
+        _ => 2 + 2 * columns + rows + row,
+    }
 }
 
 /// The triangles of the cells along sides of a chunk that finer ones add corners to, and of those that close a globe.

@@ -7,6 +7,7 @@ use super::field::layout::{FieldUniform, SlopeUniform, lines};
 use super::layout::{self, MOST_BINS, MOST_TIERS, Portion, REACH_BYTES, Turn, VolumeUniform};
 use super::march::{self, MarchUniform};
 use super::programs::{Kind, Variant, matter_layout, slope_layout};
+use super::room::Room;
 use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob};
 use super::work::Means;
@@ -59,6 +60,8 @@ pub struct Groups {
     pub slopes: Option<BindGroup>,
     /// [`Kind::March`] and what matter is read from, for pictures of Cartesian grids.
     pub march: Option<[BindGroup; 2]>,
+    /// [`Kind::Smooth`] from the first directions to the others, and back, for pictures whose surfaces are smoothed.
+    pub smooth: Option<[BindGroup; 2]>,
     /// [`Kind::Field`] for each level that a field is read from.
     pub field: BTreeMap<usize, BindGroup>,
 }
@@ -276,10 +279,14 @@ impl Bindings {
         let rooms = make("deepfield volume rooms", own, 4 * u64::from(rooms));
         let pixels = if job.is_cast() { pixels } else { 0 };
         let rays = make("deepfield volume rays", own, 16 * pixels);
-        let progress = make("deepfield volume progress", own, 4 * pixels);
+        let progress = make("deepfield volume progress", own, Room::of_progress(job) * pixels);
         let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
 
         let size = [job.seen_from().width, job.seen_from().height];
+        let all_pixels = if variant.smooth { u64::from(size[0]) * u64::from(size[1]) } else { 0 };
+        let [points, tints] =
+            ["deepfield volume points", "deepfield volume tints"].map(|name| make(name, own, 16 * all_pixels));
+        let normals = [0, 1].map(|side| make("deepfield volume normals", 2 * own + side, 16 * all_pixels));
         let target = job.scenery().map(|_| light::cells(None, size, device).buffer);
 
         let group_of = |layout: &BindGroupLayoutDescriptor, list: &[BindingResource<'_>]| {
@@ -425,6 +432,21 @@ impl Bindings {
             ];
             [group(Kind::March, &bound), group_of(&matter_layout(), &[lookup.binding(), table.binding()])]
         };
+        let smooth_groups = |target: &Buffer| {
+            [0, 1].map(|side: usize| {
+                let bound = [
+                    all.binding(),
+                    portion(),
+                    progress.binding(),
+                    points.binding(),
+                    tints.binding(),
+                    normals[side].binding(),
+                    normals[1 - side].binding(),
+                    target.as_entire_binding(),
+                ];
+                group(Kind::Smooth, &bound)
+            })
+        };
         let mut of_levels = BTreeMap::new();
         for (lines, (level, uniform)) in
             sampled.iter().flat_map(|(lines, uniforms)| uniforms.iter().map(move |uniform| (lines, uniform)))
@@ -465,6 +487,7 @@ impl Bindings {
             rays: table.as_ref().filter(|_| march.is_none()).map(rays_groups),
             slopes,
             march: march.as_ref().zip(table.as_ref()).zip(target.as_ref()).map(march_groups),
+            smooth: target.as_ref().filter(|_| variant.smooth).map(smooth_groups),
             field: of_levels,
         };
         let buffers = Buffers {

@@ -9,6 +9,7 @@ use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES, VALUES};
 use crate::cpu::volume::coarse;
 use crate::cpu::volume::range;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
+use crate::cpu::volume::smoothing;
 
 /// Path of the module among the shaders.
 pub const PATH: &str = "lib/volume_constants.wgsl";
@@ -48,6 +49,9 @@ pub const ALL_PAIRS: u32 = 5;
 /// The number in `work` that is the particles that the grid has enlarged.
 pub const ALL_RAISED: u32 = 6;
 
+/// Numbers that are kept of the surface that adds most to a pixel.
+pub const FACE_WORDS: u32 = 10;
+
 /// The module `deepfield::volume_constants`.
 pub fn wgsl() -> String {
     let numbers = [
@@ -84,6 +88,7 @@ pub fn wgsl() -> String {
         ("HOLES_OF_VOLUME", column::HOLES_OF_VOLUME),
         ("HOLES_OF_SURFACES", column::HOLES_OF_SURFACES),
         ("DIMMED", column::DIMMED),
+        ("FACE_WORDS", FACE_WORDS),
     ];
     let mut text = String::from("#define_import_path deepfield::volume_constants\n");
     for (name, number) in numbers {
@@ -91,6 +96,8 @@ pub fn wgsl() -> String {
     }
     let shares = [
         ("STEP", march::STEP),
+        ("FLOW", smoothing::STEP),
+        ("APART", smoothing::APART),
         ("SURFACE_BRIGHTNESS", SURFACE_BRIGHTNESS),
         ("WIDE", coarse::WIDE),
         ("OVERSHOOT", coarse::OVERSHOOT),

@@ -104,6 +104,11 @@ pub fn draw_volumes(
             span.end(encoder);
             if slab.closes {
                 end_pane(work, encoder, slab);
+                if let Some(sides) = work.groups.smooth.as_ref().filter(|_| slab.pane + 1 == work.panes.len()) {
+                    let span = timer.begin("smooth", encoder);
+                    smooth((work, sides), encoder, &pipelines, slab);
+                    span.end(encoder);
+                }
             }
         }
         work.done.store(planned.end, Ordering::Relaxed);
@@ -231,6 +236,9 @@ fn finish_slab(
             steps.pass.set_bind_group(1, slopes, &[]);
         }
         steps.take(Step::CastRays, rays, &[at], [x, y, 1]);
+        if let Some([place, _]) = work.groups.smooth.as_ref().filter(|_| slab.closes) {
+            steps.take(Step::PlaceFaces, place, &[at], [x, y, 1]);
+        }
         if occlusion {
             steps.take(Step::Occlude, hides, &[at], groups(columns));
             steps.take(Step::Pyramid, hides, &[at], [1, 1, 1]);
@@ -243,6 +251,26 @@ fn finish_slab(
         let [x, y] = [picture.view.width, picture.view.height].map(|pixels| pixels.div_ceil(PIXEL_GROUP));
         steps.take(Step::March, march, &[], [x, y, 1]);
     }
+}
+
+/// Smoothes the light on the surfaces of a picture that is put together.
+fn smooth(
+    (work, sides): (&Work, &[BindGroup; 2]),
+    encoder: &mut CommandEncoder,
+    pipelines: &HashMap<Step, &ComputePipeline>,
+    slab: &SlabWork,
+) {
+    let [x, y] = [work.job.view.width, work.job.view.height].map(|pixels| pixels.div_ceil(PIXEL_GROUP));
+    let at = offset(slab.first_portion);
+    let pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+    let mut steps = Steps { pass, pipelines };
+    steps.take(Step::Join, &sides[0], &[at], [x, y, 1]);
+    // Directions are on the other side then, and come back with every other step.
+    let count = work.job.options.smoothing as usize;
+    for number in 0..count {
+        steps.take(Step::Flow, &sides[1 - number % 2], &[at], [x, y, 1]);
+    }
+    steps.take(Step::Relight, &sides[1 - count % 2], &[at], [x, y, 1]);
 }
 
 /// Where a list of numbers has one of them, bytes.

@@ -83,6 +83,14 @@ pub enum Step {
     Fill,
     /// Takes over what cells show of a column, one workgroup a brick.
     ReadColumn,
+    /// Takes over the surfaces of a window, one invocation a pixel.
+    PlaceFaces,
+    /// Finds which pixels are of one surface, one invocation a pixel.
+    Join,
+    /// Has surfaces' directions flow, one invocation a pixel.
+    Flow,
+    /// Lights surfaces by these, one invocation a pixel.
+    Relight,
 }
 
 /// What a step binds; steps of the same kind share it, and their shader.
@@ -116,6 +124,8 @@ pub enum Kind {
     Field,
     /// `column.wgsl`.
     Column,
+    /// `smooth.wgsl`.
+    Smooth,
 }
 
 /// What is compiled into the shaders.
@@ -137,6 +147,8 @@ pub struct Variant {
     pub lit: bool,
     /// Whether it is of fields of particles' columns.
     pub columns: bool,
+    /// Whether the light on surfaces is smoothed.
+    pub smooth: bool,
 }
 
 impl Variant {
@@ -160,7 +172,7 @@ impl Variant {
 
 impl Step {
     /// Every step.
-    pub const ALL: [Step; 29] = [
+    pub const ALL: [Step; 33] = [
         Step::Project,
         Step::Count,
         Step::Pair,
@@ -190,6 +202,10 @@ impl Step {
         Step::PlanField,
         Step::Fill,
         Step::ReadColumn,
+        Step::PlaceFaces,
+        Step::Join,
+        Step::Flow,
+        Step::Relight,
     ];
 
     /// The name of its entry point.
@@ -224,6 +240,10 @@ impl Step {
             Step::PlanField => "plan_field",
             Step::Fill => "fill",
             Step::ReadColumn => "read_column",
+            Step::PlaceFaces => "place_faces",
+            Step::Join => "join",
+            Step::Flow => "flow",
+            Step::Relight => "relight",
         }
     }
 
@@ -232,6 +252,7 @@ impl Step {
         match self {
             Step::PlanField | Step::Fill => variant.field,
             Step::ReadColumn => variant.columns,
+            Step::PlaceFaces | Step::Join | Step::Flow | Step::Relight => variant.smooth,
             Step::DispatchBricks | Step::FindReach | Step::CastRays | Step::Occlude | Step::Pyramid => true,
             _ => !variant.field,
         }
@@ -254,13 +275,14 @@ impl Step {
             Step::FindRooms | Step::March => Kind::March,
             Step::PlanField | Step::Fill => Kind::Field,
             Step::ReadColumn => Kind::Column,
+            Step::PlaceFaces | Step::Join | Step::Flow | Step::Relight => Kind::Smooth,
         }
     }
 }
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 14] = [
+    pub const ALL: [Kind; 15] = [
         Kind::Project,
         Kind::Bin,
         Kind::Scan,
@@ -275,6 +297,7 @@ impl Kind {
         Kind::March,
         Kind::Field,
         Kind::Column,
+        Kind::Smooth,
     ];
 
     /// The path of its shader.
@@ -294,6 +317,7 @@ impl Kind {
             Kind::March => "volume/march.wgsl",
             Kind::Field => "volume/field.wgsl",
             Kind::Column => "volume/column.wgsl",
+            Kind::Smooth => "volume/smooth.wgsl",
         }
     }
 
@@ -341,6 +365,9 @@ impl Kind {
         if self == Kind::Raycast && variant.columns {
             defs.push("COLUMNS".into());
         }
+        if self == Kind::Raycast && variant.smooth {
+            defs.push("FACES".into());
+        }
         defs
     }
 
@@ -385,6 +412,11 @@ impl Kind {
             Kind::Column => {
                 let column = uniform(size_of::<ColumnUniform>(), false);
                 vec![view(), portion(), column, read(), read(), write(), write()]
+            }
+            Kind::Smooth => {
+                let mut list = vec![view(), portion(), read()];
+                list.extend((0..5).map(|_| write()));
+                list
             }
             Kind::Field => {
                 let mut list = vec![view(), portion(), uniform(size_of::<FieldUniform>(), false)];

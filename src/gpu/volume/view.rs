@@ -221,6 +221,13 @@ impl VolumeJob {
         self.options.occlusion && matches!(self.shows, Shows::Light(_) | Shows::Columns(_))
     }
 
+    /// Whether the light on its surfaces is smoothed.
+    pub fn smooths(&self) -> bool {
+        let has_light =
+            |scenery: &Scenery| self.options.smoothing > 0 && scenery.light.is_some() && !scenery.surfaces.is_empty();
+        self.is_cast() && self.scenery().is_some_and(has_light)
+    }
+
     /// Whether the same is wanted.
     pub fn is_same(&self, other: &VolumeJob) -> bool {
         let shows = match (&self.shows, &other.shows) {

@@ -202,7 +202,12 @@ impl Work {
             field: job.field().is_some(),
             lit: job.scenery().is_some_and(|scenery| scenery.volume_light.is_some()),
             columns: job.columns().is_some(),
+            smooth: job.smooths(),
         };
+        let pixels = panes.iter().map(Pane::len).max().unwrap_or(0);
+        if variant.smooth && pixels * Room::of_progress(job) > room.limit {
+            return None;
+        }
         let uniform = VolumeUniform::new(job, &grids, &cut);
         let (of_layers, coarser) = levels(job, room, store, means)?;
         let digits = (u32::BITS - uniform.bin_count.leading_zeros()).div_ceil(super::constants::DIGIT_BITS);
@@ -306,7 +311,6 @@ impl Work {
 
         let is_finest = |level: &&usize| of_layers.first() == Some(*level);
         let finest_slices = BRICK * of_layers.iter().take_while(is_finest).count() as u32;
-        let pixels = panes.iter().map(Pane::len).max().unwrap_or(0);
         let wanted = Wanted {
             job,
             variant,

@@ -1,8 +1,8 @@
 //! Files that were opened before: a short list in the user's configuration folder, the latest first, which all windows share.
 
 use crate::import::file_of_step;
-use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
+use crate::model::{is_url, new_file};
 use crate::window::state::answer::Answer;
 use etcetera::BaseStrategy;
 use serde::{Deserialize, Serialize};
@@ -65,11 +65,16 @@ fn read(list: &Path) -> Result<Vec<PathBuf>, RonError> {
         return Err(RonError::value(&name, "version", version, format!("{VERSION}")));
     }
     let files = ron_file::parse::<Text>(&name, &text)?.files;
-    let checked = files.into_iter().take(MOST).enumerate().map(|(index, file)| match Path::new(&file).is_absolute() {
+    let checked = files.into_iter().take(MOST).enumerate().map(|(index, file)| match is_whole(Path::new(&file)) {
         true => Ok(PathBuf::from(file)),
         false => Err(RonError::value(&name, &format!("files[{index}]"), file, "a whole path")),
     });
     checked.collect()
+}
+
+/// Whether a path names the same file from every folder.
+fn is_whole(path: &Path) -> bool {
+    path.is_absolute() || is_url(path)
 }
 
 /// Writes a list anew: whole, or not at all. What is not Unicode is left out.
@@ -113,7 +118,10 @@ impl Job {
             Job::Clear => write(list, &[])?,
         }
         let files = read(list).map_err(|error| error.to_string())?;
-        Ok(files.into_iter().map(|path| Known { is_missing: !file_of_step(&path).exists(), path }).collect())
+        Ok(files
+            .into_iter()
+            .map(|path| Known { is_missing: !is_url(&path) && !file_of_step(&path).exists(), path })
+            .collect())
     }
 }
 
@@ -141,7 +149,8 @@ impl Recent {
 
     /// Puts a file at the head.
     pub(super) fn add(&mut self, path: &Path) {
-        if let Ok(path) = std::path::absolute(path)
+        let whole = if is_url(path) { Ok(path.to_owned()) } else { std::path::absolute(path) };
+        if let Ok(path) = whole
             && is_of_user(&path)
         {
             self.to_do.push_back(Job::Add(path));

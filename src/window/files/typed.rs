@@ -2,6 +2,8 @@
 
 use super::{Ask, Files, Purpose};
 use crate::import::file_of_step;
+use crate::model::is_url;
+use crate::model::url::shown;
 use crate::window::theme;
 use bevy_egui::egui::{self, Align2, Key, RichText, TextEdit};
 use std::path::{Path, PathBuf};
@@ -26,6 +28,10 @@ impl Typed {
     fn path(&self) -> Result<PathBuf, String> {
         let path = path_of(&self.text, etcetera::home_dir().ok().as_deref());
         let path = path.ok_or("found no path, expected one")?;
+        if is_url(&path) && self.purpose == Purpose::Open {
+            // What is there shows when it is opened.
+            return Ok(shown(&path));
+        }
         let path = std::path::absolute(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         match self.purpose {
             Purpose::Open if !file_of_step(&path).exists() => Err(format!("{}: no file is there", path.display())),
@@ -133,6 +139,8 @@ mod tests {
         std::fs::write(&there, "").unwrap();
         let typed = |purpose, path: &Path| Typed { text: path.display().to_string(), ..Typed::new(purpose) }.path();
         assert_eq!(typed(Purpose::Open, &there), Ok(there.clone()));
+        let url = typed(Purpose::Open, Path::new("https://data.example/a.df?sig=1"));
+        assert_eq!(url, Ok("https://data.example/a.df".into()));
         assert!(typed(Purpose::Open, &folder.path().join("b.df")).unwrap_err().ends_with("b.df: no file is there"));
         assert!(typed(Purpose::SaveAs, &folder.path().join("a")).unwrap_err().contains("found a file"));
         assert!(typed(Purpose::SaveAs, &folder.path().join("b")).is_ok());

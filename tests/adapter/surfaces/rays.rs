@@ -73,29 +73,80 @@ fn an_adapter_casts_rays_as_the_processor_does() {
 }
 
 #[test]
-fn where_no_adapter_casts_rays_others_draw() {
+fn an_adapter_casts_rays_through_globes() {
     let folder = tempfile::tempdir().unwrap();
-    let mut field = hills([60, 50], Holes::None);
-    let path = built(folder.path(), &field);
-    let [rays, triangles] = ["rays", "triangles"].map(|technique| small(technique, &PLAIN));
-    let draw = |path: &Path, backend: Backend, shot: &Shot| {
-        let picture = session(path, backend).draw(shot).unwrap();
-        (picture.drawn_by[0].clone(), picture.image(shot).unwrap())
-    };
-    // The rasteriser has triangles in their place.
-    let found = draw(&path, Backend::Raster, &rays);
-    assert_eq!(found.0, "raster");
-    assert_eq!(found, draw(&path, Backend::Raster, &triangles));
-    // All around the eye, and through globes, rays are the processor's.
-    let all_around = Shot { surround: Surround::Equirectangular, ..rays.clone() };
-    (field.grid.step, field.grid.origin) = ([6.0, -3.6], [-177.0, 88.2]);
-    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
-    let beside = folder.path().join("globe");
-    std::fs::create_dir(&beside).unwrap();
-    let globe = built(&beside, &field);
-    for (path, shot) in [(&path, &all_around), (&globe, &rays)] {
-        let found = draw(path, Backend::Compute, shot);
-        assert_eq!(found.0, "cpu");
-        assert_eq!(found, draw(path, Backend::Cpu, shot));
+    let path = built(folder.path(), &world(Holes::Lakes));
+    let high = [("exaggeration", number(3000.0)), ("light", name("eye"))];
+    let low = [("exaggeration", number(300.0)), ("light", name("eye"))];
+    let filled = [&high[..], &[("holes", name("filled"))]].concat();
+    let target = Some([0.0; 3]);
+    let seam = Wanted { eye: above(180.0, 10.0, 2e7), target, settings: &high, ..PLAIN };
+    let pole = Wanted { eye: above(30.0, 88.0, 8e6), target, settings: &filled, ..PLAIN };
+    let other = Wanted { eye: above(20.0, -89.5, 8e6), target, ortho: Some(6e5), settings: &high[1..], ..PLAIN };
+    // Along the ground, to the horizon.
+    let along = Wanted { eye: above(100.0, 40.0, 6.45e6), target: above(104.0, 44.0, 6.4e6), settings: &low, ..PLAIN };
+    let part = ClipBox { min: DVec3::new(-1e7, -1e7, -2e6), max: DVec3::new(1e7, 1e7, 1.5e6) };
+    let cut = Some(CutSettings { clip: Some(part), ..CutSettings::default() });
+    let pictures = [
+        ("the seam and mountains at the limb", &seam, None),
+        ("a pole, and membranes", &pole, None),
+        ("the other pole, in parallel", &other, None),
+        ("along the ground", &along, None),
+        ("a zone", &seam, cut),
+    ];
+    let (mut processor, mut adapter) = (session(&path, Backend::Cpu), session(&path, Backend::Compute));
+    for (what, wanted, cut) in pictures {
+        let [rays, triangles] = ["rays", "triangles"].map(|technique| {
+            let shot = small(technique, wanted);
+            Shot { look: LookPatch { cut, ..shot.look }, ..shot }
+        });
+        let (expected, found) = (processor.draw(&rays).unwrap(), adapter.draw(&rays).unwrap());
+        assert_eq!(found.drawn_by[0], "compute", "{what}");
+        assert_eq!(found.surface.as_ref().unwrap().report.triangles, 0, "{what}");
+        let image = found.image(&rays).unwrap();
+        let others = [("the processor's", expected, 0.02), ("triangles", adapter.draw(&triangles).unwrap(), 0.03)];
+        for (against, other, most) in &others {
+            let (share, mean) = differences(&image, &other.image(&rays).unwrap());
+            let covered = [&found, other].map(covered);
+            println!("{what}, {against}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}, {covered:?}");
+            assert!(share <= *most && mean < 1.0, "{what}, {against}: {share} {mean}");
+            assert!((covered[0] - covered[1]).abs() < 0.01 * covered[1], "{what}, {against}: {covered:?}");
+        }
     }
+    // The same triangles are hit, and what is missed is so but at the limb and at rims.
+    let shot = small("rays", &PLAIN);
+    let (_, expected) = read(&mut reading(&path, Backend::Cpu), &shot);
+    let (picture, found) = read(&mut reading(&path, Backend::Compute), &shot);
+    assert_eq!(picture.drawn_by[0], "compute");
+    assert_alike(&found, &expected, [PICTURE.0, PICTURE.1].map(|side| side as usize), "rays through a globe");
+}
+
+#[test]
+fn an_adapter_casts_rays_around_the_eye() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = built(folder.path(), &hills(SIZE, Holes::None));
+    let inside = Wanted { eye: Some([310.0, 265.0, 60.0]), target: Some([310.0, 400.0, 40.0]), ..PLAIN };
+    let surround = Surround::Dome { aperture: 200.0, tilt: -40.0 };
+    let shot = Shot { surround, size: Some((120, 120)), ..small("rays", &inside) };
+    let mut processor = session(&path, Backend::Cpu);
+    let expected = processor.draw(&shot).unwrap().image(&shot).unwrap();
+    let found = session(&path, Backend::Compute).draw(&shot).unwrap();
+    assert_eq!(found.drawn_by[0], "compute");
+    // Faces are sampled once more, and so a little softer.
+    let (share, mean) = differences(&found.image(&shot).unwrap(), &expected);
+    println!("a dome: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}");
+    assert!(share <= 0.05 && mean < 1.3, "{share} {mean}");
+}
+
+#[test]
+fn the_rasteriser_has_triangles_in_place_of_rays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = built(folder.path(), &hills([60, 50], Holes::None));
+    let [found, expected] = ["rays", "triangles"].map(|technique| {
+        let shot = small(technique, &PLAIN);
+        let picture = session(&path, Backend::Raster).draw(&shot).unwrap();
+        (picture.drawn_by[0].clone(), picture.image(&shot).unwrap())
+    });
+    assert_eq!(found.0, "raster");
+    assert_eq!(found, expected);
 }

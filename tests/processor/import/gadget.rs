@@ -2,7 +2,7 @@
 
 use super::writers::{GadgetStyle, Particles, file, gadget};
 use super::{message, read_all};
-use deepfield::import::{LoadOptions, load, open, summarize};
+use deepfield::import::{LoadOptions, files_of, load, open, summarize};
 use deepfield::model::FamilyName;
 use proptest::prelude::*;
 
@@ -61,6 +61,7 @@ proptest! {
         prop_assert_eq!(description.redshift, Some(3.0));
         prop_assert_eq!(description.box_size, Some(100.0));
         prop_assert_eq!(description.files, files.len());
+        prop_assert_eq!(&files_of(path).unwrap(), &paths);
         let kinds: Vec<usize> = (0..6).filter(|kind| totals[*kind] > 0).collect();
         prop_assert_eq!(description.families.len(), kinds.len());
         for (family, kind) in kinds.into_iter().enumerate() {

@@ -3,7 +3,7 @@
 use super::hostile::survives_at;
 use super::writers::file;
 use super::{message, read_all};
-use deepfield::import::{FieldKind, open};
+use deepfield::import::{FieldKind, files_of, open};
 use proptest::prelude::*;
 
 /// How a file is written.
@@ -127,6 +127,7 @@ proptest! {
                 file(folder.path(), "m000.gio", &written(style, &variables, &[counts.len() + others.len()]))
             }
         };
+        prop_assert_eq!(files_of(&path).unwrap().len(), if others.is_some() { 3 } else { 1 });
         let source = open(&path).unwrap();
         let about = source.description();
         prop_assert_eq!((&*about.format, about.box_size, about.particles()), ("generic-io", Some(64.0), total as u64));

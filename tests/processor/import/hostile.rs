@@ -89,7 +89,7 @@ fn bytes_of(name: &str) -> Vec<u8> {
     std::fs::read(data(name)).unwrap()
 }
 
-fn gadget(format: u32) -> Vec<u8> {
+pub(super) fn gadget(format: u32) -> Vec<u8> {
     use crate::import::writers::{GadgetStyle, Particles, gadget};
     let style = GadgetStyle {
         big_endian: format == 1,
@@ -108,7 +108,7 @@ fn gadget(format: u32) -> Vec<u8> {
     gadget(style, &families, [60, 40, 0, 0, 20, 1], 1)
 }
 
-fn tipsy() -> Vec<u8> {
+pub(super) fn tipsy() -> Vec<u8> {
     let records = |width: usize, count: usize| -> Vec<Vec<f32>> {
         (0..count).map(|row| (0..width).map(|column| (row * 31 % 17 + column + 1) as f32).collect()).collect()
     };

@@ -1,5 +1,6 @@
 //! Import across formats: what is written comes back, real files give their known numbers, damaged ones a clear error.
 
+mod compressed;
 mod expansion;
 mod folders;
 mod gadget;

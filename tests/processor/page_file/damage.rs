@@ -5,7 +5,7 @@ use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
 use deepfield::hierarchy::{Kinds, OctreeOptions};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
-use deepfield::store::layout::{ALIGNMENT, HEADER_LEN};
+use deepfield::store::layout::{ALIGNMENT, HEADER_LEN, NODE_RECORD_LEN, PAGE_HEADER_LEN};
 use deepfield::store::{PageFile, PageId, Representative, verify};
 use proptest::prelude::*;
 use std::io::{Seek, SeekFrom, Write};
@@ -137,6 +137,24 @@ fn every_truncation_is_found() {
         }
         let longer = [bytes, &[0]].concat();
         assert!(!check(&longer, &path));
+    }
+}
+
+/// Those that the format has as well as those that it has not.
+#[test]
+fn depths_that_nodes_do_not_have_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("deeper.df");
+    for sound in KINDS.map(sound) {
+        for node in 0..3 {
+            let at = ALIGNMENT as usize + PAGE_HEADER_LEN + node * NODE_RECORD_LEN;
+            for depth in [14, 15, 21, 22, 28, 29, 53, 127, 255] {
+                let mut bytes = sound.to_vec();
+                bytes[at] = depth;
+                page_checksums::correct(&mut bytes);
+                assert!(!check(&bytes, &path), "node {node}, depth {depth}");
+            }
+        }
     }
 }
 

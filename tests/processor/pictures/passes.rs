@@ -176,6 +176,12 @@ fn volumes_are_the_same_in_however_little_memory() {
     assert!(plain.bytes() > BUDGETS[0] && clusters.bytes() > BUDGETS[0]);
     let colored = |shot: &mut Shot| shot.look.attribute = Some(Attribute::Named("internal-energy".into()));
     is_the_same_volume(&plain, &colored, "volume");
+    // Three columns at once: values, densities and what colours both.
+    let of_fields = |shot: &mut Shot| {
+        colored(shot);
+        shot.look.settings.0.insert("field".into(), SettingValue::Name("internal-energy".into()));
+    };
+    is_the_same_volume(&plain, &of_fields, "volume-isosurface");
     // What is cut off is known when particles are looked at.
     let cut = |shot: &mut Shot| {
         let target = DVec3::from(shot.camera.target.unwrap());

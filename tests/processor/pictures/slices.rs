@@ -67,8 +67,11 @@ fn a_cross_section_has_the_vectors_that_its_file_has() {
     let view = ["--eye", "0,0,500", "--target", "0,0,0", "--ortho", "120", "--size", "120x100"];
     let flow = ["--mode", "cross-section", "--set", "through=[0,0,0]", "--set", "vectors=arrows"];
     for (data, more) in [("flow.df", &[][..]), ("merger.g2", &["--exact"])] {
-        let told = told(folder, &[&[data, "-o", "flow.png"][..], &view, &flow, more].concat());
+        let told = told(folder, &[&[data, "-o", "flow.png", "--raw", "flow.npy"][..], &view, &flow, more].concat());
         assert_eq!(told["mode"], "cross-section");
+        let raw = std::fs::read(folder.join("flow.npy")).unwrap();
+        let header = String::from_utf8_lossy(&raw[..128]);
+        assert!(header.contains("<f4") && header.contains("(100, 120"), "{header}");
         assert!(told["arrows"]["scale"].as_f64().unwrap() > 100.0, "km/s: {told}");
         assert!(told["grid"]["particles"].as_u64().unwrap() > 100, "{told}");
     }

@@ -12,19 +12,20 @@ use std::time::Duration;
 /// The bytes of a page file with several pages.
 pub fn sound() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| generated(1_500_000))
+    BYTES.get_or_init(|| generated(1_500_000, &BuildOptions::default()))
 }
 
 /// The bytes of a page file with some dozen pages.
 pub fn large() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| generated(5_000_000))
+    BYTES.get_or_init(|| generated(5_000_000, &BuildOptions::default()))
 }
 
-fn generated(particles: u64) -> Vec<u8> {
+/// The bytes of a page file of so many particles.
+pub fn generated(particles: u64, options: &BuildOptions) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sound.df");
-    build(dataset(&Clusters::new(3, particles)), &BuildOptions::default(), &path, &()).unwrap();
+    build(dataset(&Clusters::new(3, particles)), options, &path, &()).unwrap();
     let pages = PageFile::open(&path).unwrap().page_count();
     assert!(pages >= 4, "{pages} pages are too few for these tests");
     std::fs::read(path).unwrap()

@@ -225,7 +225,12 @@ proptest! {
         let cells = |levels| with.tree(levels).into_iter().map(|at| with.node(at).frame).collect::<Vec<_>>();
         prop_assert_eq!(cells(Purpose::Splats), cells(Purpose::Samples));
         let version = |built: &Built| std::fs::read(built.file.path()).unwrap()[8];
-        prop_assert_eq!((version(&with), version(&without)), if refined { (5, 5) } else { (3, 2) });
+        let expected = match (a.levels.len() > 15, refined) {
+            (true, _) => (6, 6),
+            (_, true) => (5, 5),
+            _ => (3, 2),
+        };
+        prop_assert_eq!((version(&with), version(&without)), expected);
     }
 }
 

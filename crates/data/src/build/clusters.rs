@@ -137,8 +137,9 @@ impl Maker<'_> {
         if let Some(last) = steps.last_mut() {
             last.priority = last.priority.max(priority);
         }
-        let cells = f64::from(node.key.depth).exp2();
-        let corner = [node.key.x, node.key.y, node.key.z].map(f64::from);
+        let cell = node.key.cell();
+        let cells = f64::from(cell.depth).exp2();
+        let corner = [cell.x, cell.y, cell.z].map(f64::from);
         // Priorities are told in the data's unit of length, which all families have in common.
         let bright = match self.options.rule {
             SplitRule::Relative => bright(1.0, self.context.root.size.powi(2)),
@@ -207,7 +208,11 @@ impl Maker<'_> {
             count: clusters.len() as u32,
             packed: self.spill.put(&[&bytes])?,
             shapes: self.spill.put(&[bytemuck::cast_slice(&coordinates)])?,
-            values: Batch { quantities: self.spill.put(&columns)?, info: BatchInfo::of(&quantities) },
+            values: Batch {
+                quantities: self.spill.put(&columns)?,
+                info: BatchInfo::of(&quantities),
+                group: first_group(tree, depth, index),
+            },
             delta,
             drawn,
             deviation: clusters.moments.iter().map(|own| trace(own).sqrt()).fold(0.0, f64::max),
@@ -224,8 +229,9 @@ impl Maker<'_> {
     fn particles(&self, node: &TreeNode<Option<super::tree::Kept>>) -> io::Result<Members> {
         let mut members =
             Members { attributes: self.context.rules.iter().map(|_| Vec::new()).collect(), ..Members::default() };
-        let cells = f64::from(node.key.depth).exp2();
-        let corner = [node.key.x, node.key.y, node.key.z].map(f64::from);
+        let cell = node.key.cell();
+        let cells = f64::from(cell.depth).exp2();
+        let corner = [cell.x, cell.y, cell.z].map(f64::from);
         // A kernel is at least as wide as the places are told.
         let least = (f64::from(1_u32 << 21) * cells).recip();
         for kept in node.data.iter().flatten() {
@@ -244,6 +250,13 @@ impl Maker<'_> {
         }
         Ok(members)
     }
+}
+
+/// The group of the first bucket that a node has particles of.
+fn first_group(tree: &Grown, depth: usize, index: usize) -> u32 {
+    let node = &tree.nodes[depth][index];
+    let own = node.data.iter().flatten().next().map(super::tree::Kept::group);
+    own.or_else(|| Some(first_group(tree, depth + 1, *node.children.iter().flatten().next()?))).unwrap_or(0)
 }
 
 /// The nearest finite single.

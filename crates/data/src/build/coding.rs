@@ -29,6 +29,8 @@ const ENTRIES: usize = 1 << 12;
 pub(super) struct Batch {
     pub quantities: Blob,
     pub info: BatchInfo,
+    /// That of the bucket that it comes from: [`crate::hierarchy::octree::Plan::group`].
+    pub group: u32,
 }
 
 /// The codes of a node and what they decode to.
@@ -116,8 +118,10 @@ pub(super) fn code(
         coding.take(group, coded, spill);
     }
     progress.advance(1);
-    for (depth, entries) in grids.into_iter().enumerate().rev() {
+    for (depth, mut entries) in grids.into_iter().enumerate().rev() {
         if !entries.is_empty() {
+            // Those of a node stay in their order.
+            entries.sort_by_key(|entry| entry.batch.group);
             let group = Group { entries: &entries, scaling, spill, bits: bits.entries };
             let coded = group.code(bits.entries, scope(depth as u8), 1)?;
             coding.take(entries, coded, spill);
@@ -156,8 +160,9 @@ fn by_density(leaves: Vec<Entry>, scaling: &Scaling, spill: &Spill, bits: VqBits
         before += particles;
     }
     groups.retain(|group| !group.is_empty());
-    // In the order of the tree: neighbours on the disk are read together.
-    groups.iter_mut().for_each(|group| group.sort_unstable_by_key(|entry| (entry.depth, entry.index)));
+    // By the groups of buckets, and in the order of the tree: neighbours on the disk are read together.
+    let order = |entry: &Entry| (entry.batch.group, entry.depth, entry.index);
+    groups.iter_mut().for_each(|group| group.sort_unstable_by_key(order));
     Ok(groups)
 }
 
@@ -241,7 +246,7 @@ impl Batch {
     /// # Errors
     /// When they cannot be read back.
     pub fn with<R>(&self, spill: &Spill, read: impl FnOnce(&Quantities) -> R) -> io::Result<R> {
-        let Batch { quantities, info } = self;
+        let Batch { quantities, info, .. } = self;
         let bytes = spill.get(quantities)?;
         let values: &[f32] = bytemuck::cast_slice(&bytes);
         let column = |k: usize| &values[k * info.particles..(k + 1) * info.particles];
@@ -265,6 +270,10 @@ impl Batches for Group<'_> {
 
     fn info(&self, batch: usize) -> BatchInfo {
         self.entries[batch].batch.info
+    }
+
+    fn group(&self, batch: usize) -> u32 {
+        self.entries[batch].batch.group
     }
 
     fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> io::Result<R> {

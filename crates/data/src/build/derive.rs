@@ -5,17 +5,16 @@
 //! of a search among all particles, to the last bit; one search serves all quantities.
 
 use super::BuildError;
-use super::estimates::{Reach, SAMPLE, around_ball, position};
+use super::estimates::SAMPLE;
 use super::partition::Partition;
+use super::reach::{Reaches, around_ball, bucket_bounds, position};
 use crate::hierarchy::attribute_info::{HistogramBins, Range};
 use crate::hierarchy::octree::{Columns, Place};
 use crate::hierarchy::{Histogram, RootCell};
 use crate::import::derived;
 use crate::import::neighbours::Moving;
-use crate::model::periodic::images;
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Derivation, Kernel};
-use glam::DVec3;
 use rayon::prelude::*;
 
 /// What is known of the derived columns.
@@ -130,7 +129,8 @@ impl Deriving<'_> {
         if self.derivation.needs_neighbours() && buckets.len() < partition.buckets() {
             let balls = all.positions.iter().zip(&all.smoothing_length);
             let balls: Vec<Bounds> = balls.map(|(at, &h)| around_ball(*at, Moving::reach(h, self.edge))).collect();
-            self.add_others(partition, buckets, &self.reaches(partition, &balls), &mut all)?;
+            let reaches = Reaches::of(balls, partition, self.root, self.edge);
+            self.add_others(partition, buckets, &reaches, &mut all)?;
         }
         let moving = Moving {
             positions: &all.positions,
@@ -152,35 +152,17 @@ impl Deriving<'_> {
         Ok(orders.into_iter().map(of_bucket).collect())
     }
 
-    /// The box around the particles of a bucket; `None` if there are none.
-    fn bounds(&self, partition: &Partition, bucket: usize) -> Option<Bounds> {
-        let (low, high) = partition.extent(bucket)?;
-        Some(Bounds { min: DVec3::from_array(low) * self.root.size, max: DVec3::from_array(high) * self.root.size })
-    }
-
-    /// Where balls reach, and those of their images in a periodic box that particles may be in.
-    fn reaches(&self, partition: &Partition, balls: &[Bounds]) -> Vec<Reach> {
-        let buckets = (0..partition.buckets()).filter_map(|bucket| self.bounds(partition, bucket));
-        let everything = buckets.fold(Bounds::EMPTY, Bounds::union);
-        let of_image = |image: DVec3| {
-            let moved = balls.iter().map(|ball| ball.moved(image)).filter(|ball| meet(*ball, everything));
-            let moved: Vec<Bounds> = moved.collect();
-            (!moved.is_empty()).then(|| Reach::of(&moved))
-        };
-        images(self.edge).into_iter().filter_map(of_image).collect()
-    }
-
     /// Appends the particles of other buckets that are within reach.
     fn add_others(
         &self,
         partition: &Partition,
         buckets: std::ops::Range<usize>,
-        reaches: &[Reach],
+        reaches: &Reaches,
         all: &mut Particles,
     ) -> Result<(), BuildError> {
         let meets = |bucket: &usize| {
-            let Some(bounds) = self.bounds(partition, *bucket) else { return false };
-            !buckets.contains(bucket) && reaches.iter().any(|reach| meet(bounds, reach.bounds))
+            let Some(bounds) = bucket_bounds(partition, *bucket, self.root) else { return false };
+            !buckets.contains(bucket) && reaches.meet(bounds)
         };
         let parts: Vec<Particles> = (0..partition.buckets())
             .into_par_iter()
@@ -201,10 +183,9 @@ impl Deriving<'_> {
     }
 
     /// Those particles of a bucket that are within reach.
-    fn within(&self, reaches: &[Reach], places: &[Place], columns: &Columns) -> Particles {
-        let is_near = |at: [f64; 3]| reaches.iter().any(|reach| reach.contains(at));
-        let near: Vec<u32> =
-            (0..places.len() as u32).filter(|&i| is_near(position(places[i as usize], self.root))).collect();
+    fn within(&self, reaches: &Reaches, places: &[Place], columns: &Columns) -> Particles {
+        let is_near = |&i: &u32| reaches.contains(position(places[i as usize], self.root));
+        let near: Vec<u32> = (0..places.len() as u32).filter(is_near).collect();
         let columns = columns.gather(&near);
         Particles {
             positions: near.iter().map(|&i| position(places[i as usize], self.root)).collect(),
@@ -214,11 +195,6 @@ impl Deriving<'_> {
             smoothing_length: columns.smoothing_length,
         }
     }
-}
-
-/// Whether two boxes have a place in common.
-fn meet(one: Bounds, other: Bounds) -> bool {
-    one.min.cmple(other.max).all() && other.min.cmple(one.max).all()
 }
 
 /// Values in the order in which a bucket's particles are read, of those in another order.

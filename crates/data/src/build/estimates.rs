@@ -2,14 +2,15 @@
 //!
 //! The neighbours of a bucket's particles may lie in other buckets. A block of buckets is searched together with what lies around its
 //! cells in others; where the distance to a particle's k-th neighbour turns out to reach beyond that, everything inside that distance is
-//! gathered and the particle searched for again. So the result is that of a search among all particles, to the last bit: the more memory
-//! there is, the larger are the blocks.
+//! gathered and the particle searched for again, across the faces of a periodic box too. So the result is that of a search among all
+//! particles, to the last bit: the more memory there is, the larger are the blocks.
 
 use super::BuildError;
 use super::partition::Partition;
+use super::reach::{Reaches, around_ball, bucket_bounds, position};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::attribute_info::{HistogramBins, Range};
-use crate::hierarchy::octree::{Columns, Place};
+use crate::hierarchy::octree::Columns;
 use crate::hierarchy::{Histogram, RootCell};
 use crate::import::neighbours::Neighbours;
 use crate::model::Bounds;
@@ -19,8 +20,6 @@ use rayon::prelude::*;
 
 /// How far around each cell of a block is looked at first, in distances to the k-th neighbour if the cell were filled evenly.
 const MARGIN: f64 = 1.3;
-/// Cells along each axis of the grid that says where the balls of some particles reach.
-const CELLS: usize = 128;
 /// Values of each column in the sample of a bucket at most, for the quantiser's scaling.
 pub(super) const SAMPLE: usize = 1 << 10;
 
@@ -41,46 +40,55 @@ struct Particles {
     mass: Vec<f32>,
 }
 
-/// Fills in the densities and smoothing lengths of a partition that are not positive, from `k` neighbours, for buckets of about
-/// `block` particles at a time; what is found does not depend on that number.
-///
-/// # Errors
-/// When particles cannot be read back, or what was found not be put away.
-pub(super) fn estimate(
-    partition: &mut Partition,
-    k: usize,
-    root: RootCell,
-    block: usize,
-    progress: &dyn Progress,
-) -> Result<Estimated, BuildError> {
-    progress.begin("finding neighbours", partition.particles() as u64);
-    let mut ranges = [Range::EMPTY; 2];
-    let mut samples = [Vec::new(), Vec::new()];
-    for buckets in partition.blocks(block) {
-        for (bucket, found) in buckets.clone().zip(of_block(partition, buckets, k, root, progress)?) {
-            for (column, values) in found.sorted.iter().enumerate() {
-                ranges[column] = ranges[column].with(Range::of(values));
-                samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE).max(1)));
+/// How columns are estimated: from how many neighbours, below which root cell, in a periodic box of which edge.
+#[derive(Clone, Copy)]
+pub(super) struct Estimating {
+    pub k: usize,
+    pub root: RootCell,
+    pub edge: Option<f64>,
+}
+
+impl Estimating {
+    /// Fills in the densities and smoothing lengths of a partition that are not positive, for buckets of about `block` particles at a
+    /// time; what is found does not depend on that number.
+    ///
+    /// # Errors
+    /// When particles cannot be read back, or what was found not be put away.
+    pub fn estimate(
+        self,
+        partition: &mut Partition,
+        block: usize,
+        progress: &dyn Progress,
+    ) -> Result<Estimated, BuildError> {
+        progress.begin("finding neighbours", partition.particles() as u64);
+        let mut ranges = [Range::EMPTY; 2];
+        let mut samples = [Vec::new(), Vec::new()];
+        for buckets in partition.blocks(block) {
+            for (bucket, found) in buckets.clone().zip(of_block(partition, buckets, self, progress)?) {
+                for (column, values) in found.sorted.iter().enumerate() {
+                    ranges[column] = ranges[column].with(Range::of(values));
+                    samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE).max(1)));
+                }
+                let [density, smoothing_length] = found.read;
+                partition.put_estimates(bucket, &density, &smoothing_length)?;
             }
-            let [density, smoothing_length] = found.read;
-            partition.put_estimates(bucket, &density, &smoothing_length)?;
         }
+        let bins = ranges.each_ref().map(HistogramBins::of);
+        let counts: Vec<[Vec<u64>; 2]> = (0..partition.buckets())
+            .into_par_iter()
+            .map(|bucket| {
+                let (_, columns) = partition.read(bucket)?;
+                Ok([bins[0].count(&columns.density), bins[1].count(&columns.smoothing_length)])
+            })
+            .collect::<Result<_, BuildError>>()?;
+        let [density, smoothing_length] = bins;
+        let total = |column: usize| {
+            let none = vec![0; counts.first().map_or(0, |counts| counts[column].len())];
+            counts.iter().fold(none, |sum, counts| sum.iter().zip(&counts[column]).map(|(a, b)| a + b).collect())
+        };
+        let histograms = [density.finish(total(0), 0), smoothing_length.finish(total(1), 0)];
+        Ok(Estimated { ranges, histograms, samples })
     }
-    let bins = ranges.each_ref().map(HistogramBins::of);
-    let counts: Vec<[Vec<u64>; 2]> = (0..partition.buckets())
-        .into_par_iter()
-        .map(|bucket| {
-            let (_, columns) = partition.read(bucket)?;
-            Ok([bins[0].count(&columns.density), bins[1].count(&columns.smoothing_length)])
-        })
-        .collect::<Result<_, BuildError>>()?;
-    let [density, smoothing_length] = bins;
-    let total = |column: usize| {
-        let none = vec![0; counts.first().map_or(0, |counts| counts[column].len())];
-        counts.iter().fold(none, |sum, counts| sum.iter().zip(&counts[column]).map(|(a, b)| a + b).collect())
-    };
-    let histograms = [density.finish(total(0), 0), smoothing_length.finish(total(1), 0)];
-    Ok(Estimated { ranges, histograms, samples })
 }
 
 /// Densities and smoothing lengths of the particles of a bucket.
@@ -95,8 +103,7 @@ struct Found {
 fn of_block(
     partition: &Partition,
     buckets: std::ops::Range<usize>,
-    k: usize,
-    root: RootCell,
+    estimating: Estimating,
     progress: &dyn Progress,
 ) -> Result<Vec<Found>, BuildError> {
     let parts: Vec<(Vec<u32>, Vec<u64>, Vec<[f64; 3]>, Columns)> = buckets
@@ -106,7 +113,7 @@ fn of_block(
             let (places, columns) = partition.read(bucket)?;
             let order = columns.order(&places);
             let keys = order.iter().map(|&i| places[i as usize].key).collect();
-            let positions = order.iter().map(|&i| position(places[i as usize], root)).collect();
+            let positions = order.iter().map(|&i| position(places[i as usize], estimating.root)).collect();
             let columns = columns.gather(&order);
             Ok((order, keys, positions, columns))
         })
@@ -123,10 +130,10 @@ fn of_block(
         smoothing_length.extend(columns.smoothing_length);
         orders.push(order);
     }
-    let search = Search { partition, buckets, root, keys, own };
+    let search = Search { partition, buckets, estimating, keys, own };
     let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
     if wanted.contains(&true) {
-        search.nearest(k, &wanted, &mut smoothing_length, &mut density)?;
+        search.nearest(&wanted, &mut smoothing_length, &mut density)?;
     }
     let wanted: Vec<bool> = density.iter().map(|&rho| !is_usable(rho)).collect();
     if wanted.contains(&true) {
@@ -148,16 +155,11 @@ fn of_block(
     Ok(orders.into_iter().map(of_bucket).collect())
 }
 
-/// A place in world units from the root cell's corner: the same number whichever block it is read for.
-pub(super) fn position(place: Place, root: RootCell) -> [f64; 3] {
-    place.unit().map(|x| x * root.size)
-}
-
 /// A block and where its neighbours are.
 struct Search<'a> {
     partition: &'a Partition,
     buckets: std::ops::Range<usize>,
-    root: RootCell,
+    estimating: Estimating,
     /// Morton keys of the own particles, in order.
     keys: Vec<u64>,
     own: Particles,
@@ -165,14 +167,14 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// Smoothing lengths, and densities where there are none, of the wanted particles.
-    fn nearest(&self, k: usize, wanted: &[bool], lengths: &mut [f32], density: &mut [f32]) -> Result<(), BuildError> {
+    fn nearest(&self, wanted: &[bool], lengths: &mut [f32], density: &mut [f32]) -> Result<(), BuildError> {
         let count = self.own.positions.len();
-        let covered = Reach::of(&self.cells(k));
-        let around = self.others(|place| covered.contains(place), covered.bounds)?;
+        let covered = self.reaches(self.cells());
+        let around = self.others(Some(&covered))?;
         let everything = count + around.positions.len() == self.partition.particles();
         let mut left: Vec<bool> = wanted.to_vec();
         let mut radii = vec![0.0; if everything { 0 } else { count }];
-        search(k, &self.own, around, wanted, |i, h, rho| {
+        search(self.estimating, &self.own, around, wanted, |i, h, rho| {
             if everything {
                 (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
                 return;
@@ -187,20 +189,22 @@ impl Search<'_> {
             return Ok(());
         }
         // The true distance is at most what was found, unless there were too few particles to find that many.
-        let extent = self.own.positions.iter().copied();
-        let enough = count > k && Bounds::of(extent).size().max_element() > 0.0;
-        let balls = self.own.positions.iter().zip(&radii).zip(&left).filter(|(_, left)| **left);
-        let reach = Reach::of(&balls.map(|((at, radius), _)| around_ball(*at, *radius)).collect::<Vec<_>>());
-        let is_near = |place: [f64; 3]| !enough || reach.contains(place);
-        let around = self.others(is_near, if enough { reach.bounds } else { Bounds::EVERYTHING })?;
+        let reaches = if count > self.estimating.k && self.are_apart() {
+            let balls = self.own.positions.iter().zip(&radii).zip(&left).filter(|(_, left)| **left);
+            Some(self.reaches(balls.map(|((at, radius), _)| around_ball(*at, *radius)).collect()))
+        } else {
+            None
+        };
+        let around = self.others(reaches.as_ref())?;
         // Only what the balls of those that are left reach is searched.
+        let is_near = |place: [f64; 3]| reaches.as_ref().is_none_or(|reaches| reaches.contains(place));
         let near: Vec<usize> = (0..count).filter(|&i| left[i] || is_near(self.own.positions[i])).collect();
         let own = Particles {
             positions: near.iter().map(|&i| self.own.positions[i]).collect(),
             mass: near.iter().map(|&i| self.own.mass[i]).collect(),
         };
         let wanted: Vec<bool> = near.iter().map(|&i| left[i]).collect();
-        search(k, &own, around, &wanted, |i, h, rho| {
+        search(self.estimating, &own, around, &wanted, |i, h, rho| {
             let i = near[i];
             (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
         });
@@ -211,14 +215,14 @@ impl Search<'_> {
     fn density(&self, wanted: &[bool], lengths: &[f32], density: &mut [f32]) -> Result<(), BuildError> {
         let radii: Vec<f64> = lengths.iter().map(|&h| f64::from(h)).collect();
         let balls = self.own.positions.iter().zip(&radii).zip(wanted).filter(|(_, wanted)| **wanted);
-        let reach = Reach::of(&balls.map(|((at, radius), _)| around_ball(*at, *radius)).collect::<Vec<_>>());
-        let around = self.others(|place| reach.contains(place), reach.bounds)?;
+        let reaches = self.reaches(balls.map(|((at, radius), _)| around_ball(*at, *radius)).collect());
+        let around = self.others(Some(&reaches))?;
         let (positions, mass, count) = joined(&self.own, around);
         let mut all: Vec<f32> = lengths.to_vec();
         all.resize(positions.len(), 0.0);
         let mut all_wanted = wanted.to_vec();
         all_wanted.resize(positions.len(), false);
-        if let Some(tree) = Neighbours::of(&positions) {
+        if let Some(tree) = Neighbours::of(&positions, self.estimating.edge) {
             let sums = tree.density(&all, &mass, Some(&all_wanted), &());
             for (i, sum) in sums.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
                 density[i] = positive(sum);
@@ -227,8 +231,20 @@ impl Search<'_> {
         Ok(())
     }
 
+    /// Whether the own particles are not all in one place, of a periodic box.
+    fn are_apart(&self) -> bool {
+        let size = Bounds::of(self.own.positions.iter().copied()).size().to_array();
+        let is_edge = |size: f64| self.estimating.edge.is_some_and(|edge| (size - edge).abs() <= 1e-9 * edge);
+        size.into_iter().any(|size| size > 0.0 && !is_edge(size))
+    }
+
+    fn reaches(&self, boxes: Vec<Bounds>) -> Reaches {
+        Reaches::of(boxes, self.partition, self.estimating.root, self.estimating.edge)
+    }
+
     /// Boxes in which most of the neighbours of the own particles lie: around cells with a few times `k` of them at most.
-    fn cells(&self, k: usize) -> Vec<Bounds> {
+    fn cells(&self) -> Vec<Bounds> {
+        let Estimating { k, root, .. } = self.estimating;
         let most = 2 * k.max(8);
         let mut boxes = Vec::new();
         let mut waiting = vec![(0, 0..self.keys.len())];
@@ -243,7 +259,7 @@ impl Search<'_> {
                     from = to;
                 }
             } else if !range.is_empty() {
-                let size = self.root.size * (-f64::from(depth)).exp2();
+                let size = root.size * (-f64::from(depth)).exp2();
                 let corner = morton::decode(self.keys[range.start] >> bits).map(f64::from);
                 let min = DVec3::from_array(corner) * size;
                 let margin = MARGIN * size * (k as f64 / (4.18 * range.len() as f64)).cbrt();
@@ -253,19 +269,20 @@ impl Search<'_> {
         boxes
     }
 
-    /// The particles of other buckets for which `is_near` holds; all of those lie in `bounds`.
-    fn others(&self, is_near: impl Fn([f64; 3]) -> bool + Sync, bounds: Bounds) -> Result<Particles, BuildError> {
-        let reaches = |bucket: &usize| {
-            let Some((low, high)) = self.partition.extent(*bucket) else { return false };
-            let (low, high) = (DVec3::from_array(low) * self.root.size, DVec3::from_array(high) * self.root.size);
-            !self.buckets.contains(bucket) && low.cmple(bounds.max).all() && bounds.min.cmple(high).all()
+    /// The particles of other buckets that are within reach; all of them without.
+    fn others(&self, reaches: Option<&Reaches>) -> Result<Particles, BuildError> {
+        let root = self.estimating.root;
+        let is_wanted = |bucket: &usize| {
+            let Some(bounds) = bucket_bounds(self.partition, *bucket, root) else { return false };
+            !self.buckets.contains(bucket) && reaches.is_none_or(|reaches| reaches.meet(bounds))
         };
+        let is_near = |place: [f64; 3]| reaches.is_none_or(|reaches| reaches.contains(place));
         let parts: Vec<Vec<([f64; 3], f32)>> = (0..self.partition.buckets())
             .into_par_iter()
-            .filter(reaches)
+            .filter(is_wanted)
             .map(|bucket| {
                 let (places, masses) = self.partition.read_masses(bucket)?;
-                let positions = places.into_iter().map(|place| position(place, self.root));
+                let positions = places.into_iter().map(|place| position(place, root));
                 Ok(positions.zip(masses).filter(|(place, _)| is_near(*place)).collect())
             })
             .collect::<Result<_, BuildError>>()?;
@@ -275,11 +292,17 @@ impl Search<'_> {
 }
 
 /// Calls `found` with distance to the `k`-th neighbour and density of every wanted particle of `own`, among those and others.
-fn search(k: usize, own: &Particles, around: Particles, wanted: &[bool], mut found: impl FnMut(usize, f64, f64)) {
+fn search(
+    Estimating { k, edge, .. }: Estimating,
+    own: &Particles,
+    around: Particles,
+    wanted: &[bool],
+    mut found: impl FnMut(usize, f64, f64),
+) {
     let (positions, mass, count) = joined(own, around);
     let mut all_wanted = wanted.to_vec();
     all_wanted.resize(positions.len(), false);
-    if let Some(tree) = Neighbours::of(&positions) {
+    if let Some(tree) = Neighbours::of(&positions, edge) {
         drop(positions);
         let estimates = tree.estimate(k, &mass, Some(&all_wanted), &());
         for (i, estimate) in estimates.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
@@ -303,56 +326,4 @@ fn stated(density: f32, estimate: f64) -> f32 {
 /// The nearest positive finite `f32`.
 fn positive(value: f64) -> f32 {
     (value as f32).clamp(f32::MIN_POSITIVE, f32::MAX)
-}
-
-/// The box around a ball.
-pub(super) fn around_ball(at: [f64; 3], radius: f64) -> Bounds {
-    let (at, radius) = (DVec3::from_array(at), radius * (1.0 + 1e-9));
-    Bounds { min: at - radius, max: at + radius }
-}
-
-/// Where some boxes reach, on a coarse grid: never less than they do.
-pub(super) struct Reach {
-    pub bounds: Bounds,
-    step: DVec3,
-    cells: Vec<bool>,
-}
-
-impl Reach {
-    pub fn of(boxes: &[Bounds]) -> Reach {
-        let bounds = boxes.iter().copied().fold(Bounds::EMPTY, Bounds::union);
-        let step = (bounds.size() / CELLS as f64).max(DVec3::splat(f64::MIN_POSITIVE));
-        let mut reach = Reach { bounds, step, cells: vec![false; CELLS * CELLS * CELLS] };
-        for own in boxes {
-            for row in reach.rows(own) {
-                reach.cells[row].fill(true);
-            }
-        }
-        reach
-    }
-
-    /// The cells that a box inside of the bounds meets, in runs.
-    fn rows(&self, own: &Bounds) -> impl Iterator<Item = std::ops::RangeInclusive<usize>> + use<> {
-        let (low, high) = (self.cell(own.min), self.cell(own.max));
-        let rows = (low[2]..=high[2]).flat_map(move |z| (low[1]..=high[1]).map(move |y| (z * CELLS + y) * CELLS));
-        rows.map(move |row| row + low[0]..=row + high[0])
-    }
-
-    /// Whether all of a ball is where the boxes reach.
-    fn covers(&self, at: [f64; 3], radius: f64) -> bool {
-        let ball = around_ball(at, radius);
-        let is_inside = ball.min.cmpge(self.bounds.min).all() && ball.max.cmple(self.bounds.max).all();
-        is_inside && self.rows(&ball).all(|row| self.cells[row].iter().all(|&cell| cell))
-    }
-
-    fn cell(&self, at: DVec3) -> [usize; 3] {
-        // The saturating cast puts what rounding leaves outside into the first and last cells.
-        ((at - self.bounds.min) / self.step).to_array().map(|x| (x as usize).min(CELLS - 1))
-    }
-
-    pub fn contains(&self, at: [f64; 3]) -> bool {
-        let at = DVec3::from_array(at);
-        let [x, y, z] = self.cell(at);
-        self.bounds.contains(at) && self.cells[(z * CELLS + y) * CELLS + x]
-    }
 }

@@ -10,7 +10,7 @@ const BASE: u64 = 96 << 20;
 /// What a machine is taken to have free that does not say.
 const UNKNOWN: u64 = 4 << 30;
 /// Bytes that building a bucket takes for each of its particles, beside its attributes: sorted, and merged at two depths.
-const BUCKET_PARTICLE: u64 = 360;
+const BUCKET_PARTICLE: u64 = 368;
 /// The same for each attribute.
 const BUCKET_ATTRIBUTE: u64 = 24;
 /// Bytes that finding neighbours takes for each particle that is searched for at a time, with those around.

@@ -22,6 +22,7 @@ mod left_out;
 mod matching;
 mod memory;
 mod partition;
+mod reach;
 mod run;
 mod shuffle;
 mod spill;
@@ -49,6 +50,7 @@ use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, Metadata, PageFile
 pub use against_sources::compare_with_sources;
 use column_error::Picture;
 use derive::Deriving;
+use estimates::Estimating;
 pub use flow::FlowOptions;
 use memory::Memory;
 pub use memory::default_memory;
@@ -296,6 +298,20 @@ pub fn build_source(
     })
 }
 
+/// [`build_source`] of an opened source.
+///
+/// # Errors
+/// As [`build_source`].
+pub fn build_opened(
+    source: &dyn Source,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Built, BuildError> {
+    in_pool(options, || built_of(source, load_options, options, out, progress)?.named())
+}
+
 /// The page file of a source, without a name; it lies in the folder of `out`.
 fn built_of(
     source: &dyn Source,
@@ -421,13 +437,13 @@ impl<'a> Build<'a> {
     fn family(&mut self, stream: &dyn ParticleStream) -> Result<(), BuildError> {
         let Build { options, out, progress, .. } = *self;
         let octree = &options.octree;
-        let mut survey = Survey::of(stream, progress)?;
+        let mut survey = Survey::of(stream, octree, progress)?;
         if survey.count == 0 {
             return Ok(());
         }
         let root = survey.root(octree);
         let most = octree.bucket_size(survey.count);
-        let plan = Plan::new(&survey.keys(root), survey.weight, most);
+        let plan = Plan::new(&survey.take_keys(root), survey.weight, most);
         let own = stream.attributes();
         let derivation = stream.derivation();
         let attributes = stream.all_attributes();
@@ -452,17 +468,17 @@ impl<'a> Build<'a> {
         let extents = neighbours.is_some() || derivation.is_some();
         let (mut partition, mut histograms) =
             Partition::of(stream, &survey.ranges, &plan, root, extents, particles, progress)?;
+        let edge = stream.periodic_edge(survey.bounds);
         if let Some(k) = neighbours {
             let lacking = survey.ranges[1].missing;
             if lacking > 0 && lacking < survey.count {
                 self.notes.push(replaced_densities(stream.family(), lacking));
             }
-            let found = estimates::estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
+            let found = Estimating { k, root, edge }.estimate(&mut partition, memory.neighbour_block(), progress)?;
             survey.estimated(found.ranges, found.samples);
             histograms.splice(1..3, found.histograms);
         }
         if let Some(derivation) = derivation {
-            let edge = derivation.edge(survey.bounds);
             let deriving = Deriving { derivation, kernel: self.kernel, root, own: own.len(), edge };
             let found = deriving.derive(&mut partition, memory.motion_block(), progress)?;
             survey.derived(own.len(), found.ranges, found.samples);

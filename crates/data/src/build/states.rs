@@ -1,7 +1,7 @@
 //! The states of a step's particles, sent to buckets by their ids: where they are, how they move and what they are.
 
 use super::derive::Deriving;
-use super::estimates::estimate;
+use super::estimates::Estimating;
 use super::memory::{Memory, default_memory};
 use super::partition::Partition;
 use super::shuffle::Shuffle;
@@ -250,11 +250,11 @@ impl Sender<'_> {
         progress: &dyn Progress,
     ) -> Result<Rounding, BuildError> {
         let carrier = Carrier::new(stream, by_row);
-        let survey = Survey::of(&carrier, progress)?;
         let octree = &options.octree;
+        let mut survey = Survey::of(&carrier, octree, progress)?;
         let root = survey.root(octree);
         let most = octree.bucket_size(survey.count);
-        let plan = Plan::new(&survey.keys(root), survey.weight, most);
+        let plan = Plan::new(&survey.take_keys(root), survey.weight, most);
         let derivation = stream.derivation();
         let derived = derivation.map_or(0, |derivation| derivation.quantities.len());
         let columns = derived + carrier.columns();
@@ -263,11 +263,12 @@ impl Sender<'_> {
         let memory = Memory::plan(&halved, out, survey.count, columns, most, plan.len())?;
         let spill = Spill::new(out, &memory.folder, memory.particles, options.read);
         let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, true, spill, progress)?;
+        let edge = stream.periodic_edge(survey.bounds);
         if let Some(k) = stream.neighbours().filter(|_| survey.is_lacking()) {
-            estimate(&mut partition, k, root, memory.neighbour_block(), progress)?;
+            Estimating { k, root, edge }.estimate(&mut partition, memory.neighbour_block(), progress)?;
         }
         if let Some(derivation) = derivation {
-            let (own, edge) = (carrier.attributes.len(), derivation.edge(survey.bounds));
+            let own = carrier.attributes.len();
             let deriving = Deriving { derivation, kernel: stream.kernel(), root, own, edge };
             deriving.derive(&mut partition, memory.motion_block(), progress)?;
         }
@@ -387,6 +388,10 @@ impl ParticleStream for Carrier<'_> {
 
     fn neighbours(&self) -> Option<usize> {
         self.stream.neighbours()
+    }
+
+    fn box_size(&self) -> Option<f64> {
+        self.stream.box_size()
     }
 
     fn derivation(&self) -> Option<&Derivation> {

@@ -10,8 +10,30 @@ use crate::model::progress::Progress;
 use crate::model::{Bounds, Chunk, FamilyName, ParticleStream};
 use rayon::prelude::*;
 
-/// Particles of the sample at most, about.
+/// Particles of which columns are sampled at most, about, and positions at least.
 const SAMPLE: u64 = 1 << 19;
+/// Sampled positions for each bucket at least: the sizes of buckets scatter by an eighth then.
+const BUCKET_SAMPLE: u64 = 64;
+/// Sampled positions at most, of 24 bytes each: enough for 10^12 particles.
+const MOST_POSITIONS: u64 = 1 << 26;
+/// Chunks whose sums are added up by themselves, before they are added to those of other blocks, whoever does that.
+const BLOCK: usize = 1024;
+
+/// Of how many particles one is sampled.
+#[derive(Clone, Copy)]
+struct Strides {
+    positions: u64,
+    columns: u64,
+}
+
+impl Strides {
+    fn of(particles: u64, options: &OctreeOptions) -> Strides {
+        let buckets = particles / options.bucket_size(particles).max(1) as u64;
+        let positions = buckets.saturating_mul(BUCKET_SAMPLE).clamp(SAMPLE, MOST_POSITIONS);
+        let [positions, columns] = [positions, SAMPLE].map(|sample| particles.div_ceil(sample).max(1));
+        Strides { positions, columns }
+    }
+}
 
 /// What the first pass has seen.
 pub(super) struct Survey {
@@ -21,7 +43,7 @@ pub(super) struct Survey {
     pub bounds: Bounds,
     /// Of mass, density, smoothing length and each attribute.
     pub ranges: Vec<Range>,
-    /// Source particles for each one of the sample.
+    /// Source particles for each sampled position.
     pub weight: f64,
     positions: Vec<[f64; 3]>,
     columns: Columns,
@@ -32,46 +54,60 @@ impl Survey {
     ///
     /// # Errors
     /// When it cannot be read, or a column breaks its promise.
-    pub fn of(stream: &dyn ParticleStream, progress: &dyn Progress) -> Result<Survey, BuildError> {
-        let attributes = stream.columns();
-        let stride = stream.particles().div_ceil(SAMPLE).max(1);
-        progress.begin(&format!("looking through {}", stream.family()), stream.particles());
-        let parts: Vec<Survey> = (0..stream.chunks())
-            .into_par_iter()
-            .map_init(Chunk::default, |chunk, number| {
-                stream.read(number, chunk)?;
-                check(stream, chunk)?;
-                progress.advance(chunk.positions.len() as u64);
-                Ok(Survey::of_chunk(chunk, number as u64, stride))
-            })
-            .collect::<Result<_, BuildError>>()?;
-        let nothing = Survey {
+    pub fn of(
+        stream: &dyn ParticleStream,
+        options: &OctreeOptions,
+        progress: &dyn Progress,
+    ) -> Result<Survey, BuildError> {
+        let (particles, chunks) = (stream.particles(), stream.chunks());
+        let strides = Strides::of(particles, options);
+        progress.begin(&format!("looking through {}", stream.family()), particles);
+        let nothing = || Survey::nothing(stream.columns(), strides);
+        let block = |first: usize| -> Result<Survey, BuildError> {
+            let parts: Vec<Survey> = (first..chunks.min(first + BLOCK))
+                .into_par_iter()
+                .map_init(Chunk::default, |chunk, number| {
+                    stream.read(number, chunk)?;
+                    check(stream, chunk)?;
+                    progress.advance(chunk.positions.len() as u64);
+                    Ok(Survey::of_chunk(chunk, number as u64, strides))
+                })
+                .collect::<Result<_, BuildError>>()?;
+            Ok(parts.into_iter().fold(nothing(), Survey::with))
+        };
+        (0..chunks).step_by(BLOCK).try_fold(nothing(), |all, first| Ok(all.with(block(first)?)))
+    }
+
+    fn nothing(attributes: usize, strides: Strides) -> Survey {
+        Survey {
             count: 0,
             bounds: Bounds::EMPTY,
             ranges: vec![Range::EMPTY; 3 + attributes],
-            weight: stride as f64,
+            weight: strides.positions as f64,
             positions: Vec::new(),
             columns: Columns::with_capacity(attributes, 0),
-        };
-        Ok(parts.into_iter().fold(nothing, Survey::with))
+        }
     }
 
-    fn of_chunk(chunk: &Chunk, number: u64, stride: u64) -> Survey {
+    fn of_chunk(chunk: &Chunk, number: u64, strides: Strides) -> Survey {
         let len = chunk.positions.len() as u64;
         // One particle of each `stride`, not always the same one: sources are often ordered like a lattice.
-        let picked: Vec<u32> = (0..len.div_ceil(stride))
-            .map(|window| window * stride + (number << 32 | window).wrapping_mul(0x9e37_79b9_7f4a_7c15) % stride)
-            .filter(|&i| i < len)
-            .map(|i| i as u32)
-            .collect();
-        let gather = |column: &Vec<f32>| picked.iter().map(|&i| column[i as usize]).collect();
+        let picked = |stride: u64| {
+            (0..len.div_ceil(stride))
+                .map(move |window| {
+                    window * stride + (number << 32 | window).wrapping_mul(0x9e37_79b9_7f4a_7c15) % stride
+                })
+                .filter(move |&i| i < len)
+                .map(|i| i as usize)
+        };
+        let gather = |column: &Vec<f32>| picked(strides.columns).map(|i| column[i]).collect();
         let quantities = [&chunk.mass, &chunk.density, &chunk.smoothing_length];
         Survey {
             count: len,
             bounds: Bounds::of(chunk.positions.iter().copied()),
             ranges: quantities.into_iter().chain(&chunk.attributes).map(|column| Range::of(column)).collect(),
             weight: 1.0,
-            positions: picked.iter().map(|&i| chunk.positions[i as usize]).collect(),
+            positions: picked(strides.positions).map(|i| chunk.positions[i]).collect(),
             columns: Columns {
                 mass: gather(&chunk.mass),
                 density: gather(&chunk.density),
@@ -116,9 +152,10 @@ impl Survey {
         self.columns.attributes.splice(0..0, samples);
     }
 
-    /// Morton keys of the sample, sorted.
-    pub fn keys(&self, root: RootCell) -> Vec<u64> {
-        let mut keys: Vec<u64> = self.positions.par_iter().map(|&position| Place::of(position, root).key).collect();
+    /// Morton keys of the sampled positions, sorted; the positions are forgotten.
+    pub fn take_keys(&mut self, root: RootCell) -> Vec<u64> {
+        let positions = std::mem::take(&mut self.positions);
+        let mut keys: Vec<u64> = positions.into_par_iter().map(|position| Place::of(position, root).key).collect();
         keys.par_sort_unstable();
         keys
     }
@@ -188,4 +225,72 @@ fn check(stream: &dyn ParticleStream, chunk: &Chunk) -> Result<(), BuildError> {
 /// A family's column that is not what it should be.
 pub(super) fn column_error(family: FamilyName, field: &str, expected: &'static str) -> BuildError {
     BuildError::Column { family, field: field.to_owned(), expected }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{StreamError, Unit};
+    use proptest::prelude::*;
+
+    /// Chunks of one particle, with these masses.
+    struct Masses(Vec<f32>);
+
+    impl ParticleStream for Masses {
+        fn family(&self) -> FamilyName {
+            FamilyName::Gas
+        }
+
+        fn attributes(&self) -> &[(String, Unit)] {
+            &[]
+        }
+
+        fn particles(&self) -> u64 {
+            self.0.len() as u64
+        }
+
+        fn chunks(&self) -> usize {
+            self.0.len()
+        }
+
+        fn read(&self, number: usize, into: &mut Chunk) -> Result<(), StreamError> {
+            *into = Chunk {
+                positions: vec![[number as f64; 3]],
+                mass: vec![self.0[number]],
+                density: vec![1.0],
+                smoothing_length: vec![1.0],
+                attributes: Vec::new(),
+            };
+            Ok(())
+        }
+    }
+
+    proptest! {
+        #![proptest_config(crate::cases::cases(8))]
+
+        /// Blocks can be surveyed by anybody: their sums are those of families of their own, and the order of blocks is all that counts.
+        #[test]
+        fn sums_are_those_of_blocks(exponents in prop::collection::vec(-60.0..60.0_f32, 2000..3000)) {
+            // So different that the order of a sum tells on its last bits.
+            let masses: Vec<f32> = exponents.iter().map(|exponent| exponent.exp2()).collect();
+            let survey = |masses: &[f32]| Survey::of(&Masses(masses.to_vec()), &OctreeOptions::default(), &()).unwrap();
+            let all = survey(&masses);
+            let blocks = masses.chunks(BLOCK).map(|block| survey(block).ranges[0]);
+            prop_assert_eq!(all.ranges[0], blocks.fold(Range::EMPTY, Range::with));
+            prop_assert_eq!((all.count, all.positions.len()), (masses.len() as u64, masses.len()));
+        }
+
+        #[test]
+        fn every_bucket_has_enough_of_the_sample(octaves in 0.0..40.0_f64) {
+            let particles = octaves.exp2() as u64;
+            let options = OctreeOptions::default();
+            let strides = Strides::of(particles, &options);
+            let [positions, columns] = [strides.positions, strides.columns].map(|stride| particles / stride);
+            let wanted = BUCKET_SAMPLE * particles / options.bucket_size(particles) as u64;
+            prop_assert!(positions == particles || 2 * positions >= wanted);
+            prop_assert!(positions <= MOST_POSITIONS && columns <= SAMPLE);
+            // Up to 2^33 particles both are the same ones.
+            prop_assert!(octaves > 33.0 || positions == columns);
+        }
+    }
 }

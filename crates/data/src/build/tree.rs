@@ -95,8 +95,11 @@ pub(super) fn grow(
     progress: &dyn Progress,
 ) -> Result<Vec<Grown>, BuildError> {
     progress.begin(&format!("merging {family}"), plan.len() as u64);
-    let keep = |piece: Piece<Words>| {
-        piece.map(|words| Kept::put(words, spill).map(Some).map_err(|error| BuildError::temporary(spill, error)))
+    let keep = |piece: Piece<Words>, bucket: usize| {
+        piece.map(|words| {
+            let kept = Kept::put(words, plan.group(bucket), spill);
+            kept.map(Some).map_err(|error| BuildError::temporary(spill, error))
+        })
     };
     let kinds = context.options.levels();
     let one = |number: usize| -> Result<Built, BuildError> {
@@ -105,7 +108,7 @@ pub(super) fn grow(
         let of = |levels: &Purpose| {
             let mut pieces = Vec::new();
             let open = bucket.build(*levels, &mut |piece| {
-                pieces.push(keep(piece)?);
+                pieces.push(keep(piece, number)?);
                 Ok::<_, BuildError>(())
             })?;
             Ok((pieces, open))
@@ -128,7 +131,8 @@ pub(super) fn grow(
     let mut leaves: Vec<Piece<Option<Kept>>> = Vec::new();
     for (&levels, (mut pieces, open)) in kinds.iter().zip(gathered) {
         join(context, levels, open, &mut |piece| {
-            pieces.push(keep(piece)?);
+            let bucket = plan.bucket(piece.first);
+            pieces.push(keep(piece, bucket)?);
             Ok::<_, BuildError>(())
         })?;
         if levels == Purpose::Splats && kinds.len() > 1 {
@@ -330,7 +334,7 @@ fn split(node: TreeNode<Option<Kept>>, spill: &Spill) -> std::io::Result<(TreeNo
 }
 
 impl Kept {
-    fn put(words: Words, spill: &Spill) -> std::io::Result<Kept> {
+    fn put(words: Words, group: u32, spill: &Spill) -> std::io::Result<Kept> {
         let mut section = Vec::new();
         let (positions, columns, whole) = match &words {
             Words::Leaf(words, columns) => {
@@ -347,11 +351,16 @@ impl Kept {
         let positions = if whole { Positions::Encoded(blob) } else { Positions::Words(blob) };
         let quantities: Vec<&[u8]> = columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)).collect();
         let info = BatchInfo::of(&borrowed(columns));
-        Ok(Kept { positions, batch: Batch { quantities: spill.put(&quantities)?, info } })
+        Ok(Kept { positions, batch: Batch { quantities: spill.put(&quantities)?, info, group } })
     }
 }
 
 impl Kept {
+    /// The group of the bucket that it comes from.
+    pub fn group(&self) -> u32 {
+        self.batch.group
+    }
+
     /// Hands out what a leaf holds: places as fractions of its cell, and quantities.
     pub fn leaf<R>(
         &self,

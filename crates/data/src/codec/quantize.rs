@@ -21,7 +21,8 @@ pub use vectors::Scaling;
 
 /// The largest number of attributes beside mass, density and smoothing length: the quantiser's space has 8 dimensions.
 pub const MAX_ATTRIBUTES: usize = 5;
-/// Sums are taken over this many parts of the data, whatever the number of threads.
+/// Parts of the data whose sums are held at a time, and parts at least that it is cut into, so that many threads have work where there are
+/// few groups.
 const PARTS: usize = 16;
 
 /// A codebook and what it codes.
@@ -37,7 +38,7 @@ pub struct Quantized<Kept> {
     pub batches: Vec<Coded<Kept>>,
 }
 
-/// Trains a codebook on `batches` and codes them. The result depends on the batches only, not on the number of threads. A
+/// Trains a codebook on `batches` and codes them. The result depends on the batches and their groups only, not on the number of threads. A
 /// code's entry is computed from all particles that have it: the mean mass, the mass-weighted density, the smoothing length that
 /// keeps their `sum m / h^2` (central column density), and attributes as [`super::AttributeMerge`] says; so `sum m` and `sum m rho` over
 /// the batches are conserved. `books` is how many codebooks share the effort of training. Where codes are to be refined ([`Refinement`])
@@ -76,40 +77,56 @@ fn quantize_in<const L: usize, B: Batches>(
     }
     let quantizer = Quantizer::train(&mut sample, bits.entries(), limits);
     drop(sample);
-    let parts = parts(batches);
+    let about: Vec<(u32, usize)> =
+        (0..batches.len()).map(|batch| (batches.group(batch), batches.info(batch).particles)).collect();
+    let parts = parts(&about);
+    let group_of = |part: &Range<usize>| about[part.start].0;
     let columns = 4 + scaling.attributes.len();
-    let coded: Vec<(Vec<B::Kept>, Sums)> = parts
-        .par_iter()
-        .map(|part| {
-            let mut sums = Sums::new(quantizer.len(), columns, scope);
-            let (mut vectors, mut codes) = ([[0.0; L]; RUN], [0; RUN]);
-            let code = |batch: usize| {
-                let codes = batches.with(batch, |batch| {
-                    let mut all = Vec::with_capacity(batch.len());
-                    for first in (0..batch.len()).step_by(RUN) {
-                        let run = first..batch.len().min(first + RUN);
-                        let codes = &mut codes[..run.len()];
-                        scaling.vectors(batch, run.clone(), &mut vectors);
-                        if let Some(bend) = bend {
-                            vectors[..run.len()].iter_mut().for_each(|vector| bend.bend(vector));
-                        }
-                        quantizer.codes(&vectors[..run.len()], codes);
-                        run.zip(&*codes).for_each(|(i, &code)| sums.add(code as usize, batch, i, scaling));
-                        all.extend(codes.iter().map(|&code| code as u16));
+    let code_part = |part: &Range<usize>| -> Result<(Vec<B::Kept>, Sums), B::Error> {
+        let mut sums = Sums::new(quantizer.len(), columns, scope);
+        let (mut vectors, mut codes) = ([[0.0; L]; RUN], [0; RUN]);
+        let code = |batch: usize| {
+            let codes = batches.with(batch, |batch| {
+                let mut all = Vec::with_capacity(batch.len());
+                for first in (0..batch.len()).step_by(RUN) {
+                    let run = first..batch.len().min(first + RUN);
+                    let codes = &mut codes[..run.len()];
+                    scaling.vectors(batch, run.clone(), &mut vectors);
+                    if let Some(bend) = bend {
+                        vectors[..run.len()].iter_mut().for_each(|vector| bend.bend(vector));
                     }
-                    all
-                })?;
-                batches.keep(codes)
-            };
-            let kept: Result<Vec<_>, _> = part.clone().map(code).collect();
-            kept.map(|kept| (kept, sums))
-        })
-        .collect::<Result<_, _>>()?;
+                    quantizer.codes(&vectors[..run.len()], codes);
+                    run.zip(&*codes).for_each(|(i, &code)| sums.add(code as usize, batch, i, scaling));
+                    all.extend(codes.iter().map(|&code| code as u16));
+                }
+                all
+            })?;
+            batches.keep(codes)
+        };
+        let kept: Result<Vec<_>, _> = part.clone().map(code).collect();
+        kept.map(|kept| (kept, sums))
+    };
     let mut totals = Sums::new(quantizer.len(), columns, scope);
-    for (_, sums) in &coded {
-        totals.merge(sums);
+    // Of the group at hand.
+    let mut own: Option<(u32, Sums)> = None;
+    let mut kept = Vec::with_capacity(parts.len());
+    for parts in parts.chunks(PARTS) {
+        let coded: Vec<_> = parts.par_iter().map(code_part).collect::<Result<_, _>>()?;
+        for (group, (codes, sums)) in parts.iter().map(group_of).zip(coded) {
+            kept.push(codes);
+            match &mut own {
+                Some((same, own)) if *same == group => own.merge(&sums),
+                _ => {
+                    if let Some((_, before)) = own.replace((group, sums)) {
+                        totals.merge(&before);
+                    }
+                }
+            }
+        }
     }
-    let mut kept: Vec<Vec<B::Kept>> = coded.into_iter().map(|(kept, _)| kept).collect();
+    if let Some((_, last)) = own {
+        totals.merge(&last);
+    }
     let (mut codebook, mut numbers) = totals.codebook(scaling);
     let mut refinement = None;
     if let Some(bend) = bend {
@@ -127,11 +144,13 @@ fn quantize_in<const L: usize, B: Batches>(
         .zip(kept)
         .map(|(part, kept)| settle(batches, part.clone().zip(kept), scaling, &codebook, &numbers))
         .collect::<Result<_, _>>()?;
+    let errors: Vec<(u32, &[QuantityError])> =
+        parts.iter().map(group_of).zip(settled.iter().map(|(_, errors)| &errors[..])).collect();
     codebook.errors = (0..columns - 1)
         .map(|k| {
-            let all = || settled.iter().map(|(_, errors)| errors[k]);
-            let sum: f64 = all().map(|error| error.mean).sum();
-            let max = all().fold(0.0, |max: f64, error| max.max(error.max));
+            let of_group = |group: &[(u32, &[QuantityError])]| group.iter().map(|own| own.1[k].mean).sum::<f64>();
+            let sum: f64 = errors.chunk_by(|a, b| a.0 == b.0).map(of_group).sum();
+            let max = errors.iter().fold(0.0, |max: f64, own| max.max(own.1[k].max));
             QuantityError { mean: sum / codebook.particles.max(1) as f64, max }
         })
         .collect();
@@ -185,18 +204,22 @@ fn refine<B: Batches>(
     Ok(refined.into_iter().map(|(kept, _)| kept).collect())
 }
 
-/// Contiguous runs of batches of about the same number of particles.
-fn parts<B: Batches>(batches: &B) -> Vec<Range<usize>> {
-    let particles = |batch: usize| batches.info(batch).particles;
-    let total: usize = (0..batches.len()).map(particles).sum();
-    let goal = total.div_ceil(PARTS).max(1);
-    let mut parts = Vec::with_capacity(PARTS);
-    let (mut first, mut len) = (0, 0);
-    for i in 0..batches.len() {
-        len += particles(i);
-        if len >= goal || i + 1 == batches.len() {
-            parts.push(first..i + 1);
-            (first, len) = (i + 1, 0);
+/// Runs of batches, of which groups and particles are told: parts of about the same number of particles of each group.
+fn parts(batches: &[(u32, usize)]) -> Vec<Range<usize>> {
+    let groups = || batches.chunk_by(|a, b| a.0 == b.0);
+    let each = PARTS.div_ceil(groups().count().max(1));
+    let mut parts = Vec::new();
+    let mut first = 0;
+    for group in groups() {
+        let total: usize = group.iter().map(|(_, particles)| particles).sum();
+        let goal = total.div_ceil(each).max(1);
+        let (end, mut len) = (first + group.len(), 0);
+        for (batch, (_, particles)) in (first..).zip(group) {
+            len += particles;
+            if len >= goal || batch + 1 == end {
+                parts.push(first..batch + 1);
+                (first, len) = (batch + 1, 0);
+            }
         }
     }
     parts
@@ -299,6 +322,10 @@ mod tests {
 
         fn info(&self, batch: usize) -> BatchInfo {
             BatchInfo::of(&self.0[batch])
+        }
+
+        fn group(&self, batch: usize) -> u32 {
+            batch as u32 / 3
         }
 
         fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> Result<R, Self::Error> {
@@ -424,6 +451,34 @@ mod tests {
                 prop_assert_eq!(book.attributes[0][code], columns.attributes[0][i]);
             }
             prop_assert!(book.errors.iter().all(|error| error.max == 0.0));
+        }
+
+        /// As few as keep threads busy; none across groups.
+        #[test]
+        fn parts_are_runs_of_a_group(
+            steps in prop::collection::vec((0..20_u32, 1..100_usize), 0..300),
+            apart in 1..20_u32,
+        ) {
+            let mut group = 0;
+            let batches: Vec<(u32, usize)> = steps
+                .iter()
+                .map(|&(step, particles)| {
+                    group += step / apart;
+                    (group, particles)
+                })
+                .collect();
+            let parts = parts(&batches);
+            prop_assert!(parts.iter().cloned().flatten().eq(0..batches.len()));
+            let groups = batches.chunk_by(|a, b| a.0 == b.0).count();
+            prop_assert!(parts.len() < groups + PARTS);
+            for part in parts {
+                let group = batches[part.start].0;
+                let all: usize = batches.iter().filter(|batch| batch.0 == group).map(|batch| batch.1).sum();
+                let own = &batches[part];
+                prop_assert!(own.iter().all(|batch| batch.0 == group));
+                let len: usize = own.iter().map(|batch| batch.1).sum();
+                prop_assert!(len < all.div_ceil(PARTS.div_ceil(groups)) + 100, "{len} of {all} in {groups} groups");
+            }
         }
 
         #[test]

@@ -1,12 +1,16 @@
 //! The cubic cells of an octree, addressed by depth and integer coordinates.
 
+use crate::codec::morton::{self, MORTON_BITS};
 use crate::model::{Bounds, Placement};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// The deepest node: a grid node needs 8 further bits of the 21-bit Morton coordinates for its cells, so grids end at
-/// depth 13 and their leaves at 14. With the 21 bits of a leaf's own coordinates that resolves `2^-35` of the root cell.
-pub const MAX_DEPTH: u8 = 14;
+/// The depth of the smallest cells. With the 21 bits of a leaf's own coordinates that resolves `2^-42` of the root cell. Where one of them
+/// holds too many particles for a leaf, in the extreme all at one position, the nodes below it hold parts of them, in their order.
+pub const CELL_DEPTH: u8 = MORTON_BITS as u8;
+
+/// The deepest node: a smallest cell has up to `8^7` parts, enough for what `u32` counts.
+pub const MAX_DEPTH: u8 = CELL_DEPTH + 7;
 
 /// The cube that holds a family: the cell of depth 0.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,7 +48,7 @@ impl RootCell {
     }
 }
 
-/// A cell of the octree: `x`, `y`, `z` below `2^depth`.
+/// A cell of the octree, or below [`CELL_DEPTH`] a part of the particles of one: `x`, `y`, `z` below `2^depth`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeKey {
     /// 0 for the root cell.
@@ -72,14 +76,34 @@ impl NodeKey {
         NodeKey { depth: self.depth + 1, x: half(self.x, 0), y: half(self.y, 1), z: half(self.z, 2) }
     }
 
+    /// Number of depths that it lies below the smallest cells.
+    fn below(self) -> u8 {
+        self.depth.saturating_sub(CELL_DEPTH)
+    }
+
+    /// The cell that its particles lie in: itself, or the smallest one that it is a part of.
+    pub fn cell(self) -> NodeKey {
+        let below = self.below();
+        NodeKey { depth: self.depth - below, x: self.x >> below, y: self.y >> below, z: self.z >> below }
+    }
+
+    /// Its place in the Morton order of the nodes of its depth; without the lowest three bits that of its parent.
+    pub fn order(self) -> u128 {
+        let below = self.below();
+        let NodeKey { x, y, z, .. } = self.cell();
+        let part = [self.x, self.y, self.z].map(|v| v & ((1 << below) - 1));
+        u128::from(morton::encode([x, y, z])) << (3 * below) | u128::from(morton::encode(part))
+    }
+
     /// Edge of the cell, world units.
     pub fn size(self, root: RootCell) -> f64 {
-        root.size * (-f64::from(self.depth)).exp2()
+        root.size * (-f64::from(self.cell().depth)).exp2()
     }
 
     /// Corner of the cell with the smallest coordinates, world units.
     pub fn min(self, root: RootCell) -> DVec3 {
-        root.min + DVec3::new(f64::from(self.x), f64::from(self.y), f64::from(self.z)) * self.size(root)
+        let NodeKey { x, y, z, .. } = self.cell();
+        root.min + DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * self.size(root)
     }
 
     /// The cell as a box.
@@ -100,4 +124,31 @@ pub fn mix(x: u32) -> u32 {
     let x = (x ^ x >> 16).wrapping_mul(0x7feb_352d);
     let x = (x ^ x >> 15).wrapping_mul(0x846c_a68b);
     x ^ x >> 16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ROOT: RootCell = RootCell { min: DVec3::ZERO, size: 1.0 };
+
+    proptest! {
+        /// Down any way: orders grow with octants and have those of parents in front; cells halve, and from the smallest on stay.
+        #[test]
+        fn ways_down_are_in_order(octants in prop::collection::vec(0..8_u8, 1..=usize::from(MAX_DEPTH))) {
+            let mut node = NodeKey::ROOT;
+            for octant in octants {
+                let child = node.child(octant);
+                prop_assert!(child.is_valid());
+                prop_assert_eq!(child.order(), node.order() << 3 | u128::from(octant));
+                let has_cells = node.depth < CELL_DEPTH;
+                prop_assert_eq!(child.cell() == node.cell(), !has_cells);
+                prop_assert_eq!(child.size(ROOT), if has_cells { 0.5 } else { 1.0 } * node.size(ROOT));
+                let (inner, outer) = (child.bounds(ROOT), node.bounds(ROOT));
+                prop_assert!(outer.min.cmple(inner.min).all() && inner.max.cmple(outer.max).all());
+                node = child;
+            }
+        }
+    }
 }

@@ -1,9 +1,11 @@
 //! Files read by byte range, and numbers in either byte order.
 
 use super::ImportError;
+use super::packed::{MOST_EXPANSION, Packing};
 use crate::model::{ReadFile, ReadMethod};
 use std::cell::RefCell;
 use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 /// A file that several threads read at once by offset. One that shrinks meanwhile gives an error.
@@ -22,10 +24,33 @@ impl RangeFile {
         RangeFile::of(path, File::open(path).map_err(io)?, method)
     }
 
+    /// The same of what is in the file: what is compressed is unpacked first, into a temporary file without a name.
+    pub(super) fn open_unpacked(path: &Path, method: ReadMethod) -> Result<RangeFile, ImportError> {
+        let io = |source| ImportError::io(path, "file", source);
+        let mut packed = BufReader::new(File::open(path).map_err(io)?);
+        let Some(packing) = Packing::of(packed.fill_buf().map_err(io)?) else {
+            return RangeFile::of(path, packed.into_inner(), method);
+        };
+        let most = packed.get_ref().metadata().map_err(io)?.len().saturating_mul(MOST_EXPANSION);
+        let unpacking = |source| ImportError::io(path, "unpacking", source);
+        let mut unpacked = tempfile::tempfile().map_err(unpacking)?;
+        let mut content = packing.unpacked(packed).take(most.saturating_add(1));
+        if std::io::copy(&mut content, &mut unpacked).map_err(unpacking)? > most {
+            let expected = format!("at most {MOST_EXPANSION} times the file");
+            return Err(ImportError::malformed(path, "unpacking", format!("more than {most} bytes"), expected));
+        }
+        RangeFile::of(path, unpacked, method)
+    }
+
     /// The same of an open file, which is called `path`.
     pub(super) fn of(path: &Path, file: File, method: ReadMethod) -> Result<RangeFile, ImportError> {
         let length = file.metadata().map_err(|source| ImportError::io(path, "file", source))?.len();
         Ok(RangeFile { path: path.into(), length, file: ReadFile::new(file, method) })
+    }
+
+    /// Its bytes from `at` on, one after the other.
+    pub(super) fn reader(&self, at: u64) -> impl Read {
+        FromHere { file: self, at }
     }
 
     /// Fills `out` from byte `offset` on; `field` names what is there.
@@ -57,6 +82,21 @@ impl RangeFile {
             }
             Ok(())
         })
+    }
+}
+
+/// Bytes of a file in their order.
+struct FromHere<'a> {
+    file: &'a RangeFile,
+    at: u64,
+}
+
+impl Read for FromHere<'_> {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let count = self.file.length.saturating_sub(self.at).min(out.len() as u64) as usize;
+        self.file.file.read_exact_at(&mut out[..count], self.at)?;
+        self.at += count as u64;
+        Ok(count)
     }
 }
 

@@ -79,7 +79,7 @@ pub(super) fn plan(
     }
     let mach_factor = sound.as_ref().map(|sound| sound.mach_factor);
     notes.extend(sound.map(|sound| format!("{name}: {}", sound.note)));
-    let derivation = Derivation { quantities, mach_factor, box_size: about.box_size };
+    let derivation = Derivation { quantities, mach_factor };
     Ok(Some(DerivedPlan { derivation, inputs, notes }))
 }
 
@@ -223,7 +223,7 @@ pub(crate) fn columns(
 ) -> Vec<Vec<f32>> {
     let mut motions = Vec::new();
     if derivation.needs_neighbours()
-        && let Some(tree) = Neighbours::of(all.positions)
+        && let Some(tree) = Neighbours::of(all.positions, all.edge)
     {
         let wanted: Vec<bool> = (0..all.positions.len()).map(|particle| particle < count).collect();
         motions = tree.local_motion(kernel, all, Some(&wanted), progress);

@@ -22,11 +22,11 @@ pub trait Format: Sync {
     /// [`ImportError`] when the file is damaged, incomplete or holds nothing to draw.
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError>;
 
-    /// The files that are read of the source that `path` belongs to, those that say how others are to be read too. Formats that take no folder
-    /// leave this as it is.
+    /// The files that are read of the source that `path` belongs to, those that say how others are to be read too. Formats of one file leave
+    /// this as it is.
     ///
     /// # Errors
-    /// [`ImportError`] when a folder cannot be read, or is none of this format.
+    /// [`ImportError`] when a folder or file cannot be read, or is none of this format, or one of the files is not there.
     fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
         Ok(vec![path.to_owned()])
     }
@@ -66,6 +66,7 @@ static BUILT_IN: &[&dyn Format] = &[
     &super::ramses::Ramses,
     &super::nchilada::Nchilada,
     &super::generic_io::GenericIo,
+    &super::trajectory::Gsd,
     &super::tipsy::Tipsy,
     &super::trajectory::LammpsDump,
     &super::trajectory::Xyz,
@@ -107,8 +108,7 @@ pub fn names() -> String {
 
 /// What formats are recognised by.
 pub(super) struct Head {
-    /// The first bytes, at most [`HEAD`]; of what is compressed with Zstandard those that are in it, as a frame shows nothing until a whole
-    /// block of it is read.
+    /// The first bytes, at most [`HEAD`]; of what is compressed those that are in it.
     pub bytes: Vec<u8>,
     /// Length of the file, bytes.
     pub length: u64,
@@ -125,13 +125,15 @@ impl Head {
         let length = file.metadata().map_err(io)?.len();
         let mut bytes = Vec::with_capacity(HEAD);
         (&mut file).take(HEAD as u64).read_to_end(&mut bytes).map_err(io)?;
-        if Packing::of(&bytes) == Some(Packing::Zstandard) {
+        if let Some(packing) = Packing::of(&bytes) {
             file.rewind().map_err(io)?;
             let mut unpacked = Vec::with_capacity(HEAD);
             // What is damaged shows what came before the damage.
-            let _ = Packing::Zstandard.unpacked(BufReader::new(file)).take(HEAD as u64).read_to_end(&mut unpacked);
-            // Tables alone are read through it; what else is in it is of no known format.
-            if super::text_head(&unpacked).is_some() || super::table::is_fits(&unpacked) {
+            let _ = packing.unpacked(BufReader::new(file)).take(HEAD as u64).read_to_end(&mut unpacked);
+            // Libraries, and formats of several files that lie together, read what is on the disk.
+            let as_they_are: [&dyn Format; 4] =
+                [&super::hdf5::Hdf5, &super::table::Parquet, &super::nchilada::Nchilada, &super::ramses::Ramses];
+            if !as_they_are.into_iter().any(|format| format.recognise(&unpacked, length)) {
                 bytes = unpacked;
             }
         }

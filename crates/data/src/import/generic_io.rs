@@ -97,6 +97,12 @@ impl Format for GenericIo {
         };
         Ok(Box::new(TypedColumns::new(about, storages, vec![family])))
     }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        let mut files = vec![path.to_owned()];
+        files.extend(Contents::open(path, ReadMethod::Positioned)?.parts()?.into_iter().flatten());
+        Ok(files)
+    }
 }
 
 /// The order of bytes of a file that begins so.
@@ -185,7 +191,7 @@ impl Header<'_> {
 
 impl Contents {
     fn open(path: &Path, method: ReadMethod) -> Result<Contents, ImportError> {
-        let file = RangeFile::open(path, method)?;
+        let file = RangeFile::open_unpacked(path, method)?;
         let mut start = [0; FIRST as usize];
         file.read(0, &mut start, "header")?;
         let Some(order) = order_of(&start) else {

@@ -192,16 +192,17 @@ fn complete(
     let replace = |density: &mut [f32], estimates: &mut dyn Iterator<Item = f64>| {
         density.iter_mut().zip(estimates).filter(|(rho, _)| rho.is_nan()).for_each(|(rho, sum)| *rho = positive(sum));
     };
+    let edge = stream.periodic_edge(Bounds::of(positions.iter().copied()));
     if stream.chosen.smoothing_length.is_none() {
         progress.begin(&format!("neighbours of {name}"), count as u64);
-        let estimates = Neighbours::of(&positions)
+        let estimates = Neighbours::of(&positions, edge)
             .map_or_else(Vec::new, |tree| tree.estimate(stream.chosen.neighbours, &mass, None, progress));
         lengths = estimates.iter().map(|estimate| positive(estimate.smoothing_length)).collect();
         replace(&mut density, &mut estimates.iter().map(|estimate| estimate.density));
     } else if lacking > 0 {
         progress.begin(&format!("density of {name}"), count as u64);
-        let sums =
-            Neighbours::of(&positions).map_or_else(Vec::new, |tree| tree.density(&lengths, &mass, None, progress));
+        let sums = Neighbours::of(&positions, edge)
+            .map_or_else(Vec::new, |tree| tree.density(&lengths, &mass, None, progress));
         replace(&mut density, &mut sums.into_iter());
     }
     let inputs = attributes.split_off(stream.attributes().len());
@@ -216,7 +217,7 @@ fn complete(
             density: &density,
             smoothing_length: &lengths,
             velocities: &velocities,
-            edge: derivation.edge(Bounds::of(positions.iter().copied())),
+            edge,
         };
         let columns = derived::columns(derivation, kernel, &all, (count, heat), progress);
         named.extend(derivation.attributes().zip(columns));

@@ -231,7 +231,7 @@ impl FieldFile {
                             Component::Stored(column, Meaning::Linear { factor: 2.0, first: 0.0 })
                         }
                         Component::Constant(value) => Component::Constant(2.0 * value),
-                        Component::MassOfRun => Component::MassOfRun,
+                        unstored => unstored,
                     };
                 }
                 fields.push("smoothing-length", name, FieldKind::SmoothingLength, components);

@@ -7,6 +7,9 @@ use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 use ruzstd::decoding::{BlockDecodingStrategy, FrameDecoder};
 use std::io::{BufRead, Error, ErrorKind, Read, Result};
 
+/// As much as deflate can expand; what is said to be more is wrong before anything is unpacked.
+pub(super) const MOST_EXPANSION: u64 = 1040;
+
 /// How a file is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Packing {

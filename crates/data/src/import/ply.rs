@@ -6,8 +6,7 @@ use super::grid::scratch::{Scratch, Storage};
 use super::typed_columns::{Column, Component, FieldList, Run, TypedColumns, VECTORS};
 use super::{Description, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod, SampleType};
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// The PLY format.
@@ -43,7 +42,7 @@ impl Format for Ply {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let file = RangeFile::open(path, method)?;
+        let file = RangeFile::open_unpacked(path, method)?;
         let mut head = vec![0; file.length.min(LONGEST_HEADER) as usize];
         file.read(0, &mut head, "header")?;
         let header = Header::parse(path, &head)?;
@@ -66,7 +65,7 @@ impl Format for Ply {
                 let start = binary_start(path, &file, &header, before, vertex)?;
                 (Storage::File(file), start, order)
             }
-            None => (parsed(path, length, &header, before, vertex)?, 0, Order::NATIVE),
+            None => (parsed(&file, &header, before, vertex)?, 0, Order::NATIVE),
         };
         let about = Description::unitless(path, "ply", length);
         let mut offset = start;
@@ -197,14 +196,8 @@ fn binary_start(
 }
 
 /// The vertices of a file of text as numbers of their types, in this machine's byte order, one behind the other.
-fn parsed(
-    path: &Path,
-    length: u64,
-    header: &Header,
-    before: &[Element],
-    vertex: &Element,
-) -> Result<Storage, ImportError> {
-    let io = |error| ImportError::io(path, "element vertex", error);
+fn parsed(file: &RangeFile, header: &Header, before: &[Element], vertex: &Element) -> Result<Storage, ImportError> {
+    let (path, length) = (&*file.path, file.length);
     // Of every number a digit and what separates it are there.
     let numbers = vertex.count.checked_mul(vertex.properties.len() as u64);
     let most = length.saturating_sub(header.length).saturating_add(1) / 2;
@@ -212,9 +205,8 @@ fn parsed(
         let found = format!("{} bytes of text", length.saturating_sub(header.length));
         return Err(ImportError::malformed(path, "element vertex", found, format!("{} vertices", vertex.count)));
     }
-    let mut file = File::open(path).map_err(io)?;
-    file.seek(SeekFrom::Start(header.length)).map_err(io)?;
-    let mut lines = Lines { path, reader: BufReader::with_capacity(1 << 18, file), line: Vec::new() };
+    let reader = BufReader::with_capacity(1 << 18, file.reader(header.length));
+    let mut lines = Lines { path, reader, line: Vec::new() };
     for element in before {
         for _ in 0..element.count {
             lines.next(&element.name)?;
@@ -249,13 +241,13 @@ fn parsed(
 }
 
 /// The lines of a text that are not empty.
-struct Lines<'a> {
+struct Lines<'a, R> {
     path: &'a Path,
-    reader: BufReader<File>,
+    reader: R,
     line: Vec<u8>,
 }
 
-impl Lines<'_> {
+impl<R: BufRead> Lines<'_, R> {
     /// The next, of an element of this name.
     fn next(&mut self, name: &str) -> Result<String, ImportError> {
         loop {

@@ -256,6 +256,10 @@ impl ParticleStream for SourceStream<'_> {
         Some(self.chosen.neighbours)
     }
 
+    fn box_size(&self) -> Option<f64> {
+        self.source.description().box_size
+    }
+
     fn derivation(&self) -> Option<&Derivation> {
         self.derivation.as_ref()
     }

@@ -108,7 +108,7 @@ struct Extent {
 
 impl Snapshot {
     fn open(path: &Path, method: ReadMethod) -> Result<Snapshot, ImportError> {
-        let file = RangeFile::open(path, method)?;
+        let file = RangeFile::open_unpacked(path, method)?;
         let mut head = vec![0u8; file.length.min(32) as usize];
         file.read(0, &mut head, "header")?;
         let Some(header) = Header::parse(&head) else {

@@ -2,12 +2,14 @@
 //! they are, by range.
 
 use super::bytes::Order;
+use super::check::chunks;
 use super::grid::scratch::Storage;
 use super::table::STANDARD;
 use super::{Description, FamilyInfo, Field, FieldKind, ImportError, Source};
 use crate::model::{FamilyName, SampleType, Unit};
 use std::cell::RefCell;
 use std::ops::Range;
+use std::path::Path;
 
 /// The most that is read at once, bytes.
 const PIECE: u64 = 1 << 20;
@@ -57,6 +59,8 @@ pub(super) enum Component {
     MassOfRun,
     /// The same for all.
     Constant(f64),
+    /// The number of the particle's row in the columns, from 0.
+    Row,
 }
 
 impl Component {
@@ -67,7 +71,11 @@ impl Component {
 
     /// Whether its values are whole numbers as they are stored.
     fn is_whole(&self) -> bool {
-        matches!(self, Component::Stored(column, Meaning::AsStored) if !column.number.is_float())
+        match self {
+            Component::Stored(column, Meaning::AsStored) => !column.number.is_float(),
+            Component::Row => true,
+            _ => false,
+        }
     }
 }
 
@@ -90,7 +98,7 @@ impl Run {
 }
 
 /// The fields of a family on their way to a source.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct FieldList {
     fields: Vec<(Field, Vec<Component>)>,
 }
@@ -276,11 +284,15 @@ impl TypedColumns {
         let width = components.len();
         let mut index = 0;
         while let Some(component) = components.get(index) {
+            let values = out.iter_mut().skip(index).step_by(width);
             let first = match component {
                 Component::Stored(column, _) => column,
-                Component::MassOfRun | Component::Constant(_) => {
-                    let same = if let Component::Constant(value) = component { *value } else { run.mass };
-                    out.iter_mut().skip(index).step_by(width).for_each(|value| *value = same);
+                unstored => {
+                    match unstored {
+                        Component::Row => values.zip(row..).for_each(|(value, row)| *value = row as f64),
+                        Component::Constant(same) => values.for_each(|value| *value = *same),
+                        _ => values.for_each(|value| *value = run.mass),
+                    }
                     index += 1;
                     continue;
                 }
@@ -293,14 +305,14 @@ impl TypedColumns {
                         && other.offset >= first.offset
                         && end(other) <= first.offset.saturating_add(first.stride)
                 }
-                Component::MassOfRun | Component::Constant(_) => false,
+                _ => false,
             };
             let together: Vec<(Column, Meaning)> = components[index..]
                 .iter()
                 .take_while(is_near)
                 .filter_map(|component| match component {
                     Component::Stored(column, meaning) => Some((*column, *meaning)),
-                    Component::MassOfRun | Component::Constant(_) => None,
+                    _ => None,
                 })
                 .collect();
             let span = together.iter().map(|(column, _)| end(column) - first.offset).max().unwrap_or(1);
@@ -346,18 +358,54 @@ impl Source for TypedColumns {
     fn read_ids(&self, family: usize, field: usize, range: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
         let info = self.description.check_range(family, field, &range, out.len())?;
         self.runs(family, &range, |run, row, rows, at| {
-            let column = match self.families[family].parts[run.part][field][..] {
-                [component @ Component::Stored(column, _)] if component.is_whole() => column,
+            let out = &mut out[at..at + rows];
+            match self.families[family].parts[run.part][field][..] {
+                [Component::Row] => {
+                    out.iter_mut().zip(row..).for_each(|(id, row)| *id = row);
+                    Ok(())
+                }
+                [component @ Component::Stored(column, _)] if component.is_whole() => {
+                    let span = column.number.size() as u64;
+                    self.pieces(&column, row, rows, span, |raw, done| whole(&column, raw, out.iter_mut().skip(done)))
+                }
                 _ => {
                     let expected = "a column of whole numbers";
-                    return Err(ImportError::malformed(&self.description.path, &*info.name, "other numbers", expected));
+                    Err(ImportError::malformed(&self.description.path, &*info.name, "other numbers", expected))
                 }
-            };
-            let span = column.number.size() as u64;
-            let out = &mut out[at..at + rows];
-            self.pieces(&column, row, rows, span, |raw, done| whole(&column, raw, out.iter_mut().skip(done)))
+            }
         })
     }
+}
+
+/// Calls `each(row, number)` for every number of a column without gaps.
+pub(super) fn each_number(
+    path: &Path,
+    storages: &[Storage],
+    column: Column,
+    count: u64,
+    mut each: impl FnMut(u64, f64),
+) -> Result<(), ImportError> {
+    let Some(storage) = storages.get(column.storage) else { return Ok(()) };
+    let size = column.number.size();
+    let (mut raw, mut values): (Vec<u8>, Vec<f64>) = (Vec::new(), Vec::new());
+    for range in chunks(count) {
+        raw.resize((range.end - range.start) as usize * size, 0);
+        storage.read(path, column.offset + range.start * size as u64, &mut raw)?;
+        if column.order != Order::NATIVE {
+            raw.chunks_mut(size).for_each(<[u8]>::reverse);
+        }
+        values.clear();
+        column.number.decode(&raw, 1, &mut values);
+        range.zip(&values).for_each(|(row, value)| each(row, *value));
+    }
+    Ok(())
+}
+
+/// Whether all numbers of a column without gaps are above 0.
+pub(super) fn all_positive(path: &Path, storages: &[Storage], column: Column, count: u64) -> Result<bool, ImportError> {
+    let mut all = true;
+    each_number(path, storages, column, count, |_, value| all &= value > 0.0 && value.is_finite())?;
+    Ok(all)
 }
 
 thread_local! {

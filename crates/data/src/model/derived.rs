@@ -1,6 +1,6 @@
 //! Quantities that can be derived for particles that have velocities, from those of their neighbours.
 
-use super::{Bounds, PeriodicBox, Unit};
+use super::Unit;
 
 /// A quantity that a source need not have, for it follows from velocities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,8 +51,6 @@ pub struct Derivation {
     pub quantities: Vec<(DerivedQuantity, Unit)>,
     /// Mach number by the stored speed over the root of the internal energy or temperature; `None` where none is asked for.
     pub mach_factor: Option<f64>,
-    /// Edge of the box that the source states.
-    pub box_size: Option<f64>,
 }
 
 impl Derivation {
@@ -62,11 +60,6 @@ impl Derivation {
     /// How many columns it takes.
     pub fn inputs(&self) -> usize {
         Derivation::COMPONENTS + usize::from(self.mach_factor.is_some())
-    }
-
-    /// Edge of the periodic box, if the family's particles, which lie within these bounds, lie in the box that the source states.
-    pub fn edge(&self, bounds: Bounds) -> Option<f64> {
-        PeriodicBox::of(self.box_size, bounds).map(|periodic| periodic.edge)
     }
 
     /// Whether a quantity depends on neighbours.

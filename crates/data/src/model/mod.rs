@@ -29,6 +29,7 @@ pub mod sample_type;
 pub mod spare_memory;
 pub mod stream;
 pub mod units;
+pub mod url;
 
 pub use bounds::Bounds;
 pub use clock::{ClockVariable, Epoch, Motion};
@@ -48,3 +49,4 @@ pub use read_file::{ReadFile, ReadMethod};
 pub use sample_type::SampleType;
 pub use stream::{Chunk, FamilyStream, ParticleStream, StreamError};
 pub use units::Unit;
+pub use url::is_url;

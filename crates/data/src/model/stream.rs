@@ -1,6 +1,6 @@
 //! Particles of a family in chunks, wherever they come from: what a build reads that does not fit in memory.
 
-use super::{Derivation, Family, FamilyName, Unit};
+use super::{Bounds, Derivation, Family, FamilyName, PeriodicBox, Unit};
 
 /// Why particles could not be read.
 pub type StreamError = Box<dyn std::error::Error + Send + Sync>;
@@ -38,6 +38,16 @@ pub trait ParticleStream: Sync {
     /// estimated.
     fn neighbours(&self) -> Option<usize> {
         None
+    }
+
+    /// Edge of the box that the source states.
+    fn box_size(&self) -> Option<f64> {
+        None
+    }
+
+    /// Edge of the periodic box, if the family's particles, which lie within these bounds, lie in the box that the source states.
+    fn periodic_edge(&self, bounds: Bounds) -> Option<f64> {
+        PeriodicBox::of(self.box_size(), bounds).map(|periodic| periodic.edge)
     }
 
     /// What is to be derived once all particles are known.

@@ -1,6 +1,6 @@
 //! What files of pages have in common, whatever is in the pages: a header, aligned pages, a footer that begins with a table of them.
 
-use super::disk::{Change, Disk};
+use super::disk::{Change, Disk, room};
 use super::error::{Damage, StoreError};
 use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_ENTRY_LEN, PAGE_HEADER_LEN, PageEntry};
 use super::page::PageId;
@@ -65,9 +65,9 @@ impl Container {
             HeaderError::Damaged(damage) => damage.in_file(path),
         })?;
         let damaged = |place: &str, expected: &str| Damage::new(place, expected).in_file(path);
-        let len = usize::try_from(header.footer_len).map_err(|_| damaged("header", "a footer that fits in memory"))?;
+        let len = room(header.footer_len).ok_or_else(|| damaged("header", "a footer that fits in memory"))?;
         let mut footer = vec![0; len];
-        disk.read_exact_at(&mut footer, header.footer_offset).map_err(io("read the footer"))?;
+        disk.read_known_at(&mut footer, header.footer_offset, header.footer_crc).map_err(io("read the footer"))?;
         if crc32c::crc32c(&footer) != header.footer_crc {
             return Err(damaged("footer", "its checksum"));
         }
@@ -110,7 +110,7 @@ impl Container {
         // The length was checked against the file when it was opened.
         let mut bytes = vec![0; entry.len as usize];
         self.disk
-            .read_exact_at(&mut bytes, entry.offset)
+            .read_known_at(&mut bytes, entry.offset, entry.crc)
             .map_err(|source| StoreError::Page { path: self.path.clone(), page: page.0, source })
             .map_err(|error| self.explained(page, error))?;
         Ok(RawPage { page, bytes })
@@ -131,11 +131,19 @@ impl Container {
     /// What has become of the file since it was opened; asks the disk, so it may wait.
     pub fn change(&self) -> Option<Change> {
         self.disk.change().or_else(|| {
+            if self.disk.knows_changes() {
+                return None;
+            }
             // The header holds the footer's checksum, and the footer those of all pages.
             let mut head = vec![0; self.head.len()];
             self.disk.read_exact_at(&mut head, 0).ok()?;
             (head != self.head).then_some(Change::Rewritten)
         })
+    }
+
+    /// How many pages at a time are best read, where that is up to the disk ([`Disk::reads_at_once`]).
+    pub fn reads_at_once(&self) -> Option<usize> {
+        self.disk.reads_at_once()
     }
 
     /// Whether bytes that are of no structure are zeros: those up to the first page, and those after each page.

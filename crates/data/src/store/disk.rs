@@ -19,6 +19,15 @@ pub trait Disk: fmt::Debug + Send + Sync {
     /// [`io::ErrorKind::UnexpectedEof`] where the bytes end before the buffer does; whatever else the system answers.
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()>;
 
+    /// The same for bytes whose CRC-32C is known, so that whoever keeps copies knows which are sound. What is read is checked by who
+    /// asked for it.
+    ///
+    /// # Errors
+    /// As [`Disk::read_exact_at`].
+    fn read_known_at(&self, buffer: &mut [u8], offset: u64, _crc: u32) -> io::Result<()> {
+        self.read_exact_at(buffer, offset)
+    }
+
     /// How many bytes there are now.
     ///
     /// # Errors
@@ -27,6 +36,16 @@ pub trait Disk: fmt::Debug + Send + Sync {
 
     /// What has become of the file since it was opened, where that can be told without reading it.
     fn change(&self) -> Option<Change>;
+
+    /// Whether [`Disk::change`] says all that could be found out by reading.
+    fn knows_changes(&self) -> bool {
+        false
+    }
+
+    /// How many reads at a time serve best, where that is up to what they are answered by; it changes with the answers.
+    fn reads_at_once(&self) -> Option<usize> {
+        None
+    }
 }
 
 /// What has become of a file that is open.
@@ -58,6 +77,11 @@ impl fmt::Display for Change {
             Change::Rewritten => f.write_str("the file was rewritten while it was open"),
         }
     }
+}
+
+/// So many bytes as a length in memory, where there may be room for them: a server says what it likes about the length of a file.
+pub(super) fn room(bytes: u64) -> Option<usize> {
+    usize::try_from(bytes).ok().filter(|len| Vec::<u8>::new().try_reserve_exact(*len).is_ok())
 }
 
 /// A file of the operating system.
@@ -121,16 +145,21 @@ impl Window {
     pub fn new(disk: Arc<dyn Disk>, offset: u64, len: u64) -> Window {
         Window { disk, offset, len }
     }
+
+    /// Where a read of so many bytes begins in the whole.
+    fn start_of(&self, buffer: &[u8], offset: u64) -> io::Result<u64> {
+        let end = offset.checked_add(buffer.len() as u64).filter(|end| *end <= self.len);
+        end.and_then(|_| self.offset.checked_add(offset)).ok_or_else(|| io::ErrorKind::UnexpectedEof.into())
+    }
 }
 
 impl Disk for Window {
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-        let end = offset.checked_add(buffer.len() as u64);
-        let start = self.offset.checked_add(offset);
-        match (start, end) {
-            (Some(start), Some(end)) if end <= self.len => self.disk.read_exact_at(buffer, start),
-            _ => Err(io::ErrorKind::UnexpectedEof.into()),
-        }
+        self.disk.read_exact_at(buffer, self.start_of(buffer, offset)?)
+    }
+
+    fn read_known_at(&self, buffer: &mut [u8], offset: u64, crc: u32) -> io::Result<()> {
+        self.disk.read_known_at(buffer, self.start_of(buffer, offset)?, crc)
     }
 
     fn size(&self) -> io::Result<u64> {
@@ -139,6 +168,14 @@ impl Disk for Window {
 
     fn change(&self) -> Option<Change> {
         self.disk.change()
+    }
+
+    fn knows_changes(&self) -> bool {
+        self.disk.knows_changes()
+    }
+
+    fn reads_at_once(&self) -> Option<usize> {
+        self.disk.reads_at_once()
     }
 }
 

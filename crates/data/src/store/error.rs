@@ -2,6 +2,7 @@
 
 use super::disk::Change;
 use crate::model::When;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// An error of the page file's reader, writer or verifier; it names the file and what was expected where.
@@ -132,14 +133,17 @@ pub enum StoreError {
 impl StoreError {
     /// Whether the same read may succeed later: an error of the disk or the network, not one of the file's content.
     pub fn may_pass(&self) -> bool {
-        use std::io::ErrorKind::{InvalidInput, NotFound, PermissionDenied, UnexpectedEof, Unsupported};
         match self {
-            StoreError::Io { source, .. } | StoreError::Page { source, .. } => {
-                !matches!(source.kind(), UnexpectedEof | NotFound | PermissionDenied | InvalidInput | Unsupported)
-            }
+            StoreError::Io { source, .. } | StoreError::Page { source, .. } => may_pass(source.kind()),
             _ => false,
         }
     }
+}
+
+/// Whether what the system or a server answers may pass by itself.
+pub(super) fn may_pass(kind: ErrorKind) -> bool {
+    use ErrorKind::{InvalidInput, NotFound, PermissionDenied, StaleNetworkFileHandle, UnexpectedEof, Unsupported};
+    !matches!(kind, UnexpectedEof | NotFound | PermissionDenied | InvalidInput | Unsupported | StaleNetworkFileHandle)
 }
 
 /// A broken promise, before the file it is in is known.

@@ -1,9 +1,9 @@
-//! The footer after its page table: metadata, attribute tables and codebooks as bytes and back. Files whose codes of leaves are refined
-//! have version 5, else files with families that are none of Gadget's, or with clusters, version 4, else files with levels for volumes
-//! version 3, and all others version 2.
+//! The footer after its page table: metadata, attribute tables and codebooks as bytes and back. Files with nodes deeper than 14 have
+//! version 6, else files whose codes of leaves are refined version 5, else files with families that are none of Gadget's, or with clusters,
+//! version 4, else files with levels for volumes version 3, and all others version 2.
 
 use super::error::Damage;
-use super::layout::{VERSION, VERSION_NAMED, VERSION_REFINED, VERSION_VOLUME};
+use super::layout::{DEPTH_BEFORE, VERSION, VERSION_DEEP, VERSION_NAMED, VERSION_REFINED, VERSION_VOLUME};
 use super::metadata::{
     AttributeInfo, AttributeMerge, ClusterBook, ClusterLevel, ClusterTree, FamilyMetadata, Histogram, LevelInfo,
     Metadata, VolumeTree,
@@ -35,6 +35,10 @@ const NAMED: u8 = u8::MAX;
 pub(super) fn version(metadata: &Metadata) -> u32 {
     let any = |is: fn(&FamilyMetadata) -> bool| metadata.families.iter().any(is);
     let is_new = |family: &FamilyMetadata| family.name.gadget_type().is_none() || family.clusters.is_some();
+    // All trees of a family have the same cells.
+    if any(|family| family.levels.len() > usize::from(DEPTH_BEFORE) + 1) {
+        return VERSION_DEEP;
+    }
     if metadata.bits.is_refined() {
         return VERSION_REFINED;
     }

@@ -21,6 +21,10 @@ pub const VERSION_VOLUME: u32 = 3;
 pub const VERSION_NAMED: u32 = 4;
 /// Version of files whose codes of leaves are refined.
 pub const VERSION_REFINED: u32 = 5;
+/// Version of files with nodes deeper than [`DEPTH_BEFORE`].
+pub const VERSION_DEEP: u32 = 6;
+/// The deepest node of files before [`VERSION_DEEP`].
+pub const DEPTH_BEFORE: u8 = 14;
 /// Pages and the footer start at multiples of this; the header takes one such block.
 pub const ALIGNMENT: u64 = 4096;
 /// Bytes of the header that hold something; the rest of its block is zero.
@@ -48,7 +52,7 @@ pub fn align_up(value: u64, alignment: u64) -> Option<u64> {
 pub struct Header {
     /// [`MAGIC`] or [`GRID_MAGIC`].
     pub magic: [u8; 8],
-    /// Of particles [`VERSION`], [`VERSION_VOLUME`], [`VERSION_NAMED`] or [`VERSION_REFINED`].
+    /// Of particles [`VERSION`], [`VERSION_VOLUME`], [`VERSION_NAMED`], [`VERSION_REFINED`] or [`VERSION_DEEP`].
     pub version: u32,
     /// Length of the whole file, bytes.
     pub file_len: u64,

@@ -7,6 +7,7 @@ use super::metadata::FamilyMetadata;
 use super::page::{NodeParticles, Page, Positions};
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS, LEAF_BITS, bin};
 use crate::codec::{morton, positions};
+use crate::hierarchy::NodeKey;
 use crate::hierarchy::octree::Place;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -42,16 +43,17 @@ impl Located {
     pub fn mark(&self, page: &Page, node: usize, bits: &mut Vec<u64>) -> u32 {
         let Some(&key) = page.cells.get(node) else { return 0 };
         // Those in the node's cell follow each other.
-        let shift = 3 * (morton::MORTON_BITS - u32::from(key.depth));
-        let cell = morton::encode([key.x, key.y, key.z]);
+        let NodeKey { depth, x, y, z } = key.cell();
+        let shift = 3 * (morton::MORTON_BITS - u32::from(depth));
+        let cell = morton::encode([x, y, z]);
         let from = self.places.partition_point(|place| place.0.key >> shift < cell);
         let to = self.places.partition_point(|place| place.0.key >> shift <= cell);
         if from == to {
             return 0;
         }
         // The same arithmetic as where leaves are made, so that bins are the same.
-        let cells = f64::from(key.depth).exp2();
-        let corner = [key.x, key.y, key.z].map(f64::from);
+        let cells = f64::from(depth).exp2();
+        let corner = [x, y, z].map(f64::from);
         let fine = |place: &SourcePlace| {
             let unit = place.0.unit();
             morton::encode(std::array::from_fn(|axis| bin(unit[axis] * cells - corner[axis], LEAF_BITS)))

@@ -26,7 +26,10 @@ mod footer;
 mod in_memory;
 mod joined;
 mod located;
+mod open_disk;
 mod reader;
+#[cfg(feature = "remote")]
+mod remote;
 #[cfg(test)]
 mod specification;
 mod tree;
@@ -42,6 +45,7 @@ pub use metadata::{
     AttributeInfo, AttributeMerge, ClusterBook, ClusterLevel, ClusterTree, FamilyMetadata, Histogram, LevelInfo,
     Metadata, VolumeTree,
 };
+pub use open_disk::{first_bytes, keep_pages_from_afar, known_disk, open_disk, take_notes};
 pub use page::{Branch, Encoding, Frame, Node, NodeParticles, NodeRef, Page, PageId, Positions};
 pub use page_file::{PageBytes, PageFile, PartInfo};
 pub use run::{RunFile, RunFileWriter};

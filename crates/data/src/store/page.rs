@@ -12,6 +12,7 @@ use crate::codec::clusters::PackedClusters;
 use crate::codec::coordinates::{CELL_BITS, GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
 use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
 pub use crate::hierarchy::Encoding;
+use crate::hierarchy::cell::MAX_DEPTH;
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::{Bounds, Placement};
 use glam::DVec3;
@@ -538,7 +539,7 @@ fn check_node(
     table: &[PageEntry],
 ) -> Result<(), String> {
     if !node.key.is_valid() {
-        return Err("a depth of at most 14 and a cell inside the root".into());
+        return Err(format!("a depth of at most {MAX_DEPTH} and a cell inside the root"));
     }
     if node.points > node.particles || u64::from(node.particles) > node.source_particles {
         return Err("at most as many points as particles, and particles as source particles".into());

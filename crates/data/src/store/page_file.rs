@@ -4,11 +4,13 @@
 //! it lies ([`Placement`]). Nothing else in the program knows that there are several.
 
 use super::container::RawPage;
-use super::disk::{Change, Disk, LocalFile};
+use super::disk::{Change, Disk};
 use super::error::StoreError;
 use super::metadata::Metadata;
+use super::open_disk::open_disk;
 use super::page::{Page, PageId};
 use super::reader::{KIND, Reader};
+use crate::model::url::shown;
 use crate::model::{Placement, ReadMethod};
 use std::ops::Range;
 use std::path::Path;
@@ -72,7 +74,7 @@ pub struct PartInfo<'a> {
 }
 
 impl PageFile {
-    /// Opens the file and checks header, footer and page table. Pages are checked as they are read.
+    /// Opens a file, here or behind a URL, and checks header, footer and page table. Pages are checked as they are read.
     ///
     /// # Errors
     /// [`StoreError`] where it cannot be read, is no page file or is damaged.
@@ -85,11 +87,7 @@ impl PageFile {
     /// # Errors
     /// As [`PageFile::open`].
     pub fn open_with(path: &Path, method: ReadMethod) -> Result<PageFile, StoreError> {
-        let opened = LocalFile::open(path, method);
-        let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
-        let not_a_file =
-            || StoreError::NotThis { path: path.to_path_buf(), kind: KIND.name, expected: "a regular file" };
-        let file = PageFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))?;
+        let file = PageFile::open_on(&shown(path), open_disk(path, method, KIND.name)?)?;
         Ok(PageFile { read: method, ..file })
     }
 
@@ -200,6 +198,11 @@ impl PageFile {
             page.relocate(part.first_page, part.first_family, &part.placement);
         }
         Ok(page)
+    }
+
+    /// How many pages at a time are best read, where that is up to what they are read from: by the best of several.
+    pub fn reads_at_once(&self) -> Option<usize> {
+        self.parts.iter().filter_map(|part| part.reader.reads_at_once()).max()
     }
 
     /// What has become of a page's file since it was opened; asks the disk, so it may wait.

@@ -4,7 +4,7 @@ use super::container::{Container, FileKind, RawPage};
 use super::disk::{Change, Disk};
 use super::error::{Damage, StoreError};
 use super::footer;
-use super::layout::{MAGIC, VERSION, VERSION_REFINED};
+use super::layout::{MAGIC, VERSION, VERSION_DEEP};
 use super::metadata::Metadata;
 use super::page::{NODE_MEMORY, Page, PageId};
 use crate::model::Placement;
@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Files of particles.
-pub(super) const KIND: FileKind = FileKind { name: "page file", magic: MAGIC, versions: [VERSION, VERSION_REFINED] };
+pub(super) const KIND: FileKind = FileKind { name: "page file", magic: MAGIC, versions: [VERSION, VERSION_DEEP] };
 
 /// An open page file. It holds the footer (28 bytes for each page of about 3 MB, attribute tables and codebooks), never pages.
 #[derive(Debug)]
@@ -88,6 +88,11 @@ impl Reader {
         self.container.check_page(&raw)?;
         Page::parse(raw.page, &raw.bytes, &self.metadata, self.container.table(), placement)
             .map_err(|damage| damage.in_file(self.path()))
+    }
+
+    /// How many pages at a time are best read, where that is up to the disk.
+    pub(super) fn reads_at_once(&self) -> Option<usize> {
+        self.container.reads_at_once()
     }
 
     /// What has become of the file since it was opened; asks the disk, so it may wait.

@@ -59,6 +59,11 @@ pub trait Tree: Debug + Send + Sync {
         1
     }
 
+    /// How many pages at a time are best read, where that is up to what they are read from; it changes with the reads.
+    fn reads_at_once(&self) -> Option<usize> {
+        None
+    }
+
     /// The first nodes of these families (indices in the metadata) at a time, in the data's unit, made for this purpose where there are
     /// such.
     fn roots(&self, families: &[u32], purpose: Purpose, _time: f64) -> Vec<NodeRef> {
@@ -118,6 +123,10 @@ macro_rules! delegate {
 
         fn largest_page_bytes(&$self) -> u64 {
             $to.largest_page_bytes()
+        }
+
+        fn reads_at_once(&$self) -> Option<usize> {
+            $to.reads_at_once()
         }
 
         fn change_of(&$self, page: PageId) -> Option<Change> {

@@ -87,6 +87,11 @@ impl Bloom {
         }
     }
 
+    /// The levels that the light of a part of this width and height, pixels, goes through.
+    pub fn pyramid(&self, size: [usize; 2], wraps: bool) -> Pyramid {
+        Pyramid::new(size, wraps, self.radius * size[1] as f64)
+    }
+
     /// Spreads the light of a flat picture.
     pub fn spread(&self, light: &mut Colors) {
         self.spread_in(light, &Part::whole(light.width, light.height));
@@ -104,7 +109,7 @@ impl Bloom {
         let values = (0..height).into_par_iter();
         let values = values.flat_map_iter(|y| light.rgba[rows(y)].iter().map(move |&pixel| own.bright(pixel)));
         let bright = Plane { width, values: values.collect() };
-        let glow = glow(&bright, height, part.wraps, self.radius * height as f64);
+        let glow = glow(&bright, &self.pyramid([width, height], part.wraps));
         let strength = self.strength as f32;
         let lit = light.rgba[top * stride..(top + height) * stride].par_chunks_mut(stride);
         lit.enumerate().for_each(|(y, row)| {
@@ -180,13 +185,13 @@ impl Plane {
 }
 
 /// How the pixels along an axis give light to coarser ones, and take it back.
-struct Axis {
+pub struct Axis {
     /// For each pixel the coarse ones around it, and their weights.
-    around: Vec<[(usize, f32); 2]>,
-    /// For each coarse pixel those around it, with weights times their sizes.
-    from: Vec<Vec<(usize, f32)>>,
+    pub around: Vec<[(usize, f32); 2]>,
+    /// For each coarse pixel those around it, four at most, with weights times their sizes.
+    pub from: Vec<Vec<(usize, f32)>>,
     /// How many of the picture's pixels each coarse one stands for.
-    sizes: Vec<f32>,
+    pub sizes: Vec<f32>,
 }
 
 impl Axis {
@@ -213,6 +218,31 @@ impl Axis {
     }
 }
 
+/// The levels that light goes through, each with half the pixels along an axis.
+pub struct Pyramid {
+    /// How each level's pixels across and along take light from the level before, which is the picture for the first.
+    pub axes: Vec<[Axis; 2]>,
+    /// The share of light that spreads on each level: equal ones, so that it falls off about as the distance's square.
+    pub shares: Vec<f32>,
+}
+
+impl Pyramid {
+    /// Levels for light that spreads by up to `radius` pixels.
+    fn new(size: [usize; 2], wraps: bool, radius: f64) -> Pyramid {
+        // The last level has a part of its share, so that a glow grows evenly with its radius.
+        let depth = radius.log2().max(1.0);
+        let levels = depth.ceil() as usize;
+        let shares = (0..levels).map(|level| (depth - level as f64).min(1.0) / depth).map(|share| share as f32);
+        let mut sizes = size.map(|pixels| vec![1.0f32; pixels]);
+        let axes = (0..levels).map(|_| {
+            let halved = [Axis::halved(&sizes[0], wraps), Axis::halved(&sizes[1], false)];
+            sizes = halved.each_ref().map(|axis| axis.sizes.clone());
+            halved
+        });
+        Pyramid { axes: axes.collect(), shares: shares.collect() }
+    }
+}
+
 /// Light at half the resolution.
 fn down(fine: &Plane, [across, along]: &[Axis; 2]) -> Plane {
     let rows = along.from.par_iter().zip(&along.sizes).map(|(rows, height)| {
@@ -230,26 +260,16 @@ fn up(coarse: &Plane, [across, along]: &[Axis; 2]) -> Plane {
     Plane { width: across.around.len(), values: rows.collect::<Vec<_>>().concat() }
 }
 
-/// Light that has spread by up to `radius` pixels: equal parts of it on each level, so that it falls off about as the distance's square.
-fn glow(bright: &Plane, height: usize, wraps: bool, radius: f64) -> Plane {
-    // The last level has a part of its share, so that a glow grows evenly with its radius.
-    let depth = radius.log2().max(1.0);
-    let levels = depth.ceil() as usize;
-    let share = |level: usize| (depth - (level as f64 - 1.0)).min(1.0) / depth;
-    let mut sizes = [vec![1.0; bright.width], vec![1.0; height]];
-    let mut axes: Vec<[Axis; 2]> = Vec::new();
-    let mut planes: Vec<Plane> = Vec::new();
-    for _ in 0..levels {
-        let halved = [Axis::halved(&sizes[0], wraps), Axis::halved(&sizes[1], false)];
-        let coarser = down(planes.last().unwrap_or(bright), &halved);
+/// Light that has spread.
+fn glow(bright: &Plane, pyramid: &Pyramid) -> Plane {
+    let mut planes: Vec<Plane> = Vec::with_capacity(pyramid.axes.len());
+    for axes in &pyramid.axes {
+        let coarser = down(planes.last().unwrap_or(bright), axes);
         planes.push(coarser);
-        sizes = [halved[0].sizes.clone(), halved[1].sizes.clone()];
-        axes.push(halved);
     }
     // What is on coarser levels, at the resolution of the level.
     let mut spread: Option<Plane> = None;
-    for (level, (mut own, axes)) in planes.into_iter().zip(&axes).enumerate().rev() {
-        let share = share(level + 1) as f32;
+    for ((mut own, axes), &share) in planes.into_iter().zip(&pyramid.axes).zip(&pyramid.shares).rev() {
         let below = spread.take();
         own.values.par_iter_mut().enumerate().for_each(|(index, value)| {
             let coarser = below.as_ref().map_or([0.0; 3], |below| below.values[index]);

@@ -63,7 +63,7 @@ fn each_pixel<T: Send>(
 }
 
 /// How many times brighter than the brightest of a screen light counts at most.
-const MOST_LIGHT: f32 = 16.0;
+pub const MOST_LIGHT: f32 = 16.0;
 
 /// The light of a picture with given ranges, before a background or black. What lies above its range has the range's last colour and is
 /// as many times brighter as it is larger, up to 16 times.

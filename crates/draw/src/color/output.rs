@@ -36,15 +36,27 @@ pub enum OutputError {
 /// # Errors
 /// [`OutputError`] with the file named.
 pub fn write_png(path: &Path, image: &Image) -> Result<(), OutputError> {
-    write_with(path, |out| {
-        let mut encoder = png::Encoder::new(out, image.width, image.height);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut writer = encoder.write_header().map_err(encode(path))?;
-        writer.write_image_data(image.rgba.as_flattened()).map_err(encode(path))?;
-        writer.finish().map_err(encode(path))
-    })
+    write_with(path, |out| encode_png(out, image).map_err(encode(path)))
+}
+
+/// The bytes of such a file.
+///
+/// # Errors
+/// What the encoder says of a picture without pixels.
+pub fn png(image: &Image) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    encode_png(&mut bytes, image)?;
+    Ok(bytes)
+}
+
+fn encode_png(out: impl Write, image: &Image) -> Result<(), png::EncodingError> {
+    let mut encoder = png::Encoder::new(out, image.width, image.height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(image.rgba.as_flattened())?;
+    writer.finish()
 }
 
 /// Writes the raw channels `P` and, where there is one, `S` (not multiplied with `P`; 0 where nothing was drawn) as
@@ -125,7 +137,16 @@ pub fn write_npy_colors(path: &Path, colors: &Colors) -> Result<(), OutputError>
 /// # Errors
 /// [`OutputError`] with the file named.
 pub fn write_npy(path: &Path, picture: &Accumulation) -> Result<(), OutputError> {
-    write_array(path, &[u64::from(picture.height), u64::from(picture.width)], &picture.p)
+    write_npy_values(path, [picture.width, picture.height], &picture.p)
+}
+
+/// Writes a number for each pixel as a float32 NumPy array of shape (height, width), row 0 at the top.
+///
+/// # Errors
+/// [`OutputError`] with the file named.
+pub fn write_npy_values(path: &Path, size: [u32; 2], values: &[f32]) -> Result<(), OutputError> {
+    let [width, height] = size.map(u64::from);
+    write_array(path, &[height, width], values)
 }
 
 /// Writes doubles as a float64 NumPy array of this shape, the last axis fastest.

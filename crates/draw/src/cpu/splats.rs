@@ -167,17 +167,6 @@ impl<'a> Splats<'a> {
         }
     }
 
-    /// The same with this attribute.
-    ///
-    /// # Errors
-    /// [`SplatError::Length`] when the column's length differs from the number of positions.
-    pub fn with_attribute(self, attribute: &'a [f32]) -> Result<Splats<'a>, SplatError> {
-        match attribute.len() {
-            found if found == self.len() => Ok(Splats { attribute: Some(attribute), ..self }),
-            found => Err(SplatError::Length { column: "attribute", found, expected: self.len() }),
-        }
-    }
-
     /// The same with columns whose fields are drawn, beside the attribute.
     ///
     /// # Errors
@@ -290,6 +279,11 @@ impl<'a> Splats<'a> {
     /// Columns whose fields are drawn, beside the attribute.
     pub fn fields(&self) -> &'a [Vec<f32>] {
         self.fields
+    }
+
+    /// The same with one of the columns whose fields are drawn as the attribute; `None` where there is no such column.
+    pub fn of_field(self, index: usize) -> Option<Splats<'a>> {
+        self.fields.get(index).map(|values| Splats { attribute: Some(values), ..self })
     }
 
     /// Attributes `a`, when the `S` channel is wanted.

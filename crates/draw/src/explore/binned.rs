@@ -409,8 +409,9 @@ impl Estimated for Binning {
     }
 
     fn errors(&self, totals: &Totals) -> (Vec<f64>, f64) {
-        let errors = &totals.errors[..self.cells];
-        (errors.to_vec(), largest(errors, &totals.values[..self.cells]))
+        let errors = totals.errors_of(0..self.cells);
+        let largest = largest(&errors, &totals.values[..self.cells]);
+        (errors, largest)
     }
 }
 

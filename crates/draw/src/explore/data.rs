@@ -2,7 +2,7 @@
 
 use super::error::ExploreError;
 use crate::import::{FamilyInfo, FieldKind, Scalar, Source, file_of_step, open_with};
-use crate::model::{Bounds, FamilyName, PeriodicBox, Unit};
+use crate::model::{Bounds, FamilyName, PeriodicBox, Unit, is_url};
 use crate::store::{FamilyMetadata, PageFile, Tree};
 use std::path::{Path, PathBuf};
 
@@ -140,8 +140,8 @@ impl<'a> Data<'a> {
 /// file. `None` where it is not there any more, or where
 /// there are several.
 pub fn source_path(file: &PageFile) -> Option<PathBuf> {
-    // One source does not say what several files hold, nor where a file lies that was moved.
-    if !file.is_as_its_source() {
+    // One source does not say what several files hold, nor where a file lies that was moved; and what comes from afar names no file here.
+    if !file.is_as_its_source() || is_url(file.path()) {
         return None;
     }
     let named = &file.metadata().provenance.path;

@@ -1,12 +1,12 @@
 //! Totals over a page file of which a part is read: an estimate by differences.
 //!
 //! The tree is split into parts, each of them what lies below a few nodes in pages of its own. Merged particles above a part say about
-//! how much it adds to each total. Parts are drawn at random and read down to their leaves: how far these are from what merged particles
-//! say tells how far all are from it. With `N` parts, of which `n` were read, and `d` by how much one of these has more of a total
-//! than was said of it, the estimate adds `N mean(d)`, whose standard error is `N sqrt((1 - n/N) var(d) / n)` (the difference estimator of
-//! survey sampling; Cochran, Sampling Techniques, 7.3). It is right on average whatever merged particles say; the more they are like
-//! the leaves, the fewer parts are read. Errors of ratios of totals `R = A / B` are those of `A - R B`, over `B` (6.3 there). Which parts
-//! come first depends on the file and a number alone.
+//! how much it adds to each total: those that are nearer to it than to others. Parts are drawn at random and read down to their leaves: how
+//! far these are from what merged particles say tells how far all are from it. With `N` parts, of which `n` were read, and `d` by how much
+//! one of these has more of a total than was said of it, the estimate adds `N mean(d)`, whose standard error is
+//! `N sqrt((1 - n/N) var(d) / n)` (the difference estimator of survey sampling; Cochran, Sampling Techniques, 7.3). It is right on average
+//! whatever merged particles say; the more they are like the leaves, the fewer parts are read. Errors of ratios of totals `R = A / B` are
+//! those of `A - R B`, over `B` (6.3 there). Which parts come first depends on the file and a number alone.
 //!
 //! Where time is short, a large part is not read as a whole: a way is drawn through it, at each step to what lies below with a chance in
 //! proportion to its particles, and what is found counts by the inverse of the chances (two stages; 11.7 there). What a part has is then known
@@ -16,15 +16,20 @@ use super::batch::{Batch, Gather, Work};
 use super::binned::Extent;
 use super::data::Data;
 use super::error::ExploreError;
-use super::paged::{Entry, FamilyQuery, Walked, families};
+use super::paged::{FamilyQuery, families};
 use super::query::Query;
-use super::shape::Cover;
-use crate::model::mixing::{GOLDEN, as_share, mix_bits};
-use crate::store::{Encoding, Node, Page, PageId, Tree};
+use crate::store::{PageId, Tree};
+use parts::{Drawn, Part, Split, descend, read, split};
 use rayon::prelude::*;
+use sample::Sample;
 use serde::Serialize;
 use std::collections::{BTreeMap, HashSet};
 use std::time::Instant;
+
+mod parts;
+mod sample;
+
+pub(super) use sample::Totals;
 
 /// Parts that are split or read at a time: a number of its own, so that an answer does not depend on that of the threads.
 const AT_ONCE: usize = 16;
@@ -34,14 +39,12 @@ const FEWEST_PARTS: usize = 64;
 const MOST_PARTS: usize = 1024;
 /// It is not split further once so much is held of what merged particles say: 8 bytes each.
 const MOST_SHARES: usize = 1 << 24;
-/// Totals that a part adds something to up to which its parts have their share of that where nothing nearer is known of them.
-const MOST_PASSED_DOWN: usize = 1 << 11;
+/// Merged particles that are held for what parts are split into: some 64 bytes each. Those of the smallest parts are not beyond that.
+const MOST_MERGED: usize = 1 << 21;
 /// Parts that are read in any case: of fewer, how much they differ is hardly known.
 const FEWEST_READ: usize = 48;
 /// Where time is short, parts of about so many pages are read as a whole, and a way is drawn through larger ones.
 const READ_WHOLE: f64 = 2.0;
-/// Standard errors that an error is told as: of bins to which many parts contribute, one in some hundreds is farther off.
-const STANDARD_ERRORS: f64 = 3.0;
 /// Bins with less than this share of the weight may be off by as much as one that has this share.
 pub(super) const LEAST_SHARE: f64 = 0.01;
 
@@ -140,15 +143,6 @@ pub(super) trait Estimated: Gather {
     fn errors(&self, totals: &Totals) -> (Vec<f64>, f64);
 }
 
-/// Totals over all particles.
-pub(super) struct Totals {
-    pub values: Vec<f64>,
-    /// Three standard errors of them.
-    pub errors: Vec<f64>,
-    /// The same of [`Estimated::ratios`].
-    pub ratio_errors: Vec<f64>,
-}
-
 /// The largest error relative to its value, or to the least share of all.
 pub(super) fn largest(errors: &[f64], values: &[f64]) -> f64 {
     let least = LEAST_SHARE * values.iter().map(|value| value.abs()).sum::<f64>();
@@ -162,35 +156,6 @@ pub(super) struct Found<P> {
     pub part: P,
     /// Totals and how far off they may be, where a part was read.
     pub sampled: Option<(Totals, Estimate)>,
-}
-
-/// What merged particles say that a part adds to a total.
-struct Share {
-    total: u32,
-    value: f32,
-}
-
-/// What lies below some nodes in pages that lead to nothing else.
-struct Part {
-    entries: BTreeMap<PageId, Vec<Entry>>,
-    /// Source particles.
-    particles: u64,
-    shares: Vec<Share>,
-}
-
-impl Part {
-    /// When its turn comes: anything that has nothing to do with what it holds.
-    fn turn(&self, draw: u64) -> u64 {
-        let first = self.entries.first_key_value();
-        let node = first.and_then(|(_, entries)| entries.first()).map_or(0, |entry| entry.node);
-        let page = first.map_or(0, |(page, _)| page.0);
-        mix_bits((u64::from(page) << 32 | u64::from(node)).wrapping_add(GOLDEN) ^ mix_bits(draw))
-    }
-
-    /// What its chance to be drawn is in proportion to.
-    fn size(&self) -> f64 {
-        self.particles.max(1) as f64
-    }
 }
 
 /// From where to where the values of leaves reach that are in the ranges of the question, wherever they lie; `None` where values are not
@@ -254,11 +219,7 @@ fn estimate<G: Estimated>(
     }
     // The same of all families.
     let inside = asked.first().is_some_and(|asked| asked.query.shapes.are_everywhere());
-    let root = |(page, particles): (PageId, u64)| {
-        let entries = BTreeMap::from([(page, vec![Entry { node: 0, inside }])]);
-        Part { entries, particles, shares: Vec::new() }
-    };
-    let mut parts: Vec<Part> = roots.into_iter().map(root).collect();
+    let mut parts: Vec<Part> = roots.into_iter().map(|(page, particles)| Part::root(page, inside, particles)).collect();
 
     let wanted = (tree.page_count() as usize / PAGES_PER_PART).clamp(FEWEST_PARTS, MOST_PARTS);
     let mut known = gather.part();
@@ -274,6 +235,14 @@ fn estimate<G: Estimated>(
         work.go_on()?;
         // The largest ones: what parts differ in size they differ in error.
         parts.sort_by_key(|part| part.particles);
+        let mut merged: usize = parts.iter().map(Part::held).sum();
+        for part in &mut parts {
+            if merged <= MOST_MERGED {
+                break;
+            }
+            merged -= part.held();
+            part.let_go();
+        }
         let largest = parts.split_off(parts.len().saturating_sub(AT_ONCE));
         let split: Vec<Result<Split<G::Part>, ExploreError>> =
             largest.into_par_iter().map(|mut part| split(tree, families, &mut part, gather)).collect();
@@ -284,8 +253,7 @@ fn estimate<G: Estimated>(
             dealt_with = dealt_with.saturating_add(split.particles);
             work.progress.advance(split.particles);
             for mut part in split.parts {
-                part.entries.retain(|page, _| seen.insert(*page));
-                if !part.entries.is_empty() {
+                if part.is_left(&mut seen) {
                     parts.push(part);
                 }
             }
@@ -347,347 +315,4 @@ fn estimate<G: Estimated>(
         (totals, estimate)
     });
     Ok(Found { part: sample.found()?, sampled })
-}
-
-/// A part, split.
-struct Split<P> {
-    /// Of its pages.
-    known: P,
-    /// Source particles of the leaves in them.
-    particles: u64,
-    /// Below them.
-    parts: Vec<Part>,
-    pages: u64,
-}
-
-/// Reads the pages of a part alone.
-fn split<G: Estimated>(
-    tree: &dyn Tree,
-    families: &[Option<FamilyQuery>],
-    part: &mut Part,
-    gather: &G,
-) -> Result<Split<G::Part>, ExploreError> {
-    let mut split = Split { known: gather.part(), particles: 0, parts: Vec::new(), pages: 0 };
-    for (id, entries) in std::mem::take(&mut part.entries) {
-        let page = tree.read_page(id)?;
-        split.pages += 1;
-        if let Some(family) = families.get(page.family as usize).and_then(Option::as_ref) {
-            split_page(family, &page, entries, gather, &mut split);
-        }
-    }
-    let are_few = part.shares.len() <= MOST_PASSED_DOWN;
-    for below in split.parts.iter_mut().filter(|below| are_few && below.shares.is_empty()) {
-        let share = (below.particles as f64 / part.size()).min(1.0) as f32;
-        below.shares = part.shares.iter().map(|of| Share { total: of.total, value: share * of.value }).collect();
-    }
-    Ok(split)
-}
-
-/// Takes the leaves of a page from its entries on, and parts of what is below.
-fn split_page<G: Estimated>(
-    family: &FamilyQuery,
-    page: &Page,
-    entries: Vec<Entry>,
-    gather: &G,
-    split: &mut Split<G::Part>,
-) {
-    let mut batch = Batch::default();
-    let mut reached = vec![false; page.nodes.len()];
-    let mut below = Below::default();
-    // With the nearest node at or above that has merged particles.
-    let mut stack: Vec<(Entry, Option<usize>)> = entries.into_iter().map(|entry| (entry, None)).collect();
-    while let Some((Entry { node: index, inside }, above)) = stack.pop() {
-        let index = index as usize;
-        let Some(node) = page.nodes.get(index) else { continue };
-        if std::mem::replace(&mut reached[index], true) {
-            continue;
-        }
-        let cover = if inside { Cover::Inside } else { family.query.shapes.cover(node.bounds) };
-        if cover == Cover::Outside {
-            split.particles = split.particles.saturating_add(node.source_particles);
-            continue;
-        }
-        let inside = cover == Cover::Inside;
-        if node.is_leaf() {
-            family.leaf(page, index, node, inside, &mut batch);
-            gather.take(&mut split.known, &batch);
-            split.particles = split.particles.saturating_add(node.source_particles);
-            continue;
-        }
-        let merged = if node.encoding == Encoding::Grid { Some(index) } else { above };
-        let mut elsewhere: BTreeMap<PageId, Vec<Entry>> = BTreeMap::new();
-        let mut here = 0_u64;
-        for (child, &bounds) in page.children(index).iter().zip(page.child_bounds(index)) {
-            if child.page == page.id {
-                let particles = page.nodes.get(child.node as usize).map_or(0, |child| child.source_particles);
-                here = here.saturating_add(particles);
-                stack.push((Entry { node: child.node, inside }, merged));
-            } else if inside || family.query.shapes.cover(bounds) != Cover::Outside {
-                elsewhere.entry(child.page).or_default().push(Entry { node: child.node, inside });
-            }
-        }
-        if !elsewhere.is_empty() {
-            let particles = node.source_particles.saturating_sub(here);
-            let merged = merged.map(|merged| (merged, &page.nodes[merged]));
-            let shares = merged.map_or_else(Vec::new, |(merged, of)| {
-                // What of the node is below, where not all of it is.
-                let share = (particles as f64 / of.source_particles.max(1) as f64).min(1.0);
-                family.merged(page, merged, of, inside, &mut batch);
-                shares(gather, &batch, of, share)
-            });
-            below.add(Part { entries: elsewhere, particles, shares });
-        }
-    }
-    split.parts.extend(below.parts.into_iter().flatten());
-}
-
-/// What merged particles of a node say of this share of it.
-fn shares<G: Estimated>(gather: &G, batch: &Batch, node: &Node, share: f64) -> Vec<Share> {
-    let per_mass = if node.mass > 0.0 { node.source_particles as f64 / node.mass } else { 0.0 };
-    let mut found: BTreeMap<u32, f64> = BTreeMap::new();
-    // Totals are fewer than 2^32.
-    gather.merged(batch, per_mass, &mut |total, value| *found.entry(total as u32).or_default() += share * value);
-    let said = found.into_iter().map(|(total, value)| Share { total, value: value as f32 });
-    // Whatever is said, the answer is right on average; what has no place in single precision says nothing.
-    said.filter(|share| share.value.is_finite()).collect()
-}
-
-/// Parts below a page, joined where they have a page in common, so that each page is of one of them.
-#[derive(Default)]
-struct Below {
-    parts: Vec<Option<Part>>,
-    of_page: BTreeMap<PageId, usize>,
-}
-
-impl Below {
-    fn add(&mut self, mut part: Part) {
-        let own = self.parts.len();
-        let others: HashSet<usize> = part.entries.keys().filter_map(|page| self.of_page.get(page).copied()).collect();
-        let mut others: Vec<usize> = others.into_iter().collect();
-        others.sort_unstable();
-        for other in others.into_iter().filter_map(|other| self.parts[other].take()) {
-            part.particles = part.particles.saturating_add(other.particles);
-            part.shares.extend(other.shares);
-            for (page, entries) in other.entries {
-                part.entries.entry(page).or_default().extend(entries);
-            }
-        }
-        self.of_page.extend(part.entries.keys().map(|page| (*page, own)));
-        self.parts.push(Some(part));
-    }
-}
-
-/// A part that was drawn.
-struct Drawn<P> {
-    /// Its leaves; of a way through it, each as many times as it stands for others.
-    found: P,
-    /// What was said of it.
-    said: Vec<Share>,
-    /// What was said of what lies beside the way, and what the way says of that: to be added to totals.
-    beside: Vec<(u32, f64)>,
-    /// Whether what was found is among that already, as it was before numbers of particles were rounded.
-    is_counted: bool,
-    particles: u64,
-    pages: u64,
-    is_whole: bool,
-}
-
-impl<P> Drawn<P> {
-    fn new(found: P, part: &Part) -> Drawn<P> {
-        let particles = part.particles;
-        Drawn { found, said: Vec::new(), beside: Vec::new(), is_counted: false, particles, pages: 0, is_whole: true }
-    }
-}
-
-/// Reads all of a part.
-fn read<G: Estimated>(
-    tree: &dyn Tree,
-    families: &[Option<FamilyQuery>],
-    part: Part,
-    gather: &G,
-    work: Work,
-) -> Result<Drawn<G::Part>, ExploreError> {
-    let mut drawn = Drawn::new(gather.part(), &part);
-    let mut open = part.entries;
-    let mut seen = HashSet::new();
-    while let Some((id, entries)) = open.pop_first() {
-        work.go_on()?;
-        let page = tree.read_page(id)?;
-        drawn.pages += 1;
-        let Some(family) = families.get(page.family as usize).and_then(Option::as_ref) else { continue };
-        let Walked { part: own, elsewhere, .. } = family.page(&page, entries, gather);
-        gather.join(&mut drawn.found, own)?;
-        for (child, inside) in elsewhere {
-            if seen.insert(child) {
-                open.entry(child.page).or_default().push(Entry { node: child.node, inside });
-            }
-        }
-    }
-    drawn.said = part.shares;
-    Ok(drawn)
-}
-
-/// Reads a way through a part: at each step one of the parts below is drawn, with a chance in proportion to its particles.
-fn descend<G: Estimated>(
-    tree: &dyn Tree,
-    families: &[Option<FamilyQuery>],
-    part: Part,
-    gather: &G,
-    draw: u64,
-    work: Work,
-) -> Result<Drawn<G::Part>, ExploreError> {
-    let mut drawn = Drawn { is_counted: true, ..Drawn::new(gather.part(), &part) };
-    let mut own = vec![0.0; gather.totals()];
-    let mut seen: HashSet<PageId> = part.entries.keys().copied().collect();
-    let mut turn = part.turn(draw);
-    // One over the chance to get here.
-    let mut factor = 1.0;
-    let mut said = None;
-    let mut here = part;
-    loop {
-        work.go_on()?;
-        let Split { known, mut parts, pages, .. } = split(tree, families, &mut here, gather)?;
-        drawn.pages += pages;
-        // Of the part itself, which was split first.
-        said.get_or_insert_with(|| std::mem::take(&mut here.shares));
-        own.fill(0.0);
-        gather.count(&known, &mut own);
-        let counted = (0_u32..).zip(&own).filter(|(_, value)| **value != 0.0);
-        drawn.beside.extend(counted.map(|(total, value)| (total, factor * value)));
-        gather.join(&mut drawn.found, gather.scaled(known, factor))?;
-        turn = mix_bits(turn.wrapping_add(GOLDEN));
-        let size: f64 = parts.iter().map(Part::size).sum();
-        let mut place = size * as_share(turn);
-        let chosen = parts.iter().position(|part| {
-            place -= part.size();
-            place < 0.0
-        });
-        let Some(chosen) = chosen.or(parts.len().checked_sub(1)) else { break };
-        let times = |factor: f64| move |share: &Share| (share.total, factor * f64::from(share.value));
-        drawn.beside.extend(parts.iter().flat_map(|part| &part.shares).map(times(factor)));
-        drawn.is_whole &= parts.len() == 1;
-        here = parts.swap_remove(chosen);
-        factor *= size / here.size();
-        drawn.beside.extend(here.shares.iter().map(times(-factor)));
-        here.entries.retain(|page, _| seen.insert(*page));
-        if here.entries.is_empty() {
-            break;
-        }
-    }
-    drawn.said = said.unwrap_or_default();
-    Ok(drawn)
-}
-
-/// What is known of all parts by those that were read.
-struct Sample<'a, G: Estimated> {
-    gather: &'a G,
-    /// What is in no part.
-    known: G::Part,
-    /// What those that were read hold together.
-    inside: G::Part,
-    /// Totals of what is in no part, and of what merged particles say of all parts.
-    said: Vec<f64>,
-    /// By how much parts that were read have more than was said of them: sums, and sums of squares.
-    differences: [Vec<f64>; 2],
-    ratios: Vec<[usize; 2]>,
-    /// Sums of the products of these differences of each ratio.
-    products: Vec<f64>,
-    /// Those of a part.
-    own: Vec<f64>,
-    read: usize,
-    parts: usize,
-    /// Whether parts were read as a whole.
-    are_whole: bool,
-}
-
-impl<'a, G: Estimated> Sample<'a, G> {
-    fn new(gather: &'a G, known: G::Part, parts: &[Part]) -> Sample<'a, G> {
-        let none = vec![0.0; gather.totals()];
-        let mut said = none.clone();
-        gather.count(&known, &mut said);
-        for share in parts.iter().flat_map(|part| &part.shares) {
-            said[share.total as usize] += f64::from(share.value);
-        }
-        let ratios = gather.ratios();
-        Sample {
-            gather,
-            known,
-            inside: gather.part(),
-            said,
-            differences: [none.clone(), none.clone()],
-            products: vec![0.0; ratios.len()],
-            ratios,
-            own: none,
-            read: 0,
-            parts: parts.len(),
-            are_whole: true,
-        }
-    }
-
-    /// Adds a part that was read.
-    fn add(&mut self, drawn: Drawn<G::Part>) -> Result<(), ExploreError> {
-        let own = &mut self.own;
-        own.fill(0.0);
-        if !drawn.is_counted {
-            self.gather.count(&drawn.found, own);
-        }
-        drawn.beside.iter().for_each(|&(total, value)| own[total as usize] += value);
-        drawn.said.iter().for_each(|share| own[share.total as usize] -= f64::from(share.value));
-        let [sums, squares] = &mut self.differences;
-        sums.iter_mut().zip(&*own).for_each(|(sum, own)| *sum += own);
-        squares.iter_mut().zip(&*own).for_each(|(sum, own)| *sum += own * own);
-        let products = self.products.iter_mut().zip(&self.ratios);
-        products.for_each(|(sum, &[above, below])| *sum += own[above] * own[below]);
-        self.read += 1;
-        self.are_whole &= drawn.is_whole;
-        self.gather.join(&mut self.inside, drawn.found)
-    }
-
-    /// Whether there is nothing that was not read.
-    fn is_all(&self) -> bool {
-        self.read == self.parts && self.are_whole
-    }
-
-    /// Parts for one that was read.
-    fn factor(&self) -> f64 {
-        if self.read > 0 { self.parts as f64 / self.read as f64 } else { 0.0 }
-    }
-
-    /// The error of a total of which parts have this much in sum, and the squares of which have this sum.
-    fn error(&self, sum: f64, squares: f64) -> f64 {
-        if self.read < 2 {
-            return f64::INFINITY;
-        }
-        let (read, parts) = (self.read as f64, self.parts as f64);
-        let variance = ((squares - sum * sum / read) / (read - 1.0)).max(0.0);
-        let left = if self.are_whole { 1.0 - read / parts } else { 1.0 };
-        STANDARD_ERRORS * parts * (left * variance / read).sqrt()
-    }
-
-    fn totals(&self) -> Totals {
-        let [sums, squares] = &self.differences;
-        let factor = self.factor();
-        let values: Vec<f64> = self.said.iter().zip(sums).map(|(said, sum)| said + factor * sum).collect();
-        let errors = sums.iter().zip(squares).map(|(&sum, &squares)| self.error(sum, squares)).collect();
-        let ratio_error = |(&[above, below], product): (&[usize; 2], &f64)| {
-            if values[below] <= 0.0 {
-                return f64::INFINITY;
-            }
-            let ratio = values[above] / values[below];
-            let sum = sums[above] - ratio * sums[below];
-            let squares = squares[above] - 2.0 * ratio * product + ratio * ratio * squares[below];
-            self.error(sum, squares) / values[below]
-        };
-        let ratio_errors = self.ratios.iter().zip(&self.products).map(ratio_error).collect();
-        Totals { values, errors, ratio_errors }
-    }
-
-    /// All particles that were read, each as many times as it stands for others; exact where all were.
-    fn found(self) -> Result<G::Part, ExploreError> {
-        let factor = self.factor();
-        let Sample { gather, mut known, inside, .. } = self;
-        let inside = if factor > 1.0 { gather.scaled(inside, factor) } else { inside };
-        gather.join(&mut known, inside)?;
-        Ok(known)
-    }
 }

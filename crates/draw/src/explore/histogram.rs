@@ -410,6 +410,6 @@ impl Estimated for Sampling {
         let all = totals.values[self.of_those_read()];
         let shares: Vec<f64> =
             totals.values[..CELLS * CELLS].iter().map(|count| if all > 0.0 { count / all } else { 0.0 }).collect();
-        (totals.ratio_errors.clone(), largest(&totals.ratio_errors, &shares))
+        (totals.ratio_errors().to_vec(), largest(totals.ratio_errors(), &shares))
     }
 }

@@ -53,7 +53,7 @@ pub use data::{Data, FieldAbout, source_of};
 pub use error::ExploreError;
 pub use estimate::{Effort, Estimate};
 pub use export::rows::{Rows, rows};
-pub use export::{Exported, Format, Frame, export, mesh::MeshFormat};
+pub use export::{Exported, Format, Frame, export, mesh::MeshFormat, xml_escaped};
 pub use farthest::farthest;
 pub use followed::{Followed, Following};
 pub use highlight::{Highlighter, Marked};

@@ -222,8 +222,9 @@ impl<'a> FamilyQuery<'a> {
         let mut codes = Vec::with_capacity(particles.len());
         for (i, &code) in particles.codes.iter().enumerate().filter(|&(i, &code)| is_member(i, code)) {
             codes.push(code);
-            batch.relative.push(self.query.shapes.relative(place.at(particles.fraction(i))));
+            batch.positions.push(place.at(particles.fraction(i)));
         }
+        batch.relative.extend(batch.positions.iter().map(|&at| self.query.shapes.relative(at)));
         let value =
             |values: &[f32], code: u16| values.get(usize::from(code)).map_or(f64::NAN, |&value| f64::from(value));
         batch.mass.extend(codes.iter().map(|&code| value(&codebook.mass, code) * scale));

@@ -297,21 +297,28 @@ impl Shelling<'_> {
     /// Errors of the means of all shells, plain and weighted.
     fn mean_errors(&self, totals: &Totals) -> [Vec<Option<f64>>; 2] {
         let known = |error: f64| Some(error).filter(|error| error.is_finite());
-        [0, 1].map(|which| self.errors_of_means(totals, which).map(known).collect())
+        [0, 1].map(|which| match self.field {
+            Some(_) => self.errors_of_means(totals, which).into_iter().map(known).collect(),
+            None => Vec::new(),
+        })
     }
 
     /// Errors of plain means, or of weighted ones: those of the ratios, and at least what the mean is off by where those that the shell has more or
-    /// fewer of than was found, by the error of its weight, are any of it. Ratios alone tell too little where few parts of different values are in a
-    /// shell, and one of them was not read.
-    fn errors_of_means<'a>(&'a self, totals: &'a Totals, which: usize) -> impl Iterator<Item = f64> + 'a {
+    /// fewer of than was found, by the error of its weight, are any of it.
+    fn errors_of_means(&self, totals: &Totals, which: usize) -> Vec<f64> {
         let n = self.shells.len();
-        let of = move |total: usize, shell: usize| totals.values[self.total(VALUES[which] + total, shell)];
-        totals.ratio_errors.iter().skip(which * n).take(n).enumerate().map(move |(shell, &error)| {
-            let (weight, mean) = (of(0, shell), of(1, shell) / of(0, shell));
-            let dispersion = (of(2, shell) / weight - mean * mean).max(0.0).sqrt();
-            let least = totals.errors[self.total(VALUES[which], shell)] / weight * dispersion;
+        let place = |total: usize, shell: usize| self.total(VALUES[which] + total, shell);
+        let of_ratios =
+            totals.mean_errors_of(which * n..(which + 1) * n, |shell| [0, 1, 2].map(|total| place(total, shell)));
+        let of_weights = totals.errors_of(place(0, 0)..place(1, 0));
+        let error = |(shell, (error, of_weight)): (usize, (f64, f64))| {
+            let of = |total: usize| totals.values[place(total, shell)];
+            let (weight, mean) = (of(0), of(1) / of(0));
+            let dispersion = (of(2) / weight - mean * mean).max(0.0).sqrt();
+            let least = of_weight / weight * dispersion;
             if weight > 0.0 && least.is_finite() { error.max(least) } else { error }
-        })
+        };
+        of_ratios.into_iter().zip(of_weights).enumerate().map(error).collect()
     }
 
     /// The largest error of a mean relative to the root mean square of its shell's values, of shells with less than the least share of the weight
@@ -400,9 +407,10 @@ impl Estimated for Shelling<'_> {
 
     fn errors(&self, totals: &Totals) -> (Vec<f64>, f64) {
         let masses = self.total(MASS, 0)..self.total(MASS + 1, 0);
-        let errors = &totals.errors[masses.clone()];
+        let errors = totals.errors_of(masses.clone());
         let of_means = if self.field.is_some() { self.largest_of_means(totals) } else { 0.0 };
-        (errors.to_vec(), largest(errors, &totals.values[masses]).max(of_means))
+        let largest = largest(&errors, &totals.values[masses]).max(of_means);
+        (errors, largest)
     }
 }
 

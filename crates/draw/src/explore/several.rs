@@ -66,11 +66,7 @@ impl<G: Estimated> Several<G> {
         let own = |(first, gather): (usize, &G)| {
             let (count, first_ratio) = (gather.totals(), ratios);
             ratios += gather.ratios().len();
-            Totals {
-                values: totals.values[first..][..count].to_vec(),
-                errors: totals.errors[first..][..count].to_vec(),
-                ratio_errors: totals.ratio_errors[first_ratio..ratios].to_vec(),
-            }
+            totals.part(first..first + count, first_ratio..ratios)
         };
         self.placed().map(own).collect()
     }

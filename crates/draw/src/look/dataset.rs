@@ -5,10 +5,11 @@ use crate::color::transfer::TransferFunction;
 use crate::heights::import::PhotoChoice;
 use crate::import::files_of;
 use crate::mode::{Mode, Settings};
-use crate::model::{DerivedQuantity, FamilyName, Unit};
+use crate::model::url::shown;
+use crate::model::{DerivedQuantity, FamilyName, ReadMethod, Unit, is_url};
+use crate::store::known_disk;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 /// A dataset that a scene shows.
@@ -120,7 +121,7 @@ impl From<DatasetText> for DatasetRef {
             derive: text.derive.iter().map(|DerivedText(quantity)| *quantity).collect(),
         };
         let DatasetText { path, fingerprint, families, offset, scale, look, .. } = text;
-        DatasetRef { path, fingerprint, families, offset, scale, said, own_look: look }
+        DatasetRef { path: shown(&path), fingerprint, families, offset, scale, said, own_look: look }
     }
 }
 
@@ -170,12 +171,13 @@ impl Fingerprint {
         if path.is_dir() {
             return Fingerprint::of_folder(path);
         }
-        let mut file = std::fs::File::open(path)?;
-        let bytes = file.metadata()?.len();
-        let mut ends = Vec::new();
-        Read::by_ref(&mut file).take(SPAN).read_to_end(&mut ends)?;
-        file.seek(SeekFrom::Start(bytes.saturating_sub(SPAN)))?;
-        file.take(SPAN).read_to_end(&mut ends)?;
+        let file = known_disk(path, ReadMethod::default(), "file").map_err(std::io::Error::other)?;
+        let bytes = file.size()?;
+        let span = bytes.min(SPAN);
+        let mut ends = vec![0; 2 * span as usize];
+        let (first, last) = ends.split_at_mut(span as usize);
+        file.read_exact_at(first, 0)?;
+        file.read_exact_at(last, bytes - span)?;
         Ok(Fingerprint { bytes, crc32c: crc32c::crc32c(&ends) })
     }
 
@@ -220,20 +222,26 @@ impl DatasetRef {
         DatasetRef { offset, scale, said, own_look, ..DatasetRef::of(&member.path, scene) }
     }
 
-    /// Finds the data of the scene file `scene`: where it says, else beside the scene file.
+    /// Finds the data of the scene file `scene`: where it says, else beside the scene file. What lies behind a URL and cannot be read is told
+    /// where it is opened.
     ///
     /// # Errors
     /// [`SceneError::Missing`] where it is in neither place, or cannot be read.
     pub fn locate(&self, scene: &Path) -> Result<Located, SceneError> {
         let folder = folder_of(scene);
-        let named = folder.join(&self.path);
-        // What is wrong with a folder is told where it is opened.
-        let named = data_file(&named).unwrap_or(named);
+        let named = if is_url(&self.path) { shown(&self.path) } else { folder.join(&self.path) };
+        // What is wrong with a folder is told where it is opened, and so is why a server does not give a file: it is not asked again here.
+        let data = data_file(&named);
+        let is_lost = is_url(&named) && data.is_err();
+        let named = data.unwrap_or(named);
         let beside = self.path.file_name().map(|name| folder.join(name)).filter(|beside| *beside != named);
-        let places = [Some(named.clone()), beside.clone()].into_iter().flatten();
+        let places = [Some(named.clone()).filter(|_| !is_lost), beside.clone()].into_iter().flatten();
         let mut found: Vec<(PathBuf, Fingerprint)> =
             places.filter_map(|path| Fingerprint::of(&path).ok().map(|fingerprint| (path, fingerprint))).collect();
         let is_same = |fingerprint: &Fingerprint| self.fingerprint.is_none_or(|known| known == *fingerprint);
+        if found.is_empty() && is_url(&named) {
+            found.push((named.clone(), self.fingerprint.unwrap_or(Fingerprint { bytes: 0, crc32c: 0 })));
+        }
         let best = found.iter().position(|(_, fingerprint)| is_same(fingerprint)).unwrap_or(0);
         if found.is_empty() {
             let nor = beside.map(|beside| format!(", nor at {}", beside.display())).unwrap_or_default();
@@ -347,6 +355,14 @@ mod tests {
         // The one that is the same is preferred.
         std::fs::write(&file, vec![7; 200_000]).unwrap();
         assert_eq!(named.locate(&scene).unwrap().members[0].path, file.canonicalize().unwrap());
+
+        // What lies behind a URL is named as it is, wherever the scene lies; why it cannot be read is told where it is opened.
+        let url = DatasetRef { path: "http://data.example/a.df?sig=1".into(), ..DatasetRef::default() };
+        let located = url.locate(&scene).unwrap();
+        assert_eq!(
+            (located.members[0].path.as_path(), located.notes.len()),
+            (Path::new("http://data.example/a.df"), 0)
+        );
 
         // A folder of slices is named as it is.
         let slices = data.join("slices");

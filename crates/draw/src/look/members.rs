@@ -3,7 +3,7 @@
 use super::{HeightsSaid, OwnLook, TakenFor, data_file, is_field};
 use crate::heights::is_heights;
 use crate::import::ImportError;
-use crate::model::{FamilyName, Placement, Unit};
+use crate::model::{FamilyName, Placement, Unit, is_url};
 use crate::store::PageFile;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -92,7 +92,7 @@ pub fn say(members: &mut [Member], said: &HeightsSaid) {
     }
 }
 
-/// What is said of the particles in a file that is of some of these datasets: what is derived for them.
+/// What is said of the particles in a file that is of some of these datasets: that it is taken for such, and what is derived for them.
 pub fn said_of_particles(members: &[Member], path: &Path) -> HeightsSaid {
     let mut derive = Vec::new();
     for quantity in members.iter().filter(|member| member.path == path).flat_map(|member| &member.said.derive) {
@@ -100,7 +100,7 @@ pub fn said_of_particles(members: &[Member], path: &Path) -> HeightsSaid {
             derive.push(*quantity);
         }
     }
-    HeightsSaid { derive, ..HeightsSaid::default() }
+    HeightsSaid { taken_for: Some(TakenFor::Particles), derive, ..HeightsSaid::default() }
 }
 
 /// Refuses to derive attributes where none of the datasets is of particles.
@@ -134,7 +134,7 @@ impl FromStr for Member {
                 Ok(Member { offset, scale, ..Member::new(path) })
             }
             // A name may well contain the sign.
-            _ if Path::new(text).exists() => Ok(Member::new(text)),
+            _ if is_url(Path::new(text)) || Path::new(text).exists() => Ok(Member::new(text)),
             _ => Err(format!("{place}: expected FILE@X,Y,Z or FILE@X,Y,Z*SCALE")),
         }
     }

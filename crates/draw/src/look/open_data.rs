@@ -5,11 +5,11 @@ use crate::explore::Following;
 use crate::heights::store::HeightFile;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{ImportError, file_in, file_of_step, grid_format};
-use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When};
+use crate::model::url::shown;
+use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When, is_url};
 use crate::store::run::RunTree;
-use crate::store::{GridFile, Metadata, PageFile, RunFile, StoreError, Tree};
+use crate::store::{GridFile, Metadata, PageFile, RunFile, StoreError, Tree, first_bytes};
 use crate::stream::first_frame;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -29,17 +29,23 @@ pub enum DataKind {
 }
 
 impl DataKind {
-    /// What the file at `path` is; a folder is a source, if anything.
+    /// What the file at `path` is; a folder is a source, if anything, and nothing behind a URL is.
     ///
     /// # Errors
-    /// When the file cannot be read; the message names it.
+    /// When the file cannot be read, or lies behind a URL and was not built; the message names it.
     pub fn of(path: &Path) -> Result<DataKind, std::io::Error> {
         if path.is_dir() {
             return Ok(DataKind::Source);
         }
-        let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", path.display()));
-        let mut head = Vec::with_capacity(16);
-        std::fs::File::open(file_of_step(path)).map_err(name)?.take(16).read_to_end(&mut head).map_err(name)?;
+        let shown = shown(path);
+        let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", shown.display()));
+        let kind = if is_url(path) { DataKind::afar(path) } else { DataKind::read(file_of_step(path)) };
+        kind.map_err(name)
+    }
+
+    /// What the first bytes of a file say.
+    fn read(path: &Path) -> std::io::Result<DataKind> {
+        let head = first_bytes(path, 16)?;
         Ok(match () {
             () if PageFile::recognises(&head) => DataKind::Pages,
             () if RunFile::recognises(&head) => DataKind::Run,
@@ -47,6 +53,16 @@ impl DataKind {
             () if HeightFile::recognises(&head) => DataKind::Heights,
             () => DataKind::Source,
         })
+    }
+
+    /// The same of a file behind a URL, which has to be built: importers read files of this machine.
+    fn afar(url: &Path) -> std::io::Result<DataKind> {
+        let unbuilt = "found a file that was not built, expected a built one: only those are read from afar; \
+                       `deepfield build FILE -o FILE.df` builds it where it lies";
+        match DataKind::read(url)? {
+            DataKind::Source => Err(std::io::Error::new(std::io::ErrorKind::Unsupported, unbuilt)),
+            kind => Ok(kind),
+        }
     }
 
     /// What messages call it.
@@ -84,11 +100,17 @@ pub fn is_field(path: &Path) -> bool {
 }
 
 /// The source, page file, run or other file that a user means who names `path`: of a folder, the one of them in it; one of slices is a source
-/// itself.
+/// itself. A URL is named from then on by what is shown of it.
 ///
 /// # Errors
-/// [`ImportError`] with a list of what is there, where a folder holds none or several. Whether `path` exists is not asked.
+/// [`ImportError`] with a list of what is there, where a folder holds none or several; of a URL, why no built file can be read from there.
+/// Whether a path exists is not asked.
 pub fn data_file(path: &Path) -> Result<PathBuf, ImportError> {
+    if is_url(path) {
+        let path = shown(path);
+        DataKind::afar(&path).map_err(|error| ImportError::io(&path, "open", error))?;
+        return Ok(path);
+    }
     file_in(
         path,
         &[

@@ -187,8 +187,21 @@ fn page_files(folder: &Path) -> Result<Vec<Cached>, std::io::Error> {
 
 /// The budget of a folder unless one is set.
 pub fn default_budget(folder: &Path) -> u64 {
-    let held: u64 = page_files(folder).unwrap_or_default().iter().map(|file| file.bytes).sum();
-    free_bytes(folder).map_or(MOST_BYTES, |free| (free.saturating_add(held) / 5).min(MOST_BYTES))
+    free_bytes(folder).map_or(MOST_BYTES, |free| (free.saturating_add(held(folder)) / 5).min(MOST_BYTES))
+}
+
+/// How many bytes of pages that servers have sent the folder may hold beside: what built files leave of its budget, a tenth of it at least.
+///
+/// # Errors
+/// As [`stated_budget`].
+pub fn room_for_pages(folder: &Path) -> Result<u64, String> {
+    let budget = budget(folder)?;
+    Ok(budget.saturating_sub(held(folder)).max(budget / 10))
+}
+
+/// Bytes of the page files in a folder.
+fn held(folder: &Path) -> u64 {
+    page_files(folder).unwrap_or_default().iter().map(|file| file.bytes).sum()
 }
 
 /// Removes page files that were used longest ago until the folder holds at most `budget` bytes, never `keep`; and what
@@ -388,6 +401,25 @@ mod tests {
         let before = cached_name(&text).unwrap();
         file(&sky, second, 11, 5);
         assert_ne!(before, cached_name(&text).unwrap());
+    }
+
+    #[test]
+    fn a_snapshot_in_several_files_has_another_file_where_any_of_them_changes() {
+        let (folder, data) =
+            (tempfile::tempdir().unwrap(), Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data"));
+        let paths = ["arepo.0.hdf5", "arepo.1.hdf5"].map(|name| {
+            let path = folder.path().join(name);
+            std::fs::copy(data.join(name), &path).unwrap();
+            path
+        });
+        let names = || paths.each_ref().map(|path| cached_name(path).unwrap());
+        for changed in &paths {
+            let before = names();
+            assert_eq!(before, names());
+            let earlier = SystemTime::now() - Duration::from_secs(500);
+            std::fs::File::options().append(true).open(changed).unwrap().set_modified(earlier).unwrap();
+            assert!(before.iter().zip(names()).all(|(before, after)| *before != after), "{changed:?}");
+        }
     }
 
     #[test]

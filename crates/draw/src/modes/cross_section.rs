@@ -16,6 +16,7 @@ use crate::mode::{
 use crate::view::perspective_grid::GridError;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A place of the plane.
 pub static THROUGH: Setting = Setting {
@@ -261,7 +262,8 @@ impl Technique for CrossSection {
         let mut slice = section.slice(job, levels);
         let arrows = slice.decorate(&slice_overlay::of(job.settings));
         let (particles, grid) = (section.particles, [job.view.width, job.view.height, 1]);
-        let report = VolumeReport { particles, grid, arrows: arrows.map(Box::new), ..VolumeReport::default() };
+        let (arrows, values) = (arrows.map(Box::new), Some(Arc::new(section.values)));
+        let report = VolumeReport { particles, grid, arrows, values, ..VolumeReport::default() };
         Ok(Raw::Light(LightPicture { colors: slice.colors(), report, levels, isovalues: Vec::new() }))
     }
 }
@@ -343,6 +345,9 @@ mod tests {
     fn a_field_is_what_its_particles_say_and_lines_lie_where_it_has_their_values() {
         let field = (&grid::FIELD, SettingValue::Name("heat".into()));
         let plain = drawn(std::slice::from_ref(&field), &grey(Range::Auto)).expect("a slice");
+        let values = plain.report.values.as_ref().expect("values");
+        let is_value = |(at, value): (usize, &f32)| (value - (8.025 + 0.05 * (at % 80) as f32)).abs() < 0.002;
+        assert!(values.len() == 80 * 80 && values.iter().enumerate().all(is_value), "{:?}", &values[..80]);
         // 80 pixels of 0.05 from x = -2 on.
         let ends = ENDS.map(|share| 8.025 + 3.95 * share);
         let off = |(found, expected): (&f64, f64)| (found - expected).abs();

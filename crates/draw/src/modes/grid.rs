@@ -165,7 +165,7 @@ pub static SURFACE_SMOOTHING: Setting = Setting {
     name: "surface-smoothing",
     unit: "steps",
     kind: SettingKind::Number { min: 0.0, max: 200.0, default: 0.0 },
-    help: "the light on the surface that adds most to a pixel follows the larger forms: directions flow to those around up to silhouettes (F12 5.11); by the processor; not with shadows or ambient occlusion, nor of sampled volumes among other data",
+    help: "the light on the surface that adds most to a pixel follows the larger forms: directions flow to those around up to silhouettes (F12 5.11); not with shadows or ambient occlusion, nor of sampled volumes among other data",
 };
 /// Whether the volume itself is lit.
 pub static VOLUME_LIGHTING: Setting = Setting {
@@ -438,8 +438,7 @@ impl Technique for Marched {
     }
 
     fn is_processors(&self, settings: &Settings) -> bool {
-        let is_smoothed = settings.number(&SURFACE_SMOOTHING) > 0.0;
-        !self.0.surfaces.is_empty() && (shadowing::is_on(settings) || is_smoothed)
+        !self.0.surfaces.is_empty() && shadowing::is_on(settings)
     }
 
     fn detail(&self, view: &View, settings: &Settings, bounds: Bounds, _: f64) -> Detail {
@@ -571,11 +570,15 @@ impl Technique for Marched {
     }
 
     fn takes_supply(&self, settings: &Settings) -> bool {
-        let is_shadowed = !self.0.surfaces.is_empty() && shadowing::is_on(settings);
-        self.fields(settings).is_empty() && !is_shadowed
+        self.0.surfaces.is_empty() || !shadowing::is_on(settings)
     }
 
     fn draw_supplied(&self, job: &Job<'_>, supply: &mut dyn Supply) -> Result<Raw, VolumeError> {
+        let names = self.fields(job.settings);
+        if !names.is_empty() {
+            let fields = VolumeFields::of_supplied(job, supply, &self.0, &names)?;
+            return Ok(Raw::Light(fields.draw_supplied(job.view, supply)));
+        }
         let (terms, look) = Look::of_supplied(job, supply)?;
         let (scenery, isovalues) = look.scenery(&terms, self.0)?;
         let (colors, report) = volume::supply::draw(job.view, supply, &scenery, &look.options)?;
@@ -583,6 +586,10 @@ impl Technique for Marched {
     }
 
     fn supplied_levels(&self, job: &Job<'_>, supply: &mut dyn Supply) -> Result<Option<VolumeLevels>, VolumeError> {
+        let names = self.fields(job.settings);
+        if !names.is_empty() {
+            return VolumeFields::of_supplied(job, supply, &self.0, &names).map(|fields| Some(fields.levels));
+        }
         Look::of_supplied(job, supply).map(|(_, look)| Some(look.levels))
     }
 }

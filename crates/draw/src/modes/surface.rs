@@ -7,7 +7,7 @@ use crate::cpu::surface::SurfaceOptions;
 use crate::cpu::surface::holes::{Gap, Holes};
 use crate::cpu::surface::look::{Attribute, Contours, Light, Look};
 use crate::cpu::surface::placed::Map;
-use crate::cpu::surface::select::{Technique as How, USUAL_TAU};
+use crate::cpu::surface::select::{Coarse, Technique as How, USUAL_TAU};
 use crate::cpu::volume::VolumeError;
 use crate::heights::measure::FormKind;
 use crate::heights::model::{Facts, Globe, HeightGrid, units};
@@ -29,6 +29,14 @@ pub static POINT: Setting = Setting {
     kind: SettingKind::Number { min: 1.0, max: 16.0, default: 1.0 },
     help: "how wide a point is, and how far apart samples are at most that are drawn as points, of which the next whole number is taken: samples \
            of the picture, with technique points pixels; wider ones take the place of more triangles, and add to the error",
+};
+/// What coarse levels are, and how they are chosen.
+pub static PYRAMID: Setting = Setting {
+    name: "pyramid",
+    unit: "",
+    kind: SettingKind::Choice { options: &["nested", "means"] },
+    help: "what coarse levels are: samples of the field, chosen by how far the surface may be from where it is (nested), or, to compare with, chunk \
+           by chunk a pyramid of means of four, chosen by how far samples are apart (means), which has no bound, and in which holes grow",
 };
 /// How many times as high as they are heights stand.
 pub static EXAGGERATION: Setting = Setting {
@@ -243,6 +251,8 @@ pub struct SurfaceSettings {
     pub technique: How,
     /// The side of a point, samples of the picture or pixels.
     pub point: u32,
+    /// What coarse levels are.
+    pub coarse: Coarse,
     /// How many times as high as they are heights stand.
     pub exaggeration: f64,
     /// The height that stays where it is.
@@ -275,7 +285,7 @@ impl SurfaceSettings {
     /// Of a mode's settings, for a grid.
     ///
     /// # Errors
-    /// A map that does not fit its units.
+    /// A map that does not fit its units, and what a pyramid of means is not drawn with.
     pub fn new(settings: &Settings, grid: &HeightGrid) -> Result<SurfaceSettings, String> {
         let technique = match settings.name(&TECHNIQUE).as_str() {
             "points" => How::Points,
@@ -306,9 +316,20 @@ impl SurfaceSettings {
             _ => Holes::Open,
         };
         let map = map_of(&settings.name(&MAP), grid)?;
+        let coarse = if settings.name(&PYRAMID) == "means" { Coarse::Means } else { Coarse::Nested };
+        let needs_nested = [
+            ("technique rays", technique == How::Rays),
+            ("holes outlined or filled", holes != Holes::Open),
+            ("walls", settings.flag(&WALLS)),
+            ("contour-labels", settings.flag(&CONTOUR_LABELS)),
+        ];
+        if let Some((what, _)) = needs_nested.iter().find(|(_, is_asked)| *is_asked && coarse == Coarse::Means) {
+            return Err(format!("pyramid: found means with {what}, expected nested"));
+        }
         Ok(SurfaceSettings {
             technique,
             point: settings.number(&POINT).ceil() as u32,
+            coarse,
             exaggeration: settings.number(&EXAGGERATION),
             base: settings.number(&BASE),
             map,
@@ -506,6 +527,7 @@ impl SurfaceSettings {
     pub fn options(&self, look: Look, error_px: Option<f64>) -> SurfaceOptions {
         SurfaceOptions {
             technique: self.technique,
+            coarse: self.coarse,
             point: self.point,
             tau: error_px.unwrap_or(USUAL_TAU),
             samples: self.samples,
@@ -554,6 +576,7 @@ pub static MODE: Mode = Mode {
         &[
             &TECHNIQUE,
             &POINT,
+            &PYRAMID,
             &EXAGGERATION,
             &BASE,
             &MAP,
@@ -602,6 +625,24 @@ mod tests {
         assert_eq!(usual_heights(&facts(2.0, 7.0), bump), [2.0, 7.0]);
         assert_eq!(usual_heights(&facts(1.0, 3.0), std::iter::empty()), [1.0, 3.0]);
         assert_eq!(usual_heights(&facts(1.0, 3.0), std::iter::once(f64::NAN)), [1.0, 3.0]);
+    }
+
+    #[test]
+    fn pyramids_of_means_are_refused_with_what_they_have_not() {
+        let grid = HeightGrid::new(4, 5, SampleType::F32);
+        let of = |settings: &str| SurfaceSettings::new(&ron::from_str(settings).unwrap(), &grid);
+        let plain = of("{\"pyramid\": \"means\", \"technique\": \"points\", \"contours\": 1.0}").unwrap();
+        assert_eq!((plain.coarse, of("{}").unwrap().coarse), (Coarse::Means, Coarse::Nested));
+        for (other, named) in [
+            ("\"technique\": \"rays\"", "technique rays"),
+            ("\"holes\": \"filled\"", "holes"),
+            ("\"walls\": true", "walls"),
+            ("\"contour-labels\": true", "contour-labels"),
+        ] {
+            let refused = of(&format!("{{\"pyramid\": \"means\", {other}}}")).unwrap_err();
+            assert!(refused.starts_with("pyramid: found means with") && refused.contains(named), "{refused}");
+            assert!(of(&format!("{{{other}}}")).is_ok());
+        }
     }
 
     #[test]

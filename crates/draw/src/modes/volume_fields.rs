@@ -8,8 +8,9 @@ use crate::cpu::field::ValueAxis;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::shadowing::{Casters, Shadowing};
 use crate::cpu::volume::attributes::{ByDensity, Column, ColumnMarch, Columns, Reading, Shown};
-use crate::cpu::volume::{Classifier, Scenery, VolumeError, VolumeLevels, VolumeOptions, VolumeReport};
-use crate::mode::{InView, Job, LightPasses, LightPicture, LightPlan, Setting, SettingKind, Settings};
+use crate::cpu::volume::range::Histogram;
+use crate::cpu::volume::{Classifier, Scenery, Supply, VolumeError, VolumeLevels, VolumeOptions, VolumeReport};
+use crate::mode::{InView, Job, LightPasses, LightPicture, LightPlan, Setting, SettingKind, Settings, Terms};
 use crate::view::View;
 
 /// The name of densities among columns.
@@ -60,8 +61,7 @@ pub fn names(settings: &Settings, layers: &Layers) -> Vec<String> {
 }
 
 /// The transfer function of a picture of fields, whether it has a hue, and the columns that are resampled: those with these names first.
-fn colors_and_columns(job: &Job<'_>, names: &[String]) -> (TransferFunction, bool, Vec<Column>) {
-    let terms = job.terms();
+fn colors_and_columns(terms: &Terms<'_>, names: &[String]) -> (TransferFunction, bool, Vec<Column>) {
     let usual = || TransferFunction::of_volumes(terms.attribute);
     let transfer = terms.transfer.cloned().unwrap_or_else(usual).for_volume();
     let has_hue = terms.attribute && transfer.hue.is_some();
@@ -78,17 +78,20 @@ fn is_density(names: &[String], column: usize) -> bool {
 /// # Errors
 /// [`VolumeError`] when nothing is in view.
 pub fn in_view(job: &Job<'_>, names: &[String]) -> Result<InView, VolumeError> {
-    let (_, _, wanted) = colors_and_columns(job, names);
-    let options = grid::options(job.settings, job.options.kernel);
-    let columns = Columns::prepare(job.view, job.batches, &wanted, &options)?;
+    let columns = prepare(job, names)?;
     let histogram = |column: usize| columns.histogram(column, is_density(names, column));
-    Ok(InView::Columns((0..wanted.len()).map(histogram).collect()))
+    Ok(InView::Columns((0..columns.wanted.len()).map(histogram).collect()))
+}
+
+/// The columns with these names, and the one that colours them.
+fn prepare(job: &Job<'_>, names: &[String]) -> Result<Columns, VolumeError> {
+    let (_, _, wanted) = colors_and_columns(&job.terms(), names);
+    Columns::prepare(job.view, job.batches, &wanted, &grid::options(job.settings, job.options.kernel))
 }
 
 /// What a picture of fields is made of.
 pub struct VolumeFields {
     columns: Columns,
-    wanted: Vec<Column>,
     shown: Shown,
     scenery: Scenery,
     options: VolumeOptions,
@@ -119,17 +122,41 @@ impl VolumeFields {
     /// # Errors
     /// [`VolumeError`] for settings that do not fit the data or each other, and when nothing is in view.
     pub fn new(job: &Job<'_>, layers: &Layers, names: &[String]) -> Result<VolumeFields, VolumeError> {
-        let (terms, settings) = (job.terms(), job.settings);
+        VolumeFields::of(&job.terms(), layers, names, prepare(job, names)?, in_views(job))
+    }
+
+    /// The same of particles that are not all there at once, which are no batches of the job: for [`VolumeFields::draw_supplied`].
+    ///
+    /// # Errors
+    /// As [`VolumeFields::new`].
+    pub fn of_supplied(
+        job: &Job<'_>,
+        supply: &mut dyn Supply,
+        layers: &Layers,
+        names: &[String],
+    ) -> Result<VolumeFields, VolumeError> {
+        let terms = Terms { attribute: supply.has_attribute(), ..job.terms() };
+        let (_, _, wanted) = colors_and_columns(&terms, names);
+        let densities: Vec<bool> = (0..wanted.len()).map(|column| is_density(names, column)).collect();
+        let options = grid::options(job.settings, terms.kernel);
+        let (columns, found) = Columns::prepare_supplied(job.view, supply, &wanted, &densities, &options)?;
+        VolumeFields::of(&terms, layers, names, columns, in_views(job).or(Some(found.as_slice())))
+    }
+
+    /// The same of columns, and what is known of their values in view.
+    fn of(
+        terms: &Terms<'_>,
+        layers: &Layers,
+        names: &[String],
+        columns: Columns,
+        in_view: Option<&[Histogram]>,
+    ) -> Result<VolumeFields, VolumeError> {
+        let settings = terms.settings;
         let options = grid::options(settings, terms.kernel);
-        let (mut transfer, has_hue, wanted) = colors_and_columns(job, names);
-        let columns = Columns::prepare(job.view, job.batches, &wanted, &options)?;
+        let (mut transfer, has_hue, _) = colors_and_columns(terms, names);
         let is_density = |index: usize| is_density(names, index);
         let measured = |index: usize| {
-            let of_all = match job.in_views {
-                Some(InView::Columns(all)) => all.get(index),
-                _ => None,
-            };
-            let found = match of_all {
+            let found = match in_view.and_then(|all| all.get(index)) {
                 Some(all) => Columns::range(all, is_density(index))?,
                 None => Columns::range(&columns.histogram(index, is_density(index)), is_density(index))?,
             };
@@ -211,13 +238,14 @@ impl VolumeFields {
             volume_light: grid::volume_light(settings),
             termination: settings.number(&TERMINATION) as f32,
         };
-        Ok(VolumeFields { columns, wanted, shown, scenery, options, levels, isovalues })
+        Ok(VolumeFields { columns, shown, scenery, options, levels, isovalues })
     }
 
     /// What an adapter draws of it.
     pub fn plan(self) -> LightPlan {
-        let VolumeFields { columns, wanted, shown, scenery, options, levels, isovalues } = self;
-        let march = ColumnMarch { columns: wanted, shown, scenery, options, filling: columns.filling };
+        let VolumeFields { columns, shown, scenery, options, levels, isovalues } = self;
+        let Columns { wanted, filling, .. } = columns;
+        let march = ColumnMarch { columns: wanted, shown, scenery, options, filling };
         LightPlan { passes: LightPasses::Columns(Box::new(march)), levels, isovalues }
     }
 
@@ -239,20 +267,35 @@ impl VolumeFields {
 
     /// The parts that any view shows of a job's picture.
     fn parts(&self, job: &Job<'_>, from: &View) -> Result<(PathFragments, VolumeReport), VolumeError> {
-        let VolumeFields { columns, wanted, shown, scenery, options, .. } = self;
+        let VolumeFields { columns, shown, scenery, options, .. } = self;
         if from == job.view {
             return Ok(columns.draw_in_parts(from, shown, scenery, options));
         }
         let options = options.seen_from(false);
-        let columns = Columns::prepare(from, job.batches, wanted, &options)?;
+        let columns = Columns::prepare(from, job.batches, &columns.wanted, &options)?;
         Ok(columns.draw_in_parts(from, shown, scenery, &options))
     }
 
     /// Draws it, with the paths among it that the job has.
     pub fn draw(self, job: &Job<'_>) -> LightPicture {
-        let VolumeFields { columns, shown, scenery, options, levels, isovalues, .. } = self;
+        let VolumeFields { columns, shown, scenery, options, levels, isovalues } = self;
         let (colors, report) = columns.draw(job.view, &shown, &scenery, &options, job.paths);
         LightPicture { colors, report, levels, isovalues }
+    }
+
+    /// Draws it of particles that are not all there at once.
+    pub fn draw_supplied(self, view: &View, supply: &mut dyn Supply) -> LightPicture {
+        let VolumeFields { columns, shown, scenery, options, levels, isovalues } = self;
+        let (colors, report) = columns.draw_supplied(view, supply, &shown, &scenery, &options);
+        LightPicture { colors, report, levels, isovalues }
+    }
+}
+
+/// How much of what all views of a job's picture show has which values of each column, where that is known.
+fn in_views<'a>(job: &Job<'a>) -> Option<&'a [Histogram]> {
+    match job.in_views {
+        Some(InView::Columns(all)) => Some(all.as_slice()),
+        _ => None,
     }
 }
 

@@ -18,6 +18,8 @@ const DECODED: u64 = 28;
 const SUMS_PIXEL: u64 = 96;
 /// The same of a volume: two layers of bricks of two channels that are full, with those of coarser grids; the ray, its colour and its depth.
 const VOLUME_PIXEL: u64 = 384;
+/// What each column of a volume of attributes adds to that: its numbers in two layers, and coarser grids of its own in two channels.
+const COLUMN_PIXEL: u64 = 256;
 /// Most bytes that the cells of a slab take: the setting's usual ones.
 const SLAB: u64 = 256 << 20;
 /// The same where there is no room: slabs have a layer of bricks at least.
@@ -32,20 +34,29 @@ pub struct Task {
     pub pixels: u64,
     /// Whether it may be a volume.
     pub is_volume: bool,
+    /// Columns whose fields it may show, beside what densities take.
+    pub columns: u64,
 }
 
 impl Task {
     /// A tour of which nothing is known yet; most are of sums.
-    const UNKNOWN: Task = Task { pixels: 1920 * 1080, is_volume: false };
+    const UNKNOWN: Task = Task { pixels: 1920 * 1080, is_volume: false, columns: 0 };
 
     /// The largest of what these shots draw.
     pub fn of<'a>(shots: impl IntoIterator<Item = &'a Shot>) -> Task {
         let of_shot = |shot: &'a Shot| {
             let (width, height) = shot.size();
-            let is_volume = |mode: &Mode| mode.technique.takes_supply(&shot.look.settings);
-            Task { pixels: u64::from(width) * u64::from(height), is_volume: shot.look.mode.is_some_and(is_volume) }
+            let settings = &shot.look.settings;
+            let is_volume = |mode: &&Mode| mode.technique.takes_supply(settings);
+            let volume = shot.look.mode.filter(is_volume);
+            let columns = volume.map_or(0, |mode| mode.technique.fields(settings).len() as u64);
+            Task { pixels: u64::from(width) * u64::from(height), is_volume: volume.is_some(), columns }
         };
-        let both = |a: Task, b: Task| Task { pixels: a.pixels.max(b.pixels), is_volume: a.is_volume || b.is_volume };
+        let both = |a: Task, b: Task| Task {
+            pixels: a.pixels.max(b.pixels),
+            is_volume: a.is_volume || b.is_volume,
+            columns: a.columns.max(b.columns),
+        };
         shots.into_iter().map(of_shot).reduce(both).unwrap_or(Task::UNKNOWN)
     }
 
@@ -53,7 +64,10 @@ impl Task {
     /// portion, and by pixels.
     fn fixed(self) -> u64 {
         let [particles, pixel] = match self.is_volume {
-            true => [SUPPLIED * (DECODED + supply::PARTICLE_BYTES), VOLUME_PIXEL],
+            true => [
+                SUPPLIED * (DECODED + self.columns * size_of::<f32>() as u64 + supply::PARTICLE_BYTES),
+                VOLUME_PIXEL + self.columns * COLUMN_PIXEL,
+            ],
             false => [PORTION * DECODED + Summation::SORTED_BYTES, SUMS_PIXEL],
         };
         PROGRAM + IN_FLIGHT as u64 * PAGE_BYTES as u64 + particles + pixel.saturating_mul(self.pixels)
@@ -94,9 +108,10 @@ mod tests {
         /// The parts are added up anew here.
         #[test]
         fn shares_are_no_more_than_there_is(
-            (width, height) in (1_u64..8192, 1_u64..8192), is_volume in any::<bool>(), more in 0_u64..(1 << 36),
+            (width, height) in (1_u64..8192, 1_u64..8192), (is_volume, columns) in (any::<bool>(), 0_u64..4),
+            more in 0_u64..(1 << 36),
         ) {
-            let task = Task { pixels: width * height, is_volume };
+            let task = Task { pixels: width * height, is_volume, columns };
             let memory = task.fixed() + (64 << 20) + more;
             let account = Account::of(memory, task);
             let Account { pages, slab, exceeding } = account;

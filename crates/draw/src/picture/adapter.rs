@@ -118,7 +118,7 @@ pub struct AdapterSurface {
     pub form: Option<Arc<Form>>,
     /// What is shown of the photo that lies over it, where that is what colours it.
     pub photo: Option<PhotoCut>,
-    /// What it is drawn as; rays of a flat field alone.
+    /// What it is drawn as.
     pub technique: Technique,
     /// The side of a point: samples, with [`Technique::Points`] pixels; 1 at least.
     pub point: u32,
@@ -143,9 +143,9 @@ impl AdapterSurface {
         !self.scene.placed.is_flat()
     }
 
-    /// Whether rays find what is seen: compute passes cast them through flat fields, and elsewhere triangles are drawn in their place.
+    /// Whether rays find what is seen: compute passes cast them, and the rasteriser draws triangles in their place.
     pub fn casts_rays(&self) -> bool {
-        self.technique == Technique::Rays && !self.is_raster() && !self.is_globe()
+        self.technique == Technique::Rays && !self.is_raster()
     }
 
     /// Whether the adapter's rasteriser finds what is seen, and not compute passes.

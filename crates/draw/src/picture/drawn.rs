@@ -19,7 +19,7 @@ use crate::cpu::paths::fragments::lay_over;
 use crate::cpu::slice::arrows::ArrowKey;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{Film, Shot};
-use crate::mode::Raw;
+use crate::mode::{LightPicture, Raw};
 use crate::model::Moment;
 use crate::store::RunFile;
 use serde::Serialize;
@@ -281,7 +281,10 @@ impl Picture {
         }
         match &self.values {
             Raw::Sums(sums, _) => output::write_npy(path, sums),
-            Raw::Light(painted) => output::write_npy_colors(path, &painted.colors),
+            Raw::Light(LightPicture { colors, report, .. }) => match &report.values {
+                Some(values) => output::write_npy_values(path, [colors.width, colors.height], values),
+                None => output::write_npy_colors(path, colors),
+            },
         }
     }
 }

@@ -7,6 +7,7 @@ mod adapter_faces;
 pub mod annotation;
 mod any_session;
 pub mod around;
+pub mod asked;
 pub mod decode;
 pub mod drawing_cost;
 pub mod fade;

@@ -43,7 +43,7 @@ impl AnySession {
             {
                 AnySession::Field(Box::new(FieldSession::open(&only.path, options, reporter)?))
             }
-            [only] if matches!(DataKind::of(&only.path), Ok(DataKind::Heights)) => {
+            [only] if is_nothing_but_heights(only) => {
                 let modes = shots.iter().filter_map(|shot| shot.look.mode).filter(|mode| !mode.takes_surfaces());
                 let names: Vec<&str> = modes.map(|mode| mode.name).collect();
                 let why = match &names[..] {
@@ -76,6 +76,13 @@ impl AnySession {
             }
         }
     }
+}
+
+/// Whether a dataset is of heights and has no pixels that could be particles: it was built, is said to be heights, or its format knows nothing else.
+fn is_nothing_but_heights(member: &Member) -> bool {
+    matches!(DataKind::of(&member.path), Ok(DataKind::Heights))
+        || member.said.is_heights() == Some(true)
+        || member.is_of_heights() && !is_field(&member.path)
 }
 
 /// Refuses the source of an image or a volume where a mode draws heights, before its pixels or voxels are made particles; says how its values are

@@ -203,6 +203,8 @@ impl Projector {
                     return Ok(Texels::black(face.view.width, face.view.height));
                 };
                 let colors = std::mem::take(&mut light.colors);
+                // Those of a face are not the picture's.
+                light.report.values = None;
                 last = Some(light);
                 Ok(colors.into())
             })?;
@@ -453,6 +455,7 @@ impl Projector {
                 return Ok(among.map_or_else(black, |paths| PathFragments::colors(paths).into()));
             };
             let colors = std::mem::take(&mut painted.colors);
+            painted.report.values = None;
             last = Some(painted);
             Ok(colors.into())
         })?;

@@ -1,5 +1,6 @@
 //! What is told about pages that cannot be read: the first ones one by one, and not a flood of them.
 
+use crate::model::is_url;
 use crate::store::{Change, PageId};
 use std::path::Path;
 use std::time::Duration;
@@ -44,9 +45,9 @@ impl Report {
     /// A read has been without an answer for so long.
     pub fn stalled(&mut self, path: &Path, page: PageId, age: Duration) {
         if !std::mem::replace(&mut self.is_stalled, true) {
-            let (path, page, seconds) = (path.display(), page.0, age.as_secs_f64());
+            let (who, path, page, seconds) = (answering(path), path.display(), page.0, age.as_secs_f64());
             self.messages.push(format!(
-                "{path}: page {page}: the disk has not answered for {seconds:.1} s; the picture is coarser there until it does"
+                "{path}: page {page}: {who} has not answered for {seconds:.1} s; the picture is coarser there until it does"
             ));
         }
     }
@@ -54,9 +55,14 @@ impl Report {
     /// No read is without an answer any more.
     pub fn answered(&mut self, path: &Path) {
         if std::mem::replace(&mut self.is_stalled, false) {
-            self.messages.push(format!("{}: the disk answers again", path.display()));
+            self.messages.push(format!("{}: {} answers again", path.display(), answering(path)));
         }
     }
+}
+
+/// Who answers reads of a file.
+fn answering(path: &Path) -> &'static str {
+    if is_url(path) { "the server" } else { "the disk" }
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use super::report::Report;
 use super::{PageState, Residency};
 use crate::hierarchy::Purpose;
 use crate::hierarchy::pca::Step;
-use crate::store::{NodeRef, Page, PageId, Tree};
+use crate::store::{NodeRef, Page, PageId, Tree, take_notes};
 use crate::view::{Detail, NodeInfo, NodeTree, Occluder, Selection, View, select_unhidden};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -44,6 +44,11 @@ impl Default for StreamOptions {
 
 /// Time between two walks through the prefetching sphere at least.
 const WALK: Duration = Duration::from_millis(50);
+/// Reads at a time at most where what pages are read from says how many serve best.
+const MOST_READS: usize = 64;
+/// Time without an answer after which a read over a link counts as stalled, at least: a slow link takes as long for a page, and reads that get
+/// nothing more end by themselves.
+const SLOW: Duration = Duration::from_secs(60);
 
 /// What [`Streamer::arrive`] has found.
 #[derive(Clone, Debug, Default)]
@@ -91,13 +96,17 @@ impl Streamer {
     /// Nothing of `tree` is in memory yet.
     pub fn new(tree: impl Tree + 'static, options: StreamOptions) -> Streamer {
         let tree: Arc<dyn Tree> = Arc::new(tree);
+        let loader = match tree.reads_at_once() {
+            Some(_) => Loader::new(Arc::clone(&tree), MOST_READS, options.stall.max(SLOW)),
+            None => Loader::new(Arc::clone(&tree), options.in_flight, options.stall),
+        };
         Streamer {
-            residency: Residency::new(Arc::clone(&tree), options.budget),
+            residency: Residency::new(tree, options.budget),
             copies: None,
             occluder: None,
             upcoming: Vec::new(),
             goal: None,
-            loader: Loader::new(tree, options.in_flight, options.stall),
+            loader,
             options,
             pace: Pace::default(),
             report: Report::default(),
@@ -148,6 +157,7 @@ impl Streamer {
             self.report.failed(&path, &why);
         }
         arrivals.messages = self.report.take();
+        arrivals.messages.extend(take_notes());
         arrivals
     }
 
@@ -265,9 +275,8 @@ impl Streamer {
 
     /// Begins to read what is missing. The pages that are being read from now on.
     pub fn serve(&mut self) -> Vec<PageId> {
-        let StreamOptions { in_flight, ahead, .. } = self.options;
-        let in_flight = in_flight * self.residency.tree().pages_at_once();
-        let in_advance = (ahead.share * in_flight as f64).ceil() as usize;
+        let (in_flight, share) = self.at_once();
+        let in_advance = (share * in_flight as f64).ceil() as usize;
         let next = || self.residency.next_to_load(in_flight, in_advance);
         let started: Vec<PageId> = std::iter::from_fn(next).collect();
         started.iter().for_each(|&page| self.loader.start(page));
@@ -321,13 +330,21 @@ impl Streamer {
         self.pace.prefetch_distance(self.residency.tree().largest_page_bytes(), &self.options.ahead)
     }
 
+    /// How many pages are read at a time, and the share of them that may be read ahead of time: as is set, or as a link takes them.
+    fn at_once(&self) -> (usize, f64) {
+        let (StreamOptions { in_flight, ahead, .. }, tree) = (&self.options, self.residency.tree());
+        match tree.reads_at_once() {
+            Some(reads) => (reads.min(MOST_READS), ahead.share.min(0.5)),
+            None => (in_flight * tree.pages_at_once(), ahead.share),
+        }
+    }
+
     /// How long before it is needed another view as large as the last one has to be read, seconds: so many times as long as its pages
     /// take to come ([`LookAhead::loads`]), within the bounds of [`LookAhead`].
     pub fn lead_secs(&self) -> f64 {
         let LookAhead { loads, least_secs, most_secs, .. } = self.options.ahead;
         let tree = self.residency.tree();
-        let at_once = self.options.in_flight.max(1) * tree.pages_at_once();
-        let turns = self.visited.div_ceil(at_once.max(1)) as f64;
+        let turns = self.visited.div_ceil(self.at_once().0.max(1)) as f64;
         (loads * turns * self.pace.load_secs(tree.largest_page_bytes())).min(most_secs).max(least_secs)
     }
 

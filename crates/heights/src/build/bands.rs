@@ -1,8 +1,10 @@
 //! The rows of a field that are in memory at a time.
 
 use super::{HeightBuildError, Measured, Seen};
+use crate::codec::values::Values;
 use crate::hierarchy::chunks::Part;
 use crate::hierarchy::chunks::compact::{Compact, is_single};
+use crate::hierarchy::chunks::deviation::Range;
 use crate::hierarchy::chunks::lattice::Lattice;
 use crate::model::{HeightGrid, Window};
 use rayon::prelude::*;
@@ -93,9 +95,10 @@ impl FieldRows {
     }
 }
 
-/// Reads rows from `first` up to `end`, some at a time. What is no finite number was not measured.
+/// Reads rows from `first` up to `end`, some at a time, and rounds their samples to values. What is no finite number was not measured.
 pub(super) fn read(
     source: &dyn Measured,
+    values: &Values,
     first: u64,
     end: u64,
     at_once: u64,
@@ -112,14 +115,22 @@ pub(super) fn read(
         stored.resize(rows as usize * width, 0.0);
         seen = seen.and(&source.measured(window, &mut stored)?);
         let at = out.len();
-        let compact: Vec<FieldRow> = stored
+        let compact: Vec<(FieldRow, Range)> = stored
             .par_chunks_exact_mut(width)
             .map(|row| {
                 row.iter_mut().filter(|value| !value.is_finite()).for_each(|value| *value = f64::NAN);
-                FieldRow { stored: Compact::new(grid.sample_type, row), planes: Vec::new() }
+                let mut range = Range::NONE;
+                if values.step().is_some() {
+                    row.iter().for_each(|value| range.add(*value));
+                    values.round(row);
+                }
+                (FieldRow { stored: Compact::new(grid.sample_type, row), planes: Vec::new() }, range)
             })
             .collect();
-        out.extend(compact);
+        out.extend(compact.into_iter().map(|(row, range)| {
+            seen.range.join(range);
+            row
+        }));
         for number in 0..grid.planes.len() {
             plane.resize(rows as usize * width, 0);
             source.plane(number, window, &mut plane)?;

@@ -8,11 +8,13 @@ mod photo;
 mod tests;
 
 use crate::codec::heights;
+use crate::codec::values::Values;
 use crate::hierarchy::chunks::Lattice;
+use crate::hierarchy::chunks::deviation::Range;
 use crate::import::HeightSource;
 use crate::import::suspects::Suspects;
 use crate::model::{HeightError, HeightGrid, Heights, Invalid, PhotoRows, Window, units};
-use crate::store::HeightAbout;
+use crate::store::{HeightAbout, Rounded};
 use deepfield_data::model::progress::Progress;
 use deepfield_data::store::StoreError;
 use std::path::{Path, PathBuf};
@@ -24,6 +26,17 @@ pub struct HeightBuildOptions {
     pub memory: Option<u64>,
     /// How many threads work; nothing: one a core. The file is the same with any number.
     pub threads: Option<usize>,
+    /// How far heights may be from the source's, in their unit, so that the file is smaller; nothing: they are the source's own.
+    pub height_error: Option<f64>,
+}
+
+impl HeightBuildOptions {
+    /// What there is to tell where heights may be off, but rounding them makes no difference to what was built.
+    pub fn not_rounded(&self, built: &HeightAbout) -> Option<String> {
+        let error = self.height_error.filter(|_| built.rounded.is_none())?;
+        let kept = built.grid.sample_type;
+        Some(format!("heights stay as they are: an error of {error} is less than {kept} samples can be rounded by"))
+    }
 }
 
 /// Where heights come from, as the file tells it.
@@ -39,6 +52,8 @@ pub struct HeightOrigin {
     pub has_spacing: bool,
     /// What the import assumed, one sentence each.
     pub notes: Vec<String>,
+    /// Of a page file, whose samples are built again, how they were rounded.
+    pub rounded: Option<Rounded>,
 }
 
 /// What is seen of samples while they are read.
@@ -48,17 +63,21 @@ pub struct Seen {
     pub invalid: Invalid,
     /// Values that look as if they were not.
     pub suspects: Suspects,
+    /// Of samples that are rounded, the range before that.
+    pub range: Range,
 }
 
 impl Seen {
     /// Nothing yet.
     pub fn none() -> Seen {
-        Seen { invalid: Invalid::default(), suspects: Suspects::none() }
+        Seen { invalid: Invalid::default(), suspects: Suspects::none(), range: Range::NONE }
     }
 
     /// These, and those of other samples.
     pub fn and(self, other: &Seen) -> Seen {
-        Seen { invalid: self.invalid.and(other.invalid), suspects: self.suspects.and(&other.suspects) }
+        let mut range = self.range;
+        range.join(other.range);
+        Seen { invalid: self.invalid.and(other.invalid), suspects: self.suspects.and(&other.suspects), range }
     }
 }
 
@@ -106,7 +125,7 @@ impl Measured for HeightSource {
             *value = f64::NAN;
         }
         let suspects = Suspects::among(out.iter().copied().filter(|value| !value.is_nan()));
-        Ok(Seen { invalid, suspects })
+        Ok(Seen { invalid, suspects, ..Seen::none() })
     }
 
     fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
@@ -124,6 +143,7 @@ impl HeightOrigin {
             bytes: about.bytes,
             has_spacing: about.has_spacing,
             notes: about.notes.clone(),
+            rounded: None,
         }
     }
 }
@@ -154,6 +174,16 @@ pub enum HeightBuildError {
         invalid: u64,
         /// All samples.
         samples: u64,
+    },
+    /// Heights cannot be rounded like this.
+    #[error("{path}: --height-error: found {found}, expected {expected}")]
+    Rounding {
+        /// The source.
+        path: PathBuf,
+        /// What was asked for.
+        found: String,
+        /// What may be.
+        expected: String,
     },
     /// The build needs more memory than it may take.
     #[error(
@@ -198,8 +228,9 @@ pub fn build_heights(
     if !heights::is_coded(grid.sample_type) {
         return Err(HeightBuildError::Type { path: origin.path.clone(), found: grid.sample_type.to_string() });
     }
+    let rounded = rounded(grid, origin, options.height_error)?;
     let lattice = Lattice::new(grid.rows, grid.columns);
-    let work = || pass::build(source, origin, options.memory, lattice, output, progress);
+    let work = || pass::build(source, origin, options.memory, rounded, lattice, output, progress);
     match options.threads {
         None => work(),
         Some(threads) => {
@@ -209,6 +240,23 @@ pub fn build_heights(
             pool.map_err(failed)?.install(work)
         }
     }
+}
+
+/// How samples are rounded where heights may be off by an error; nothing where all values of the type are left.
+fn rounded(grid: &HeightGrid, origin: &HeightOrigin, error: Option<f64>) -> Result<Option<Rounded>, HeightBuildError> {
+    let Some(error) = error else { return Ok(origin.rounded) };
+    let wrong = |found: String, expected: &str| {
+        Err(HeightBuildError::Rounding { path: origin.path.clone(), found, expected: expected.into() })
+    };
+    if let Some(own) = origin.rounded {
+        let found = format!("{error} for a page file that is within {} of this source", own.error);
+        return wrong(found, "the source itself to build from");
+    }
+    if error.is_nan() || error.is_infinite() || error <= 0.0 {
+        return wrong(error.to_string(), "a number above 0");
+    }
+    let values = Values::within(grid.sample_type, grid.scale, error);
+    Ok(values.step().map(|_| Rounded { error, values }))
 }
 
 /// Metres of a degree of a sphere's great circle as large as the Earth.

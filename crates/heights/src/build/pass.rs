@@ -8,6 +8,7 @@ use super::bands::{self, FieldRows};
 use super::coarse_chunk::{self, CoarseChunk};
 use super::photo::{self, PhotoPass};
 use super::{HeightBuildError, HeightOrigin, Measured, Seen};
+use crate::codec::values::Values;
 use crate::hierarchy::chunks::cells::Patch;
 use crate::hierarchy::chunks::compact::Compact;
 use crate::hierarchy::chunks::deviation::{self, Fine, Range};
@@ -19,7 +20,7 @@ use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
 use crate::import::proportions;
 use crate::model::{Facts, HeightGrid};
 use crate::store::chunk::{self, Code};
-use crate::store::{HeightAbout, HeightFileWriter};
+use crate::store::{HeightAbout, HeightFileWriter, Rounded};
 use deepfield_data::model::Scale;
 use deepfield_data::model::progress::Progress;
 use rayon::prelude::*;
@@ -28,6 +29,7 @@ use std::path::Path;
 /// A build under way.
 struct Pass<'a> {
     grid: &'a HeightGrid,
+    values: Values,
     lattice: Lattice,
     slopes: [f64; 2],
     writer: HeightFileWriter,
@@ -47,16 +49,18 @@ struct Pass<'a> {
     photo: Option<PhotoPass<'a>>,
 }
 
-/// Builds a file with chunks of any size.
+/// Builds a file with chunks of any size, of samples that are rounded like this, if they are.
 pub(super) fn build(
     source: &dyn Measured,
     origin: &HeightOrigin,
     memory: Option<u64>,
+    rounded: Option<Rounded>,
     lattice: Lattice,
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<HeightAbout, HeightBuildError> {
     let grid = source.grid();
+    let values = rounded.map_or(Values::all(grid.sample_type), |rounded| rounded.values);
     let plan = bands::plan(grid, &lattice, memory);
     let photo = source.photo_rows();
     let bytes = plan.bytes + photo.as_deref().map_or(0, photo::memory);
@@ -71,6 +75,7 @@ pub(super) fn build(
     let near = lattice.side_bits.min(lattice.levels() - 1);
     let mut pass = Pass {
         grid,
+        values,
         lattice,
         slopes: super::slopes(grid),
         writer: HeightFileWriter::create(output, lattice, planes)?,
@@ -93,11 +98,11 @@ pub(super) fn build(
     // A band ends with a row more than its own: the ring around its leaves.
     let end_of = |band: u32| (u64::from(band + 1) * lattice.side() + 2).min(grid.rows);
     progress.begin("building", grid.rows);
-    let (rows, mut seen) = bands::read(source, 0, end_of(0), plan.rows)?;
+    let (rows, mut seen) = bands::read(source, &values, 0, end_of(0), plan.rows)?;
     pass.rows.extend(rows);
     for band in 0..bands {
         let (from, to) = (pass.rows.end(), if band + 1 < bands { end_of(band + 1) } else { pass.rows.end() });
-        let (worked, read) = rayon::join(|| pass.band(band), || bands::read(source, from, to, plan.rows));
+        let (worked, read) = rayon::join(|| pass.band(band), || bands::read(source, &values, from, to, plan.rows));
         worked?;
         let (rows, more) = read?;
         seen = seen.and(&more);
@@ -105,12 +110,12 @@ pub(super) fn build(
         progress.advance((u64::from(band + 1) * lattice.side()).min(grid.rows) - u64::from(band) * lattice.side());
     }
     pass.far()?;
-    pass.finish(origin, &seen)
+    pass.finish(origin, rounded, &seen)
 }
 
 impl Pass<'_> {
     fn code(&self) -> Code<'_> {
-        Code { lattice: &self.lattice, sample_type: self.grid.sample_type, slopes: self.slopes }
+        Code { lattice: &self.lattice, values: self.values, slopes: self.slopes }
     }
 
     fn is_last(&self, band: u32) -> bool {
@@ -167,7 +172,7 @@ impl Pass<'_> {
         let is_empty = looked.low > looked.high && planes.iter().flatten().all(|value| *value == 0);
         let bytes = match is_empty {
             true => Vec::new(),
-            false => chunk::encode_leaf(self.grid.sample_type, &stored, held.columns, &planes, part.columns),
+            false => chunk::encode_leaf(&self.values, &stored, held.columns, &planes, part.columns),
         };
         (looked, bytes)
     }
@@ -216,7 +221,7 @@ impl Pass<'_> {
                 Some(below) => below.get(row).map(|row| &row.stored),
             };
             let start = own[0].made();
-            own[0].make(end, self.grid.sample_type, height);
+            own[0].make(end, self.values, height);
             if level == self.lattice.side_bits && self.lattice.levels() > level + 1 {
                 self.corners.extend((start..end).filter_map(|row| own[0].get(row)).map(|row| row.stored.clone()));
             }
@@ -344,7 +349,7 @@ impl Pass<'_> {
         }
         let sums = (std::mem::take(&mut self.sums), std::mem::take(&mut self.light));
         let (corners, ranges) = (std::mem::take(&mut self.corners), std::mem::take(&mut self.ranges));
-        let mut far = Far::new(self.lattice, self.grid.sample_type, corners, sums, planes, ranges);
+        let mut far = Far::new(self.lattice, self.values, corners, sums, planes, ranges);
         for level in first..levels {
             let rows = far.next_level();
             let columns = self.lattice.samples_of(level)[1] as usize - 1;
@@ -367,10 +372,24 @@ impl Pass<'_> {
         Ok(())
     }
 
-    fn finish(mut self, origin: &HeightOrigin, seen: &Seen) -> Result<HeightAbout, HeightBuildError> {
+    fn finish(
+        mut self,
+        origin: &HeightOrigin,
+        rounded: Option<Rounded>,
+        seen: &Seen,
+    ) -> Result<HeightAbout, HeightBuildError> {
         let samples = self.grid.samples();
         if self.valid == 0 {
             return Err(HeightBuildError::Nothing { path: origin.path.clone(), invalid: samples, samples });
+        }
+        if let Some(Rounded { error, .. }) = rounded.filter(|_| origin.rounded.is_none()) {
+            // A level field may be off by what it likes: it stays level.
+            let range = (seen.range.high - seen.range.low) * self.grid.scale.slope.abs();
+            if error > range && range > 0.0 {
+                let expected = format!("at most the range of heights, {range}");
+                let (path, found) = (origin.path.clone(), error.to_string());
+                return Err(HeightBuildError::Rounding { path, found, expected });
+            }
         }
         let root = self.lattice.root();
         let (min, max) = self.leaves_range();
@@ -398,6 +417,7 @@ impl Pass<'_> {
             area: self.total.area,
             slopes: self.slopes,
             levels: Vec::new(),
+            rounded,
             photo: None,
         };
         let (file, about) = self.writer.complete(about)?;

@@ -57,10 +57,10 @@ fn field(rows: u64, columns: u64, sample_type: SampleType, holes: u32, planes: u
     HeightField { grid, stored, planes }
 }
 
-fn built(field: &HeightField, side_bits: u32, folder: &Path) -> (HeightFile, HeightAbout) {
+fn built(field: &HeightField, side_bits: u32, rounded: Option<Rounded>, folder: &Path) -> (HeightFile, HeightAbout) {
     let lattice = Lattice { side_bits, ..Lattice::new(field.grid.rows, field.grid.columns) };
     let path = folder.join("field.df");
-    let about = pass::build(field, &HeightOrigin::default(), None, lattice, &path, &()).unwrap();
+    let about = pass::build(field, &HeightOrigin::default(), None, rounded, lattice, &path, &()).unwrap();
     (HeightFile::open(&path, ReadMethod::default()).unwrap(), about)
 }
 
@@ -104,10 +104,16 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
     #[test]
-    fn files_hold_what_they_promise((field, side_bits) in field_strategy()) {
+    fn files_hold_what_they_promise((field, side_bits) in field_strategy(), error in prop::option::of(0.05..8.0)) {
         let folder = tempfile::tempdir().unwrap();
-        let (file, about) = built(&field, side_bits, folder.path());
+        let rounded = rounded(&field.grid, &HeightOrigin::default(), error).unwrap();
+        let (file, about) = built(&field, side_bits, rounded, folder.path());
         prop_assert_eq!(file.about(), &about);
+        prop_assert_eq!(about.rounded, rounded);
+        // All else is of the rounded samples, to the bit.
+        let mut stored = field.stored.clone();
+        about.values().round(&mut stored);
+        let field = HeightField { stored, ..field };
         check_samples(&field, &file)?;
         verify_heights(file.path(), &()).map_err(|error| TestCaseError::fail(error.to_string()))?;
         for level in 0..file.lattice().levels() {
@@ -401,12 +407,12 @@ fn the_same_bytes_with_any_threads_and_memory() {
     let mut files = Vec::new();
     for (threads, memory) in [(1, None), (2, None), (3, Some(64_u64 << 20)), (2, Some(4 << 30))] {
         let path = folder.path().join("field.df");
-        let options = HeightBuildOptions { threads: Some(threads), memory };
+        let options = HeightBuildOptions { threads: Some(threads), memory, ..HeightBuildOptions::default() };
         build_heights(&field, &HeightOrigin::default(), &options, &path, &()).unwrap();
         files.push(std::fs::read(&path).unwrap());
     }
     assert!(files.iter().all(|file| *file == files[0]));
-    let options = HeightBuildOptions { threads: None, memory: Some(1 << 20) };
+    let options = HeightBuildOptions { memory: Some(1 << 20), ..HeightBuildOptions::default() };
     let error =
         build_heights(&field, &HeightOrigin::default(), &options, &folder.path().join("other.df"), &()).unwrap_err();
     assert!(error.to_string().contains("memory"), "{error}");
@@ -414,10 +420,47 @@ fn the_same_bytes_with_any_threads_and_memory() {
 }
 
 #[test]
+fn heights_are_rounded_within_the_range_and_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let field = field(60, 50, SampleType::F32, 2, 1, 3);
+    let [path, again] = ["field.df", "again.df"].map(|name| folder.path().join(name));
+    let origin = HeightOrigin { path: "dem.tif".into(), ..HeightOrigin::default() };
+    let options = |error: f64| HeightBuildOptions { height_error: Some(error), ..HeightBuildOptions::default() };
+    for (error, expected) in [
+        (0.0, "found 0, expected a number above 0"),
+        (-1.0, "found -1, expected a number above 0"),
+        (f64::NAN, "found NaN, expected a number above 0"),
+        (f64::INFINITY, "found inf, expected a number above 0"),
+        (1000.0, "found 1000, expected at most the range of heights, "),
+    ] {
+        let refused = build_heights(&field, &origin, &options(error), &path, &()).unwrap_err().to_string();
+        assert!(refused.starts_with(&format!("dem.tif: --height-error: {expected}")), "{refused}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+    build_heights(&field, &origin, &options(0.05), &path, &()).unwrap();
+    let open = crate::OpenHeights::open(&path, &crate::import::HeightOptions::default()).unwrap();
+    assert_eq!(open.height_error(), Some(0.05));
+    // What a page file is built from stays as rounded as it is.
+    open.build(&HeightBuildOptions::default(), &again, &()).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&again).unwrap());
+    let refused = open.build(&options(0.1), &again, &()).unwrap_err().to_string();
+    assert!(refused.contains("--height-error: found 0.1 for a page file that is within 0.05"), "{refused}");
+    // Nothing to round: the file is the same as without.
+    build_heights(&field, &origin, &HeightBuildOptions::default(), &path, &()).unwrap();
+    build_heights(&field, &origin, &options(1e-60), &again, &()).unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&again).unwrap());
+    // A level field has no range.
+    let level = HeightField::of(20, 10, vec![1.5; 200]);
+    let about = build_heights(&level, &origin, &options(10.0), &path, &()).unwrap();
+    assert_eq!((about.facts.min, about.facts.max, about.rounded.map(|rounded| rounded.error)), (0.0, 0.0, Some(10.0)));
+}
+
+#[test]
 fn every_flipped_bit_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let field = field(60, 50, SampleType::I16, 2, 1, 3);
-    let (file, _) = built(&field, 4, folder.path());
+    let rounded = rounded(&field.grid, &HeightOrigin::default(), Some(1.0)).unwrap();
+    let (file, _) = built(&field, 4, rounded, folder.path());
     let bytes = std::fs::read(file.path()).unwrap();
     let path = folder.path().join("damaged.df");
     let mut noise = Noise(9);
@@ -442,17 +485,20 @@ fn every_flipped_bit_is_found() {
 fn damage_behind_right_checksums_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let field = field(40, 45, SampleType::I16, 1, 1, 7);
-    let (file, _) = built(&field, 3, folder.path());
-    let bytes = std::fs::read(file.path()).unwrap();
     let path = folder.path().join("damaged.df");
-    let word = |bytes: &[u8], at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
-    let footer = word(&bytes, 24);
+    let files = [None, Some(2.0)].map(|error| {
+        let rounded = rounded(&field.grid, &HeightOrigin::default(), error).unwrap();
+        let bytes = std::fs::read(built(&field, 3, rounded, folder.path()).0.path()).unwrap();
+        let footer = u64::from_le_bytes(bytes[24..32].try_into().unwrap()) as usize;
+        (bytes, footer)
+    });
     let mut noise = Noise(11);
-    for _ in 0..3000 {
+    for case in 0..3000 {
+        let (bytes, footer) = &files[case % 2];
         let mut damaged = bytes.clone();
         let at = footer + (noise.next() as usize % (bytes.len() - footer));
         damaged[at] = noise.next() as u8;
-        let crc = crc32c::crc32c(&damaged[footer..]);
+        let crc = crc32c::crc32c(&damaged[*footer..]);
         damaged[40..44].copy_from_slice(&crc.to_le_bytes());
         let crc = crc32c::crc32c(&damaged[..60]);
         damaged[60..64].copy_from_slice(&crc.to_le_bytes());

@@ -1,10 +1,11 @@
-//! A block of samples of any type, without loss.
+//! A block of samples of any type, without loss of what they are rounded to ([`super::values`]), if they are.
 //!
 //! Bytes: which samples were measured ([`super::validity`]); of every eight rows the number of their predictor ([`super::predict`]), two numbers a
 //! byte, the first in the lower bits; what is left of the measured samples, row by row ([`super::residuals`]). Where no sample was measured,
 //! nothing follows the first. Samples that were not measured are passed over; for their neighbours the sample to the left stands in.
 
 use super::predict::{self, Predictor};
+use super::values::Values;
 use super::words::Words;
 use super::{residuals, validity};
 use deepfield_data::model::SampleType;
@@ -14,12 +15,12 @@ pub fn is_coded(sample_type: SampleType) -> bool {
     Words::of(sample_type).is_some()
 }
 
-/// Appends the code of samples as they are stored, row by row; NaN, and what is infinite, was not measured. Samples are values of the type;
+/// Appends the code of samples as they are stored, row by row; NaN, and what is infinite, was not measured. Samples are among the values;
 /// others come back as another one. `columns` is at least 1.
-pub fn encode(sample_type: SampleType, stored: &[f64], columns: usize, out: &mut Vec<u8>) {
+pub fn encode(values: &Values, stored: &[f64], columns: usize, out: &mut Vec<u8>) {
     let valid: Vec<bool> = stored.iter().map(|value| value.is_finite()).collect();
     // Doubles can stand for what is no type of heights.
-    let words = Words::of(sample_type).unwrap_or(Words::Double);
+    let words = values.words().unwrap_or(Words::Double);
     let mut coded = vec![0; stored.len()];
     words.encode(stored, &mut coded);
     encode_words(&mut coded, &valid, columns, out);
@@ -27,8 +28,8 @@ pub fn encode(sample_type: SampleType, stored: &[f64], columns: usize, out: &mut
 
 /// Reads `out.len()` samples of rows of `columns` from the front of the bytes; NaN where nothing was measured. Returns how many bytes they
 /// take; `None` where the bytes are no such block. The work is bounded by the number of samples, whatever the bytes are.
-pub fn decode(sample_type: SampleType, bytes: &[u8], columns: usize, out: &mut [f64]) -> Option<usize> {
-    let words = Words::of(sample_type)?;
+pub fn decode(values: &Values, bytes: &[u8], columns: usize, out: &mut [f64]) -> Option<usize> {
+    let words = values.words()?;
     let mut coded = vec![0; out.len()];
     let (taken, valid) = decode_words(bytes, columns, &mut coded)?;
     let is_right = words.decode(&coded, out);

@@ -1,9 +1,10 @@
 //! Stored samples as whole numbers of the same order, and back: every bit of a number comes back, the sign of zero, too.
 
+use super::values::Steps;
 use deepfield_data::model::SampleType;
 
 /// Whole numbers of the samples of a type. Samples of 64 bits that are no floats are not known here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Words {
     /// The samples are whole numbers of these bounds.
     Whole(i64, i64),
@@ -11,6 +12,8 @@ pub(super) enum Words {
     Single,
     /// Doubles.
     Double,
+    /// The samples are rounded.
+    Steps(Steps),
 }
 
 impl Words {
@@ -42,6 +45,10 @@ impl Words {
                 let bits = value.to_bits() as i64;
                 *word = bits ^ (((bits >> 63) as u64) >> 1) as i64;
             }),
+            // As for `Values::round`.
+            Words::Steps(steps) => {
+                pulp::Arch::new().dispatch(|| pairs.for_each(|(word, value)| *word = steps.word(*value)));
+            }
         }
     }
 
@@ -63,6 +70,11 @@ impl Words {
             Words::Double => pairs.for_each(|(value, word)| {
                 *value = f64::from_bits((*word ^ (((*word >> 63) as u64) >> 1) as i64) as u64);
                 is_right &= value.is_finite();
+            }),
+            Words::Steps(steps) => pairs.for_each(|(value, word)| {
+                let found = steps.value(*word);
+                is_right &= found.is_some();
+                *value = found.unwrap_or_default();
             }),
         }
         is_right

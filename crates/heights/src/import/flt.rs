@@ -13,7 +13,7 @@ pub(super) const FLT: HeightFormat = HeightFormat {
     name: "flt",
     extensions: &["flt"],
     is_sure: always,
-    detect: |content| content.has_extension("flt") && description(content).is_ok(),
+    detect: |content| content.has_extension("flt"),
     open,
 };
 

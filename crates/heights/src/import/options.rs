@@ -35,7 +35,9 @@ impl HeightOptions {
             |option: &str, found: String, expected: &str| Err(ImportError::malformed(path, option, found, expected));
         if let Some([x, y]) = self.spacing.filter(|spacing| !spacing.iter().all(|step| step.is_finite() && *step > 0.0))
         {
-            return wrong("--spacing", format!("{x},{y}"), "two numbers above 0");
+            // Where more or fewer numbers are given there are none.
+            let found = if x.is_nan() && y.is_nan() { "no two numbers".to_owned() } else { format!("{x},{y}") };
+            return wrong("--spacing", found, "two numbers above 0, DX,DY");
         }
         let shown = |unit: &Unit| unit.0.chars().filter(|c| !c.is_control()).take(40).collect::<String>();
         if let Some(unit) =

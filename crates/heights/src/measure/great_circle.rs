@@ -40,9 +40,12 @@ pub fn great_circle(grid: &HeightGrid, ends: [[f64; 2]; 2]) -> Vec<Vec<[f64; 2]>
 }
 
 /// A line cut where it leaves the turn of a field that begins with its least longitude.
-fn in_turns(grid: &HeightGrid, way: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
+pub(super) fn in_turns(grid: &HeightGrid, way: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
     let last = grid.place(0.0, grid.columns as f64 - 1.0)[0];
     let low = grid.origin[0].min(last);
+    // A first column that is repeated is where the turn ends, whatever the digits of a step have lost by there.
+    let is_repeated = grid.around() == Some(grid.columns - 1);
+    let high = if is_repeated { grid.origin[0].max(last) } else { low + 360.0 };
     // The last column may be the first one again.
     let is_in = |x: f64, turn: f64| (low..=low + 360.0).contains(&(x - 360.0 * turn));
     let turn_of = |x: f64| ((x - low) / 360.0).floor();
@@ -51,15 +54,17 @@ fn in_turns(grid: &HeightGrid, way: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
     let mut pieces = vec![vec![[first[0] - 360.0 * turn, first[1]]]];
     for pair in way.windows(2) {
         let [from, to] = [pair[0], pair[1]];
-        if !is_in(to[0], turn) {
-            let next = turn_of(to[0]);
+        let end = if is_in(to[0], turn) { turn } else { turn_of(to[0]) };
+        while turn != end {
+            let next = turn + (end - turn).signum();
             let seam = low + 360.0 * turn.max(next);
             let latitude = from[1] + (seam - from[0]) / (to[0] - from[0]) * (to[1] - from[1]);
+            let [ends, begins] = if next > turn { [high, low] } else { [low, high] };
             if let Some(piece) = pieces.last_mut() {
-                piece.push([seam - 360.0 * turn, latitude]);
+                piece.push([ends, latitude]);
             }
+            pieces.push(vec![[begins, latitude]]);
             turn = next;
-            pieces.push(vec![[seam - 360.0 * turn, latitude]]);
         }
         if let Some(piece) = pieces.last_mut() {
             piece.push([to[0] - 360.0 * turn, to[1]]);

@@ -49,7 +49,7 @@ pub use paged::{PagedPyramid, Stands, pick_all};
 pub use part::{Disc, Part, window_of};
 pub use pick::{Pick, pick};
 pub use probe::{Probe, Sample, gradient, nearest, probe, probe_on, probe_sample};
-pub use profile::{Profile, ProfilePoint, profile, profile_on};
+pub use profile::{Profile, ProfilePoint, profile, profile_of_pieces, profile_on};
 pub use pyramid::Pyramid;
 pub use ray::{Hit, MinMax, Ray, Rise, cast, cast_all, height_ratio};
 pub use residuals::{FittedForm, fitted};

@@ -75,12 +75,13 @@ pub fn probe(heights: &dyn Heights, place: [f64; 2]) -> Result<Probe, HeightErro
     probe_on(heights, &Lengths::of(heights.grid()), place)
 }
 
-/// What is at a place in x and y.
+/// What is at a place in x and y; in degrees some turns further, too.
 ///
 /// # Errors
 /// Where the field cannot be read.
 pub fn probe_on(heights: &dyn Heights, lengths: &Lengths, [x, y]: [f64; 2]) -> Result<Probe, HeightError> {
-    let [row, column] = heights.grid().row_column([x, y]);
+    let grid = heights.grid();
+    let [row, column] = grid.row_column([grid.in_turn(x), y]);
     Ok(Probe { x, y, ..probe_sample(heights, lengths, row, column)? })
 }
 

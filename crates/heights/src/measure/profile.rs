@@ -1,5 +1,6 @@
 //! T along a polyline: exact, as T is linear between two crossings of its edges.
 
+use super::great_circle::in_turns;
 use super::tiles::{Tiles, height_in};
 use crate::model::{HeightError, HeightGrid, Heights, Lengths, units};
 use rayon::prelude::*;
@@ -52,16 +53,53 @@ pub fn profile(heights: &dyn Heights, polyline: &[[f64; 2]]) -> Result<Profile, 
     Ok(Profile { points: drawn.finish(), length: length.value(), valid_length })
 }
 
-/// The same with distances that are these lengths: of places in degrees, of the line that is straight in them.
+/// Longitudes of a line are at most so many degrees from the field's.
+const FARTHEST: f64 = 3600.0;
+
+/// The same with distances that are these lengths: of places in degrees, of the line that is straight in them. Over a field that goes round a
+/// globe it goes on behind the seam, where x begins anew.
 ///
 /// # Errors
 /// As [`profile`].
 pub fn profile_on(heights: &dyn Heights, lengths: &Lengths, polyline: &[[f64; 2]]) -> Result<Profile, HeightError> {
-    let mut found = profile(heights, polyline)?;
+    let grid = heights.grid();
+    let corners: Vec<[f64; 2]> = polyline.iter().copied().filter(|[x, y]| x.is_finite() && y.is_finite()).collect();
+    let is_near = corners.iter().all(|[x, _]| (x - grid.origin[0]).abs() <= FARTHEST);
+    if grid.around().is_some() && is_near {
+        profile_of_pieces(heights, lengths, &in_turns(grid, &corners))
+    } else {
+        profile_of_piece(heights, lengths, &corners)
+    }
+}
+
+/// T along polylines, one behind the other.
+///
+/// # Errors
+/// As [`profile`].
+pub fn profile_of_pieces(
+    heights: &dyn Heights,
+    lengths: &Lengths,
+    pieces: &[Vec<[f64; 2]>],
+) -> Result<Profile, HeightError> {
+    let mut whole = Profile { points: Vec::new(), length: 0.0, valid_length: 0.0 };
+    for piece in pieces {
+        let found = profile_of_piece(heights, lengths, piece)?;
+        let before = whole.length;
+        whole
+            .points
+            .extend(found.points.into_iter().map(|point| ProfilePoint { distance: before + point.distance, ..point }));
+        whole.length += found.length;
+        whole.valid_length += found.valid_length;
+    }
+    Ok(whole)
+}
+
+/// [`profile_on`] a polyline of numbers that does not cross a seam.
+fn profile_of_piece(heights: &dyn Heights, lengths: &Lengths, corners: &[[f64; 2]]) -> Result<Profile, HeightError> {
+    let mut found = profile(heights, corners)?;
     if !units::is_degrees(&heights.grid().xy_unit) {
         return Ok(found);
     }
-    let corners: Vec<[f64; 2]> = polyline.iter().copied().filter(|[x, y]| x.is_finite() && y.is_finite()).collect();
     // Where each leg begins and ends: by the profile's own distance, and by length.
     let mut legs = Vec::new();
     let (mut before, mut way) = (Sum::default(), Sum::default());

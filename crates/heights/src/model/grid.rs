@@ -74,6 +74,15 @@ impl HeightGrid {
         [self.columns - 1, self.columns].into_iter().find(|around| is_round && column == *around as f64)
     }
 
+    /// Where x is degrees: the same longitude some turns further, where the grid has columns there. Else x as it is.
+    pub fn in_turn(&self, x: f64) -> f64 {
+        let ends = [self.origin[0], self.place(0.0, (self.columns - 1) as f64)[0]];
+        let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+        let turned = low + (x - low).rem_euclid(360.0);
+        let is_elsewhere = units::is_degrees(&self.xy_unit) && !(low..=high).contains(&x);
+        if is_elsewhere && turned <= high { turned } else { x }
+    }
+
     /// The row and the column, with fractions, at a place.
     pub fn row_column(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         [(y - self.origin[1]) / self.step[1], (x - self.origin[0]) / self.step[0]]

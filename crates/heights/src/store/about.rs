@@ -2,8 +2,9 @@
 
 use super::node::{NodeRecord, RECORD_LEN};
 use super::photo::StoredPhoto;
-use super::{VERSION, WITH_PHOTO};
+use super::{ROUNDED, VERSION, WITH_PHOTO};
 use crate::codec::heights;
+use crate::codec::values::Values;
 use crate::hierarchy::chunks::Lattice;
 use crate::model::{Facts, HeightGrid, Invalid, Plane};
 use deepfield_data::model::{SampleType, Scale, Unit};
@@ -40,14 +41,47 @@ pub struct HeightAbout {
     pub slopes: [f64; 2],
     /// Its levels, the finest first.
     pub levels: Vec<LevelAbout>,
+    /// How its samples are rounded; nothing where they are the source's own.
+    pub rounded: Option<Rounded>,
     /// The photo that lies over it.
     pub photo: Option<StoredPhoto>,
+}
+
+/// How samples are rounded, and how far that is at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rounded {
+    /// No height is farther from the source's than this, in the unit of heights.
+    pub error: f64,
+    /// Values that are left.
+    pub values: Values,
+}
+
+impl Rounded {
+    fn encode(&self, out: &mut Encoder) {
+        [self.error, self.values.step().unwrap_or_default()].into_iter().for_each(|value| out.f64(value));
+    }
+
+    fn decode(input: &mut Decoder<'_>, sample_type: SampleType) -> Result<Rounded, Damage> {
+        let (error, step) = (input.f64("the height error")?, input.f64("the step of samples")?);
+        let values = Values::stepped(sample_type, step).filter(|_| error.is_finite() && error > 0.0);
+        let expected = || format!("a height error above 0 and a step of {sample_type}, found {error} and {step}");
+        values.map(|values| Rounded { error, values }).ok_or_else(|| Damage::new("footer", expected()))
+    }
 }
 
 impl HeightAbout {
     /// The version of a file that says this.
     pub(super) fn version(&self) -> u32 {
-        if self.photo.is_some() { WITH_PHOTO } else { VERSION }
+        match (self.rounded, &self.photo) {
+            (Some(_), _) => ROUNDED,
+            (None, Some(_)) => WITH_PHOTO,
+            (None, None) => VERSION,
+        }
+    }
+
+    /// The values that samples have.
+    pub fn values(&self) -> Values {
+        self.rounded.map_or(Values::all(self.grid.sample_type), |rounded| rounded.values)
     }
 }
 
@@ -103,6 +137,10 @@ pub(super) fn encode(about: &HeightAbout, lattice: &Lattice, nodes: &[NodeRecord
         [level.chunks, level.samples, level.bytes].into_iter().for_each(|count| out.u64(count));
     }
     nodes.iter().for_each(|node| node.encode(&mut out));
+    if let Some(rounded) = &about.rounded {
+        rounded.encode(&mut out);
+        out.u8(about.photo.is_some().into());
+    }
     if let Some(photo) = &about.photo {
         photo.encode(&mut out);
     }
@@ -185,7 +223,8 @@ pub(super) fn decode(bytes: &[u8], version: u32) -> Result<(HeightAbout, Lattice
         return Err(wrong(format!("room for {chunks} chunks")));
     }
     let nodes = (0..chunks).map(|_| NodeRecord::decode(input)).collect::<Result<Vec<_>, _>>()?;
-    let has_photo = version == WITH_PHOTO;
+    let rounded = (version == ROUNDED).then(|| Rounded::decode(input, sample_type)).transpose()?;
+    let has_photo = if rounded.is_some() { flag(input, "whether there is a photo")? } else { version == WITH_PHOTO };
     let photo = has_photo.then(|| StoredPhoto::decode(input, bytes.len() as u64)).transpose()?;
     whole.finish()?;
     for (level, own) in levels.iter().enumerate() {
@@ -210,6 +249,7 @@ pub(super) fn decode(bytes: &[u8], version: u32) -> Result<(HeightAbout, Lattice
         area,
         slopes,
         levels,
+        rounded,
         photo,
     };
     Ok((about, lattice, nodes))

@@ -7,9 +7,9 @@
 
 use super::normals;
 use crate::codec::heights;
+use crate::codec::values::Values;
 use crate::hierarchy::chunks::coarse::UP;
 use crate::hierarchy::chunks::{ChunkKey, Lattice, Part};
-use deepfield_data::model::SampleType;
 
 /// Bit of the first byte: coverage is kept.
 const COVERAGE: u8 = 1;
@@ -65,16 +65,16 @@ impl Chunk {
 pub struct Code<'a> {
     /// The levels and chunks.
     pub lattice: &'a Lattice,
-    /// How samples are stored.
-    pub sample_type: SampleType,
+    /// Which values samples have.
+    pub values: Values,
     /// From differences of stored samples along columns and rows to slopes in space.
     pub slopes: [f64; 2],
 }
 
 /// The bytes of a leaf. `stored` is `held` samples, `columns` in a row; planes have `own` columns.
-pub fn encode_leaf(sample_type: SampleType, stored: &[f64], columns: usize, planes: &[Vec<u8>], own: usize) -> Vec<u8> {
+pub fn encode_leaf(values: &Values, stored: &[f64], columns: usize, planes: &[Vec<u8>], own: usize) -> Vec<u8> {
     let mut out = Vec::with_capacity(stored.len() * 2);
-    heights::encode(sample_type, stored, columns, &mut out);
+    heights::encode(values, stored, columns, &mut out);
     planes.iter().for_each(|plane| heights::encode_bytes(plane, own, &mut out));
     out
 }
@@ -96,7 +96,7 @@ pub fn encode_coarse(
         if has_normals { normals::taken_apart(code, key, stored, normals) } else { Default::default() };
     let flags = [(has_coverage, COVERAGE), (has_normals, NORMALS), (is_rest[0], XY_RESTS), (is_rest[1], Z_RESTS)];
     out.push(flags.into_iter().filter(|(is_set, _)| *is_set).map(|(_, bit)| bit).sum());
-    heights::encode(code.sample_type, stored, columns, &mut out);
+    heights::encode(&code.values, stored, columns, &mut out);
     if has_coverage {
         heights::encode_bytes(coverage, columns, &mut out);
     }
@@ -107,7 +107,7 @@ pub fn encode_coarse(
 
 /// Reads a chunk from all of the bytes; `None` where they are none.
 pub fn decode(bytes: &[u8], key: ChunkKey, code: &Code<'_>, planes: usize) -> Option<Chunk> {
-    let Code { lattice, sample_type, .. } = *code;
+    let Code { lattice, values, .. } = *code;
     let part = lattice.part(key);
     let held = if key.level == 0 { lattice.ringed(part) } else { part };
     let mut rest = bytes;
@@ -123,7 +123,7 @@ pub fn decode(bytes: &[u8], key: ChunkKey, code: &Code<'_>, planes: usize) -> Op
         return None;
     }
     let mut stored = vec![0.0; held.len()];
-    rest = rest.get(heights::decode(sample_type, rest, held.columns, &mut stored)?..)?;
+    rest = rest.get(heights::decode(&values, rest, held.columns, &mut stored)?..)?;
     let mut plane = || -> Option<Vec<u8>> {
         let mut values = vec![0; part.len()];
         rest = rest.get(heights::decode_bytes(rest, part.columns, &mut values)?..)?;

@@ -10,7 +10,7 @@ pub mod tile;
 pub mod verify;
 pub mod writer;
 
-pub use about::{HeightAbout, LevelAbout};
+pub use about::{HeightAbout, LevelAbout, Rounded};
 pub use chunk::Chunk;
 pub use photo::{PhotoOfFile, StoredPhoto};
 pub use tile::Tile;
@@ -19,10 +19,11 @@ pub use writer::HeightFileWriter;
 
 use crate::hierarchy::chunks::{ChunkKey, ChunkNode, Lattice, Part};
 use crate::model::{HeightError, HeightGrid, Heights, Window};
+use deepfield_data::model::url::shown;
 use deepfield_data::model::{ReadMethod, Unit};
 use deepfield_data::store::container::{Container, FileKind, RawPage};
 use deepfield_data::store::error::Damage;
-use deepfield_data::store::{Disk, LocalFile, PageId, StoreError};
+use deepfield_data::store::{Disk, PageId, StoreError, open_disk};
 use node::NodeRecord;
 use place::Place;
 use rayon::prelude::*;
@@ -35,7 +36,9 @@ pub const HEIGHTS_MAGIC: [u8; 8] = *b"\x89DFH\r\n\x1a\n";
 pub const VERSION: u32 = 4;
 /// The version of those with a photo.
 pub const WITH_PHOTO: u32 = 5;
-const KIND: FileKind = FileKind { name: "file of heights", magic: HEIGHTS_MAGIC, versions: [VERSION, WITH_PHOTO] };
+/// The version of those with rounded samples, with or without a photo.
+pub const ROUNDED: u32 = 6;
+const KIND: FileKind = FileKind { name: "file of heights", magic: HEIGHTS_MAGIC, versions: [VERSION, ROUNDED] };
 /// Family of pages of chunks.
 const CHUNKS: u32 = 0;
 /// Family of pages of a photo's tiles.
@@ -55,15 +58,12 @@ pub struct HeightFile {
 }
 
 impl HeightFile {
-    /// Opens a file and checks its header, footer and table of pages. Pages are checked as they are read.
+    /// Opens a file, here or behind a URL, and checks its header, footer and table of pages. Pages are checked as they are read.
     ///
     /// # Errors
     /// [`StoreError`] where it cannot be read, is no such file or is damaged.
     pub fn open(path: &Path, method: ReadMethod) -> Result<HeightFile, StoreError> {
-        let opened = LocalFile::open(path, method);
-        let opened = opened.map_err(|source| StoreError::Io { path: path.into(), action: "open", source })?;
-        let not_a_file = || StoreError::NotThis { path: path.into(), kind: KIND.name, expected: "a regular file" };
-        HeightFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))
+        HeightFile::open_on(&shown(path), open_disk(path, method, KIND.name)?)
     }
 
     /// The same for bytes that lie anywhere.
@@ -172,9 +172,8 @@ impl HeightFile {
         let record = self.record(key).filter(|record| self.page_of(key) == Some(page.page) && record.place.len > 0);
         let record = record.ok_or_else(|| damaged("to be in this page"))?;
         let bytes = record.place.of(&page.bytes).ok_or_else(|| damaged("bytes in its page"))?;
-        let grid = &self.about.grid;
-        let code = chunk::Code { lattice: &self.lattice, sample_type: grid.sample_type, slopes: self.about.slopes };
-        chunk::decode(bytes, key, &code, grid.planes.len()).ok_or_else(|| damaged("samples of a chunk"))
+        let code = chunk::Code { lattice: &self.lattice, values: self.about.values(), slopes: self.about.slopes };
+        chunk::decode(bytes, key, &code, self.about.grid.planes.len()).ok_or_else(|| damaged("samples of a chunk"))
     }
 
     /// Checks a page's checksum and head.

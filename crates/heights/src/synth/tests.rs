@@ -45,6 +45,33 @@ proptest! {
     }
 }
 
+/// Rough ground takes fewer bytes where heights may be off: nearly log2 of twice the error fewer bits a sample.
+#[test]
+fn rough_ground_is_smaller_within_a_bound() {
+    use crate::build::{HeightBuildOptions, HeightOrigin, build_heights};
+    use crate::model::HeightField;
+    use crate::store::HeightFile;
+    let folder = tempfile::tempdir().unwrap();
+    for (sample_type, errors) in [(SampleType::F32, [0.05, 1.0]), (SampleType::I16, [1.0, 4.0])] {
+        let options = SurfaceOptions { hurst: 0.2, sample_type, ..SurfaceOptions::new(SurfaceShape::Fbm, 600, 500) };
+        let field = HeightField { grid: surface(&options).grid().clone(), stored: all(&options), planes: Vec::new() };
+        let path = folder.path().join("field.df");
+        let bytes = |height_error| {
+            let options = HeightBuildOptions { height_error, ..HeightBuildOptions::default() };
+            build_heights(&field, &HeightOrigin::default(), &options, &path, &()).unwrap();
+            let file = HeightFile::open(&path, Default::default()).unwrap();
+            let mut stored = vec![0.0; field.stored.len()];
+            file.stored(Window::all(&field.grid), &mut stored).unwrap();
+            let error = height_error.unwrap_or(0.0);
+            assert!(stored.iter().zip(&field.stored).all(|(found, own)| (found - own).abs() <= error));
+            file.bytes() as f64
+        };
+        let [lossless, fine, coarse] = [None, Some(errors[0]), Some(errors[1])].map(bytes);
+        let bits = (2.0 * errors[1] / (2.0 * errors[0] + if sample_type.is_float() { 0.0 } else { 1.0 })).log2();
+        assert!(fine < 0.95 * lossless && coarse < fine - 0.5 * bits / 8.0 * 300_000.0, "{lossless}, {fine}, {coarse}");
+    }
+}
+
 #[test]
 fn the_motion_has_its_hurst_exponent_in_all_directions() {
     for hurst in [0.2, 0.5, 0.8] {

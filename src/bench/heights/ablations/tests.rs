@@ -77,11 +77,12 @@ fn points_and_normals_are_worse_without_the_rest() {
 fn holes_are_worse_without_coverage() {
     let (_folder, path, arguments) = built(0.3, "64x48");
     let found = Bench::open(&path, &arguments).unwrap().ablations().unwrap();
-    let [ships, whole, grown] = ["ships", "as if whole", "grow"].map(|way| of(&found, "above", way));
+    let [ships, whole, grown, means] = ["ships", "as if whole", "grow", "of means"].map(|way| of(&found, "above", way));
     assert!((ships.covered / ships.valid - 1.0).abs() < 0.03, "{ships:?}");
     assert!(whole.covered > 1.3 * whole.valid, "{whole:?}");
     assert!(grown.covered < 0.7 * grown.valid, "{grown:?}");
     assert!(whole.mean > ships.mean && grown.mean > ships.mean, "{ships:?}, {whole:?}, {grown:?}");
+    assert!(means.points > 0 && means.mean > ships.mean, "{means:?}, {ships:?}");
 }
 
 #[test]

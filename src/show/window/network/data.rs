@@ -1,6 +1,7 @@
-//! Where a follower has the data that the leader shows: each machine has a copy of its own.
+//! Where a follower has the data that the leader shows: each machine has a copy of its own, or reads what lies behind the same URL.
 
 use crate::look::{DatasetRef, Fingerprint, Member};
+use crate::model::is_url;
 use bevy::math::DVec3;
 use std::path::{Path, PathBuf};
 
@@ -47,6 +48,8 @@ fn one(
     match first {
         Some((path, fingerprint)) if same(&fingerprint) => return Ok(path.clone()),
         Some(_) => {}
+        // Why it cannot be read is told where it is opened.
+        None if is_url(&dataset.path) => return Ok(dataset.path.clone()),
         None => {
             let path = dataset.path.display();
             return Err(format!(
@@ -107,5 +110,9 @@ mod tests {
             "{other:?}"
         );
         assert!(of(&[]).unwrap_err().contains("the data is not here"));
+        // What the leader reads from afar, followers do, too; no server is asked for this one.
+        let afar = DatasetRef { path: "http://data.example/box.df".into(), ..dataset.clone() };
+        let found = find(std::slice::from_ref(&afar), &[]).unwrap();
+        assert!(found.members[0].path == afar.path && found.notes.is_empty());
     }
 }

@@ -5,6 +5,8 @@
 mod protocol;
 mod transport;
 
+use crate::model::is_url;
+use crate::model::url::whole;
 use etcetera::BaseStrategy;
 use protocol::Token;
 use std::io;
@@ -93,7 +95,8 @@ pub fn hand_over(folder: &Path, path: &Path) -> io::Result<bool> {
 }
 
 fn hand_over_by<T: Transport>(folder: &Path, path: &Path, patience: Duration) -> io::Result<bool> {
-    let path = std::path::absolute(path)?;
+    // What is not shown of a URL goes no further than the door, which is the user's alone.
+    let path = if is_url(path) { PathBuf::from(whole(path)) } else { std::path::absolute(path)? };
     let told = |error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", folder.display()));
     let entries = match std::fs::read_dir(folder) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
@@ -166,6 +169,8 @@ mod tests {
         let (_silent, _) = T::connect(&door.place, patience).unwrap();
         assert!(hand_over_by::<T>(&folder, Path::new("relative.df"), long).unwrap());
         assert_eq!(next(&mut door), Some(std::path::absolute("relative.df").unwrap()));
+        assert!(hand_over_by::<T>(&folder, Path::new("https://data.example/door.df?sig=1"), long).unwrap());
+        assert_eq!(next(&mut door), Some("https://data.example/door.df".into()));
         assert_eq!(door.asked(), None);
         drop(door);
         assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "a door that is closed is gone");

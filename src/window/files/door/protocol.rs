@@ -1,5 +1,7 @@
 //! What is said at a door: who asks sends a mark, the door's token, the length of a path and the path; who is asked answers with one byte.
 
+use crate::model::is_url;
+use crate::model::url::shown;
 use std::io::{self, Error, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -105,8 +107,8 @@ fn receive(wire: &mut impl Read, token: &Token) -> io::Result<PathBuf> {
     let mut path = vec![0; length];
     wire.read_exact(&mut path)?;
     let path = path_of(path)?;
-    match path.is_absolute() {
-        true => Ok(path),
+    match path.is_absolute() || is_url(&path) {
+        true => Ok(shown(&path)),
         false => Err(refused("path", path.display(), "a whole path")),
     }
 }

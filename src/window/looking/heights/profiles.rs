@@ -1,8 +1,8 @@
 //! Profiles along a line that is drawn over a field.
 
 use super::Spot;
-use crate::heights::measure::{Profile, ProfilePoint, great_circle, profile_on};
-use crate::heights::model::{HeightError, Heights, Lengths};
+use crate::heights::measure::{ProfilePoint, great_circle, profile_of_pieces, profile_on};
+use crate::heights::model::{Heights, Lengths};
 use crate::heights::store::HeightFile;
 
 /// Points of a profile that are kept.
@@ -22,29 +22,6 @@ pub struct Line {
 }
 
 /// The profile between two places: along a straight line, on a globe along the great circle.
-fn profile_between(
-    file: &HeightFile,
-    lengths: &Lengths,
-    is_flat: bool,
-    ends: [[f64; 2]; 2],
-) -> Result<Profile, HeightError> {
-    if is_flat {
-        return profile_on(file, lengths, &ends);
-    }
-    let mut whole = Profile { points: Vec::new(), length: 0.0, valid_length: 0.0 };
-    for piece in great_circle(file.grid(), ends) {
-        let found = profile_on(file, lengths, &piece)?;
-        let before = whole.length;
-        whole
-            .points
-            .extend(found.points.into_iter().map(|point| ProfilePoint { distance: before + point.distance, ..point }));
-        whole.length += found.length;
-        whole.valid_length += found.valid_length;
-    }
-    Ok(whole)
-}
-
-/// The profile along the line between two places.
 pub(super) fn line_of(
     file: &HeightFile,
     field: usize,
@@ -54,7 +31,11 @@ pub(super) fn line_of(
 ) -> Result<Line, String> {
     let grid = file.grid();
     let lengths = Lengths::on(grid, radius);
-    let found = profile_between(file, &lengths, is_flat, ends).map_err(|error| error.to_string())?;
+    let found = match is_flat {
+        true => profile_on(file, &lengths, &ends),
+        false => profile_of_pieces(file, &lengths, &great_circle(grid, ends)),
+    };
+    let found = found.map_err(|error| error.to_string())?;
     let every = found.points.len().div_ceil(MOST_POINTS).max(1);
     // Gaps and ends stay, however many points there are.
     let last = found.points.len().saturating_sub(1);

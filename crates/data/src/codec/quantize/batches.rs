@@ -66,6 +66,9 @@ pub trait Batches: Sync {
     /// What is known of a batch.
     fn info(&self, batch: usize) -> BatchInfo;
 
+    /// The group of a batch; batches come in the order of groups. Sums are taken for each group by itself, and then added up.
+    fn group(&self, batch: usize) -> u32;
+
     /// Reads a batch.
     ///
     /// # Errors

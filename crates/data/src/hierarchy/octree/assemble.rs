@@ -2,7 +2,6 @@
 
 use super::piece::Piece;
 use super::{Encoding, LevelInfo, OctreeOptions, Purpose, is_relay};
-use crate::codec::morton;
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::Bounds;
 use glam::DVec3;
@@ -55,10 +54,9 @@ pub fn assemble<Data>(
     options: &OctreeOptions,
 ) -> Option<Tree<Data>> {
     let deepest = pieces.iter().map(|piece| piece.key.depth).max()?;
-    let mut by_depth: Vec<Vec<(u64, Piece<Data>)>> = (0..=deepest).map(|_| Vec::new()).collect();
+    let mut by_depth: Vec<Vec<(u128, Piece<Data>)>> = (0..=deepest).map(|_| Vec::new()).collect();
     for piece in pieces {
-        let NodeKey { depth, x, y, z } = piece.key;
-        by_depth[usize::from(depth)].push((morton::encode([x, y, z]), piece));
+        by_depth[usize::from(piece.key.depth)].push((piece.key.order(), piece));
     }
     let (mut nodes, mut levels) = (Vec::new(), Vec::new());
     let mut below: Vec<Draft<Data>> = Vec::new();
@@ -96,8 +94,8 @@ pub fn assemble<Data>(
 /// A node that is being put together, with lengths in root fractions.
 struct Draft<Data> {
     node: TreeNode<Data>,
-    /// Morton key of its cell among those of its depth.
-    cell: u64,
+    /// [`NodeKey::order`].
+    cell: u128,
     whole: bool,
     input: u64,
     merged: u64,

@@ -6,8 +6,8 @@ use std::ops::Range;
 /// Merged particles that stand for the source particles of a run of whole cells, in Morton order of their cells.
 #[derive(Debug, Default)]
 pub(super) struct Block {
-    /// Morton key of each merged particle's first source particle: it has the cell of the merged one at the depth of
-    /// merging and above.
+    /// Morton key of each merged particle's first source particle ([`Sorted::keys_at`]): it has the cell of the merged one at the
+    /// depth of merging and above.
     pub keys: Vec<u64>,
     /// True (not quantised) positions, fractions of the root cell.
     pub units: Vec<[f64; 3]>,
@@ -82,10 +82,12 @@ impl Content {
         }
     }
 
-    /// The columns of the particles to merge; `sorted` are the source particles.
-    pub fn view<'a>(&'a self, sorted: &'a Sorted) -> View<'a> {
+    /// The columns of the particles to merge at a depth; `sorted` are the source particles.
+    pub fn view<'a>(&'a self, sorted: &'a Sorted, depth: u8) -> View<'a> {
         match self {
-            Content::Sources(range) => View::of(&sorted.keys, &sorted.units, None, &sorted.columns, range.clone()),
+            Content::Sources(range) => {
+                View::of(sorted.keys_at(depth), &sorted.units, None, &sorted.columns, range.clone())
+            }
             Content::Block(block) => {
                 View::of(&block.keys, &block.units, Some(&block.boxes), &block.columns, 0..block.len())
             }

@@ -6,11 +6,11 @@ use super::leaf::leaf;
 use super::merge::Merger;
 use super::piece::{Piece, Words};
 use super::plan::{Plan, cell_keys};
-use super::sorted::{Columns, Place, Sorted};
+use super::sorted::{Columns, DEEP, Place, Sorted};
 use super::{Context, Purpose, is_relay};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::NodeKey;
-use crate::hierarchy::cell::MAX_DEPTH;
+use crate::hierarchy::cell::{CELL_DEPTH, MAX_DEPTH};
 use std::ops::Range;
 
 /// What a bucket that was cut inside a cell of depth 8 leaves to [`super::joint`].
@@ -63,7 +63,7 @@ impl<'a> Bucket<'a> {
         }
         let depth = plan.closed_depth(*number);
         let mut builder = Builder { context, levels, plan, own: plan.keys(*number), sorted, sink };
-        let top = builder.visit(depth, 0..sorted.keys.len())?;
+        let top = builder.visit(cell_of(sorted.keys[0], depth), 0..sorted.keys.len())?;
         Ok(match top.content {
             Content::Block(block) if depth > 0 => Some(Open { depth, block }),
             _ => None,
@@ -82,13 +82,14 @@ struct Builder<'a, E> {
 }
 
 impl<E> Builder<'_, E> {
-    /// Builds the cell of this depth that holds the (not empty) range of particles.
-    fn visit(&mut self, depth: u8, range: Range<usize>) -> Result<Visited, E> {
+    /// Builds the node that holds the (not empty) range of particles.
+    fn visit(&mut self, key: NodeKey, range: Range<usize>) -> Result<Visited, E> {
         let (context, sorted) = (self.context, self.sorted);
+        let depth = key.cell().depth;
         let size = cell_keys(depth);
         let first = sorted.keys[range.start] & !(size - 1);
-        let key = cell_of(first, depth);
-        let is_small = range.len() <= context.options.leaf_capacity.max(1) || depth == MAX_DEPTH;
+        let capacity = context.options.leaf_capacity.max(1);
+        let is_small = range.len() <= capacity || key.depth == MAX_DEPTH;
         if is_small && !self.plan.is_cut(depth, first) {
             if self.levels == Purpose::Splats {
                 (self.sink)(leaf(context, sorted, key, range.clone()))?;
@@ -96,30 +97,86 @@ impl<E> Builder<'_, E> {
             return Ok(Visited { draw_cost: range.len() as u64, content: Content::Sources(range) });
         }
         let mut contents = Vec::with_capacity(8);
-        let mut children_cost = 0;
-        let mut from = range.start;
-        while from < range.end {
-            let end = (sorted.keys[from] & !(size / 8 - 1)) + size / 8;
-            let to = from + sorted.keys[from..range.end].partition_point(|&key| key < end);
-            let child = self.visit(depth + 1, from..to)?;
-            children_cost += child.draw_cost;
-            contents.push(child.content);
-            from = to;
+        let (mut input, mut children_cost) = (0, 0);
+        if depth < CELL_DEPTH {
+            let mut from = range.start;
+            while from < range.end {
+                let child = sorted.keys[from] / (size / 8);
+                let end = (child + 1) * (size / 8);
+                let to = from + sorted.keys[from..range.end].partition_point(|&key| key < end);
+                let child = self.visit(key.child((child & 7) as u8), from..to)?;
+                input += child.content.len() as u64;
+                children_cost += child.draw_cost;
+                contents.push(child.content);
+                from = to;
+            }
+        } else {
+            let step = part_len(range.len(), capacity, MAX_DEPTH - key.depth);
+            for (octant, from) in (0..).zip(range.clone().step_by(step)) {
+                let child = self.visit(key.child(octant), from..range.end.min(from + step))?;
+                input += child.content.len() as u64;
+                children_cost += child.draw_cost;
+            }
+            // Parts may have merging cells in common, so they are merged as one, from the particles.
+            contents.push(Content::Sources(range));
         }
         let merger = Merger::new(context, self.levels, key);
-        let block = merger.merge(&contents, sorted);
-        let input = contents.iter().map(|content| content.len() as u64).sum();
+        let mut block = merger.merge(&contents, sorted);
         drop(contents);
         let whole = self.own.start <= first && first + size <= self.own.end;
         let merged = block.len() as u64;
-        let is_relay = whole && is_relay(self.levels, depth, merged, children_cost, context.options);
+        let is_relay = whole && is_relay(self.levels, key.depth, merged, children_cost, context.options);
         (self.sink)(Piece::merged(context, self.levels, key, &block, input, whole, is_relay))?;
+        if depth == DEEP {
+            block.keys.iter_mut().for_each(|key| *key = first | *key >> (3 * DEEP));
+        }
         Ok(Visited { content: Content::Block(block), draw_cost: if is_relay { children_cost } else { merged } })
     }
+}
+
+/// Particles of each of the at most 8 parts that a node with `len` particles has `below` depths above the last: as few parts as leave
+/// leaves of at most `capacity` at their ends, and of about the same size.
+fn part_len(len: usize, capacity: usize, below: u8) -> usize {
+    let mut room = capacity;
+    for _ in 1..below {
+        if room.saturating_mul(8) >= len {
+            break;
+        }
+        room = room.saturating_mul(8);
+    }
+    len.div_ceil(len.div_ceil(room).clamp(1, 8))
 }
 
 /// The cell of a depth that a key lies in.
 pub(super) fn cell_of(key: u64, depth: u8) -> NodeKey {
     let [x, y, z] = morton::decode(key >> (3 * (MORTON_BITS - u32::from(depth))));
     NodeKey { depth, x, y, z }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Largest leaf, and depths below, of what a node with so many particles is parted into.
+    fn parted(len: usize, capacity: usize, below: u8) -> (usize, u8) {
+        if len <= capacity || below == 0 {
+            return (len, 0);
+        }
+        let step = part_len(len, capacity, below);
+        assert!(step < len && len.div_ceil(step) <= 8, "{step} of {len}");
+        let (largest, depths) = parted(step, capacity, below - 1);
+        (largest, depths + 1)
+    }
+
+    proptest! {
+        #[test]
+        fn parts_are_few_and_small(len in 1..u32::MAX as usize, capacity in 1..100_000_usize, below in 1..12_u8) {
+            let (largest, depths) = parted(len, capacity, below);
+            let all = capacity.saturating_mul(1 << (3 * u32::from(below)));
+            prop_assert!(largest <= capacity || len > all, "{} after {} of {} depths", largest, depths, below);
+            // None of the depths could be spared.
+            prop_assert!(depths == 0 || len > capacity.saturating_mul(1 << (3 * (u32::from(depths) - 1))));
+        }
+    }
 }

@@ -7,7 +7,7 @@ use super::block::{Block, Content};
 use super::bucket::{Open, cell_of};
 use super::merge::Merger;
 use super::piece::{Piece, Words};
-use super::sorted::{Columns, Sorted};
+use super::sorted::Sorted;
 use super::{Context, Purpose};
 use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::MORTON_BITS;
@@ -42,7 +42,7 @@ fn join_cell<E>(
     mut group: Vec<Open>,
     sink: &mut dyn FnMut(Piece<Words>) -> Result<(), E>,
 ) -> Result<(), E> {
-    let nothing = Sorted { keys: Vec::new(), units: Vec::new(), columns: Columns::default() };
+    let nothing = Sorted::default();
     let deepest = group.iter().map(|open| open.depth).max().unwrap_or(0);
     for depth in (0..deepest).rev() {
         let mut above: Vec<Open> = Vec::new();

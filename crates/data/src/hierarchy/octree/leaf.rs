@@ -18,11 +18,12 @@ const STEPS_PER_SMOOTHING_LENGTH: f64 = 512.0;
 pub(super) fn leaf(context: &Context, sorted: &Sorted, key: NodeKey, range: Range<usize>) -> Piece<Words> {
     let columns = sorted.columns.slice(range.clone());
     let units = &sorted.units[range.clone()];
-    let cells = f64::from(key.depth).exp2();
+    let NodeKey { depth, x, y, z } = key.cell();
+    let cells = f64::from(depth).exp2();
     // A power of two has an exact reciprocal.
     let step = 1.0 / cells;
     let quantum = key.size(context.root) / f64::from(1 << LEAF_BITS);
-    let cell = [key.x, key.y, key.z].map(f64::from);
+    let cell = [x, y, z].map(f64::from);
     let mut words = Vec::with_capacity(range.len());
     let (mut bounds, mut delta_squared) = (Bounds::of(units.iter().copied()), 0.0_f64);
     for (units, lengths) in units.chunks(BLOCK).zip(columns.smoothing_length.chunks(BLOCK)) {

@@ -7,7 +7,7 @@
 //! something, and a file has one value of each attribute. Its position is quantised to a quarter of the cell along each axis.
 
 use super::block::{Block, Box3, Content, View};
-use super::sorted::{Columns, Sorted};
+use super::sorted::{Columns, Sorted, keyed_depth};
 use super::{Context, Purpose};
 use crate::codec::AttributeMerge;
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS, GRID_POINT, pack_grid};
@@ -17,9 +17,13 @@ use crate::hierarchy::{NodeKey, RootCell};
 /// What merging needs to know beside the particles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Merger<'a> {
-    /// The node that the merged particles belong to.
-    pub key: NodeKey,
-    pub root: RootCell,
+    /// The cell of the node that the merged particles belong to.
+    cell: NodeKey,
+    /// Bits of a particle's key below those that tell the merging cell.
+    shift: u32,
+    /// The merging cell at the corner of what keys are over.
+    corner: [u32; 3],
+    root: RootCell,
     /// Largest difference of smoothing lengths that sprites may have, in cells.
     pub fusion: f64,
     /// Merge rule of each attribute.
@@ -40,12 +44,23 @@ pub(super) struct Merged {
 impl<'a> Merger<'a> {
     /// What merges the particles of a node.
     pub fn new(context: &Context<'a>, levels: Purpose, key: NodeKey) -> Merger<'a> {
-        Merger { key, root: context.root, fusion: context.options.fusion, rules: context.rules, levels }
+        let cell = key.cell();
+        // Keys are over a cell of this many depths above.
+        let keyed = u32::from(cell.depth - keyed_depth(cell.depth));
+        Merger {
+            cell,
+            shift: 3 * (MORTON_BITS - CELL_BITS - keyed),
+            corner: [cell.x, cell.y, cell.z].map(|v| v >> keyed << (keyed + CELL_BITS)),
+            root: context.root,
+            fusion: context.options.fusion,
+            rules: context.rules,
+            levels,
+        }
     }
 
-    /// Edge of a cell, world units.
+    /// Edge of a merging cell, world units.
     fn cell_size(&self) -> f64 {
-        self.key.size(self.root) * (-f64::from(CELL_BITS)).exp2()
+        self.cell.size(self.root) * (-f64::from(CELL_BITS)).exp2()
     }
 
     /// Merges what lies in neighbouring runs of cells into one block. Runs that share a merging cell must come as one content.
@@ -61,14 +76,13 @@ impl<'a> Merger<'a> {
         };
         let mut scratch = Vec::new();
         for content in contents {
-            self.merge_view(&content.view(sorted), &mut out, &mut scratch);
+            self.merge_view(&content.view(sorted, self.cell.depth), &mut out, &mut scratch);
         }
         out
     }
 
     fn merge_view(&self, from: &View, out: &mut Block, scratch: &mut Vec<u32>) {
-        let shift = 3 * (MORTON_BITS - CELL_BITS - u32::from(self.key.depth));
-        let q = self.cell_size();
+        let (shift, q) = (self.shift, self.cell_size());
         let mut start = 0;
         while start < from.keys.len() {
             let cell = from.keys[start] >> shift;
@@ -154,15 +168,14 @@ impl<'a> Merger<'a> {
     /// Stores a position and its packed form, in the cell of `key`: rounding must not move a centroid to the next one.
     #[inline]
     fn push_position(&self, key: u64, unit: [f64; 3], around: Box3, point: bool, out: &mut Block) {
-        let depth = u32::from(self.key.depth);
-        let bins = f64::from(1_u32 << (depth + GRID_BITS));
+        let bins = f64::from(1_u32 << (u32::from(self.cell.depth) + GRID_BITS));
         // A power of two has an exact reciprocal.
         let step = 1.0 / bins;
-        let cell = morton::decode(key >> (3 * (MORTON_BITS - CELL_BITS - depth)));
+        let cell = morton::decode(key >> self.shift);
         let mut bin = [0_u32; 3];
         let mut center = [0.0; 3];
         for axis in 0..3 {
-            let first = cell[axis] << (GRID_BITS - CELL_BITS);
+            let first = (self.corner[axis] + cell[axis]) << (GRID_BITS - CELL_BITS);
             bin[axis] = ((unit[axis] * bins) as u32).clamp(first, first + (1 << (GRID_BITS - CELL_BITS)) - 1);
             center[axis] = (f64::from(bin[axis]) + 0.5) * step;
         }

@@ -4,7 +4,7 @@
 //!
 //! - **Leaves.** The paper refines all 10 levels everywhere and averages 75 particles in its finest nodes. Here a cell with
 //!   at most [`OctreeOptions::leaf_capacity`] particles is a leaf that holds them unmerged with up to 21 bits a coordinate,
-//!   which replaces up to 13 levels below it.
+//!   which replaces up to 13 levels below it. Smallest cells with more, of depth 21, have several leaves, each with some of them.
 //! - **Relays.** Where smoothing lengths exceed the cells (`sprites`), an inner node can merge next to nothing and would
 //!   repeat its children's particles at 5 or 6 bytes each. A node that would draw more than
 //!   [`OctreeOptions::relay_fraction`] of what its children draw holds no particles itself and is always refined
@@ -64,7 +64,7 @@ pub struct OctreeOptions {
     pub vq_bits: VqBits,
     /// Whether codes of leaves have more bits, which tell smoothing lengths more finely ([`crate::codec::Refinement`]); 16 have none left.
     pub refined: bool,
-    /// Largest number of particles in a leaf that is not at the maximum depth.
+    /// Largest number of particles in a leaf.
     pub leaf_capacity: usize,
     /// Largest difference of smoothing lengths, in cells, of sprites that are merged (F12 4.7.3, `epsilon`).
     pub fusion: f64,

@@ -24,7 +24,8 @@ pub enum Words {
 pub struct Piece<Data> {
     /// The node.
     pub key: NodeKey,
-    /// Morton key of the piece's first source particle: a node's pieces are put together in this order.
+    /// Morton key of the piece's first source particle, over the root cell or a small one that the node lies in: a node's pieces are put
+    /// together in this order.
     pub first: u64,
     /// How it holds its particles. Whether a node of several pieces is a relay is only known when all are there; its pieces
     /// say that it is a grid.
@@ -148,8 +149,9 @@ fn drawn_bounds(words: &[u32], key: NodeKey) -> Bounds {
             high[axis] = high[axis].max(bin);
         }
     }
-    let bins = (f64::from(key.depth) + f64::from(GRID_BITS)).exp2();
-    let cell = [key.x, key.y, key.z];
+    let NodeKey { depth, x, y, z } = key.cell();
+    let bins = (f64::from(depth) + f64::from(GRID_BITS)).exp2();
+    let cell = [x, y, z];
     let place = |bin: [u32; 3]| {
         DVec3::from_array(std::array::from_fn(|axis| {
             (f64::from(cell[axis]) * f64::from(1 << GRID_BITS) + f64::from(bin[axis]) + 0.5) / bins

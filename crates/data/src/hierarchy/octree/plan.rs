@@ -8,7 +8,7 @@
 
 use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::MORTON_BITS;
-use crate::hierarchy::cell::MAX_DEPTH;
+use crate::hierarchy::cell::CELL_DEPTH;
 use std::ops::Range;
 
 /// First key behind all others.
@@ -24,6 +24,9 @@ pub struct Plan {
     /// The bucket of the first key with each value of the highest [`TABLE_BITS`] bits, and the last bucket.
     table: Vec<u32>,
 }
+
+/// Groups of buckets that follow each other, at most.
+const GROUPS: usize = 64;
 
 /// Bits of a key that are looked up to find its bucket.
 const TABLE_BITS: u32 = 15;
@@ -73,6 +76,12 @@ impl Plan {
         if first == last { first } else { first + self.starts[first + 1..=last].partition_point(|&start| start <= key) }
     }
 
+    /// The group of a bucket: sums over a family's nodes are taken for each group by itself, then added up in the order of groups, so that
+    /// it does not matter who takes them.
+    pub fn group(&self, bucket: usize) -> u32 {
+        (bucket * GROUPS.min(self.len()) / self.len()) as u32
+    }
+
     /// The keys of a bucket.
     pub(super) fn keys(&self, bucket: usize) -> Range<u64> {
         let start = |bucket: usize| self.starts.get(bucket).copied().unwrap_or(END);
@@ -119,7 +128,7 @@ struct Cut<'a> {
 
 impl Cut<'_> {
     fn cell(&mut self, depth: u8, start: u64, range: Range<usize>) {
-        if range.len() <= self.most || depth == MAX_DEPTH {
+        if range.len() <= self.most || depth == CELL_DEPTH {
             self.units.push(Unit { start, depth, particles: range.len() });
             return;
         }
@@ -158,8 +167,11 @@ mod tests {
                 let range = plan.keys(bucket);
                 prop_assert_eq!(range.start, end);
                 end = range.end;
-                // More only where cells of the largest depth hold more.
-                prop_assert!(*count <= most || range.end - range.start <= cell_keys(MAX_DEPTH));
+                // Groups follow each other.
+                prop_assert!(bucket == 0 || plan.group(bucket) - plan.group(bucket - 1) <= 1);
+                prop_assert!((plan.group(bucket) as usize) < GROUPS.min(bucket + 1));
+                // More only where a smallest cell holds more.
+                prop_assert!(*count <= most || range.end - range.start <= cell_keys(CELL_DEPTH));
                 let depth = plan.closed_depth(bucket);
                 if depth > 0 {
                     // Such a bucket lies in one cell of depth 8.

@@ -1,10 +1,12 @@
 //! Particles of a bucket in Morton order.
 
+use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::RootCell;
 use glam::DVec3;
+use std::sync::OnceLock;
 
-/// Bits per coordinate of a [`Place`]: finer than the 35 that the deepest leaf resolves.
+/// Bits per coordinate of a [`Place`]: as many as the deepest leaf resolves.
 const PLACE_BITS: u32 = 2 * MORTON_BITS;
 
 /// A position as a fraction of the root cell with 42 bits a coordinate: a Morton key, and one of 2^-21 of the key's cell. In the
@@ -119,11 +121,22 @@ impl Columns {
     }
 }
 
+/// The depth from which on the cells that are merged in are smaller than those of keys over the root cell. There particles have keys
+/// over the cell of this depth that they lie in.
+pub(super) const DEEP: u8 = (MORTON_BITS - CELL_BITS) as u8 + 1;
+
+/// The depth of the cell over which particles have keys where a node of this depth is merged.
+pub(super) fn keyed_depth(depth: u8) -> u8 {
+    if depth < DEEP { 0 } else { DEEP }
+}
+
 /// The particles of a bucket, in Morton order.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Sorted {
     /// Keys over the root cell.
     pub keys: Vec<u64>,
+    /// Keys over cells of depth [`DEEP`], once they have been asked for: few trees are that deep.
+    deep_keys: OnceLock<Vec<u64>>,
     /// Positions as fractions of the root cell.
     pub units: Vec<[f64; 3]>,
     pub columns: Columns,
@@ -136,7 +149,18 @@ impl Sorted {
         let keys = order.iter().map(|&i| places[i as usize].key).collect();
         let units = order.iter().map(|&i| places[i as usize].unit()).collect();
         drop(places);
-        Sorted { keys, units, columns: columns.gather(&order) }
+        Sorted { keys, deep_keys: OnceLock::new(), units, columns: columns.gather(&order) }
+    }
+
+    /// The keys by which nodes of a depth are merged: over cells of the depth [`keyed_depth`].
+    pub fn keys_at(&self, depth: u8) -> &[u64] {
+        if depth < DEEP {
+            return &self.keys;
+        }
+        let bins = f64::from(u32::from(DEEP) + MORTON_BITS).exp2();
+        // The bits before those of the key do not fit into it, and are cut off.
+        let key = |unit: &[f64; 3]| morton::encode(unit.map(|x| (x * bins) as u64 as u32));
+        self.deep_keys.get_or_init(|| self.units.iter().map(key).collect())
     }
 }
 
@@ -202,6 +226,21 @@ mod tests {
             if pa.key != pb.key {
                 prop_assert_eq!(pa < pb, pa.key < pb.key);
             }
+        }
+
+        /// Those over small cells go on where those over the root cell end, in the same order.
+        #[test]
+        fn deep_keys_are_the_bits_that_follow(pairs in prop::collection::vec((0..1_u64 << 63, 0..1_u64 << 63), 1..50)) {
+            let mut places: Vec<Place> = pairs.iter().map(|&(key, rest)| Place { key, rest }).collect();
+            let column = vec![1.0; places.len()];
+            let columns =
+                Columns { mass: column.clone(), density: column.clone(), smoothing_length: column, attributes: Vec::new() };
+            let sorted = Sorted::new(places.clone(), columns);
+            places.sort_unstable();
+            let deep = 3 * u32::from(DEEP);
+            let follow = |place: &Place| place.key << deep & ((1 << 63) - 1) | place.rest >> (3 * MORTON_BITS - deep);
+            prop_assert_eq!(sorted.keys_at(DEEP), places.iter().map(follow).collect::<Vec<_>>());
+            prop_assert_eq!(sorted.keys_at(DEEP - 1), places.iter().map(|place| place.key).collect::<Vec<_>>());
         }
 
         #[test]

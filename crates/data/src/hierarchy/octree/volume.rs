@@ -113,7 +113,7 @@ mod tests {
             let [mass, mut volume, mean] = sums(&sorted.columns);
             let mut content = Content::Sources(0..particles.len());
             let center = |content: &Content| {
-                let view = content.view(&sorted);
+                let view = content.view(&sorted, 0);
                 let moments = view.units.iter().zip(view.mass).map(|(u, &m)| f64::from(m) * DVec3::from_array(*u));
                 moments.sum::<DVec3>() / mass
             };
@@ -121,7 +121,7 @@ mod tests {
             for depth in (0..4).rev() {
                 let key = NodeKey { depth, x: 0, y: 0, z: 0 };
                 // Depths below 0 hold a part of the root cell only: here one node takes all, as joined runs do.
-                let block = Merger { key, ..Merger::new(&context, Purpose::Samples, key) }.merge(&[content], &sorted);
+                let block = Merger::new(&context, Purpose::Samples, key).merge(&[content], &sorted);
                 let q = 2.0_f64.powi(-i32::from(depth));
                 let [now, grown, weighted] = sums(&block.columns);
                 prop_assert!((now / mass - 1.0).abs() < 1e-6);

@@ -12,7 +12,7 @@ use crate::model::{FamilyName, ReadMethod, Unit};
 use blocks::Block;
 use header::{Header, Types};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The Gadget binary format.
 pub(super) struct Gadget;
@@ -28,6 +28,11 @@ impl Format for Gadget {
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         Ok(Box::new(Snapshot::open(path, method)?))
+    }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        let own = SnapshotFile::open(path, ReadMethod::Positioned, &mut Vec::new())?;
+        multifile::names(path, own.header.files)
     }
 }
 
@@ -67,7 +72,7 @@ struct SnapshotFile {
 
 impl SnapshotFile {
     fn open(path: &Path, method: ReadMethod, notes: &mut Vec<String>) -> Result<SnapshotFile, ImportError> {
-        let file = RangeFile::open(path, method)?;
+        let file = RangeFile::open_unpacked(path, method)?;
         let mut head = vec![0u8; file.length.min(8) as usize];
         file.read(0, &mut head, "header")?;
         let Some((order, format)) = records::recognise(&head) else {

@@ -2,6 +2,7 @@
 
 use super::super::ImportError;
 use super::super::bytes::RangeFile;
+pub(super) use super::super::packed::MOST_EXPANSION;
 use super::super::packed::Packing;
 use super::part_name;
 use super::scratch::{Scratch, Storage};
@@ -9,9 +10,6 @@ use crate::model::{Grid, ReadMethod};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-
-/// As much as deflate can expand; what is said to be more is wrong before anything is unpacked.
-pub(super) const MOST_EXPANSION: u64 = 1040;
 
 /// The longest header of text that is looked at, bytes.
 pub(super) const LONGEST_HEADER: usize = 1 << 16;

@@ -19,7 +19,7 @@ pub(super) use units::{length_name, mass_name};
 
 use super::{FieldKind, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The HDF5 format.
 pub(super) struct Hdf5;
@@ -60,6 +60,13 @@ impl Format for Hdf5 {
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         self.opened(path, None, method)
+    }
+
+    fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+        match openpmd::iterations(&H5::open(path, ReadMethod::Positioned)?)?.is_empty() {
+            true => snapshot::files(path),
+            false => Ok(vec![path.to_owned()]),
+        }
     }
 
     fn steps(&self, path: &Path) -> Result<u64, ImportError> {

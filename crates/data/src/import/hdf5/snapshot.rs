@@ -53,13 +53,9 @@ struct Planned {
 impl Snapshot {
     /// Opens the snapshot that the file belongs to.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<Snapshot, ImportError> {
-        let mut first = File::open(path, method)?;
-        if first.header.is_virtual {
-            first = File::open(&first_part(path)?, method)?;
-        }
+        let (first, names) = parts(path, method)?;
         let path = first.h5.path.clone();
         let path = &*path;
-        let names = multifile::names(path, first.header.files)?;
         let files: Vec<File> = match names.as_slice() {
             [_] => vec![first],
             names => names.iter().map(|name| File::open(name, method)).collect::<Result<_, _>>()?,
@@ -171,6 +167,28 @@ fn id_of_child(id: u64, child: u64) -> u64 {
 /// neighbours within an estimated one.
 fn cell_size(mass: f64, density: f64) -> f64 {
     (DEFAULT_NEIGHBOURS as f64 * 3.0 / (4.0 * PI) * mass / density).cbrt()
+}
+
+/// The files of the snapshot that a file belongs to, and the one that is named or, where that has no particles of its own, the first.
+fn parts(path: &Path, method: ReadMethod) -> Result<(File, Vec<PathBuf>), ImportError> {
+    let mut first = File::open(path, method)?;
+    if first.header.is_virtual {
+        first = File::open(&first_part(path)?, method)?;
+    }
+    let names = multifile::names(&first.h5.path, first.header.files)?;
+    Ok((first, names))
+}
+
+/// The files that are read of the snapshot that a file belongs to, itself among them.
+///
+/// # Errors
+/// When its header cannot be read, or one of the files is not there.
+pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    let (_, mut files) = parts(path, ReadMethod::Positioned)?;
+    if !files.iter().any(|file| file == path) {
+        files.push(path.to_owned());
+    }
+    Ok(files)
 }
 
 /// The first of the files that a file without particles stands for: beside it, or in a folder of its name.

@@ -39,7 +39,7 @@ impl Format for Las {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let file = RangeFile::open(path, method)?;
+        let file = RangeFile::open_unpacked(path, method)?;
         let mut head = vec![0; file.length.min(HEADER_1_4) as usize];
         file.read(0, &mut head, "header")?;
         let header = Header::parse(path, &head)?;

@@ -7,7 +7,7 @@
 //! single precision relative to the centres of leaves, with a margin for rounding, the `wanted`-th of the list is selected, and
 //! what is close to it looked at in double precision.
 
-use super::tree::{LEAF, Near, Tree};
+use super::tree::{LEAF, Near, Tree, farthest_last};
 use glam::{DVec3, Vec3};
 use pulp::Simd;
 
@@ -140,11 +140,8 @@ impl Group {
     fn alone(&mut self, tree: &Tree, entry: u32, wanted: usize, bound: f64) {
         let at = tree.at[entry as usize];
         tree.nearest(at, wanted, bound * bound, &mut self.near);
-        let farthest = (0..self.near.len()).max_by(|a, b| self.near[*a].squared.total_cmp(&self.near[*b].squared));
-        if let (Some(farthest), Some(last)) = (farthest, self.near.len().checked_sub(1)) {
-            self.near.swap(farthest, last);
-        }
-        self.known.push((at, self.near.last().map_or(0.0, |near| near.squared.sqrt())));
+        let farthest = farthest_last(&mut self.near);
+        self.known.push((at, farthest.sqrt()));
     }
 
     /// Finds the leaves within `reach` of a leaf's box; whether they are few enough.

@@ -5,13 +5,11 @@
 //! `sum_j V_j (v_j - v_i) (x) grad W`, times the inverse of `sum_j V_j (x_j - x_i) (x) grad W`, with volumes `V_j = m_j / rho_j`
 //! (Bonet and Lok 1999, Computer Methods in Applied Mechanics and Engineering 180, 97).
 //!
-//! In a periodic box neighbours are the nearest images of particles: places are searched around the images of a particle's own. No ball
-//! is larger than half the box, so that nobody is found twice.
+//! No ball is larger than half a periodic box, so that nobody is found twice.
 
 use super::tree::Near;
 use super::{MOST_NEIGHBOURS, Neighbours};
 use crate::model::covariance::principal_axes;
-use crate::model::periodic::images;
 use crate::model::{Kernel, Progress};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -172,7 +170,8 @@ impl Moments {
 
 impl Neighbours {
     /// For every particle how those within its smoothing length move; of more than 512 places the nearest so many, within a smoothing
-    /// length that reaches to the last of them. `wanted` as in [`Neighbours::estimate`]. The positions of `all` are those of the tree.
+    /// length that reaches to the last of them. `wanted` as in [`Neighbours::estimate`]. The positions of `all` and its periodic box
+    /// are those of the tree.
     /// Smoothing lengths of more than half a periodic box are taken as that.
     pub(crate) fn local_motion(
         &self,
@@ -183,7 +182,6 @@ impl Neighbours {
     ) -> Vec<LocalMotion> {
         let entries = (0..self.tree.at.len() as u32).into_par_iter();
         let bodies: Vec<Body> = entries.map(|entry| Body::of(self.tree.particles_of(entry), all)).collect();
-        let images = images(all.edge.map(|edge| edge / self.scale));
         self.for_each_leaf(wanted, progress, |_, leaf, out: &mut Vec<LocalMotion>| {
             let mut scratch = Scratch::default();
             let node = self.tree.nodes[self.tree.leaves[leaf as usize] as usize];
@@ -200,7 +198,7 @@ impl Neighbours {
                         Some((of, moments)) if of == h => moments,
                         _ => {
                             let reach = Moving::reach(h, all.edge);
-                            self.moments(kernel, &bodies, (entry, &images[..]), reach, &mut scratch)
+                            self.moments(kernel, &bodies, entry, reach, &mut scratch)
                         }
                     };
                     known = Some((h, moments));
@@ -211,30 +209,17 @@ impl Neighbours {
     }
 
     /// Sums over the neighbours of an entry and its images within `support`; the same to the last bit whatever else is in the tree.
-    fn moments(
-        &self,
-        kernel: Kernel,
-        bodies: &[Body],
-        (entry, images): (u32, &[DVec3]),
-        support: f64,
-        scratch: &mut Scratch,
-    ) -> Moments {
+    fn moments(&self, kernel: Kernel, bodies: &[Body], entry: u32, support: f64, scratch: &mut Scratch) -> Moments {
         let at = self.tree.at[entry as usize];
         let mut h = support / self.scale;
-        // No place is infinitely far away but an image whose coordinates overflow.
-        let most = (h * h).min(f64::MAX);
         let Scratch { near: of_image, all: near } = scratch;
         near.clear();
-        for place in images.iter().map(|image| at + *image) {
-            if self.tree.nodes[0].bounds.distance(place) > most {
-                continue;
-            }
-            self.tree.nearest(place, MOST_NEIGHBOURS, most, of_image);
-            near.extend(of_image.iter().map(|&Near { squared, entry }| {
+        self.around_images(at, MOST_NEIGHBOURS, h * h, of_image, |place, found| {
+            near.extend(found.iter().map(|&Near { squared, entry }| {
                 let away = self.tree.at[entry as usize] - place;
                 Neighbour { squared, away, entry }
             }));
-        }
+        });
         if near.len() > MOST_NEIGHBOURS {
             near.select_nth_unstable_by(MOST_NEIGHBOURS - 1, |a, b| a.squared.total_cmp(&b.squared));
             near.truncate(MOST_NEIGHBOURS);
@@ -345,7 +330,7 @@ mod tests {
                 velocities: &self.velocities,
                 edge: self.edge,
             };
-            Neighbours::of(&self.positions).unwrap().local_motion(kernel, &all, None, &())
+            Neighbours::of(&self.positions, self.edge).unwrap().local_motion(kernel, &all, None, &())
         }
 
         fn push(&mut self, other: &Cloud, i: usize) {

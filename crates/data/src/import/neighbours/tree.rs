@@ -166,11 +166,20 @@ fn block(leaf: &Node, places: &[DVec3]) -> Block {
 }
 
 /// Keeps the `wanted` nearest of more; the squared distance of the farthest of them.
-fn keep_nearest(found: &mut Vec<Near>, wanted: usize) -> f64 {
+pub(super) fn keep_nearest(found: &mut Vec<Near>, wanted: usize) -> f64 {
     let (_, last, _) = found.select_nth_unstable_by(wanted - 1, |a, b| a.squared.total_cmp(&b.squared));
     let most = last.squared;
     found.truncate(wanted);
     most
+}
+
+/// Brings the farthest of some to their end; its squared distance, 0 for none.
+pub(super) fn farthest_last(near: &mut [Near]) -> f64 {
+    let farthest = (0..near.len()).max_by(|a, b| near[*a].squared.total_cmp(&near[*b].squared));
+    if let (Some(farthest), Some(last)) = (farthest, near.len().checked_sub(1)) {
+        near.swap(farthest, last);
+    }
+    near.last().map_or(0.0, |last| last.squared)
 }
 
 /// Divides items into leaves by medians; `offset` is the place of the first of them among all.

@@ -8,10 +8,11 @@
 mod records;
 
 use super::bytes::{Order, RangeFile};
-use super::check::chunks;
 use super::grid::scratch::Storage;
 use super::hdf5::{length_name, mass_name};
-use super::typed_columns::{Column, Component, FieldList, Meaning, Run, TypedColumns, TypedFamily, VECTORS, Vector};
+use super::typed_columns::{
+    Column, Component, FieldList, Meaning, Run, TypedColumns, TypedFamily, VECTORS, Vector, all_positive, each_number,
+};
 use super::{Description, FamilyInfo, FieldKind, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod, SampleType, Unit};
 use records::{KINDS, Layout, Walk};
@@ -40,7 +41,7 @@ impl Format for Phantom {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let file = RangeFile::open(path, method)?;
+        let file = RangeFile::open_unpacked(path, method)?;
         let mut head = vec![0; file.length.min(32) as usize];
         file.read(0, &mut head, "header")?;
         let Some(layout) = Layout::of(&head) else {
@@ -311,35 +312,4 @@ fn value(layout: Layout, kind: SampleType, bytes: &[u8]) -> f64 {
     let mut values = Vec::with_capacity(1);
     kind.decode(&word, 1, &mut values);
     values.first().copied().unwrap_or(f64::NAN)
-}
-
-/// Calls `each(row, number)` for every number of an array without gaps.
-fn each_number(
-    path: &Path,
-    storage: &[Storage],
-    column: Column,
-    count: u64,
-    mut each: impl FnMut(u64, f64),
-) -> Result<(), ImportError> {
-    let Some(storage) = storage.get(column.storage) else { return Ok(()) };
-    let size = column.number.size();
-    let (mut raw, mut values): (Vec<u8>, Vec<f64>) = (Vec::new(), Vec::new());
-    for range in chunks(count) {
-        raw.resize((range.end - range.start) as usize * size, 0);
-        storage.read(path, column.offset + range.start * size as u64, &mut raw)?;
-        if column.order != Order::NATIVE {
-            raw.chunks_mut(size).for_each(<[u8]>::reverse);
-        }
-        values.clear();
-        column.number.decode(&raw, 1, &mut values);
-        range.zip(&values).for_each(|(row, value)| each(row, *value));
-    }
-    Ok(())
-}
-
-/// Whether all numbers of an array are above 0.
-fn all_positive(path: &Path, storage: &[Storage], column: Column, count: u64) -> Result<bool, ImportError> {
-    let mut all = true;
-    each_number(path, storage, column, count, |_, value| all &= value > 0.0 && value.is_finite())?;
-    Ok(all)
 }

@@ -20,7 +20,7 @@ mod votable;
 
 pub(super) use csv::Csv;
 pub(super) use ecsv::Ecsv;
-pub(super) use fits::{FitsTable, is_fits};
+pub(super) use fits::FitsTable;
 pub(super) use geojson::GeoJson;
 pub(super) use kstars::KStars;
 pub(super) use parquet::{Hats, Parquet, catalogue_in, is_partitioned};

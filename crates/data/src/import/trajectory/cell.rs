@@ -67,6 +67,20 @@ pub(super) enum Cells {
 }
 
 impl Cells {
+    /// What to tell of them; `follows`: whether particles are put to where they went through the faces.
+    pub(super) fn note(self, follows: bool) -> Option<String> {
+        match self {
+            Cells::Open | Cells::Cube(_, [0.0, 0.0, 0.0]) => None,
+            Cells::Cube(_, [x, y, z]) => {
+                Some(format!("the periodic box begins at {x}, {y}, {z}, which is taken from positions"))
+            }
+            Cells::Other(why) => {
+                let what = if follows { "image flags put particles to where they left it" } else { "nothing repeats" };
+                Some(format!("the periodic cell is {why}: {what}"))
+            }
+        }
+    }
+
     /// The first frame's, or with another frame's.
     pub(super) fn with(self, is_first: bool, cell: Option<&Cell>) -> Cells {
         let own = match cell {

@@ -2,10 +2,10 @@
 
 use super::cell::{Cell, Cells};
 use super::columns::{ATOMS, Part, Units};
-use super::index::{BLOCK, Frame, Index, TimeOf};
+use super::index::{BLOCK, Frame, Index};
 use super::known::index_of;
 use super::species::SpeciesKind;
-use super::{Damage, Text, elements, row};
+use super::{Damage, Text, elements, first_of, row};
 use crate::import::bytes::RangeFile;
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, step_name};
 use crate::model::{FamilyName, ReadMethod, Unit};
@@ -237,33 +237,15 @@ fn unit_of(kind: FieldKind, units: &Units) -> Unit {
 /// What was assumed of a frame.
 fn notes(index: &Index, frame: &Frame, is_named: bool) -> Vec<String> {
     let mut notes = frame.layout.notes.clone();
-    let steps = index.frames.len();
-    if steps > 1 && !is_named {
-        notes.push(format!(
-            "{steps} steps are in this file; this is the first, #0 to #{} behind its name is any",
-            steps - 1
-        ));
-    }
-    match index.time_of {
-        TimeOf::Step => notes.push("the number of the time step is taken for the time".into()),
-        TimeOf::Frame => notes.push("frames state no time: their numbers are taken".into()),
-        TimeOf::Stated | TimeOf::Nothing => {}
-    }
+    notes.extend(first_of(index.frames.len() as u64, is_named));
+    notes.extend(index.time_of.note().map(str::to_owned));
     let follows = frame.layout.fields.iter().any(|(_, part)| matches!(part, Part::Place { images: Some(_), .. }));
-    match index.cells {
-        Cells::Open => {}
-        _ if frame.layout.is_unwrapped => {
-            notes.push("positions are unwrapped, so the periodic cell is left out".into())
+    notes.extend(match index.cells {
+        Cells::Cube(..) | Cells::Other(_) if frame.layout.is_unwrapped => {
+            Some("positions are unwrapped, so the periodic cell is left out".into())
         }
-        Cells::Cube(_, [0.0, 0.0, 0.0]) => {}
-        Cells::Cube(_, [x, y, z]) => {
-            notes.push(format!("the periodic box begins at {x}, {y}, {z}, which is taken from positions"))
-        }
-        Cells::Other(why) => {
-            let what = if follows { "image flags put particles to where they left it" } else { "nothing repeats" };
-            notes.push(format!("the periodic cell is {why}: {what}"));
-        }
-    }
+        cells => cells.note(follows),
+    });
     if frame.layout.label.is_some() {
         notes.extend(index.species.note());
     }

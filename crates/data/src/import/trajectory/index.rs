@@ -15,7 +15,7 @@ use std::sync::Arc;
 pub(super) const BLOCK: u64 = 1 << 14;
 
 /// The most frames of a short file, and how many bytes each further one has at least.
-const MOST_FRAMES: u64 = 1 << 17;
+pub(super) const MOST_FRAMES: u64 = 1 << 17;
 const BYTES_OF_FRAME: u64 = 128;
 
 /// A frame.
@@ -50,6 +50,17 @@ pub(super) enum TimeOf {
     Frame,
     /// There is one frame, which states none.
     Nothing,
+}
+
+impl TimeOf {
+    /// What to tell of it.
+    pub(super) fn note(self) -> Option<&'static str> {
+        match self {
+            TimeOf::Step => Some("the number of the time step is taken for the time"),
+            TimeOf::Frame => Some("frames state no time: their numbers are taken"),
+            TimeOf::Stated | TimeOf::Nothing => None,
+        }
+    }
 }
 
 /// The frames of a file.

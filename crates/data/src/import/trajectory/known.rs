@@ -15,11 +15,27 @@ const MOST_UNPACKED: usize = 3;
 
 /// A file as it was when it was looked through.
 #[derive(Clone, Debug, PartialEq)]
-struct Key {
+pub(super) struct Key {
     path: PathBuf,
     bytes: u64,
     changed: Option<SystemTime>,
     format: &'static str,
+}
+
+impl Key {
+    /// Of a file that is read as of a format.
+    ///
+    /// # Errors
+    /// When it cannot be looked at.
+    pub(super) fn of(path: &Path, format: &'static str) -> Result<Key, ImportError> {
+        let about = std::fs::metadata(path).map_err(|error| ImportError::io(path, "file", error))?;
+        Ok(Key {
+            path: std::path::absolute(path).unwrap_or_else(|_| path.into()),
+            bytes: about.len(),
+            changed: about.modified().ok(),
+            format,
+        })
+    }
 }
 
 /// The latest last.
@@ -30,13 +46,7 @@ static KNOWN: Mutex<Vec<(Key, Arc<Index>)>> = Mutex::new(Vec::new());
 /// # Errors
 /// As [`Index::of`].
 pub(super) fn index_of(path: &Path, text: &dyn Text) -> Result<Arc<Index>, ImportError> {
-    let about = std::fs::metadata(path).map_err(|error| ImportError::io(path, "file", error))?;
-    let key = Key {
-        path: std::path::absolute(path).unwrap_or_else(|_| path.into()),
-        bytes: about.len(),
-        changed: about.modified().ok(),
-        format: text.name(),
-    };
+    let key = Key::of(path, text.name())?;
     {
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(at) = known.iter().position(|(other, _)| *other == key) {

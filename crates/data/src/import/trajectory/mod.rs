@@ -1,13 +1,15 @@
-//! Trajectories as text: files with one frame or many, each a count of rows and the rows. What differs from format to format is
-//! what stands before the rows ([`Text`]); finding the frames ([`index`]) and reading rows by range ([`frame`]) is shared.
+//! Trajectories: files with one frame or many.
 //!
-//! A file is read once from its beginning to its end, which gives the [`index::Index`]: where each frame and every so many rows
-//! begin. Compressed files are unpacked into a temporary file without a name while that is done.
+//! Frames of text are a count of rows and the rows. What differs from format to format is what stands before the rows ([`Text`]);
+//! finding the frames ([`index`]) and reading rows by range ([`frame`]) is shared. A file is read once from its beginning to its end,
+//! which gives the [`index::Index`]: where each frame and every so many rows begin. Compressed files are unpacked into a temporary
+//! file without a name while that is done. Files of [`gsd`] are binary and have an index of their own.
 
 mod cell;
 mod columns;
 mod elements;
 mod frame;
+mod gsd;
 mod index;
 mod known;
 mod lammps;
@@ -17,6 +19,7 @@ mod species;
 mod xyz;
 mod xyz_comment;
 
+pub(super) use gsd::Gsd;
 pub(super) use lammps::LammpsDump;
 pub(super) use xyz::Xyz;
 
@@ -130,6 +133,13 @@ impl From<ImportError> for Stop {
     fn from(error: ImportError) -> Stop {
         Stop::Unreadable(error)
     }
+}
+
+/// What to tell where the first of several steps was opened; `is_named`: because it was named.
+fn first_of(steps: u64, is_named: bool) -> Option<String> {
+    let last = steps.saturating_sub(1);
+    (last > 0 && !is_named)
+        .then(|| format!("{steps} steps are in this file; this is the first, #0 to #{last} behind its name is any"))
 }
 
 /// Text as it stands in a message: short, and without control characters.

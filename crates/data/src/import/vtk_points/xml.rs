@@ -4,12 +4,11 @@ use super::arrays::{Arrays, MOST_ARRAYS, MOST_COMPONENTS, Place};
 use crate::import::ImportError;
 use crate::import::bytes::Order;
 use crate::import::grid::{Content, Element, Entry, VtkArray, XML_TYPES, sample_type, xml_elements};
+use crate::import::packed::MOST_EXPANSION;
 use crate::model::{Channel, Grid, SampleType};
 
-/// How many times the size of the file its arrays may be together: as text, where a digit and a space are a number of eight bytes; compressed
-/// by deflate.
+/// How many times the size of the file its arrays may be together as text, where a digit and a space are a number of eight bytes.
 const MOST_AS_TEXT: u64 = 8;
-const MOST_EXPANSION: u64 = 1040;
 
 /// What an array belongs to.
 #[derive(Clone, Copy, PartialEq)]

@@ -13,12 +13,14 @@ pub use verify::{VerifiedGrid, verify_grid};
 pub use writer::{BrickCode, CodedBrick, GridFileWriter, rounded};
 
 use super::container::{Container, FileKind};
-use super::disk::{Disk, LocalFile};
+use super::disk::Disk;
 use super::error::{Damage, StoreError};
 use super::layout::GRID_MAGIC;
+use super::open_disk::open_disk;
 use super::page::PageId;
 use crate::codec::samples::{self, Words};
 use crate::hierarchy::wavelet::{Bricks, Part};
+use crate::model::url::shown;
 use crate::model::{ReadMethod, Region, SampleType};
 use rayon::prelude::*;
 use std::path::Path;
@@ -41,15 +43,12 @@ pub struct GridFile {
 }
 
 impl GridFile {
-    /// Opens a file and checks its header, footer and table of pages. Pages are checked as they are read.
+    /// Opens a file, here or behind a URL, and checks its header, footer and table of pages. Pages are checked as they are read.
     ///
     /// # Errors
     /// [`StoreError`] where it cannot be read, is no such file or is damaged.
     pub fn open(path: &Path, method: ReadMethod) -> Result<GridFile, StoreError> {
-        let opened = LocalFile::open(path, method);
-        let opened = opened.map_err(|source| StoreError::Io { path: path.into(), action: "open", source })?;
-        let not_a_file = || StoreError::NotThis { path: path.into(), kind: KIND.name, expected: "a regular file" };
-        GridFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))
+        GridFile::open_on(&shown(path), open_disk(path, method, KIND.name)?)
     }
 
     /// The same for bytes that lie anywhere.

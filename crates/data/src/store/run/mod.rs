@@ -31,10 +31,12 @@ pub use tracks::{LEAF_TRACKS, NodePart, TrackCoding, TrackIndex, TrackNode, as_s
 pub use verify::{VerifiedRun, verify_run};
 pub use writer::RunFileWriter;
 
-use super::disk::{Disk, LocalFile, Window};
+use super::disk::{Disk, Window, room};
 use super::error::StoreError;
+use super::open_disk::open_disk;
 use super::page_file::PageFile;
 use crate::hierarchy::spacetime::{Interval, Tracks};
+use crate::model::url::shown;
 use crate::model::{Epoch, Moment, Placement, ReadMethod, StepTimes, When};
 use ids::decode_ids;
 use layout::{Header, HeaderError};
@@ -54,15 +56,12 @@ pub struct RunFile {
 }
 
 impl RunFile {
-    /// Opens the file and checks its header and directory. Stills are checked as they are read.
+    /// Opens a file, here or behind a URL, and checks its header and directory. Stills are checked as they are read.
     ///
     /// # Errors
     /// [`StoreError`] where it cannot be read, is no run or is damaged.
     pub fn open(path: &Path, method: ReadMethod) -> Result<RunFile, StoreError> {
-        let opened = LocalFile::open(path, method);
-        let opened = opened.map_err(|source| StoreError::Io { path: path.to_path_buf(), action: "open", source })?;
-        let not_a_file = || StoreError::NotThis { path: path.to_path_buf(), kind: KIND, expected: "a regular file" };
-        let run = RunFile::open_on(path, Arc::new(opened.ok_or_else(not_a_file)?))?;
+        let run = RunFile::open_on(&shown(path), open_disk(path, method, KIND)?)?;
         Ok(RunFile { read: method, ..run })
     }
 
@@ -88,9 +87,10 @@ impl RunFile {
             expected: expected.into(),
         };
         // The directory ends the file, so it is no longer than that.
-        let len = usize::try_from(header.directory.len);
-        let mut bytes = vec![0; len.map_err(|_| damaged("header", "a directory that fits in memory"))?];
-        disk.read_exact_at(&mut bytes, header.directory.offset).map_err(io("read the directory"))?;
+        let len = room(header.directory.len).ok_or_else(|| damaged("header", "a directory that fits in memory"))?;
+        let mut bytes = vec![0; len];
+        disk.read_known_at(&mut bytes, header.directory.offset, header.directory_crc)
+            .map_err(io("read the directory"))?;
         if crc32c::crc32c(&bytes) != header.directory_crc {
             return Err(damaged("directory", "its checksum"));
         }
@@ -339,9 +339,19 @@ impl RunFile {
         Ok(Window::new(Arc::clone(&self.disk), offset, len))
     }
 
+    /// How many reads at a time serve best, where that is up to the disk ([`Disk::reads_at_once`]).
+    pub fn reads_at_once(&self) -> Option<usize> {
+        self.disk.reads_at_once()
+    }
+
     /// Bytes `[start, end)` of the file, for the verifier's look at the padding.
     fn raw(&self, start: u64, end: u64) -> Result<Vec<u8>, StoreError> {
-        let mut bytes = vec![0; end.saturating_sub(start) as usize];
+        let too_large = || StoreError::Damaged {
+            path: self.path.clone(),
+            place: format!("bytes {start} to {end}"),
+            expected: "a part that fits in memory".into(),
+        };
+        let mut bytes = vec![0; room(end.saturating_sub(start)).ok_or_else(too_large)?];
         let read = self.disk.read_exact_at(&mut bytes, start);
         read.map_err(|source| StoreError::Io { path: self.path.clone(), action: "read", source })?;
         Ok(bytes)

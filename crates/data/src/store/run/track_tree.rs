@@ -245,6 +245,10 @@ impl Tree for RunTree {
         (PAGE_BYTES / self.largest_page_bytes().max(1)).clamp(1, MOST_AT_ONCE) as usize
     }
 
+    fn reads_at_once(&self) -> Option<usize> {
+        self.run.reads_at_once()
+    }
+
     fn roots(&self, families: &[u32], _purpose: Purpose, time: f64) -> Vec<NodeRef> {
         let interval = self.interval_at(time);
         let root = |family: &u32| {

@@ -13,6 +13,7 @@ const PRESETS: &[(&str, &str)] = &[
     ("stars", include_str!("../../../../../assets/transfer/stars.ron")),
     ("grey", include_str!("../../../../../assets/transfer/grey.ron")),
     ("terrain", include_str!("../../../../../assets/transfer/terrain.ron")),
+    ("land", include_str!("../../../../../assets/transfer/land.ron")),
     ("signed", include_str!("../../../../../assets/transfer/signed.ron")),
     ("cyclic", include_str!("../../../../../assets/transfer/cyclic.ron")),
     ("volume", include_str!("../../../../../assets/transfer/volume.ron")),

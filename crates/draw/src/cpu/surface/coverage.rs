@@ -12,7 +12,6 @@
 //! On a globe rectangles are those of longitudes and latitudes, and that plane is as round as the globe. Through holes its far side is seen, so that
 //! margins of the near side are before that, behind all else of the near side, and only in pixels whose centre is in them.
 
-use super::horizon::Limb;
 use super::raster::{Shown, Visibility, behind};
 use super::rays::CellFrame;
 use super::resolve::{Hit, Resolver};
@@ -21,6 +20,7 @@ use super::sight::Sight;
 use super::stitch::{Mesh, Scene};
 use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// The least share of what is drawn.
@@ -33,6 +33,8 @@ pub(super) const MOST_APART: f64 = (MOST_SIDE - 1) as f64;
 const MOST_SAMPLES: f64 = 64.0;
 /// How far from a pixel's centre, in pixels, what is said to be there may be.
 const THERE: f64 = 0.01;
+/// How far from a sample of a globe, in pixels' sizes, what is under the centre of its pixel is looked for: farther only at the limb.
+const MIDDLE: f64 = 8.0;
 
 /// Which of a cell's corners stands for a place of it. What the samples at the end of a field stand for ends where that of others does, though their
 /// cells may be shorter.
@@ -89,8 +91,7 @@ impl Mesh {
         if level == 0 || self.samples.coverage.is_empty() {
             return 0;
         }
-        let [across, along] = scene.placed.spacing().map(|step| step * (1_u64 << level) as f64);
-        let apart = error_pixels(across.hypot(along).hypot(self.node.facts.step * scene.placed.lift));
+        let apart = error_pixels(scene.placed.apart(level, self.node.facts.step));
         // A number that is no number, or without end, is the most.
         let reach = (0.5 * apart + 0.5).min(f64::from(MOST_SIDE / 2)) as u32;
         2 * reach + 1
@@ -102,7 +103,7 @@ pub(super) fn draw_margins(scene: &Scene, sight: &Sight, picture: &Visibility) {
     if scene.meshes.iter().all(|mesh| mesh.samples.coverage.is_empty()) {
         return;
     }
-    let globe = (!scene.placed.is_flat()).then(|| (Resolver::new(scene, sight), Limb::of(scene, sight)));
+    let globe = (!scene.placed.is_flat()).then(|| Resolver::new(scene, sight));
     scene.meshes.par_iter().enumerate().for_each(|(number, mesh)| {
         let side = mesh.margin_side(scene, |length| sight.error_pixels(&mesh.node.extent, length));
         let has_points = mesh.node.primitive == Primitive::Points && mesh.is_laid == [false; 4];
@@ -118,11 +119,11 @@ pub(super) fn draw_margins(scene: &Scene, sight: &Sight, picture: &Visibility) {
             let seen = sight.project(place - sight.eye()).filter(|_| sight.cut().keeps(place));
             let Some((at, depth)) = seen else { continue };
             let shown = Shown { node: number, at: [row, column], slot: None };
-            let Some((resolver, limb)) = &globe else {
+            let Some(resolver) = &globe else {
                 picture.put_behind(at, side, depth, shown.pack());
                 continue;
             };
-            let limb = limb.as_ref().filter(|limb| limb.is_beyond(place - sight.eye()));
+            let limb = resolver.limb.filter(|limb| limb.is_beyond(place - sight.eye()));
             let passed = |pixel: [f64; 2]| {
                 let (origin, direction) = resolver.ray(pixel)?;
                 limb?.passed(origin - sight.eye(), direction)
@@ -144,16 +145,17 @@ impl Resolver<'_> {
     }
 
     /// The share of a pixel that is covered where a point is drawn: as much as is valid in the pixel, and not as the point's own sample says, for of
-    /// many samples in a pixel one is seen that was measured. With a pixel it is the mean of the samples in that, where these can be told.
-    pub(super) fn point_coverage(&self, mesh: &Mesh, hit: &Hit, pixel: Option<[f64; 2]>) -> f64 {
-        let ([row, column], place) = (hit.shown.at, [hit.under[0], hit.under[1]]);
+    /// many samples in a pixel one is seen that was measured. Where it `counts` it is the mean of the samples in the pixel, where these can be told.
+    pub(super) fn point_coverage(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2], counts: bool) -> f64 {
+        let [row, column] = hit.shown.at;
         let own = f64::from(mesh.opacity(row, column));
         let level = self.level_at(hit.depth);
         if level <= 0.0 || mesh.is_lone(row, column) && mesh.node.key.level == 0 {
             return if mesh.node.key.level == 0 { 1.0 } else { own };
         }
+        let place = self.middle(mesh, hit, pixel);
         let is_own = mesh.is_point(row, column) && !mesh.is_lone(row, column);
-        let mean = pixel.filter(|_| is_own).and_then(|pixel| self.mean_share(mesh, hit, pixel));
+        let mean = (counts && is_own).then(|| self.mean_share(mesh, hit, pixel)).flatten();
         let share = mean.unwrap_or_else(|| {
             let (first, share) = self.levels(hit.shown.node, level);
             let covered = |level: u8| {
@@ -165,11 +167,14 @@ impl Resolver<'_> {
             let coarse = if share > 0.0 { covered(first + 1).unwrap_or(fine) } else { fine };
             fine + share * (coarse - fine)
         });
-        // What of a pixel's size is in the field.
+        // What of a pixel's size is in the field, which has no end where it goes round.
         let placed = &self.scene.placed;
         let [across, along] = placed.spacing();
         let size = level.exp2() * across.max(along);
         let inside = [(0, size / along), (1, size / across)].map(|(axis, side)| {
+            if axis == 1 && self.goes_round() {
+                return 1.0;
+            }
             let last = (placed.samples[1 - axis] - 1) as f64;
             let (from, to) = (place[axis] - 0.5 * side, place[axis] + 0.5 * side);
             ((to.min(last) - from.max(0.0)) / side).clamp(0.0, 1.0)
@@ -177,20 +182,58 @@ impl Resolver<'_> {
         (inside[0] * inside[1] * share).max(LEAST)
     }
 
+    /// Whether a field's last column is the first one again.
+    fn goes_round(&self) -> bool {
+        self.scene.placed.around == Some(self.scene.lattice.samples[1] - 1)
+    }
+
+    /// The row and the column about which levels tell what of a pixel is covered: under its centre, if that can be told. A point of a globe has the
+    /// place of its sample, but about samples that are seen more is covered than elsewhere, since none is seen that stands for nothing.
+    fn middle(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2]) -> [f64; 2] {
+        let (placed, [row, column, _]) = (&self.scene.placed, hit.under);
+        if placed.is_flat() || mesh.samples.coverage.is_empty() {
+            return [row, column];
+        }
+        let [across, along] = placed.spacing();
+        let most = MIDDLE * self.level_at(hit.depth).exp2() * across.max(along);
+        let found = self.ray(pixel).and_then(|ray| self.on_plane(ray, [row, column], hit.height, hit.slope));
+        let is_near =
+            |[right, down, _]: &[f64; 3]| (right - column).abs() * across <= most && (down - row).abs() * along <= most;
+        found.filter(is_near).map_or([row, column], |[right, down, _]| [down, right])
+    }
+
+    /// How many cells of full resolution a sample of a level stands for along an axis. Where the field goes round, the first column is the last
+    /// one, too.
+    fn cells(&self, level: u8, axis: usize, sample: u64) -> f64 {
+        let lattice = &self.scene.lattice;
+        let goes_round = axis == 1 && self.goes_round();
+        if level == 0 {
+            let is_end = sample == 0 || sample + 1 == lattice.samples[axis];
+            return if is_end && !goes_round { 0.5 } else { 1.0 };
+        }
+        // Files tell nothing of the cells that close a globe, which belong to the samples on both sides of them.
+        let closing = u64::from(axis == 1 && lattice.is_closed);
+        let last = lattice.samples[axis] - 1 - closing;
+        let of_file = |sample: u64| {
+            let [first, end] = lattice.stands_for(axis, level.into(), sample).map(|cell| cell.min(last));
+            (end - first) as f64
+        };
+        let is_beside = closing == 1 && (sample == 0 || lattice.place(axis, level.into(), sample) == last);
+        let again = if goes_round && sample == 0 { of_file(lattice.samples_of(level.into())[axis] - 1) } else { 0.0 };
+        of_file(sample) + again + if is_beside { 0.5 } else { 0.0 }
+    }
+
     /// The mean share of the samples of a chunk's level that are in a pixel, which shows one of them. Pixels that show nothing have none that stands
-    /// for anything, so that all together is the area. `None` where all are whole, or the surface is seen from its edge.
+    /// for anything, so that all together is the area. `None` where all are whole, or a flat surface is seen from its edge.
     fn mean_share(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2]) -> Option<f64> {
         let (scene, key) = (self.scene, mesh.node.key);
         if mesh.samples.coverage.is_empty() {
             return None;
         }
-        let mut hit = *hit;
         if !scene.placed.is_flat() {
-            let [column, row, height] =
-                self.on_plane(self.ray(pixel)?, [hit.row, hit.column], hit.height, hit.slope)?;
-            hit.under = [row, column, height];
+            return self.mean_on_globe(mesh, hit, pixel);
         }
-        let moves = self.moves(&hit)?;
+        let moves = self.moves(hit)?;
         if (0..2).any(|k| (moves.at[k] - pixel[k]).abs() > THERE) {
             return None;
         }
@@ -207,15 +250,6 @@ impl Resolver<'_> {
             let first = ((at - reach) / step).floor().max(0.0) as u64;
             first..(((at + reach) / step).ceil().max(0.0) as u64 + 1).min(samples_of[axis])
         };
-        // The last samples stand for less than others.
-        let weight = |axis: usize, sample: u64| match key.level {
-            0 if sample == 0 || sample + 1 == samples_of[axis] => 0.5,
-            0 => 1.0,
-            level => {
-                let [first, end] = lattice.stands_for(axis, level.into(), sample);
-                (end - first) as f64 / step
-            }
-        };
         let (mut sum, mut all) = (0.0, 0.0);
         for row in range(0) {
             let down = lattice.place(0, key.level.into(), row) as f64 - hit.under[0];
@@ -223,10 +257,77 @@ impl Resolver<'_> {
                 let right = lattice.place(1, key.level.into(), column) as f64 - hit.under[1];
                 let is_in = (0..2).all(|k| (-0.5..0.5).contains(&(right * by_column[k] + down * by_row[k])));
                 if is_in && let Some(share) = self.share_of(mesh, [row, column]) {
-                    let weight = weight(0, row) * weight(1, column);
+                    let weight = self.cells(key.level, 0, row) * self.cells(key.level, 1, column);
                     sum += weight * share;
                     all += weight;
                 }
+            }
+        }
+        (all > 0.0).then(|| sum / all)
+    }
+
+    /// The same of a globe, which is no plane in a pixel that shows much of it, and where a pixel's centre may be beside it: which samples are in the
+    /// pixel is told by where each of them is seen, row by row from the one that is shown. Those of the other side do not count.
+    fn mean_on_globe(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2]) -> Option<f64> {
+        let (scene, key) = (self.scene, mesh.node.key);
+        let (placed, lattice) = (&scene.placed, &scene.lattice);
+        let samples_of = lattice.samples_of(key.level.into()).map(|count| count as i64);
+        let own = [0, 1].map(|axis| lattice.span(key, axis).0 as i64 + hit.shown.at[axis] as i64);
+        let reach = MOST_SAMPLES as i64;
+        let within = |axis: usize| (own[axis] - reach).max(0)..=(own[axis] + reach).min(samples_of[axis] - 1);
+        // Columns from a first one to the same again; none of them is looked at twice.
+        let turn = self.goes_round().then(|| samples_of[1] - 1);
+        let (rows, columns) = match turn.map(|turn| reach.min((turn - 1) / 2)) {
+            Some(reach) => (within(0), own[1] - reach..=own[1] + reach),
+            None => (within(0), within(1)),
+        };
+        let relative = |row: f64, column: f64| {
+            let height = hit.height + hit.slope[0] * (column - hit.column) + hit.slope[1] * (row - hit.row);
+            placed.world(row, column, height) - self.sight.eye()
+        };
+        let side = |relative: DVec3| self.limb.map(|limb| limb.is_beyond(relative));
+        let own_side = side(relative(hit.row, hit.column));
+        let (mut sum, mut all) = (0.0, 0.0);
+        let mut add = |row: i64, column: i64| {
+            if !rows.contains(&row) || !columns.contains(&column) {
+                return false;
+            }
+            let turns = turn.map_or(0, |turn| column.div_euclid(turn));
+            let sample = [row, column - turns * turn.unwrap_or(0)].map(|index| index as u64);
+            let [down, right] = [0, 1].map(|axis| lattice.place(axis, key.level.into(), sample[axis]) as f64);
+            let relative = relative(down, right + turns as f64 * (lattice.samples[1] - 1) as f64);
+            let is_in = self.project(relative).is_some_and(|(at, _)| {
+                (0..2).all(|k| (-0.5..0.5).contains(&(at[k] - pixel[k]))) && side(relative) == own_side
+            });
+            if is_in && let Some(share) = self.share_of(mesh, sample) {
+                let weight = self.cells(key.level, 0, sample[0]) * self.cells(key.level, 1, sample[1]);
+                sum += weight * share;
+                all += weight;
+            }
+            is_in
+        };
+        // The first and the last column of a row that are in the pixel, beside those of the row next to it.
+        let mut scan = |row: i64, [from, to]: [i64; 2]| {
+            let mut found: Option<[i64; 2]> = None;
+            for column in from - 1..=to + 1 {
+                if add(row, column) {
+                    found = Some([found.map_or(column, |[first, _]| first), column]);
+                }
+            }
+            let [mut first, mut last] = found?;
+            while first < from && add(row, first - 1) {
+                first -= 1;
+            }
+            while last > to && add(row, last + 1) {
+                last += 1;
+            }
+            Some([first, last])
+        };
+        let shown = scan(own[0], [own[1]; 2])?;
+        for way in [-1, 1] {
+            let (mut row, mut span) = (own[0] + way, shown);
+            while let Some(next) = scan(row, span) {
+                (row, span) = (row + way, next);
             }
         }
         (all > 0.0).then(|| sum / all)

@@ -1,9 +1,11 @@
 //! How a surface hides light from itself: depths at pixels' centres, for the eye and for a lamp.
 
+use super::means;
 use super::picture::{SurfaceOptions, scene, visible};
 use super::pieces::Pieces;
 use super::placed::Placed;
 use super::resolve::Resolver;
+use super::select::Coarse;
 use super::sight::Sight;
 use super::source::SurfaceNodes;
 use crate::color::Colors;
@@ -30,6 +32,9 @@ pub(crate) fn depths(
     (source, placed, sight): (&dyn SurfaceNodes, &Placed, &Sight),
     options: &SurfaceOptions,
 ) -> Vec<f32> {
+    if let (Coarse::Means, Sight::Flat(view)) = (options.coarse, sight) {
+        return means::draw(source, placed, view, &SurfaceOptions { look: None, raw: true, ..options.clone() }).depth;
+    }
     if let Some(pieces) = Pieces::of(source, placed, sight, options) {
         let (raw, _) = pieces.raw(source, placed, sight, options);
         return raw.iter().map(|[depth, ..]| if depth.is_nan() { f32::INFINITY } else { *depth as f32 }).collect();

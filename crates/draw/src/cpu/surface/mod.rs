@@ -2,7 +2,7 @@
 //!
 //! [`source`] is what is read, [`select`] chooses chunks for a view, [`stitch`] makes one surface of them, [`raster`] and [`rays`] find what each
 //! pixel shows, [`resolve`] where that is, [`shade`] what it looks like, and [`labels`] writes heights along lines; [`picture`] does it all, and
-//! [`fragments`] does it for what lies among other things.
+//! [`fragments`] does it for what lies among other things. `means` has coarse levels and a rule of another kind, to compare with.
 
 pub(crate) mod channels;
 mod closed;
@@ -15,6 +15,7 @@ pub mod labels;
 pub mod lambert;
 pub(crate) mod lettering;
 pub mod look;
+pub(crate) mod means;
 mod membrane;
 #[cfg(test)]
 pub mod memory;

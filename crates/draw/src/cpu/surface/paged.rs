@@ -12,6 +12,7 @@ use super::photo::PhotoTiles;
 use super::picture::{SurfaceOptions, chosen};
 use super::placed::Placed;
 use super::samples::MeanNormal;
+use super::select::Coarse;
 use super::sight::Sight;
 use super::since::Since;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
@@ -174,6 +175,10 @@ impl PagedSurface {
     /// Reads what a picture needs, all at once. Where chunks turn out to be damaged, also what stands in for them: a picture that is drawn
     /// next has no gaps there. What the disk fails to give is asked for a few times before it is told.
     pub fn prepare(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) {
+        if options.coarse == Coarse::Means {
+            // Leaves are read as they are drawn.
+            return;
+        }
         // What other parts of the picture lack is told as well.
         let before = self.take_passing();
         self.read_all(placed, sight, options);

@@ -7,13 +7,14 @@ use super::darken::darken;
 use super::holes::{Grown, Holes};
 use super::labels::{self, ContourLabel, Letters};
 use super::look::Attribute;
+use super::means;
 use super::photo::PhotoLook;
 use super::pieces::Pieces;
 use super::placed::Placed;
 use super::raster::{self, Visibility};
 use super::rays::Caster;
 use super::resolve::CHANNELS;
-use super::select::{Choice, MOST_NODES, Primitive, SurfaceCut, Technique, UNSEEN, USUAL_TAU, choose, looked};
+use super::select::{Choice, Coarse, MOST_NODES, Primitive, SurfaceCut, Technique, UNSEEN, USUAL_TAU, choose, looked};
 use super::shade::{Look, Shader};
 use super::sight::Sight;
 use super::source::SurfaceNodes;
@@ -30,6 +31,8 @@ use std::sync::Arc;
 pub struct SurfaceOptions {
     /// Points, triangles, rays, or what fits.
     pub technique: Technique,
+    /// What coarse levels of flat pictures are; where they are means, the error, holes, walls and labels do not count, and rays are triangles.
+    pub coarse: Coarse,
     /// The side of a point: samples of the picture, with [`Technique::Points`] pixels; 1 at least.
     pub point: u32,
     /// Largest error, pixels; 0: none.
@@ -59,6 +62,7 @@ impl Default for SurfaceOptions {
         let technique = Technique::default();
         SurfaceOptions {
             technique,
+            coarse: Coarse::Nested,
             point: 1,
             tau: USUAL_TAU,
             samples: 4,
@@ -179,6 +183,9 @@ pub fn draw_lettered(
     options: &SurfaceOptions,
     letters: Option<&dyn Letters>,
 ) -> SurfacePicture {
+    if let (Coarse::Means, Sight::Flat(view)) = (options.coarse, sight) {
+        return means::draw(source, placed, view, options);
+    }
     let mut picture = SurfacePicture::default();
     if let Some(look) = &options.look
         && let Some(pieces) = Pieces::of(source, placed, sight, options)

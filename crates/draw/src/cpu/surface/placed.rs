@@ -217,6 +217,28 @@ impl Placed {
         }
     }
 
+    /// How far neighbours among a level's samples, none of which is more than `step` higher than another, are apart at most in the world.
+    pub fn apart(&self, level: u8, step: f64) -> f64 {
+        let [across, along] = self.spacing().map(|spacing| spacing * (1_u64 << level) as f64);
+        across.hypot(along).hypot(step * self.lift)
+    }
+
+    /// A part of the field with other samples: so many rows and columns from a row and a column on, which may lie between the field's, each so many
+    /// times as far from the next.
+    pub(super) fn thinned(&self, [row, column]: [f64; 2], times: f64, [rows, columns]: [usize; 2]) -> Placed {
+        Placed {
+            samples: [columns as u64, rows as u64],
+            around: None,
+            poles: [None; 2],
+            is_whole: false,
+            file_origin: self.file_place(row, column),
+            file_step: self.file_step.map(|step| step * times),
+            origin: [column.mul_add(self.step[0], self.origin[0]), row.mul_add(self.step[1], self.origin[1])],
+            step: self.step.map(|step| step * times),
+            ..*self
+        }
+    }
+
     /// The world lengths of a column and of a row that normals are made with. Degrees of a globe are those in the middle of the field, as they
     /// are in page files.
     pub fn lengths(&self) -> [f64; 2] {

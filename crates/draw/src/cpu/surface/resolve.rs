@@ -1,6 +1,7 @@
 //! From what a pixel shows to the exact place: where the ray through its centre meets the triangle that is drawn there; of a point the place of
 //! its sample.
 
+use super::horizon::Limb;
 use super::placed::{GridRay, Map, Vantage};
 use super::raster::{POLE, Shown};
 use super::rays::{Caster, CellFrame, curved_hit};
@@ -71,6 +72,8 @@ pub struct Resolver<'a> {
     /// Samples as the eye has them.
     pub vantage: Vantage,
     lens: Lens,
+    /// What is between the near side of a globe and the far one.
+    pub(super) limb: Option<Limb>,
     /// A globe's field.
     spread: Option<Spread>,
     /// For each chunk its samples and those of the chunks that it lies in, from its level up.
@@ -155,8 +158,8 @@ impl<'a> Resolver<'a> {
         };
         let chains = scene.meshes.iter().map(chain).collect();
         let vantage = Vantage::new(&scene.placed, sight.eye());
-        let spread = scene.placed.spread();
-        Resolver { scene, sight, vantage, lens: sight.lens(), spread, chains, caster: OnceLock::new() }
+        let (limb, spread) = (Limb::of(scene, sight), scene.placed.spread());
+        Resolver { scene, sight, vantage, lens: sight.lens(), limb, spread, chains, caster: OnceLock::new() }
     }
 
     /// The ray of a place in the picture.
@@ -258,7 +261,7 @@ impl<'a> Resolver<'a> {
         let under = found.unwrap_or([at[0], at[1], height]);
         let (coverage, is_membrane, is_pole) = (0.0, false, false);
         let hit = Hit { shown, depth, row: at[0], column: at[1], height, coverage, is_membrane, is_pole, slope, under };
-        Some(Hit { coverage: self.point_coverage(mesh, &hit, counts.then_some(pixel)), ..hit })
+        Some(Hit { coverage: self.point_coverage(mesh, &hit, pixel, counts), ..hit })
     }
 
     /// The place of the surface at a pixel's centre, for looks: as [`Resolver::hit`], but where a point is shown it is where the centre's ray

@@ -59,6 +59,16 @@ impl Technique {
     }
 }
 
+/// What coarse levels are made of, and how they are chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Coarse {
+    /// Samples of the field, chosen by how far the surface may be from T.
+    #[default]
+    Nested,
+    /// Means of four samples, chunk by chunk, chosen by how far samples are apart.
+    Means,
+}
+
 /// What a chunk is drawn as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Primitive {
@@ -286,7 +296,7 @@ impl Chooser<'_> {
         let error_px = sight.error_pixels(&extent, self.world_delta(&facts, key.level, 0.0));
         let whole = (1_u64 << key.level) as f64;
         let spacing = self.placed.spacing().map(|step| step * whole);
-        let apart_px = sight.error_pixels(&extent, self.apart(&facts, key.level));
+        let apart_px = sight.error_pixels(&extent, self.placed.apart(key.level, facts.step));
         let is_flat = matches!(sight, Sight::Flat(_));
         let most_apart = POINT_LIMIT * f64::from(self.choice.point);
         // Holes keep their area by the samples in each pixel: there are some where they are no farther apart than that.
@@ -320,12 +330,6 @@ impl Chooser<'_> {
         Some(Waiting { want, node: CutNode { error_px: self.own_error(&node), ..node } })
     }
 
-    /// How far neighbours of a chunk's samples are apart at most, in the world.
-    fn apart(&self, facts: &NodeFacts, level: u8) -> f64 {
-        let [across, along] = self.placed.spacing().map(|step| step * (1_u64 << level) as f64);
-        across.hypot(along).hypot(facts.step * self.placed.lift)
-    }
-
     /// The largest error of a chunk's pixels but for its borders. What is shown beside triangles has the place of the sample that it belongs to.
     fn own_error(&self, node: &CutNode) -> f64 {
         let CutNode { key, facts, extent, primitive, .. } = node;
@@ -334,7 +338,7 @@ impl Chooser<'_> {
         match primitive {
             Primitive::Points => error_px + self.choice.reach,
             Primitive::Triangles if has_margins => {
-                error_px.max(0.5 * self.sight.error_pixels(extent, self.apart(facts, key.level)))
+                error_px.max(0.5 * self.sight.error_pixels(extent, self.placed.apart(key.level, facts.step)))
             }
             Primitive::Triangles => error_px,
         }

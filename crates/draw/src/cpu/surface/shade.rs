@@ -87,6 +87,8 @@ pub struct Shader<'a> {
     walls: Option<Walls>,
     /// Whether there is a membrane over holes, and most cells that it spans.
     spans: Option<f64>,
+    /// How many levels coarser its chunks are than they say.
+    coarser: u8,
 }
 
 impl<'a> Shader<'a> {
@@ -122,6 +124,7 @@ impl<'a> Shader<'a> {
             rims: None,
             walls: None,
             spans: None,
+            coarser: 0,
         }
     }
 
@@ -138,6 +141,11 @@ impl<'a> Shader<'a> {
     /// With residuals that are what a form leaves.
     pub fn without(self, form: Option<&'a Form>) -> Shader<'a> {
         Shader { form, ..self }
+    }
+
+    /// Of chunks that are so many levels coarser than they say.
+    pub(super) fn coarser_by(self, coarser: u8) -> Shader<'a> {
+        Shader { coarser, ..self }
     }
 
     /// With holes that look so; a scene that has a membrane over them is given with it.
@@ -306,7 +314,7 @@ impl<'a> Shader<'a> {
             Attribute::Slope => self.ramp.at(self.place(x.hypot(y).atan2(z).to_degrees())),
             Attribute::Aspect => self.ramp.at(self.place(x.atan2(y).to_degrees().rem_euclid(360.0))),
             Attribute::Curvature => self.ramp.at(self.place(f64::from(texel.curvature))),
-            Attribute::Level => self.ramp.at(self.place(f64::from(mesh.node.key.level))),
+            Attribute::Level => self.ramp.at(self.place(f64::from(mesh.node.key.level + self.coarser))),
             Attribute::Primitive => {
                 self.ramp.at(self.place(f64::from(u8::from(mesh.node.primitive == Primitive::Triangles))))
             }

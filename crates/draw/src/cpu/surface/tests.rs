@@ -111,9 +111,7 @@ fn cut_node(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, key: Chun
     let [rows, columns] = source.lattice().rectangle(key);
     let corner = |k: usize| placed.world(rows[k] as f64, columns[k] as f64, [facts.min, facts.max][k]).to_array();
     let extent = Extent { bounds: Bounds::of([corner(0), corner(1)]), margin: 0.0 };
-    let whole = f64::from(1_u32 << key.level);
-    let [x, y] = placed.spacing();
-    let apart = (x * whole).hypot(y * whole).hypot(facts.step * placed.lift);
+    let apart = placed.apart(key.level, facts.step);
     let is_points = sight.error_pixels(&extent, apart) <= super::select::POINT_LIMIT * f64::from(point);
     let primitive = if is_points { Primitive::Points } else { Primitive::Triangles };
     CutNode { key, facts, extent, primitive, error_px: 0.0, added: 0.0 }

@@ -6,27 +6,32 @@
 //!
 //! Each column is resampled by itself, and what a picture shows of them put together brick by brick: numbers for the volume, numbers of their
 //! own for surfaces where these are of another column, the attribute that colours both, and what densities make of the volume's opacity. A
-//! particle without a value of a column is not there for its field.
+//! particle without a value of a column is not there for its field. Particles that are not all there at once ([`super::supply`]) are asked for
+//! once for each column.
 
 use super::bricks::{Brick, CELLS, Layer};
-use super::particles::{Taken, density_scale, project};
+use super::particles::{Projected, RatioCounts, Taken, density_scale, project, ratios_of_volumes};
 use super::range::Histogram;
 use super::resample::{Resampler, Work};
-use super::{Fill, Prepared, Scenery, VolumeError, VolumeOptions, VolumeReport, cast, cast_in_parts, extents};
+use super::supply::{Portions, shared};
+use super::{Fill, Prepared, Scenery, Supply, VolumeError, VolumeOptions, VolumeReport, cast, cast_in_parts, extents};
 use crate::color::Colors;
 use crate::color::transfer::{Curve, Scale};
+use crate::cpu::Splats;
 use crate::cpu::field::ValueAxis;
 use crate::cpu::paths::PathFragments;
-use crate::cpu::{SplatError, Splats};
-use crate::model::Kernel;
 use crate::view::View;
-use crate::view::perspective_grid::GridError;
+use crate::view::perspective_grid::{GridError, PerspectiveGrid};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A mean is known where at least this share of space is filled: with less, what interpolation of wide kernels errs by counts.
 pub const LEAST_FILLED: f32 = 0.01;
+/// One of so many parts of the memory for a slab's cells is theirs where particles are not all there at once: the rest is for the sums of a
+/// column that cells are made of, and for the coarser grids of each.
+const SUPPLIED_SHARE: u64 = 3;
 
 /// A column of particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,12 +44,12 @@ pub enum Column {
 
 impl Column {
     /// The batches that have it, as their attribute.
-    fn of<'a>(self, batches: &[Splats<'a>]) -> Result<Vec<Splats<'a>>, SplatError> {
-        let values = |batch: &Splats<'a>| match self {
-            Column::Attribute => batch.attribute(),
-            Column::Field(index) => batch.fields().get(index).map(Vec::as_slice),
+    pub(super) fn of<'a>(self, batches: &[Splats<'a>]) -> Vec<Splats<'a>> {
+        let with = |batch: &Splats<'a>| match self {
+            Column::Attribute => batch.attribute().map(|_| *batch),
+            Column::Field(index) => batch.of_field(index),
         };
-        batches.iter().filter_map(|batch| Some(batch.with_attribute(values(batch)?))).collect()
+        batches.iter().filter_map(with).collect()
     }
 }
 
@@ -145,14 +150,61 @@ pub struct ColumnMarch {
     pub filling: f32,
 }
 
-/// The particles of a view, once for each of some columns.
+/// The particles of a view, once for each of some columns; or no particles yet, where they are not all there at once.
 pub struct Columns {
+    /// The columns.
+    pub wanted: Vec<Column>,
+    /// Of each column.
     prepared: Vec<Prepared>,
     /// What `sum V W` is multiplied by to be a share of space: files may have densities in another unit than their masses.
     pub filling: f32,
-    kernel: Kernel,
+    /// What is taken of batches.
+    taken: Taken,
     /// How long it took.
     took: Duration,
+}
+
+/// How much of what is in view has which values of a column: volume, or of densities mass.
+#[derive(Default)]
+struct Found {
+    histogram: Histogram,
+    particles: u64,
+}
+
+impl Found {
+    fn add(&mut self, projected: &Projected, is_density: bool, filling: f32) {
+        self.particles += projected.len();
+        for particle in projected.chunks.iter().flatten() {
+            let value = particle.weighted / particle.mass;
+            match is_density {
+                true => self.histogram.add(value / filling, f64::from(particle.weighted)),
+                false => self.histogram.add(value, f64::from(particle.mass)),
+            }
+        }
+    }
+}
+
+/// What is to be known of columns before anything is drawn, from particles that are not all there at once.
+fn look_at(
+    supply: &mut dyn Supply,
+    view: &View,
+    (columns, densities): (&[Column], &[bool]),
+    taken: &Taken,
+    filling: f32,
+) -> (RatioCounts, Vec<Found>) {
+    let mut ratios = RatioCounts::default();
+    let mut found: Vec<Found> = columns.iter().map(|_| Found::default()).collect();
+    supply.supply(&|_| true, &mut |batches: &[Splats<'_>]| {
+        batches.iter().flat_map(ratios_of_volumes).for_each(|ratio| ratios.add(ratio));
+        for ((column, is_density), found) in columns.iter().zip(densities).zip(&mut found) {
+            found.add(&project(view, &column.of(batches), taken), *is_density, filling);
+        }
+    });
+    (ratios, found)
+}
+
+fn taken(grid: &PerspectiveGrid, options: &VolumeOptions) -> Taken {
+    Taken { sigma: grid.sigma, smallest: options.smallest, stride: 1, kernel: options.kernel }
 }
 
 impl Columns {
@@ -168,36 +220,58 @@ impl Columns {
     ) -> Result<Columns, VolumeError> {
         let start = Instant::now();
         let (grid, widest) = extents::planes_and_widest(view, extents::of(batches), options)?;
-        let kernel = options.kernel;
-        let taken = Taken { sigma: grid.sigma, smallest: options.smallest, stride: 1, kernel };
+        let taken = taken(&grid, options);
         let prepared = |column: &Column| {
-            let particles = project(view, &column.of(batches)?, &taken).unless_empty()?;
+            let particles = project(view, &column.of(batches), &taken).unless_empty()?;
             Ok::<_, VolumeError>(Prepared::new(grid, widest, particles))
         };
         let prepared = columns.iter().map(prepared).collect::<Result<Vec<_>, _>>()?;
         if prepared.is_empty() {
             return Err(GridError::NothingInView.into());
         }
-        // With volumes `m / rho` this is `rho h^3 / m`.
-        let ratios = batches.iter().flat_map(|batch| {
-            let ratio = move |(i, volume): (usize, &f32)| Some(batch.ball(i)?.powi(3) / volume);
-            batch.weight().iter().enumerate().filter_map(ratio)
-        });
-        let filling = 1.0 / density_scale(ratios);
-        Ok(Columns { prepared, filling, kernel, took: start.elapsed() })
+        let filling = 1.0 / density_scale(batches.iter().flat_map(ratios_of_volumes));
+        Ok(Columns { wanted: columns.to_vec(), prepared, filling, taken, took: start.elapsed() })
+    }
+
+    /// The same of particles that are not all there at once, to be drawn by [`Columns::draw_supplied`]; and how much of what is in view has
+    /// which values of each column, as [`Columns::histogram`] says of those that are. `densities` says which columns are of densities.
+    ///
+    /// # Errors
+    /// As [`Columns::prepare`].
+    pub fn prepare_supplied(
+        view: &View,
+        supply: &mut dyn Supply,
+        columns: &[Column],
+        densities: &[bool],
+        options: &VolumeOptions,
+    ) -> Result<(Columns, Vec<Histogram>), VolumeError> {
+        let start = Instant::now();
+        let (grid, widest) = extents::planes_and_widest(view, supply.extents(), options)?;
+        let taken = taken(&grid, options);
+        let (ratios, mut found) = look_at(supply, view, (columns, densities), &taken, 1.0);
+        let filling = 1.0
+            / ratios.scale(|each| {
+                supply.supply(&|_| true, &mut |batches: &[Splats<'_>]| {
+                    batches.iter().flat_map(ratios_of_volumes).for_each(&mut *each);
+                });
+            });
+        if filling != 1.0 {
+            (_, found) = look_at(supply, view, (columns, densities), &taken, filling);
+        }
+        if found.is_empty() || found.iter().any(|found| found.particles == 0) {
+            return Err(GridError::NothingInView.into());
+        }
+        let nothing = || Projected { attribute: true, ..Projected::default() };
+        let prepared = columns.iter().map(|_| Prepared::new(grid, widest, nothing())).collect();
+        let columns = Columns { wanted: columns.to_vec(), prepared, filling, taken, took: start.elapsed() };
+        Ok((columns, found.into_iter().map(|found| found.histogram).collect()))
     }
 
     /// How much of what is in view has which values of a column: volume, or of densities mass.
     pub fn histogram(&self, column: usize, is_density: bool) -> Histogram {
-        let mut histogram = Histogram::default();
-        for particle in self.prepared[column].particles.chunks.iter().flatten() {
-            let value = particle.weighted / particle.mass;
-            match is_density {
-                true => histogram.add(value / self.filling, f64::from(particle.weighted)),
-                false => histogram.add(value, f64::from(particle.mass)),
-            }
-        }
-        histogram
+        let mut found = Found::default();
+        found.add(&self.prepared[column].particles, is_density, self.filling);
+        found.histogram
     }
 
     /// Between which values most of it lies: 3 % of the volume below and above; of densities 3 % of the mass below and 0.5 % above, two decades
@@ -227,6 +301,31 @@ impl Columns {
         (colors, report)
     }
 
+    /// The same of particles that are not all there at once, [`Columns::prepare_supplied`]; of those that nobody sees the report counts some
+    /// alone.
+    pub fn draw_supplied(
+        &self,
+        view: &View,
+        supply: &mut dyn Supply,
+        shown: &Shown,
+        scenery: &Scenery,
+        options: &VolumeOptions,
+    ) -> (Colors, VolumeReport) {
+        let options = &VolumeOptions { memory: options.memory.min(supply.slab_bytes() / SUPPLIED_SHARE), ..*options };
+        let supply = shared(supply);
+        let first = &self.prepared[0];
+        let mut report = first.report(self.took);
+        let mut fields = self.fields_of(shown, |index| {
+            let portions = Portions::new(Arc::clone(&supply), Some(self.wanted[index]), view, self.taken);
+            self.resampler(index).supplied_by(portions)
+        });
+        let grids = (&first.grid, first.brick_grid());
+        let colors = cast(view, grids, &mut fields, scenery, options, None, &mut report);
+        let portions = fields.volume.0.into_portions();
+        let [particles, raised] = portions.map_or([0; 2], |portions| portions.counts());
+        (colors, VolumeReport { particles, raised, ..report })
+    }
+
     /// The same in parts, each with its depth: what something else is drawn among.
     pub fn draw_in_parts(
         &self,
@@ -244,7 +343,14 @@ impl Columns {
 
     /// What fills bricks with what is shown.
     pub fn fields(&self, shown: &Shown) -> Fields<'_> {
-        let resampler = |index: usize| Resampler::new(&self.prepared[index], self.kernel);
+        self.fields_of(shown, |index| self.resampler(index))
+    }
+
+    fn resampler(&self, index: usize) -> Resampler<'_> {
+        Resampler::new(&self.prepared[index], self.taken.kernel)
+    }
+
+    fn fields_of<'a>(&self, shown: &Shown, resampler: impl Fn(usize) -> Resampler<'a>) -> Fields<'a> {
         Fields {
             filling: self.filling,
             volume: (resampler(0), shown.volume),

@@ -184,6 +184,8 @@ pub struct VolumeReport {
     pub opaque: Option<Arc<OpaqueDepths>>,
     /// How long the arrows of a slice are, where it has some.
     pub arrows: Option<Box<ArrowKey>>,
+    /// What a section through particles shows, pixel by pixel in the field's unit, NaN where that is nothing; of one flat picture.
+    pub values: Option<Arc<Vec<f32>>>,
     /// Time for projecting and resampling.
     pub resampling: Duration,
     /// Time for casting rays.

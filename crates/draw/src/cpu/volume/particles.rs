@@ -167,6 +167,13 @@ pub fn density_scale_of(batches: &[Splats<'_>]) -> f32 {
     density_scale(ratios.into_iter())
 }
 
+/// `rho h^3 / m` of particles that weigh their volumes `m / rho`: what [`density_scale`] goes by.
+pub fn ratios_of_volumes<'a>(batch: &Splats<'a>) -> impl Iterator<Item = f32> + use<'a> {
+    let batch = *batch;
+    let ratio = move |(i, volume): (usize, &f32)| Some(batch.ball(i)?.powi(3) / volume);
+    batch.weight().iter().enumerate().filter_map(ratio)
+}
+
 /// Some files have no masses, or densities in another unit: then the particles' own densities are not of the size of the
 /// sums that are drawn. This is the factor that makes the median of `rho h^3 / m` what it is where both belong together; 1
 /// where they do, and where nothing is known.
@@ -174,14 +181,71 @@ pub fn density_scale_of(batches: &[Splats<'_>]) -> f32 {
 /// It is a property of the data, never of the particles that one picture takes: a picture would change with what it need not
 /// read.
 pub fn density_scale(ratios: impl Iterator<Item = f32>) -> f32 {
-    let mut ratios: Vec<f32> = ratios.filter(|ratio| *ratio > 0.0 && ratio.is_finite()).collect();
+    let mut ratios: Vec<f32> = ratios.filter(is_usable).collect();
     if ratios.is_empty() {
         return 1.0;
     }
     let middle = ratios.len() / 2;
-    let median = *ratios.select_nth_unstable_by(middle, f32::total_cmp).1;
+    scale_of_median(*ratios.select_nth_unstable_by(middle, f32::total_cmp).1)
+}
+
+fn is_usable(ratio: &f32) -> bool {
+    *ratio > 0.0 && ratio.is_finite()
+}
+
+fn scale_of_median(median: f32) -> f32 {
     let (usual, most) = USUAL;
     if median > usual * most || median < usual / most { usual / median } else { 1.0 }
+}
+
+/// Ratios that [`density_scale`] goes by, of particles that are not all there at once: how many there are of each class of leading bits.
+pub struct RatioCounts(Vec<u64>);
+
+/// Bits of a ratio that its class does not tell.
+const HIDDEN_BITS: u32 = 15;
+
+impl Default for RatioCounts {
+    fn default() -> RatioCounts {
+        RatioCounts(vec![0; 1 << (31 - HIDDEN_BITS)])
+    }
+}
+
+impl RatioCounts {
+    /// Counts one more.
+    pub fn add(&mut self, ratio: f32) {
+        if is_usable(&ratio) {
+            self.0[(ratio.to_bits() >> HIDDEN_BITS) as usize] += 1;
+        }
+    }
+
+    /// What [`density_scale`] is of them. Where their median's class does not tell, `again` hands over the same ones once more.
+    pub fn scale(&self, again: impl FnOnce(&mut dyn FnMut(f32))) -> f32 {
+        let total: u64 = self.0.iter().sum();
+        let Some((class, rank)) = find(&self.0, total / 2) else { return 1.0 };
+        let first = (class as u32) << HIDDEN_BITS;
+        let ends = [first, first | ((1 << HIDDEN_BITS) - 1)].map(f32::from_bits);
+        if ends.map(scale_of_median) == [1.0; 2] {
+            return 1.0;
+        }
+        let mut within = vec![0_u64; 1 << HIDDEN_BITS];
+        again(&mut |ratio| {
+            if is_usable(&ratio) && ratio.to_bits() >> HIDDEN_BITS == class as u32 {
+                within[(ratio.to_bits() ^ first) as usize] += 1;
+            }
+        });
+        find(&within, rank).map_or(1.0, |(bits, _)| scale_of_median(f32::from_bits(first | bits as u32)))
+    }
+}
+
+/// The class of the element with this number in the order of classes, and its number among those of its class; `None` where there are fewer.
+fn find(counts: &[u64], mut rank: u64) -> Option<(usize, u64)> {
+    for (class, count) in counts.iter().enumerate() {
+        match rank.checked_sub(*count) {
+            Some(rest) => rank = rest,
+            None => return Some((class, rank)),
+        }
+    }
+    None
 }
 
 struct Part {
@@ -274,6 +338,21 @@ mod tests {
         assert_eq!(with(1.0), 1.0);
         assert!([2e7, 1e-9].map(with).iter().all(|density| (0.3..3.0).contains(density)));
         assert_eq!(density_scale_of(&[cloud.batch()]), 1.0);
+    }
+
+    /// Medians within what is usual, at its ends and far beyond.
+    #[test]
+    fn counted_ratios_have_the_scale_of_listed_ones() {
+        for factor in [1e-20, 0.1, 0.33, 1.0 / 3.0, 1.0, 29.9, 30.0, 30.1, 1e20_f32] {
+            for count in [0, 1, 2, 9, 1000] {
+                let ratio = |i: u32| USUAL.0 * factor * (1.0 + 1e-6 * (i * 7919 % 1000) as f32);
+                let ratios = (0..count).map(ratio).chain([f32::NAN, 0.0, -1.0, f32::INFINITY]);
+                let mut counts = RatioCounts::default();
+                ratios.clone().for_each(|ratio| counts.add(ratio));
+                let found = counts.scale(|each| ratios.clone().for_each(&mut *each));
+                assert_eq!(found, density_scale(ratios.clone()), "{count} of about {factor}");
+            }
+        }
     }
 
     #[test]

@@ -12,10 +12,10 @@ use crate::view::PerspectiveGrid;
 use rayon::prelude::*;
 
 /// Share of the way to the mean of its neighbours that a direction goes in a step.
-const STEP: f32 = 0.8;
+pub const STEP: f32 = 0.8;
 
 /// How far a neighbour may lie from the plane of a pixel's surface, as a share of a pixel's width, or behind a silhouette.
-const APART: f32 = 1.0;
+pub const APART: f32 = 1.0;
 
 /// The surface that adds most to a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

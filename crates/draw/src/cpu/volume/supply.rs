@@ -5,6 +5,7 @@
 //! What reaches into several slabs is supplied for each of them, and once more for each coarser grid ([`coarse`]) that particles of its
 //! size may belong to. What only hidden columns of bricks would see is not supplied, and nothing is once all rays have ended.
 
+use super::attributes::Column;
 use super::bricks::{BRICK, BrickGrid};
 use super::particles::{Particle, Projected, Taken, project};
 use super::resample::{Resampler, ends};
@@ -16,6 +17,7 @@ use crate::view::perspective_grid::GridError;
 use crate::view::{Extent, Projection, View};
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 /// Bytes that a particle of a portion takes at most, about: projected, and paired with the bricks that it reaches, which are sorted into another
@@ -87,9 +89,18 @@ impl Part<'_> {
     }
 }
 
+/// A supply that several grids are filled from, one after the other.
+pub(super) type Shared<'a> = Arc<Mutex<&'a mut dyn Supply>>;
+
+pub(super) fn shared(supply: &mut dyn Supply) -> Shared<'_> {
+    Arc::new(Mutex::new(supply))
+}
+
 /// Particles on their way to a grid.
 pub struct Portions<'a> {
-    supply: &'a mut dyn Supply,
+    supply: Shared<'a>,
+    /// What the grid is filled with, where that is not their own attribute.
+    column: Option<Column>,
     view: View,
     taken: Taken,
     is_empty: bool,
@@ -97,14 +108,28 @@ pub struct Portions<'a> {
     raised: u64,
 }
 
-impl Portions<'_> {
+impl<'a> Portions<'a> {
+    /// None has come yet.
+    pub(super) fn new(supply: Shared<'a>, column: Option<Column>, view: &View, taken: Taken) -> Portions<'a> {
+        Portions { supply, column, view: *view, taken, is_empty: true, particles: 0, raised: 0 }
+    }
+
+    /// How many particles have begun in the parts of the grid that were visited, and how many of them were raised.
+    pub(super) fn counts(&self) -> [u64; 2] {
+        [self.particles, self.raised]
+    }
+
     /// Hands over, a portion at a time, what may reach a part of the grid and belongs to its level, and other particles of the same groups.
     pub(super) fn visit(&mut self, prepared: &Prepared, part: &Part<'_>, each: &mut dyn FnMut(&Projected)) {
-        let Portions { supply, view, taken, is_empty, particles, raised } = self;
-        let (view, taken) = (&*view, &*taken);
+        let Portions { supply, column, view, taken, is_empty, particles, raised } = self;
+        let (column, view, taken) = (*column, &*view, &*taken);
         let is_wanted = |extent: &Extent| part.may_hold(view, taken, prepared, extent);
+        let mut supply = supply.lock().unwrap_or_else(PoisonError::into_inner);
         supply.supply(&is_wanted, &mut |batches: &[Splats<'_>]| {
-            let portion = project(view, batches, taken);
+            let portion = match column {
+                Some(column) => project(view, &column.of(batches), taken),
+                None => project(view, batches, taken),
+            };
             *is_empty &= portion.is_empty();
             let begun = begun_in(view, taken, prepared, part, &portion);
             (*particles, *raised) = (*particles + begun[0], *raised + begun[1]);
@@ -116,6 +141,7 @@ impl Portions<'_> {
     fn has_any(&mut self) -> bool {
         let Portions { supply, view, taken, is_empty, .. } = self;
         if *is_empty {
+            let mut supply = supply.lock().unwrap_or_else(PoisonError::into_inner);
             supply
                 .supply(&|_| true, &mut |batches: &[Splats<'_>]| *is_empty &= project(view, batches, taken).is_empty());
         }
@@ -166,7 +192,7 @@ pub fn draw(
         resampling: start.elapsed(),
         ..VolumeReport::default()
     };
-    let portions = Portions { supply, view: *view, taken, is_empty: true, particles: 0, raised: 0 };
+    let portions = Portions::new(shared(supply), None, view, taken);
     let resampler = Resampler::new(&prepared, options.kernel).showing_above(scenery.least());
     let mut resampler = resampler.supplied_by(portions);
     let grids = (&prepared.grid, prepared.brick_grid());
@@ -175,7 +201,7 @@ pub fn draw(
     if !portions.as_mut().is_some_and(Portions::has_any) {
         return Err(GridError::NothingInView.into());
     }
-    let [particles, raised] = portions.map_or([0; 2], |portions| [portions.particles, portions.raised]);
+    let [particles, raised] = portions.map_or([0; 2], |portions| portions.counts());
     Ok((colors, VolumeReport { particles, raised, ..report }))
 }
 

@@ -19,6 +19,8 @@ pub mod rows;
 mod stated;
 mod vtp;
 
+pub use vtp::escaped as xml_escaped;
+
 use super::batch::{Batch, Gather, Work};
 use super::data::Data;
 use super::error::ExploreError;

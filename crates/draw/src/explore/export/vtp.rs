@@ -99,8 +99,8 @@ impl Places {
     }
 }
 
-/// A text as it may stand in XML.
-fn escaped(text: &str) -> String {
+/// A text as it may stand in XML and HTML.
+pub fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for letter in text.chars() {
         match letter {

@@ -261,7 +261,8 @@ impl MixedSession {
     /// What it comes to on all that is not particles, in the order of each kind.
     fn prepare(&mut self, looks: &Looks) -> Result<Ready, PictureError> {
         let heights = self.heights.iter().map(|(_, session)| session.prepare(&looks.heights));
-        let heights = heights.collect::<Result<_, _>>()?;
+        let heights = heights.collect::<Result<Vec<Prepared>, _>>()?;
+        heights.iter().try_for_each(Prepared::among_others).map_err(|why| self.refuse(why))?;
         let fields = self.fields.iter_mut().zip(&looks.fields);
         let fields =
             fields.map(|((_, session), look)| session.prepare(&Shot { look: look.clone(), ..Shot::default() }));

@@ -2,7 +2,7 @@
 
 use super::clearance::Ground;
 use super::earlier::Earlier;
-use super::painting::not_in_frames;
+use super::painting::is_beyond_frames;
 use crate::annotate::number::{quantity, stepped};
 use crate::annotate::{Shown, Units};
 use crate::color::transfer::TransferFunction;
@@ -154,7 +154,7 @@ impl OpenSurface {
         let Ok(settings) = SurfaceSettings::new(settings, &about.grid) else { return false };
         let Ok(attribute) = self.attribute(attribute) else { return false };
         let look = settings.look(attribute, surface::usual_transfer(attribute), [0.0, 1.0]);
-        not_in_frames(&settings.options(look, None), settings.map).is_none()
+        !is_beyond_frames(&settings.options(look, None))
     }
 
     /// A mode of its pictures, coloured by an attribute where one is named.

@@ -8,9 +8,9 @@ use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::photo::PhotoCut;
 use crate::cpu::surface::picture::{counted, parts, report, scene};
-use crate::cpu::surface::placed::{Map, Placed};
+use crate::cpu::surface::placed::Placed;
 use crate::cpu::surface::raster::Visibility;
-use crate::cpu::surface::select::Technique;
+use crate::cpu::surface::select::{Coarse, Technique};
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::SurfaceNodes as _;
 use crate::cpu::surface::stitch::Scene;
@@ -113,14 +113,10 @@ impl Field<'_> {
     }
 }
 
-/// What of a flat picture no adapter draws yet.
-fn not_yet(options: &SurfaceOptions, map: Map) -> Option<&'static str> {
-    (options.technique == Technique::Rays && matches!(map, Map::Globe(_))).then_some("rays through globes")
-}
-
-/// What of it no adapter draws in frames of its own: the same, and what is found by the processor in what it has drawn.
-pub(super) fn not_in_frames(options: &SurfaceOptions, map: Map) -> Option<&'static str> {
-    options.shadowing.map(|_| "ambient occlusion and shadows").or_else(|| not_yet(options, map))
+/// Whether there is something in a flat picture that an adapter does not draw in frames of its own: ambient occlusion and shadows, which the
+/// processor finds in what has been drawn, and pyramids of means.
+pub(super) fn is_beyond_frames(options: &SurfaceOptions) -> bool {
+    options.shadowing.is_some() || options.coarse == Coarse::Means
 }
 
 /// Whether heights are written along lines.
@@ -168,17 +164,19 @@ impl Painter {
             if backend.is_some() && self.adapter.is_none() {
                 return Err(VolumeError::Device(WITHOUT_ADAPTER.into()));
             }
-            let around = matches!(sight, Sight::Around { .. }).then_some("pictures of all directions");
-            let left = around.or_else(|| not_yet(options, field.placed.map));
-            if left.is_none() && options.technique == Technique::Rays && passes == Passes::Raster {
-                self.tell("--backend: raster draws heights as triangles in place of rays".into(), reporter);
-            }
-            match left {
-                Some(what) if backend.is_some() => {
+            let left = match sight {
+                Sight::Around { .. } => Some("pictures of all directions"),
+                Sight::Flat(_) => (options.coarse == Coarse::Means).then_some("pyramids of means"),
+            };
+            if let Some(what) = left {
+                if backend.is_some() {
                     self.tell(format!("--backend: the processor draws {what} of heights"), reporter);
                 }
-                Some(_) => {}
-                None => match self.draw_on_adapter(field, sight, options, passes, reporter) {
+            } else {
+                if options.technique == Technique::Rays && passes == Passes::Raster {
+                    self.tell("--backend: raster draws heights as triangles in place of rays".into(), reporter);
+                }
+                match self.draw_on_adapter(field, sight, options, passes, reporter) {
                     Ok(Some(drawn)) => return Ok(drawn),
                     Ok(None) => {}
                     Err(VolumeError::Device(error)) if backend.is_none() => {
@@ -186,7 +184,7 @@ impl Painter {
                         self.adapter = None;
                     }
                     Err(error) => return Err(error),
-                },
+                }
             }
         }
         let picture = draw_lettered(field.nodes, field.placed, sight, options, Some(&ProgramFont));

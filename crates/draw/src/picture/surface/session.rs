@@ -5,7 +5,7 @@ use super::depths::SurfaceDepths;
 use super::letters::ProgramFont;
 use super::names::{Floor, Names, take};
 use super::opened::OpenSurface;
-use super::painting::{DrawnBy, Field, Painter, has_labels, not_in_frames};
+use super::painting::{DrawnBy, Field, Painter, has_labels, is_beyond_frames};
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::standing::{bounds_of, standing};
 use crate::annotate::{Annotations, Units};
@@ -17,9 +17,10 @@ use crate::cpu::shadowing::ambient_occlusion::FARTHEST;
 use crate::cpu::surface::fragments::{Layer, fragments};
 use crate::cpu::surface::lettering;
 use crate::cpu::surface::look::{Attribute, Look};
+use crate::cpu::surface::means;
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
-use crate::cpu::surface::select::Technique;
+use crate::cpu::surface::select::Coarse;
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::since::Since;
 use crate::cpu::surface::{SurfaceOptions, SurfacePicture, SurfaceReport, draw_lettered};
@@ -94,6 +95,16 @@ pub(in crate::picture) struct Prepared {
     pub(in crate::picture) look: Look,
     /// What residuals are what is left of, where they are shown.
     pub(in crate::picture) form: Option<Arc<Form>>,
+}
+
+impl Prepared {
+    /// Refuses what is not drawn where surfaces hide other things.
+    pub(in crate::picture) fn among_others(&self) -> Result<(), &'static str> {
+        match self.settings.coarse {
+            Coarse::Nested => Ok(()),
+            Coarse::Means => Err("pyramid: found means among other data, expected nested"),
+        }
+    }
 }
 
 impl SurfaceSession {
@@ -192,7 +203,10 @@ impl SurfaceSession {
         let transfer = self.opened.with_shore(transfer, attribute);
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
-        let levels = about.levels.len() as u32;
+        let levels = match settings.coarse {
+            Coarse::Nested => about.levels.len() as u32,
+            Coarse::Means => means::LEVELS,
+        };
         let fitted = match attribute {
             Attribute::Residual => Some(self.opened.fitted(settings.form, &*self.reporter)?),
             _ => None,
@@ -264,6 +278,10 @@ impl SurfaceSession {
         let mut prepared = self.prepare(&shot.look)?;
         if self.options.raw && shot.stereo.is_some() {
             let why = "--raw: expected one picture, not a pair for two eyes";
+            return Err(PictureError::of(self.opened.path(), why));
+        }
+        if self.options.raw && prepared.settings.coarse == Coarse::Means && !shot.surround.is_flat() {
+            let why = "--raw: found a pyramid of means around the eye, expected pyramid nested";
             return Err(PictureError::of(self.opened.path(), why));
         }
         let bounds = bounds_of(&prepared.placed, self.extremes());
@@ -363,14 +381,12 @@ impl SurfaceSession {
         placed: &Placed,
         options: &SurfaceOptions,
     ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
-        // Colours of a globe are sooner drawn on faces that are put together than by rays, and an adapter draws faces alone.
+        // Colours of a globe are sooner drawn on faces that are put together than in all directions at once, and an adapter draws faces alone.
         let in_parts = SurfaceOptions { raw: false, ..options.clone() };
-        // Heights along lines are written into whole pictures, and rays are cast in all directions at once.
-        let is_whole = has_labels(options)
-            || options.technique == Technique::Rays
-            || !self.painter.is_by_adapter(self.options.backend);
-        // What darkens what is found in flat pictures.
-        let is_one = placed.is_flat() && is_whole && options.shadowing.is_none();
+        // Heights along lines are written into whole pictures.
+        let is_whole = has_labels(options) || !self.painter.is_by_adapter(self.options.backend);
+        // What darkens what is found in flat pictures, and means are drawn in these alone.
+        let is_one = placed.is_flat() && is_whole && options.shadowing.is_none() && options.coarse == Coarse::Nested;
         let margin = if options.shadowing.is_some() { FARTHEST } else { 0 };
         if shot.stereo.is_none() && (is_one || shot.surround.is_flat()) {
             let sight = match Panorama::around(view, shot.surround)? {
@@ -461,9 +477,9 @@ impl SurfaceSession {
         levels: Option<Levels>,
         passes: Passes,
     ) -> Result<SeenSurface<Option<(AdapterSurface, SurfaceReport)>>, PictureError> {
-        self.seen_by(look, view, levels, |field, sight, options| match not_in_frames(options, field.placed.map) {
-            Some(_) => None,
-            None => field.job(sight, options, passes),
+        self.seen_by(look, view, levels, |field, sight, options| match is_beyond_frames(options) {
+            true => None,
+            false => field.job(sight, options, passes),
         })
     }
 
@@ -537,6 +553,7 @@ impl SurfaceSession {
     /// As [`SurfaceSession::draw`].
     pub fn fragments(&mut self, look: &LookPatch, view: &View) -> Result<(PathFragments, SurfaceReport), PictureError> {
         let prepared = self.prepare(look)?;
+        prepared.among_others().map_err(|why| PictureError::of(self.opened.path(), why))?;
         let options = SurfaceOptions { raw: false, ..self.surface_options(&prepared, look) };
         let (placed, sight) = (prepared.placed, Sight::Flat(*view));
         let source = self.nodes(&prepared);

@@ -227,14 +227,14 @@ fn photos_are_the_same_with_any_threads_and_memory() {
     let mut files = Vec::new();
     for (threads, memory) in [(1, None), (2, None), (3, Some(100 << 20))] {
         let path = folder.path().join("covered.df");
-        let options = HeightBuildOptions { threads: Some(threads), memory };
+        let options = HeightBuildOptions { threads: Some(threads), memory, ..HeightBuildOptions::default() };
         let file = build(&covered, &path, &options);
         let lattice = file.photo().unwrap().lattice;
         assert_eq!((lattice.levels(), lattice.tiles_of(0), lattice.tiles()), (3, [3, 3], 9 + 4 + 1));
         files.push(std::fs::read(&path).unwrap());
     }
     assert!(files.iter().all(|file| *file == files[0]));
-    let options = HeightBuildOptions { threads: Some(1), memory: Some(30 << 20) };
+    let options = HeightBuildOptions { threads: Some(1), memory: Some(30 << 20), ..HeightBuildOptions::default() };
     let error =
         build_heights(&covered, &HeightOrigin::default(), &options, &folder.path().join("a.df"), &()).unwrap_err();
     assert!(error.to_string().contains("and a photo of 540 x 700 take about"), "{error}");

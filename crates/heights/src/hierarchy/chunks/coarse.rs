@@ -1,10 +1,10 @@
 //! A row of samples of a level above full resolution: heights, how much of T is there, mean normals and colours.
 
-use super::compact::{Compact, nearest};
+use super::compact::Compact;
 use super::lattice::Lattice;
 use super::sums::{UNIT, WideSum};
+use crate::codec::values::Values;
 use crate::model::light;
-use deepfield_data::model::SampleType;
 
 /// Samples of a row of a level from 1 on.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,8 +40,8 @@ pub struct Below<'a> {
     pub level: u32,
     /// The row among the level's.
     pub row: u64,
-    /// How samples are stored.
-    pub sample_type: SampleType,
+    /// Which values samples have.
+    pub values: Values,
     /// Rows of the level below: the one before the sample's own, its own, the one after it.
     pub heights: [Option<&'a Compact>; 3],
 }
@@ -59,11 +59,11 @@ pub fn row(
     sum: impl Fn(usize) -> WideSum,
     light: impl Fn(usize, usize) -> [f64; 2],
 ) -> Row {
-    let Below { lattice, level, row, sample_type, heights } = *below;
+    let Below { lattice, level, row, values, heights } = *below;
     let columns = lattice.samples_of(level)[1] as usize;
     let mut stored = Vec::with_capacity(columns);
     let mut out = Row {
-        stored: Compact::new(sample_type, &[]),
+        stored: Compact::new(values.sample_type(), &[]),
         coverage: Vec::with_capacity(columns),
         normals: Vec::with_capacity(columns),
         deviation: Vec::with_capacity(columns),
@@ -85,7 +85,7 @@ pub fn row(
         let at = lattice.below(1, level, column as u64) as usize;
         let mut height = heights[1].map_or(f64::NAN, |heights| heights.get(at));
         if height.is_nan() && coverage > 0 {
-            height = nearest(sample_type, fitted(heights, at));
+            height = values.nearest(fitted(heights, at));
         }
         if height.is_nan() {
             coverage = 0;
@@ -108,7 +108,7 @@ pub fn row(
         }
         out.deviation.push([spread, colour_spread]);
     }
-    out.stored = Compact::new(sample_type, &stored);
+    out.stored = Compact::new(values.sample_type(), &stored);
     out
 }
 

@@ -57,12 +57,3 @@ impl Compact {
 pub fn is_single(sample_type: SampleType) -> bool {
     sample_type == SampleType::F32 || (sample_type.size() <= 2 && !sample_type.is_float())
 }
-
-/// The value of the type that is nearest to a height between stored ones.
-pub fn nearest(sample_type: SampleType, value: f64) -> f64 {
-    match sample_type {
-        SampleType::F64 => value,
-        SampleType::F32 => f64::from(value as f32),
-        _ => value.round(),
-    }
-}

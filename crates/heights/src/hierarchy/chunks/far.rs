@@ -5,13 +5,13 @@ use super::compact::Compact;
 use super::deviation::Range;
 use super::lattice::Lattice;
 use super::sums::{WideLight, WideSum};
-use deepfield_data::model::SampleType;
+use crate::codec::values::Values;
 
 /// What is known of every cell of a level: at first of leaves.
 #[derive(Clone, Debug)]
 pub struct Far {
     lattice: Lattice,
-    sample_type: SampleType,
+    values: Values,
     level: u32,
     /// Samples of the level, row by row.
     heights: Vec<Compact>,
@@ -28,13 +28,13 @@ impl Far {
     /// From the level whose cells are the leaves: its samples, and of each leaf what is in it.
     pub fn new(
         lattice: Lattice,
-        sample_type: SampleType,
+        values: Values,
         heights: Vec<Compact>,
         (sums, light): (Vec<WideSum>, Vec<WideLight>),
         planes: usize,
         ranges: Vec<Range>,
     ) -> Far {
-        Far { lattice, sample_type, level: lattice.side_bits, heights, sums, light, planes, ranges }
+        Far { lattice, values, level: lattice.side_bits, heights, sums, light, planes, ranges }
     }
 
     /// T minus the surface of the level that was made last, in each of its cells, row by row.
@@ -53,7 +53,7 @@ impl Far {
             let at = lattice.below(0, level, row as u64) as usize;
             let heights =
                 [at.checked_sub(1).and_then(|at| self.heights.get(at)), self.heights.get(at), self.heights.get(at + 1)];
-            let below = Below { lattice, level, row: row as u64, sample_type: self.sample_type, heights };
+            let below = Below { lattice, level, row: row as u64, values: self.values, heights };
             let light = |column: usize, plane: usize| {
                 about.1[(own * columns + column) * self.planes + plane].map(|light| light as f64)
             };

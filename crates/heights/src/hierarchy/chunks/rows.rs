@@ -4,7 +4,7 @@ use super::coarse::{self, Below, Row};
 use super::compact::Compact;
 use super::lattice::Lattice;
 use super::sums::{self, Sums};
-use deepfield_data::model::SampleType;
+use crate::codec::values::Values;
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
@@ -52,7 +52,7 @@ impl LevelRows {
     }
 
     /// Makes the rows before `end`, of which all sums are known. `below` gives rows of the level below.
-    pub fn make<'a>(&mut self, end: u64, sample_type: SampleType, below: impl Fn(u64) -> Option<&'a Compact> + Sync) {
+    pub fn make<'a>(&mut self, end: u64, values: Values, below: impl Fn(u64) -> Option<&'a Compact> + Sync) {
         let (lattice, level, planes, start) = (self.lattice, self.level, self.planes, self.made());
         let sums = &self.sums;
         let make = |row: u64| {
@@ -60,7 +60,7 @@ impl LevelRows {
             let own = own.checked_sub(start).and_then(|at| sums.get(at as usize));
             let at = lattice.below(0, level, row);
             let heights = [at.checked_sub(1).and_then(&below), below(at), below(at + 1)];
-            let below = Below { lattice, level, row, sample_type, heights };
+            let below = Below { lattice, level, row, values, heights };
             let sum = |column: usize| own.and_then(|own| own.sums.get(column)).copied().unwrap_or_default().into();
             let light = |column: usize, plane: usize| {
                 let light = own.and_then(|own| own.light.get(column * planes + plane));

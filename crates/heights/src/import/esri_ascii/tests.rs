@@ -103,7 +103,12 @@ fn what_is_wrong_is_named_with_both_numbers() {
     says("ncols", &["ncols"]);
     says(&"ncols 2 ".repeat(10_000), &["header"]);
     says(&format!("ncols 2\nnrows 2\n{}", "1".repeat(20_000_000)), &["found"]);
-    hostile("hostile.asc", grid(9, 8, "cellsize 1\nnodata_value 3", 72).as_bytes(), 80, true);
+}
+
+#[test]
+fn damage_is_an_answer_or_one_line() {
+    let text = format!("ncols 9\nnrows 8\ncellsize 1\nnodata_value 3\n{}", "1 2.5 3 -4e1 5 6 7 8 9\n".repeat(8));
+    hostile(&[("hostile.asc", text.as_bytes(), 0..80)], true);
 }
 
 #[test]

@@ -56,6 +56,5 @@ fn other_arrays_are_heights_where_that_is_asked_for() {
 
 #[test]
 fn damage_is_an_answer_or_one_line() {
-    hostile("hostile.grd", GMT, GMT.len(), false);
-    hostile("hostile.nc", GEBCO, 600, false);
+    hostile(&[("hostile.grd", GMT, 0..GMT.len()), ("hostile.nc", GEBCO, 0..600)], false);
 }

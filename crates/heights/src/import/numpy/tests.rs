@@ -94,7 +94,14 @@ fn what_is_no_field_is_named() {
     let bytes = npy("<f8", false, "(3, 3)", &f64s(&[1.0; 10]));
     let (_folder, path) = file_of("a.npy", &bytes);
     assert!(open(&path).description().notes.iter().any(|note| note.starts_with("8 bytes behind")));
-    hostile("hostile.npy", &bytes, 128, true);
+}
+
+#[test]
+fn damage_is_an_answer_or_one_line() {
+    let doubles = |shape: &str, count: usize| npy("<f8", false, shape, &f64s(&vec![1.0; count]));
+    hostile(&[("hostile.npy", &doubles("(3, 3)", 10)[..], 0..128)], true);
+    let archive = npz(&[("z", doubles("(20, 20)", 400)), ("x", doubles("(20,)", 20)), ("dy", doubles("()", 1))], true);
+    hostile(&[("hostile.npz", &archive[..], 0..600)], false);
 }
 
 #[test]
@@ -179,8 +186,6 @@ fn archives_tell_places() {
         let text = refusal("a.npz", &bytes, &HeightOptions::default());
         assert!(text.contains("300 x 300"), "{text}");
     }
-    let bytes = npz(&[("z", heights_of(20, 20)), ("x", axis(&[1.0; 20])), ("dy", scalar(2.0))], true);
-    hostile("hostile.npz", &bytes, 600, false);
 }
 
 /// Name, columns, rows, least, largest, mean, first place and steps.

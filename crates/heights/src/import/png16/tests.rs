@@ -37,5 +37,10 @@ fn grey_pictures_are_heights_where_asked_for() {
 
     let text = refusal("a.png", &picture(ColorType::Rgb, BitDepth::Eight, &[7; 60]), &asked);
     assert!(text.contains("Rgb of 8 bits"), "{text}");
-    hostile("hostile.png", &sixteen, 60, false);
+}
+
+#[test]
+fn damage_is_an_answer_or_one_line() {
+    let sixteen = picture(ColorType::Grayscale, BitDepth::Sixteen, &[7; 40]);
+    hostile(&[("hostile.png", &sixteen[..], 0..60)], false);
 }

@@ -1,6 +1,6 @@
 //! Grids of other programs, written here byte by byte.
 
-use super::hostile::hostile;
+use super::hostile::{hostile, hostile_beside};
 use super::{file_of, heights, open, plane, refusal, same};
 use crate::import::{HeightOptions, open_heights};
 use crate::model::Heights;
@@ -67,7 +67,7 @@ fn floats_are_described_by_the_file_beside_them() {
     write(&header.replace("cellsize 2", "cellsize nan"));
     assert!(said().ends_with("a.hdr: cellsize: found NaN, expected a number above 0"), "{}", said());
     std::fs::remove_file(folder.path().join("a.hdr")).unwrap();
-    assert!(said().contains("not a known format"));
+    assert!(said().ends_with("a.flt: description: missing, expected a file with .hdr in place of .flt"), "{}", said());
 }
 
 /// A container of a field of 3 x 2.
@@ -178,12 +178,14 @@ fn files_of_sensofar_are_read() {
 
 #[test]
 fn damaged_grids() {
-    hostile("hostile.plu", &plu(), 508, true);
+    hostile(&[("hostile.plu", &plu()[..], 0..508)], true);
     let plux = plux(INDEX, &PLUX);
-    hostile("hostile.plux", &plux, plux.len(), true);
-    hostile("hostile.grd", DSAA.as_bytes(), 40, true);
-    hostile("hostile.grd", &dsbb(), 56, true);
-    hostile("hostile.grd", &dsrb(), 100, true);
+    hostile(&[("hostile.plux", &plux[..], 0..plux.len())], true);
+    let (dsbb, dsrb) = (dsbb(), dsrb());
+    let name = "hostile.grd";
+    hostile(&[(name, DSAA.as_bytes(), 0..40), (name, &dsbb[..], 0..56), (name, &dsrb[..], 0..100)], true);
     let gwy = gwy();
-    hostile("hostile.gwy", &gwy, gwy.len(), true);
+    hostile(&[("hostile.gwy", &gwy[..], 0..gwy.len())], true);
+    let header = b"ncols 3\r\nnrows 2\r\nxllcorner 10\r\nyllcenter -1\r\ncellsize 2\r\nNODATA_value -9999\r\nbyteorder MSBFIRST\r\n";
+    hostile_beside(("hostile.flt", &[0x40; 24]), ("hostile.hdr", &header[..], 0..header.len()), true);
 }

@@ -94,8 +94,10 @@ fn files_that_are_none_are_refused() {
     std::fs::write(folder.path().join("other"), b"neither heights nor anything else").unwrap();
     assert!(said("other").contains("not a known format, expected one of sur"));
     let wrong = |options: HeightOptions| open_heights(&folder.path().join("other"), &options).unwrap_err().to_string();
-    let spacing = HeightOptions { spacing: Some([1.0, 0.0]), ..HeightOptions::default() };
-    assert!(wrong(spacing).contains("--spacing: found 1,0, expected two numbers above 0"));
+    for (spacing, found) in [([1.0, 0.0], "1,0"), ([f64::NAN; 2], "no two numbers")] {
+        let told = wrong(HeightOptions { spacing: Some(spacing), ..HeightOptions::default() });
+        assert!(told.contains(&format!("--spacing: found {found}, expected two numbers above 0, DX,DY")), "{told}");
+    }
     let unit = HeightOptions { height_unit: Some(deepfield_data::model::Unit::new("deg")), ..HeightOptions::default() };
     assert!(wrong(unit).contains("--height-unit: found deg, expected km, m, mm, um or nm"));
 }

@@ -117,7 +117,7 @@ fn values_that_look_like_no_data_are_noted() {
         let folder = tempfile::tempdir().unwrap();
         for memory in [None, Some(64 << 20)] {
             let (first, second) = (folder.path().join("a.df"), folder.path().join("b.df"));
-            let options = HeightBuildOptions { memory, threads: None };
+            let options = HeightBuildOptions { memory, ..HeightBuildOptions::default() };
             let about = build_heights(&source, &HeightOrigin::of(&source), &options, &first, &()).unwrap();
             assert_eq!(about.notes.last(), found.notes.first());
             let open = OpenHeights::open(&first, &HeightOptions::default()).unwrap();

@@ -297,22 +297,21 @@ fn archives_that_lie_are_refused() {
 
 #[test]
 fn damaged_surfaces_of_digital_surf() {
-    hostile("hostile.sur", &sur(16, false), 512, true);
-    hostile("hostile.sur", &sur(32, true), 522, true);
+    hostile(&[("hostile.sur", &sur(16, false)[..], 0..512), ("hostile.sur", &sur(32, true)[..], 0..522)], true);
 }
 
 #[test]
 fn damaged_depth_images() {
-    hostile("hostile.al3d", &al3d(), 17 + 12 * 52, true);
+    hostile(&[("hostile.al3d", &al3d()[..], 0..17 + 12 * 52)], true);
 }
 
 #[test]
 fn damaged_scans() {
-    hostile("hostile.frt", &frt(16), 100, true);
+    hostile(&[("hostile.frt", &frt(16)[..], 0..100)], true);
 }
 
 #[test]
 fn damaged_x3p() {
     let whole = x3p(("SUR", "SUR"));
-    hostile("hostile.x3p", &whole, whole.len(), true);
+    hostile(&[("hostile.x3p", &whole[..], 0..whole.len())], true);
 }

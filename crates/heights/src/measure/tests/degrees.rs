@@ -91,6 +91,45 @@ fn profiles_go_by_metres() {
     }
 }
 
+/// A globe's heights are the same wherever its columns begin, and some turns further.
+#[test]
+fn places_and_lines_go_on_beyond_the_seam() {
+    let around = |first: f64, columns: u64| {
+        let mut field = of(columns, 21, |row, column| ((first + column).rem_euclid(360.0) - 180.0).abs() + row * row);
+        (field.grid.origin, field.grid.step) = ([first, 70.0], [1.0, -1.0]);
+        (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+        field
+    };
+    let (field, wanted, part) = (around(20.0, 361), around(-180.0, 361), around(20.0, 30));
+    for (at, plain) in [([10.25, 63.5], [10.25, 63.5]), ([-700.75, 63.5], [19.25, 63.5]), ([380.5, 55.0], [20.5, 55.0])]
+    {
+        let (found, there) = (probe(&field, at).unwrap(), probe(&wanted, plain).unwrap());
+        assert_near(found.height.unwrap(), there.height.unwrap(), 1e-9, "height");
+        assert_eq!(found.x, at[0]);
+    }
+    assert!(probe(&part, [380.5, 55.0]).unwrap().height.is_some());
+    assert!(probe(&part, [10.25, 63.5]).unwrap().height.is_none());
+    assert_eq!(probe(&part, [10.25, 63.5]).unwrap().nearest.unwrap().x, 20.0);
+
+    let lengths = Lengths::on(&field.grid, 1_737_400.0);
+    for line in [[[10.1, 65.0], [30.3, 62.4]], [[30.3, 62.4], [10.1, 65.0]], [[10.1, 65.0], [17.0, 60.0]]] {
+        let plain = profile_on(&wanted, &lengths, &line).unwrap();
+        for turns in [-2.0, 0.0, 1.0] {
+            let turned = line.map(|[x, y]| [x + 360.0 * turns, y]);
+            let mut found = profile_on(&field, &lengths, &turned).unwrap();
+            assert_near(found.length, plain.length, 1e-9, "length");
+            assert_near(found.valid_length, plain.length, 1e-9, "over T");
+            // At the seam one piece ends and the next begins.
+            found.points.dedup_by(|next, last| next.distance - last.distance < 1e-3);
+            assert_eq!(found.points.len(), plain.points.len());
+            for (one, other) in found.points.iter().zip(&plain.points) {
+                assert_near(one.distance, other.distance, 1e-6, "distance");
+                assert_near(one.height, other.height, 1e-9, "height");
+            }
+        }
+    }
+}
+
 #[test]
 fn forms_with_a_radius_need_lengths() {
     let field = zone(|x, y| x * x - y);

@@ -2,6 +2,7 @@
 
 use super::rays::{noisy, random, rays};
 use crate::build::{HeightBuildOptions, HeightOrigin, build_heights};
+use crate::codec::values::Values;
 use crate::hierarchy::chunks::{ChunkNode, Coverage, Lattice, Part};
 use crate::measure::ray::MinMax;
 use crate::measure::{PagedPyramid, Pick, Pyramid, Ray, Rise, Stands, cast_all, pick, pick_all};
@@ -42,7 +43,7 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
                     node.area += cell.measured().saturating_sub(2) as u64;
                 }
             }
-            (node, chunk::encode_leaf(grid.sample_type, &stored, held.columns, &planes, part.columns))
+            (node, chunk::encode_leaf(&Values::all(grid.sample_type), &stored, held.columns, &planes, part.columns))
         } else {
             let mut node = ChunkNode::default();
             for child in lattice.children(key) {
@@ -71,6 +72,7 @@ fn written(field: &HeightField, side_bits: u32, path: &Path) -> HeightFile {
         area: 0,
         slopes: [1.0; 2],
         levels: Vec::new(),
+        rounded: None,
         photo: None,
     };
     writer.complete(about).unwrap().0.persist().unwrap();

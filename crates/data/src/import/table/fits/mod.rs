@@ -29,7 +29,7 @@ const MOST_PARTS: usize = 1000;
 const BUFFER: usize = 1 << 18;
 
 /// Whether a file that begins so is a FITS file.
-pub(in crate::import) fn is_fits(head: &[u8]) -> bool {
+fn is_fits(head: &[u8]) -> bool {
     head.starts_with(b"SIMPLE  =")
 }
 

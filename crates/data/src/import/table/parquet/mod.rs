@@ -6,6 +6,7 @@ mod file;
 mod hats;
 mod pages;
 mod units;
+mod unpacked;
 mod values;
 
 use super::catalogue::Catalogue;

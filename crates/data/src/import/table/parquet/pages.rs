@@ -3,12 +3,14 @@
 
 use super::compact::{DATA, DATA_2, DICTIONARY, PageHeader, page_header};
 use super::guard;
+use super::unpacked::{Packing, Sizes, Unpacked};
 use super::values::StoredColumn;
 use crate::import::ImportError;
 use crate::import::bytes::RangeFile;
 use crate::import::table::columns::shown;
 use crate::model::ReadMethod;
 use parquet::basic::Compression;
+use parquet::column::page::PageReader;
 use parquet::column::reader::{ColumnReader, get_column_reader};
 use parquet::errors::Result as Decoded;
 use parquet::file::metadata::ColumnChunkMetaData;
@@ -76,16 +78,21 @@ impl Reading<'_> {
             let expected = format!("{}, as when it was opened", self.length);
             return Err(ImportError::malformed(self.path, "length", headers.length, expected));
         }
-        let (pages, end) = self.pages(&headers, rows.end)?;
+        let (pages, sizes, end) = self.pages(&headers, rows.end)?;
+        let packing = Packing::of(self.chunk.packing);
         let (expected, about) = (out.len(), &self.column.about);
         let found = guard(self.path, self.field(), "pages of numbers", || {
             let chunk = ColumnChunkMetaData::builder(about.clone())
                 .set_data_page_offset(self.chunk.start as i64)
                 .set_total_compressed_size(self.chunk.length as i64)
-                .set_compression(self.chunk.packing)
+                .set_compression(packing.map_or(self.chunk.packing, |_| Compression::UNCOMPRESSED))
                 .build()?;
             let pages = SerializedPageReader::new(Arc::new(file), &chunk, end as usize, Some(pages))?;
-            decode(self.column, get_column_reader(about.clone(), Box::new(pages)), rows.start as usize, out)
+            let pages: Box<dyn PageReader> = match packing {
+                Some(packing) => Box::new(Unpacked::new(pages, packing, sizes)),
+                None => Box::new(pages),
+            };
+            decode(self.column, get_column_reader(about.clone(), pages), rows.start as usize, out)
         })?;
         if found != expected {
             return Err(ImportError::malformed(self.path, self.field(), format!("{found} rows"), expected.to_string()));
@@ -98,12 +105,12 @@ impl Reading<'_> {
         format!("pages of {}", shown(self.column.about.name()))
     }
 
-    /// Pages of data up to the one that has the row before `until`, and the row behind that page.
-    fn pages(&self, file: &RangeFile, until: u64) -> Result<(Vec<PageLocation>, u64), ImportError> {
+    /// Pages of data up to the one that has the row before `until`, how large they are unpacked, and the row behind that page.
+    fn pages(&self, file: &RangeFile, until: u64) -> Result<(Vec<PageLocation>, Sizes, u64), ImportError> {
         let wrong = |found: String, expected: &str| ImportError::malformed(self.path, self.field(), found, expected);
         let Chunk { start, length, .. } = self.chunk;
         let end = start + length;
-        let (mut at, mut row, mut pages) = (start, 0, Vec::new());
+        let (mut at, mut row, mut pages, mut sizes) = (start, 0, Vec::new(), Sizes::default());
         while row < until {
             if at >= end {
                 return Err(wrong(format!("{row} rows"), &self.rows.to_string()));
@@ -138,13 +145,16 @@ impl Reading<'_> {
                 // Below 2^31: what a page has unpacked is, and what it has packed is little more.
                 let compressed_page_size = (next - at) as i32;
                 pages.push(PageLocation { offset: at as i64, compressed_page_size, first_row_index: row as i64 });
+                sizes.data.push_back(plain);
                 row += values;
             } else if size > plain || values > MOST_ENTRIES {
                 return Err(wrong(format!("a dictionary of {values} values in {plain} bytes"), "fewer values"));
+            } else {
+                sizes.dictionary = plain;
             }
             at = next;
         }
-        Ok((pages, row))
+        Ok((pages, sizes, row))
     }
 }
 

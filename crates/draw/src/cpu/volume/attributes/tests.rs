@@ -8,9 +8,12 @@ use crate::cpu::volume::bricks::{BORDER, BRICK, Slab};
 use crate::cpu::volume::tests::{Cloud, RAMP, draw, look, perspective, scenery};
 use crate::cpu::volume::{Classifier, Light, Surface, VolumeLevels, cast_in_parts};
 use crate::cpu::{Extent, Positions};
+use crate::model::Kernel;
 use crate::synth::merger::Merger;
-use crate::view::Projection;
+use crate::synth::random::Random;
+use crate::view::{self, Projection};
 use glam::DVec3;
+use proptest::prelude::*;
 
 /// Particles whose columns are drawn.
 struct Gas {
@@ -114,6 +117,124 @@ fn fields_are_the_exact_sums_on_a_merger() {
             println!("{volume:?}: {errors:?} in {samples} cells");
             assert!(samples > 300 && errors[0] < 1e-3 && errors[1] < 1e-4, "{volume:?}: {errors:?} {samples}");
         }
+    }
+}
+
+/// Groups of gas, some of which are handed over at a time.
+struct Groups {
+    all: Vec<Gas>,
+    together: usize,
+    slab_bytes: u64,
+}
+
+impl Groups {
+    /// Of very different sizes, here and there; densities in a unit of their own. A few particles have no value.
+    fn random(seed: u64, count: usize, unit: f64, (together, slab_bytes): (usize, u64)) -> Groups {
+        let mut random = Random::new(seed, 8);
+        let group = |_: usize| {
+            let middle = DVec3::from_array([0; 3].map(|_| 2.0 * random.signed()));
+            let width = 0.05 + 1.5 * random.uniform().powi(3);
+            let (mut positions, mut columns) = (Vec::new(), [(); 4].map(|()| Vec::new()));
+            for _ in 0..200 {
+                let place = middle + width * DVec3::from_array([0; 3].map(|_| random.signed()));
+                let h = width * (0.02 + 1.5 * random.uniform().powi(10));
+                let value = if random.uniform() < 0.05 { f64::NAN } else { random.signed() };
+                let density = unit * (0.1 + random.uniform());
+                positions.push(place.to_array());
+                let own = [h, 0.1 * h.powi(3) * density / unit, density, value];
+                columns.iter_mut().zip(own).for_each(|(column, value)| column.push(value as f32));
+            }
+            let [h, mass, density, value] = columns;
+            Gas::new(positions, h, mass, density, value)
+        };
+        Groups { all: (0..count).map(group).collect(), together, slab_bytes }
+    }
+
+    fn batches(&self) -> Vec<Splats<'_>> {
+        self.all.iter().map(Gas::batch).collect()
+    }
+}
+
+impl Supply for Groups {
+    fn extents(&self) -> Vec<view::Extent> {
+        extents::of(&self.batches())
+    }
+
+    fn particles(&self) -> u64 {
+        self.batches().iter().map(|batch| batch.len() as u64).sum()
+    }
+
+    fn has_attribute(&self) -> bool {
+        true
+    }
+
+    fn slab_bytes(&self) -> u64 {
+        self.slab_bytes
+    }
+
+    fn supply(&mut self, is_wanted: &dyn Fn(&view::Extent) -> bool, each: &mut dyn FnMut(&[Splats<'_>])) {
+        let batches = self.batches();
+        let wanted: Vec<Splats<'_>> = batches
+            .iter()
+            .zip(self.extents())
+            .filter(|(_, extent)| is_wanted(extent))
+            .map(|(batch, _)| *batch)
+            .collect();
+        wanted.chunks(self.together).for_each(each);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Volumes and surfaces of several columns at once, with slabs of a layer, some layers and all of them.
+    #[test]
+    fn columns_that_come_some_at_a_time_have_the_same_bits(
+        (seed, count, together) in (any::<u64>(), 1_usize..16, 1_usize..6),
+        (memory, occlusion, variant) in (0_usize..3, any::<bool>(), 0_usize..3),
+        (unit, distance) in (prop::sample::select(vec![1.0, 1e9]), 0.5_f64..8.0),
+    ) {
+        let memory = [0, 300 << 10, 1 << 30][memory];
+        let mut groups = Groups::random(seed, count, unit, (together, SUPPLIED_SHARE * memory));
+        let view = perspective(distance * DVec3::new(0.3, 0.2, 0.93), 66, 50);
+        let axis = ValueAxis::new(Scale::Linear, [-1.2, 1.2]);
+        let opacity = Some(ByDensity { range: [1e-3 * unit, unit] });
+        let (value, density) = ((Column::Field(0), false), (Column::Field(1), true));
+        let (volume, surface, opacity, columns) = match variant {
+            0 => (Reading::Mean(axis), None, opacity, [value, density]),
+            1 => (Reading::Sum(axis), Some(Reading::Density), opacity, [value, density]),
+            _ => (Reading::Density, Some(Reading::Mean(axis)), None, [density, value]),
+        };
+        let shown = Shown { volume, surface, opacity, has_hue: true };
+        let columns = columns.into_iter().chain([(Column::Attribute, false)]);
+        let (wanted, densities): (Vec<Column>, Vec<bool>) = columns.unzip();
+        let surface = Surface { value: 1.5, color: None, opacity: 0.9 };
+        let scenery = scenery(RAMP, [1e-3, 2.0], 0.3, vec![surface]);
+        let options = VolumeOptions { memory, occlusion, ..VolumeOptions::default() };
+        let whole = Columns::prepare(&view, &groups.batches(), &wanted, &options);
+        let supplied = Columns::prepare_supplied(&view, &mut groups, &wanted, &densities, &options);
+        let (whole, (columns, histograms)) = match (whole, supplied) {
+            (Ok(whole), Ok(supplied)) => (whole, supplied),
+            (whole, supplied) => {
+                prop_assert_eq!(whole.err(), supplied.err());
+                return Ok(());
+            }
+        };
+        prop_assert_eq!(whole.filling, columns.filling);
+        for (index, (histogram, is_density)) in histograms.iter().zip(densities).enumerate() {
+            prop_assert!(histogram.0 == whole.histogram(index, is_density).0, "column {}", index);
+        }
+        let (expected, all) = whole.draw(&view, &shown, &scenery, &options, None);
+        let unlimited = VolumeOptions { memory: 1 << 40, ..options };
+        let (colors, report) = columns.draw_supplied(&view, &mut groups, &shown, &scenery, &unlimited);
+        prop_assert!(expected == colors, "{:?} {:?}", all, report);
+        let counts = |report: &VolumeReport| {
+            let VolumeReport { grid, slabs, pairs, bricks, samples, hidden, .. } = *report;
+            (grid, slabs, pairs, bricks, samples, hidden)
+        };
+        prop_assert_eq!(counts(&all), counts(&report));
+        prop_assert!(all.opaque == report.opaque && report.particles <= all.particles);
+        prop_assert!(memory > 0 || report.slabs > 1 || report.grid[2] < 64, "{:?}", report);
     }
 }
 

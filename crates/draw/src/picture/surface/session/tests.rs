@@ -104,6 +104,18 @@ fn legends_tell_how_much_higher_a_surface_is_drawn() {
     }
 }
 
+/// Pyramids of means look alike near by, where triangles are T's, but there is no error to tell.
+#[test]
+fn pyramids_of_means_have_no_error_to_tell() {
+    let [nested, means] = ["nested", "means"]
+        .map(|pyramid| ramp("m", &format!("{{\"ambient\": 1.0, \"pyramid\": \"{pyramid}\"}}"), None));
+    assert!(nested.converged && nested.error_px <= 0.8 && means.converged && means.error_px.is_infinite());
+    for height in [-290.0, -100.0, 8.0, 500.0, 880.0] {
+        let [one, other] = [&nested, &means].map(|picture| color(picture, height));
+        assert!((0..3).all(|k| (one[k] - other[k]).abs() < 0.02), "{height}: {one:?} {other:?}");
+    }
+}
+
 #[test]
 fn spikes_do_not_have_the_colours_of_a_field() {
     let hill = |x: f64, y: f64| 0.01 * (x + y);

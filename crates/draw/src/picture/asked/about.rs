@@ -1,38 +1,46 @@
 //! What datasets hold, as JSON.
 
-use crate::cache;
-use crate::error::Failure;
-use crate::work::State;
-use deepfield_draw::heights::OpenHeights;
-use deepfield_draw::heights::import::HeightOptions;
-use deepfield_draw::import::{GridOptions, open_grid};
-use deepfield_draw::look::{DataKind, Member, MemberKind, OpenData};
-use deepfield_draw::mode::Mode;
-use deepfield_draw::model::{Bounds, Grid, Moment, ReadMethod};
-use deepfield_draw::modes;
-use deepfield_draw::store::{AttributeInfo, FamilyMetadata, GridFile};
+use super::Failure;
+use crate::heights::OpenHeights;
+use crate::heights::import::HeightOptions;
+use crate::import::{GridOptions, open_grid};
+use crate::look::{DataKind, Member, MemberKind, OpenData};
+use crate::mode::Mode;
+use crate::model::{Bounds, Grid, Moment, ReadMethod};
+use crate::modes;
+use crate::picture::{PictureError, Reporter};
+use crate::store::{AttributeInfo, FamilyMetadata, GridFile};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// What datasets hold together. Sources of particles are built into the cache first, unless they are there.
+/// What datasets hold together. `page_file` turns sources of particles into page files.
 ///
 /// # Errors
 /// When they cannot be read or built.
-pub fn about(members: &[Member], state: &State) -> Result<Value, Failure> {
+pub fn about(
+    members: &[Member],
+    page_file: impl FnMut(&Path) -> Result<PathBuf, PictureError>,
+    reporter: &dyn Reporter,
+) -> Result<Value, Failure> {
     match members {
         [] => Err("open: found no path, expected at least one".into()),
-        all if all.iter().all(|member| member.kind() == MemberKind::Particles) => of_particles(all, state),
+        all if all.iter().all(|member| member.kind() == MemberKind::Particles) => {
+            of_particles(all, page_file, reporter)
+        }
         [only] if only.kind() == MemberKind::Heights => of_heights(&only.path),
         [only] => of_field(&only.path),
         _ => Ok(json!({ "kind": "mixed", "unit": "", "bounds": null, "families": [] })),
     }
 }
 
-fn of_particles(members: &[Member], state: &State) -> Result<Value, Failure> {
-    let built = |path: &Path| -> Result<PathBuf, Failure> { cache::page_file(path, state) };
-    let opened = OpenData::open(members, ReadMethod::default(), built)?;
+fn of_particles(
+    members: &[Member],
+    page_file: impl FnMut(&Path) -> Result<PathBuf, PictureError>,
+    reporter: &dyn Reporter,
+) -> Result<Value, Failure> {
+    let opened = OpenData::open(members, ReadMethod::default(), page_file)?;
     let (file, notes) = opened.at(Moment::default())?;
-    notes.into_iter().for_each(|note| state.note(note));
+    notes.into_iter().for_each(|note| reporter.tell(note));
     let metadata = file.metadata();
     let provenance = &metadata.provenance;
     Ok(json!({

@@ -1,17 +1,15 @@
-//! The picture that is asked for, from what Python says of it.
+//! The picture that is asked for, from what a program says of it.
 
-use crate::error::Failure;
-use deepfield_draw::build::default_memory;
-use deepfield_draw::color::composite::Background;
-use deepfield_draw::color::transfer::{TransferFunction, presets};
-use deepfield_draw::cpu::Method;
-use deepfield_draw::look::{
-    Attribute, Backend, CameraConfig, DataKind, LookPatch, Member, PictureConfig, SceneFile, Shot,
-};
-use deepfield_draw::mode::{Mode, Setting, SettingValue, lod_budget};
-use deepfield_draw::model::{FamilyName, When};
-use deepfield_draw::modes;
-use deepfield_draw::picture::SessionOptions;
+use super::Failure;
+use crate::build::default_memory;
+use crate::color::composite::Background;
+use crate::color::transfer::{TransferFunction, presets};
+use crate::cpu::Method;
+use crate::look::{Attribute, Backend, CameraConfig, DataKind, LookPatch, Member, PictureConfig, SceneFile, Shot};
+use crate::mode::{Mode, Setting, SettingValue, lod_budget};
+use crate::model::{FamilyName, When};
+use crate::modes;
+use crate::picture::SessionOptions;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,42 +17,42 @@ use std::path::{Path, PathBuf};
 /// The largest picture, pixels along a side.
 const LARGEST: u32 = 32_768;
 
-/// A picture as Python asks for it. What it does not say is the configuration's, and what that does not say the program's own.
+/// A picture as a program asks for it. What it does not say is the configuration's, and what that does not say the program's own.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Asked {
     /// Settings in RON, as `deepfield render --config` reads them.
-    config: Option<String>,
+    pub config: Option<String>,
     /// What messages call these.
-    config_name: String,
+    pub config_name: String,
     /// A scene in RON, whose look, camera and size hold where nothing else is said; its own data is not opened.
-    scene: Option<String>,
+    pub scene: Option<String>,
     /// The file that it was read from.
-    scene_file: Option<PathBuf>,
+    pub scene_file: Option<PathBuf>,
     /// Visualization mode.
-    mode: Option<String>,
+    pub mode: Option<String>,
     /// The attribute that gives the hue.
-    attribute: Option<String>,
+    pub attribute: Option<String>,
     /// The one family that is drawn.
-    family: Option<FamilyName>,
+    pub family: Option<FamilyName>,
     /// Width and height, pixels.
-    size: Option<(u32, u32)>,
+    pub size: Option<(u32, u32)>,
     /// Where the camera stands.
-    camera: CameraConfig,
+    pub camera: CameraConfig,
     /// Whether every source particle is drawn at full precision.
-    exact: bool,
+    pub exact: bool,
     /// Largest displacement of a particle on screen, pixels.
-    error_px: Option<f64>,
+    pub error_px: Option<f64>,
     /// Name or file of a transfer function, or its text in RON.
-    transfer: Option<String>,
+    pub transfer: Option<String>,
     /// What is behind the picture.
-    background: Option<Background>,
+    pub background: Option<Background>,
     /// When, of a run.
-    time: Option<String>,
+    pub time: Option<String>,
     /// Bytes that what is read may take.
-    memory: Option<u64>,
+    pub memory: Option<u64>,
     /// Settings of the mode.
-    settings: BTreeMap<String, SettingValue>,
+    pub settings: BTreeMap<String, SettingValue>,
 }
 
 impl Asked {

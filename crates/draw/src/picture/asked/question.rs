@@ -1,13 +1,12 @@
 //! Whom questions are about, and where they are asked.
 
-use crate::error::Failure;
-use crate::work::State;
-use deepfield_draw::explore::{Data, IdSet, Members, Opened, Region};
-use deepfield_draw::hierarchy::spacetime::Interpolation;
-use deepfield_draw::import::open_with;
-use deepfield_draw::look::DataKind;
-use deepfield_draw::model::{ReadMethod, When};
-use deepfield_draw::store::{PageFile, RunFile};
+use super::{Failure, State};
+use crate::explore::{Data, Fields, IdSet, Members, Opened, Probe, ProbeOptions, ProfileOptions, Region, Work, probe};
+use crate::hierarchy::spacetime::Interpolation;
+use crate::import::open_with;
+use crate::look::DataKind;
+use crate::model::{ReadMethod, When};
+use crate::store::{PageFile, RunFile};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -103,5 +102,38 @@ impl Question {
             }
             opened => opened,
         }
+    }
+}
+
+/// What is asked of a region.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AskedProbe {
+    /// Of whom.
+    pub of: Question,
+    /// Whose statistics; of all fields where nothing is said.
+    pub fields: Option<Vec<String>>,
+    /// Shells of equal width of a profile in the region's sphere.
+    pub shells: Option<usize>,
+    /// The field whose means are in them.
+    pub shell_field: Option<String>,
+}
+
+impl AskedProbe {
+    /// The answer.
+    ///
+    /// # Errors
+    /// As [`Question::opened`], for a region that makes no sense, and for fields that there are not.
+    pub fn answer(self, path: &Path, state: &State) -> Result<Probe, Failure> {
+        self.of.region.check()?;
+        let opened = self.of.opened("probe", path)?;
+        let data = opened.data();
+        let options = ProbeOptions {
+            fields: self.fields.map_or(Fields::All, Fields::Named),
+            profile: self.shells.map(|shells| ProfileOptions { shells, inner: None, field: self.shell_field }),
+            periodic: self.of.periodic(data)?,
+        };
+        let work = Work { progress: state, stop: state.stop() };
+        Ok(probe(data, &self.of.region, &options, work)?)
     }
 }

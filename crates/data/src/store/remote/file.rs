@@ -1,0 +1,320 @@
+//! One file behind a URL.
+
+use super::address::{Address, Object};
+use super::failure::told;
+use super::kept::{Ends, Kept};
+use super::note;
+use super::runtime::{begin, outcome, wait};
+use super::traffic::{Outcome, Traffic};
+use super::version::Version;
+use crate::store::disk::{Change, Disk};
+use crate::store::error::may_pass;
+use object_store::{GetOptions, GetRange, ObjectStore};
+use std::fmt;
+use std::io::{self, ErrorKind};
+use std::ops::Range;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// First bytes that are read to open a file: the header, and what is small whole.
+const HEAD: u64 = 64 << 10;
+/// Last bytes that are read to open a file: the footer, unless it is longer.
+const TAIL: u64 = 256 << 10;
+/// Longest part that is asked for at a time, bytes: what a server says of lengths is no reason to fill the memory.
+const LONGEST: u64 = 1 << 30;
+/// Pauses between attempts to open a file, as between those to read a page.
+const PAUSES: [Duration; 3] = [Duration::from_millis(100), Duration::from_millis(400), Duration::from_millis(1600)];
+
+/// An open file behind a URL. It holds how the file begins and ends, never pages.
+pub(in crate::store) struct RemoteFile {
+    url: String,
+    host: String,
+    object: Object,
+    ends: Ends,
+    /// What is kept on this machine.
+    kept: Option<Kept>,
+    traffic: Mutex<Traffic>,
+    change: Mutex<Option<Change>>,
+    opened: Instant,
+}
+
+/// The URL may hold a secret, and so may what asks the server.
+impl fmt::Debug for RemoteFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RemoteFile")
+            .field("host", &self.host)
+            .field("version", &self.ends.version)
+            .finish_non_exhaustive()
+    }
+}
+
+impl RemoteFile {
+    /// Opens a file: two requests side by side, unless something is in their way. Where the server cannot be reached, what was kept of the
+    /// file opens it, which is told.
+    pub(super) fn open(address: Address) -> io::Result<RemoteFile> {
+        let mut kept = Kept::of(&address.shown, &address.url);
+        let mut pauses = PAUSES.iter();
+        let ends = loop {
+            let error = match ends_of(&address.object, &address.host) {
+                Ok(ends) => {
+                    kept.iter().for_each(|kept| kept.keep_ends(&ends));
+                    break ends;
+                }
+                Err(error) => error,
+            };
+            if !may_pass(error.kind()) {
+                return Err(error);
+            }
+            if let Some(ends) = kept.as_ref().and_then(Kept::ends) {
+                note(format!("{}: {error}; what was read of it before is shown", address.shown));
+                break ends;
+            }
+            // A server that does not answer has been waited for long enough.
+            match pauses.next().filter(|_| error.kind() != ErrorKind::TimedOut) {
+                Some(pause) => std::thread::sleep(*pause),
+                None => return Err(error),
+            }
+        };
+        kept.iter_mut().for_each(|kept| kept.open(&ends));
+        let Address { url, host, object, .. } = address;
+        let now = Instant::now();
+        let traffic = Mutex::new(Traffic::new(now));
+        Ok(RemoteFile { url, host, object, ends, kept, traffic, change: Mutex::new(None), opened: now })
+    }
+
+    /// All of its URL; may hold a secret.
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// Time since it was opened.
+    pub fn age(&self) -> Duration {
+        self.opened.elapsed()
+    }
+
+    /// Whether the server has another one by now, as far as answers have said.
+    pub fn is_changed(&self) -> bool {
+        self.noted().is_some()
+    }
+
+    fn noted(&self) -> MutexGuard<'_, Option<Change>> {
+        self.change.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn traffic(&self) -> MutexGuard<'_, Traffic> {
+        self.traffic.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Fills `buffer` from what opening has read, if it is there.
+    fn read_ends(&self, buffer: &mut [u8], offset: u64) -> bool {
+        let Ends { version, head, tail } = &self.ends;
+        let found = [(0, head), (version.size - tail.len() as u64, tail)].into_iter().find_map(|(start, bytes)| {
+            let from = usize::try_from(offset.checked_sub(start)?).ok()?;
+            bytes.get(from..from.checked_add(buffer.len())?)
+        });
+        found.map(|bytes| buffer.copy_from_slice(bytes)).is_some()
+    }
+
+    /// Asks the server for a part.
+    fn ask(&self, range: Range<u64>) -> io::Result<Vec<u8>> {
+        let RemoteFile { host, .. } = self;
+        let wanted = range.end - range.start;
+        if wanted > LONGEST {
+            let what = format!("{host} is to send {wanted} bytes at a time, expected at most {LONGEST}");
+            return Err(io::Error::new(ErrorKind::InvalidInput, what));
+        }
+        let replaced =
+            || io::Error::new(ErrorKind::StaleNetworkFileHandle, format!("{host} has another version of it"));
+        if self.is_changed() {
+            return Err(replaced());
+        }
+        let expected = &self.ends.version;
+        self.traffic().begin(Instant::now());
+        let answer = wait(fetch(self.object.clone(), GetRange::Bounded(range), expected.e_tag.clone()));
+        let answer = answer.and_then(|answer| answer.map_err(|error| told(host, &error)));
+        let came = match &answer {
+            Ok(answer) => Outcome::Came(answer.bytes.len() as u64, answer.first),
+            Err(error) if matches!(error.kind(), ErrorKind::ResourceBusy | ErrorKind::TimedOut) => Outcome::TooMany,
+            Err(_) => Outcome::Failed,
+        };
+        self.traffic().end(came, Instant::now());
+        let change = match &answer {
+            Ok(answer) if expected.is_other(&answer.version) => Some(Change::Replaced),
+            Err(error) if error.kind() == ErrorKind::StaleNetworkFileHandle => Some(Change::Replaced),
+            Err(error) if error.kind() == ErrorKind::NotFound => Some(Change::Deleted),
+            _ => None,
+        };
+        if change.is_some() {
+            *self.noted() = change;
+        }
+        let answer = answer?;
+        match answer.bytes.len() as u64 {
+            _ if change.is_some() => Err(replaced()),
+            len if len == wanted => Ok(answer.bytes),
+            len => Err(io::Error::new(ErrorKind::ConnectionAborted, format!("{host} sent {len} bytes of {wanted}"))),
+        }
+    }
+}
+
+impl Disk for RemoteFile {
+    fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        let end = offset.checked_add(buffer.len() as u64).filter(|end| *end <= self.ends.version.size);
+        let end = end.ok_or(ErrorKind::UnexpectedEof)?;
+        if !buffer.is_empty() && !self.read_ends(buffer, offset) {
+            buffer.copy_from_slice(&self.ask(offset..end)?);
+        }
+        Ok(())
+    }
+
+    fn read_known_at(&self, buffer: &mut [u8], offset: u64, crc: u32) -> io::Result<()> {
+        if self.read_ends(buffer, offset) {
+            return Ok(());
+        }
+        let Some(kept) = &self.kept else { return self.read_exact_at(buffer, offset) };
+        if kept.read_part(buffer, offset, crc) {
+            return Ok(());
+        }
+        self.read_exact_at(buffer, offset)?;
+        if crc32c::crc32c(buffer) == crc {
+            kept.keep_part(buffer, offset, crc);
+        }
+        Ok(())
+    }
+
+    fn size(&self) -> io::Result<u64> {
+        Ok(self.ends.version.size)
+    }
+
+    fn change(&self) -> Option<Change> {
+        *self.noted()
+    }
+
+    /// Every answer says which version it is of.
+    fn knows_changes(&self) -> bool {
+        true
+    }
+
+    fn reads_at_once(&self) -> Option<usize> {
+        Some(self.traffic().at_once())
+    }
+}
+
+/// What a server has sent.
+struct Answer {
+    version: Version,
+    bytes: Vec<u8>,
+    /// Time until the first of it came.
+    first: Duration,
+}
+
+async fn fetch(object: Object, range: GetRange, if_match: Option<String>) -> object_store::Result<Answer> {
+    let asked = Instant::now();
+    let options = GetOptions { range: Some(range), if_match, ..GetOptions::default() };
+    let found = object.store.get_opts(&object.key, options).await?;
+    let (version, first) = (Version::of(&found.meta), asked.elapsed());
+    let bytes = found.bytes().await?.into();
+    Ok(Answer { version, bytes, first })
+}
+
+/// Reads how a file begins and ends.
+fn ends_of(object: &Object, host: &str) -> io::Result<Ends> {
+    let sent = |answer: object_store::Result<Answer>| answer.map_err(|error| told(host, &error));
+    let head = begin(fetch(object.clone(), GetRange::Bounded(0..HEAD), None))?;
+    let tail = begin(fetch(object.clone(), GetRange::Suffix(TAIL), None))?;
+    let head = sent(outcome(&head)?)?;
+    let (version, len) = (head.version, head.bytes.len() as u64);
+    if len != version.size.min(HEAD) {
+        let what = format!("{host} sent {len} bytes of {}", version.size.min(HEAD));
+        return Err(io::Error::new(ErrorKind::ConnectionAborted, what));
+    }
+    let start = version.size.saturating_sub(TAIL).max(if version.size <= HEAD { version.size } else { 0 });
+    if start == version.size {
+        return Ok(Ends { version, head: head.bytes, tail: Vec::new() });
+    }
+    let is_tail = |tail: &Answer| !version.is_other(&tail.version) && tail.bytes.len() as u64 == version.size - start;
+    let tail = match outcome(&tail)? {
+        Ok(tail) if is_tail(&tail) => tail,
+        // A server that counts from the beginning only, or a file that was changed meanwhile.
+        _ => sent(wait(fetch(object.clone(), GetRange::Bounded(start..version.size), version.e_tag.clone()))?)?,
+    };
+    match is_tail(&tail) {
+        true => Ok(Ends { version, head: head.bytes, tail: tail.bytes }),
+        false => Err(io::Error::other(format!("{host} has changed it while it was opened"))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use object_store::ObjectStoreExt;
+    use object_store::memory::InMemory;
+    use std::sync::Arc;
+
+    fn object(bytes: Vec<u8>) -> Object {
+        let object = Object { store: Arc::new(InMemory::new()), key: "a.df".into() };
+        put(&object, bytes);
+        object
+    }
+
+    fn block_on<T>(work: impl Future<Output = T>) -> T {
+        tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(work)
+    }
+
+    fn put(object: &Object, bytes: Vec<u8>) {
+        block_on(object.store.put(&object.key, bytes.into())).unwrap();
+    }
+
+    fn open(object: &Object) -> io::Result<RemoteFile> {
+        let text = "mem://a.df".to_owned();
+        RemoteFile::open(Address { url: text.clone(), shown: text, host: "memory".into(), object: object.clone() })
+    }
+
+    /// Bytes that no two places share.
+    fn bytes(len: usize) -> Vec<u8> {
+        (0..len.div_ceil(4) as u32).flat_map(|word| word.wrapping_mul(2_654_435_761).to_le_bytes()).take(len).collect()
+    }
+
+    #[test]
+    fn every_part_of_a_file_of_any_length_is_what_was_put() {
+        let lengths = [1, 100, HEAD - 1, HEAD, HEAD + 1, TAIL, HEAD + TAIL, HEAD + TAIL + 1, 3 * TAIL];
+        for length in lengths.map(|length| length as usize) {
+            let all = bytes(length);
+            let file = open(&object(all.clone())).unwrap();
+            assert_eq!(file.size().unwrap(), length as u64);
+            let ends = [HEAD as usize, length.saturating_sub(TAIL as usize)];
+            for offset in ends.into_iter().flat_map(|end| [end.saturating_sub(3), end, end + 3]).chain([0, length]) {
+                for len in [0, 1, 10, 70_000, length] {
+                    let mut part = vec![0; len];
+                    let read = file.read_exact_at(&mut part, offset as u64);
+                    match all.get(offset..offset.saturating_add(len)) {
+                        Some(expected) => assert!(read.is_ok() && part == expected, "{length}: {offset} + {len}"),
+                        None => assert_eq!(read.unwrap_err().kind(), ErrorKind::UnexpectedEof),
+                    }
+                }
+            }
+            assert!(file.read_exact_at(&mut [0; 2], u64::MAX).is_err() && file.change().is_none());
+        }
+    }
+
+    #[test]
+    fn another_version_is_never_read_and_an_absent_one_is_told() {
+        let length = (HEAD + TAIL) as usize + 1000;
+        let object = object(bytes(length));
+        let [replaced, deleted] = [open(&object).unwrap(), open(&object).unwrap()];
+        put(&object, bytes(length));
+        let mut part = [0; 100];
+        let error = replaced.read_exact_at(&mut part, HEAD + 100).unwrap_err();
+        assert_eq!((error.kind(), part), (ErrorKind::StaleNetworkFileHandle, [0; 100]));
+        assert_eq!(replaced.change(), Some(Change::Replaced));
+        // What opening has read is of the version that is open.
+        assert!(replaced.read_exact_at(&mut part, 5).is_ok() && part[..] == bytes(105)[5..]);
+        block_on(object.store.delete(&object.key)).unwrap();
+        assert_eq!(deleted.read_exact_at(&mut part, HEAD + 100).unwrap_err().kind(), ErrorKind::NotFound);
+        assert_eq!(deleted.change(), Some(Change::Deleted));
+        let error = open(&object).unwrap_err();
+        assert_eq!(
+            (error.kind(), error.to_string().as_str()),
+            (ErrorKind::NotFound, "memory has no such file (status 404)")
+        );
+    }
+}

@@ -1,0 +1,37 @@
+//! The threads that requests wait on, two for the whole process, and how others wait for them.
+
+use std::io;
+use std::sync::OnceLock;
+use std::sync::mpsc::{Receiver, sync_channel};
+use tokio::runtime::{Builder, Runtime};
+
+/// Enough: they move bytes and decode nothing.
+const THREADS: usize = 2;
+
+fn runtime() -> io::Result<&'static Runtime> {
+    static RUNTIME: OnceLock<Result<Runtime, String>> = OnceLock::new();
+    let start =
+        || Builder::new_multi_thread().worker_threads(THREADS).thread_name("deepfield remote").enable_all().build();
+    let started = RUNTIME.get_or_init(|| start().map_err(|error| error.to_string()));
+    started.as_ref().map_err(|error| io::Error::other(format!("no thread can be started: {error}")))
+}
+
+/// Begins work; its outcome can be waited for by a thread of any kind, those of other runtimes too.
+pub(super) fn begin<T: Send + 'static>(work: impl Future<Output = T> + Send + 'static) -> io::Result<Receiver<T>> {
+    let (give, take) = sync_channel(1);
+    runtime()?.spawn(async move {
+        // Whoever has given up waiting wants no outcome.
+        let _ = give.send(work.await);
+    });
+    Ok(take)
+}
+
+/// Does work and waits for it.
+pub(super) fn wait<T: Send + 'static>(work: impl Future<Output = T> + Send + 'static) -> io::Result<T> {
+    outcome(&begin(work)?)
+}
+
+/// Waits for work that was begun.
+pub(super) fn outcome<T>(work: &Receiver<T>) -> io::Result<T> {
+    work.recv().map_err(|_| io::Error::other("a request was given up"))
+}

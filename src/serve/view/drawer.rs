@@ -1,0 +1,214 @@
+//! A visitor's thread, which draws one picture at a time: what is asked for newest comes next, and what nobody waits for any more ends.
+
+use super::asked::{FrameAsked, PickAsked};
+use super::shown::Shown;
+use super::studio::Studio;
+use crate::picture::asked::State;
+use serde_json::Value;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+
+/// After how long without a request a visitor has gone.
+const IDLE: Duration = Duration::from_secs(120);
+/// Stack of a thread, bytes: as much as a program's first thread usually has.
+const STACK: usize = 8 << 20;
+
+/// What is to be done.
+#[derive(Clone, Debug)]
+pub(super) enum Task {
+    Frame(Box<FrameAsked>),
+    Pick(PickAsked),
+}
+
+/// What came of it.
+pub(super) enum Outcome {
+    Frame { kind: &'static str, bytes: Vec<u8>, facts: Value },
+    Picked(Value),
+    Superseded,
+    Failed(String),
+}
+
+/// Where a visitor's requests come to.
+pub(super) struct Drawer {
+    slot: Mutex<Slot>,
+    changed: Condvar,
+    /// What tells the picture that is drawn that nobody waits for it.
+    state: Arc<State>,
+}
+
+struct Slot {
+    /// What waits. It is the newest: nothing else waits.
+    waiting: Option<(u64, Task, oneshot::Sender<Outcome>)>,
+    /// What is drawn, and who waits for it, if anybody does.
+    drawn: Option<(u64, oneshot::Sender<Outcome>)>,
+    /// The number of the newest request.
+    newest: u64,
+    /// When there was the last one.
+    last: Instant,
+    is_closed: bool,
+}
+
+impl Drawer {
+    /// Starts a thread that draws what is shown.
+    ///
+    /// # Errors
+    /// Where the system gives no thread.
+    pub(super) fn start(shown: Arc<Shown>) -> std::io::Result<Arc<Drawer>> {
+        let slot = Slot { waiting: None, drawn: None, newest: 0, last: Instant::now(), is_closed: false };
+        let drawer = Arc::new(Drawer { slot: Mutex::new(slot), changed: Condvar::new(), state: Arc::default() });
+        let own = Arc::clone(&drawer);
+        let named = std::thread::Builder::new().name("deepfield visitor".into()).stack_size(STACK);
+        named.spawn(move || own.work(&shown))?;
+        Ok(drawer)
+    }
+
+    /// Has something done. What was asked before is superseded; whoever stops waiting ends it.
+    pub(super) async fn ask(&self, task: Task) -> Outcome {
+        let (sender, receiver) = oneshot::channel();
+        let number = {
+            let mut slot = self.slot();
+            if slot.is_closed {
+                return Outcome::Superseded;
+            }
+            slot.newest += 1;
+            slot.last = Instant::now();
+            let number = slot.newest;
+            let before = slot.waiting.replace((number, task, sender)).map(|(_, _, sender)| sender);
+            // Their answer need not wait until drawing has ended.
+            for sender in before.into_iter().chain(slot.drawn.take().map(|(_, sender)| sender)) {
+                let _ = sender.send(Outcome::Superseded);
+            }
+            self.state.stop().store(true, Ordering::Relaxed);
+            number
+        };
+        self.changed.notify_all();
+        let _waits = Waits { drawer: self, number };
+        receiver.await.unwrap_or(Outcome::Superseded)
+    }
+
+    /// Ends the thread, at once or as soon as what is drawn has been given up.
+    pub(super) fn close(&self) {
+        let mut slot = self.slot();
+        slot.is_closed = true;
+        (slot.waiting, slot.drawn) = (None, None);
+        self.state.stop().store(true, Ordering::Relaxed);
+        drop(slot);
+        self.changed.notify_all();
+    }
+
+    /// Whether its visitor has gone.
+    pub(super) fn is_closed(&self) -> bool {
+        self.slot().is_closed
+    }
+
+    /// Notes that its visitor is there.
+    pub(super) fn keep(&self) {
+        self.slot().last = Instant::now();
+    }
+
+    fn slot(&self) -> MutexGuard<'_, Slot> {
+        self.slot.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn work(&self, shown: &Arc<Shown>) {
+        let mut studio = Studio::new(Arc::clone(shown), Arc::clone(&self.state));
+        while let Some((number, task)) = self.next() {
+            let done = catch_unwind(AssertUnwindSafe(|| studio.perform(&task)));
+            let outcome = done.unwrap_or_else(|_| {
+                // Also how what reports progress is given up.
+                studio = Studio::new(Arc::clone(shown), Arc::clone(&self.state));
+                Outcome::Failed("the picture could not be drawn".into())
+            });
+            self.finish(number, outcome);
+        }
+    }
+
+    /// Waits for what to do next; nothing where the visitor has gone.
+    fn next(&self) -> Option<(u64, Task)> {
+        let mut slot = self.slot();
+        loop {
+            if slot.is_closed {
+                return None;
+            }
+            if let Some((number, task, sender)) = slot.waiting.take() {
+                self.state.stop().store(false, Ordering::Relaxed);
+                slot.drawn = Some((number, sender));
+                return Some((number, task));
+            }
+            let Some(left) = IDLE.checked_sub(slot.last.elapsed()) else {
+                slot.is_closed = true;
+                return None;
+            };
+            slot = self.changed.wait_timeout(slot, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    fn finish(&self, number: u64, outcome: Outcome) {
+        let mut slot = self.slot();
+        slot.last = Instant::now();
+        if let Some((_, sender)) = slot.drawn.take_if(|(drawn, _)| *drawn == number) {
+            // Whoever has hung up hears nothing of it.
+            let _ = sender.send(outcome);
+        }
+    }
+}
+
+/// Somebody who waits for a request's answer.
+struct Waits<'a> {
+    drawer: &'a Drawer,
+    number: u64,
+}
+
+impl Drop for Waits<'_> {
+    /// Who hangs up wants nothing any more.
+    fn drop(&mut self) {
+        let mut slot = self.drawer.slot();
+        slot.waiting.take_if(|(number, _, _)| *number == self.number);
+        if slot.drawn.take_if(|(number, _)| *number == self.number).is_some() {
+            self.drawer.state.stop().store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::task::{Context, Poll, Waker};
+
+    #[test]
+    fn the_newest_is_next_and_nothing_is_drawn_for_nobody() {
+        let slot = Slot { waiting: None, drawn: None, newest: 0, last: Instant::now(), is_closed: false };
+        let drawer = Drawer { slot: Mutex::new(slot), changed: Condvar::new(), state: Arc::default() };
+        let context = &mut Context::from_waker(Waker::noop());
+        let ask = || Box::pin(drawer.ask(Task::Pick(PickAsked::default())));
+        let is_stopped = || drawer.state.stop().load(Ordering::Relaxed);
+
+        let mut first = ask();
+        assert!(first.as_mut().poll(context).is_pending());
+        assert!(matches!(drawer.next(), Some((1, _))) && !is_stopped());
+        // The first is answered before its picture has been given up.
+        let mut second = ask();
+        assert!(second.as_mut().poll(context).is_pending() && is_stopped());
+        assert!(matches!(first.as_mut().poll(context), Poll::Ready(Outcome::Superseded)));
+        drawer.finish(1, Outcome::Picked(Value::Null));
+        // One hangs up before it is begun, and one while it is drawn.
+        drop(second);
+        let mut third = ask();
+        assert!(third.as_mut().poll(context).is_pending());
+        assert!(matches!(drawer.next(), Some((3, _))) && !is_stopped());
+        drop(third);
+        assert!(is_stopped());
+        drawer.finish(3, Outcome::Picked(Value::Null));
+        let mut fourth = ask();
+        assert!(fourth.as_mut().poll(context).is_pending());
+        assert!(matches!(drawer.next(), Some((4, _))));
+        drawer.finish(4, Outcome::Picked(Value::Null));
+        assert!(matches!(fourth.as_mut().poll(context), Poll::Ready(Outcome::Picked(_))));
+        // Who comes when it is closed is told to ask again.
+        drawer.close();
+        assert!(matches!(ask().as_mut().poll(context), Poll::Ready(Outcome::Superseded)) && drawer.next().is_none());
+    }
+}

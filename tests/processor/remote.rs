@@ -1,0 +1,330 @@
+//! Page files behind a URL, from servers that answer well and badly: nothing wrong is ever shown, what cannot be read is drawn coarser
+//! and told, and nothing is read twice.
+
+use super::stream::disk::{generated, in_memory, offset_of};
+use crate::support::fault_server::{Asked, Fault, FaultServer};
+use crate::support::{program, run};
+use deepfield::build::BuildOptions;
+use deepfield::look::{DataKind, SceneFile};
+use deepfield::store::{PageFile, PageId, Tree};
+use deepfield::stream::{Scene, SceneSelection, StreamOptions};
+use deepfield::view::{Projection, View};
+use glam::DVec3;
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock};
+use std::time::Duration;
+
+/// What opening reads of each end.
+const ENDS: [u64; 2] = [64 << 10, 256 << 10];
+
+/// The bytes of a page file with many small pages.
+fn sound() -> &'static [u8] {
+    static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
+    BYTES.get_or_init(|| generated(300_000, &BuildOptions { page_bytes: 128 << 10, ..BuildOptions::default() }))
+}
+
+fn served() -> FaultServer {
+    FaultServer::new(sound().to_vec())
+}
+
+/// The file under a name of its own: what was opened just now is not asked about again, and servers may come by the same address.
+fn open(server: &FaultServer) -> Arc<PageFile> {
+    static OPENED: AtomicUsize = AtomicUsize::new(0);
+    let name = format!("{}.df", OPENED.fetch_add(1, Ordering::Relaxed));
+    Arc::new(PageFile::open(Path::new(&server.url(&name))).unwrap())
+}
+
+/// First byte and the one after the last of a page.
+fn place(page: PageId) -> (u64, u64) {
+    let start = offset_of(sound(), page);
+    (start, start + in_memory(sound()).page_bytes(page))
+}
+
+/// A page that no root is in and that opening does not read.
+fn some_page(file: &PageFile) -> PageId {
+    let is_apart = |page: &PageId| place(*page).1 < file.bytes() - ENDS[1] && place(*page).0 >= ENDS[0];
+    (0..file.page_count()).map(PageId).filter(|page| !file.is_root(*page)).rfind(is_apart).unwrap()
+}
+
+/// Converges a scene that needs every page, and says what was told.
+fn converge(file: &Arc<PageFile>) -> (SceneSelection, Vec<String>) {
+    let stall = Duration::from_secs(20);
+    let options = StreamOptions { budget: u64::MAX, in_flight: 4, stall, prefetch: false, ..StreamOptions::default() };
+    let mut scene = Scene::with_options(Arc::clone(file), options);
+    let bounds = file.metadata().bounds();
+    let eye = bounds.center() + 1.2 * DVec3::Z * bounds.size().max_element();
+    let projection = Projection::Perspective { fov_y: 1.0 };
+    let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, 640, 480).unwrap();
+    let mut told = Vec::new();
+    let selection = scene.converge(&view, 1e-3, &mut |message| told.push(message)).unwrap();
+    // Coarser or not, every particle is drawn, once.
+    let particles = |node: &deepfield::stream::SceneNode| node.page.nodes[node.node.node as usize].source_particles;
+    assert_eq!(selection.nodes.iter().map(particles).sum::<u64>(), file.metadata().particles());
+    (selection, told)
+}
+
+/// Answers requests for one page with a fault so many times, and all others well.
+fn faulty(server: &FaultServer, page: PageId, fault: Fault, times: usize) {
+    let (start, left) = (place(page).0, Mutex::new(times));
+    server.answer(move |asked: &Asked| {
+        let mut left = left.lock().unwrap();
+        match asked.range {
+            Some((from, _)) if from == start && *left > 0 => {
+                *left -= 1;
+                fault
+            }
+            _ => Fault::Sound,
+        }
+    });
+}
+
+#[test]
+fn a_file_opens_with_two_requests_and_each_page_with_one() {
+    let (server, local) = (served(), in_memory(sound()));
+    let file = open(&server);
+    assert_eq!(server.asked().len(), 2);
+    assert_eq!(file.metadata(), local.metadata());
+    for page in (0..file.page_count()).map(PageId) {
+        let [there, here] = [&file, &local].map(|file| file.fetch_page(page).unwrap());
+        assert_eq!(there.bytes(), here.bytes(), "page {}", page.0);
+    }
+    let mut asked: HashMap<u64, usize> = HashMap::new();
+    server.asked().iter().for_each(|asked_for| *asked.entry(asked_for.range.unwrap().0).or_default() += 1);
+    assert!(asked.values().all(|times| *times == 1), "{asked:?}");
+    let pages: u64 = (0..file.page_count()).map(|page| file.page_bytes(PageId(page))).sum();
+    assert!(server.sent() <= pages + pages / 20 + ENDS.iter().sum::<u64>(), "{} of {pages}", server.sent());
+    // What kind of file it is, and what it holds, is one question.
+    assert_eq!(DataKind::of(Path::new(&server.url("other.df"))).unwrap(), DataKind::Pages);
+    PageFile::open(Path::new(&server.url("other.df"))).unwrap();
+    assert_eq!(server.asked().iter().filter(|asked| asked.target == "/other.df").count(), 2);
+}
+
+#[test]
+fn what_may_pass_is_asked_for_again_and_shows_in_no_picture() {
+    let faults = [
+        Fault::Status(503, None),
+        Fault::Status(429, Some(1)),
+        Fault::Status(408, None),
+        Fault::Short,
+        Fault::WrongPart,
+        Fault::Long,
+        Fault::Cut,
+    ];
+    std::thread::scope(|scope| {
+        for fault in faults {
+            scope.spawn(move || {
+                let server = served();
+                let file = open(&server);
+                let page = some_page(&file);
+                faulty(&server, page, fault, 2);
+                let (selection, told) = converge(&file);
+                assert!(selection.converged && told.is_empty(), "{fault:?}: {told:?}");
+                let times = server.asked().iter().filter(|asked| asked.range == Some(place(page))).count();
+                assert_eq!(times, 3, "{fault:?}");
+            });
+        }
+        // What goes on failing is told, with the server and the cause.
+        scope.spawn(|| {
+            let server = served();
+            let file = open(&server);
+            let page = some_page(&file);
+            faulty(&server, page, Fault::Status(500, None), usize::MAX);
+            let (selection, told) = converge(&file);
+            assert!(!selection.converged && told.len() == 1, "{told:?}");
+            let number = format!("page {}: ", page.0);
+            let words = [number.as_str(), "127.0.0.1 has a fault of its own (status 500)", "coarser"];
+            assert!(words.iter().all(|word| told[0].contains(word)), "{told:?}");
+        });
+    });
+}
+
+#[test]
+fn what_will_not_pass_is_told_once_and_drawn_coarser() {
+    let faults = [
+        (Fault::Status(401, None), "DEEPFIELD_TOKEN"),
+        (Fault::Status(403, None), "does not let this be read (status 403)"),
+        (Fault::Status(404, None), "deleted"),
+        (Fault::Status(412, None), "replaced"),
+        (Fault::Status(416, None), "(status 416)"),
+        (Fault::Whole, "byte ranges"),
+    ];
+    for (fault, words) in faults {
+        let server = served();
+        let file = open(&server);
+        let page = some_page(&file);
+        // The others come first, so that nothing else is lacking where the file is gone.
+        (0..file.page_count()).map(PageId).filter(|other| *other != page).for_each(|other| drop(file.read_page(other)));
+        faulty(&server, page, fault, usize::MAX);
+        let before = server.asked().len();
+        assert!(file.read_page(page).unwrap_err().to_string().contains(words), "{fault:?}");
+        assert_eq!(server.asked().len(), before + 1, "{fault:?}");
+        if matches!(fault, Fault::Status(401 | 403 | 416, _) | Fault::Whole) {
+            let (selection, told) = converge(&file);
+            assert!(!selection.converged && told.len() == 1, "{fault:?}: {told:?}");
+            assert!(told[0].contains(words) && !told[0].contains('\n'), "{told:?}");
+        }
+    }
+}
+
+#[test]
+fn another_version_is_told_and_never_shown() {
+    let first = "Sun, 06 Nov 1994 08:49:37 GMT";
+    let later = "Sun, 06 Nov 1994 08:49:38 GMT";
+    let other: Vec<u8> = sound().iter().map(|byte| byte ^ 0x5a).collect();
+    // The length, the tag or the time tells; where none does, checksums do.
+    let longer = [other.as_slice(), &[0; 8]].concat();
+    for (bytes, tag, modified, words) in [
+        (other.clone(), Some("\"second\""), Some(first), "replaced"),
+        (longer, None, Some(first), "replaced"),
+        (other.clone(), None, Some(later), "replaced"),
+        (other, Some("W/\"weak\""), None, "checksum"),
+    ] {
+        let server = served();
+        if tag.is_none_or(|tag| tag.starts_with("W/")) {
+            server.replace(sound().to_vec(), None, Some(first));
+        }
+        let file = open(&server);
+        let page = some_page(&file);
+        server.replace(bytes, tag, modified);
+        let error = file.read_page(page).unwrap_err().to_string();
+        assert!(error.contains(words), "{tag:?}, {modified:?}: {error}");
+        // Opened again, it is what is there now: none of the program's files.
+        if words == "replaced" {
+            assert!(PageFile::open(file.path()).is_err());
+        }
+    }
+}
+
+#[test]
+fn a_read_without_an_answer_holds_up_nothing_else() {
+    let server = served();
+    let file = open(&server);
+    let page = some_page(&file);
+    faulty(&server, page, Fault::Stall, usize::MAX);
+    std::thread::scope(|scope| {
+        let stalled = scope.spawn(|| file.read_page(page).map(|page| page.id));
+        for other in (0..file.page_count()).map(PageId).filter(|other| *other != page) {
+            file.read_page(other).unwrap();
+        }
+        assert!(!stalled.is_finished());
+        server.answer(|_| Fault::Sound);
+        assert_eq!(stalled.join().unwrap().unwrap(), page);
+    });
+}
+
+#[test]
+fn a_slow_link_brings_everything_and_nothing_is_told() {
+    let server = FaultServer::over_link(sound().to_vec(), Duration::from_millis(10), 1e7);
+    let file = open(&server);
+    let (selection, told) = converge(&file);
+    assert!(selection.converged && told.is_empty(), "{told:?}");
+    // Four to begin with, and one more for each round trip at most.
+    let most = 16.0 + 2.0 * server.asked().len() as f64;
+    assert!((server.most_at_once() as f64) <= most.sqrt() + 1.0, "{} at a time", server.most_at_once());
+}
+
+#[test]
+fn what_cannot_be_opened_says_why_in_one_line_without_secrets() {
+    let folder = tempfile::tempdir().unwrap();
+    for (fault, words) in [
+        (Fault::Status(401, None), "127.0.0.1 asks for a token"),
+        (Fault::Status(403, None), "127.0.0.1 does not let this be read"),
+        (Fault::Status(404, None), "127.0.0.1 has no such file"),
+        (Fault::Whole, "byte ranges"),
+        // Nothing is asked for that would leave the machine unencrypted.
+        (Fault::Elsewhere("http://data.example/a.df?sig=s3cr3t"), "127.0.0.1 says that this is elsewhere"),
+    ] {
+        let server = served();
+        server.answer(move |_| fault);
+        let mut info = program();
+        info.args(["info", &server.url("a.df?sig=s3cr3t")]).env("XDG_CACHE_HOME", folder.path());
+        info.env_remove("DEEPFIELD_ALLOW_HTTP");
+        let output = info.env("DEEPFIELD_TOKEN", "t0ken").output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && told.contains(words) && told.lines().count() == 1, "{told}");
+        assert!(told.contains("/a.df:") && !told.contains("s3cr3t") && !told.contains("t0ken"), "{told}");
+        let asked = server.asked();
+        assert!(asked.iter().all(|asked| asked.target == "/a.df?sig=s3cr3t"), "{asked:?}");
+        assert!(asked.iter().all(|asked| asked.authorization.as_deref() == Some("Bearer t0ken")), "{asked:?}");
+    }
+    let server = FaultServer::new(b"x,y,z\n1,2,3\n".repeat(1000));
+    let output = run(folder.path(), &["render", &server.url("a.csv"), "-o", "a.png"]);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("a.csv") && told.contains("deepfield build") && told.lines().count() == 1, "{told}");
+}
+
+#[test]
+fn what_was_seen_once_is_there_without_a_network() {
+    let folder = tempfile::tempdir().unwrap();
+    let server = served();
+    let url = server.url("sound.df");
+    let info = |url: &str| {
+        let output = run(folder.path(), &["info", url]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (output.stdout, String::from_utf8(output.stderr).unwrap())
+    };
+    let render = |url: &str, name: &str| {
+        let size = ["--size", "64x48", "--backend", "cpu", "-o", name];
+        let output = run(folder.path(), &[&["render", url][..], &size[..]].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        (std::fs::read(folder.path().join(name)).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (about, _) = info(&url);
+    assert_eq!(server.asked().len(), 2);
+    std::fs::write(folder.path().join("sound.df"), sound()).unwrap();
+    let (picture, _) = render(&url, "afar.png");
+    assert_eq!(picture, render("sound.df", "here.png").0);
+    // Pages come from here by now.
+    let before = server.asked().len();
+    assert_eq!(render(&url, "again.png").0, picture);
+    assert_eq!(server.asked().len(), before + 2);
+    // A scene names it, too.
+    let scene = format!("(version: 1, datasets: [(path: {url:?})])");
+    let path = folder.path().join("a.scene.ron");
+    std::fs::write(&path, scene).unwrap();
+    let located = SceneFile::read(&path).unwrap().locate(&path).unwrap();
+    assert_eq!((located.members[0].path.as_path(), located.notes.len()), (Path::new(&url), 0));
+    drop(server);
+    let (offline, told) = info(&url);
+    assert_eq!(offline, about);
+    assert!(told.contains("127.0.0.1 cannot be reached") && told.lines().count() == 1, "{told}");
+    let (offline, told) = render(&url, "offline.png");
+    assert_eq!(offline, picture);
+    assert_eq!(told.matches("cannot be reached").count(), 1, "{told}");
+}
+
+#[test]
+fn a_bucket_is_read_signed_and_unsigned() {
+    let folder = tempfile::tempdir().unwrap();
+    for (variables, signature) in [
+        (&[("AWS_SKIP_SIGNATURE", "true")][..], None),
+        (
+            &[("AWS_ACCESS_KEY_ID", "me"), ("AWS_SECRET_ACCESS_KEY", "s3cr3t")][..],
+            Some("AWS4-HMAC-SHA256 Credential=me/"),
+        ),
+    ] {
+        let server = served();
+        let mut info = program();
+        info.args(["info", "s3://bucket/runs/a b.df"]).env("XDG_CACHE_HOME", folder.path());
+        // Whoever runs the tests may have a bucket.
+        for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_string_lossy().starts_with("AWS_")) {
+            info.env_remove(name);
+        }
+        let endpoint = server.url("").trim_end_matches('/').to_owned();
+        let output = info.env("AWS_ENDPOINT_URL", endpoint).envs(variables.iter().copied()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let asked = server.asked();
+        assert_eq!(asked.len(), 2);
+        for asked in asked {
+            assert_eq!(asked.target, "/bucket/runs/a%20b.df");
+            let authorization = asked.authorization.as_deref();
+            assert_eq!(authorization.is_some(), signature.is_some());
+            assert!(
+                authorization.zip(signature).is_none_or(|(own, begin)| own.starts_with(begin)),
+                "{authorization:?}"
+            );
+        }
+    }
+}
