@@ -2,6 +2,7 @@
 
 use crate::command_line::cache;
 use crate::commands::{demo, description};
+use crate::heights::import::height_names;
 use crate::import::{self, Format};
 use crate::mode::Mode;
 use crate::modes;
@@ -56,9 +57,11 @@ impl Program {
         #[cfg(feature = "viewer")]
         crate::gpu::environment::prepare();
         keep_pages_from_afar(cache::for_pages_from_afar);
+        import::name_beyond(|| format!("{} (heights)", height_names()));
         let outcome = match description::parse() {
-            Some(command) => command.run(),
-            None => demo::run(),
+            Ok(Some(command)) => command.run(),
+            Ok(None) => demo::run(),
+            Err(message) => Err(message.into()),
         };
         take_notes().iter().for_each(|note| eprintln!("deepfield: {note}"));
         match outcome {

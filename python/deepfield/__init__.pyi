@@ -257,6 +257,7 @@ class Data:
         exact: bool = False,
         wrap: bool = True,
         time: float | str | None = None,
+        threads: int | None = None,
         progress: _Progress | None = None,
     ) -> dict[str, Any]: ...
     def select(
@@ -272,6 +273,7 @@ class Data:
         wrap: bool = True,
         time: float | str | None = None,
         memory: int | str | None = None,
+        threads: int | None = None,
         progress: _Progress | None = None,
     ) -> Table: ...
     def tracks(
@@ -286,6 +288,7 @@ class Data:
         start: float | str | None = None,
         end: float | str | None = None,
         memory: int | str | None = None,
+        threads: int | None = None,
         progress: _Progress | None = None,
     ) -> Table: ...
     def histogram(
@@ -304,6 +307,7 @@ class Data:
         wrap: bool = True,
         time: float | str | None = None,
         error: float | None = None,
+        threads: int | None = None,
         progress: _Progress | None = None,
     ) -> Histogram: ...
     def phase(
@@ -323,6 +327,7 @@ class Data:
         wrap: bool = True,
         time: float | str | None = None,
         error: float | None = None,
+        threads: int | None = None,
         progress: _Progress | None = None,
     ) -> PhaseDiagram: ...
     def profile(
@@ -339,6 +344,7 @@ class Data:
         wrap: bool = True,
         time: float | str | None = None,
         error: float | None = None,
+        threads: int | None = None,
         progress: _Progress | None = None,
     ) -> Table: ...
     def array(
@@ -378,6 +384,9 @@ def build(
     *,
     attributes: Iterable[str] | None = None,
     families: Iterable[str] | None = None,
+    derive: str | Iterable[str] | None = None,
+    hierarchy: str | Iterable[str] | None = None,
+    smoothing: str | None = None,
     height_error: float | None = None,
     threads: int | None = None,
     units: Mapping[str, str] | None = None,

@@ -16,13 +16,25 @@ class Dataset:
     def render(
         self, asked: str, threads: int | None, progress: Callable[[str, int, int], object] | None
     ) -> tuple[Picture, list[str]]: ...
-    def probe(self, asked: str, progress: Callable[[str, int, int], object] | None) -> tuple[str, list[str]]: ...
-    def plot(self, asked: str, progress: Callable[[str, int, int], object] | None) -> tuple[str, list[str]]: ...
+    def probe(
+        self, asked: str, threads: int | None, progress: Callable[[str, int, int], object] | None
+    ) -> tuple[str, list[str]]: ...
+    def plot(
+        self, asked: str, threads: int | None, progress: Callable[[str, int, int], object] | None
+    ) -> tuple[str, list[str]]: ...
     def select(
-        self, asked: str, ids: NDArray[np.uint64] | None, progress: Callable[[str, int, int], object] | None
+        self,
+        asked: str,
+        ids: NDArray[np.uint64] | None,
+        threads: int | None,
+        progress: Callable[[str, int, int], object] | None,
     ) -> tuple[dict[str, NDArray[Any]], str, list[str]]: ...
     def tracks(
-        self, asked: str, ids: NDArray[np.uint64] | None, progress: Callable[[str, int, int], object] | None
+        self,
+        asked: str,
+        ids: NDArray[np.uint64] | None,
+        threads: int | None,
+        progress: Callable[[str, int, int], object] | None,
     ) -> tuple[dict[str, NDArray[Any]], str, list[str]]: ...
     def samples(
         self, asked: str, progress: Callable[[str, int, int], object] | None

@@ -24,6 +24,13 @@ def text(asked):
         raise Error(str(error)) from None
 
 
+def names(several):
+    """Names with commas between them, of a text of them or of an iterable."""
+    if several is None or isinstance(several, str):
+        return several
+    return ",".join(str(name) for name in several)
+
+
 def memory(amount):
     """An amount of memory, a number of bytes or a text such as "2GiB", in bytes."""
     if amount is None:

@@ -14,6 +14,9 @@ def build(
     *,
     attributes=None,
     families=None,
+    derive=None,
+    hierarchy=None,
+    smoothing=None,
     height_error=None,
     threads=None,
     units=None,
@@ -35,6 +38,16 @@ def build(
     Units come from ``units``, a mapping of names to texts, else from what arrays say of themselves (``.units``, ``.unit``). Nothing is
     converted. ``box_size`` is the edge of a periodic box.
 
+    ``derive`` names attributes that follow from velocities, such as "velocity-dispersion,vorticity" or a list of them, or "all";
+    ``hierarchy`` what is built over the leaves, such as "octree,pca" ["octree"]; ``smoothing`` where smoothing lengths come from:
+    "auto", "field:NAME" or "knn:K", the distance to the K-th neighbour. All are those of ``deepfield build``.
+
+    >>> chance = np.random.default_rng(2)
+    >>> gas = {"positions": chance.random((500, 3)), "velocities": chance.random((500, 3))}
+    >>> box = deepfield.build(gas, "moving.df", derive="divergence", smoothing="knn:16")
+    >>> sorted(name for name in box.families["gas"].fields if name in ("divergence", "speed"))
+    ['divergence', 'speed']
+
     ``height_error`` is how far heights of a file may be from the source's, in their unit: a larger one makes a smaller file [None: they are
     the source's own].
 
@@ -43,6 +56,7 @@ def build(
     """
     out = os.fspath(out)
     wanted = {"memory": asked.memory(memory), "attributes": attributes and list(attributes), "families": families and list(families)}
+    wanted |= {"derive": asked.names(derive), "hierarchy": asked.names(hierarchy), "smoothing": smoothing}
     wanted |= {"height_error": height_error, "threads": asked.threads(threads)}
     if others.package_of(source):
         source, own, said = others.arrays_of(source, attributes, families)

@@ -218,13 +218,18 @@ class Data:
         exact=False,
         wrap=True,
         time=None,
+        threads=None,
         progress=None,
     ):
         """Sums over all particles in a region, as ``deepfield probe --json`` tells them.
 
         ``sphere`` is (x, y, z, radius), ``box`` (x0, y0, z0, x1, y1, z1), ``where`` a mapping of fields to (least, largest), either of which
         may be None; ``families`` names some. With several a particle has to be within all of them. ``shells`` are those of a radial profile
-        in the sphere. Of a page file the answer says how far off it may be; ``exact`` asks the source that it was built from.
+        in the sphere. Of a page file the answer says how far off it may be; ``exact`` asks the source that it was built from. ``threads`` is how
+        many answer [all].
+
+        >>> data.probe(box=(0.0, 0.0, 0.0, 1.0, 1.0, 1.0), threads=1)["count"]
+        200
         """
         wanted = {
             "of": questions.of(sphere, box, where, families, exact, wrap, time),
@@ -232,18 +237,18 @@ class Data:
             "shells": shells,
             "shell_field": shell_field,
         }
-        return self._asked(self._native.probe, wanted, progress)
+        return self._asked(self._native.probe, wanted, threads, progress)
 
-    def _asked(self, question, wanted, progress):
+    def _asked(self, question, wanted, threads, progress):
         with progresses.teller(progress) as tell:
-            found, told = question(asked.text(wanted), tell)
+            found, told = question(asked.text(wanted), asked.threads(threads), tell)
         notes.tell(told, 4)
         return json.loads(found)
 
-    def _rows(self, question, wanted, ids, memory, progress):
+    def _rows(self, question, wanted, ids, memory, threads, progress):
         wanted["memory"] = asked.memory(memory)
         with progresses.teller(progress) as tell:
-            columns, about, told = question(asked.text(wanted), questions.ids_of(ids), tell)
+            columns, about, told = question(asked.text(wanted), questions.ids_of(ids), asked.threads(threads), tell)
         notes.tell(told, 4)
         return questions.table(columns, json.loads(about))
 
@@ -260,6 +265,7 @@ class Data:
         wrap=True,
         time=None,
         memory=None,
+        threads=None,
         progress=None,
     ):
         """The particles of a region, or those with certain ids, as a Table: a row each.
@@ -267,11 +273,11 @@ class Data:
         The region is that of :meth:`probe`; ``ids`` is an array of whole numbers, in place of it. ``fields`` names the columns, ``position``,
         ``velocity`` and such being their components, and ``id``; all of them without it. Rows are read from the source at its own precision, also
         of a page file whose source is still there; else from the page file, which has no ids (``exact=True`` refuses that). ``memory`` is what they
-        may take, in bytes or as "2GiB" [half of what is free].
+        may take, in bytes or as "2GiB" [half of what is free], ``threads`` how many read [all].
         """
         of = questions.of(sphere, box, where, families, exact, wrap, time)
         wanted = {"of": of, "fields": None if fields is None else list(fields)}
-        return self._rows(self._native.select, wanted, ids, memory, progress)
+        return self._rows(self._native.select, wanted, ids, memory, threads, progress)
 
     def tracks(
         self,
@@ -285,6 +291,7 @@ class Data:
         start=None,
         end=None,
         memory=None,
+        threads=None,
         progress=None,
     ):
         """The tracks of a run's particles as a Table: for each particle and interval a row at each end, as ``deepfield paths`` writes them.
@@ -297,7 +304,7 @@ class Data:
             "from": None if start is None else str(start),
             "to": None if end is None else str(end),
         }
-        return self._rows(self._native.tracks, wanted, ids, memory, progress)
+        return self._rows(self._native.tracks, wanted, ids, memory, threads, progress)
 
     def histogram(
         self,
@@ -315,6 +322,7 @@ class Data:
         wrap=True,
         time=None,
         error=None,
+        threads=None,
         progress=None,
     ):
         """A Histogram of a field, as ``deepfield plot --histogram`` finds it.
@@ -329,7 +337,7 @@ class Data:
             "weight": weight,
             "error": error,
         }
-        return questions.histogram(self._asked(self._native.plot, wanted, progress))
+        return questions.histogram(self._asked(self._native.plot, wanted, threads, progress))
 
     def phase(
         self,
@@ -348,6 +356,7 @@ class Data:
         wrap=True,
         time=None,
         error=None,
+        threads=None,
         progress=None,
     ):
         """A PhaseDiagram of two fields, as ``deepfield plot --phase`` finds it; arguments are those of :meth:`histogram`, a pair of each."""
@@ -359,7 +368,7 @@ class Data:
             "weight": weight,
             "error": error,
         }
-        return questions.phase_diagram(self._asked(self._native.plot, wanted, progress))
+        return questions.phase_diagram(self._asked(self._native.plot, wanted, threads, progress))
 
     def profile(
         self,
@@ -375,6 +384,7 @@ class Data:
         wrap=True,
         time=None,
         error=None,
+        threads=None,
         progress=None,
     ):
         """A radial profile in a sphere (x, y, z, radius) as a Table with a row for each shell, as ``deepfield plot --radial`` finds it.
@@ -389,7 +399,7 @@ class Data:
             "profiles": [{"shells": _whole("shells", shells), "inner": 0.01 if log else None, "field": field} for field in fields],
             "error": error,
         }
-        return questions.profile(self._asked(self._native.plot, wanted, progress))
+        return questions.profile(self._asked(self._native.plot, wanted, threads, progress))
 
     def array(self, level=0, stored=False, *, memory=None, progress=None):
         """The samples of an image or a volume: shape (y, x) or (z, y, x), and of several channels one axis more, the last.

@@ -8,11 +8,13 @@ use deepfield_draw::build::{BuildOptions, FEW_PARTICLES, RunBuild, TrackOptions,
 use deepfield_draw::heights::build::HeightBuildOptions;
 use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::heights::{OpenHeights, is_heights};
+use deepfield_draw::hierarchy::{Kinds, Matter};
 use deepfield_draw::import::{
-    AttributeChoice, GridOptions, LoadOptions, RunOptions, grid_format, open_grid, open_run, sources_of, steps_in,
+    AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Source as _, grid_format, is_one_table,
+    open_grid, open_run, sources_of, steps_in,
 };
 use deepfield_draw::look::DataKind;
-use deepfield_draw::model::{FamilyName, Skipped};
+use deepfield_draw::model::{DerivedQuantity, FamilyName, Skipped};
 use deepfield_draw::picture::asked::{State, on_threads};
 use pyo3::prelude::*;
 use serde::Deserialize;
@@ -31,6 +33,12 @@ struct Asked {
     attributes: Option<Vec<String>>,
     /// Families that are kept; all where none is named.
     families: Vec<FamilyName>,
+    /// Attributes that are derived from velocities, as `--derive` names them.
+    derive: Option<String>,
+    /// What is built over the leaves, as `--hierarchy` names it.
+    hierarchy: Option<String>,
+    /// Where smoothing lengths come from, as `--smoothing` says it.
+    smoothing: Option<String>,
     /// How far heights may be from the source's.
     height_error: Option<f64>,
     /// What is said of arrays.
@@ -38,10 +46,61 @@ struct Asked {
 }
 
 impl Asked {
-    /// As `deepfield build` has them.
-    fn options(&self) -> BuildOptions {
+    /// The hierarchies that are asked for, if any are.
+    fn hierarchies(&self) -> Result<Option<Kinds>, Failure> {
+        let kinds = self.hierarchy.as_deref().map(str::parse::<Kinds>).transpose();
+        Ok(kinds.map_err(|sentence| format!("hierarchy: {sentence}"))?)
+    }
+
+    /// What is kept of `source` and how it is built, as `deepfield build` has them.
+    ///
+    /// # Errors
+    /// The program's sentence about what cannot be asked of particles.
+    fn options(&self, source: &Path) -> Result<(LoadOptions, BuildOptions), Failure> {
         let attributes = self.attributes.clone();
-        BuildOptions { attributes, memory: self.memory, exact_below: FEW_PARTICLES, ..BuildOptions::default() }
+        let hierarchies = self.hierarchies()?;
+        if let Some(kinds) = hierarchies.filter(|kinds| kinds.matter() != Some(Matter::Particles)) {
+            let source = source.display();
+            return Err(format!("{source}: hierarchy {kinds}: found particles, expected an image or a volume").into());
+        }
+        let derive = self.derive.as_deref().map(DerivedQuantity::list).transpose();
+        let smoothing = self
+            .smoothing
+            .as_deref()
+            .map(|text| text.parse::<Smoothing>().map_err(|expected| format!("smoothing: found {text:?}, {expected}")));
+        let load = LoadOptions {
+            families: self.families.clone(),
+            attributes: attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),
+            smoothing: smoothing.transpose()?.unwrap_or_default(),
+            derive: derive.map_err(|sentence| format!("derive: {sentence}"))?.unwrap_or_default(),
+            ..LoadOptions::default()
+        };
+        let options = BuildOptions {
+            attributes,
+            memory: self.memory,
+            exact_below: FEW_PARTICLES,
+            hierarchies: hierarchies.unwrap_or_default(),
+            ..BuildOptions::default()
+        };
+        Ok((load, options))
+    }
+
+    /// Refuses what only particles have.
+    ///
+    /// # Errors
+    /// The program's sentence, where it is asked of `found`.
+    fn refuse_of_particles(&self, source: &Path, found: &str, own: Option<Matter>) -> Result<(), Failure> {
+        let source = source.display();
+        if self.derive.is_some() {
+            return Err(format!("{source}: derive: found {found}, expected particles with velocities").into());
+        }
+        if self.smoothing.is_some() {
+            return Err(format!("{source}: smoothing: found {found}, expected particles").into());
+        }
+        match self.hierarchies()?.filter(|kinds| kinds.matter() != own) {
+            Some(kinds) => Err(format!("{source}: hierarchy {kinds}: found {found}, expected particles").into()),
+            None => Ok(()),
+        }
     }
 }
 
@@ -57,11 +116,11 @@ pub fn build_files(
     asked: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let job = |state: &Arc<State>| -> Result<(), Failure> {
-        let asked: Asked = serde_json::from_str(asked)?;
+    let asked: Asked = serde_json::from_str(asked).map_err(|error| told(error.into()))?;
+    let job = move |state: &Arc<State>| -> Result<(), Failure> {
         on_threads(asked.threads, || of_files(&sources, &out, &asked, state))
     };
-    Ok(work::run(py, progress, job)?.1)
+    Ok(work::run_writing(py, progress, job)?.1)
 }
 
 fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Result<(), Failure> {
@@ -75,6 +134,7 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
     if let [only] = sources
         && is_heights(only)
     {
+        asked.refuse_of_particles(only, "heights", None)?;
         let options = HeightBuildOptions {
             memory: asked.memory,
             height_error: asked.height_error,
@@ -92,24 +152,30 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
     if let [only] = sources
         && grid_format(only)?.is_some()
     {
+        asked.refuse_of_particles(only, "an image or a volume", Some(Matter::Grids))?;
         let options = GridBuildOptions { memory: asked.memory, ..GridBuildOptions::default() };
         let built = build_grid(&open_grid(only, &GridOptions::default())?, &options, out, state)?;
         built.notes.into_iter().for_each(|note| state.note(note));
         return Ok(());
     }
-    let options = asked.options();
-    let load = LoadOptions {
-        families: asked.families.clone(),
-        attributes: asked.attributes.clone().map_or(AttributeChoice::Usual, AttributeChoice::Named),
-        ..LoadOptions::default()
+    let first = sources.first().map_or(Path::new(""), PathBuf::as_path);
+    let (load, options) = asked.options(first)?;
+    let sources = match sources {
+        // Parts of a table are told apart by numbers, as steps are.
+        [only] if is_one_table(only)? => vec![only.clone()],
+        names => sources_of(names)?,
     };
-    let sources = sources_of(sources)?;
     if let [only] = &sources[..]
         && steps_in(only)? == 1
     {
         return of_one(only, &load, &options, out, state);
     }
-    let run_options = RunOptions { attributes: asked.attributes.clone(), ..RunOptions::default() };
+    // What is derived is no step's own.
+    let attributes = asked.attributes.clone().map(|mut names| {
+        names.retain(|name| !load.derive.iter().any(|quantity| quantity.name() == name));
+        names
+    });
+    let run_options = RunOptions { attributes, ..RunOptions::default() };
     let run = open_run(&sources, &run_options, options.read)?;
     if let [only] = &run.steps[..] {
         // Files of one snapshot.
@@ -147,16 +213,11 @@ pub fn build_arrays<'py>(
 ) -> PyResult<Vec<String>> {
     let mut asked: Asked = serde_json::from_str(asked).map_err(|error| told(error.into()))?;
     let source = ArraySource::new(columns, &asked.said).map_err(told)?;
-    let attributes = asked.attributes.take().unwrap_or_else(|| source.attributes());
-    asked.attributes = Some(attributes.clone());
+    asked.attributes.get_or_insert_with(|| source.attributes());
     let job = |state: &Arc<State>| -> Result<(), Failure> {
-        let load = LoadOptions {
-            families: asked.families.clone(),
-            attributes: AttributeChoice::Named(attributes),
-            ..LoadOptions::default()
-        };
+        let (load, options) = asked.options(&source.description().path)?;
         on_threads(asked.threads, || {
-            let built = build_opened(&source, &load, &asked.options(), &out, &**state)?;
+            let built = build_opened(&source, &load, &options, &out, &**state)?;
             note_skipped(&built.metadata.skipped, state);
             Ok(())
         })

@@ -2,17 +2,18 @@
 //! that each finds what the other has built.
 
 use crate::error::Failure;
-use deepfield_draw::look::{HeightsSaid, page_cache};
+use deepfield_draw::look::{Member, page_cache, said_of_particles};
 use deepfield_draw::picture::asked::State;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
 
-/// The page file of particles at `path`: itself if it is one or a run of them, else one in the cache, built first unless it is there already.
+/// The page file of particles at `path`, which is of some of these datasets: itself if it is one or a run of them, else one in the cache, built first
+/// unless it is there already.
 ///
 /// # Errors
 /// When the source cannot be read or the page file not be written.
-pub fn page_file(path: &Path, state: &State) -> Result<PathBuf, Failure> {
-    let (file, removed) = page_cache::page_file(path, &HeightsSaid::default(), folder, state)?;
+pub fn page_file(members: &[Member], path: &Path, state: &State) -> Result<PathBuf, Failure> {
+    let (file, removed) = page_cache::page_file(path, &said_of_particles(members, path), folder, state)?;
     removed.into_iter().for_each(|removed| state.note(removed.to_string()));
     Ok(file)
 }

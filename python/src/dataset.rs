@@ -38,7 +38,8 @@ pub fn open(py: Python<'_>, paths: Vec<PathBuf>, progress: Option<Py<PyAny>>) ->
     let job = |state: &Arc<State>| -> Result<Dataset, Failure> {
         keep_pages_from_afar(cache::for_pages_from_afar);
         let paths = paths.iter().map(|path| data_file(path)).collect::<Result<Vec<_>, _>>()?;
-        let about = about(&members(&paths), |path| Ok(cache::page_file(path, state)?), &**state)?.to_string();
+        let members = members(&paths);
+        let about = about(&members, |path| Ok(cache::page_file(&members, path, state)?), &**state)?.to_string();
         Ok(Dataset { paths: paths.into(), about })
     };
     work::run(py, progress, job)
@@ -56,7 +57,7 @@ fn session<'a>(
     state: &Arc<State>,
 ) -> Result<AnySession, PictureError> {
     let reporter: Arc<dyn Reporter> = state.clone();
-    AnySession::open(members, options, shots, |path| Ok(cache::page_file(path, state)?), reporter)
+    AnySession::open(members, options, shots, |path| Ok(cache::page_file(members, path, state)?), reporter)
 }
 
 /// Ids that an array holds.
@@ -107,21 +108,33 @@ impl Dataset {
     }
 
     /// What is in a region, as JSON, and what there was to tell.
-    fn probe(&self, py: Python<'_>, asked: &str, progress: Option<Py<PyAny>>) -> PyResult<(String, Vec<String>)> {
+    fn probe(
+        &self,
+        py: Python<'_>,
+        asked: &str,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(String, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<String, Failure> {
             let asked: AskedProbe = serde_json::from_str(&asked)?;
-            Ok(serde_json::to_string(&asked.answer(only("probe", &paths)?, state)?)?)
+            on_threads(threads, || Ok(serde_json::to_string(&asked.answer(only("probe", &paths)?, state)?)?))
         };
         work::run_alone(py, progress, job)
     }
 
     /// The numbers of a plot, as JSON, and what there was to tell.
-    fn plot(&self, py: Python<'_>, asked: &str, progress: Option<Py<PyAny>>) -> PyResult<(String, Vec<String>)> {
+    fn plot(
+        &self,
+        py: Python<'_>,
+        asked: &str,
+        threads: Option<usize>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(String, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
         let job = move |state: &Arc<State>| -> Result<String, Failure> {
             let asked: AskedPlot = serde_json::from_str(&asked)?;
-            asked.answer(only("plot", &paths)?, state)
+            on_threads(threads, || asked.answer(only("plot", &paths)?, state))
         };
         work::run_alone(py, progress, job)
     }
@@ -132,12 +145,13 @@ impl Dataset {
         py: Python<'py>,
         asked: &str,
         ids: Option<Bound<'py, PyArray1<u64>>>,
+        threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Table<'py>> {
         let (paths, asked, ids) = (Arc::clone(&self.paths), asked.to_owned(), ids_in(ids)?);
         let job = move |state: &Arc<State>| -> Result<Rows, Failure> {
             let asked: AskedRows = serde_json::from_str(&asked)?;
-            asked.rows(only("select", &paths)?, ids, state)
+            on_threads(threads, || asked.rows(only("select", &paths)?, ids, state))
         };
         let (rows, told) = work::run_alone(py, progress, job)?;
         let (found, about) = arrays(py, rows)?;
@@ -150,12 +164,13 @@ impl Dataset {
         py: Python<'py>,
         asked: &str,
         ids: Option<Bound<'py, PyArray1<u64>>>,
+        threads: Option<usize>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Table<'py>> {
         let (paths, asked, ids) = (Arc::clone(&self.paths), asked.to_owned(), ids_in(ids)?);
         let job = move |state: &Arc<State>| -> Result<Rows, Failure> {
             let asked: AskedRows = serde_json::from_str(&asked)?;
-            asked.paths(only("paths", &paths)?, ids, state)
+            on_threads(threads, || asked.paths(only("paths", &paths)?, ids, state))
         };
         let (rows, told) = work::run_alone(py, progress, job)?;
         let (found, about) = arrays(py, rows)?;

@@ -10,20 +10,27 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// How often the interpreter is attended to.
-const PERIOD: Duration = Duration::from_millis(50);
+/// How often signals are looked for.
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// How often progress is told at most.
+const TELLING: Duration = Duration::from_millis(50);
+
+/// How long interrupted work that writes is waited for, so that it leaves nothing behind: as long as interrupted work is to take.
+const GRACE: Duration = Duration::from_millis(70);
 
 /// Stack of the work's thread, bytes: as much as a program's first thread usually has.
 const STACK: usize = 8 << 20;
 
-/// Lets signals be handled, and tells `progress` the stage, the steps done and their number.
-fn attend(state: &State, py: Python<'_>, progress: Option<&Py<PyAny>>) -> PyResult<()> {
+/// Lets signals be handled, and tells `progress` the stage, the steps done and their number, unless that was a moment ago, at `last`.
+fn attend(state: &State, py: Python<'_>, progress: Option<&Py<PyAny>>, last: &mut Instant) -> PyResult<()> {
     py.check_signals()?;
-    let Some(progress) = progress else { return Ok(()) };
+    let Some(progress) = progress.filter(|_| last.elapsed() >= TELLING) else { return Ok(()) };
     if let Some(reached) = state.reached() {
         progress.call1(py, reached)?;
+        *last = Instant::now();
     }
     Ok(())
 }
@@ -57,6 +64,28 @@ pub fn run_alone<T: Send + 'static>(
     progress: Option<Py<PyAny>>,
     job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<(T, Vec<String>)> {
+    run_beside(py, progress, Duration::ZERO, job)
+}
+
+/// Does work that writes, as [`run_alone`] does; interrupted, it is waited for a little: it ends at once but where it opens a source of text.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_writing<T: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
+) -> PyResult<(T, Vec<String>)> {
+    run_beside(py, progress, GRACE, job)
+}
+
+/// Does the work on a thread that interrupted work is left to after so long.
+fn run_beside<T: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    grace: Duration,
+    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
+) -> PyResult<(T, Vec<String>)> {
     let state = Arc::new(State::default());
     let (ends, ended) = channel::<Ended<T>>();
     let own = Arc::clone(&state);
@@ -68,14 +97,17 @@ pub fn run_alone<T: Send + 'static>(
     named.spawn(work).map_err(|error| told(format!("starting a thread: {error}").into()))?;
     let (waiting, progress) = (&*state, progress.as_ref());
     let ended = py.detach(move || {
+        let mut last = Instant::now();
         loop {
             match ended.recv_timeout(PERIOD) {
                 Ok(ended) => return Ok(ended),
                 Err(RecvTimeoutError::Disconnected) => return Ok(Ok(Err("the work ended without an answer".into()))),
                 Err(RecvTimeoutError::Timeout) => {}
             }
-            if let Err(interruption) = Python::attach(|py| attend(waiting, py, progress)) {
+            if let Err(interruption) = Python::attach(|py| attend(waiting, py, progress, &mut last)) {
                 waiting.stop().store(true, Ordering::Relaxed);
+                // However it ends.
+                let _ = ended.recv_timeout(grace);
                 return Err(interruption);
             }
         }
@@ -108,12 +140,12 @@ fn attended<T: Send>(
             Ok(worker) => worker,
             Err(error) => return (Ok(Err(format!("starting a thread: {error}").into())), None),
         };
-        let mut interruption = None;
+        let (mut interruption, mut last) = (None, Instant::now());
         while ended.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
             if interruption.is_some() {
                 continue;
             }
-            if let Err(error) = Python::attach(|py| attend(state, py, progress)) {
+            if let Err(error) = Python::attach(|py| attend(state, py, progress, &mut last)) {
                 state.stop().store(true, Ordering::Relaxed);
                 interruption = Some(error);
             }

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import tempfile
 import threading
+import time
 import unittest
 import warnings
 
@@ -169,9 +170,41 @@ class OfArrays(WithFolder):
         deepfield.build(self.arrays, self.folder / "three.df", threads=3)
         self.assertEqual((self.folder / "alone.df").read_bytes(), (self.folder / "three.df").read_bytes())
         np.testing.assert_array_equal(alone.render(ABOVE, (40, 40), threads=1).rgba, alone.render(ABOVE, (40, 40)).rgba)
+        sphere = (0.5, 0.5, 0.5, 0.3)
+        self.assertEqual(*(alone.probe(sphere, threads=threads)["count"] for threads in (1, None)))
+        one, all_threads = (alone.select(sphere, fields=["position"], threads=threads) for threads in (1, None))
+        for column in one:
+            np.testing.assert_array_equal(one[column], all_threads[column])
         for wrong in (0, 1025, 1.5, True):
-            self.refused("threads: found", alone.render, threads=wrong)
+            for work in (alone.render, alone.probe, alone.select):
+                self.refused("threads: found", work, threads=wrong)
             self.refused("threads: found", deepfield.build, self.arrays, self.folder / "no.df", threads=wrong)
+
+    def test_builds_take_what_the_program_takes_and_refuse_it_in_its_words(self):
+        moving = {**self.arrays, "velocities": np.random.default_rng(8).normal(size=(3000, 3))}
+        del moving["smoothing_length"]
+        near, far = (deepfield.build(moving, self.folder / f"{k}.df", smoothing=f"knn:{k}") for k in (8, 64))
+        means = [data.families["gas"].fields["smoothing-length"].mean for data in (near, far)]
+        # Twice as far for eight times as many.
+        self.assertTrue(1.7 < means[1] / means[0] < 2.4, means)
+        named = {"attributes": ["temperature"], "derive": ["divergence", "vorticity"]}
+        data = deepfield.build(moving, self.folder / "both.df", hierarchy="octree,pca", **named)
+        self.assertTrue({"divergence", "vorticity", "temperature"} <= set(data.families["gas"].fields))
+        refused = lambda pattern, **settings: self.refused(pattern, deepfield.build, moving, self.folder / "no.df", **settings)
+        refused('derive: expected all, or some of .*; found "curl"', derive="curl")
+        refused('smoothing: found "near", expected auto, field:NAME or knn:K', smoothing="near")
+        refused("expected a number of neighbours from 1 to 4096", smoothing="knn:0")
+        refused('hierarchy: "tree": expected octree', hierarchy="tree")
+        refused("hierarchy wavelet: found particles, expected an image or a volume", hierarchy="wavelet")
+        self.assertFalse((self.folder / "no.df").exists())
+
+    def test_a_folder_of_numbered_parts_is_one_table(self):
+        parts = self.folder / "parts"
+        parts.mkdir()
+        for number in range(3):
+            rows = np.random.default_rng(number).random((40, 3))
+            np.savetxt(parts / f"part_{number}.csv", rows, delimiter=",", header="x,y,z", comments="")
+        self.assertEqual(deepfield.build(parts, self.folder / "parts.df").count, 120)
 
     def test_what_progress_raises_and_ctrl_c_end_a_build_and_nothing_is_left(self):
         class Enough(Exception):
@@ -187,7 +220,7 @@ class OfArrays(WithFolder):
 
         # Nothing is estimated, so that the file is being built for most of the time.
         random = np.random.default_rng(3)
-        count = 400_000
+        count = 1_000_000
         arrays = {"positions": random.random((count, 3)), "mass": 1.0, "density": random.random(count), "smoothing_length": 0.01}
         folder = self.folder / "stopped"
         folder.mkdir()
@@ -195,11 +228,22 @@ class OfArrays(WithFolder):
             deepfield.build(arrays, folder / "box.df", progress=enough)
         self.assertFalse(stages[-1].startswith("reading"))
         self.assertEqual(list(folder.iterdir()), [])
-        # That the timer's thread runs at all says that others do meanwhile.
-        threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
-        with self.assertRaises(KeyboardInterrupt):
-            deepfield.build(arrays, folder / "box.df")
-        self.assertEqual(list(folder.iterdir()), [])
+        # That the timer's thread runs at all says that others do meanwhile. Neighbours are looked for in the second build, buckets merged
+        # and codes found in the others.
+        waits = []
+
+        def interrupt():
+            waits.append(-time.perf_counter())
+            os.kill(os.getpid(), signal.SIGINT)
+
+        for without, after in (((), 0.1), (("density", "smoothing_length"), 0.4), ((), 0.2)):
+            threading.Timer(after, interrupt).start()
+            with self.assertRaises(KeyboardInterrupt):
+                deepfield.build({name: values for name, values in arrays.items() if name not in without}, folder / "box.df")
+            waits[-1] += time.perf_counter()
+            self.assertEqual(list(folder.iterdir()), [])
+        # A tenth of a second on a machine that does nothing else; the shortest of several says most.
+        self.assertLess(min(waits), 0.3, waits)
 
     def test_several_families_and_units_of_arrays(self):
         class Quantity(np.ndarray):

@@ -15,8 +15,8 @@ use crate::codec::VqBits;
 use crate::hierarchy::Matter;
 use crate::hierarchy::kind::WAVELET;
 use crate::import::{
-    AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, grid_format, open_grid, open_run,
-    sources_of, steps_in,
+    AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, grid_format, is_one_table, open_grid,
+    open_run, sources_of, steps_in,
 };
 use crate::look::DataKind;
 use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
@@ -104,10 +104,10 @@ pub struct Arguments {
     #[arg(long, value_name = "A,B,...", value_delimiter = ',')]
     pub attributes: Option<Vec<String>>,
     /// Where smoothing lengths come from: auto, field:NAME or knn:K (distance to the K-th neighbour).
-    #[arg(long, value_name = "HOW", default_value = "auto", value_parser = smoothing)]
+    #[arg(long, value_name = "HOW", default_value = "auto")]
     pub smoothing: Smoothing,
-    /// Attributes to derive from velocities, beside those that are kept: velocity-dispersion, divergence, vorticity, mach-number, or all of
-    /// them. Each takes one of the five places for attributes.
+    /// Attributes to derive from velocities, beside those that are kept: velocity-dispersion, divergence, vorticity, mach-number, or all:
+    /// all of them that can be had, with a note of what cannot. Each takes one of the five places for attributes.
     #[arg(long, value_name = "A,B,...", value_parser = derived)]
     pub derive: Option<DerivedQuantities>,
     /// Bits of a codebook index: 8, 12 or 16. More bits are more exact and take more space [default: 8; 16 of a source of less than
@@ -115,7 +115,8 @@ pub struct Arguments {
     #[arg(long, value_name = "BITS")]
     pub vq_bits: Option<VqBits>,
     /// Leave out the four bits more that codes of leaves have, which tell smoothing lengths more finely: pictures of column density differ
-    /// several times as much from the source's, and older versions read the file. 16 bits have none left over.
+    /// several times as much from the source's, and older versions read the file. 16 bits have none left over. Of either kind of file `info`
+    /// does not tell how far column densities are off.
     #[arg(long)]
     pub plain_codes: bool,
     /// Keep positions to 21 bits of a leaf's edge instead of rounding them to 1/512 of the smoothing length; takes more space.
@@ -186,18 +187,6 @@ fn refuse_derived(arguments: &Arguments, path: &Path, found: &str) -> Result<(),
     }
 }
 
-fn smoothing(text: &str) -> Result<Smoothing, String> {
-    match text.split_once(':') {
-        None if text == "auto" => Ok(Smoothing::Auto),
-        Some(("field", name)) if !name.is_empty() => Ok(Smoothing::Field(name.to_owned())),
-        Some(("knn", k)) => match k.parse() {
-            Ok(k @ 1..=4096) => Ok(Smoothing::Knn(k)),
-            _ => Err("expected a number of neighbours from 1 to 4096, such as knn:32".into()),
-        },
-        _ => Err("expected auto, field:NAME or knn:K".into()),
-    }
-}
-
 /// Builds and writes the page file or the run.
 ///
 /// # Errors
@@ -263,7 +252,12 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         ..LoadOptions::default()
     };
     let progress = TerminalProgress::new();
-    let sources = sources_of(&arguments.sources)?;
+    let is_one = arguments.times.is_none() && arguments.every.is_none();
+    let sources = match &arguments.sources[..] {
+        // Parts of a table are told apart by numbers, as steps are.
+        [only] if is_one && trace.is_none() && is_one_table(only)? => vec![only.clone()],
+        names => sources_of(names)?,
+    };
     let flow = FlowOptions { levels: arguments.flow_levels.map(|levels| levels as usize), error: arguments.flow_error };
     let tracks = TrackOptions {
         matching: arguments.r#match,
@@ -277,7 +271,6 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if let Some(trace) = trace {
         return build.build_traced(&sources, &trace, &arguments.output, &progress).map(drop).map_err(Into::into);
     }
-    let is_one = arguments.times.is_none() && arguments.every.is_none();
     if let (true, [source]) = (is_one, &sources[..])
         && steps_in(source)? == 1
     {

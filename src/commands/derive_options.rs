@@ -19,26 +19,13 @@ pub struct DerivedQuantities(pub Vec<DerivedQuantity>);
 /// # Errors
 /// A sentence, where one is none.
 pub fn derived(text: &str) -> Result<DerivedQuantities, String> {
-    if text == "all" {
-        return Ok(DerivedQuantities(DerivedQuantity::ALL.to_vec()));
-    }
-    let mut found = Vec::new();
-    for name in text.split(',') {
-        let quantity = DerivedQuantity::of_name(name).ok_or_else(|| {
-            let names = DerivedQuantity::ALL.map(DerivedQuantity::name).join(", ");
-            format!("expected all, or some of {names}; found {name:?}")
-        })?;
-        if !found.contains(&quantity) {
-            found.push(quantity);
-        }
-    }
-    Ok(DerivedQuantities(found))
+    DerivedQuantity::list(text).map(DerivedQuantities)
 }
 
 /// Attributes of a source that is opened unbuilt.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct DeriveOptions {
-    /// Attributes to derive from the velocities of a snapshot: velocity-dispersion, divergence, vorticity, mach-number, or all of them. Its
+    /// Attributes to derive from the velocities of a snapshot: velocity-dispersion, divergence, vorticity, mach-number, or all that can be had. Its
     /// page file in the cache is built with them; one that is built already has what build --derive has given it.
     #[arg(long, value_name = "A,B,...", value_parser = derived)]
     pub derive: Option<DerivedQuantities>,

@@ -5,8 +5,10 @@ use crate::heights::import::height_names;
 use crate::import;
 use crate::model::url::shown_argument;
 use crate::modes;
-use clap::{CommandFactory, FromArgMatches, Parser};
+use crate::store::temporary::folder_of;
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser};
 use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 /// Explore huge point data, sampled grids and measured heights: snapshots, star catalogues, images, volumes, surfaces, and their
 /// hierarchies on disk.
@@ -40,11 +42,74 @@ pub fn command_line() -> clap::Command {
     ))
 }
 
+/// Names, in all commands, of the arguments that are files to write, often at the end of long work.
+const WRITTEN: [&str; 6] = ["output", "out", "raw", "overdraw", "json", "video"];
+
+/// Looks where a command is to write before it does anything.
+///
+/// # Errors
+/// One line with the file for which there is no place.
+fn check_written(matches: &ArgMatches) -> Result<(), String> {
+    let paths = WRITTEN.iter().filter_map(|name| matches.try_get_many::<PathBuf>(name).ok().flatten()).flatten();
+    // Of a tour: the frame's number, then its file.
+    let frame = matches.try_get_many::<String>("frame").ok().flatten().into_iter().flatten().nth(1);
+    paths.map(PathBuf::as_path).chain(frame.map(Path::new)).try_for_each(|path| {
+        let told = |why: String| Err(format!("{}: cannot be written: {why}", path.display()));
+        let folder = folder_of(path);
+        if path.is_dir() {
+            return told("found a folder, expected the name of a file".into());
+        }
+        if !folder.is_dir() {
+            return told(format!("found no folder {}, expected one", folder.display()));
+        }
+        Ok(())
+    })
+}
+
 /// The command that is asked for; leaves the program where there is a mistake, or help was asked for.
-pub fn parse() -> Option<Command> {
+///
+/// # Errors
+/// One line where what it is to write has no place.
+pub fn parse() -> Result<Option<Command>, String> {
     // Only what is shown of a URL goes further.
     let shown =
         |argument: OsString| argument.into_string().map_or_else(|other| other, |text| shown_argument(&text).into());
     let matches = command_line().get_matches_from(std::env::args_os().map(shown));
-    CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command
+    let command = CommandLine::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command;
+    matches.subcommand().map_or(Ok(()), |(_, of_command)| check_written(of_command))?;
+    Ok(command)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_of_files_are_looked_at_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let here = folder.path().to_string_lossy();
+        let [there, missing] = ["x.png", "missing/x.npy"].map(|name| format!("{here}/{name}"));
+        let [there, missing] = [there.as_str(), missing.as_str()];
+        let said = |arguments: &[&str]| {
+            let matches = command_line().try_get_matches_from([&["deepfield"][..], arguments].concat()).unwrap();
+            check_written(matches.subcommand().unwrap().1)
+        };
+        let plain = ["render", "in.df", "-o", there];
+        assert_eq!(said(&plain), Ok(()));
+        assert_eq!(said(&[&plain[..], &["--json", "-"]].concat()), Ok(()));
+        let why = format!("{missing}: cannot be written: found no folder {here}/missing, expected one");
+        for arguments in [
+            [&plain[..], &["--raw", missing]].concat(),
+            [&plain[..], &["--json", missing]].concat(),
+            vec!["build", "in.npy", "-o", missing],
+            vec!["tour", "in.tour.ron", "--frame", "3", missing],
+            vec!["tour", "in.tour.ron", "--video", missing],
+            vec!["plot", "in.df", "--histogram", "mass", "-o", there, "-o", missing],
+            vec!["synth", "cosmology", "-n", "10", "-o", missing],
+        ] {
+            assert_eq!(said(&arguments), Err(why.clone()), "{arguments:?}");
+        }
+        let of_folder = Err(format!("{here}: cannot be written: found a folder, expected the name of a file"));
+        assert_eq!(said(&["surface", "in.df", "--isovalue", "1", "-o", &here]), of_folder);
+    }
 }

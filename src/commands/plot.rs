@@ -11,8 +11,8 @@ use crate::color::output::{write_atomically, write_png};
 use crate::explore::plot::INNER;
 use crate::explore::plot::settings::DENSITY;
 use crate::explore::{
-    BinnedAxis, ChartScales, Data, Effort, Members, Opened, Plot, PlotOptions, PlotScale, ProfileOptions, Region,
-    Weight, Work, members_about,
+    BinnedAxis, ChartScales, Data, Effort, ExploreError, Members, Opened, Plot, PlotOptions, PlotScale, ProfileOptions,
+    Region, Weight, Work, members_about,
 };
 use crate::model::ReadMethod;
 use glam::DVec3;
@@ -155,6 +155,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         let found = arguments.range.len();
         return Err(usage(format!("{}: --range: found {found}, expected one for each axis", path.display())));
     }
+    if let Some(error) = arguments.error.filter(|error| *error >= 1.0) {
+        eprintln!("deepfield: {}: --error: found {error}: what is plotted may be off by all of it", path.display());
+    }
     let formats = out.iter().map(|out| Format::of(out)).collect::<Result<Vec<_>, _>>()?;
     let region = &arguments.region_options();
     let progress = TerminalProgress::new();
@@ -253,7 +256,7 @@ impl Arguments {
             return Ok(PlotOptions::Scatter { fields: fields.clone(), points: self.points as usize });
         }
         if matches!(weight, Weight::Field(_)) {
-            return Err(format!("--weight is {weight}, expected mass or count for a profile").into());
+            return Err(usage(format!("--weight: found {weight}, expected mass or count for a profile")));
         }
         Ok(PlotOptions::Radial(ProfileOptions {
             shells: bins.map_or(SHELLS, |[shells, _]| shells),
@@ -271,10 +274,16 @@ impl Arguments {
         };
         let is_radial = matches!(options, PlotOptions::Radial(_));
         if is_radial && members.region().is_some_and(|region| region.first_sphere().is_none()) {
-            return Err("--radial: expected --about X,Y,Z, or a sphere: --sphere, --at or --object".into());
+            let expected = "--about X,Y,Z, or a sphere: --sphere, --at or --object";
+            return Err(usage(format!("--radial: found no centre, expected {expected}")));
         }
         let effort = Effort::within(self.error.unwrap_or_default());
-        Ok(Plot::find(data, &members, &options, effort, periodic, work)?)
+        Plot::find(data, &members, &options, effort, periodic, work).map_err(|error| match &error {
+            ExploreError::Value { field, .. } if ["bins", "profile.shells", "range"].contains(&field.as_str()) => {
+                usage(error.to_string())
+            }
+            _ => error.into(),
+        })
     }
 }
 

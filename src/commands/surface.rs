@@ -8,7 +8,7 @@ use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
 use super::{CommandResult, progress_bar::TerminalProgress, usage};
 use crate::explore::{
-    Isosurface, IsosurfaceOptions, MeshFormat, Opened, ReadGrid, Work, isosurface, isosurface_of_grid,
+    Isosurface, IsosurfaceOptions, MeshFormat, Opened, ReadGrid, Work, isosurface, isosurface_of_grid, memory_of_bricks,
 };
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{GridOptions, open_grid, step_at};
@@ -52,7 +52,7 @@ pub struct Arguments {
     /// Cells of the lattice that are looked into, at most: those of bricks that the surface may pass.
     #[arg(long, value_name = "N", value_parser = count, default_value = "1e9")]
     pub cells: u64,
-    /// Memory for pages and for bricks of the lattice, and for a mesh that is smoothed.
+    /// Memory for pages and for bricks of the lattice, and for a mesh that is smoothed. Where bricks alone take more, that is said.
     #[arg(long, value_name = "BYTES", value_parser = bytes, default_value = "1GiB")]
     pub memory: u64,
     /// The attribute whose mean, weighted with mass, vertices have as `value`; .ply alone holds it. Of a volume the
@@ -113,6 +113,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         .ok_or_else(|| format!("{}: expected a name that ends in .ply, .obj or .stl", output.display()))?;
     let named = data_file(path)?;
     if is_field(&named) {
+        arguments.tell_of_memory(false);
         return of_grid(arguments, &named, format);
     }
     if *isovalue <= 0.0 {
@@ -121,6 +122,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if attribute.is_some() && format != MeshFormat::Ply {
         return Err(usage(format!("{}: --attribute: expected a name that ends in .ply", output.display())));
     }
+    arguments.tell_of_memory(attribute.is_some());
     let start = Instant::now();
     let progress = TerminalProgress::new();
     let opened = open(path, *time, &progress)?;
@@ -177,6 +179,17 @@ fn of_grid(arguments: &Arguments, path: &Path, format: MeshFormat) -> CommandRes
 }
 
 impl Arguments {
+    /// Says where bricks take more memory than is allowed.
+    fn tell_of_memory(&self, has_attribute: bool) {
+        let (path, found, least) = (self.path.display(), self.memory, memory_of_bricks(has_attribute));
+        if found < least {
+            eprintln!(
+                "deepfield: {path}: --memory: found {found} bytes, bricks take {least} with {} threads, and pages one at a time",
+                rayon::current_num_threads()
+            );
+        }
+    }
+
     fn options(&self) -> IsosurfaceOptions {
         IsosurfaceOptions {
             isovalue: self.isovalue,

@@ -104,11 +104,15 @@ struct Report {
     drawn_from: &'static str,
     /// Whether nothing is missing.
     is_complete: bool,
+    /// What is to be told of pages, once.
+    told: Vec<String>,
+    /// When another picture may have pages that this one does without.
+    again: Option<Instant>,
 }
 
 impl Report {
     /// Of heights, all of which could be read or not.
-    fn of_heights(report: &SurfaceReport, is_readable: bool) -> Report {
+    fn of_heights(report: &SurfaceReport, is_readable: bool, session: &SurfaceSession) -> Report {
         Report {
             points: None,
             nodes: report.nodes_drawn,
@@ -116,7 +120,14 @@ impl Report {
             error_px: report.error_px,
             drawn_from: "chunks",
             is_complete: report.is_converged && is_readable,
+            told: session.take_messages(),
+            again: session.again(),
         }
+    }
+
+    /// Whether another picture may have what this one does without.
+    fn is_due(&self) -> bool {
+        self.again.is_some_and(|at| at <= Instant::now())
     }
 
     /// Tells it.
@@ -190,7 +201,8 @@ pub(super) fn draw_field(
     {
         let key = field.task.take().map(|(key, _)| key);
         match outcome {
-            Ok(drawn) => {
+            Ok(mut drawn) => {
+                drawn.report.told.drain(..).for_each(|message| notices.error(message));
                 exposure.set_if_neq(drawn.exposure.clone());
                 hiding.0.clone_from(&drawn.depths);
                 if let Some(milliseconds) = drawn.milliseconds {
@@ -238,7 +250,8 @@ pub(super) fn draw_field(
     let is_current = drawn.is_some_and(|drawn| is_light || drawn.colored == colored);
     converged.0 =
         is_current && drawn.is_some_and(|drawn| drawn.report.is_complete) && rests && size == full && look.settled;
-    if field.task.is_some() || is_current || field.failed.as_ref() == Some(&key) {
+    let is_due = drawn.is_some_and(|drawn| drawn.report.is_due());
+    if field.task.is_some() || (is_current && !is_due) || field.failed.as_ref() == Some(&key) {
         return;
     }
     let reused = drawn.map(|drawn| drawn.values.clone());
@@ -246,7 +259,7 @@ pub(super) fn draw_field(
     let mut look = LookPatch { transfer: Some(transfer), time: None, ..settings.look.patch() };
     LightSamples::set(&mut look.settings, light_samples);
     let (session, wanted) = (Arc::clone(&open.session), key.clone());
-    let backend = preset.drawing.backend;
+    let (backend, stall) = (preset.drawing.backend, preset.residency.stall());
     let is_given = field.given.replace((dataset, backend)) == Some((dataset, backend));
     let among = open.opened.mixed().cloned().map(|opened| {
         let members = scene.members.iter().cloned().zip(&wanted.content.families);
@@ -265,9 +278,15 @@ pub(super) fn draw_field(
         let mut session = session.lock().unwrap_or_else(PoisonError::into_inner);
         match &mut *session {
             AnySession::Field(session) => draw(session, &Shot { look, ..Shot::default() }, wanted, reused, colored),
-            AnySession::Surface(session) => draw_surface(session, &look, wanted, colored),
+            AnySession::Surface(session) => {
+                session.wait_for(stall);
+                draw_surface(session, &look, wanted, colored)
+            }
             AnySession::Mixed(session) => match among {
-                Some(among) => draw_mixed(session, &look, wanted, colored, among),
+                Some(among) => {
+                    session.wait_for(stall);
+                    draw_mixed(session, &look, wanted, colored, among)
+                }
                 None => Err("it is not open as several kinds of data".to_owned()),
             },
             AnySession::Particles(_) => Err("particles are drawn elsewhere".to_owned()),
@@ -319,6 +338,8 @@ fn draw(
             error_px: 0.0,
             drawn_from: prepared.drawn_from(),
             is_complete: true,
+            told: Vec::new(),
+            again: None,
         },
         depths: None,
         milliseconds: is_new.then(|| 1e3 * start.elapsed().as_secs_f64()),
@@ -337,7 +358,7 @@ fn draw_surface(
     let view = key.content.view.resized(width, height);
     let seen = session.seen(look, &view, None).map_err(|error| error.to_string())?;
     let exposure = Exposure::of_heights(session.opened(), seen.attribute, seen.transfer.scale, seen.levels);
-    let report = Report::of_heights(&seen.picture.report, seen.error.is_none());
+    let report = Report::of_heights(&seen.picture.report, seen.error.is_none(), session);
     let image = Arc::new(key.content.bloom.image(&seen.picture.colors));
     let depths = SurfaceDepths::new(view, seen.picture.depth).map(Arc::new);
     let milliseconds = Some(1e3 * start.elapsed().as_secs_f64());
@@ -395,6 +416,8 @@ fn draw_mixed(
         error_px: seen.heights.error_px,
         drawn_from: "chunks",
         is_complete: seen.heights.is_converged && seen.error.is_none(),
+        told: session.take_messages(),
+        again: session.again(),
     };
     let depths = seen.depths.map(Arc::new);
     let (image, milliseconds) = (Arc::new(seen.image), Some(1e3 * start.elapsed().as_secs_f64()));

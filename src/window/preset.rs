@@ -126,12 +126,17 @@ impl ResidencyPreset {
         (self.budget_mib << 20) / 4
     }
 
+    /// Time without an answer after which a read is told and left to itself.
+    pub fn stall(&self) -> Duration {
+        Duration::from_secs_f64(self.stall_secs)
+    }
+
     /// How the open file is streamed.
     pub fn stream_options(&self) -> StreamOptions {
         StreamOptions {
             budget: self.budget_mib << 20,
             in_flight: self.requests,
-            stall: Duration::from_secs_f64(self.stall_secs),
+            stall: self.stall(),
             prefetch: self.prefetch,
             ahead: LookAhead {
                 loads: self.ahead.loads,

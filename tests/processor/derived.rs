@@ -224,13 +224,22 @@ fn what_cannot_be_derived_is_said() {
         "{text}"
     );
     std::fs::write(folder.path().join("cold.csv"), "x,y,z,vx,vy,vz\n0,0,0,1,2,3\n1,0,0,4,5,6\n").unwrap();
-    let text = said(&["cold.csv", "--derive", "all"]);
+    let text = said(&["cold.csv", "--derive", "mach-number,vorticity"]);
     assert!(text.contains("cold.csv: internal-energy: missing, expected internal-energy or temperature"), "{text}");
     let text = said(&["cold.csv", "--derive", "speed"]);
     assert!(text.contains("velocity-dispersion, divergence, vorticity, mach-number"), "{text}");
     std::fs::write(folder.path().join("bare.csv"), "x,y,z,vx,vy,vz,temp\n0,0,0,1,2,3,5\n1,0,0,4,5,6,5\n").unwrap();
     let text = said(&["bare.csv", "--derive", "mach-number"]);
     assert!(text.contains("unit of velocity: found code units, expected cm/s, m/s or km/s"), "{text}");
+    // Of all what can be had.
+    for (name, why) in [("cold.csv", "no mach-number: expected internal-energy"), ("bare.csv", "unit of velocity")] {
+        let output = run(folder.path(), &["build", "-o", "all.df", name, "--derive", "all"]);
+        assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(run(folder.path(), &["info", "all.df"]).stdout).unwrap();
+        assert!(text.contains("vorticity") && text.contains("no mach-number") && text.contains(why), "{name}: {text}");
+    }
+    let text = said(&["still.csv", "--derive", "all"]);
+    assert!(text.contains("still.csv: velocity: missing"), "{text}");
     let text = said(&["cold.csv", "still.csv", "--times", "0:1", "--derive", "vorticity"]);
     assert!(text.contains("still.csv: velocity: missing, expected velocities"), "{text}");
 }

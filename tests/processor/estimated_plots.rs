@@ -320,6 +320,8 @@ fn an_estimate_says_so_in_every_output() {
         let output = run(folder, &[&["plot", "groups.df"][..], asked, &more].concat());
         let text = String::from_utf8(output.stdout).unwrap();
         assert!(output.status.success() && text.contains("an estimate from") && text.contains(word), "{text}");
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(told.contains("groups.df: --error: found 1000: what is plotted may be off by all of it"), "{told}");
         let table = std::fs::read_to_string(folder.join("other.csv")).unwrap();
         let lines: Vec<&str> = table.lines().collect();
         assert!(lines[0].starts_with("# an estimate from"), "{table}");

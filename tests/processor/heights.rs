@@ -460,6 +460,8 @@ fn synthetic_surfaces_and_bad_input() {
     let whole = std::fs::read(folder.join("a.npy")).unwrap();
     std::fs::write(folder.join("cut.npy"), &whole[..whole.len() / 2]).unwrap();
     refused(folder, &["info", "cut.npy"], "cut.npy: ");
+    std::fs::write(folder.join("unknown"), [1_u8, 2, 3, 4, 5]).unwrap();
+    refused(folder, &["info", "unknown"], "(images and volumes), sur, al3d");
     written(&folder.join("none.npy"), [8, 8], |_, _| f64::NAN);
     refused(folder, &["info", "none.npy"], "found 0 of 64");
     misused(folder, &["synth", "surface", "-o", "x.npy"], "--size: expected two numbers of samples");
@@ -632,6 +634,72 @@ fn depth_decides_among_heights_and_other_data() {
     assert!(told["surface"]["covered"].as_f64().unwrap() > 1000.0, "{told}");
     let cartesian = ["render", "globe.df", "--with", "behind.csv", "-o", "c.png", "--mode", "cartesian"];
     refused(folder, &[&cartesian[..], &camera].concat(), "mode: found cartesian");
+}
+
+/// A globe without its first column once more is closed: regions, profiles and lines go over its seam.
+#[test]
+fn regions_and_lines_go_over_the_seam_of_a_globe() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (name, columns) in [("globe", 36), ("wide", 34)] {
+        let row = (0..columns).map(|column| column.to_string()).collect::<Vec<_>>().join(" ");
+        let head = format!("ncols {columns}\nnrows 17\nxllcenter 0\nyllcenter -80\ncellsize 10\n");
+        std::fs::write(folder.join(format!("{name}.asc")), format!("{head}{}\n", vec![row; 17].join("\n"))).unwrap();
+        let [source, built] = ["asc", "df"].map(|end| format!("{name}.{end}"));
+        ok(folder, &["build", &source, "-o", &built, "--xy-unit", "deg", "--height-unit", "m"]);
+    }
+    for rectangle in ["-25,-80,25,80", "335,-80,385,80"] {
+        let told = answer(folder, &["probe", "globe.df", "--rectangle", rectangle, "--json", "-"]);
+        // Columns 34, 35, 0, 1 and 2.
+        let is_right = |told: &Value| (told["mean"].as_f64().unwrap() - 14.4).abs() < 1e-9;
+        assert!(told["samples"] == 85 && is_right(&told), "{told:#}");
+        ok(folder, &["select", "globe.df", "--rectangle", rectangle, "-o", "part.npy"]);
+        let told = answer(folder, &["info", "part.npy", "--json"]);
+        assert!(told["columns"] == 5 && is_right(&told), "{told:#}");
+    }
+    let told = answer(folder, &["probe", "globe.df", "--line", "325,0,375,0", "--json", "-"]);
+    assert!((told["valid_length"].as_f64().unwrap() / told["length"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{told:#}");
+    let lines = ok(folder, &["contours", "globe.df", "--interval", "10", "-o", "lines.geojson"]);
+    // Three between the last column and the first, too.
+    assert!(String::from_utf8_lossy(&lines.stdout).starts_with("6 lines at 4 heights"));
+    let both = "wide.df: region: found samples at both ends of the field in it, expected a part of x 0 to 330";
+    refused(folder, &["probe", "wide.df", "--rectangle", "300,-80,385,80"], both);
+}
+
+/// On the way between two keyframes the light, the exaggeration and the lines change: each shows, and a frame is made again from its scene.
+#[test]
+fn tours_change_light_exaggeration_and_lines() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    written(&folder.join("waves.npy"), [81, 61], height);
+    let tour = r#"(
+    version: 1,
+    dataset: (path: "waves.npy", xy_unit: "m", height_unit: "m"),
+    size: (64, 48),
+    rate: 4.0,
+    keyframes: [
+        (mode: "surface", around: (what: data, elevation: 45.0),
+            settings: {"light": "sun", "azimuth": 300.0, "altitude": 40.0, "exaggeration": 1.0, "contours": 5.0}),
+        (after: 1.0, easing: linear, settings: {"azimuth": 60.0, "altitude": 20.0, "exaggeration": 4.0, "contours": 10.0}),
+    ],
+)"#;
+    std::fs::write(folder.join("waves.ron"), tour).unwrap();
+    ok(folder, &["tour", "waves.ron", "--record", "frames"]);
+    let scene = "frames/scenes/frame-00002.scene.ron";
+    let text = std::fs::read_to_string(folder.join(scene)).unwrap();
+    // Half-way, of what is a factor by equal factors.
+    for setting in ["\"azimuth\": 180.0", "\"altitude\": 30.0", "\"exaggeration\": 2.0", "\"contours\": 7.5"] {
+        assert!(text.contains(setting), "{setting}: {text}");
+    }
+    let again = |more: &[&str]| {
+        ok(folder, &[&["render", scene, "--backend", "cpu", "-o", "again.png"][..], more].concat());
+        picture_at(&folder.join("again.png"))
+    };
+    let frame = picture_at(&folder.join("frames/frame-00002.png"));
+    assert!(again(&[]) == frame);
+    for begins in ["azimuth=300.0", "altitude=40.0", "exaggeration=1.0", "contours=5.0"] {
+        assert!(again(&["--set", begins]) != frame, "{begins}");
+    }
 }
 
 /// x and y that look like degrees are so in pictures of a page file as in those of its source, and numbers are those of the file.

@@ -62,6 +62,7 @@ mod stream {
     pub mod disk;
     mod faults;
     mod flight;
+    mod height_faults;
     mod soak;
     mod trees;
 }

@@ -238,6 +238,9 @@ fn what_cannot_be_written_is_told_in_a_line() {
     };
     let high = told(&["cloud.df", "--isovalue", "1e9", "-o", "out.ply"]);
     assert!(high.contains("cloud.df: --isovalue: found 1000000000, expected less than the largest density"), "{high}");
+    let small = run(folder, &["surface", "cloud.df", "--isovalue", "1e9", "--memory", "1000", "-o", "out.ply"]);
+    let small = String::from_utf8(small.stderr).unwrap();
+    assert!(small.contains("cloud.df: --memory: found 1000 bytes, bricks take"), "{small}");
     let low = told(&["cloud.df", "--isovalue", "-1", "-o", "out.ply"]);
     assert!(low.contains("cloud.df: --isovalue: found -1, expected a density above 0"), "{low}");
     let name = told(&["cloud.df", "--isovalue", "1", "-o", "out.glb"]);

@@ -246,9 +246,6 @@ fn what_cannot_be_plotted_is_told_in_one_line() {
         (&["plot", "ball.df", "--histogram", "density", "--family", "stars"], "family stars"),
         (&["plot", "ball.df", "--histogram", "density", "--where", "density:1e9.."], "any value of density"),
         (&["plot", "ball.df", "--histogram", "temperature", "--where", "temperature:..0", "--log"], "a positive value"),
-        (&["plot", "ball.df", "--phase", "density,temperature", "--bins", "4000"], "bins is 16000000"),
-        (&["plot", "ball.df", "--radial", "density"], "--about"),
-        (&["plot", "ball.df", "--radial", "density", "--about", "0,0,0", "--weight", "density"], "--weight"),
         (&["plot", "none.df", "--histogram", "density"], "none.df"),
     ] {
         let message = error(folder, &[arguments, &out].concat());
@@ -257,6 +254,18 @@ fn what_cannot_be_plotted_is_told_in_one_line() {
     }
     let message = error(folder, &["plot", "ball.df", "--histogram", "density", "-o", "x.pdf"]);
     assert!(message.contains("x.pdf: expected a name that ends in .csv, .png or .svg"), "{message}");
+    for (arguments, expected) in [
+        (&["--phase", "density,temperature", "--bins", "4000"][..], "bins is 16000000"),
+        (&["--histogram", "density", "--bins", "5000"], "bins is 5000"),
+        (&["--radial", "density", "--about", "0,0,0", "--bins", "5000"], "shells is 5000"),
+        (&["--radial", "density"], "--about"),
+        (&["--radial", "density", "--about", "0,0,0", "--weight", "density"], "--weight"),
+    ] {
+        let output = run(folder, &[&["plot", "ball.df"][..], arguments, &out].concat());
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(expected) && !folder.join("x.csv").exists(), "{arguments:?}: {message}");
+    }
     for wrong in [
         &["plot", "ball.df", "-o", "x.csv"][..],
         &["plot", "ball.df", "--histogram", "density"],

@@ -1,16 +1,19 @@
-//! A build that is killed, at whatever stage, leaves nothing behind; what was there before stays as it was.
+//! A build that is killed, at whatever stage, or that nobody waits for any more leaves nothing behind; what was there before stays as it was.
 
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::{BuildOptions, build_source};
 use deepfield_data::hierarchy::Kinds;
-use deepfield_data::import::LoadOptions;
+use deepfield_data::import::{LoadOptions, Smoothing};
 use deepfield_data::model::Progress;
 use deepfield_data::synth;
 use std::io::{BufRead, BufReader};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Where the process that is to be killed finds its work.
 const WORK: &str = "DEEPFIELD_TEST_KILLED";
@@ -83,4 +86,60 @@ fn has_unnamed(folder: &Path) -> bool {
     use std::os::unix::fs::OpenOptionsExt;
     let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
     std::fs::OpenOptions::new().read(true).write(true).custom_flags(flags).open(folder).is_ok()
+}
+
+/// Counts what builds ask in each stage; from question `most` on nobody waits.
+struct Waiting {
+    most: u64,
+    asked: AtomicU64,
+    stages: Mutex<Vec<(String, u64)>>,
+}
+
+impl Progress for Waiting {
+    fn begin(&self, stage: &str, _: u64) {
+        self.stages.lock().unwrap().push((stage.to_owned(), 0));
+        self.go_on();
+    }
+
+    fn advance(&self, _: u64) {
+        self.go_on();
+    }
+
+    fn go_on(&self) {
+        self.stages.lock().unwrap().last_mut().unwrap().1 += 1;
+        if self.asked.fetch_add(1, Ordering::Relaxed) >= self.most && !std::thread::panicking() {
+            resume_unwind(Box::new("nobody waits"));
+        }
+    }
+}
+
+/// Where neighbours are found, buckets merged and codes trained as well: in each of these stages a build asks at least once for every 8192
+/// particles whether to go on, and where it is told no it ends.
+#[test]
+fn builds_ask_often_and_leave_nothing_where_nobody_waits() {
+    const PARTICLES: u64 = 30_000;
+    let folder = tempfile::tempdir().unwrap();
+    let (source, out) = (folder.path().join("source"), folder.path().join("out"));
+    std::fs::create_dir(&out).unwrap();
+    synth::files::write(&synth::clusters::Clusters::new(1, PARTICLES), &source, synth::gadget::MOST, &()).unwrap();
+    let load = LoadOptions { smoothing: Smoothing::Knn(32), ..LoadOptions::default() };
+    let options = BuildOptions { threads: Some(2), ..BuildOptions::default() };
+    let build = |most: u64| {
+        let waiting = Waiting { most, asked: AtomicU64::new(0), stages: Mutex::default() };
+        let work = || build_source(&source, &load, &options, &out.join("k.df"), &waiting).map(drop);
+        let ended = catch_unwind(AssertUnwindSafe(work));
+        (ended, waiting.asked.into_inner(), waiting.stages.into_inner().unwrap())
+    };
+    let (ended, asked, stages) = build(u64::MAX);
+    ended.unwrap().unwrap();
+    std::fs::remove_file(out.join("k.df")).unwrap();
+    for stage in ["finding neighbours", "merging", "coding"] {
+        let own: u64 = stages.iter().filter(|(name, _)| name.starts_with(stage)).map(|(_, asked)| asked).sum();
+        assert!(own >= PARTICLES / 8192, "{own} questions in {stage}, of {stages:?}");
+    }
+    for most in (0..asked).step_by(asked as usize / 6) {
+        let (ended, ..) = build(most);
+        assert!(ended.is_err(), "went on after question {most} of {asked}");
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0, "stopped at question {most} of {asked}");
+    }
 }

@@ -2,9 +2,8 @@
 
 use crate::commands::CommandResult;
 use crate::commands::contours::Arguments;
-use crate::heights::OpenHeights;
-use crate::heights::measure::{Contour, GeoJson, contours, levels};
-use crate::heights::model::{HeightGrid, Heights};
+use crate::heights::measure::{Contour, GeoJson, Part, contours, levels};
+use crate::heights::model::Heights;
 use crate::model::new_file;
 use std::io::{BufWriter, Write};
 
@@ -20,7 +19,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let summary = open.summary()?;
     let wanted = levels([summary.min, summary.max], *interval, *base)?;
     let ending = output.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let write: fn(&OpenHeights, &[f64], &mut dyn Write) -> Result<usize, Failure> = match ending.as_str() {
+    let closed = Part::closed(&open);
+    let field = closed.as_ref().map_or(&open as &dyn Heights, |closed| closed);
+    let write: fn(&dyn Heights, &[f64], &mut dyn Write) -> Result<usize, Failure> = match ending.as_str() {
         "geojson" | "json" => write_geojson,
         "csv" => write_csv,
         "svg" => write_svg,
@@ -31,7 +32,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let mut file = new_file::builder().tempfile_in(folder).map_err(named)?;
     let count = {
         let mut out = BufWriter::new(file.as_file_mut());
-        let count = write(&open, &wanted, &mut out)?;
+        let count = write(field, &wanted, &mut out)?;
         out.flush().map_err(named)?;
         count
     };
@@ -40,10 +41,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     Ok(())
 }
 
-fn write_geojson(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+fn write_geojson(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
     let mut count = 0;
-    let mut writer = GeoJson::new(out, open.grid())?;
-    contours(open, wanted, |line| {
+    let mut writer = GeoJson::new(out, field.grid())?;
+    contours(field, wanted, |line| {
         count += 1;
         writer.line(&line)
     })?;
@@ -51,10 +52,10 @@ fn write_geojson(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Res
     Ok(count)
 }
 
-fn write_csv(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+fn write_csv(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
     let mut count = 0;
     writeln!(out, "line,level,x,y")?;
-    contours(open, wanted, |Contour { level, points }| {
+    contours(field, wanted, |Contour { level, points }| {
         count += 1;
         points.iter().try_for_each(|[x, y]| writeln!(out, "{count},{level},{x},{y}"))
     })?;
@@ -64,9 +65,9 @@ fn write_csv(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<
 /// Pictures are so wide, in their own units.
 const WIDTH: f64 = 1000.0;
 
-fn write_svg(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
-    let HeightGrid { rows, columns, .. } = open.grid();
-    let (from, to) = (open.grid().place(0.0, 0.0), open.grid().place(*rows as f64 - 1.0, *columns as f64 - 1.0));
+fn write_svg(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+    let grid = field.grid();
+    let (from, to) = (grid.place(0.0, 0.0), grid.place(grid.rows as f64 - 1.0, grid.columns as f64 - 1.0));
     let low = [from[0].min(to[0]), from[1].min(to[1])];
     let size = [(to[0] - from[0]).abs(), (to[1] - from[1]).abs()];
     let scale = WIDTH / size[0].max(size[1]);
@@ -76,7 +77,7 @@ fn write_svg(open: &OpenHeights, wanted: &[f64], out: &mut dyn Write) -> Result<
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.2} {height:.2}\" fill=\"none\" stroke=\"black\" stroke-width=\"0.8\">"
     )?;
     let mut count = 0;
-    contours(open, wanted, |line| {
+    contours(field, wanted, |line| {
         count += 1;
         write!(out, "<path d=\"")?;
         for (number, [x, y]) in line.points.iter().enumerate() {

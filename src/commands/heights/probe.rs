@@ -251,6 +251,9 @@ fn numbers_of(
         (None, Some(Disc { center: [x, y], radius: r })) => window_in(path, grid, [[x - r, y - r], [x + r, y + r]])?,
         (None, None) => Window::all(grid),
     };
+    let turned = Part::turned(open, window);
+    let (field, window) = turned.as_ref().map_or((open as &dyn Heights, window), |(part, window)| (part, *window));
+    let grid = field.grid();
     let few = || {
         let (columns, rows) = (window.columns, window.rows);
         format!("{}: region: found {columns} x {rows} samples, expected at least 2 x 2", path.display())
@@ -262,8 +265,8 @@ fn numbers_of(
     // ISO 25178-3: first the S-filter, then the form is taken off, then the L-filter. Filters see the whole field.
     let all = Window::all(grid);
     let on = options::lengths(path, asked.map.as_deref(), grid)?;
-    let smooth = asked.s_filter.map(|length| Filtered::on(open, on, Filter::Short(length), all)).transpose()?;
-    let first: &dyn Heights = smooth.as_ref().map_or(open as &dyn Heights, |filtered| filtered);
+    let smooth = asked.s_filter.map(|length| Filtered::on(field, on, Filter::Short(length), all)).transpose()?;
+    let first: &dyn Heights = smooth.as_ref().map_or(field, |filtered| filtered);
     let form = asked.form.map(|kind| fit(&region(first)?, kind).map_err(|error| told(&error))).transpose()?;
     let numbers = form.as_ref().map(|form| FormAnswer::of(form.numbers(), grid));
     let rest = form.map(|form| Residual::new(first, form));

@@ -144,7 +144,8 @@ pub(in crate::window) fn draw_surface_on_adapter(
     }
     if let Some((key, outcome)) = arrived(&mut surfaces.task) {
         match outcome {
-            Ok(asked) => {
+            Ok(mut asked) => {
+                asked.report.told.drain(..).for_each(|message| notices.error(message));
                 exposure.set_if_neq(asked.exposure.clone());
                 surfaces.number += 1;
                 surfaces.asked = Some(Asked { number: FIRST_NUMBER + surfaces.number, ..asked });
@@ -189,6 +190,7 @@ pub(in crate::window) fn draw_surface_on_adapter(
     statistics.draw_ms = surfaces.wanted.milliseconds();
     statistics.passes = last_passes.of_picture().map(|times| times.passes).unwrap_or_default();
     let is_current = surfaces.asked.as_ref().is_some_and(|asked| asked.key == key);
+    let is_due = surfaces.asked.as_ref().is_some_and(|asked| asked.report.is_due());
     // One picture at a time: what is on its way is shown before the next begins.
     let may_begin = surfaces.task.is_none() && (surfaces.asked.is_none() || is_drawn);
     let patch = || LookPatch {
@@ -197,9 +199,12 @@ pub(in crate::window) fn draw_surface_on_adapter(
         time: None,
         ..settings.look.patch()
     };
-    if may_begin && !is_current && surfaces.failed.as_ref() != Some(&key) {
-        let (wanted, patch, since) = (key.clone(), patch(), Instant::now());
-        let task = with_heights(&open.session, move |session| ask(session, &patch, wanted, since));
+    if may_begin && (!is_current || is_due) && surfaces.failed.as_ref() != Some(&key) {
+        let (wanted, patch, since, stall) = (key.clone(), patch(), Instant::now(), preset.residency.stall());
+        let task = with_heights(&open.session, move |session| {
+            session.wait_for(stall);
+            ask(session, &patch, wanted, since)
+        });
         surfaces.task = Some((key.clone(), task));
     }
     // Depths of another view hide the wrong things.
@@ -270,6 +275,6 @@ fn ask(session: &mut SurfaceSession, patch: &LookPatch, key: Key, since: Instant
     let asked = session.asked(patch, &view, None, passes).map_err(|error| error.to_string())?;
     let exposure = Exposure::of_heights(session.opened(), asked.attribute, asked.transfer.scale, asked.levels);
     let (job, report) = asked.picture.ok_or("no passes draw this picture of heights")?;
-    let report = Report::of_heights(&report, asked.error.is_none());
+    let report = Report::of_heights(&report, asked.error.is_none(), session);
     Ok(Asked { number: 0, key, job: Arc::new(job), report, exposure, since })
 }

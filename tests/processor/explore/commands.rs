@@ -136,7 +136,7 @@ fn what_is_wrong_is_named() {
         (&["probe", "box.csv", "--radius", "3"], ["--radius", "--at"]),
         (&["select", "box.csv", "-o", "out.txt"], ["out.txt", ".parquet"]),
         (&["select", "box.csv", "--ids", "named.csv", "-o", "out.csv"], ["named.csv: line 1", "name"]),
-        (&["select", "box.csv", "-o", "no/where.csv"], ["no/where.csv", "writing"]),
+        (&["select", "box.csv", "-o", "no/where.csv"], ["no/where.csv", "found no folder no,"]),
         (&["probe", "box.csv", "--family", "gaz"], ["box.csv", "gaz"]),
         (&["catalogue", "box.df"], ["box.df", ""]),
         (&["catalogue", "box.csv"], ["box.csv", "name"]),

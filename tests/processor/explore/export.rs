@@ -3,7 +3,7 @@
 use super::particles::{EDGE, Memory, Particle, is_inside, page_file, particles};
 use crate::support::in_repository;
 use deepfield::explore::{Data, Format, Frame, IdSet, Region, Work, export};
-use deepfield::import::{FamilyRows, FieldKind, Source, open};
+use deepfield::import::{Description, FamilyRows, FieldKind, Source, open};
 use deepfield::model::FamilyName;
 use glam::DVec3;
 use std::path::Path;
@@ -119,6 +119,13 @@ fn points_of_ply_are_read_back() {
         assert_eq!([number(0), number(5), number(8)], [member.at.x, member.velocity.z, member.density]);
         assert!(if member.family == FamilyName::Gas { number(9) == member.temperature } else { number(9).is_nan() });
     }
+    assert_units(open(&path).unwrap().description(), "halo.ply");
+}
+
+/// Units of lengths, masses and velocities are those of the source.
+fn assert_units(about: &Description, name: &str) {
+    let velocity = &about.families[0].fields[about.families[0].find(FieldKind::Velocity).unwrap()].unit.0;
+    assert_eq!((&*about.length_unit.0, &*about.mass_unit.0, &**velocity), ("kpc", "Msun", "km/s"), "{name}");
 }
 
 /// All numbers of a field of a family, bit for bit.
@@ -187,11 +194,7 @@ fn tables_for_other_programs_are_read_back_to_the_last_bit() {
             let exact = b"deepfield.exact\x18\x04true";
             assert!(bytes.windows(exact.len()).any(|part| part == exact), "the table does not say that it is exact");
         }
-        // VTK's reader has no units yet.
-        if format != Format::Vtp {
-            let velocity = &about.families[0].fields[about.families[0].find(FieldKind::Velocity).unwrap()].unit.0;
-            assert_eq!((&*about.length_unit.0, &*about.mass_unit.0, &**velocity), ("kpc", "Msun", "km/s"), "{name}");
-        }
+        assert_units(about, name);
     }
 }
 

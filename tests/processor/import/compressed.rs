@@ -61,7 +61,11 @@ fn what_is_compressed_is_what_is_in_it() {
     // What a library reads by itself is unpacked by its user.
     let hdf5 = std::fs::read(data("gas_sphere_collapse_025.hdf5")).unwrap();
     let path = file(folder.path(), "hdf5", &gzip(&hdf5));
-    assert!(message(&open(&path).err().unwrap(), &path).contains("not a known format"));
+    let told = message(&open(&path).err().unwrap(), &path);
+    assert!(told.contains("found HDF5 snapshot in gzip, expected it unpacked first: gunzip -k "), "{told}");
+    let path = file(folder.path(), "parquet", &zstandard(&std::fs::read(data("table.parquet")).unwrap(), 0));
+    let told = message(&open(&path).err().unwrap(), &path);
+    assert!(told.contains("found Parquet table in Zstandard, expected it unpacked first: zstd -d "), "{told}");
     let path = file(folder.path(), "bomb", &zstandard(&tipsy(), 64));
     assert!(message(&open(&path).err().unwrap(), &path).contains("at most 1040 times"));
 }

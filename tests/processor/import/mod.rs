@@ -11,6 +11,7 @@ mod las;
 mod light_cones;
 mod nchilada;
 mod openpmd;
+mod others;
 mod phantom;
 mod ply;
 mod ramses;

@@ -10,6 +10,9 @@ const HFACT: f64 = 1.2;
 /// Masses of types 1 to 7.
 const MASSES: [f64; 7] = [0.5, 0.0, 0.25, 2.0, 4.0, 8.0, 16.0];
 
+/// Id of the first particle, beyond what single and double precision hold; others count on.
+const FIRST_ID: u64 = (1 << 60) + 1;
+
 /// What is written of a particle: its type, position and smoothing length.
 type Particle = (i8, [f32; 3], f32);
 
@@ -68,7 +71,7 @@ fn phantom(style: Style, particles: &[Particle], sinks: &[([f32; 3], f32)]) -> V
     record(style.word(&1.495_978_707e13_f64.to_le_bytes()));
     // Blocks: default whole numbers, those of 1, 2, 4 and 8 bytes, default reals, single and double precision.
     record(style.whole(2));
-    for (count, arrays) in [(particles.len(), [0, 1, 0, 0, 0, 3, 1, 0]), (sinks.len(), [0, 0, 0, 0, 0, 5, 0, 0])] {
+    for (count, arrays) in [(particles.len(), [0, 1, 0, 0, 1, 3, 1, 0]), (sinks.len(), [0, 0, 0, 0, 0, 5, 0, 0])] {
         let numbers = arrays.into_iter().flat_map(|number| style.whole(number));
         record(style.word(&(count as i64).to_le_bytes()).into_iter().chain(numbers).collect());
     }
@@ -77,6 +80,7 @@ fn phantom(style: Style, particles: &[Particle], sinks: &[([f32; 3], f32)]) -> V
         record(content);
     };
     array("itype", particles.iter().map(|particle| particle.0 as u8).collect());
+    array("iorig", (FIRST_ID..).take(particles.len()).flat_map(|id| style.word(&id.to_le_bytes())).collect());
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         array(name, particles.iter().flat_map(|particle| style.real(f64::from(particle.1[axis]))).collect());
     }
@@ -118,7 +122,8 @@ proptest! {
         let about = source.description();
         prop_assert_eq!((&*about.format, about.time, &*about.length_unit.0), ("phantom", Some(1.5), "au"));
         let mut expected: BTreeMap<&str, Vec<Particle>> = BTreeMap::new();
-        for particle in &particles {
+        let mut ids: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+        for (particle, id) in particles.iter().zip(FIRST_ID..) {
             let name = match particle.0 {
                 1 => "gas",
                 3 => "boundary",
@@ -128,6 +133,7 @@ proptest! {
                 _ => continue,
             };
             expected.entry(name).or_default().push(*particle);
+            ids.entry(name).or_default().push(id);
         }
         prop_assert_eq!(about.families.len(), expected.len() + usize::from(!sinks.is_empty()));
         for (family, info) in about.families.iter().enumerate() {
@@ -144,6 +150,9 @@ proptest! {
             prop_assert_eq!(info.count, particles.len() as u64);
             let positions: Vec<f64> = particles.iter().flat_map(|particle| particle.1.map(f64::from)).collect();
             prop_assert_eq!(read("position"), positions);
+            let mut found = vec![0; particles.len()];
+            source.read_ids(family, info.find(FieldKind::Id).unwrap(), 0..info.count, &mut found).unwrap();
+            prop_assert_eq!(&found, &ids[info.name.as_str()]);
             let exact = |value: f64| if double { value } else { f64::from(value as f32) };
             let mass = exact(MASSES[particles[0].0 as usize - 1]);
             prop_assert_eq!(read("mass"), vec![mass; particles.len()]);

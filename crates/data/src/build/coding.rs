@@ -100,18 +100,18 @@ pub(super) fn code(
             list.extend(batches.into_iter().map(|batch| Entry { depth, index, batch }));
         }
     }
-    let groups = by_density(leaves, scaling, spill, bits.entries)?;
+    let groups = by_density(leaves, scaling, spill, bits.entries, progress)?;
     let count = groups.len();
     let coded: Vec<_> = groups
         .par_iter()
         .map(|group| {
-            let group = Group { entries: group, scaling, spill, bits: bits.leaves };
+            let group = Group { entries: group, scaling, spill, bits: bits.leaves, progress };
             group.code(bits.entries, CodebookScope::Leaves, count)
         })
         .collect::<Result<_, _>>()?;
     if let Some(measured) = measured {
-        let groups: Vec<_> =
-            groups.iter().map(|entries| Group { entries, scaling, spill, bits: bits.leaves }).zip(&coded).collect();
+        let group = |entries| Group { entries, scaling, spill, bits: bits.leaves, progress };
+        let groups: Vec<_> = groups.iter().map(|entries| group(&entries[..])).zip(&coded).collect();
         coding.column_error = measured.error(nodes, &groups)?;
     }
     for (group, coded) in groups.into_iter().zip(coded) {
@@ -122,7 +122,7 @@ pub(super) fn code(
         if !entries.is_empty() {
             // Those of a node stay in their order.
             entries.sort_by_key(|entry| entry.batch.group);
-            let group = Group { entries: &entries, scaling, spill, bits: bits.entries };
+            let group = Group { entries: &entries, scaling, spill, bits: bits.entries, progress };
             let coded = group.code(bits.entries, scope(depth as u8), 1)?;
             coding.take(entries, coded, spill);
         }
@@ -139,10 +139,16 @@ struct Entry {
 }
 
 /// Leaves in groups of about the same number of particles and of similar mean density.
-fn by_density(leaves: Vec<Entry>, scaling: &Scaling, spill: &Spill, bits: VqBits) -> io::Result<Vec<Vec<Entry>>> {
+fn by_density(
+    leaves: Vec<Entry>,
+    scaling: &Scaling,
+    spill: &Spill,
+    bits: VqBits,
+    progress: &dyn Progress,
+) -> io::Result<Vec<Vec<Entry>>> {
     let total: u64 = leaves.iter().map(|leaf| leaf.batch.info.particles as u64).sum();
     let count = (total / PARTICLES).clamp(1, (ENTRIES / bits.entries()).max(1) as u64);
-    let group = Group { entries: &leaves, scaling, spill, bits };
+    let group = Group { entries: &leaves, scaling, spill, bits, progress };
     let densities: Vec<f32> = (0..leaves.len())
         .into_par_iter()
         .map(|leaf| group.with(leaf, |quantities| scaling.mean_density(quantities.density)))
@@ -173,6 +179,7 @@ struct Group<'a> {
     spill: &'a Spill,
     /// Those of a code.
     bits: VqBits,
+    progress: &'a dyn Progress,
 }
 
 impl Group<'_> {
@@ -277,7 +284,12 @@ impl Batches for Group<'_> {
     }
 
     fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> io::Result<R> {
+        self.go_on();
         self.entries[batch].batch.with(self.spill, read)
+    }
+
+    fn go_on(&self) {
+        self.progress.go_on();
     }
 
     fn keep(&self, codes: Vec<u16>) -> io::Result<(Blob, usize)> {

@@ -13,7 +13,7 @@ use crate::hierarchy::octree::{Columns, Place};
 use crate::hierarchy::{Histogram, RootCell};
 use crate::import::derived;
 use crate::import::neighbours::Moving;
-use crate::model::progress::Progress;
+use crate::model::progress::{Progress, Uncounted};
 use crate::model::{Bounds, Derivation, Kernel};
 use rayon::prelude::*;
 
@@ -79,6 +79,7 @@ impl Deriving<'_> {
         let counts: Vec<Vec<Vec<u64>>> = (0..partition.buckets())
             .into_par_iter()
             .map(|bucket| {
+                progress.go_on();
                 let (_, columns) = partition.read(bucket)?;
                 Ok(bins.iter().zip(&columns.attributes).map(|(bins, values)| bins.count(values)).collect())
             })
@@ -105,6 +106,7 @@ impl Deriving<'_> {
             .clone()
             .into_par_iter()
             .map(|bucket| {
+                progress.go_on();
                 let (places, columns) = partition.read_inputs(bucket)?;
                 let order = columns.order(&places);
                 let positions = order.iter().map(|&i| position(places[i as usize], self.root)).collect();
@@ -140,7 +142,8 @@ impl Deriving<'_> {
             velocities: &all.velocities,
             edge: self.edge,
         };
-        let found = derived::columns(self.derivation, self.kernel, &moving, (count, Some(&heat[..])), &());
+        let wanted = (count, Some(&heat[..]));
+        let found = derived::columns(self.derivation, self.kernel, &moving, wanted, &Uncounted(progress));
         progress.advance(count as u64);
         let mut at = 0;
         let of_bucket = |order: Vec<u32>| {

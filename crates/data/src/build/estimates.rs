@@ -14,7 +14,7 @@ use crate::hierarchy::octree::Columns;
 use crate::hierarchy::{Histogram, RootCell};
 use crate::import::neighbours::Neighbours;
 use crate::model::Bounds;
-use crate::model::progress::Progress;
+use crate::model::progress::{Progress, Uncounted};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -77,6 +77,7 @@ impl Estimating {
         let counts: Vec<[Vec<u64>; 2]> = (0..partition.buckets())
             .into_par_iter()
             .map(|bucket| {
+                progress.go_on();
                 let (_, columns) = partition.read(bucket)?;
                 Ok([bins[0].count(&columns.density), bins[1].count(&columns.smoothing_length)])
             })
@@ -110,6 +111,7 @@ fn of_block(
         .clone()
         .into_par_iter()
         .map(|bucket| {
+            progress.go_on();
             let (places, columns) = partition.read(bucket)?;
             let order = columns.order(&places);
             let keys = order.iter().map(|&i| places[i as usize].key).collect();
@@ -123,6 +125,7 @@ fn of_block(
     let (mut orders, mut density, mut smoothing_length) = (Vec::new(), Vec::new(), Vec::new());
     let mut keys = Vec::new();
     for (order, own_keys, positions, columns) in parts {
+        progress.go_on();
         keys.extend(own_keys);
         own.positions.extend(positions);
         own.mass.extend(columns.mass);
@@ -130,7 +133,9 @@ fn of_block(
         smoothing_length.extend(columns.smoothing_length);
         orders.push(order);
     }
-    let search = Search { partition, buckets, estimating, keys, own };
+    // Particles are counted when all of the block is known.
+    let uncounted = Uncounted(progress);
+    let search = Search { partition, buckets, estimating, keys, own, progress: &uncounted };
     let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
     if wanted.contains(&true) {
         search.nearest(&wanted, &mut smoothing_length, &mut density)?;
@@ -163,6 +168,7 @@ struct Search<'a> {
     /// Morton keys of the own particles, in order.
     keys: Vec<u64>,
     own: Particles,
+    progress: &'a dyn Progress,
 }
 
 impl Search<'_> {
@@ -174,7 +180,7 @@ impl Search<'_> {
         let everything = count + around.positions.len() == self.partition.particles();
         let mut left: Vec<bool> = wanted.to_vec();
         let mut radii = vec![0.0; if everything { 0 } else { count }];
-        search(self.estimating, &self.own, around, wanted, |i, h, rho| {
+        self.search(&self.own, around, wanted, |i, h, rho| {
             if everything {
                 (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
                 return;
@@ -204,7 +210,7 @@ impl Search<'_> {
             mass: near.iter().map(|&i| self.own.mass[i]).collect(),
         };
         let wanted: Vec<bool> = near.iter().map(|&i| left[i]).collect();
-        search(self.estimating, &own, around, &wanted, |i, h, rho| {
+        self.search(&own, around, &wanted, |i, h, rho| {
             let i = near[i];
             (lengths[i], density[i]) = (positive(h), stated(density[i], rho));
         });
@@ -222,8 +228,8 @@ impl Search<'_> {
         all.resize(positions.len(), 0.0);
         let mut all_wanted = wanted.to_vec();
         all_wanted.resize(positions.len(), false);
-        if let Some(tree) = Neighbours::of(&positions, self.estimating.edge) {
-            let sums = tree.density(&all, &mass, Some(&all_wanted), &());
+        if let Some(tree) = Neighbours::of(&positions, self.estimating.edge, self.progress) {
+            let sums = tree.density(&all, &mass, Some(&all_wanted), self.progress);
             for (i, sum) in sums.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
                 density[i] = positive(sum);
             }
@@ -281,6 +287,7 @@ impl Search<'_> {
             .into_par_iter()
             .filter(is_wanted)
             .map(|bucket| {
+                self.progress.go_on();
                 let (places, masses) = self.partition.read_masses(bucket)?;
                 let positions = places.into_iter().map(|place| position(place, root));
                 Ok(positions.zip(masses).filter(|(place, _)| is_near(*place)).collect())
@@ -289,24 +296,19 @@ impl Search<'_> {
         let (positions, mass) = parts.into_iter().flatten().unzip();
         Ok(Particles { positions, mass })
     }
-}
 
-/// Calls `found` with distance to the `k`-th neighbour and density of every wanted particle of `own`, among those and others.
-fn search(
-    Estimating { k, edge, .. }: Estimating,
-    own: &Particles,
-    around: Particles,
-    wanted: &[bool],
-    mut found: impl FnMut(usize, f64, f64),
-) {
-    let (positions, mass, count) = joined(own, around);
-    let mut all_wanted = wanted.to_vec();
-    all_wanted.resize(positions.len(), false);
-    if let Some(tree) = Neighbours::of(&positions, edge) {
-        drop(positions);
-        let estimates = tree.estimate(k, &mass, Some(&all_wanted), &());
-        for (i, estimate) in estimates.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
-            found(i, estimate.smoothing_length, estimate.density);
+    /// Calls `found` with distance to the `k`-th neighbour and density of every wanted particle of `own`, among those and others.
+    fn search(&self, own: &Particles, around: Particles, wanted: &[bool], mut found: impl FnMut(usize, f64, f64)) {
+        let Estimating { k, edge, .. } = self.estimating;
+        let (positions, mass, count) = joined(own, around);
+        let mut all_wanted = wanted.to_vec();
+        all_wanted.resize(positions.len(), false);
+        if let Some(tree) = Neighbours::of(&positions, edge, self.progress) {
+            drop(positions);
+            let estimates = tree.estimate(k, &mass, Some(&all_wanted), self.progress);
+            for (i, estimate) in estimates.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
+                found(i, estimate.smoothing_length, estimate.density);
+            }
         }
     }
 }

@@ -57,15 +57,19 @@ pub fn build_grid(
     }
 }
 
-/// A source as a build reads it.
-struct Source<'a>(&'a GridSource);
+/// A source as a build reads it, asking before each part whether to go on.
+struct Source<'a> {
+    source: &'a GridSource,
+    progress: &'a dyn Progress,
+}
 
 impl Source<'_> {
     fn bytes(&self, part: &Part) -> Result<Vec<u8>, ImportError> {
-        let grid = self.0.grid();
+        self.progress.go_on();
+        let grid = self.source.grid();
         let region = Region { min: part.min.map(|at| at as u64), max: part.end().map(|at| at as u64) };
         let mut bytes = vec![0; part.len() * grid.sample_bytes() as usize];
-        self.0.read(&region, &mut bytes)?;
+        self.source.read(&region, &mut bytes)?;
         Ok(bytes)
     }
 }
@@ -74,23 +78,23 @@ impl Feed for Source<'_> {
     type Error = ImportError;
 
     fn dimensions(&self) -> usize {
-        self.0.grid().dimensions
+        self.source.grid().dimensions
     }
 
     fn shape(&self) -> Shape {
-        self.0.grid().shape.map(|side| side as usize)
+        self.source.grid().shape.map(|side| side as usize)
     }
 
     fn channels(&self) -> usize {
-        self.0.grid().channels.len()
+        self.source.grid().channels.len()
     }
 
     fn may_have_holes(&self) -> bool {
-        self.0.grid().sample_type.is_float()
+        self.source.grid().sample_type.is_float()
     }
 
     fn read(&self, part: &Part) -> Result<Vec<Vec<f32>>, ImportError> {
-        let grid = self.0.grid();
+        let grid = self.source.grid();
         Ok(planes_of(grid.sample_type, grid.channels.len(), &self.bytes(part)?))
     }
 }
@@ -149,7 +153,7 @@ fn build_here(
 ) -> Result<GridAbout, BuildError> {
     let about = source.description();
     let grid = &about.grid;
-    let feed = Source(source);
+    let feed = Source { source, progress };
     let bricks = Bricks { dimensions: feed.dimensions(), shape: feed.shape() };
     let numbers = shelf_len(bricks, grid.channels.len(), &options.points);
     let plan = Plan::new(source, bricks, numbers, options.memory.unwrap_or_else(default_memory), output)?;

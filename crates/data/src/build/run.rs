@@ -230,6 +230,10 @@ impl Progress for StepProgress<'_> {
         self.progress.advance(n);
     }
 
+    fn go_on(&self) {
+        self.progress.go_on();
+    }
+
     fn say(&self, line: &str) {
         self.progress.say(line);
     }

@@ -96,6 +96,7 @@ pub(super) fn grow(
 ) -> Result<Vec<Grown>, BuildError> {
     progress.begin(&format!("merging {family}"), plan.len() as u64);
     let keep = |piece: Piece<Words>, bucket: usize| {
+        progress.go_on();
         piece.map(|words| {
             let kept = Kept::put(words, plan.group(bucket), spill);
             kept.map(Some).map_err(|error| BuildError::temporary(spill, error))
@@ -103,6 +104,7 @@ pub(super) fn grow(
     };
     let kinds = context.options.levels();
     let one = |number: usize| -> Result<Built, BuildError> {
+        progress.go_on();
         let (places, columns) = partition.read(number)?;
         let bucket = Bucket::new(context, plan, number, places, columns);
         let of = |levels: &Purpose| {
@@ -209,7 +211,11 @@ impl Coder<'_> {
         let mut batches: Vec<Vec<Vec<Batch>>> = Vec::with_capacity(nodes.len());
         let mut drafts: Vec<Vec<TreeNode<()>>> = Vec::with_capacity(nodes.len());
         for level in nodes {
-            let level: Vec<_> = level.into_par_iter().map(|node| split(node, spill)).collect::<Result<_, _>>()?;
+            let one = |node| {
+                self.progress.go_on();
+                split(node, spill)
+            };
+            let level: Vec<_> = level.into_par_iter().map(one).collect::<Result<_, _>>()?;
             let (mut own_drafts, mut own_sections, mut own_batches) = (Vec::new(), Vec::new(), Vec::new());
             for (draft, positions, batches) in level {
                 own_drafts.push(draft);

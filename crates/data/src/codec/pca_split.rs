@@ -56,7 +56,11 @@ struct Cluster<const L: usize> {
 
 /// Splits `sample` into at most `entries` clusters; returns the planes, the first being the root, and the clusters'
 /// means. Clusters of identical vectors are not split. `L` is a power of two.
-pub(super) fn split<const L: usize>(sample: &mut [[f32; L]], entries: usize) -> (Vec<Plane<L>>, Vec<[f32; L]>) {
+pub(super) fn split<const L: usize>(
+    sample: &mut [[f32; L]],
+    entries: usize,
+    go_on: &(dyn Fn() + Sync),
+) -> (Vec<Plane<L>>, Vec<[f32; L]>) {
     let mut clusters = vec![analyse(sample, 0, None)];
     let mut planes = Vec::new();
     while clusters.len() < entries.max(1) {
@@ -77,7 +81,11 @@ pub(super) fn split<const L: usize>(sample: &mut [[f32; L]], entries: usize) -> 
             rest = after;
             jobs.push((i, range));
         }
-        let halves: Vec<_> = jobs.into_par_iter().map(|(i, range)| (i, halve(range, &clusters[i]))).collect();
+        let one = |(i, range): (usize, &mut [[f32; L]])| {
+            go_on();
+            (i, halve(range, &clusters[i]))
+        };
+        let halves: Vec<_> = jobs.into_par_iter().map(one).collect();
         for (i, halves) in halves {
             let Some((plane, mut low, mut high)) = halves else {
                 clusters[i].distortion = 0.0;
@@ -203,7 +211,7 @@ mod tests {
     #[test]
     fn clusters_are_means_of_what_the_planes_separate() {
         let mut sample: Vec<[f32; 4]> = (0..1000).map(|i| [(i % 10) as f32, (i / 10 % 10) as f32, 0.0, 0.0]).collect();
-        let (planes, means) = split(&mut sample, 100);
+        let (planes, means) = split(&mut sample, 100, &|| ());
         assert_eq!((planes.len(), means.len()), (99, 100));
         assert!(sample.iter().all(|vector| means.contains(vector)));
     }

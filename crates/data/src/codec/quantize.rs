@@ -75,7 +75,7 @@ fn quantize_in<const L: usize, B: Batches>(
     if let Some(bend) = bend {
         sample.iter_mut().for_each(|vector| bend.bend(vector));
     }
-    let quantizer = Quantizer::train(&mut sample, bits.entries(), limits);
+    let quantizer = Quantizer::train(&mut sample, bits.entries(), limits, &|| batches.go_on());
     drop(sample);
     let about: Vec<(u32, usize)> =
         (0..batches.len()).map(|batch| (batches.group(batch), batches.info(batch).particles)).collect();

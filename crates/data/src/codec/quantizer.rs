@@ -65,15 +65,21 @@ pub struct LbgLimits {
 
 impl<const L: usize> Quantizer<L> {
     /// Trains at most `entries` code words on `sample`: PCA splits (F12 3.3), then LBG (F12 3.4). With at most `entries`
-    /// distinct vectors in the sample each of them is a code word. The order of `sample` is lost.
-    pub fn train(sample: &mut [[f32; L]], entries: usize, limits: LbgLimits) -> Quantizer<L> {
-        let (planes, words) = pca_split::split(sample, entries);
+    /// distinct vectors in the sample each of them is a code word. The order of `sample` is lost. `go_on` is called every few
+    /// milliseconds, from any thread, and may unwind.
+    pub fn train(
+        sample: &mut [[f32; L]],
+        entries: usize,
+        limits: LbgLimits,
+        go_on: &(dyn Fn() + Sync),
+    ) -> Quantizer<L> {
+        let (planes, words) = pca_split::split(sample, entries, go_on);
         let mut quantizer = Quantizer { planes, words, neighbours: Vec::new(), around: Vec::new() };
-        quantizer.find_neighbours();
+        quantizer.find_neighbours(go_on);
         quantizer.look_around();
         let mut previous = f64::INFINITY;
         for _ in 0..limits.k_max {
-            let (distortion, means) = quantizer.assign_sample(sample);
+            let (distortion, means) = quantizer.assign_sample(sample, go_on);
             quantizer.words = means;
             quantizer.measure_neighbours();
             quantizer.look_around();
@@ -156,13 +162,14 @@ impl<const L: usize> Quantizer<L> {
     }
 
     /// Mean squared distance of the sample to its code words, and the mean of each word's vectors.
-    fn assign_sample(&self, sample: &[[f32; L]]) -> (f64, Vec<[f32; L]>) {
+    fn assign_sample(&self, sample: &[[f32; L]], go_on: &(dyn Fn() + Sync)) -> (f64, Vec<[f32; L]>) {
         use rayon::prelude::*;
         // The number of parts is fixed, so that sums do not depend on the number of threads.
         let part = sample.len().div_ceil(8).max(1);
         let parts: Vec<_> = sample
             .par_chunks(part)
             .map(|vectors| {
+                go_on();
                 let mut sums = vec![([0.0_f64; L], 0_u32); self.words.len()];
                 let mut total = 0.0;
                 let mut codes = [0; TOGETHER];
@@ -197,12 +204,13 @@ impl<const L: usize> Quantizer<L> {
 
     /// Finds the words nearest to each word. The words are the means of their cells here, so a plane that is farther
     /// away than the farthest neighbour known hides nothing nearer.
-    fn find_neighbours(&mut self) {
+    fn find_neighbours(&mut self, go_on: &(dyn Fn() + Sync)) {
         use rayon::prelude::*;
         let this = &*self;
         let found = (0..this.words.len() as u32)
             .into_par_iter()
             .map(|own| {
+                go_on();
                 let mut nearest = [(f32::INFINITY, own); NEIGHBOURS];
                 if !this.planes.is_empty() {
                     this.search(0, own, &mut nearest);
@@ -361,7 +369,7 @@ mod tests {
         #[test]
         fn few_distinct_vectors_are_words(distinct in vectors(1..16), picks in prop::collection::vec(0..16_usize, 1..200)) {
             let mut sample: Vec<_> = picks.iter().map(|pick| distinct[pick % distinct.len()]).collect();
-            let quantizer = Quantizer::train(&mut sample, 16, LIMITS);
+            let quantizer = Quantizer::train(&mut sample, 16, LIMITS, &|| ());
             for (vector, code) in sample.iter().zip(coded(&quantizer, &sample)) {
                 prop_assert_eq!(&quantizer.words[code as usize], vector);
             }
@@ -369,18 +377,18 @@ mod tests {
 
         #[test]
         fn many_together_are_coded_like_each_alone(sample in vectors(1..400), entries in 1..64_usize) {
-            let quantizer = Quantizer::train(&mut sample.clone(), entries, LIMITS);
+            let quantizer = Quantizer::train(&mut sample.clone(), entries, LIMITS, &|| ());
             let alone: Vec<u32> = sample.iter().map(|vector| quantizer.code(vector)).collect();
             prop_assert_eq!(coded(&quantizer, &sample), alone);
             let wide: Vec<[f32; 8]> = sample.windows(2).map(|pair| std::array::from_fn(|i| pair[i / 4][i % 4])).collect();
-            let quantizer = Quantizer::train(&mut wide.clone(), entries, LIMITS);
+            let quantizer = Quantizer::train(&mut wide.clone(), entries, LIMITS, &|| ());
             let alone: Vec<u32> = wide.iter().map(|vector| quantizer.code(vector)).collect();
             prop_assert_eq!(coded(&quantizer, &wide), alone);
         }
 
         #[test]
         fn codes_are_nearly_nearest(sample in vectors(100..600)) {
-            let quantizer = Quantizer::train(&mut sample.clone(), 32, LIMITS);
+            let quantizer = Quantizer::train(&mut sample.clone(), 32, LIMITS, &|| ());
             prop_assert!(quantizer.len() <= 32);
             let (mut found, mut nearest) = (0.0, 0.0);
             for (vector, code) in sample.iter().zip(coded(&quantizer, &sample)) {
@@ -394,8 +402,8 @@ mod tests {
         #[test]
         fn lbg_never_makes_it_worse(sample in vectors(50..300)) {
             let distortion = |k_max| {
-                let quantizer = Quantizer::train(&mut sample.clone(), 16, LbgLimits { k_max, epsilon: 0.0 });
-                quantizer.assign_sample(&sample).0
+                let quantizer = Quantizer::train(&mut sample.clone(), 16, LbgLimits { k_max, epsilon: 0.0 }, &|| ());
+                quantizer.assign_sample(&sample, &|| ()).0
             };
             prop_assert!(distortion(5) <= distortion(0) * 1.02);
         }

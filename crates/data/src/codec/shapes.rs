@@ -89,7 +89,7 @@ impl ShapeCoder {
     pub fn train(sample: &[Shape], of: u64, bits: u8) -> ShapeCoder {
         let most = (of as usize / FOR_EACH).clamp(16, 1 << bits);
         let mut sample: Vec<[f32; 8]> = sample.iter().map(widened).collect();
-        ShapeCoder { quantizer: Quantizer::train(&mut sample, most, LIMITS) }
+        ShapeCoder { quantizer: Quantizer::train(&mut sample, most, LIMITS, &|| ()) }
     }
 
     /// What the codes stand for.

@@ -41,7 +41,16 @@ pub(super) fn plan(
         return Ok(None);
     };
     let is_asked = |quantity: DerivedQuantity| options.derive.contains(&quantity);
-    let sound = if is_asked(DerivedQuantity::MachNumber) { sound(about, info, velocity)? } else { None };
+    let mut notes = Vec::new();
+    let sound = match sound(about, info, velocity) {
+        _ if !is_asked(DerivedQuantity::MachNumber) => None,
+        // Of all what can be had.
+        Err(error) if DerivedQuantity::are_all(&options.derive) => {
+            notes.push(format!("{}: no mach-number: {error}", info.name));
+            None
+        }
+        sound => sound?,
+    };
     let unit = &info.fields[velocity].unit;
     let rate = match (unit.is_unknown(), about.length_unit.is_unknown()) {
         (true, true) => Unit::default(),
@@ -73,7 +82,6 @@ pub(super) fn plan(
     let name = info.name;
     let near = quantities.iter().map(|(quantity, _)| *quantity).filter(|q| *q != DerivedQuantity::MachNumber);
     let near: Vec<&str> = near.map(DerivedQuantity::name).collect();
-    let mut notes = Vec::new();
     if !near.is_empty() {
         notes.push(format!("{name}: {} from velocities within the smoothing length", near.join(", ")));
     }
@@ -96,7 +104,7 @@ pub fn derivable(about: &Description, attributes: &AttributeChoice) -> Vec<Deriv
     DerivedQuantity::ALL.into_iter().filter(is_lacking).collect()
 }
 
-/// Every quantity that is asked for is derived for one family at least.
+/// Every quantity that is asked for is derived for one family at least; where all are asked for, notes of what is not, if something is.
 ///
 /// # Errors
 /// When not: the field that is missing.
@@ -104,7 +112,9 @@ pub(super) fn check<'a>(
     about: &Description,
     options: &LoadOptions,
     derivations: impl Iterator<Item = &'a Derivation> + Clone,
-) -> Result<(), ImportError> {
+) -> Result<Vec<String>, ImportError> {
+    let mut notes = Vec::new();
+    let is_something = derivations.clone().next().is_some();
     for &quantity in &options.derive {
         if derivations.clone().any(|derivation| derivation.has(quantity)) {
             continue;
@@ -117,9 +127,13 @@ pub(super) fn check<'a>(
         } else {
             ("velocity", format!("velocities, as {name} is to be derived"))
         };
+        if is_something && DerivedQuantity::are_all(&options.derive) {
+            notes.push(format!("no {name}: expected {expected}"));
+            continue;
+        }
         return Err(ImportError::missing(&about.path, field, expected));
     }
-    Ok(())
+    Ok(notes)
 }
 
 /// Where the speed of sound comes from.
@@ -223,7 +237,7 @@ pub(crate) fn columns(
 ) -> Vec<Vec<f32>> {
     let mut motions = Vec::new();
     if derivation.needs_neighbours()
-        && let Some(tree) = Neighbours::of(all.positions, all.edge)
+        && let Some(tree) = Neighbours::of(all.positions, all.edge, progress)
     {
         let wanted: Vec<bool> = (0..all.positions.len()).map(|particle| particle < count).collect();
         motions = tree.local_motion(kernel, all, Some(&wanted), progress);

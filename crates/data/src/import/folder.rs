@@ -99,12 +99,12 @@ fn are_slices(folder: &Path, claimants: &[Claimant]) -> Result<bool, ImportError
     Ok(is_stack(folder)? && !claimants.iter().take(TRIED).any(is_data))
 }
 
-/// Whether all that can be opened in a folder are parts of one table.
+/// Whether a path is a folder of which all that can be opened are parts of one table.
 ///
 /// # Errors
 /// When the folder cannot be read.
-pub(super) fn is_one_table(folder: &Path) -> Result<bool, ImportError> {
-    Ok(are_parts(&look_into(folder, &[])?.0))
+pub fn is_one_table(path: &Path) -> Result<bool, ImportError> {
+    Ok(path.is_dir() && whole(path).is_none() && are_parts(&look_into(path, &[])?.0))
 }
 
 fn are_parts(claimants: &[Claimant]) -> bool {

@@ -5,7 +5,7 @@ use super::{ImportError, Source};
 use crate::model::ReadMethod;
 use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
-use std::sync::{PoisonError, RwLock};
+use std::sync::{OnceLock, PoisonError, RwLock};
 
 /// A file format. Adding one takes a file in this room and a line in [`BUILT_IN`], or [`register`] from another crate.
 pub trait Format: Sync {
@@ -106,12 +106,28 @@ pub fn names() -> String {
     formats().iter().map(|format| format.name()).collect::<Vec<_>>().join(", ")
 }
 
+/// What names the formats of data that other crates read.
+static BEYOND: OnceLock<fn() -> String> = OnceLock::new();
+
+/// Says what names the formats of data that other crates read, for messages about files of no format; once.
+pub fn name_beyond(names: fn() -> String) {
+    BEYOND.get_or_init(|| names);
+}
+
+/// The names of the formats of everything that can be read.
+fn names_of_all() -> String {
+    let beyond = BEYOND.get().map(|names| format!(", {}", names())).unwrap_or_default();
+    format!("{} (particles), {} (images and volumes){beyond}", names(), super::grid::grid_names())
+}
+
 /// What formats are recognised by.
 pub(super) struct Head {
     /// The first bytes, at most [`HEAD`]; of what is compressed those that are in it.
     pub bytes: Vec<u8>,
     /// Length of the file, bytes.
     pub length: u64,
+    /// How a file is compressed that can only be read as it is, and the format of what is in it.
+    pub to_unpack: Option<(Packing, &'static str)>,
 }
 
 impl Head {
@@ -123,7 +139,7 @@ impl Head {
         let io = |source| ImportError::io(path, "file", source);
         let mut file = std::fs::File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
-        let mut bytes = Vec::with_capacity(HEAD);
+        let (mut bytes, mut to_unpack) = (Vec::with_capacity(HEAD), None);
         (&mut file).take(HEAD as u64).read_to_end(&mut bytes).map_err(io)?;
         if let Some(packing) = Packing::of(&bytes) {
             file.rewind().map_err(io)?;
@@ -133,11 +149,12 @@ impl Head {
             // Libraries, and formats of several files that lie together, read what is on the disk.
             let as_they_are: [&dyn Format; 4] =
                 [&super::hdf5::Hdf5, &super::table::Parquet, &super::nchilada::Nchilada, &super::ramses::Ramses];
-            if !as_they_are.into_iter().any(|format| format.recognise(&unpacked, length)) {
-                bytes = unpacked;
+            match as_they_are.into_iter().find(|format| format.recognise(&unpacked, length)) {
+                Some(format) => to_unpack = Some((packing, format.name())),
+                None => bytes = unpacked,
             }
         }
-        Ok(Head { bytes, length })
+        Ok(Head { bytes, length, to_unpack })
     }
 }
 
@@ -207,9 +224,17 @@ fn format_at(path: &Path) -> Result<&'static dyn Format, ImportError> {
     if is_grid {
         return Ok(&super::grid::Voxels);
     }
-    if path.is_dir() && super::folder::is_one_table(path)? {
+    if super::folder::is_one_table(path)? {
         return Ok(&super::table::Parts);
     }
-    let unknown = || ImportError::Unrecognised { path: path.into(), expected: names() };
-    format_of(&Head::read(path)?).ok_or_else(unknown)
+    let head = Head::read(path)?;
+    let unknown = || match head.to_unpack {
+        None => ImportError::Unrecognised { path: path.into(), expected: names_of_all() },
+        Some((packing, format)) => {
+            let (name, command) = packing.described();
+            let expected = format!("it unpacked first: {command} {}", path.display());
+            ImportError::malformed(path, "compression", format!("{format} in {name}"), expected)
+        }
+    };
+    format_of(&head).ok_or_else(unknown)
 }

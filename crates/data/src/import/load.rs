@@ -12,6 +12,7 @@ use crate::model::{
 };
 use rayon::prelude::*;
 use std::path::Path;
+use std::str::FromStr;
 
 /// Where smoothing lengths come from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -23,6 +24,22 @@ pub enum Smoothing {
     Field(String),
     /// The distance to the K-th nearest neighbour of the same family.
     Knn(usize),
+}
+
+impl FromStr for Smoothing {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Smoothing, String> {
+        match text.split_once(':') {
+            None if text == "auto" => Ok(Smoothing::Auto),
+            Some(("field", name)) if !name.is_empty() => Ok(Smoothing::Field(name.to_owned())),
+            Some(("knn", k)) => match k.parse() {
+                Ok(k @ 1..=4096) => Ok(Smoothing::Knn(k)),
+                _ => Err("expected a number of neighbours from 1 to 4096, such as knn:32".into()),
+            },
+            _ => Err("expected auto, field:NAME or knn:K".into()),
+        }
+    }
 }
 
 /// Neighbours that an estimated smoothing length reaches to.
@@ -195,13 +212,13 @@ fn complete(
     let edge = stream.periodic_edge(Bounds::of(positions.iter().copied()));
     if stream.chosen.smoothing_length.is_none() {
         progress.begin(&format!("neighbours of {name}"), count as u64);
-        let estimates = Neighbours::of(&positions, edge)
+        let estimates = Neighbours::of(&positions, edge, progress)
             .map_or_else(Vec::new, |tree| tree.estimate(stream.chosen.neighbours, &mass, None, progress));
         lengths = estimates.iter().map(|estimate| positive(estimate.smoothing_length)).collect();
         replace(&mut density, &mut estimates.iter().map(|estimate| estimate.density));
     } else if lacking > 0 {
         progress.begin(&format!("density of {name}"), count as u64);
-        let sums = Neighbours::of(&positions, edge)
+        let sums = Neighbours::of(&positions, edge, progress)
             .map_or_else(Vec::new, |tree| tree.density(&lengths, &mass, None, progress));
         replace(&mut density, &mut sums.into_iter());
     }

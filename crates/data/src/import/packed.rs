@@ -30,6 +30,14 @@ impl Packing {
         }
     }
 
+    /// Its name, and the command that unpacks a file and keeps it.
+    pub(super) fn described(self) -> (&'static str, &'static str) {
+        match self {
+            Packing::Gzip => ("gzip", "gunzip -k"),
+            Packing::Zstandard => ("Zstandard", "zstd -d"),
+        }
+    }
+
     /// What is in it.
     pub(super) fn unpacked<'a>(self, packed: impl BufRead + 'a) -> Box<dyn Read + 'a> {
         match self {

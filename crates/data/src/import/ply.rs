@@ -1,11 +1,11 @@
 //! PLY: the vertices of a file as points, text or binary in either byte order (Greg Turk, "The PLY Polygon File Format", 1994). Scalar
-//! properties of any type are attributes. Faces and other elements are left out.
+//! properties of any type are attributes. Faces and other elements are left out. The format has no units: comments `unit of x: kpc` say them.
 
 use super::bytes::{Order, RangeFile};
 use super::grid::scratch::{Scratch, Storage};
 use super::typed_columns::{Column, Component, FieldList, Run, TypedColumns, VECTORS};
-use super::{Description, Format, ImportError, Source};
-use crate::model::{FamilyName, ReadMethod, SampleType};
+use super::{Description, FieldKind, Format, ImportError, Source};
+use crate::model::{FamilyName, ReadMethod, SampleType, Unit};
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
@@ -77,13 +77,17 @@ impl Format for Ply {
         }
         let mut fields = FieldList::default();
         fields.push_named(scalars, &VECTORS);
+        for (name, unit) in &header.units {
+            fields.set_unit_stored_as(name, unit);
+        }
         if !fields.has_positions() {
             return Err(ImportError::missing(path, "element vertex", "properties x, y and z"));
         }
         let others = header.elements.iter().filter(|element| element.name != VERTEX && element.count > 0);
         let others: Vec<&str> = others.map(|element| &*element.name).collect();
         let left_out = (!others.is_empty()).then(|| format!("vertices alone are read, not: {}", others.join(", ")));
-        let about = Description { notes: left_out.into_iter().collect(), ..about };
+        let (length_unit, mass_unit) = (fields.unit_of(FieldKind::Position), fields.unit_of(FieldKind::Mass));
+        let about = Description { notes: left_out.into_iter().collect(), length_unit, mass_unit, ..about };
         let family = fields.family(FamilyName::Dark, vertex.count, vec![Run::WHOLE]);
         Ok(Box::new(TypedColumns::new(about, vec![storage], vec![family])))
     }
@@ -117,6 +121,8 @@ struct Header {
     /// The order of bytes; `None` for text.
     order: Option<Order>,
     elements: Vec<Element>,
+    /// Units that comments say, by the name of the property.
+    units: Vec<(String, Unit)>,
     /// Its length, bytes.
     length: u64,
 }
@@ -124,7 +130,7 @@ struct Header {
 impl Header {
     fn parse(path: &Path, head: &[u8]) -> Result<Header, ImportError> {
         let mut coding = None;
-        let mut elements: Vec<Element> = Vec::new();
+        let (mut elements, mut units): (Vec<Element>, Vec<(String, Unit)>) = Default::default();
         let mut length = 0;
         for line in head.split_inclusive(|&byte| byte == b'\n').filter(|line| line.ends_with(b"\n")) {
             length += line.len() as u64;
@@ -135,6 +141,7 @@ impl Header {
             };
             let words: Vec<&str> = text.split_whitespace().collect();
             match words[..] {
+                ["comment", "unit", "of", ..] => units.extend(unit_of(&text)),
                 ["ply"] | [] | ["comment" | "obj_info", ..] => {}
                 ["format", "ascii", _] => coding = Some(None),
                 ["format", "binary_little_endian", _] => coding = Some(Some(Order::Little)),
@@ -159,7 +166,7 @@ impl Header {
                         let expected = "ascii, binary_little_endian or binary_big_endian";
                         ImportError::missing(path, "format", expected)
                     })?;
-                    return Ok(Header { order, elements, length });
+                    return Ok(Header { order, elements, units, length });
                 }
                 _ => return Err(wrong("format, comment, element, property or end_header")),
             }
@@ -167,6 +174,13 @@ impl Header {
         let expected = format!("this line in the first {LONGEST_HEADER} bytes");
         Err(ImportError::missing(path, "end_header", expected))
     }
+}
+
+/// The property and the unit of a comment `unit of NAME: UNIT`.
+fn unit_of(comment: &str) -> Option<(String, Unit)> {
+    let (name, unit) = comment.trim().strip_prefix("comment unit of ")?.split_once(": ")?;
+    let unit: String = unit.chars().filter(|letter| !letter.is_control()).collect();
+    Some((name.to_owned(), Unit::new(unit.trim())))
 }
 
 /// The byte of the first vertex, after a look at whether all are in the file.

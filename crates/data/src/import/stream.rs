@@ -67,7 +67,7 @@ pub fn streams<'a>(
             left_out: Mutex::new(LeftOut::default()),
         });
     }
-    derived::check(about, options, families.iter().filter_map(|family| family.derivation.as_ref()))?;
+    notes.extend(derived::check(about, options, families.iter().filter_map(|family| family.derivation.as_ref()))?);
     Ok(Streams { about: about_dataset(about, notes), families })
 }
 

@@ -163,6 +163,21 @@ impl FieldList {
         }
     }
 
+    /// Gives the field that is stored as this, or whose first axis is, a unit.
+    pub(super) fn set_unit_stored_as(&mut self, stored_as: &str, unit: &Unit) {
+        let is_meant =
+            |field: &Field| field.stored_as == stored_as || field.stored_as.split(',').next() == Some(stored_as);
+        for (field, _) in self.fields.iter_mut().filter(|(field, _)| is_meant(field)) {
+            field.unit = unit.clone();
+        }
+    }
+
+    /// The unit of the field of a kind; unknown without one.
+    pub(super) fn unit_of(&self, kind: FieldKind) -> Unit {
+        let field = self.fields.iter().find(|(field, _)| field.kind == kind);
+        field.map(|(field, _)| field.unit.clone()).unwrap_or_default()
+    }
+
     /// Whether it has positions.
     pub(super) fn has_positions(&self) -> bool {
         self.fields.iter().any(|(field, _)| field.kind == FieldKind::Position)

@@ -39,6 +39,32 @@ impl DerivedQuantity {
     pub fn of_name(name: &str) -> Option<DerivedQuantity> {
         DerivedQuantity::ALL.into_iter().find(|quantity| quantity.name() == name)
     }
+
+    /// Whether every one is among some: then those are wanted that can be had.
+    pub fn are_all(some: &[DerivedQuantity]) -> bool {
+        DerivedQuantity::ALL.iter().all(|quantity| some.contains(quantity))
+    }
+
+    /// Those of names with commas between them, each once, or of `all`.
+    ///
+    /// # Errors
+    /// A sentence, where one is none.
+    pub fn list(text: &str) -> Result<Vec<DerivedQuantity>, String> {
+        if text == "all" {
+            return Ok(DerivedQuantity::ALL.to_vec());
+        }
+        let mut found = Vec::new();
+        for name in text.split(',') {
+            let quantity = DerivedQuantity::of_name(name).ok_or_else(|| {
+                let names = DerivedQuantity::ALL.map(DerivedQuantity::name).join(", ");
+                format!("expected all, or some of {names}; found {name:?}")
+            })?;
+            if !found.contains(&quantity) {
+                found.push(quantity);
+            }
+        }
+        Ok(found)
+    }
 }
 
 /// What is derived for the particles of a family.

@@ -8,8 +8,33 @@ pub trait Progress: Sync {
     /// `n` further steps of the current stage are done.
     fn advance(&self, n: u64);
 
+    /// Asks whether anybody still waits, between steps that are long: where nobody does, work is unwound from here, as from
+    /// [`Progress::begin`] and [`Progress::advance`]. Cheap enough for every few thousand particles.
+    fn go_on(&self) {}
+
     /// A line that whoever started the work should read even if nobody watches the progress.
     fn say(&self, _line: &str) {}
+}
+
+/// Asks whether work is to go on and counts nothing: for a part of a stage whose steps are counted as a whole.
+pub struct Uncounted<'a>(pub &'a dyn Progress);
+
+impl Progress for Uncounted<'_> {
+    fn begin(&self, _stage: &str, _total: u64) {
+        self.go_on();
+    }
+
+    fn advance(&self, _n: u64) {
+        self.go_on();
+    }
+
+    fn go_on(&self) {
+        self.0.go_on();
+    }
+
+    fn say(&self, line: &str) {
+        self.0.say(line);
+    }
 }
 
 /// Nobody listens.

@@ -60,7 +60,7 @@ pub use highlight::{Highlighter, Marked};
 pub use histogram::{Axis, AxisOptions, FieldHistogram, Scatter, histogram, scatter};
 pub use identify::{Identified, PageParticle, find_id, identify, ids_of};
 pub use ids::IdSet;
-pub use isosurface::{Isosurface, IsosurfaceOptions, ReadGrid, isosurface, isosurface_of_grid};
+pub use isosurface::{Isosurface, IsosurfaceOptions, ReadGrid, isosurface, isosurface_of_grid, memory_of_bricks};
 pub use lasso::{Lasso, LassoProjection};
 pub use merger_tree::MergerTree;
 pub use opened::Opened;

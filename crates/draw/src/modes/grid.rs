@@ -416,13 +416,23 @@ impl Marched {
     fn shadowing(&self, settings: &Settings, view: &View, lighting: &Lighting<'_>, diameter: f64) -> Option<Shadowing> {
         match self.0.surfaces {
             [] => None,
-            _ => shadowing::beside_eye(settings, view, lighting, diameter),
+            _ => {
+                let own = shadowing::beside_eye(settings, view, lighting, diameter);
+                own.map(|shadowing| Shadowing { is_costly: true, ..shadowing })
+            }
         }
     }
 
     fn field_shadowing(&self, job: &FieldJob<'_>) -> Option<Shadowing> {
         self.shadowing(job.settings, job.view, &job.lighting, job.diameter)
     }
+}
+
+/// How what is marched of a job's particles hides light.
+fn casters<'j>(job: &'j Job<'j>, scenery: &Scenery, options: VolumeOptions) -> Box<Casters<'j>> {
+    shadowing::casters_of(scenery, move |from: &View, casting: &Scenery| {
+        volume::draw_in_parts(from, job.batches, casting, &options.seen_from(from == job.view))
+    })
 }
 
 impl Technique for Marched {
@@ -536,10 +546,7 @@ impl Technique for Marched {
         }
         let look = Look::new(job)?;
         let (scenery, _) = look.scenery(&job.terms(), self.0)?;
-        let parts = move |from: &View| {
-            volume::draw_in_parts(from, job.batches, &scenery, &look.options.seen_from(from == job.view))
-        };
-        Ok(Some(shadowing::casters_of(parts)))
+        Ok(Some(casters(job, &scenery, look.options)))
     }
 
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
@@ -548,7 +555,7 @@ impl Technique for Marched {
         if !names.is_empty() {
             let fields = VolumeFields::new(job, &self.0, &names)?;
             return Ok(Raw::Light(match shadowing {
-                Some(shadowing) => fields.draw_darkened(job, &shadowing)?,
+                Some(shadowing) => fields.draw_darkened(job, &shadowing),
                 None => fields.draw(job),
             }));
         }
@@ -556,12 +563,9 @@ impl Technique for Marched {
         let (scenery, isovalues) = look.scenery(&job.terms(), self.0)?;
         let (colors, report) = match shadowing {
             Some(shadowing) => {
-                let parts = |view: &View| {
-                    let options = look.options.seen_from(view == job.view);
-                    volume::draw_in_parts(view, job.batches, &scenery, &options)
-                };
-                let others = job.lighting.others.as_ref();
-                let (parts, report) = shadowing::darkened(job.view, &shadowing, others, parts)?;
+                let (mut parts, report) = volume::draw_in_parts(job.view, job.batches, &scenery, &look.options)?;
+                let (casters, others) = (casters(job, &scenery, look.options), job.lighting.others.as_ref());
+                shadowing.darken_fragments(job.view, &mut parts, &*casters, others);
                 (shadowing::colors_among(&parts, job.paths), report)
             }
             None => volume::draw_with_paths(job.view, job.batches, &scenery, &look.options, job.paths)?,

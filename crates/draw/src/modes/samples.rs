@@ -8,7 +8,7 @@ use crate::color::transfer::{Curve, Hue, Range, TransferFunction, UnitLength};
 use crate::cpu::field::plane::{self, Plane};
 use crate::cpu::field::{FieldBricks, ValueAxis};
 use crate::cpu::paths::PathFragments;
-use crate::cpu::shadowing::{Casters, Shadowing};
+use crate::cpu::shadowing::{Casters, Shadowing, covering_depths};
 use crate::cpu::slice::Slice;
 use crate::cpu::slice::arrows::ArrowKey;
 use crate::cpu::volume::bricks::BrickGrid;
@@ -228,22 +228,22 @@ pub fn march_in_parts(
 ) -> Result<PathFragments, VolumeError> {
     Ok(match shadowing {
         Some(shadowing) => darkened_parts(job, layers, shadowing)?.0,
-        None => parts(job, layers)?.0,
+        None => parts(job, plan(job, layers)?).0,
     })
 }
 
 /// What a picture tells beside its colours: its report, their ranges, and the isosurfaces' values.
 type Told = (VolumeReport, VolumeLevels, Vec<f64>);
 
-fn parts(job: &FieldJob<'_>, layers: &Layers) -> Result<(PathFragments, Told), VolumeError> {
-    let FieldMarch { grid, axis, scenery, options, levels, isovalues } = plan(job, layers)?;
+fn parts(job: &FieldJob<'_>, march: FieldMarch) -> (PathFragments, Told) {
+    let FieldMarch { grid, axis, scenery, options, levels, isovalues } = march;
     let planes = [grid.near, grid.far];
     let mut report = VolumeReport { grid: grid.size, planes, slabs: 0, ..VolumeReport::default() };
     let brick_grid = BrickGrid::new(&grid);
     let mut bricks = bricks(job, axis, (&grid, &brick_grid), &scenery);
     let parts = cast_in_parts(job.view, (&grid, &brick_grid), &mut bricks, &scenery, &options, &mut report);
     report.opaque = None;
-    Ok((parts, (report, levels, isovalues)))
+    (parts, (report, levels, isovalues))
 }
 
 fn darkened_parts(
@@ -251,25 +251,22 @@ fn darkened_parts(
     layers: &Layers,
     shadowing: &Shadowing,
 ) -> Result<(PathFragments, Told), VolumeError> {
-    shadowing::darkened(job.view, shadowing, job.lighting.others.as_ref(), parts_from(job, layers))
+    let (mut parts, told) = parts(job, plan(job, layers)?);
+    shadowing.darken_fragments(job.view, &mut parts, &*casters(job, layers), job.lighting.others.as_ref());
+    Ok((parts, told))
 }
 
-/// How the surfaces among layers of a field hide light from something else.
+/// How the surfaces among layers of a field hide light. What is not there for a lamp casts no shadow.
 pub fn casters<'j>(job: &'j FieldJob<'j>, layers: &'j Layers) -> Box<Casters<'j>> {
-    shadowing::casters_of(parts_from(job, layers))
-}
-
-/// The parts that any view shows of a job's picture.
-fn parts_from<'j>(
-    job: &'j FieldJob<'j>,
-    layers: &'j Layers,
-) -> impl Fn(&View) -> Result<(PathFragments, Told), VolumeError> + Sync + 'j {
     // These planes are at depths from the eye.
-    let settings = job.settings.filtered(|name| name != grid::NEAR.name && name != grid::FAR.name);
-    move |view: &View| match view == job.view {
-        true => parts(job, layers),
-        false => parts(&FieldJob { view, settings: &settings, ..*job }, layers),
-    }
+    let beyond = job.settings.filtered(|name| name != grid::NEAR.name && name != grid::FAR.name);
+    Box::new(move |view: &View| {
+        let settings = if view == job.view { job.settings } else { &beyond };
+        let job = FieldJob { view, settings, ..*job };
+        let march = plan(&job, layers).ok()?;
+        let march = FieldMarch { scenery: march.scenery.casting()?, ..march };
+        Some(covering_depths(&parts(&job, march).0))
+    })
 }
 
 /// What fills the perspective grid from a field.

@@ -4,10 +4,10 @@ use super::grid;
 use crate::color::Colors;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::shadowing::ambient_occlusion::FARTHEST;
-use crate::cpu::shadowing::{Casters, Lamp, Lighting, Others, Shadowing, covering_depths};
+use crate::cpu::shadowing::{Casters, Lamp, Lighting, Shadowing, covering_depths};
 use crate::cpu::surface::look::{Light, toward_sun};
 use crate::cpu::surface::placed::Map;
-use crate::cpu::volume::VolumeError;
+use crate::cpu::volume::{Scenery, VolumeError};
 use crate::mode::{Needs, Setting, SettingKind, Settings};
 use crate::view::View;
 
@@ -94,6 +94,7 @@ pub fn of(settings: &Settings, scene: f64, lamp: Option<Lamp>, ambient: f64) -> 
         ambient,
         scene,
         slack: 0.0,
+        is_costly: false,
         samples: settings.number(&LIGHT_SAMPLES) as u32,
     };
     Some(shadowing).filter(Shadowing::is_on)
@@ -122,26 +123,14 @@ pub fn beside_eye(settings: &Settings, view: &View, lighting: &Lighting<'_>, sce
     of(settings, scene, Some(lamp), settings.number(&grid::AMBIENT))
 }
 
-/// What parts of a picture look like when their surfaces, and `others`, darken each other; `parts` draws those of any view.
-///
-/// # Errors
-/// As `parts` for the picture's own view. What is not there for a lamp casts no shadow.
-pub fn darkened<T>(
-    view: &View,
-    shadowing: &Shadowing,
-    others: Option<&Others<'_>>,
-    parts: impl Fn(&View) -> Result<(PathFragments, T), VolumeError> + Sync,
-) -> Result<(PathFragments, T), VolumeError> {
-    let (mut fragments, told) = parts(view)?;
-    shadowing.darken_fragments(view, &mut fragments, &*casters_of(parts), others);
-    Ok((fragments, told))
-}
-
-/// How such parts hide light from something else.
+/// How what is marched hides light; `parts` draws from any view what [`Scenery::casting`] is of it, if there is some. What is not there for a lamp casts
+/// no shadow.
 pub fn casters_of<'a, T>(
-    parts: impl Fn(&View) -> Result<(PathFragments, T), VolumeError> + Sync + 'a,
+    scenery: &Scenery,
+    parts: impl Fn(&View, &Scenery) -> Result<(PathFragments, T), VolumeError> + Sync + 'a,
 ) -> Box<Casters<'a>> {
-    Box::new(move |from: &View| Some(covering_depths(&parts(from).ok()?.0)))
+    let casting = scenery.casting();
+    Box::new(move |from: &View| Some(covering_depths(&parts(from, casting.as_ref()?).ok()?.0)))
 }
 
 /// The colours of parts, with the paths and surfaces among them that a picture has.

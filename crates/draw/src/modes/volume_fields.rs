@@ -5,11 +5,10 @@ use super::grid::{self, FIELD, ISOVALUES, Layers, OPACITY, TERMINATION};
 use super::shadowing;
 use crate::color::transfer::{Range, Scale, TransferFunction, UnitLength};
 use crate::cpu::field::ValueAxis;
-use crate::cpu::paths::PathFragments;
 use crate::cpu::shadowing::{Casters, Shadowing};
 use crate::cpu::volume::attributes::{ByDensity, Column, ColumnMarch, Columns, Reading, Shown};
 use crate::cpu::volume::range::Histogram;
-use crate::cpu::volume::{Classifier, Scenery, Supply, VolumeError, VolumeLevels, VolumeOptions, VolumeReport};
+use crate::cpu::volume::{Classifier, Scenery, Supply, VolumeError, VolumeLevels, VolumeOptions};
 use crate::mode::{InView, Job, LightPasses, LightPicture, LightPlan, Setting, SettingKind, Settings, Terms};
 use crate::view::View;
 
@@ -250,30 +249,23 @@ impl VolumeFields {
     }
 
     /// Draws it with surfaces that darken each other, and the paths among it that the job has.
-    ///
-    /// # Errors
-    /// As [`VolumeFields::new`].
-    pub fn draw_darkened(self, job: &Job<'_>, shadowing: &Shadowing) -> Result<LightPicture, VolumeError> {
-        let others = job.lighting.others.as_ref();
-        let (parts, report) = shadowing::darkened(job.view, shadowing, others, |from: &View| self.parts(job, from))?;
+    pub fn draw_darkened(self, job: &Job<'_>, shadowing: &Shadowing) -> LightPicture {
+        let VolumeFields { columns, shown, scenery, options, .. } = &self;
+        let (mut parts, report) = columns.draw_in_parts(job.view, shown, scenery, options);
+        shadowing.darken_fragments(job.view, &mut parts, &*self.casters(job), job.lighting.others.as_ref());
         let colors = shadowing::colors_among(&parts, job.paths);
-        Ok(LightPicture { colors, report, levels: self.levels, isovalues: self.isovalues })
+        LightPicture { colors, report, levels: self.levels, isovalues: self.isovalues }
     }
 
-    /// How its surfaces hide light from something else in a job's picture.
-    pub fn casters<'j>(self, job: &'j Job<'j>) -> Box<Casters<'j>> {
-        shadowing::casters_of(move |from: &View| self.parts(job, from))
-    }
-
-    /// The parts that any view shows of a job's picture.
-    fn parts(&self, job: &Job<'_>, from: &View) -> Result<(PathFragments, VolumeReport), VolumeError> {
+    /// How its surfaces hide light in a job's picture.
+    pub fn casters<'j>(&self, job: &'j Job<'j>) -> Box<Casters<'j>> {
         let VolumeFields { columns, shown, scenery, options, .. } = self;
-        if from == job.view {
-            return Ok(columns.draw_in_parts(from, shown, scenery, options));
-        }
-        let options = options.seen_from(false);
-        let columns = Columns::prepare(from, job.batches, &columns.wanted, &options)?;
-        Ok(columns.draw_in_parts(from, shown, scenery, &options))
+        let (wanted, shown, options) = (columns.wanted.clone(), *shown, *options);
+        shadowing::casters_of(scenery, move |from: &View, casting: &Scenery| {
+            let options = options.seen_from(from == job.view);
+            let columns = Columns::prepare(from, job.batches, &wanted, &options)?;
+            Ok(columns.draw_in_parts(from, &shown, casting, &options))
+        })
     }
 
     /// Draws it, with the paths among it that the job has.

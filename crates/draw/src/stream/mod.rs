@@ -14,8 +14,10 @@ pub mod residency;
 pub mod scene;
 pub mod streamer;
 
+pub(crate) mod patience;
+pub(crate) mod report;
+
 mod recency;
-mod report;
 
 pub use ahead::{Ahead, LookAhead};
 pub use copies::{Copies, CopyOptions, CopyPlan};

@@ -10,7 +10,7 @@ const TOLD: usize = 3;
 
 /// What has been told about a file, and what is to be told.
 #[derive(Debug, Default)]
-pub(super) struct Report {
+pub(crate) struct Report {
     failed: usize,
     change: Option<Change>,
     is_stalled: bool,

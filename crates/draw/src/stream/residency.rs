@@ -35,7 +35,7 @@ pub struct Failure {
 /// Attempts at a page before a disk's errors are told; the first ones follow one another after [`backoff`].
 pub(crate) const ATTEMPTS: u32 = 4;
 /// Reads without an answer at most; while there are so many, no more are begun.
-const MOST_STALLED: usize = 32;
+pub(super) const MOST_STALLED: usize = 32;
 
 /// How long to leave the disk alone after so many failed attempts at a page: 0.1 s, 0.4 s, 1.6 s, ... up to 30 s.
 pub(crate) fn backoff(attempts: u32) -> Duration {

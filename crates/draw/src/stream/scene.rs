@@ -82,7 +82,7 @@ impl SceneNode {
 /// Pages that are read at a time for a single picture.
 pub const IN_FLIGHT: usize = 16;
 /// Time without an answer after which a single picture does without a page.
-const STALL: Duration = Duration::from_secs(20);
+pub(crate) const STALL: Duration = Duration::from_secs(20);
 
 impl SceneSelection {
     /// A selection with the pages that hold its nodes.

@@ -10,6 +10,7 @@ use super::ahead::{Ahead, LookAhead, ahead};
 use super::copies::{Copies, CopyOptions, CopyPlan};
 use super::loader::Loader;
 use super::pace::Pace;
+use super::patience::stall_of;
 use super::report::Report;
 use super::{PageState, Residency};
 use crate::hierarchy::Purpose;
@@ -46,9 +47,6 @@ impl Default for StreamOptions {
 const WALK: Duration = Duration::from_millis(50);
 /// Reads at a time at most where what pages are read from says how many serve best.
 const MOST_READS: usize = 64;
-/// Time without an answer after which a read over a link counts as stalled, at least: a slow link takes as long for a page, and reads that get
-/// nothing more end by themselves.
-const SLOW: Duration = Duration::from_secs(60);
 
 /// What [`Streamer::arrive`] has found.
 #[derive(Clone, Debug, Default)]
@@ -96,10 +94,9 @@ impl Streamer {
     /// Nothing of `tree` is in memory yet.
     pub fn new(tree: impl Tree + 'static, options: StreamOptions) -> Streamer {
         let tree: Arc<dyn Tree> = Arc::new(tree);
-        let loader = match tree.reads_at_once() {
-            Some(_) => Loader::new(Arc::clone(&tree), MOST_READS, options.stall.max(SLOW)),
-            None => Loader::new(Arc::clone(&tree), options.in_flight, options.stall),
-        };
+        let reads_at_once = tree.reads_at_once();
+        let in_flight = reads_at_once.map_or(options.in_flight, |_| MOST_READS);
+        let loader = Loader::new(Arc::clone(&tree), in_flight, stall_of(options.stall, reads_at_once));
         Streamer {
             residency: Residency::new(tree, options.budget),
             copies: None,

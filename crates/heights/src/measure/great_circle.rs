@@ -41,11 +41,11 @@ pub fn great_circle(grid: &HeightGrid, ends: [[f64; 2]; 2]) -> Vec<Vec<[f64; 2]>
 
 /// A line cut where it leaves the turn of a field that begins with its least longitude.
 pub(super) fn in_turns(grid: &HeightGrid, way: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
-    let last = grid.place(0.0, grid.columns as f64 - 1.0)[0];
+    // Where the first column comes again the turn ends, whatever the digits of a step have lost by there.
+    let around = grid.around();
+    let last = grid.place(0.0, around.unwrap_or(grid.columns - 1) as f64)[0];
     let low = grid.origin[0].min(last);
-    // A first column that is repeated is where the turn ends, whatever the digits of a step have lost by there.
-    let is_repeated = grid.around() == Some(grid.columns - 1);
-    let high = if is_repeated { grid.origin[0].max(last) } else { low + 360.0 };
+    let high = if around.is_some() { grid.origin[0].max(last) } else { low + 360.0 };
     // The last column may be the first one again.
     let is_in = |x: f64, turn: f64| (low..=low + 360.0).contains(&(x - 360.0 * turn));
     let turn_of = |x: f64| ((x - low) / 360.0).floor();

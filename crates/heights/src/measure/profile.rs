@@ -1,6 +1,7 @@
 //! T along a polyline: exact, as T is linear between two crossings of its edges.
 
 use super::great_circle::in_turns;
+use super::part::Part;
 use super::tiles::{Tiles, height_in};
 use crate::model::{HeightError, HeightGrid, Heights, Lengths, units};
 use rayon::prelude::*;
@@ -72,7 +73,7 @@ pub fn profile_on(heights: &dyn Heights, lengths: &Lengths, polyline: &[[f64; 2]
     }
 }
 
-/// T along polylines, one behind the other.
+/// T along polylines, one behind the other. A field that goes round a globe is closed between its last column and its first.
 ///
 /// # Errors
 /// As [`profile`].
@@ -81,6 +82,8 @@ pub fn profile_of_pieces(
     lengths: &Lengths,
     pieces: &[Vec<[f64; 2]>],
 ) -> Result<Profile, HeightError> {
+    let closed = Part::closed(heights);
+    let heights = closed.as_ref().map_or(heights, |closed| closed);
     let mut whole = Profile { points: Vec::new(), length: 0.0, valid_length: 0.0 };
     for piece in pieces {
         let found = profile_of_piece(heights, lengths, piece)?;

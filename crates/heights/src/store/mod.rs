@@ -23,7 +23,7 @@ use deepfield_data::model::url::shown;
 use deepfield_data::model::{ReadMethod, Unit};
 use deepfield_data::store::container::{Container, FileKind, RawPage};
 use deepfield_data::store::error::Damage;
-use deepfield_data::store::{Disk, PageId, StoreError, open_disk};
+use deepfield_data::store::{Change, Disk, PageId, StoreError, open_disk};
 use node::NodeRecord;
 use place::Place;
 use rayon::prelude::*;
@@ -140,11 +140,21 @@ impl HeightFile {
     /// [`StoreError`] where the page cannot be read or is damaged, or there is no such chunk.
     pub fn chunk(&self, key: ChunkKey) -> Result<Option<Chunk>, StoreError> {
         match self.page_of(key) {
-            Some(page) => self.decode(key, &self.fetch(page)?).map(Some),
+            Some(page) => self.chunk_in(key, &self.read_page(page)?).map(Some),
             None if self.lattice.has(key) => Ok(None),
             None => Err(Damage::new("chunk", format!("one of {} levels, found {key:?}", self.lattice.levels()))
                 .in_file(self.path())),
         }
+    }
+
+    /// What has become of the file since it was opened; asks the disk, so it may wait.
+    pub fn change(&self) -> Option<Change> {
+        self.container.change()
+    }
+
+    /// How many pages at a time are best read, where that is up to the disk ([`Disk::reads_at_once`]).
+    pub fn reads_at_once(&self) -> Option<usize> {
+        self.container.reads_at_once()
     }
 
     /// Reads a page's bytes and nothing more.
@@ -155,16 +165,21 @@ impl HeightFile {
         self.container.fetch_page(page)
     }
 
-    /// Checks a page and decodes a chunk that is in it.
+    /// Reads a page and checks it.
     ///
     /// # Errors
-    /// [`StoreError`] where the page is damaged, or the chunk is not in it.
-    pub fn decode(&self, key: ChunkKey, page: &RawPage) -> Result<Chunk, StoreError> {
-        self.check(page)?;
-        self.decode_checked(key, page)
+    /// [`StoreError`] where it cannot be read or is damaged; [`StoreError::Changed`] where that is why.
+    pub fn read_page(&self, page: PageId) -> Result<RawPage, StoreError> {
+        let raw = self.fetch(page)?;
+        self.check(&raw)?;
+        Ok(raw)
     }
 
-    fn decode_checked(&self, key: ChunkKey, page: &RawPage) -> Result<Chunk, StoreError> {
+    /// Decodes a chunk that is in a page, which was checked.
+    ///
+    /// # Errors
+    /// [`StoreError`] where the chunk is not in it, or is damaged.
+    pub fn chunk_in(&self, key: ChunkKey, page: &RawPage) -> Result<Chunk, StoreError> {
         let damaged = |expected: &str| {
             let place = format!("page {}, chunk {} of level {}", page.page.0, self.lattice.number(key), key.level);
             Damage::new(place, expected).in_file(self.path())

@@ -6,9 +6,10 @@ use super::tile::{self, Tile};
 use crate::hierarchy::photo::{PhotoLattice, TileKey};
 use crate::model::photo::{PhotoAbout, PhotoPlace, PhotoRows};
 use crate::model::{HeightError, Window};
-use deepfield_data::store::StoreError;
+use deepfield_data::store::container::RawPage;
 use deepfield_data::store::error::Damage;
 use deepfield_data::store::wire::{Decoder, Encoder};
+use deepfield_data::store::{PageId, StoreError};
 use rayon::prelude::*;
 
 /// Bytes of a tile's record.
@@ -92,30 +93,35 @@ impl HeightFile {
     /// # Errors
     /// [`StoreError`] where the page cannot be read or is damaged, or there is no such tile.
     pub fn tile(&self, key: TileKey) -> Result<Tile, StoreError> {
+        self.tile_in(key, &self.read_page(self.page_of_tile(key)?)?)
+    }
+
+    /// The page that a tile of the photo is in.
+    ///
+    /// # Errors
+    /// [`StoreError`] where there is no such tile.
+    pub fn page_of_tile(&self, key: TileKey) -> Result<PageId, StoreError> {
+        Ok(self.tile_place(key)?.1.id())
+    }
+
+    /// Decodes a tile that is in a page, which was checked.
+    ///
+    /// # Errors
+    /// [`StoreError`] where the tile is not in it, or is damaged.
+    pub fn tile_in(&self, key: TileKey, page: &RawPage) -> Result<Tile, StoreError> {
         let (photo, place) = self.tile_place(key)?;
-        let raw = self.fetch(place.id())?;
-        self.check(&raw)?;
-        self.decode_tile(photo, key, place, &raw.bytes)
-    }
-
-    pub(super) fn tile_place(&self, key: TileKey) -> Result<(&StoredPhoto, Place), StoreError> {
-        let found = self.photo().and_then(|photo| Some((photo, photo.place(key)?)));
-        found.ok_or_else(|| Damage::new("tile", format!("one of a photo, found {key:?}")).in_file(self.path()))
-    }
-
-    /// Decodes a tile from a page that was checked.
-    pub(super) fn decode_tile(
-        &self,
-        photo: &StoredPhoto,
-        key: TileKey,
-        place: Place,
-        page: &[u8],
-    ) -> Result<Tile, StoreError> {
-        let tile = place.of(page).and_then(|bytes| tile::decode(bytes, key, &photo.lattice, photo.about.planes()));
+        let bytes = place.of(&page.bytes).filter(|_| place.id() == page.page);
+        let tile = bytes.and_then(|bytes| tile::decode(bytes, key, &photo.lattice, photo.about.planes()));
         tile.ok_or_else(|| {
-            let where_it_is = format!("page {}, tile {} of level {}", place.page, photo.lattice.number(key), key.level);
+            let where_it_is =
+                format!("page {}, tile {} of level {}", page.page.0, photo.lattice.number(key), key.level);
             Damage::new(where_it_is, "texels of a tile").in_file(self.path())
         })
+    }
+
+    fn tile_place(&self, key: TileKey) -> Result<(&StoredPhoto, Place), StoreError> {
+        let found = self.photo().and_then(|photo| Some((photo, photo.place(key)?)));
+        found.ok_or_else(|| Damage::new("tile", format!("one of a photo, found {key:?}")).in_file(self.path()))
     }
 }
 

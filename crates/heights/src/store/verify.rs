@@ -51,8 +51,7 @@ pub fn verify_heights(path: &Path, progress: &dyn Progress) -> Result<VerifiedHe
     keys.extend(tiles.map(|(key, place)| (place, Held::Tile(key))));
     keys.sort_unstable_by_key(|(place, _)| (place.page, place.offset));
     let of_page = |page: u32| -> Result<u64, StoreError> {
-        let raw = file.fetch(PageId(page))?;
-        file.check(&raw)?;
+        let raw = file.read_page(PageId(page))?;
         let first = keys.partition_point(|(place, _)| place.page < page);
         let mut end = super::PAGE_HEAD as u32;
         let mut valid = 0;
@@ -65,12 +64,11 @@ pub fn verify_heights(path: &Path, progress: &dyn Progress) -> Result<VerifiedHe
             end = place.offset + place.len;
             match held {
                 Held::Chunk(key) => {
-                    let chunk = file.decode_checked(*key, &raw)?;
+                    let chunk = file.chunk_in(*key, &raw)?;
                     valid += check_chunk(&file, &chunk).map_err(|expected| wrong(&expected))?;
                 }
                 Held::Tile(key) => {
-                    let (photo, place) = file.tile_place(*key)?;
-                    file.decode_tile(photo, *key, place, &raw.bytes)?;
+                    file.tile_in(*key, &raw)?;
                 }
             }
         }

@@ -41,11 +41,11 @@ pub(super) fn numbers_of(
     form: Option<FormKind>,
 ) -> Result<Numbers, String> {
     let few = || "the region has fewer than 2 x 2 samples".to_owned();
-    let part = |heights| match area {
-        Area::Rectangle(corners) => Part::of_rectangle(heights, corners),
-        Area::Disc(disc) => Part::of_disc(heights, disc),
+    let region = match area {
+        Area::Rectangle(corners) => Part::of_rectangle(file, corners),
+        Area::Disc(disc) => Part::of_disc(file, disc),
     };
-    let region = part(file).ok_or_else(few)?;
+    let region = region.ok_or_else(few)?;
     if region.grid().samples() > MOST_SAMPLES {
         let found = region.grid().samples();
         return Err(format!(
@@ -55,13 +55,9 @@ pub(super) fn numbers_of(
     let told = |error: &dyn std::fmt::Display| error.to_string();
     let form = form.map(|kind| fit(&region, kind).map_err(|error| told(&error))).transpose()?;
     let taken = form.as_ref().map(|form| form.numbers());
-    let roughness = match form {
-        None => roughness_on(&region, &Lengths::on(region.grid(), radius)),
-        Some(form) => {
-            let rest = Residual::new(file, form);
-            part(&rest).ok_or_else(few).map(|region| roughness_on(&region, &Lengths::on(region.grid(), radius)))?
-        }
-    };
+    let rest = form.map(|form| Residual::new(&region, form));
+    let measured = rest.as_ref().map_or(&region as &dyn Heights, |rest| rest);
+    let roughness = roughness_on(measured, &Lengths::on(region.grid(), radius));
     let outline = on_surface(file, &edge(area))?;
     Ok(Numbers { field, roughness: roughness.map_err(|error| told(&error))?, form: taken, outline })
 }

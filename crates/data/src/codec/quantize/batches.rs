@@ -89,6 +89,9 @@ pub trait Batches: Sync {
 
     /// Gives the room of kept codes back.
     fn forget(&self, kept: Self::Kept);
+
+    /// Called now and then in work that is long; may unwind.
+    fn go_on(&self) {}
 }
 
 /// A coded batch.

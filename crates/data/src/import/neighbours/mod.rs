@@ -56,7 +56,7 @@ pub(crate) struct Estimate {
 impl Neighbours {
     /// Builds the tree over finite positions, which lie in a periodic box of that edge, or a little beside, if there is one. `None` for none
     /// at all, or 2^32 and more.
-    pub(crate) fn of(positions: &[[f64; 3]], edge: Option<f64>) -> Option<Neighbours> {
+    pub(crate) fn of(positions: &[[f64; 3]], edge: Option<f64>, progress: &dyn Progress) -> Option<Neighbours> {
         u32::try_from(positions.len()).ok().filter(|count| *count > 0)?;
         let bounds = Bounds::of(positions.iter().copied());
         // Halves first: the difference of two huge coordinates may overflow, that of their halves cannot.
@@ -67,7 +67,7 @@ impl Neighbours {
         let place = |at: &[f64; 3]| (DVec3::from_array(*at) / scale + DVec3::ZERO).to_array();
         let item = |(particle, at)| Item { at: place(at), particle: particle as u32 };
         let items: Vec<Item> = positions.par_iter().enumerate().map(item).collect();
-        Some(Neighbours { tree: Tree::of(items), scale, images: images(edge.map(|edge| edge / scale)) })
+        Some(Neighbours { tree: Tree::of(items, progress), scale, images: images(edge.map(|edge| edge / scale)) })
     }
 
     /// Calls `each` with the images of a place that entries may be near, and the `wanted` nearest entries of each, in any order, among those
@@ -335,9 +335,9 @@ mod tests {
             let shifted = |at: &[u32; 3]| [0, 1, 2].map(|axis| f64::from((at[axis] + shift[axis]) % 64) / 64.0);
             let moved: Vec<[f64; 3]> = grid.iter().map(shifted).collect();
             let mass: Vec<f32> = (0..positions.len()).map(|index| 1.0 + (index % 3) as f32).collect();
-            let tree = Neighbours::of(&positions, edge).unwrap();
+            let tree = Neighbours::of(&positions, edge, &()).unwrap();
             let estimates = tree.estimate(k, &mass, None, &());
-            let others = Neighbours::of(&moved, edge).unwrap().estimate(k, &mass, None, &());
+            let others = Neighbours::of(&moved, edge, &()).unwrap().estimate(k, &mass, None, &());
             let density = tree.density(&vec![support; positions.len()], &mass, None, &());
             for (index, (own, other)) in estimates.iter().zip(&others).enumerate() {
                 let h = brute_force(&positions, index, k, edge);
@@ -359,7 +359,7 @@ mod tests {
             let place = |at: &[i32; 3]| at.map(|x| (x as f64 + offset) * scale);
             let positions: Vec<[f64; 3]> = grid.iter().map(place).collect();
             let mass: Vec<f32> = (0..positions.len()).map(|index| 1.0 + (index % 3) as f32).collect();
-            let tree = Neighbours::of(&positions, None).unwrap();
+            let tree = Neighbours::of(&positions, None, &()).unwrap();
             let estimates = tree.estimate(k, &mass, None, &());
             for (index, estimate) in estimates.iter().enumerate() {
                 let h = brute_force(&positions, index, k, None);
@@ -394,7 +394,7 @@ mod tests {
             };
             let positions: Vec<[f64; 3]> = clumps.iter().flat_map(clump).collect();
             let mass: Vec<f32> = (0..positions.len()).map(|index| 1.0 + (index % 3) as f32).collect();
-            let estimates = Neighbours::of(&positions, None).unwrap().estimate(k, &mass, None, &());
+            let estimates = Neighbours::of(&positions, None, &()).unwrap().estimate(k, &mass, None, &());
             for (index, estimate) in estimates.iter().enumerate() {
                 let h = brute_force(&positions, index, k, None);
                 prop_assert!((estimate.smoothing_length - h).abs() <= 1e-12 * h, "{estimate:?} {h}");
@@ -408,7 +408,7 @@ mod tests {
         let line = (0..4096).map(|i: u32| [1e6, -3.0, f64::from(i).powi(2)]).collect::<Vec<_>>();
         for positions in [lattice, line] {
             let estimates =
-                Neighbours::of(&positions, None).unwrap().estimate(32, &vec![1.0; positions.len()], None, &());
+                Neighbours::of(&positions, None, &()).unwrap().estimate(32, &vec![1.0; positions.len()], None, &());
             for index in (0..positions.len()).step_by(37) {
                 let h = brute_force(&positions, index, 32, None);
                 assert!((estimates[index].smoothing_length / h - 1.0).abs() < 1e-9);
@@ -422,7 +422,7 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/gas_sphere_collapse_025.hdf5");
         let loaded = load(&path, &LoadOptions::default(), &()).unwrap();
         let gas = &loaded.families[0];
-        let tree = Neighbours::of(&gas.positions, None).unwrap();
+        let tree = Neighbours::of(&gas.positions, None, &()).unwrap();
         let density = tree.density(&gas.smoothing_length, &gas.mass, None, &());
         for (own, written) in density.iter().zip(&gas.density) {
             assert!((own / *written as f64 - 1.0).abs() < 2e-6, "{own} {written}");
@@ -433,14 +433,14 @@ mod tests {
     fn particles_in_one_place_reach_to_the_next_place() {
         let mut positions = vec![[1.0, 2.0, 3.0]; 5000];
         positions.extend([[1.0, 2.0, 4.0], [1.0, 2.0, 6.0]]);
-        let tree = Neighbours::of(&positions, None).unwrap();
+        let tree = Neighbours::of(&positions, None, &()).unwrap();
         let estimates = tree.estimate(32, &vec![1.0; positions.len()], None, &());
         let lengths: Vec<f64> = [0, 4999, 5000, 5001].map(|index: usize| estimates[index].smoothing_length).to_vec();
         assert_eq!(lengths, [1.0, 1.0, 1.0, 3.0]);
         let center = Kernel::CubicSpline.value(0.0) * 5000.0;
         assert!((estimates[0].density / center - 1.0).abs() < 1e-12);
-        let tree = Neighbours::of(&positions[..5000], None).unwrap();
+        let tree = Neighbours::of(&positions[..5000], None, &()).unwrap();
         assert_eq!(tree.estimate(32, &vec![1.0; 5000], None, &())[7].smoothing_length, 1.0);
-        assert!(Neighbours::of(&[], None).is_none());
+        assert!(Neighbours::of(&[], None, &()).is_none());
     }
 }

@@ -330,7 +330,7 @@ mod tests {
                 velocities: &self.velocities,
                 edge: self.edge,
             };
-            Neighbours::of(&self.positions, self.edge).unwrap().local_motion(kernel, &all, None, &())
+            Neighbours::of(&self.positions, self.edge, &()).unwrap().local_motion(kernel, &all, None, &())
         }
 
         fn push(&mut self, other: &Cloud, i: usize) {

@@ -1,6 +1,7 @@
 //! A k-d tree with tight boxes around its nodes, over positions in units of about the box around them.
 
 use super::group::Block;
+use crate::model::Progress;
 use glam::DVec3;
 
 /// Most entries of a leaf.
@@ -90,8 +91,8 @@ pub(super) struct Near {
 
 impl Tree {
     /// Builds the tree over at least one item.
-    pub(super) fn of(mut items: Vec<Item>) -> Tree {
-        let mut nodes = divide(&mut items, 0);
+    pub(super) fn of(mut items: Vec<Item>, progress: &dyn Progress) -> Tree {
+        let mut nodes = divide(&mut items, 0, progress);
         let particles = items.iter().map(|item| item.particle).collect();
         let (leaves, blocks, at, starts) = Default::default();
         let mut tree = Tree { nodes: Vec::new(), leaves, blocks, at, particles, starts };
@@ -183,13 +184,14 @@ pub(super) fn farthest_last(near: &mut [Near]) -> f64 {
 }
 
 /// Divides items into leaves by medians; `offset` is the place of the first of them among all.
-fn divide(items: &mut [Item], offset: u32) -> Vec<Node> {
+fn divide(items: &mut [Item], offset: u32, progress: &dyn Progress) -> Vec<Node> {
+    progress.go_on();
     let mut nodes = Vec::new();
-    divide_into(items, offset, &mut nodes);
+    divide_into(items, offset, &mut nodes, progress);
     nodes
 }
 
-fn divide_into(items: &mut [Item], offset: u32, nodes: &mut Vec<Node>) {
+fn divide_into(items: &mut [Item], offset: u32, nodes: &mut Vec<Node>, progress: &dyn Progress) {
     let bounds = Box3::of(items);
     let extent = bounds.max - bounds.min;
     let index = nodes.len();
@@ -209,14 +211,13 @@ fn divide_into(items: &mut [Item], offset: u32, nodes: &mut Vec<Node>) {
     let (left, right) = items.split_at_mut(cut);
     let right_offset = offset + cut as u32;
     if left.len().max(right.len()) <= TASK {
-        divide_into(left, offset, nodes);
+        divide_into(left, offset, nodes, progress);
         nodes[index].right = nodes.len() as u32;
-        divide_into(right, right_offset, nodes);
+        divide_into(right, right_offset, nodes, progress);
         return;
     }
-    for (side, part) in
-        <[_; 2]>::from(rayon::join(|| divide(left, offset), || divide(right, right_offset))).into_iter().enumerate()
-    {
+    let halves = rayon::join(|| divide(left, offset, progress), || divide(right, right_offset, progress));
+    for (side, part) in <[_; 2]>::from(halves).into_iter().enumerate() {
         let base = nodes.len() as u32;
         if side == 1 {
             nodes[index].right = base;

@@ -207,7 +207,11 @@ impl Dump {
                     fields.push("density", "massoftype (hfact/h)^3", FieldKind::Density, vec![density]);
                 }
             }
-            push_arrays(&mut fields, &self.particles, &["h", "itype"]);
+            // Numbers that particles keep, whatever the order they are in (`part.F90`).
+            if let Some(original) = self.particles.named("iorig").filter(|column| !column.number.is_float()) {
+                fields.push("id", "iorig", FieldKind::Id, vec![Component::plain(original)]);
+            }
+            push_arrays(&mut fields, &self.particles, &["h", "itype", "iorig"]);
             if !fields.has_positions() {
                 return Err(ImportError::missing(path, format!("positions of {name}"), "arrays x, y and z"));
             }

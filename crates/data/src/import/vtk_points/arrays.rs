@@ -5,7 +5,7 @@ use crate::import::grid::Content;
 use crate::import::grid::scratch::Storage;
 use crate::import::typed_columns::{Column, Component, FieldList, Run, TypedColumns};
 use crate::import::{Description, FieldKind, ImportError};
-use crate::model::{FamilyName, SampleType};
+use crate::model::{FamilyName, SampleType, Unit};
 
 /// The most arrays that are read, and the most numbers a point that one has.
 pub(super) const MOST_ARRAYS: usize = 256;
@@ -13,6 +13,9 @@ pub(super) const MOST_COMPONENTS: u64 = 64;
 
 /// What arrays of velocities are called, in lower case.
 const VELOCITIES: [&str; 4] = ["velocity", "velocities", "vel", "v"];
+
+/// What the points are called.
+const POINTS: &str = "Points";
 
 /// Where the numbers of an array are: one point behind the other, without gaps.
 pub(super) struct Place {
@@ -43,7 +46,7 @@ impl Arrays {
 
     /// Adds the points.
     pub(super) fn push_points(&mut self, place: &Place) {
-        self.fields.push("position", "Points", FieldKind::Position, components(place));
+        self.fields.push("position", POINTS, FieldKind::Position, components(place));
     }
 
     /// Adds an array of data; what is without a name is numbered.
@@ -63,6 +66,11 @@ impl Arrays {
         }
     }
 
+    /// Gives an array of data, or the points without a name, a unit.
+    pub(super) fn set_unit(&mut self, name: Option<&str>, unit: &Unit) {
+        self.fields.set_unit_stored_as(name.unwrap_or(POINTS), unit);
+    }
+
     /// The source.
     ///
     /// # Errors
@@ -76,6 +84,8 @@ impl Arrays {
         if !self.left_out.is_empty() {
             about.notes.push(format!("other arrays are left out: {}", self.left_out.join(", ")));
         }
+        about.length_unit = self.fields.unit_of(FieldKind::Position);
+        about.mass_unit = self.fields.unit_of(FieldKind::Mass);
         let family = self.fields.family(FamilyName::Dark, self.count, vec![Run::WHOLE]);
         Ok(TypedColumns::new(about, self.storages, vec![family]))
     }

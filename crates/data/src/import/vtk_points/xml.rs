@@ -5,10 +5,14 @@ use crate::import::ImportError;
 use crate::import::bytes::Order;
 use crate::import::grid::{Content, Element, Entry, VtkArray, XML_TYPES, sample_type, xml_elements};
 use crate::import::packed::MOST_EXPANSION;
-use crate::model::{Channel, Grid, SampleType};
+use crate::model::{Channel, Grid, SampleType, Unit};
+use std::io::Read;
 
 /// How many times the size of the file its arrays may be together as text, where a digit and a space are a number of eight bytes.
 const MOST_AS_TEXT: u64 = 8;
+
+/// The longest unit, bytes.
+const LONGEST_UNIT: u64 = 1 << 10;
 
 /// What an array belongs to.
 #[derive(Clone, Copy, PartialEq)]
@@ -32,7 +36,7 @@ pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
     let expansion = if file.get("compressor").is_some() { MOST_EXPANSION } else { MOST_AS_TEXT };
     let mut left = content.most().saturating_mul(expansion);
     let mut arrays = Arrays::new(count);
-    for (number, (section, element)) in found.into_iter().enumerate() {
+    for (number, Found { section, element, unit }) in found.into_iter().enumerate() {
         let name = element.get("Name").unwrap_or_default();
         let entry = |name: &'static str| Entry { path, name, text: element.get(name).unwrap_or_default() };
         let components: u64 = match element.get("NumberOfComponents") {
@@ -67,16 +71,36 @@ pub(super) fn open(content: &Content) -> Result<Arrays, ImportError> {
             true => arrays.push_points(&place),
             false => arrays.push(name, number, &place),
         }
+        if let Some(unit) = unit {
+            arrays.set_unit((!is_points).then_some(name), &unit_in(content, unit)?);
+        }
     }
     Ok(arrays)
 }
 
+/// The text of an element, as a unit.
+fn unit_in(content: &Content, element: &Element) -> Result<Unit, ImportError> {
+    let mut text = Vec::new();
+    let io = |error| ImportError::io(&content.path, "UNITS_LABEL", error);
+    content.reader(element.end)?.take(element.text.min(LONGEST_UNIT)).read_to_end(&mut text).map_err(io)?;
+    let text: String = String::from_utf8_lossy(&text).chars().filter(|letter| !letter.is_control()).collect();
+    let plain = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&apos;", "'"), ("&amp;", "&")];
+    Ok(Unit::new(plain.iter().fold(text, |text, (name, letter)| text.replace(name, letter)).trim()))
+}
+
+/// An array of a piece, and the element that says its unit.
+struct Found<'e> {
+    section: Section,
+    element: &'e Element,
+    unit: Option<&'e Element>,
+}
+
 /// Points in the one piece that has some, and the arrays of it.
-fn piece<'e>(content: &Content, elements: &'e [Element]) -> Result<(u64, Vec<(Section, &'e Element)>), ImportError> {
+fn piece<'e>(content: &Content, elements: &'e [Element]) -> Result<(u64, Vec<Found<'e>>), ImportError> {
     let path = &*content.path;
     let mut points: Option<u64> = None;
     let (mut is_read, mut section) = (false, Section::Other);
-    let mut found = Vec::new();
+    let mut found: Vec<Found> = Vec::new();
     for element in elements {
         match &*element.name {
             "Piece" => {
@@ -91,7 +115,12 @@ fn piece<'e>(content: &Content, elements: &'e [Element]) -> Result<(u64, Vec<(Se
             }
             "Points" => section = Section::Points,
             "PointData" => section = Section::PointData,
-            "DataArray" if is_read && section != Section::Other => found.push((section, element)),
+            "DataArray" if is_read && section != Section::Other => found.push(Found { section, element, unit: None }),
+            "InformationKey" if section != Section::Other && element.get("name") == Some("UNITS_LABEL") => {
+                if let Some(array) = found.last_mut() {
+                    array.unit = Some(element);
+                }
+            }
             "DataArray" | "/DataArray" | "InformationKey" | "/InformationKey" | "Value" | "/Value" => {}
             _ => section = Section::Other,
         }

@@ -21,7 +21,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// What is at least as opaque is a surface that others darken.
-const COVERS: f32 = 0.5;
+pub const COVERS: f32 = 0.5;
 
 /// The lamp that casts shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +52,9 @@ pub struct Shadowing {
     pub scene: f64,
     /// How far the surface of one picture may be from that of another picture of the same scene, world units.
     pub slack: f64,
+    /// Whether depths from elsewhere take as long as a picture: then one of them serves all places of a lamp that are near each other, no finer
+    /// than their shadows are soft.
+    pub is_costly: bool,
     /// Directions around a pixel in which [`ambient_occlusion`] looks, and places of a lamp that is no point.
     pub samples: u32,
 }
@@ -131,7 +134,7 @@ impl Shadowing {
         factors.par_iter_mut().for_each(|share| *share = 1.0 - whole.occlusion as f32 * (1.0 - *share));
         if let Some(lamp) = whole.lamp_of_shadows() {
             let all = |from: &View| nearest(own(from), others.and_then(|others| (others.casters)(from)));
-            let reached = shadows::reached_shares(&picture, (&lamp, whole.samples), (whole.scene, whole.slack), &all);
+            let reached = shadows::reached_shares(&picture, &lamp, &whole, &all);
             factors.par_iter_mut().zip(&reached).for_each(|(factor, reached)| {
                 *factor *= whole.in_shadow(&lamp, *reached);
             });

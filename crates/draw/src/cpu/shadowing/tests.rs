@@ -4,6 +4,7 @@
 
 use super::*;
 use crate::view::Projection;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// What scenes are made of.
 #[derive(Clone, Copy)]
@@ -53,7 +54,17 @@ fn nobody(_: &View) -> Option<Vec<f32>> {
 }
 
 fn occlusion(radius: f64) -> Shadowing {
-    Shadowing { occlusion: 1.0, radius, shadows: 0.0, lamp: None, ambient: 0.0, scene: 10.0, slack: 0.0, samples: 16 }
+    Shadowing {
+        occlusion: 1.0,
+        radius,
+        shadows: 0.0,
+        lamp: None,
+        ambient: 0.0,
+        scene: 10.0,
+        slack: 0.0,
+        is_costly: false,
+        samples: 16,
+    }
 }
 
 fn look(eye: [f64; 3], target: [f64; 3], projection: Projection, size: [u32; 2]) -> View {
@@ -138,12 +149,20 @@ fn a_shadow_is_as_soft_as_its_lamp_is_large() {
     )
     .unwrap();
     let seen = depths(&view, &shapes);
-    for degrees in [0.0_f64, 8.0, 20.0] {
+    // A costly picture is drawn once for what is near each other of the lamp, and its edges are half a pixel too far within.
+    let pictures = [(0.0_f64, false, 1), (8.0, false, 16), (20.0, false, 16), (8.0, true, 1), (19.0, true, 4)];
+    for (degrees, is_costly, expected) in pictures {
         let size = degrees.to_radians();
         let lamp = Lamp { toward: DVec3::Z, size, lights: true };
         let shadowing =
-            Shadowing { occlusion: 0.0, shadows: 1.0, lamp: Some(lamp), ambient: 0.0, scene: 12.0, ..occlusion(1.0) };
-        let factors = shadowing.factors(&view, &seen, &|from: &View| Some(depths(from, &shapes)), None).unwrap();
+            Shadowing { occlusion: 0.0, shadows: 1.0, lamp: Some(lamp), scene: 12.0, is_costly, ..occlusion(1.0) };
+        let drawn = AtomicUsize::new(0);
+        let casters = |from: &View| {
+            drawn.fetch_add(1, Ordering::Relaxed);
+            Some(depths(from, &shapes))
+        };
+        let factors = shadowing.factors(&view, &seen, &casters, None).unwrap();
+        assert_eq!(drawn.into_inner(), expected, "{degrees}");
         // The rim's rays that touch the ball on one and on the other side.
         let [core, edge] = [-1.0, 1.0].map(|sign| 1.0 / (0.5 * size).cos() + sign * height * (0.5 * size).tan());
         let square = (0..40).flat_map(|i| (0..40).map(move |j| [i, j].map(|k| (f64::from(k) + 0.5) / 20.0 - 1.0)));
@@ -170,12 +189,17 @@ fn a_shadow_is_as_soft_as_its_lamp_is_large() {
                 assert!(found > 0.999, "{degrees}: {found} at {radius} beyond {edge}");
             } else if degrees > 0.0 {
                 let error = (found - exact(place)).abs();
-                assert!(error < 0.13, "{degrees}: {found} at {radius}, not {}", exact(place));
+                assert!(
+                    error < if is_costly { 0.25 } else { 0.13 },
+                    "{degrees}: {found} at {radius}, not {}",
+                    exact(place)
+                );
                 (between, away) = (between + 1, away + error);
             }
         }
         assert!(cores > 5 && (degrees == 0.0 || between > 50), "{degrees}: {cores}, {between}");
-        assert!(away / f64::from(between.max(1)) < 0.03, "{degrees}: {}", away / f64::from(between.max(1)));
+        let (mean, most) = (away / f64::from(between.max(1)), if is_costly { 0.05 } else { 0.03 });
+        assert!(mean < most, "{degrees}: {mean}");
     }
 }
 

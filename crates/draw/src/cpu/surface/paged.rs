@@ -1,6 +1,7 @@
 //! The quadtree of a field in a page file: chunks are read and decoded as they are asked for, and the least recently used ones go first.
 
 mod decode;
+mod faults;
 mod leaf;
 mod normals;
 mod photo;
@@ -17,17 +18,21 @@ use super::sight::Sight;
 use super::since::Since;
 use super::source::{NodeFacts, NodeSamples, SurfaceNodes};
 use crate::stream::residency::{ATTEMPTS, backoff};
+use crate::stream::scene::STALL;
 use decode::Decoder;
 use deepfield_data::model::{SampleType, Scale};
-use deepfield_data::store::error::{Damage, StoreError};
+use deepfield_data::store::error::Damage;
+use deepfield_data::store::take_notes;
 use deepfield_heights::hierarchy::chunks::{ChunkKey, ChunkNode, Coverage, Lattice};
 use deepfield_heights::hierarchy::photo::TileKey;
 use deepfield_heights::store::{HeightFile, Tile};
+use faults::Pages;
 use lru::LruCache;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::hash::Hash;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
 /// The largest distance between two unit normals.
 const FARTHEST: f32 = 2.0;
@@ -38,6 +43,7 @@ type Slot<V> = Arc<OnceLock<Option<Arc<V>>>>;
 /// A page file's chunks as they are drawn. Several threads read and decode at once, a chunk one of them at a time.
 pub struct PagedSurface {
     file: Arc<HeightFile>,
+    pages: Pages,
     lattice: Lattice,
     decoder: Decoder,
     budget_bytes: u64,
@@ -45,7 +51,6 @@ pub struct PagedSurface {
     /// Tiles of the photo, if there is one, with a budget of their own.
     tile_budget_bytes: u64,
     tiles: Mutex<Cache<TileKey, Tile>>,
-    damaged: Mutex<Damaged>,
     /// The earlier field that changes are counted from, where they are asked for.
     since: Option<Arc<Since>>,
 }
@@ -62,19 +67,10 @@ struct Entry<V> {
     bytes: u64,
 }
 
-/// Chunks that cannot be read, and why the first one could not.
-#[derive(Default)]
-struct Damaged {
-    keys: BTreeSet<ChunkKey>,
-    first: Option<String>,
-    /// Why the disk has not given something that this picture needs: it may give it later.
-    passing: Option<String>,
-}
-
 impl PagedSurface {
     /// The chunks of a file. Of what is decoded `budget_bytes` are kept at most, beside what others hold, a quarter of them for a photo's tiles
     /// where there is one. A file whose chunks are of another
-    /// size than is drawn has none, and [`PagedSurface::error`] says so.
+    /// size than is drawn has none, and [`PagedSurface::error`] says so until a picture begins.
     pub fn new(file: Arc<HeightFile>, budget_bytes: u64) -> PagedSurface {
         let about = file.about();
         let lattice = Lattice::new(about.grid.rows, about.grid.columns);
@@ -82,35 +78,43 @@ impl PagedSurface {
         let (cache, tiles) = (Mutex::new(Cache::new()), Mutex::new(Cache::new()));
         let tile_budget_bytes = if about.photo.is_some() { budget_bytes / 4 } else { 0 };
         let budget_bytes = budget_bytes - tile_budget_bytes;
-        let mut damaged = Damaged::default();
+        let pages = Pages::new(Arc::clone(&file), STALL);
         if *file.lattice() != lattice {
             let expected = format!("{0} x {0} cells, found {1} x {1}", lattice.side(), file.lattice().side());
-            damaged.first = Some(Damage::new("chunks", expected).in_file(file.path()).to_string());
+            pages.note(&Damage::new("chunks", expected).in_file(file.path()));
         }
-        PagedSurface {
-            file,
-            lattice,
-            decoder,
-            budget_bytes,
-            cache,
-            tile_budget_bytes,
-            tiles,
-            damaged: Mutex::new(damaged),
-            since: None,
-        }
+        PagedSurface { file, pages, lattice, decoder, budget_bytes, cache, tile_budget_bytes, tiles, since: None }
+    }
+
+    /// Pages are waited for so long from now on, those behind a URL for a minute at least.
+    pub fn wait_for(&mut self, stall: Duration) {
+        self.pages.wait_for(stall);
     }
 
     /// Begins a picture: turns normals to a world in which the field is placed so; exaggeration and base do not matter. Without this degrees are
-    /// those of the Earth, as in the file. What is decoded is decoded again where slopes change, and what the disk has failed to give for pictures
-    /// before is no longer told.
+    /// those of the Earth, as in the file. What is decoded is decoded again where slopes change, and what pictures before could not have is asked
+    /// for again where it is time.
     pub fn place(&mut self, placed: &Placed) {
-        self.take_passing();
+        self.begin();
         let about = self.file.about();
         let slopes = slopes::of_world(placed);
         if !slopes::is_same(slopes, self.decoder.slopes()) {
             self.decoder = Decoder::new(about, slopes);
-            *locked(&self.cache) = Cache::new();
+            self.forget();
         }
+    }
+
+    /// Begins a picture; whether pages are asked for again that earlier ones could not have.
+    pub(super) fn begin(&self) -> bool {
+        if self.since.as_ref().is_some_and(|since| since.begin()) {
+            self.forget();
+        }
+        self.pages.begin()
+    }
+
+    /// What is decoded is decoded again: changes may be known now.
+    fn forget(&self) {
+        *locked(&self.cache) = Cache::new();
     }
 
     /// Counts changes since an earlier field, or none. What is decoded is decoded again where that is another one.
@@ -121,7 +125,7 @@ impl PagedSurface {
         };
         if !is_same {
             self.since = since.cloned();
-            *locked(&self.cache) = Cache::new();
+            self.forget();
         }
     }
 
@@ -130,29 +134,31 @@ impl PagedSurface {
         &self.file
     }
 
-    /// Why a chunk could not be read: of the first one that could not. Coarser chunks stand in for such.
+    /// Why something that the present picture needs could not be read. Coarser chunks stand in for such.
     pub fn error(&self) -> Option<String> {
-        let own = {
-            let damaged = locked(&self.damaged);
-            damaged.first.clone().or_else(|| damaged.passing.clone())
-        };
-        own.or_else(|| self.since.as_ref().and_then(|since| since.error()))
+        self.pages.error().or_else(|| self.since.as_ref().and_then(|since| since.error()))
     }
 
-    fn take_passing(&self) -> Option<String> {
-        locked(&self.damaged).passing.take()
+    /// What is to be told of pages that cannot be read, and of what has become of the file, since the last call, one sentence each.
+    pub fn take_messages(&self) -> Vec<String> {
+        let mut messages = self.pages.take_messages();
+        messages.extend(self.since.iter().flat_map(|since| since.take_messages()));
+        messages.extend(take_notes());
+        messages
     }
 
-    /// Notes why something cannot be read, and which chunk never can be, if it is one.
-    fn note(&self, error: &StoreError, key: Option<ChunkKey>) {
-        let mut damaged = locked(&self.damaged);
-        let Damaged { keys, first, passing } = &mut *damaged;
-        if error.may_pass() {
-            passing.get_or_insert_with(|| error.to_string());
-        } else {
-            first.get_or_insert_with(|| error.to_string());
-            keys.extend(key);
+    /// When another picture may have what this one does without.
+    pub fn again(&self) -> Option<Instant> {
+        self.pages.again().into_iter().chain(self.since.as_ref().and_then(|since| since.again())).min()
+    }
+
+    /// Whether something is to be tried again, since this was asked last, before it is told: nothing is lacked until then.
+    pub(super) fn try_again(&self) -> bool {
+        let is_since = self.since.as_ref().is_some_and(|since| since.try_again());
+        if is_since {
+            self.forget();
         }
+        self.pages.try_again() | is_since
     }
 
     /// Bytes of the decoded chunks and tiles that are kept.
@@ -179,28 +185,22 @@ impl PagedSurface {
             // Leaves are read as they are drawn.
             return;
         }
-        // What other parts of the picture lack is told as well.
-        let before = self.take_passing();
+        // What other parts of the picture lack is lacked still.
+        let before = self.pages.take_lack();
         self.read_all(placed, sight, options);
-        for attempt in 1..ATTEMPTS {
-            if self.take_passing().is_none() {
-                break;
-            }
+        for attempt in (1..ATTEMPTS).take_while(|_| self.try_again()) {
             std::thread::sleep(backoff(attempt));
             self.read_all(placed, sight, options);
         }
-        if let Some(before) = before {
-            locked(&self.damaged).passing.get_or_insert(before);
-        }
+        self.pages.lack(before);
     }
 
     fn read_all(&self, placed: &Placed, sight: &Sight, options: &SurfaceOptions) {
-        let damaged = || locked(&self.damaged).keys.len();
         let colors = options.look.is_some().then(|| options.clone());
         let raw = options.raw.then(|| SurfaceOptions { look: None, ..options.clone() });
-        // A chunk whose stand-in is damaged, too, has another one: at most one of each level.
+        // A chunk whose stand-in is lost, too, has another one: at most one of each level.
         for _ in 0..=self.lattice.top() {
-            let before = damaged();
+            let before = self.pages.lost();
             let mut keys = BTreeSet::new();
             for options in [&colors, &raw].into_iter().flatten() {
                 for node in chosen(self, placed, sight, options).nodes {
@@ -209,7 +209,7 @@ impl PagedSurface {
             }
             // Fine ones first, as drawing asks for them: where not all fit, it finds the first and reads none twice.
             self.prefetch(&keys.into_iter().collect::<Vec<_>>());
-            if damaged() == before {
+            if self.pages.lost() == before {
                 return;
             }
         }
@@ -237,20 +237,15 @@ impl PagedSurface {
     }
 
     fn read(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
-        match self.file.chunk(key) {
-            Ok(Some(chunk)) => {
-                let mut samples = self.decoder.samples(chunk, &self.lattice);
-                if let Some(since) = &self.since {
-                    samples.changes = since.changes(&self.lattice, key, &samples.heights);
-                }
-                Some(Arc::new(samples))
-            }
-            Ok(None) => Some(Arc::new(self.decoder.nothing([0, 1].map(|axis| self.lattice.span(key, axis).1)))),
-            Err(error) => {
-                self.note(&error, Some(key));
-                None
-            }
+        let Some(page) = self.file.page_of(key) else {
+            return Some(Arc::new(self.decoder.nothing([0, 1].map(|axis| self.lattice.span(key, axis).1))));
+        };
+        let chunk = self.pages.read(page, |raw| self.file.chunk_in(key, raw))?;
+        let mut samples = self.decoder.samples(chunk, &self.lattice);
+        if let Some(since) = &self.since {
+            samples.changes = since.changes(&self.lattice, key, &samples.heights);
         }
+        Some(Arc::new(samples))
     }
 }
 
@@ -269,14 +264,14 @@ impl SurfaceNodes for PagedSurface {
     }
 
     fn samples(&self, key: ChunkKey) -> Option<Arc<NodeSamples>> {
-        if !self.has(key) || !self.is_there(key) {
+        if !self.has(key) {
             return None;
         }
         cached(&self.cache, key, self.budget_bytes, bytes_of, || self.read(key))
     }
 
     fn is_there(&self, key: ChunkKey) -> bool {
-        !locked(&self.damaged).keys.contains(&key)
+        self.file.page_of(key).is_none_or(|page| self.pages.is_there(page))
     }
 
     fn room(&self) -> u64 {

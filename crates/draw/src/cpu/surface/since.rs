@@ -11,6 +11,7 @@ use deepfield_heights::measure::{Alignment, height_between};
 use deepfield_heights::model::Cell;
 use deepfield_heights::store::HeightFile;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// An earlier field, and where a later one's samples are in it.
 pub struct Since {
@@ -37,6 +38,26 @@ impl Since {
     /// What of the earlier field cannot be read.
     pub fn error(&self) -> Option<String> {
         self.earlier.error()
+    }
+
+    /// Begins a picture; whether something of the earlier field is asked for again that could not be read.
+    pub(super) fn begin(&self) -> bool {
+        self.earlier.begin()
+    }
+
+    /// Whether something of the earlier field is to be tried again, since this was asked last, before it is told.
+    pub(super) fn try_again(&self) -> bool {
+        self.earlier.try_again()
+    }
+
+    /// When another picture may have what this one lacks of the earlier field.
+    pub(super) fn again(&self) -> Option<Instant> {
+        self.earlier.again()
+    }
+
+    /// What is to be told of the earlier field since the last call.
+    pub(super) fn take_messages(&self) -> Vec<String> {
+        self.earlier.take_messages()
     }
 
     /// The level of the earlier field whose samples are at least as close as those of a level of the later one.

@@ -91,13 +91,24 @@ fn random_cut(
     random: &mut Random,
     point: u32,
 ) -> SurfaceCut {
+    cut_where(source, placed, sight, point, |_| random.next() < 0.6)
+}
+
+/// The chunks that cover the field when some, above the finest, are refined.
+fn cut_where(
+    source: &dyn SurfaceNodes,
+    placed: &Placed,
+    sight: &Sight,
+    point: u32,
+    mut is_refined: impl FnMut(ChunkKey) -> bool,
+) -> SurfaceCut {
     let lattice = source.lattice();
     let (mut waiting, mut nodes) = (vec![lattice.root()], Vec::new());
     while let Some(key) = waiting.pop() {
         if !lattice.has(key) {
             continue;
         }
-        if key.level > 0 && random.next() < 0.6 {
+        if key.level > 0 && is_refined(key) {
             waiting.extend(key.quarters());
             continue;
         }
@@ -119,10 +130,28 @@ fn cut_node(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, key: Chun
 
 /// A random camera above a field that looks onto it, so that nothing but the field is in the picture.
 pub(super) fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 2]) -> View {
+    let ground = box_of(field);
+    let about = [ground[1].x, ground[1].y].map(|side| [0.3 * side, 0.7 * side]);
+    camera_about(about, ground, random, size)
+}
+
+/// The corners of the box that holds a field.
+fn box_of(field: &HeightField) -> [DVec3; 2] {
     let (columns, rows) = ((field.grid.columns - 1) as f64, (field.grid.rows - 1) as f64);
-    let high = field.stored.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let heights = || field.stored.iter().copied();
+    let [low, high] = [heights().fold(f64::INFINITY, f64::min), heights().fold(f64::NEG_INFINITY, f64::max)];
+    [DVec3::new(0.0, 0.0, low), DVec3::new(columns, rows, high)]
+}
+
+/// A random camera that looks at some place between these in x and y, so that nothing but a field in this box is in the picture.
+fn camera_about(
+    [x, y]: [[f64; 2]; 2],
+    [DVec3 { z: low, .. }, DVec3 { x: columns, y: rows, z: high }]: [DVec3; 2],
+    random: &mut Random,
+    size: [u32; 2],
+) -> View {
     loop {
-        let target = DVec3::new(columns * random.between(0.3, 0.7), rows * random.between(0.3, 0.7), 0.0);
+        let target = DVec3::new(random.between(x[0], x[1]), random.between(y[0], y[1]), 0.0);
         let away = 10.0_f64.powf(random.between(0.3, 2.9));
         let lean = random.between(0.0, 1.2);
         let turn = random.between(0.0, 6.3);
@@ -135,7 +164,6 @@ pub(super) fn camera_over(field: &HeightField, random: &mut Random, size: [u32; 
         let up = DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3);
         let Ok(view) = View::look_at(eye, target, up, projection, size[0], size[1]) else { continue };
         let sight = Sight::Flat(view);
-        let low = field.stored.iter().copied().fold(f64::INFINITY, f64::min);
         let [width, height] = size.map(f64::from);
         let is_on = |corner: [f64; 2]| {
             let Some((origin, direction)) = sight.ray(corner) else { return false };

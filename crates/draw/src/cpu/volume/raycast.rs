@@ -14,6 +14,7 @@ use super::smoothing::{Face, cosine};
 use super::surface::{Crossings, Light, Surface, gradient};
 use crate::cpu::paths::fragments::TileFragments;
 use crate::cpu::paths::{PathFragment, PathFragments};
+use crate::cpu::shadowing::COVERS;
 use crate::view::PerspectiveGrid;
 use rayon::prelude::*;
 
@@ -38,6 +39,17 @@ pub struct Scenery {
 }
 
 impl Scenery {
+    /// What of it hides light: of surfaces without a volume those that cover, at the first of which rays end; `None` where there are none. What
+    /// only looks is left out.
+    pub fn casting(&self) -> Option<Scenery> {
+        let mut casting = Scenery { light: None, volume_light: None, ..self.clone() };
+        if !self.volume {
+            casting.surfaces.retain(|surface| surface.opacity >= COVERS);
+            casting.termination = casting.termination.min(COVERS);
+        }
+        (self.volume || !casting.surfaces.is_empty()).then_some(casting)
+    }
+
     /// Densities up to this show nothing.
     pub fn least(&self) -> f32 {
         let volume = if self.volume { self.classifier.least() } else { f32::INFINITY };

@@ -9,6 +9,7 @@ use super::surface::{Crossings, gradient};
 use super::*;
 use crate::color::transfer::{Scale, TransferFunction};
 use crate::cpu::field::{Field, FieldBricks, ValueAxis};
+use crate::cpu::shadowing::covering_depths;
 use crate::cpu::{Extent, Positions};
 use crate::model::{Channel, Dataset, Family, Grid, SampleType, Unit};
 use crate::synth::merger::Merger;
@@ -502,6 +503,26 @@ fn occlusion_changes_nothing() {
         assert_eq!(shown, culled);
         assert!(all.hidden == 0 && fewer.hidden > 0 && fewer.pairs < all.pairs, "{all:?} {fewer:?}");
     }
+}
+
+/// Rays that end at the first surface that covers find it where those do that see all.
+#[test]
+fn what_casts_shadows_covers_where_all_of_it_does() {
+    let (cloud, view, mut scenery) = merger_scene();
+    (scenery.volume, scenery.surfaces[1].opacity) = (false, 0.6);
+    let depths = |scenery: &Scenery| {
+        let (parts, report) = draw_in_parts(&view, &[cloud.batch()], scenery, &VolumeOptions::default()).unwrap();
+        (covering_depths(&parts), report.crossings)
+    };
+    let casting = scenery.casting().unwrap();
+    let ((all, of_all), (first, fewer)) = (depths(&scenery), depths(&casting));
+    assert!(casting.surfaces.len() == 2 && fewer < of_all, "{fewer:?} {of_all:?}");
+    for (all, first) in all.iter().zip(&first) {
+        assert!(all == first || (all - first).abs() < 1e-5 * all, "{all} {first}");
+    }
+    assert!(all.iter().filter(|depth| depth.is_finite()).count() > 50);
+    let faint = scenery.surfaces.iter().map(|surface| Surface { opacity: 0.49, ..*surface }).collect();
+    assert!(Scenery { surfaces: faint, ..scenery.clone() }.casting().is_none());
 }
 
 #[test]

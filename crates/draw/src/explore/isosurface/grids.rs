@@ -4,7 +4,7 @@
 //! that stands for none) counts as low: the surface closes half-way to it.
 
 use super::output::{Searched, write_surface};
-use super::{Isosurface, IsosurfaceOptions, needs_doubles};
+use super::{Isosurface, IsosurfaceOptions, memory_of_bricks, needs_doubles};
 use crate::cpu::mesh::{BEFORE, BLOCK, BRICK, Faces, Field, Lattice, LatticePlacement, MOST_CELLS, Samples};
 use crate::explore::batch::Work;
 use crate::explore::error::ExploreError;
@@ -93,7 +93,6 @@ pub fn isosurface_of_grid(
     };
     let lattice = Lattice { origin: DVec3::ZERO, spacing: 1.0, cells: grid.shape.map(|side| (side - 1) as u32) };
     let bricks = lattice.bricks(BRICK);
-    let of_bricks = 2 * rayon::current_num_threads() as u64 * Samples::memory(BRICK, false);
     let values = Values {
         source,
         work,
@@ -101,7 +100,7 @@ pub fn isosurface_of_grid(
         isovalue,
         faces: if options.is_open { Faces::Cut } else { Faces::Capped },
         blocks: Mutex::new(Blocks { held: LruCache::unbounded(), bytes: 0, range: (f64::INFINITY, f64::NEG_INFINITY) }),
-        most_bytes: options.memory.saturating_sub(of_bricks),
+        most_bytes: options.memory.saturating_sub(memory_of_bricks(false)),
     };
     let spacing = grid.to_world.matrix3.determinant().abs().cbrt();
     let own = &grid.channels[channel];

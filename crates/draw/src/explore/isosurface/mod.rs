@@ -92,6 +92,15 @@ pub fn isosurface(
     isosurface_in_bricks(tree, (region, periodic), options, (format, out), BRICK, work)
 }
 
+/// Bytes of memory that bricks take however few [`IsosurfaceOptions::memory`] is; what pages have is the rest of it.
+pub fn memory_of_bricks(has_attribute: bool) -> u64 {
+    memory_of_bricks_of(BRICK, has_attribute)
+}
+
+fn memory_of_bricks_of(side: usize, has_attribute: bool) -> u64 {
+    2 * rayon::current_num_threads() as u64 * Samples::memory(side, has_attribute)
+}
+
 fn isosurface_in_bricks(
     tree: &dyn Tree,
     (region, periodic): (&Region, Option<f64>),
@@ -102,7 +111,7 @@ fn isosurface_in_bricks(
 ) -> Result<Isosurface, ExploreError> {
     let IsosurfaceOptions { isovalue, memory, .. } = *options;
     let attribute = options.attribute.as_deref();
-    let of_bricks = 2 * rayon::current_num_threads() as u64 * Samples::memory(side, attribute.is_some());
+    let of_bricks = memory_of_bricks_of(side, attribute.is_some());
     let particles = Particles::new(tree, (region, periodic), attribute, memory.saturating_sub(of_bricks), work)?;
     let (leaves, survey) = particles.survey(isovalue)?;
     let has_attribute = attribute.is_some();

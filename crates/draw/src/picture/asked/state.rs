@@ -41,13 +41,6 @@ impl State {
         notes
     }
 
-    /// Unwinds where nobody waits any more.
-    fn go_on(&self) {
-        if self.is_stopped.load(Ordering::Relaxed) && !std::thread::panicking() {
-            resume_unwind(Box::new(Stopped));
-        }
-    }
-
     /// The stage, the steps done and their number; 0 where that is not known.
     pub fn reached(&self) -> Option<(String, u64, u64)> {
         let (stage, total) = self.stage.lock().unwrap_or_else(PoisonError::into_inner).clone();
@@ -67,6 +60,13 @@ impl Progress for State {
         self.done.fetch_add(n, Ordering::Relaxed);
     }
 
+    /// Unwinds where nobody waits any more.
+    fn go_on(&self) {
+        if self.is_stopped.load(Ordering::Relaxed) && !std::thread::panicking() {
+            resume_unwind(Box::new(Stopped));
+        }
+    }
+
     fn say(&self, line: &str) {
         self.note(line.to_owned());
     }
@@ -82,6 +82,10 @@ impl Progress for Shared<'_> {
 
     fn advance(&self, n: u64) {
         self.0.advance(n);
+    }
+
+    fn go_on(&self) {
+        self.0.go_on();
     }
 
     fn say(&self, line: &str) {

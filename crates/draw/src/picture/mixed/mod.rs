@@ -51,6 +51,7 @@ use crate::view::{Panorama, View};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Draws pictures of several kinds of data.
 pub struct MixedSession {
@@ -234,6 +235,21 @@ impl MixedSession {
     /// What draws the particles, where there are some.
     pub fn particles(&mut self) -> Option<&mut Session> {
         self.particles.as_mut()
+    }
+
+    /// What is to be told of pages of heights since the last call, as [`SurfaceSession::take_messages`] has it.
+    pub fn take_messages(&self) -> Vec<String> {
+        self.heights.iter().flat_map(|(_, session)| session.take_messages()).collect()
+    }
+
+    /// When another picture may have what the last one does without, of heights.
+    pub fn again(&self) -> Option<Instant> {
+        self.heights.iter().filter_map(|(_, session)| session.again()).min()
+    }
+
+    /// Pages of heights that the disk does not give are waited for so long from now on.
+    pub fn wait_for(&mut self, stall: Duration) {
+        self.heights.iter_mut().for_each(|(_, session)| session.wait_for(stall));
     }
 
     /// Whether the first dataset is of heights: then the world is theirs, with z up.
@@ -421,12 +437,10 @@ impl MixedSession {
             true => Some(ground.heights.channels(&sight_of(&view, shot)?)),
             false => None,
         };
-        let (report, error) = (ground.heights.report(), ground.error());
+        let (report, error, of_fields) = (ground.heights.report(), ground.error(), ground.fields.error());
         let shown = (!ground.heights.is_empty()).then_some(SurfaceShown { report, channels, labels: None, lifted });
         drop(ground);
-        if let Some(error) = &error {
-            self.reporter.tell(error.clone());
-        }
+        self.take_messages().into_iter().chain(of_fields).for_each(|message| self.reporter.tell(message));
         let is_whole = report.is_converged && error.is_none();
         let names = names.map(|names| names.seen(&view));
         let points = ready.fields.first().map(|first| first.report);

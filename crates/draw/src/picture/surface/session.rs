@@ -52,6 +52,7 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Memory for decoded chunks unless it is set, bytes.
@@ -156,6 +157,21 @@ impl SurfaceSession {
     /// The field.
     pub fn file(&self) -> &HeightFile {
         self.nodes.file()
+    }
+
+    /// What is to be told of the field's pages since the last call, one sentence each, where a picture was not told of by [`SurfaceSession::draw`].
+    pub fn take_messages(&self) -> Vec<String> {
+        self.nodes.take_messages()
+    }
+
+    /// When another picture may have what the last one does without.
+    pub fn again(&self) -> Option<Instant> {
+        self.nodes.again()
+    }
+
+    /// Pages that the disk does not give are waited for so long from now on.
+    pub fn wait_for(&mut self, stall: Duration) {
+        self.nodes.wait_for(stall);
     }
 
     /// The box around the surface as a look has it, its exaggeration included.
@@ -309,9 +325,7 @@ impl SurfaceSession {
         }
         let Some((picture, drawn_by)) = drawn else { return Err(PictureError::Stopped) };
         let SurfacePicture { colors, raw, labels, report, .. } = picture;
-        if let Some(error) = self.nodes.error() {
-            self.reporter.tell(error);
-        }
+        self.take_messages().into_iter().for_each(|message| self.reporter.tell(message));
         let [width, height] = [colors.width, colors.height];
         let channels = (!raw.is_empty()).then_some(SurfaceChannels { width, height, values: raw });
         let is_labelled = prepared.look.contours.as_ref().is_some_and(|contours| contours.labels.is_some());

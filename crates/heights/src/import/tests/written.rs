@@ -63,8 +63,16 @@ fn sur(bits: i16, is_packed: bool) -> Vec<u8> {
 #[test]
 fn surfaces_of_digital_surf_are_read() {
     for (bits, is_packed) in [(16, false), (32, false), (16, true), (32, true)] {
+        // What is below the least height is none, whatever the flag says; where it says that there is no such sample a note tells.
+        let mut unflagged = sur(bits, is_packed);
+        unflagged[86] = 0;
+        let (_folder, path) = file_of("a.sur", &unflagged);
+        let contradicted = open(&path);
+        let note = "the header says that every sample was measured: those of -7, below its least one, are not, if any";
+        assert!(contradicted.description().notes.iter().any(|told| told == note));
         let (_folder, path) = file_of("a.sur", &sur(bits, is_packed));
         let source = open(&path);
+        assert!(source.description().notes.is_empty() && same(&heights(&contradicted), &heights(&source), 0.0));
         let grid = source.grid();
         assert_eq!((grid.columns, grid.rows, grid.step, grid.origin), (4, 3, [0.5, 0.25], [3.0, 2.0]));
         assert_eq!((&*grid.xy_unit.0, &*grid.height_unit.0), ("mm", "nm"));

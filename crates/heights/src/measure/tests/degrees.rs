@@ -1,10 +1,13 @@
 //! Degrees as lengths on a sphere, against integrals.
 
 use super::truth::{assert_near, of};
-use crate::measure::{FormKind, fit, probe, probe_on, profile, profile_on, roughness, volumes, volumes_on};
+use crate::measure::{
+    Disc, FormKind, Part, contours, fit, probe, probe_on, profile, profile_on, roughness, volumes, volumes_on,
+};
 use crate::model::lengths::EARTH;
-use crate::model::{HeightField, Lengths};
+use crate::model::{HeightField, Heights, Lengths, Window};
 use deepfield_data::model::Unit;
+use proptest::prelude::*;
 
 /// Heights over longitude and latitude, every tenth of a degree from 10 E, 70 N down to 40 N.
 fn zone(height: impl Fn(f64, f64) -> f64) -> HeightField {
@@ -91,16 +94,23 @@ fn profiles_go_by_metres() {
     }
 }
 
+/// What stands at a longitude, whatever its turn, and in a row.
+fn height_at(longitude: f64, row: f64) -> f64 {
+    (longitude.rem_euclid(360.0) - 180.0).abs() + row * row
+}
+
+/// Columns to the east, or where `step` is -1 to the west, from a longitude on, from 70 N down to 50 N.
+fn around(first: f64, columns: u64, step: f64) -> HeightField {
+    let mut field = of(columns, 21, |row, column| height_at(first + step * column, row));
+    (field.grid.origin, field.grid.step) = ([first, 70.0], [step, -1.0]);
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    field
+}
+
 /// A globe's heights are the same wherever its columns begin, and some turns further.
 #[test]
 fn places_and_lines_go_on_beyond_the_seam() {
-    let around = |first: f64, columns: u64| {
-        let mut field = of(columns, 21, |row, column| ((first + column).rem_euclid(360.0) - 180.0).abs() + row * row);
-        (field.grid.origin, field.grid.step) = ([first, 70.0], [1.0, -1.0]);
-        (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
-        field
-    };
-    let (field, wanted, part) = (around(20.0, 361), around(-180.0, 361), around(20.0, 30));
+    let (field, wanted, part) = (around(20.0, 361, 1.0), around(-180.0, 361, 1.0), around(20.0, 30, 1.0));
     for (at, plain) in [([10.25, 63.5], [10.25, 63.5]), ([-700.75, 63.5], [19.25, 63.5]), ([380.5, 55.0], [20.5, 55.0])]
     {
         let (found, there) = (probe(&field, at).unwrap(), probe(&wanted, plain).unwrap());
@@ -114,11 +124,18 @@ fn places_and_lines_go_on_beyond_the_seam() {
     let lengths = Lengths::on(&field.grid, 1_737_400.0);
     for line in [[[10.1, 65.0], [30.3, 62.4]], [[30.3, 62.4], [10.1, 65.0]], [[10.1, 65.0], [17.0, 60.0]]] {
         let plain = profile_on(&wanted, &lengths, &line).unwrap();
-        for turns in [-2.0, 0.0, 1.0] {
+        // Without the first column once more, and to the west, too.
+        let fields = [(&field, 1.0), (&around(20.0, 360, 1.0), 1.0), (&around(20.0, 360, -1.0), -1.0)];
+        for ((field, step), turns) in fields.into_iter().flat_map(|field| [-2.0, 0.0, 1.0].map(|turns| (field, turns)))
+        {
             let turned = line.map(|[x, y]| [x + 360.0 * turns, y]);
-            let mut found = profile_on(&field, &lengths, &turned).unwrap();
+            let mut found = profile_on(field, &lengths, &turned).unwrap();
             assert_near(found.length, plain.length, 1e-9, "length");
             assert_near(found.valid_length, plain.length, 1e-9, "over T");
+            if step < 0.0 {
+                // T's diagonals are others.
+                continue;
+            }
             // At the seam one piece ends and the next begins.
             found.points.dedup_by(|next, last| next.distance - last.distance < 1e-3);
             assert_eq!(found.points.len(), plain.points.len());
@@ -127,6 +144,61 @@ fn places_and_lines_go_on_beyond_the_seam() {
                 assert_near(one.height, other.height, 1e-9, "height");
             }
         }
+    }
+}
+
+/// A line between the last column and the first is there when the field is closed.
+#[test]
+fn lines_of_equal_height_reach_the_seam() {
+    let field = around(20.0, 360, 1.0);
+    assert!(Part::closed(&around(20.0, 361, 1.0)).is_none() && Part::closed(&around(20.0, 300, 1.0)).is_none());
+    let closed = Part::closed(&field).unwrap();
+    let mut length = [0.0; 2];
+    for (field, length) in [&field as &dyn Heights, &closed].into_iter().zip(&mut length) {
+        contours(field, &[161.0], |line| {
+            *length += line.points.windows(2).map(|leg| (leg[1][0] - leg[0][0]).abs()).sum::<f64>();
+            Ok(())
+        })
+        .unwrap();
+    }
+    // From longitude 19 in the first row to 20 in the second.
+    assert!(length[1] > length[0] + 0.5, "{length:?}");
+}
+
+proptest! {
+    /// Regions over the seam, some turns further, of fields with and without their first column once more, hold the samples that stand there.
+    #[test]
+    fn regions_go_on_beyond_the_seam(
+        first in -200..200i32,
+        (columns, step) in (360..=361u64, prop::sample::select(vec![1.0, -1.0])),
+        low in -900.0..900.0f64,
+        width in 2.0..350.0f64,
+        (radius, latitude) in (1.5..9.0f64, 55.0..65.0f64),
+    ) {
+        let field = around(f64::from(first), columns, step);
+        let high = low + width;
+        let (east, west) = (high.floor(), low.ceil());
+        let part = Part::of_rectangle(&field, [[high, 64.5], [low, 58.5]]).unwrap();
+        prop_assert_eq!((part.grid().columns, part.grid().rows), ((east - west) as u64 + 1, 6));
+        let [x, y] = part.grid().place(0.0, 0.0);
+        prop_assert!((x - if step > 0.0 { west } else { east }).rem_euclid(360.0) < 1e-9 && y == 64.0, "{} {}", x, y);
+        let mut found = vec![0.0; part.grid().samples() as usize];
+        part.heights(Window::all(part.grid()), &mut found).unwrap();
+        for (number, height) in found.chunks_exact(part.grid().columns as usize).enumerate() {
+            for (column, height) in height.iter().enumerate() {
+                prop_assert_eq!(*height, height_at(x + step * column as f64, 6.0 + number as f64));
+            }
+        }
+        // A disc has the samples that it has where there is no seam near by.
+        let count = |field: &HeightField, x: f64| {
+            let part = Part::of_disc(field, Disc { center: [x, latitude], radius }).unwrap();
+            let mut found = vec![0.0; part.grid().samples() as usize];
+            part.heights(Window::all(part.grid()), &mut found).unwrap();
+            found.into_iter().filter(|height| !height.is_nan()).collect::<Vec<_>>()
+        };
+        let plain = around(low.floor() - if step > 0.0 { 180.0 } else { -180.0 }, 361, step);
+        prop_assert_eq!(count(&field, low), count(&plain, low));
+        prop_assert!(Part::of_rectangle(&field, [[low + 9000.0, 64.5], [high + 9000.0, 58.5]]).is_none());
     }
 }
 

@@ -104,11 +104,15 @@ impl VoField {
         Ok(field)
     }
 
-    /// Whether every row has the same number of real numbers in it.
+    /// Whether every row has the same number of real numbers in it. A bit alone is one, as astropy writes truth values so.
     pub(super) fn has_numbers(&self) -> bool {
-        use Datatype::{Boolean, Double, Float, Int, Long, Short, UnsignedByte};
-        let is_real = matches!(self.datatype, Boolean | UnsignedByte | Short | Int | Long | Float | Double);
-        is_real && self.count.is_some_and(|count| (1..=MOST_COMPONENTS).contains(&count))
+        use Datatype::{Bit, Boolean, Double, Float, Int, Long, Short, UnsignedByte};
+        let most = match self.datatype {
+            Boolean | UnsignedByte | Short | Int | Long | Float | Double => MOST_COMPONENTS,
+            Bit => 1,
+            _ => 0,
+        };
+        self.count.is_some_and(|count| (1..=most).contains(&count))
     }
 
     /// The column that it is to a table.
@@ -142,6 +146,7 @@ impl VoField {
     pub(super) fn expected(&self) -> String {
         match (self.datatype, self.components()) {
             (Datatype::Boolean, _) => "true, false or ?".into(),
+            (Datatype::Bit, _) => "0 or 1".into(),
             (_, 1) => "a number".into(),
             (_, count) => format!("{count} numbers"),
         }
@@ -157,6 +162,9 @@ impl VoField {
                 _ if word.eq_ignore_ascii_case("false") => Some(0.0),
                 _ => None,
             };
+        }
+        if self.datatype == Datatype::Bit {
+            return word.parse().ok().filter(|bit| [0.0, 1.0].contains(bit));
         }
         let hexadecimal = || i64::from_str_radix(word.strip_prefix("0x")?, 16).ok().map(|whole| whole as f64);
         word.parse().ok().or_else(hexadecimal)
@@ -199,6 +207,8 @@ impl VoField {
         match (self.datatype, bytes) {
             (Datatype::Boolean, b"T" | b"t" | b"1") => 1.0,
             (Datatype::Boolean, b"F" | b"f" | b"0") => 0.0,
+            // The first bit of a byte whose others are padding; astropy sets another one.
+            (Datatype::Bit, [byte]) => f64::from(*byte != 0),
             (Datatype::UnsignedByte, [byte]) => f64::from(*byte),
             (Datatype::Short, _) => f64::from(i16::from_be_bytes(bytes.try_into().unwrap_or_default())),
             (Datatype::Int, _) => f64::from(i32::from_be_bytes(bytes.try_into().unwrap_or_default())),

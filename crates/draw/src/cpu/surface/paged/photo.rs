@@ -14,10 +14,10 @@ impl PhotoTiles for PagedSurface {
     }
 
     fn tile(&self, key: TileKey) -> Option<Arc<Tile>> {
-        let read = || match self.file.tile(key) {
-            Ok(tile) => Some(Arc::new(tile)),
+        let read = || match self.file.page_of_tile(key) {
+            Ok(page) => self.pages.read_patiently(page, |raw| self.file.tile_in(key, raw)).map(Arc::new),
             Err(error) => {
-                self.note(&error, None);
+                self.pages.note(&error);
                 None
             }
         };

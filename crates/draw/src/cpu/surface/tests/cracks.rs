@@ -7,10 +7,16 @@ use super::super::sight::Sight;
 use super::super::stitch::Scene;
 use super::*;
 
-/// Pixels that show nothing, with points so wide.
-fn holes(scene: &Scene, view: &View, point: u32) -> usize {
+/// What is seen, with points so wide.
+fn drawn(scene: &Scene, view: &View, point: u32) -> Visibility {
     let picture = Visibility::new([view.width, view.height]);
     raster::draw(scene, view, &picture, [point, 1]);
+    picture
+}
+
+/// Pixels that show nothing, with points so wide.
+fn holes(scene: &Scene, view: &View, point: u32) -> usize {
+    let picture = drawn(scene, view, point);
     (0..picture.width * picture.height).filter(|index| picture.at(*index).is_none()).count()
 }
 
@@ -42,6 +48,53 @@ fn random_cuts_have_none() {
         }
     }
     assert!(joined > 1000 && points > 5, "{joined} joints, {points} chunks of points");
+}
+
+/// Full resolution lies beside samples that are 64 apart, on either side of a border, in a thousand pictures.
+#[test]
+fn levels_six_apart_have_none() {
+    const BORDER: u64 = 256 << 6;
+    let mut field = hills(67, BORDER as usize + 513, 0.0, 13);
+    field.stored.iter_mut().for_each(|height| *height *= 0.05);
+    let (source, placed) = (MemorySurface::new(&field, 1.0).unwrap(), placed(&field));
+    let (ground, about) = (box_of(&field), [[BORDER as f64 - 2.0, BORDER as f64 + 2.0], [20.0, 46.0]]);
+    let mut random = Random::new(17);
+    let mut camera = || camera_about(about, ground, &mut random, [64, 48]);
+    // Down to the chunk of full resolution that holds a column.
+    let scene = |column: u64, view: View, point: u32| {
+        let holds = |key: ChunkKey| {
+            let [_, [first, last]] = source.lattice().rectangle(key);
+            (first..last).contains(&column)
+        };
+        Scene::new(&source, &placed, cut_where(&source, &placed, &Sight::Flat(view), point, holds))
+    };
+    let of_triangles = [BORDER - 1, BORDER].map(|column| scene(column, camera(), 0));
+    let (mut apart, mut points) = (0, 0);
+    for round in 0..3000 {
+        let (view, side, point) = (camera(), round % 2, [1, 5][usize::from(round % 16 < 2)]);
+        let with_points = (point > 1).then(|| scene(BORDER - 1 + side as u64, view, point));
+        let scene = with_points.as_ref().unwrap_or(&of_triangles[side]);
+        points += scene.cut.nodes.iter().filter(|node| node.primitive == Primitive::Points).count();
+        let picture = match round % 100 {
+            50 => {
+                let picture = Visibility::new([64, 48]);
+                Caster::new(scene).draw(&Sight::Flat(view), &picture);
+                picture
+            }
+            _ => drawn(scene, &view, point),
+        };
+        let (mut finest, mut coarsest) = (u8::MAX, 0);
+        for index in 0..picture.width * picture.height {
+            let shown = picture.at(index).unwrap_or_else(|| panic!("round {round}: {view:?}"));
+            let level = scene.cut.nodes[shown.node].key.level;
+            (finest, coarsest) = (finest.min(level), coarsest.max(level));
+        }
+        apart += usize::from(coarsest - finest >= 6);
+        if apart == 1000 {
+            break;
+        }
+    }
+    assert!(apart == 1000 && points > 5, "{apart} pictures, {points} chunks of points");
 }
 
 #[test]
