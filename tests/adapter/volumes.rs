@@ -486,7 +486,7 @@ fn smoothed_surfaces_are_the_cpus() {
     let merger = Cloud::merger(6_000);
     let scenery = merger.surfaces(false, [0.2, 0.4, 1.0]);
     let eye = DVec3::new(25.0, 18.0, 40.0);
-    let mut limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 19, ..wgpu::Limits::default() };
+    let mut limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..wgpu::Limits::default() };
     limits.max_buffer_size = limits.max_storage_buffer_binding_size;
     let small = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
     let (mut renderer, mut windows) = (renderer(), Renderer::open(&small));

@@ -49,6 +49,10 @@ fn field(rows: u64, columns: u64, sample_type: SampleType, holes: u32, planes: u
             stored.push(if is_hole { f64::NAN } else { value });
         }
     }
+    // A field without a height is none.
+    if stored.iter().all(|value| value.is_nan()) {
+        stored[(seed % (rows * columns)) as usize] = 60.0;
+    }
     let mut grid = HeightGrid::new(columns, rows, sample_type);
     grid.scale = Scale { slope: 0.5, intercept: 3.0 };
     grid.step = [2.0, -1.5];

@@ -116,7 +116,7 @@ mod tests {
             assert_eq!(TransferFunction::named(path.to_str().unwrap(), None).unwrap(), own);
         }
         let all = names(at);
-        assert_eq!((all.len(), all.last().map(String::as_str)), (11, Some("my_own-2")));
+        assert_eq!((all.len(), all.last().map(String::as_str)), (PRESETS.len() + 1, Some("my_own-2")));
         for wrong in ["", "../up", "a/b", "a b", ".hidden"] {
             assert!(own.save(wrong, folder.path()).unwrap_err().to_string().contains("the preset's name"), "{wrong}");
             assert!(TransferFunction::named(wrong, at).unwrap_err().to_string().contains("density-hue"), "{wrong}");

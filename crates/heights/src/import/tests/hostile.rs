@@ -11,7 +11,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 
 /// Changed copies of the files of every format, unless `DEEPFIELD_MUTATIONS` has another number.
-const MUTATIONS: usize = 75_000;
+const MUTATIONS: usize = 100_000;
 
 /// Places of its body that a file is cut at.
 const CUTS: usize = 1000;
