@@ -236,6 +236,8 @@ class OfArrays(WithFolder):
             waits.append(-time.perf_counter())
             os.kill(os.getpid(), signal.SIGINT)
 
+        # A shell has its background jobs ignore it.
+        self.addCleanup(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, signal.default_int_handler))
         for without, after in (((), 0.1), (("density", "smoothing_length"), 0.4), ((), 0.2)):
             threading.Timer(after, interrupt).start()
             with self.assertRaises(KeyboardInterrupt):

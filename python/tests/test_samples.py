@@ -112,6 +112,8 @@ class Shown(WithFolder):
             raised.append(time.monotonic())
             os.kill(os.getpid(), signal.SIGINT)
 
+        # A shell has its background jobs ignore it.
+        self.addCleanup(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, signal.default_int_handler))
         threading.Timer(0.3, interrupt).start()
         with self.assertRaises(KeyboardInterrupt):
             # A machine may be fast.

@@ -102,7 +102,8 @@ impl Clusters {
         };
         let (found, expected) = pictures(DVec3::splat(0.5), Projection::Orthographic { height: 1.2 }, 0.5);
         assert!((found.sum() / expected.sum() - 1.0).abs() < 1e-3, "{} of {}", found.sum(), expected.sum());
-        for (middle, tau, most) in [(self.centers[0], 1e-3, 0.03), (self.centers[1], 0.5, 0.2)] {
+        // Half a pixel is a fifth of where kernels are a few pixels wide, and another fifth where they were; a cluster that is lost is all.
+        for (middle, tau, most) in [(self.centers[0], 1e-3, 0.03), (self.centers[1], 0.5, 0.4)] {
             let (found, expected) = pictures(middle, near, tau);
             let difference: f64 =
                 found.p.iter().zip(&expected.p).map(|(a, b)| (f64::from(*a) - f64::from(*b)).abs()).sum();
