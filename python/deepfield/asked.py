@@ -47,8 +47,13 @@ def size(sides):
     return [width, height]
 
 
+def whole(name, count, most):
+    """A whole number from 1 on; None is not asked."""
+    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= most):
+        raise Error(f"{name}: found {count!r}, expected a whole number from 1 to {most}")
+    return None if count is None else int(count)
+
+
 def threads(count):
     """A number of threads; None leaves it to the machine."""
-    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= 1024):
-        raise Error(f"threads: found {count!r}, expected a whole number from 1 to 1024")
-    return None if count is None else int(count)
+    return whole("threads", count, 1024)

@@ -6,6 +6,14 @@ from collections.abc import Mapping
 from . import _deepfield, asked, columns, dataset, notes, others, progress as progresses
 
 
+def kept(attributes, families, derive, hierarchy, smoothing):
+    """What is kept of particles and built over them, as the native part reads it."""
+    return {
+        "attributes": attributes and list(attributes), "families": families and list(families), "derive": asked.names(derive),
+        "hierarchy": asked.names(hierarchy), "smoothing": smoothing,
+    }  # fmt: skip
+
+
 def build(
     source,
     out,
@@ -55,9 +63,8 @@ def build(
     times a second, or True for a bar. What it raises, and Ctrl-C, end the build, and nothing is left behind.
     """
     out = os.fspath(out)
-    wanted = {"memory": asked.memory(memory), "attributes": attributes and list(attributes), "families": families and list(families)}
-    wanted |= {"derive": asked.names(derive), "hierarchy": asked.names(hierarchy), "smoothing": smoothing}
-    wanted |= {"height_error": height_error, "threads": asked.threads(threads)}
+    wanted = kept(attributes, families, derive, hierarchy, smoothing)
+    wanted |= {"memory": asked.memory(memory), "height_error": height_error, "threads": asked.threads(threads)}
     if others.package_of(source):
         source, own, said = others.arrays_of(source, attributes, families)
         units = {**own, **(units or {})}

@@ -10,11 +10,11 @@ use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::heights::{OpenHeights, is_heights};
 use deepfield_draw::hierarchy::{Kinds, Matter};
 use deepfield_draw::import::{
-    AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Source as _, grid_format, is_one_table,
+    AttributeChoice, GridOptions, LoadOptions, Run, RunOptions, Smoothing, Source as _, grid_format, is_one_table,
     open_grid, open_run, sources_of, steps_in,
 };
 use deepfield_draw::look::DataKind;
-use deepfield_draw::model::{DerivedQuantity, FamilyName, Skipped};
+use deepfield_draw::model::{DerivedQuantity, FamilyName, ReadMethod, Skipped};
 use deepfield_draw::picture::asked::{State, on_threads};
 use pyo3::prelude::*;
 use serde::Deserialize;
@@ -24,7 +24,7 @@ use std::sync::Arc;
 /// How something is built.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct Asked {
+pub struct Asked {
     /// Bytes of memory that the build may take.
     memory: Option<u64>,
     /// Threads that build; all where nothing is said. The file is the same for any number.
@@ -56,7 +56,7 @@ impl Asked {
     ///
     /// # Errors
     /// The program's sentence about what cannot be asked of particles.
-    fn options(&self, source: &Path) -> Result<(LoadOptions, BuildOptions), Failure> {
+    pub fn options(&self, source: &Path) -> Result<(LoadOptions, BuildOptions), Failure> {
         let attributes = self.attributes.clone();
         let hierarchies = self.hierarchies()?;
         if let Some(kinds) = hierarchies.filter(|kinds| kinds.matter() != Some(Matter::Particles)) {
@@ -85,6 +85,34 @@ impl Asked {
         Ok((load, options))
     }
 
+    /// What particles the files of `sources` hold.
+    ///
+    /// # Errors
+    /// What the importer says.
+    pub fn particles(&self, sources: &[PathBuf], load: &LoadOptions, read: ReadMethod) -> Result<Particles, Failure> {
+        let sources = match sources {
+            // Parts of a table are told apart by numbers, as steps are.
+            [only] if is_one_table(only)? => vec![only.clone()],
+            names => sources_of(names)?,
+        };
+        if let [only] = &sources[..]
+            && steps_in(only)? == 1
+        {
+            return Ok(Particles::One(only.clone()));
+        }
+        // What is derived is no step's own.
+        let attributes = self.attributes.clone().map(|mut names| {
+            names.retain(|name| !load.derive.iter().any(|quantity| quantity.name() == name));
+            names
+        });
+        let run = open_run(&sources, &RunOptions { attributes, ..RunOptions::default() }, read)?;
+        Ok(match &run.steps[..] {
+            // Files of one snapshot.
+            [only] => Particles::One(only.about.path.clone()),
+            _ => Particles::Many(run),
+        })
+    }
+
     /// Refuses what only particles have.
     ///
     /// # Errors
@@ -102,6 +130,29 @@ impl Asked {
             None => Ok(()),
         }
     }
+}
+
+/// The particles of files.
+pub enum Particles {
+    /// Those of one time, by the path of their source.
+    One(PathBuf),
+    /// Those of several.
+    Many(Run),
+}
+
+/// Refuses sources that are built already.
+///
+/// # Errors
+/// The program's sentence.
+pub fn refuse_built(sources: &[PathBuf]) -> Result<(), Failure> {
+    for path in sources {
+        // What is no file is found where it is opened.
+        if let Ok(kind @ (DataKind::Pages | DataKind::Run | DataKind::Grid | DataKind::Heights)) = DataKind::of(path) {
+            let found = kind.described();
+            return Err(format!("{}: content: found {found}, expected a source to build it of", path.display()).into());
+        }
+    }
+    Ok(())
 }
 
 /// Builds the file `out` of sources; gives what there was to tell.
@@ -124,13 +175,7 @@ pub fn build_files(
 }
 
 fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Result<(), Failure> {
-    for path in sources {
-        // What is no file is found where it is opened.
-        if let Ok(kind @ (DataKind::Pages | DataKind::Run | DataKind::Grid | DataKind::Heights)) = DataKind::of(path) {
-            let found = kind.described();
-            return Err(format!("{}: content: found {found}, expected a source to build it of", path.display()).into());
-        }
-    }
+    refuse_built(sources)?;
     if let [only] = sources
         && is_heights(only)
     {
@@ -160,27 +205,10 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
     }
     let first = sources.first().map_or(Path::new(""), PathBuf::as_path);
     let (load, options) = asked.options(first)?;
-    let sources = match sources {
-        // Parts of a table are told apart by numbers, as steps are.
-        [only] if is_one_table(only)? => vec![only.clone()],
-        names => sources_of(names)?,
+    let run = match asked.particles(sources, &load, options.read)? {
+        Particles::One(source) => return of_one(&source, &load, &options, out, state),
+        Particles::Many(run) => run,
     };
-    if let [only] = &sources[..]
-        && steps_in(only)? == 1
-    {
-        return of_one(only, &load, &options, out, state);
-    }
-    // What is derived is no step's own.
-    let attributes = asked.attributes.clone().map(|mut names| {
-        names.retain(|name| !load.derive.iter().any(|quantity| quantity.name() == name));
-        names
-    });
-    let run_options = RunOptions { attributes, ..RunOptions::default() };
-    let run = open_run(&sources, &run_options, options.read)?;
-    if let [only] = &run.steps[..] {
-        // Files of one snapshot.
-        return of_one(&only.about.path, &load, &options, out, state);
-    }
     let tracks = TrackOptions::default();
     let build = RunBuild { load: &load, options: &options, tracks: Some(&tracks), skip_damaged: false, still_of: None };
     build.build(run, out, state)?;

@@ -8,6 +8,7 @@ mod arrays;
 mod arrow;
 mod building;
 mod cache;
+mod cluster;
 mod dataset;
 mod error;
 mod grids;
@@ -29,6 +30,14 @@ mod _deepfield {
     use crate::building::build_arrays;
     #[pymodule_export]
     use crate::building::build_files;
+    #[pymodule_export]
+    use crate::cluster::cluster_plan;
+    #[pymodule_export]
+    use crate::cluster::cluster_remove;
+    #[pymodule_export]
+    use crate::cluster::cluster_run;
+    #[pymodule_export]
+    use crate::cluster::cluster_status;
     #[pymodule_export]
     use crate::dataset::Dataset;
     #[pymodule_export]

@@ -23,6 +23,7 @@ OPTIONAL = {
     "matplotlib": "figures of the notebook",
     "anywidget": "the widget's own messages",
     "pyarrow": "tables that Arrow reads",
+    "distributed": "builds by the workers of Dask",
     "mypy": "the stubs",
 }
 

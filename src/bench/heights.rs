@@ -30,8 +30,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The first picture of a file has so many chunks at most.
+/// The first picture of a file has so many chunks at most, and is so many times narrower and lower, as that of a window is.
 const FIRST_CHUNKS: usize = 64;
+const FIRST_SHRINK: u32 = 4;
 /// Pixels that are asked what is under them.
 const PICKS: usize = 10_000;
 /// Lines of equal height from the least to the largest height.
@@ -308,7 +309,14 @@ impl<'a> Bench<'a> {
         let (sight, options) = (self.sight(camera)?, self.options());
         let start = Instant::now();
         let surface = self.fresh()?;
-        self.drawn(&surface, &sight, &SurfaceOptions { most_nodes: FIRST_CHUNKS, ..options.clone() });
+        let small = match sight {
+            Sight::Flat(view) => {
+                let [width, height] = [view.width, view.height].map(|side| (side / FIRST_SHRINK).max(1));
+                Sight::Flat(view.resized(width, height))
+            }
+            around => around,
+        };
+        self.drawn(&surface, &small, &SurfaceOptions { most_nodes: FIRST_CHUNKS, ..options.clone() });
         let first = start.elapsed();
         let (report, _) = self.drawn(&surface, &sight, &options);
         let converged = start.elapsed() - first;

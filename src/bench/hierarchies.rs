@@ -6,6 +6,7 @@ pub mod ways;
 use super::hierarchies_in_memory::{self as in_memory, Splat};
 use super::hierarchies_of_fields;
 use super::paged::{Drawn, Paged};
+use super::process_memory::peak_memory;
 use super::sheet::{Entry, sheet};
 use super::splat::Failure;
 use super::{Arguments, Times};
@@ -307,7 +308,7 @@ impl<'a> Bench<'a> {
                 let options = BuildOptions { hierarchies, memory: arguments.memory, ..BuildOptions::default() };
                 let start = Instant::now();
                 build_source(path, &Default::default(), &options, &out, &())?;
-                (out, Some((start.elapsed().as_secs_f64(), peak_memory())))
+                (out, Some((start.elapsed().as_secs_f64(), peak_memory("self"))))
             }
         };
         let mut paged = Paged::open(&page_file)?;
@@ -584,14 +585,6 @@ fn best(outcomes: &[Outcome]) -> Vec<Best> {
         Some(Best { budget, hierarchy, error_l2 })
     };
     budgets.into_iter().filter_map(of).collect()
-}
-
-/// The most memory that the program has taken, where the system says.
-pub(super) fn peak_memory() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
-    Some(kibibytes << 10)
 }
 
 fn write_csv(arguments: &Arguments, reports: &[Report]) -> Result<(), Failure> {

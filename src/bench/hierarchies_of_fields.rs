@@ -4,9 +4,9 @@
 
 use super::hierarchies::ways::{Data, Way};
 use super::hierarchies::{
-    Outcome, Report, Shown, check_mode, color_errors, conclude, milliseconds, peak_memory, print_head, print_row,
-    sum_errors, views,
+    Outcome, Report, Shown, check_mode, color_errors, conclude, milliseconds, print_head, print_row, sum_errors, views,
 };
+use super::process_memory::peak_memory;
 use super::splat::Failure;
 use super::{Arguments, Times};
 use crate::build::grid::{GridBuildOptions, build_grid};
@@ -141,7 +141,7 @@ impl Built {
                 let out = folder.join(format!("{way}.df"));
                 let start = Instant::now();
                 build_grid(&source, &options, &out, &())?;
-                (out, Some((start.elapsed().as_secs_f64(), peak_memory())))
+                (out, Some((start.elapsed().as_secs_f64(), peak_memory("self"))))
             }
         };
         let bytes = std::fs::metadata(&file)?.len();

@@ -1,6 +1,7 @@
 //! `deepfield bench`: the numbers of docs/results.md, again, on this machine.
 
 pub mod build;
+pub mod cluster;
 pub mod compare;
 pub mod compare_orbit;
 pub mod flight;
@@ -14,8 +15,11 @@ pub mod pages;
 pub mod play;
 mod plot;
 pub mod presence;
+mod process_memory;
 mod processor_time;
 pub mod published;
+#[cfg(feature = "remote")]
+pub mod remote;
 pub mod sheet;
 pub mod splat;
 #[cfg(feature = "viewer")]
@@ -34,6 +38,7 @@ use std::time::Duration;
   deepfield bench splat
   deepfield bench presence snapshot.df --repeat 3 --csv presence.csv
   deepfield bench build --sizes 1000000 --json build.json
+  deepfield bench cluster --sizes 4000000 --repeat 3 --json cluster.json
   deepfield bench compare merger.hdf5 --family gas --size 900x600 --repeat 3 --output compare
   deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
   deepfield bench hierarchies snapshot.hdf5 --budgets 1%,4%,16% --size 512x512
@@ -43,18 +48,21 @@ use std::time::Duration;
   deepfield bench heights dem.df --duration 20 --json heights.json
   deepfield bench heights --sizes 1000000,64000000 --threads 2 --repeat 3 --duration 20
   deepfield bench heights dem.df --repeat 3 --ablations
+  deepfield bench remote cosmology.df --rate 100Mbit --latency 50ms --frame-ms 100 --duration 20
+  deepfield bench remote cosmology.df --faults --minutes 60 --frame-ms 100 --main-memory 1GiB
   deepfield bench flight --sizes 1000000 --backends cpu --duration 10 --ablations --sweep")]
 pub struct Arguments {
     /// What to measure: splat (drawing of particles as they are), frame (converged level of detail), presence (what
-    /// leaving particles out costs and saves), build (from a source to a page file), pages (reading and decoding),
+    /// leaving particles out costs and saves), build (from a source to a page file), cluster (the same by several processes, some of which
+    /// are killed), pages (reading and decoding),
     /// flight (a flight through a page file that streams in) or play (a run while time goes on), compare (every way to draw a volume or a surface), hierarchies (what becomes of
-    /// particles, images and volumes within so many splats), published (the tables of HE03 beside its numbers), or heights (building, pictures, a flight, picks and
-    /// lines of a height field).
-    #[arg(value_parser = ["splat", "frame", "presence", "build", "pages", "flight", "play", "compare", "hierarchies", "published", "heights"])]
+    /// particles, images and volumes within so many splats), published (the tables of HE03 beside its numbers), heights (building, pictures, a flight, picks and
+    /// lines of a height field), or remote (a page file behind a URL over a link, the processor drawing).
+    #[arg(value_parser = ["splat", "frame", "presence", "build", "cluster", "pages", "flight", "play", "compare", "hierarchies", "published", "heights", "remote"])]
     pub suite: String,
     /// What `bench presence`, `bench compare` and `bench hierarchies` draw and `bench flight` flies through: a source or page file, for
     /// `bench hierarchies` also an image or a volume [default: generated: clusters of the first of the sizes for `bench presence`, a merger
-    /// for `bench compare`, cosmologies of all sizes for `bench flight`, ground for `bench heights`; for `bench hierarchies` filaments and
+    /// for `bench compare`, cosmologies of all sizes for `bench flight` and `bench remote`, ground for `bench heights`; for `bench hierarchies` filaments and
     /// clusters of the first of the sizes, and volumes of a wave and of blobs of up to 64 samples along each side].
     pub path: Option<PathBuf>,
     /// Numbers of particles, of `bench heights` of samples.
@@ -108,6 +116,10 @@ pub struct Arguments {
     /// What `bench published` measures.
     #[command(flatten)]
     pub published: published::Options,
+    /// What the link of `bench remote` is like.
+    #[cfg(feature = "remote")]
+    #[command(flatten)]
+    pub remote: remote::Options,
 }
 
 /// The times of several repetitions, seconds.
@@ -146,7 +158,12 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         "hierarchies" => serde_json::to_string_pretty(&hierarchies::measure(arguments)?)?,
         "published" => serde_json::to_string_pretty(&published::measure(arguments)?)?,
         "build" => serde_json::to_string_pretty(&build::measure(arguments)?)?,
+        "cluster" => serde_json::to_string_pretty(&cluster::measure(arguments)?)?,
         "pages" => serde_json::to_string_pretty(&pages::measure(arguments)?)?,
+        #[cfg(feature = "remote")]
+        "remote" => serde_json::to_string_pretty(&remote::measure(arguments)?)?,
+        #[cfg(not(feature = "remote"))]
+        "remote" => return Err("bench remote: this deepfield was built without the feature `remote`".into()),
         _ => serde_json::to_string_pretty(&splat::measure(arguments)?)?,
     };
     match &arguments.json {

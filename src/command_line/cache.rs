@@ -5,6 +5,7 @@ use crate::look::page_cache::{default_budget, page_file, prune, room_for_pages};
 use crate::model::Progress;
 use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// A folder below deepfield's part of the user's cache (`$XDG_CACHE_HOME/deepfield` and its equivalents), created if
 /// needed.
@@ -41,8 +42,19 @@ pub fn page_file_with(
     Ok(file)
 }
 
+/// Where pages that servers send are kept in place of the user's cache, and how many bytes of them.
+static APART: Mutex<Option<(PathBuf, u64)>> = Mutex::new(None);
+
+/// Of files behind URLs that are opened from now on, pages are kept in this folder and not in the user's cache: so many bytes of them, 0 for none.
+pub fn keep_apart(folder: &Path, bytes: u64) {
+    *APART.lock().unwrap_or_else(PoisonError::into_inner) = Some((folder.to_owned(), bytes));
+}
+
 /// The folder where pages are kept that servers send, and how many bytes of them; none where there is no folder, or its budget is none.
 pub fn for_pages_from_afar() -> Option<(PathBuf, u64)> {
+    if let Some(apart) = APART.lock().unwrap_or_else(PoisonError::into_inner).clone() {
+        return Some(apart);
+    }
     let folder = folder("pages").ok()?;
     let room = room_for_pages(&folder).ok()?;
     Some((folder, room))

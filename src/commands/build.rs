@@ -5,6 +5,7 @@ use super::arguments::bytes;
 use super::derive_options::{DerivedQuantities, derived};
 use super::heights::{self, HeightsOptions, TextureOptions};
 use super::hierarchy_options::HierarchyOptions;
+use super::job_options::JobOptions;
 use super::progress_bar::TerminalProgress;
 use super::raw_options::RawOptions;
 use super::trace_options::TraceOptions;
@@ -19,7 +20,7 @@ use crate::import::{
     open_run, sources_of, steps_in,
 };
 use crate::look::DataKind;
-use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped};
+use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped, is_url};
 use crate::store::run::{MOST_FLOW_LEVELS, Tangents};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -36,6 +37,8 @@ use std::path::{Path, PathBuf};
                                                              with attributes from velocities of neighbours
   deepfield build snapshot_099.hdf5 -o slow-disk.df --page-size 8MiB --thinning-budget 0
   deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch
+  deepfield build huge.0.hdf5 -o huge.df --plan huge.job     as tasks, for many machines: docs/cluster.md
+  deepfield build --status huge.job                          how far that is
   deepfield build snapshot_*.hdf5 -o run.df                  a run: the snapshots in the order of their times
   deepfield build gaia/ -o gaia.df                           one table in many files, which are all of a folder
   deepfield build output/ -o run.df --every 5 --skip-damaged
@@ -57,7 +60,7 @@ use std::path::{Path, PathBuf};
 pub struct Arguments {
     /// The source; any file of a snapshot in several files. Several of them, a folder or a quoted pattern of them, or @LIST with one in
     /// each line make a run; a folder of tables with the same columns is one table without --times and --every.
-    #[arg(required = true)]
+    #[arg(required_unless_present_any = ["status", "cancel"])]
     pub sources: Vec<PathBuf>,
     /// Times of the steps of a run in place of those in the headers: a list such as 0,0.5,2, FROM:STEP, or steps for their numbers.
     #[arg(long, value_name = "TIMES", allow_hyphen_values = true)]
@@ -95,7 +98,7 @@ pub struct Arguments {
     #[arg(long)]
     pub no_stills: bool,
     /// The page file to write.
-    #[arg(short, long, value_name = "FILE.df")]
+    #[arg(short, long, value_name = "FILE.df", required_unless_present_any = ["status", "cancel"], default_value = "-", hide_default_value = true)]
     pub output: PathBuf,
     /// Keep only this family (gas, dark, type2, type3, stars, black-holes); may be repeated.
     #[arg(long, value_name = "NAME", value_parser = super::arguments::family_name)]
@@ -137,6 +140,9 @@ pub struct Arguments {
     /// How the source and temporary files are read. The file is the same for both.
     #[arg(long, value_name = "HOW", value_enum, default_value_t)]
     pub read: ReadMethod,
+    /// A build by many processes.
+    #[command(flatten)]
+    pub job: JobOptions,
     /// How the hierarchy is built.
     #[command(flatten)]
     pub hierarchy: HierarchyOptions,
@@ -179,11 +185,13 @@ fn clock(text: &str) -> Result<ClockVariable, String> {
     found.ok_or_else(|| "expected time, scale-factor or log-scale-factor".into())
 }
 
-/// Only particles have velocities to derive from.
-fn refuse_derived(arguments: &Arguments, path: &Path, found: &str) -> Result<(), String> {
-    match arguments.derive {
-        Some(_) => Err(format!("{}: --derive: found {found}, expected particles with velocities", path.display())),
-        None => Ok(()),
+/// Only particles have velocities to derive from, and are built by many processes.
+fn refuse_other(arguments: &Arguments, path: &Path, found: &str) -> Result<(), String> {
+    let path = path.display();
+    match (&arguments.derive, &arguments.job.plan) {
+        (Some(_), _) => Err(format!("{path}: --derive: found {found}, expected particles with velocities")),
+        (None, Some(_)) => Err(format!("{path}: --plan: found {found}, expected one snapshot of particles")),
+        (None, None) => Ok(()),
     }
 }
 
@@ -192,6 +200,9 @@ fn refuse_derived(arguments: &Arguments, path: &Path, found: &str) -> Result<(),
 /// # Errors
 /// When the source cannot be read or the page file not be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
+    if let Some(done) = arguments.job.of_job() {
+        return done;
+    }
     let raw = arguments.raw.grid()?;
     let trace = arguments.tracing.trace(arguments.times.as_ref());
     if let [only] = &arguments.sources[..]
@@ -201,7 +212,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         && arguments.heights.takes(only)
     {
         arguments.wavelet.refuse(only, "heights")?;
-        refuse_derived(arguments, only, "heights")?;
+        refuse_other(arguments, only, "heights")?;
         return heights::build::run(arguments, only);
     }
     arguments.texture.refuse()?;
@@ -209,20 +220,26 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         let named = arguments.sources[0].display();
         return Err(format!("{named}: --height-error: found no heights, expected some").into());
     }
+    for path in &arguments.sources {
+        match DataKind::of(path) {
+            Ok(DataKind::Source) => {}
+            Ok(kind) => {
+                let (path, found) = (path.display(), kind.described());
+                return Err(format!("{path}: content: found {found}, expected a source to build it of").into());
+            }
+            // Nothing behind a URL is a source.
+            Err(error) if is_url(path) => return Err(error.into()),
+            // Patterns, lists and folders of sources are no files.
+            Err(_) => {}
+        }
+    }
     if let [only] = &arguments.sources[..]
         && arguments.as_what == As::Itself
         && trace.is_none()
         && (raw.is_some() || grid_format(only)?.is_some())
     {
-        refuse_derived(arguments, only, "an image or a volume")?;
+        refuse_other(arguments, only, "an image or a volume")?;
         return grid(arguments, only, GridOptions { raw, read: arguments.read });
-    }
-    for path in &arguments.sources {
-        // Patterns, lists and folders of sources are none.
-        if let Ok(kind @ (DataKind::Pages | DataKind::Run | DataKind::Grid | DataKind::Heights)) = DataKind::of(path) {
-            let found = kind.described();
-            return Err(format!("{}: content: found {found}, expected a source to build it of", path.display()).into());
-        }
     }
     let found = if trace.is_some() { "velocities to trace" } else { "particles" };
     arguments.wavelet.refuse(&arguments.sources[0], found)?;
@@ -268,13 +285,23 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let tracks = (!arguments.stills_only).then_some(&tracks);
     let skip_damaged = arguments.skip_damaged;
     let build = RunBuild { load: &load_options, options: &options, tracks, skip_damaged, still_of: None };
+    let one = |source: &Path| match &arguments.job.plan {
+        Some(folder) => arguments.job.plan(folder, source, &load_options, &options, &arguments.output, &progress),
+        None => build_one(source, &load_options, &options, &arguments.output, &progress),
+    };
     if let Some(trace) = trace {
+        if arguments.job.plan.is_some() {
+            let named = arguments.sources[0].display();
+            return Err(
+                format!("{named}: --plan: found velocities to trace, expected one snapshot of particles").into()
+            );
+        }
         return build.build_traced(&sources, &trace, &arguments.output, &progress).map(drop).map_err(Into::into);
     }
     if let (true, [source]) = (is_one, &sources[..])
         && steps_in(source)? == 1
     {
-        return build_one(source, &load_options, &options, &arguments.output, &progress);
+        return one(source);
     }
     let run_options = RunOptions {
         times: arguments.times.clone(),
@@ -289,8 +316,14 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let run = open_run(&sources, &run_options, options.read)?;
     match &run.steps[..] {
         // Files of one snapshot.
-        [only] if is_one && !arguments.skip_damaged => {
-            build_one(&only.about.path, &load_options, &options, &arguments.output, &progress)
+        [only] if is_one && !arguments.skip_damaged => one(&only.about.path),
+        _ if arguments.job.plan.is_some() => {
+            let found = format!("{} steps", run.steps.len());
+            Err(format!(
+                "{}: --plan: found {found}, expected one snapshot of particles",
+                arguments.sources[0].display()
+            )
+            .into())
         }
         _ => build.build(run, &arguments.output, &progress).map(drop).map_err(Into::into),
     }

@@ -23,7 +23,7 @@ use std::path::PathBuf;
   deepfield export galaxy.df --levels splats --family stars -o stars.ply  every particle, round
   deepfield export galaxy.df --attribute temperature --transfer density-hue -o hot.ply")]
 pub struct Arguments {
-    /// The page file, source or run.
+    /// The page file, source or run, or the URL of a built file.
     pub path: PathBuf,
     /// What is written: clusters with a shape of a file built with --hierarchy pca, or particles as round splats (splats).
     #[arg(long, value_name = "KIND", value_parser = ["clusters", "splats"], default_value = "clusters")]

@@ -17,6 +17,7 @@ mod grid_info;
 mod heights;
 pub mod hierarchy_options;
 pub mod info;
+pub mod job_options;
 pub mod key;
 pub mod light_options;
 pub mod manual;
@@ -37,6 +38,7 @@ mod run_info;
 pub mod select;
 #[cfg(feature = "remote")]
 pub mod serve;
+mod slurm;
 pub mod statistics;
 #[cfg(feature = "viewer")]
 mod supervise;
@@ -57,6 +59,7 @@ pub enum Command {
     View(Box<view::Arguments>),
     Render(Box<render::Arguments>),
     Build(Box<build::Arguments>),
+    Stage(job_options::StageArguments),
     Info(info::Arguments),
     Reconstruct(Box<reconstruct::Arguments>),
     Extract(extract::Arguments),
@@ -91,6 +94,7 @@ impl Command {
             Command::View(arguments) => view::run(arguments),
             Command::Render(arguments) => render::run(arguments),
             Command::Build(arguments) => build::run(arguments),
+            Command::Stage(arguments) => job_options::run_stage(arguments),
             Command::Info(arguments) => info::run(arguments),
             Command::Reconstruct(arguments) => reconstruct::run(arguments),
             Command::Extract(arguments) => extract::run(arguments),

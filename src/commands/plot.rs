@@ -38,7 +38,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield plot huge.df --radial temperature --at groups.hdf5#0 --error 0.05 -o halo.csv    shells with their errors
   deepfield plot run.df --time last --histogram density -o last.png")]
 pub struct Arguments {
-    /// The source, page file or run.
+    /// The source, page file or run, or the URL of a built file.
     pub path: PathBuf,
     /// Histogram of a field: the weight in each of its bins.
     #[arg(long, value_name = "NAME", required_unless_present_any = ["phase", "scatter", "radial"],

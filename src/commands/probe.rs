@@ -46,7 +46,7 @@ use std::path::{Path, PathBuf};
   deepfield probe dem.df --pixel 640,400 --eye 0,-900,700 --target 450,300,0
   deepfield probe head.nrrd --sphere 120,110,60,20          a volume: mean, dispersion and histogram, the value in the middle")]
 pub struct Arguments {
-    /// The source, page file or run; or an image, a volume or heights, built or not.
+    /// The source, page file or run; or an image, a volume or heights, built or not; or the URL of a built file.
     pub path: PathBuf,
     /// When it is asked.
     #[command(flatten)]

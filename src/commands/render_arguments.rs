@@ -50,7 +50,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield render hipparcos.csv -o sky.png --bloom 0.4 --bloom-radius 0.03    bright stars glow
   deepfield render galaxy.scene.ron -o disk.png              what the window has saved with Ctrl+S")]
 pub struct Arguments {
-    /// The source, page file or run, or a scene file.
+    /// The source, page file or run, the URL of a built file, or a scene file.
     pub path: PathBuf,
     /// When, of a run: a time, step:12, z:1.5, a:0.4 or last [default: the first step; in the mode paths without a lead the last].
     #[arg(long, value_name = "WHEN", allow_hyphen_values = true)]

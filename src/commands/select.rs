@@ -28,7 +28,7 @@ use std::path::PathBuf;
   deepfield select dem.df --rectangle 1000,2000,1500,2500 -o part.tif
   deepfield select galaxy.hdf5 --family gas --where temperature:..1e4 -o cold.parquet")]
 pub struct Arguments {
-    /// The source, page file or run; or heights, built or not.
+    /// The source, page file or run; or heights, built or not; or the URL of a built file.
     pub path: PathBuf,
     /// When it is asked.
     #[command(flatten)]

@@ -3,6 +3,7 @@
 use super::CommandResult;
 use super::arguments::{bytes, count};
 use crate::build::default_memory;
+use crate::model::is_url;
 use crate::serve::view::{ViewOptions, Viewing};
 use crate::serve::{Certificate, Files, Offer, ServeOptions, Server, Token};
 use std::env::VarError;
@@ -19,7 +20,7 @@ use std::sync::Arc;
   deepfield view https://example.org:8443/snapshot_099.df        at the other end, with the token in DEEPFIELD_TOKEN
   deepfield serve run.df --view --scene halo.scene.ron --tour fly.ron --visitors 20")]
 pub struct Arguments {
-    /// A folder, or one file.
+    /// A folder, or one file; with --view also the URL of a built file.
     #[arg(value_name = "FOLDER|FILE")]
     pub path: PathBuf,
     /// Address and port. Addresses that others reach ask for a token and TLS.
@@ -74,6 +75,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     options.check()?;
     let offer = match arguments.view {
         true => Offer::View(Arc::new(Viewing::open(&arguments.view_options())?)),
+        false if is_url(&arguments.path) => {
+            let path = arguments.path.display();
+            return Err(format!("{path}: found a URL, expected a folder or a file here, or --view").into());
+        }
         false => Offer::Files(Files::of(&arguments.path)?),
     };
     let address = match &offer {
@@ -111,7 +116,7 @@ impl Arguments {
                 Err(VarError::NotUnicode(_)) => return Err("DEEPFIELD_TOKEN: expected letters and digits".into()),
             },
         };
-        Ok(Some(Token::new(text.trim()).map_err(|expected| format!("{from}: found another token, {expected}"))?))
+        Ok(Some(Token::new(text.trim()).map_err(|expected| format!("{from}: found another text, {expected}"))?))
     }
 
     fn view_options(&self) -> ViewOptions {
@@ -127,6 +132,11 @@ impl Arguments {
     /// The line that is printed when the server serves: its address, and what is done with it at the other end.
     fn said(&self, url: &str, address: &str, has_token: bool) -> String {
         let path = self.path.display();
+        // Nobody comes by the address that stands for all of this machine's.
+        let url = match self.listen.ip().is_unspecified() {
+            true => url.replace("0.0.0.0", "HOST").replace("[::]", "HOST"),
+            false => url.to_owned(),
+        };
         match (self.view, has_token) {
             (true, false) => format!("serving pictures of {path}: open {url}/ in a browser"),
             (true, true) => format!("serving pictures of {path}: open {url}/?token=TOKEN in a browser"),

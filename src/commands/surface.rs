@@ -1,4 +1,4 @@
-//! `deepfield surface`: the surface of a density of particles, or of a volume's values, as a mesh.
+//! `deepfield surface`: the surface of a density or a field of particles, or of a volume's values, as a mesh.
 
 use super::arguments::{bytes, count, positive};
 use super::cache::page_file_of;
@@ -21,32 +21,40 @@ use std::time::Instant;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
-/// Writes the surface on which the density of particles, or a volume's value, is an isovalue as a mesh of triangles,
-/// closed and of any size.
+/// Writes the surface on which the density of particles, another of their fields, or a volume's value is an isovalue as a
+/// mesh of triangles, closed and of any size.
 ///
 /// The density is the sum of the particles' kernels, each with its own smoothing length, on a lattice of points. It is
 /// summed up only near the surface, a brick of the lattice at a time, so that neither the particles nor the mesh need
 /// to fit in memory. Of a source the page file in the cache is used, which is built first where there is none. A periodic
-/// box is gone round: particles at a face add to the density at the opposite one.
+/// box is gone round: particles at a face add to the density at the opposite one. Another field (--field) is the mean of
+/// the particles' values, weighted with volume and kernel; the surface closes where they fill less than 1 % of space.
 ///
 /// Of a volume, built or not, the lattice is that of its samples, which are read in blocks.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:
   deepfield surface snapshot_099.hdf5 --isovalue 1e-4 -o merger.ply
   deepfield surface galaxy.df --isovalue 10 --family gas --attribute temperature -o gas.ply
+  deepfield surface galaxy.df --field temperature --isovalue 1e5 -o hot.ply     what is hotter than that
   deepfield surface galaxy.df --isovalue 10 --sphere 21.9,39.0,33.1,1.5 --spacing 0.01 -o halo.stl
   deepfield surface run.df --time last --isovalue 1e-4 -o last.obj --json -
   deepfield surface box.df --isovalue 30 --open -o tile.ply          what meets at opposite faces of the box is the same
   deepfield surface head.nrrd --isovalue 300 --smooth 10 -o skull.stl
   deepfield surface cube.fits --isovalue -0.5 --attribute velocity -o gas.ply    of a volume: another of its channels")]
 pub struct Arguments {
-    /// The source, page file or run.
+    /// The source, page file or run, or the URL of a built file.
     pub path: PathBuf,
-    /// The density on the surface, in the data's unit of mass per cube of its unit of length; of a volume the value on it.
+    /// The density on the surface, in the data's unit of mass per cube of its unit of length; of a field or a volume the
+    /// value on it.
     #[arg(long, value_name = "VALUE", value_parser = finite, allow_hyphen_values = true)]
     pub isovalue: f64,
+    /// The field of particles that has the surface: an attribute, mass, density or smoothing-length [default: density].
+    /// What has higher values is within.
+    #[arg(long, value_name = "NAME")]
+    pub field: Option<String>,
     /// From a point of the lattice to the next, in the data's unit of length [default: half the median smoothing length
-    /// of particles with densities near the isovalue, or as much more as --cells asks for]. Volumes have their own.
+    /// of particles with densities near the isovalue, or with values of the field that are not below it; or as much more
+    /// as --cells asks for]. Volumes have their own.
     #[arg(long, value_name = "LENGTH", value_parser = positive)]
     pub spacing: Option<f64>,
     /// Cells of the lattice that are looked into, at most: those of bricks that the surface may pass.
@@ -55,8 +63,8 @@ pub struct Arguments {
     /// Memory for pages and for bricks of the lattice, and for a mesh that is smoothed. Where bricks alone take more, that is said.
     #[arg(long, value_name = "BYTES", value_parser = bytes, default_value = "1GiB")]
     pub memory: u64,
-    /// The attribute whose mean, weighted with mass, vertices have as `value`; .ply alone holds it. Of a volume the
-    /// channel that has the surface [default: the first].
+    /// The attribute whose mean, weighted with mass, or with volume beside --field, vertices have as `value`; .ply alone
+    /// holds it. Of a volume the channel that has the surface [default: the first].
     #[arg(long, value_name = "NAME")]
     pub attribute: Option<String>,
     /// Leave the surface open at the faces of a periodic box or a volume; flat caps close it otherwise. What meets at
@@ -89,15 +97,17 @@ struct Told<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     mass_unit: Option<&'a Unit>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    channel: Option<ChannelTold<'a>>,
+    field: Option<QuantityTold<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    channel: Option<QuantityTold<'a>>,
     #[serde(flatten)]
     surface: &'a Isosurface,
     seconds: f64,
 }
 
-/// The channel of a volume that has the surface.
+/// The field of particles or the channel of a volume that has the surface.
 #[derive(Serialize)]
-struct ChannelTold<'a> {
+struct QuantityTold<'a> {
     name: &'a str,
     unit: &'a Unit,
 }
@@ -116,7 +126,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         arguments.tell_of_memory(false);
         return of_grid(arguments, &named, format);
     }
-    if *isovalue <= 0.0 {
+    let field = arguments.field();
+    if field.is_none() && *isovalue <= 0.0 {
         return Err(usage(format!("{}: --isovalue: found {isovalue}, expected a density above 0", path.display())));
     }
     if attribute.is_some() && format != MeshFormat::Ply {
@@ -145,14 +156,16 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         );
     }
     let seconds = start.elapsed().as_secs_f64();
-    let told = Told { path, length_unit, mass_unit: Some(mass_unit), channel: None, surface: &surface, seconds };
+    let unit = field.and_then(|name| opened.data().unit_of(name)).unwrap_or_default();
+    let field = field.map(|name| QuantityTold { name, unit: &unit });
+    let told = Told { path, length_unit, mass_unit: Some(mass_unit), field, channel: None, surface: &surface, seconds };
     arguments.tell(&told)
 }
 
 /// Finds and writes the surface of a volume.
 fn of_grid(arguments: &Arguments, path: &Path, format: MeshFormat) -> CommandResult {
     let Arguments { spacing, time, region, output, .. } = arguments;
-    let own = [("--spacing", spacing.is_some()), ("--time", time.is_some())];
+    let own = [("--field", arguments.field.is_some()), ("--spacing", spacing.is_some()), ("--time", time.is_some())];
     if let Some((name, _)) = own.into_iter().chain(region.given()).find(|(_, is_given)| *is_given) {
         return Err(usage(format!("{}: {name}: found an image or a volume, expected particles", path.display())));
     }
@@ -172,7 +185,8 @@ fn of_grid(arguments: &Arguments, path: &Path, format: MeshFormat) -> CommandRes
         path: &arguments.path,
         length_unit: &grid.length_unit,
         mass_unit: None,
-        channel: channel.map(|channel| ChannelTold { name: &channel.name, unit: &channel.unit }),
+        field: None,
+        channel: channel.map(|channel| QuantityTold { name: &channel.name, unit: &channel.unit }),
         surface: &surface,
         seconds,
     })
@@ -181,7 +195,8 @@ fn of_grid(arguments: &Arguments, path: &Path, format: MeshFormat) -> CommandRes
 impl Arguments {
     /// Says where bricks take more memory than is allowed.
     fn tell_of_memory(&self, has_attribute: bool) {
-        let (path, found, least) = (self.path.display(), self.memory, memory_of_bricks(has_attribute));
+        let least = memory_of_bricks(self.field().is_some(), has_attribute);
+        let (path, found) = (self.path.display(), self.memory);
         if found < least {
             eprintln!(
                 "deepfield: {path}: --memory: found {found} bytes, bricks take {least} with {} threads, and pages one at a time",
@@ -190,9 +205,15 @@ impl Arguments {
         }
     }
 
+    /// The field of particles, where it is not the density.
+    fn field(&self) -> Option<&str> {
+        self.field.as_deref().filter(|name| *name != "density")
+    }
+
     fn options(&self) -> IsosurfaceOptions {
         IsosurfaceOptions {
             isovalue: self.isovalue,
+            field: self.field().map(str::to_owned),
             spacing: self.spacing,
             most_cells: self.cells,
             memory: self.memory,

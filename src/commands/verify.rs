@@ -20,7 +20,7 @@ use std::sync::Arc;
   deepfield verify galaxy.df
   deepfield verify run.df --sources            every particle at every step against its snapshot, too")]
 pub struct Arguments {
-    /// The page file or run.
+    /// The page file or run, or the URL of one.
     pub path: PathBuf,
     /// Compare the tracks of a run with the snapshots that it was built from, too, which still have to be there.
     #[arg(long)]

@@ -43,6 +43,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view after.df --before before.tif      what has changed, over the later surface
   deepfield view moon.tif --map globe:moon --with stars.csv        heights among particles: depth decides
   deepfield view movie.xyz                         a file of many steps
+  deepfield view https://data.example.org/galaxy.df           a built file where it lies, also s3://BUCKET/KEY: docs/remote.md
   deepfield view run.df --time step:12             a run: T plays it, comma and full stop go from step to step
   deepfield view snapshot_099.scene.ron            what was saved with Ctrl+S
   deepfield view snapshot_099.hdf5 --projection dome --tilt 20 --fullscreen    a fisheye projector: Tab hides the panels
@@ -52,7 +53,7 @@ type Failure = Box<dyn std::error::Error + Send + Sync>;
   deepfield view snapshot_099.hdf5 --outputs dome.ron                 a window for each projector of this machine
   deepfield view snapshot_099.hdf5 --simulate --mode volume   particles that move, straight from memory")]
 pub struct Arguments {
-    /// The source or page file, or a scene file; without it the data that the scene of --scene names, or a page to open files from.
+    /// The source or page file, the URL of a built file, or a scene file; without it the data that the scene of --scene names, or a page to open files from.
     /// Several sources, a folder or a quoted pattern of them, @LIST, or a file of many steps are a run, which is built in the cache while
     /// its first step is shown; a folder of tables with the same columns is one table.
     pub paths: Vec<PathBuf>,

@@ -29,7 +29,7 @@ impl Token {
         let fits = |byte: u8| byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
         match text.len() >= LEAST && text.bytes().all(fits) {
             true => Ok(Token(text.to_owned())),
-            false => Err(format!("expected at least {LEAST} letters, digits and -._~")),
+            false => Err(format!("expected at least {LEAST} letters, digits and -._~, and no host before them")),
         }
     }
 

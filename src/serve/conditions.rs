@@ -1,7 +1,7 @@
 //! What requests ask of the version that is there, and which part of it they want (RFC 9110, 13.2.2 and 14).
 
-use super::date;
 use super::version::Version;
+use crate::model::http_date;
 use hyper::HeaderMap;
 use hyper::header::{HeaderName, IF_MATCH, IF_MODIFIED_SINCE, IF_NONE_MATCH, IF_RANGE, IF_UNMODIFIED_SINCE, RANGE};
 use std::ops::Range;
@@ -24,7 +24,7 @@ pub(super) enum Verdict {
 /// What a request with these headers is answered; only GET (`takes_ranges`) has parts.
 pub(super) fn judge(headers: &HeaderMap, version: &Version, takes_ranges: bool) -> Verdict {
     let has = |name: HeaderName| headers.contains_key(name);
-    let since = |name: HeaderName| one(headers, name).and_then(date::read);
+    let since = |name: HeaderName| one(headers, name).and_then(http_date::read);
     if has(IF_MATCH) {
         if !tags(headers, IF_MATCH).any(|tag| tag == "*" || tag == version.tag) {
             return Verdict::Failed;
@@ -95,7 +95,7 @@ mod tests {
     const DATE: &str = "Sun, 06 Nov 1994 08:49:37 GMT";
 
     fn judged(fields: &[(HeaderName, &str)]) -> Verdict {
-        let version = Version { length: 100, modified: date::read(DATE), tag: "\"64-1\"".into() };
+        let version = Version { length: 100, modified: http_date::read(DATE), tag: "\"64-1\"".into() };
         let mut headers = HeaderMap::new();
         for (name, value) in fields {
             headers.append(name, HeaderValue::from_str(value).unwrap());

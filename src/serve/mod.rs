@@ -5,7 +5,6 @@ mod access;
 mod answer;
 mod conditions;
 mod content;
-mod date;
 mod files;
 mod index;
 mod options;

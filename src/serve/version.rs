@@ -1,7 +1,6 @@
 //! Which version of a file is open: its length, when it was written, and of page files the checksum of the footer.
 
-use super::date;
-use crate::model::{ReadFile, ReadMethod};
+use crate::model::{ReadFile, ReadMethod, http_date};
 use crate::store::PageFile;
 use std::fs::File;
 use std::io;
@@ -60,7 +59,7 @@ pub(super) fn open(path: &Path) -> io::Result<Opened> {
 impl Version {
     /// The value of `Last-Modified`.
     pub(super) fn date(&self) -> Option<String> {
-        self.modified.map(date::written)
+        self.modified.map(http_date::written)
     }
 }
 

@@ -4,7 +4,7 @@
 //! Where the sources are not there, as for an installed program, there is nothing to watch.
 
 use super::state::notices::Notices;
-use crate::gpu::shaders::check::{Variant, compose, texts, variants, variants_of};
+use crate::gpu::shaders::check::{Composer, Variant, texts, variants, variants_of};
 use crate::gpu::shaders::{SHADERS, ShaderFiles, load};
 use bevy::asset::io::file::FileAssetReader;
 use bevy::prelude::*;
@@ -74,8 +74,9 @@ impl ShaderTexts {
         let mut texts = self.0.clone();
         texts.iter_mut().filter(|(other, _)| *other == name).for_each(|(_, old)| text.clone_into(old));
         let is_library = text.contains("#define_import_path");
+        let mut composer = Composer::new(&texts);
         for variant in variants.iter().filter(|variant| is_library || variant.path == name) {
-            compose(&texts, variant)?;
+            composer.compose(variant)?;
         }
         Ok(ShaderTexts(texts))
     }

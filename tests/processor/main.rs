@@ -63,7 +63,7 @@ mod stream {
     mod faults;
     mod flight;
     mod height_faults;
-    mod soak;
+    pub mod soak;
     mod trees;
 }
 
@@ -93,6 +93,8 @@ mod release;
 mod remote;
 #[cfg(feature = "remote")]
 mod serve;
+#[cfg(unix)]
+mod slurm;
 mod tours;
 mod tracked;
 mod vector_fields;

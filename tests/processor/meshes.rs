@@ -1,6 +1,7 @@
 //! Surfaces of particles and volumes by the program, and their files read back.
 
 use crate::support::run;
+use serde_json::json;
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -109,7 +110,8 @@ fn read_stl(path: &Path) -> Mesh {
 }
 
 fn made(folder: &Path, name: &str, more: &[&str]) -> serde_json::Value {
-    let arguments = [&["surface", "cloud.g2", "--isovalue", "1", "-o", name, "--json", "-"][..], more].concat();
+    let isovalue: &[&str] = if more.contains(&"--isovalue") { &[] } else { &["--isovalue", "1"] };
+    let arguments = [&["surface", "cloud.g2", "-o", name, "--json", "-"][..], isovalue, more].concat();
     let output = run(folder, &arguments);
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
@@ -174,6 +176,30 @@ fn vertices_have_means_and_regions_have_surfaces() {
     let coarse = made(folder, "coarse.ply", &["--cells", "300000"]);
     assert!(coarse["cells"].as_u64().unwrap() <= 300_000, "{coarse}");
     assert!(coarse["finer_spacing"].as_f64().is_none_or(|finer| finer < coarse["spacing"].as_f64().unwrap()));
+}
+
+#[test]
+fn fields_of_particles_have_surfaces_out_of_core_as_in_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    assert!(run(folder, &["synth", "cloud", "-n", "3000", "-o", "cloud.g2"]).status.success());
+    let of_field = ["--field", "internal-energy", "--isovalue", "2.5", "--attribute", "density", "--spacing", "0.1"];
+    let told = made(folder, "field.ply", &of_field);
+    let (mesh, values) = read_ply(&folder.join("field.ply"));
+    mesh.assert_closed();
+    assert!(values.len() == mesh.places.len() && values.iter().all(|value| *value > 0.0));
+    assert_eq!([&told["field"]["name"], &told["boundary_edges"]], [&json!("internal-energy"), &json!(0)]);
+    assert!((mesh.volume() / told["volume"].as_f64().unwrap() - 1.0).abs() < 1e-4, "{} {told}", mesh.volume());
+    made(folder, "paged.ply", &[&of_field[..], &["--memory", "1"]].concat());
+    assert!(std::fs::read(folder.join("field.ply")).unwrap() == std::fs::read(folder.join("paged.ply")).unwrap());
+    // The density by its name, and a field of a volume, which has channels.
+    let densities =
+        [&[] as &[&str], &["--field", "density"]].map(|more| made(folder, "density.ply", more)["volume"].clone());
+    assert_eq!(densities[0], densities[1]);
+    write_ball(&folder.join("ball.nrrd"));
+    let refused = run(folder, &["surface", "ball.nrrd", "--isovalue", "0", "--field", "value", "-o", "out.ply"]);
+    let why = String::from_utf8(refused.stderr).unwrap();
+    assert!(why.contains("ball.nrrd: --field: found an image or a volume, expected particles"), "{why}");
 }
 
 /// A ball in a volume that cuts off some of it, as NRRD.

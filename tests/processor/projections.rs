@@ -60,8 +60,7 @@ fn centroid(values: &[f32], size: usize, place: [f64; 2]) -> [f64; 2] {
 
 /// Directions of stars in a dome master of the catalogue, against where they are: each to a fraction of a pixel, and the
 /// angles between all pairs to a pixel.
-fn check_angles(folder: &Path, catalogue: &Path, stars: &[DVec3]) {
-    const SIZE: usize = 900;
+fn check_angles(folder: &Path, catalogue: &Path, stars: &[DVec3], side: usize) {
     for (aperture, tilt) in [(180.0f64, 0.0f64), (230.0, 30.0), (360.0, -40.0)] {
         let raw = folder.join("dome.npy");
         render(
@@ -83,7 +82,7 @@ fn check_angles(folder: &Path, catalogue: &Path, stars: &[DVec3]) {
                 "--tilt",
                 &tilt.to_string(),
                 "--size",
-                &format!("{SIZE}x{SIZE}"),
+                &format!("{side}x{side}"),
                 "--eye",
                 "0,0,0",
                 "--target",
@@ -93,21 +92,21 @@ fn check_angles(folder: &Path, catalogue: &Path, stars: &[DVec3]) {
             ],
         );
         let (shape, values) = read(&raw);
-        assert_eq!(shape, [SIZE as u64; 2]);
+        assert_eq!(shape, [side as u64; 2]);
         let front = DVec3::new(1.0, 0.2, 0.0).normalize();
         let (sin, cos) = tilt.to_radians().sin_cos();
         let axes = [front.cross(DVec3::Z), sin * DVec3::Z - cos * front, cos * DVec3::Z + sin * front];
-        let pixel = aperture.to_radians() / SIZE as f64;
+        let pixel = aperture.to_radians() / side as f64;
         let mut found = Vec::new();
         for &star in stars {
-            let Some(place) = in_dome(star, axes, SIZE as f64, aperture) else { continue };
-            let seen = centroid(&values, SIZE, place);
+            let Some(place) = in_dome(star, axes, side as f64, aperture) else { continue };
+            let seen = centroid(&values, side, place);
             let away = (seen[0] - place[0]).hypot(seen[1] - place[1]);
             // Near the rim of 360 degrees the sky is stretched sideways without end, and so is a star.
             let stretched = star.angle_between(axes[2]) > 2.6;
             assert!(away < 0.5 || stretched, "{aperture} degrees: {star} is {away} pixels from its place");
             if !stretched {
-                found.push((star, of_dome(seen, axes, SIZE as f64, aperture)));
+                found.push((star, of_dome(seen, axes, side as f64, aperture)));
             }
         }
         assert!(found.len() > 5, "{aperture} degrees: {} stars", found.len());
@@ -137,7 +136,8 @@ fn angles_between_stars_are_right_to_a_pixel() {
     }
     let catalogue = folder.path().join("stars.csv");
     std::fs::write(&catalogue, text).unwrap();
-    check_angles(folder.path(), &catalogue, &places.iter().map(|&(ra, dec)| on_sky(ra, dec)).collect::<Vec<_>>());
+    let stars: Vec<DVec3> = places.iter().map(|&(ra, dec)| on_sky(ra, dec)).collect();
+    check_angles(folder.path(), &catalogue, &stars, 600);
 }
 
 /// Bright stars of the Hipparcos catalogue: right ascension and declination, degrees, J2000.
@@ -161,7 +161,7 @@ const BRIGHT: [(f64, f64); 12] = [
 fn angles_between_known_stars_are_right_to_a_pixel() {
     let folder = tempfile::tempdir().unwrap();
     let stars = BRIGHT.map(|(ra, dec)| on_sky(ra, dec));
-    check_angles(folder.path(), &in_reference_data("stars/hyg_mag65.csv"), &stars);
+    check_angles(folder.path(), &in_reference_data("stars/hyg_mag65.csv"), &stars, 900);
 }
 
 /// Mean over blocks of pixels, so that neither picture's sampling counts.

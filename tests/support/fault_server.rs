@@ -74,18 +74,18 @@ pub struct FaultServer {
 
 impl FaultServer {
     /// Serves these bytes, with a strong tag.
-    pub fn new(bytes: Vec<u8>) -> FaultServer {
-        FaultServer::behind(bytes, None)
+    pub fn new(bytes: impl Into<Arc<Vec<u8>>>) -> FaultServer {
+        FaultServer::behind(bytes.into(), None)
     }
 
     /// The same over a link of some latency and bytes per second.
     pub fn over_link(bytes: Vec<u8>, latency: Duration, rate: f64) -> FaultServer {
-        FaultServer::behind(bytes, Some((latency, rate)))
+        FaultServer::behind(bytes.into(), Some((latency, rate)))
     }
 
-    fn behind(bytes: Vec<u8>, link: Option<(Duration, f64)>) -> FaultServer {
+    fn behind(bytes: Arc<Vec<u8>>, link: Option<(Duration, f64)>) -> FaultServer {
         let state = State {
-            bytes: Arc::new(bytes),
+            bytes,
             tag: Some("\"first\"".into()),
             modified: Some("Sun, 06 Nov 1994 08:49:37 GMT"),
             decide: Arc::new(|_| Fault::Sound),

@@ -1,6 +1,7 @@
-//! Files of the repository and of the reference data.
+//! Files of the repository and of the reference data, and page files that many tests begin with.
 
 use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
 
 /// A file of the repository.
 pub fn in_repository(name: &str) -> PathBuf {
@@ -16,4 +17,29 @@ pub fn in_reference_data(name: &str) -> PathBuf {
 /// The demo snapshot.
 pub fn demo() -> PathBuf {
     in_repository("assets/demo/lcdm64_z0.hdf5")
+}
+
+/// The bytes of a page file, made by whichever test of this program first asks for it, since each is a process of its own. A program that was
+/// compiled again makes its own.
+pub fn kept_page_file(name: &str, make: impl FnOnce(&Path)) -> Vec<u8> {
+    let program = std::env::current_exe().unwrap();
+    let compiled = program.metadata().unwrap().modified().unwrap().duration_since(UNIX_EPOCH).unwrap();
+    let program = format!("{}-", program.file_stem().unwrap().to_str().unwrap());
+    let own = format!("{program}{}-", compiled.as_nanos());
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let path = folder.join(format!("{own}{name}.df"));
+    if !path.exists() {
+        for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+            let other = entry.file_name().into_string().unwrap();
+            if other.starts_with(&program) && !other.starts_with(&own) {
+                // Another test may have been quicker.
+                let _ = std::fs::remove_file(entry.path());
+            }
+        }
+        let making = tempfile::tempdir_in(folder).unwrap();
+        let made = making.path().join("made.df");
+        make(&made);
+        std::fs::rename(made, &path).unwrap();
+    }
+    std::fs::read(path).unwrap()
 }

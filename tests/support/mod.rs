@@ -13,7 +13,7 @@ mod program;
 mod random;
 
 pub use eclipse::eclipse;
-pub use files::{demo, in_reference_data, in_repository};
+pub use files::{demo, in_reference_data, in_repository, kept_page_file};
 pub use pages::{
     Built, built, built_from, built_from_dataset, built_plainly, core, draw_nodes, draw_pages, draw_source,
     paint_pages, sum_nodes, view_from, view_of,

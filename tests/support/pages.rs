@@ -1,5 +1,6 @@
 //! Page files built for the tests, and what the tests draw from them.
 
+use super::files::{demo, kept_page_file};
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
@@ -26,9 +27,19 @@ pub struct Built {
     _folder: tempfile::TempDir,
 }
 
-/// Imports a source and builds it.
+/// Imports a source and builds it: the demo snapshot, with which many tests begin, once for all of them.
 pub fn built(source: &Path, vq_bits: VqBits) -> Built {
-    built_from(source, &LoadOptions::default(), vq_bits)
+    if source != demo() {
+        return built_from(source, &LoadOptions::default(), vq_bits);
+    }
+    let dataset = load(source, &LoadOptions::default(), &()).unwrap();
+    let kept = kept_page_file(&format!("demo-{vq_bits:?}"), |path| {
+        build(dataset.clone(), &BuildOptions::with_vq_bits(vq_bits), path, &()).unwrap();
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("built.df");
+    std::fs::write(&path, kept).unwrap();
+    Built { dataset, file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
 }
 
 /// Imports what `options` say of a source and builds it.

@@ -3,9 +3,12 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// The program, without arguments.
+/// The program, without arguments. What an adapter in software compiles is kept for all of them: elsewhere each would compile its own, since a
+/// test's folder is all that its programs know of their user.
 pub fn program() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_deepfield"))
+    let mut command = Command::new(env!("CARGO_BIN_EXE_deepfield"));
+    command.env("MESA_SHADER_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"));
+    command
 }
 
 /// What the program does with these arguments in a folder, which is its cache, too.

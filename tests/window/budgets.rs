@@ -95,7 +95,7 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
                 std::thread::sleep(Duration::from_millis(80));
                 look(&program, &mut most);
             }
-            if step >= 12 && most[0] > 0.5 && most[1] > 0.5 {
+            if step >= 7 && most[0] > 0.5 && most[1] > 0.5 {
                 break;
             }
             assert!(start.elapsed() < PATIENCE, "{mode}: the budgets are not filled: {most:?}");

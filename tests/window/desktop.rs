@@ -15,6 +15,8 @@ pub const WIDTH: u16 = 1280;
 pub const HEIGHT: u16 = 720;
 /// The slowest machine that the test is meant for compiles its shaders on one core.
 pub const PATIENCE: Duration = Duration::from_secs(240);
+/// Logical pixels that a notch of the wheel scrolls the panel by, or somewhat less.
+const NOTCH: i32 = 60;
 
 /// Kills a process that a failed test would leave behind.
 pub struct Process(Child);
@@ -351,21 +353,23 @@ impl Program {
         let (mut scrolled, mut last) = (false, None);
         loop {
             let at = self.control(name);
+            let rests = !scrolled || last == at;
             match at {
-                Some(at) if self.status()["controls"][name][4] == 1.0 => {
-                    if !scrolled || last == Some(at) {
-                        return at;
+                Some([x, y]) if rests => {
+                    if self.status()["controls"][name][4] == 1.0 {
+                        return [x, y];
                     }
-                    std::thread::sleep(Duration::from_millis(250));
-                }
-                Some([x, y]) => {
                     scrolled = true;
                     desktop.fake_input(6, 0, [x, height / 2]);
-                    let button = if y < height / 2 { 4 } else { 5 };
-                    desktop.fake_input(4, button, [0; 2]);
-                    desktop.fake_input(5, button, [0; 2]);
+                    let (button, beyond) =
+                        if y < height / 2 { (4, -i32::from(y)) } else { (5, i32::from(y) - i32::from(height)) };
+                    for _ in 0..(beyond / NOTCH).clamp(1, 20) {
+                        desktop.fake_input(4, button, [0; 2]);
+                        desktop.fake_input(5, button, [0; 2]);
+                    }
+                    self.draw_frames();
                 }
-                None => {}
+                _ => {}
             }
             last = at;
             assert!(start.elapsed() < PATIENCE, "no control {name}: {:#}", self.status()["controls"]);
@@ -376,13 +380,18 @@ impl Program {
     /// Waits until what was done with mouse and keys is in the status: some frames have been drawn since, and the file has been written. Less
     /// than half a second after a click the next one would make a double-click of both.
     pub fn settle(&self) {
+        self.draw_frames();
+        std::thread::sleep(Duration::from_millis(400));
+    }
+
+    /// Waits until some more frames have been drawn.
+    fn draw_frames(&self) {
         let start = Instant::now();
         let frames = || self.status()["frames"].as_u64().unwrap_or(0);
         let before = frames();
         while frames() < before + 3 && start.elapsed() < PATIENCE {
             std::thread::sleep(Duration::from_millis(50));
         }
-        std::thread::sleep(Duration::from_millis(400));
     }
 
     /// Waits until the program ends by itself and returns its exit code.
@@ -460,4 +469,16 @@ pub fn repeat(program: &Program, what: &str, act: impl Fn(), seen: impl Fn(&Valu
         act();
         program.settle();
     }
+}
+
+/// As [`repeat`], of what takes its time, which another input would begin anew: for some seconds there is none.
+pub fn repeat_flight(program: &Program, what: &str, act: impl Fn(), seen: impl Fn(&Value) -> bool) -> Value {
+    let act = || {
+        act();
+        let start = Instant::now();
+        while !seen(&program.status()) && start.elapsed() < Duration::from_secs(4) {
+            std::thread::sleep(Duration::from_millis(100));
+        }
+    };
+    repeat(program, what, act, &seen)
 }

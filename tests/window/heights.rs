@@ -50,7 +50,6 @@ fn heights_are_drawn_as_they_are_rendered() {
         ("", ["cpu"; 2]),
         // Face by face, as files are.
         (dome, ["compute"; 2]),
-        (slopes, ["cpu"; 2]),
         (slopes, ["compute"; 2]),
         (filled, ["raster"; 2]),
         (rays, ["compute"; 2]),

@@ -1,7 +1,7 @@
 //! Looking closer in the window, driven as a user would under a virtual X server: a particle is inspected, a distance measured, a
 //! sphere drawn and summed up, kept as a selection, shown alone, written to a table, plotted and undone; a view is kept on a key.
 
-use super::desktop::{Desktop, Program, click, distance, keep, point, repeat};
+use super::desktop::{Desktop, Program, click, distance, keep, point, repeat, repeat_flight};
 use crate::support::demo;
 use serde_json::Value;
 use std::time::Duration;
@@ -95,10 +95,6 @@ fn particles_are_inspected_measured_summed_up_selected_and_written() {
     let eye = triple(&kept["looking"]["bookmarks"][0][1]);
     let turn = || desktop.drag(middle, [middle[0] + 120, middle[1] + 30]);
     repeat(&program, "another view", turn, |s| distance(point(s, "eye"), eye) > 1.0);
-    let back = || {
-        desktop.click(program.reveal(&desktop, "bookmark:1:fly"));
-        // A flight takes its time, and another click would begin another.
-        std::thread::sleep(Duration::from_secs(4));
-    };
-    repeat(&program, "the view again", back, |s| distance(point(s, "eye"), eye) < 1e-6);
+    let back = || desktop.click(program.reveal(&desktop, "bookmark:1:fly"));
+    repeat_flight(&program, "the view again", back, |s| distance(point(s, "eye"), eye) < 1e-6);
 }

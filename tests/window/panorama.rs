@@ -46,7 +46,8 @@ fn a_dome_in_the_window_is_the_one_that_is_rendered_and_follows_the_camera() {
     let data = folder.path().join("box.hdf5");
     std::fs::copy(crate::support::demo(), &data).unwrap();
     let desktop = Desktop::with_screen(SIZE);
-    let arguments = ["--backend", "cpu", "--projection", "dome", "--aperture", "200", "--tilt", "30"];
+    let arguments =
+        ["--backend", "cpu", "--error-px", "2", "--projection", "dome", "--aperture", "200", "--tilt", "30"];
     let mut program = Program::open(&desktop, folder.path(), &data, SIZE, &arguments);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     let dome = |tilt: f64| json!({"dome": {"aperture": 200.0, "tilt": tilt}});
@@ -132,7 +133,7 @@ fn faces_in_the_window_are_drawn_by_the_adapter_that_is_asked_for() {
     // From within the data. The adapter has no discs of a pixel's size for panoramas: the processor draws them unasked.
     let text = |mode: &str| {
         format!(
-            r#"(version: 1, datasets: [(path: {data:?})], mode: "{mode}", projection: dome(aperture: 180.0, tilt: 0.0), size: (400, 400),
+            r#"(version: 1, datasets: [(path: {data:?})], mode: "{mode}", error_px: 2.0, projection: dome(aperture: 180.0, tilt: 0.0), size: (400, 400),
                 annotations: (legend: false, scale_bar: false, labels: 0),
                 camera: (eye: (32.0, 32.0, 32.0), target: (32.0, 32.0, 0.0), up: (0.0, 1.0, 0.0), fov: 45.0))"#
         )

@@ -161,7 +161,7 @@ fn motion_is_drawn_with_a_sample_on_the_graphics_adapter() {
 
 #[test]
 fn particles_that_another_system_moves_are_drawn_state_by_state() {
-    for (mode, backend) in [("column-density", "cpu"), ("volume", "compute"), ("sorted-splats", "compute")] {
+    for (mode, backend) in [("column-density", "cpu"), ("volume", "compute")] {
         let folder = tempfile::tempdir().unwrap();
         let desktop = Desktop::with_screen(SMALL);
         let arguments = ["--backend", backend, "--simulate", "--mode", mode, "--frame-ms", "200"];

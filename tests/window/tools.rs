@@ -1,7 +1,7 @@
 //! Tools of the window beside those of `looking`: lassos, boxes and named objects, selections alone and in Parquet, presets,
 //! periodic boxes and number keys, driven as a user would under a virtual X server.
 
-use super::desktop::{Desktop, Program, choose, click, columns, distance, keep, middle, point, repeat};
+use super::desktop::{Desktop, Program, choose, click, columns, distance, keep, middle, point, repeat, repeat_flight};
 use crate::support::{demo, in_repository};
 use serde_json::Value;
 use std::path::Path;
@@ -64,11 +64,8 @@ fn lassos_boxes_objects_presets_and_keys_do_what_they_say() {
     });
     let probed = click(&program, &desktop, "object:0:probe", |s| s["looking"]["probe"]["sphere"][1] == 2.0);
     assert_eq!(triple(&probed["looking"]["probe"]["sphere"][0]), [10.0, 12.0, 14.0]);
-    let fly = || {
-        desktop.click(program.reveal(&desktop, "object:0:fly"));
-        std::thread::sleep(Duration::from_secs(4));
-    };
-    repeat(&program, "a flight", fly, |s| distance(point(s, "target"), [10.0, 12.0, 14.0]) < 1e-6);
+    let fly = || desktop.click(program.reveal(&desktop, "object:0:fly"));
+    repeat_flight(&program, "a flight", fly, |s| distance(point(s, "target"), [10.0, 12.0, 14.0]) < 1e-6);
 
     // The view is kept on a key, left with the key that shows all, and flown back to.
     let key = |held: &[u32], key: char| desktop.press_with(held, u32::from(key));
@@ -76,17 +73,11 @@ fn lassos_boxes_objects_presets_and_keys_do_what_they_say() {
     rest();
     let kept = repeat(&program, "Ctrl+3", || key(&[CONTROL], '3'), |s| s["looking"]["bookmarks"][0][0] == 3);
     let eye = triple(&kept["looking"]["bookmarks"][0][1]);
-    let home = || {
-        desktop.press(0xff50);
-        std::thread::sleep(Duration::from_secs(4));
-    };
-    repeat(&program, "the whole", home, |s| distance(point(s, "eye"), eye) > 5.0);
-    let back = || {
-        key(&[], '3');
-        std::thread::sleep(Duration::from_secs(4));
-    };
-    repeat(&program, "the key 3", back, |s| distance(point(s, "eye"), eye) < 1e-6);
-    repeat(&program, "the whole", home, |s| distance(point(s, "eye"), eye) > 5.0);
+    let away = |s: &Value| s["converged"] == true && distance(point(s, "eye"), eye) > 5.0;
+    let home = || repeat_flight(&program, "the whole", || desktop.press(0xff50), away);
+    home();
+    repeat_flight(&program, "the key 3", || key(&[], '3'), |s| distance(point(s, "eye"), eye) < 1e-6);
+    home();
 
     // A box and a lasso are drawn, and kept.
     click(&program, &desktop, "tool:Box", |s| s["looking"]["tool"] == "Box");

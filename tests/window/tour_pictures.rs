@@ -16,9 +16,9 @@ const SIZE: [u16; 2] = [640, 360];
 
 /// A cut with a long blend from 1 s on, from one mode to another.
 const TOUR: &str = r#"(version: 1, size: (640, 360), dataset: (path: "box.hdf5"), keyframes: [
-    (at: 0.0, mode: "density-squared", error_px: 0.8, camera: (eye: (25.0, 32.0, 110.0), target: (25.0, 25.0, 25.0))),
-    (at: 1.0, move: cut, label: "blend", fade: 60.0, mode: "column-density", camera: (eye: (80.0, 40.0, 60.0), target: (25.0, 25.0, 25.0))),
-    (at: 80.0, camera: (eye: (85.0, 40.0, 50.0), target: (25.0, 25.0, 25.0))),
+    (at: 0.0, mode: "density-squared", error_px: 2.0, camera: (eye: (25.0, 32.0, 110.0), target: (25.0, 25.0, 25.0))),
+    (at: 1.0, move: cut, label: "blend", fade: 30.0, mode: "column-density", camera: (eye: (80.0, 40.0, 60.0), target: (25.0, 25.0, 25.0))),
+    (at: 45.0, camera: (eye: (85.0, 40.0, 50.0), target: (25.0, 25.0, 25.0))),
 ])"#;
 
 /// Mean of the values of a picture, and their mean difference from those of a screen: below the messages, and left of and above the
@@ -71,8 +71,8 @@ fn plays_what_is_recorded(backend: &str) {
     desktop.focus(desktop.window().unwrap());
     repeat(&program, "no panel", || desktop.press(TAB), |status| status["panel"] == false);
     // It is stopped in the middle of the blend.
-    program.wait("the blend", |status| tour_time(status).is_some_and(|time| time > 12.0));
-    let in_blend = |time: f64| (12.0..55.0).contains(&time);
+    program.wait("the blend", |status| tour_time(status).is_some_and(|time| time > 6.0));
+    let in_blend = |time: f64| (6.0..28.0).contains(&time);
     let stand = || {
         if program.status()["tour"]["running"] == true {
             desktop.press(SPACE);
@@ -84,7 +84,7 @@ fn plays_what_is_recorded(backend: &str) {
         } else {
             desktop.press(LEFT);
             desktop.press(SPACE);
-            std::thread::sleep(std::time::Duration::from_secs(14));
+            std::thread::sleep(std::time::Duration::from_secs(9));
         }
     };
     let stands = |status: &Value| status["tour"]["running"] == false && tour_time(status).is_some_and(in_blend);

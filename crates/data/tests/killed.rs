@@ -1,8 +1,10 @@
 //! A build that is killed, at whatever stage, or that nobody waits for any more leaves nothing behind; what was there before stays as it was.
+//! Of one that is cut into tasks what was done stays, until it is cancelled.
 
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use deepfield_data::build::cluster::{Job, Split};
 use deepfield_data::build::{BuildOptions, build_source};
 use deepfield_data::hierarchy::Kinds;
 use deepfield_data::import::{LoadOptions, Smoothing};
@@ -86,6 +88,55 @@ fn has_unnamed(folder: &Path) -> bool {
     use std::os::unix::fs::OpenOptionsExt;
     let flags = rustix::fs::OFlags::TMPFILE.bits() as i32;
     std::fs::OpenOptions::new().read(true).write(true).custom_flags(flags).open(folder).is_ok()
+}
+
+/// With work, the process that is killed: it runs what is left of the tasks of a job, and comes a few steps further than the one before.
+#[test]
+fn killed_tasks_are_run_again() {
+    let plan = |folder: &Path| {
+        let (job, source, out) = (folder.join("job"), folder.join("source"), folder.join("k.df"));
+        let options = BuildOptions { threads: Some(1), ..BuildOptions::default() };
+        let split = Split { tasks: Some(2) };
+        Job::plan(&job, &source, &LoadOptions::default(), &options, split, &out, &()).unwrap()
+    };
+    if let Some(folder) = std::env::var_os(WORK) {
+        let job = plan(Path::new(&folder));
+        for stage in job.stages() {
+            (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &Slow).unwrap());
+        }
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("source");
+    synth::files::write(&synth::clusters::Clusters::new(1, 20_000), &source, synth::gadget::MOST, &()).unwrap();
+    let job = plan(folder.path());
+    let mut killed = 0;
+    loop {
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "killed_tasks_are_run_again", "--nocapture"])
+            .env(WORK, folder.path())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
+        let is_stage = |line: &std::io::Result<String>| line.as_ref().is_ok_and(|line| line.contains(STAGE));
+        if told.by_ref().filter(is_stage).nth(2).is_none() {
+            assert!(child.wait().unwrap().success());
+            break;
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        killed += 1;
+    }
+    assert!(killed > 4, "{killed} processes were killed");
+    let alone = folder.path().join("alone.df");
+    build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &alone, &()).unwrap();
+    assert!(std::fs::read(folder.path().join("k.df")).unwrap() == std::fs::read(&alone).unwrap());
+    job.remove().unwrap();
+    let names = || std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut names: Vec<_> = names().collect();
+    names.sort();
+    assert_eq!(names, ["alone.df", "k.df", "source"]);
 }
 
 /// Counts what builds ask in each stage; from question `most` on nobody waits.

@@ -37,7 +37,8 @@ impl OpenHeights {
     /// # Errors
     /// When it cannot be read, is damaged, or is of no known format.
     pub fn open(path: &Path, options: &HeightOptions) -> Result<OpenHeights, HeightError> {
-        if !is_page_file(path) {
+        // Nothing behind a URL is a source: what cannot be read there is told as it is.
+        if !is_url(path) && !is_page_file(path) {
             return Ok(OpenHeights::Source(Box::new(open_heights(path, options)?)));
         }
         let said = [

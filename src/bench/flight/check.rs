@@ -31,7 +31,7 @@ pub struct Check {
 }
 
 /// The values of a picture's pixels.
-fn values(picture: &Raw) -> &[f32] {
+pub(in crate::bench) fn values(picture: &Raw) -> &[f32] {
     match picture {
         Raw::Sums(sums, _) => &sums.p,
         Raw::Light(painted) => painted.colors.rgba.as_flattened(),

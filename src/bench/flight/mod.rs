@@ -50,7 +50,7 @@ pub struct Options {
     /// Longest sides of the data's box that are flown in a second: 12.76 of 2230 million light years in F12.
     #[arg(long, value_name = "SIDES", default_value_t = 12.76 / 2230.0, value_parser = positive)]
     pub velocity: f64,
-    /// Picture size in pixels [default: 1200x800 for `bench flight`, 600x400 for `bench compare`, 512x512 for `bench hierarchies`].
+    /// Picture size in pixels [default: 1200x800 for `bench flight`, 1280x720 for `bench remote`, 600x400 for `bench compare`, 512x512 for `bench hierarchies`].
     #[arg(long, value_name = "WxH")]
     pub size: Option<PictureSize>,
     /// Largest displacement of a particle on screen, pixels.
@@ -235,7 +235,7 @@ pub fn measure(arguments: &super::Arguments) -> Result<Vec<Outcome>, Failure> {
 }
 
 /// The page file of a generated cosmology, made once. Its snapshot lies beside it only as long as it is built from.
-fn generated(seed: u64, particles: u64, thinning: bool) -> Result<PathBuf, Failure> {
+pub(super) fn generated(seed: u64, particles: u64, thinning: bool) -> Result<PathBuf, Failure> {
     let folder = cache::folder("bench")?;
     let version = crate::store::layout::VERSION;
     let kind = if thinning { "" } else { "-unthinned" };
@@ -258,15 +258,15 @@ fn generated(seed: u64, particles: u64, thinning: bool) -> Result<PathBuf, Failu
 }
 
 /// When a file was opened, and where its first picture is.
-struct Opened {
-    at: Instant,
-    bytes: u64,
-    view: View,
-    flight: Flight,
+pub(super) struct Opened {
+    pub at: Instant,
+    pub bytes: u64,
+    pub view: View,
+    pub flight: Flight,
 }
 
 /// Opens file and backend, and does something with them.
-fn with_canvas<T>(
+pub(super) fn with_canvas<T>(
     backend: &str,
     path: &Path,
     options: &Options,

@@ -29,6 +29,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> CommandResult {
         memory: arguments.memory,
         threads: arguments.threads.map(usize::from),
         height_error: arguments.height_error,
+        ..HeightBuildOptions::default()
     };
     let built = open.build(&options, &arguments.output, &TerminalProgress::new())?;
     let kept = options.not_rounded(&built);

@@ -15,8 +15,9 @@ use crate::gpu::tiles::pipelines as tiles;
 use crate::gpu::volume::programs::{self as volume, Kind, Step};
 use crate::model::Kernel;
 use bevy::asset::{AssetId, uuid::Uuid};
-use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal};
+use bevy::shader::{Shader, ShaderCache, ShaderCacheError, ShaderCacheSource, ShaderDefVal, ValidateShader};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use wgpu::naga::Module;
 use wgpu::naga::valid::{Capabilities, ValidationFlags, Validator};
 
@@ -139,38 +140,63 @@ pub fn variants() -> Vec<Variant> {
     all
 }
 
-/// The module of a shader among `shaders` (paths and texts), validated with the least that it may rely on.
-///
-/// # Errors
-/// What is wrong, where naga knows the place with its file and line.
-pub fn compose(shaders: &[(&str, String)], variant: &Variant) -> Result<Module, String> {
-    let features = if variant.subgroup { wgpu::Features::SUBGROUP } else { wgpu::Features::empty() };
-    let mut cache = ShaderCache::new((), features, wgpu::DownlevelFlags::empty(), |(), source, _| match source {
+/// Composes shaders; what they import is composed once for all that import it with the same definitions.
+pub struct Composer {
+    paths: Vec<String>,
+    /// Without subgroups, and with them.
+    caches: [ShaderCache<Module, ()>; 2],
+}
+
+impl Composer {
+    /// Of shaders with these paths and texts.
+    pub fn new(shaders: &[(&str, String)]) -> Composer {
+        let caches = [wgpu::Features::empty(), wgpu::Features::SUBGROUP].map(|features| {
+            let mut cache = ShaderCache::new((), features, wgpu::DownlevelFlags::empty(), module_of);
+            for (index, (path, text)) in shaders.iter().enumerate() {
+                cache.set_shader(id_of(index), Shader::from_wgsl(text.clone(), *path));
+            }
+            cache
+        });
+        Composer { paths: shaders.iter().map(|(path, _)| (*path).to_owned()).collect(), caches }
+    }
+
+    /// The module of a shader, validated with the least that it may rely on.
+    ///
+    /// # Errors
+    /// What is wrong, where naga knows the place with its file and line.
+    pub fn compose(&mut self, variant: &Variant) -> Result<Arc<Module>, String> {
+        let index = self.paths.iter().position(|path| path == variant.path);
+        let id = id_of(index.ok_or_else(|| format!("no shader {}", variant.path))?);
+        let cache = &mut self.caches[usize::from(variant.subgroup)];
+        let module = cache.get(0, id, &variant.defs).map_err(|error| match error {
+            ShaderCacheError::ProcessShaderError(error) => {
+                one_line(&error.emit_to_string(&cache.composer), variant.path)
+            }
+            error => format!("{}: {error}", variant.path),
+        })?;
+        let capabilities = if variant.subgroup { Capabilities::SUBGROUP } else { Capabilities::empty() };
+        let mut validator = Validator::new(ValidationFlags::all(), capabilities);
+        validator.validate(&module).map_err(|error| format!("{}: {:?}", variant.path, error.into_inner()))?;
+        for &entry in &variant.entries {
+            if !module.entry_points.iter().any(|point| point.name == entry) {
+                return Err(format!("{}: no entry point {entry}", variant.path));
+            }
+        }
+        Ok(module)
+    }
+}
+
+/// What a shader of a number is called among assets.
+fn id_of(index: usize) -> AssetId<Shader> {
+    AssetId::Uuid { uuid: Uuid::from_u128(index as u128) }
+}
+
+/// What is composed is all that is wanted.
+fn module_of((): &(), source: ShaderCacheSource<'_>, _: &ValidateShader) -> Result<Module, ShaderCacheError> {
+    match source {
         ShaderCacheSource::Naga(module) => Ok(module),
         _ => Err(ShaderCacheError::CreateShaderModule("not WGSL".to_owned())),
-    });
-    let mut wanted = None;
-    for (index, (path, text)) in shaders.iter().enumerate() {
-        let id = AssetId::<Shader>::Uuid { uuid: Uuid::from_u128(index as u128) };
-        cache.set_shader(id, Shader::from_wgsl(text.clone(), *path));
-        if *path == variant.path {
-            wanted = Some(id);
-        }
     }
-    let id = wanted.ok_or_else(|| format!("no shader {}", variant.path))?;
-    let module = cache.get(0, id, &variant.defs).map_err(|error| match error {
-        ShaderCacheError::ProcessShaderError(error) => one_line(&error.emit_to_string(&cache.composer), variant.path),
-        error => format!("{}: {error}", variant.path),
-    })?;
-    let capabilities = if variant.subgroup { Capabilities::SUBGROUP } else { Capabilities::empty() };
-    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
-    validator.validate(&module).map_err(|error| format!("{}: {:?}", variant.path, error.into_inner()))?;
-    for &entry in &variant.entries {
-        if !module.entry_points.iter().any(|point| point.name == entry) {
-            return Err(format!("{}: no entry point {entry}", variant.path));
-        }
-    }
-    Ok(Module::clone(&module))
 }
 
 /// `FILE:LINE:COLUMN: what is wrong` of a message about `path` that shows the place in the file; of some mistakes naga knows none.
@@ -205,9 +231,9 @@ pub fn variants_of(files: &[ShaderFile]) -> Vec<Variant> {
 /// # Errors
 /// The first mistake; an entry point that no pipeline uses is one.
 pub fn check(files: &[ShaderFile]) -> Result<(), String> {
-    let texts = texts(files);
+    let mut composer = Composer::new(&texts(files));
     for variant in variants_of(files) {
-        let module = compose(&texts, &variant)?;
+        let module = composer.compose(&variant)?;
         let names: BTreeSet<&str> = module.entry_points.iter().map(|point| point.name.as_str()).collect();
         if names != variant.entries.iter().copied().collect() {
             return Err(format!("{}: entry points {names:?}, expected {:?}", variant.path, variant.entries));

@@ -2,7 +2,7 @@
 //! and what it reads, compared with what the program writes. No graphics adapter is needed.
 
 use super::SHADERS;
-use super::check::{Variant, compose, variants};
+use super::check::{Composer, Variant, variants};
 use crate::gpu::bloom::levels::{Givers, LevelUniform, Takers};
 use crate::gpu::composite::CompositeUniform;
 use crate::gpu::integrals::layout::{IntegralUniform, RaysUniform};
@@ -25,12 +25,13 @@ use crate::gpu::volume::field::layout::{FieldLine, FieldUniform, SlopeUniform};
 use crate::gpu::volume::layout::{Portion, REACH_BYTES, TierPortion, TierUniform, Turn, VolumeUniform};
 use crate::gpu::volume::march::MarchUniform;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use wgpu::naga::{AddressSpace, Handle, Module, ScalarKind, Type, TypeInner};
 
 /// Every variant's module.
-fn modules() -> Vec<(Variant, Module)> {
-    let texts = super::check::texts(&[]);
-    let build = |variant: Variant| match compose(&texts, &variant) {
+fn modules() -> Vec<(Variant, Arc<Module>)> {
+    let mut composer = Composer::new(&super::check::texts(&[]));
+    let build = |variant: Variant| match composer.compose(&variant) {
         Ok(module) => (variant, module),
         Err(error) => panic!("{} with {:?}: {error}", variant.path, variant.defs),
     };
@@ -45,7 +46,7 @@ fn every_variant_of_every_shader_is_valid_and_laid_out_as_the_program_writes() {
     buffers_are_laid_out_as_the_program_writes_them(&built);
 }
 
-fn every_entry_point_is_used(built: &[(Variant, Module)]) {
+fn every_entry_point_is_used(built: &[(Variant, Arc<Module>)]) {
     let mut seen: BTreeSet<&str> = built.iter().map(|(variant, _)| variant.path).collect();
     seen.extend(SHADERS.iter().map(|(path, _)| *path).filter(|path| path.starts_with("lib/")));
     assert_eq!(seen, SHADERS.iter().map(|(path, _)| *path).collect(), "a shader that no variant builds");
@@ -93,7 +94,8 @@ fn broken_shaders_are_found() {
         assert!(text.contains(good), "{path} has no {good:?}");
         *text = text.replace(good, bad);
         let takes_it = |variant: &&Variant| path.starts_with("lib/") || variant.path == path;
-        let is_found = variants().iter().filter(takes_it).any(|variant| compose(&texts, variant).is_err());
+        let mut composer = Composer::new(&texts);
+        let is_found = variants().iter().filter(takes_it).any(|variant| composer.compose(variant).is_err());
         assert!(is_found, "{bad:?} in {path} goes unnoticed");
     }
 }
@@ -574,7 +576,7 @@ fn written(path: &str, name: &str) -> Option<Layout> {
     })
 }
 
-fn buffers_are_laid_out_as_the_program_writes_them(built: &[(Variant, Module)]) {
+fn buffers_are_laid_out_as_the_program_writes_them(built: &[(Variant, Arc<Module>)]) {
     let mut compared = BTreeSet::new();
     for (variant, module) in built {
         for (_, variable) in module.global_variables.iter() {

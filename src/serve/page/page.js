@@ -149,6 +149,7 @@ class Model {
     this.version = 0;
     this.coarse = this.finished = -1;
     this.picks = [];
+    this.isOfTour = false;
     [this.delay] = AGAIN;
   }
 
@@ -191,6 +192,7 @@ class Model {
 
   renew() {
     this.tour = null;
+    this.isOfTour = false;
     this.version += 1;
     this.since = performance.now();
     this.stop?.abort();
@@ -282,20 +284,24 @@ class Model {
 
   // The tour goes on with the clock, however many pictures of it there are.
   async play() {
-    const seconds = (performance.now() - this.tour) / 1000;
-    const size = this.about.size.map((pixels) => Math.max(1, Math.round(pixels / 2)));
-    const time = Math.min(seconds, this.about.tour);
     const begun = performance.now();
-    const [facts, bytes, type] = await picture({ tour: time, size, format: "jpeg" });
+    const time = Math.min((begun - this.tour) / 1000, this.about.tour);
+    const isLast = time === this.about.tour;
+    const size = this.about.size.map((pixels) => (isLast ? pixels : Math.max(1, Math.round(pixels / 2))));
+    const [facts, bytes, type] = await picture({ tour: time, size, format: isLast ? "png" : "jpeg" });
     if (this.tour == null) return;
-    this.show(facts, bytes, type, false, performance.now() - begun);
-    if (time === this.about.tour) this.tour = null;
+    this.show(facts, bytes, type, isLast, performance.now() - begun);
+    this.isOfTour = true;
     // The last picture stays until somebody moves.
-    if (this.tour == null) this.coarse = this.finished = this.version;
+    if (isLast) {
+      this.tour = null;
+      this.coarse = this.finished = this.version;
+    }
   }
 
   async pick({ x, y }) {
     if (!this.orbit) return;
+    if (this.isOfTour) throw new Error("what is where in a tour's picture is not known: turn it, or choose a view");
     const { size } = this.about;
     const [place, radius] = [this.orbit.place(x, y), PICKED * this.orbit.pixel()];
     const request = { at: [x / size[0], y / size[1]], place, radius, time: this.look.time };

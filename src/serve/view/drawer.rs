@@ -13,6 +13,8 @@ use tokio::sync::oneshot;
 
 /// After how long without a request a visitor has gone.
 const IDLE: Duration = Duration::from_secs(120);
+/// The same after hanging up in the middle of a picture: a page that is still there asks for another one at once.
+const AWAY: Duration = Duration::from_secs(10);
 /// Stack of a thread, bytes: as much as a program's first thread usually has.
 const STACK: usize = 8 << 20;
 
@@ -148,9 +150,9 @@ impl Drawer {
 
     fn finish(&self, number: u64, outcome: Outcome) {
         let mut slot = self.slot();
-        slot.last = Instant::now();
+        // Whoever has hung up hears nothing of it.
         if let Some((_, sender)) = slot.drawn.take_if(|(drawn, _)| *drawn == number) {
-            // Whoever has hung up hears nothing of it.
+            slot.last = Instant::now();
             let _ = sender.send(outcome);
         }
     }
@@ -166,9 +168,15 @@ impl Drop for Waits<'_> {
     /// Who hangs up wants nothing any more.
     fn drop(&mut self) {
         let mut slot = self.drawer.slot();
-        slot.waiting.take_if(|(number, _, _)| *number == self.number);
-        if slot.drawn.take_if(|(number, _)| *number == self.number).is_some() {
+        let is_waiting = slot.waiting.take_if(|(number, _, _)| *number == self.number).is_some();
+        let is_drawn = slot.drawn.take_if(|(number, _)| *number == self.number).is_some();
+        if is_drawn {
             self.drawer.state.stop().store(true, Ordering::Relaxed);
+        }
+        if is_waiting || is_drawn {
+            slot.last = Instant::now().checked_sub(IDLE - AWAY).unwrap_or(slot.last);
+            drop(slot);
+            self.drawer.changed.notify_all();
         }
     }
 }
@@ -202,8 +210,11 @@ mod tests {
         drop(third);
         assert!(is_stopped());
         drawer.finish(3, Outcome::Picked(Value::Null));
+        // Whoever does not come back soon has gone.
+        let is_leaving = || drawer.slot().last.elapsed() >= IDLE - AWAY;
+        assert!(is_leaving());
         let mut fourth = ask();
-        assert!(fourth.as_mut().poll(context).is_pending());
+        assert!(fourth.as_mut().poll(context).is_pending() && !is_leaving());
         assert!(matches!(drawer.next(), Some((4, _))));
         drawer.finish(4, Outcome::Picked(Value::Null));
         assert!(matches!(fourth.as_mut().poll(context), Poll::Ready(Outcome::Picked(_))));

@@ -87,15 +87,16 @@ fn an_adapter_casts_rays_through_globes() {
     let along = Wanted { eye: above(100.0, 40.0, 6.45e6), target: above(104.0, 44.0, 6.4e6), settings: &low, ..PLAIN };
     let part = ClipBox { min: DVec3::new(-1e7, -1e7, -2e6), max: DVec3::new(1e7, 1e7, 1.5e6) };
     let cut = Some(CutSettings { clip: Some(part), ..CutSettings::default() });
+    // Two are compared with triangles, too: what the adapter makes of these is compared with the processor elsewhere.
     let pictures = [
-        ("the seam and mountains at the limb", &seam, None),
-        ("a pole, and membranes", &pole, None),
-        ("the other pole, in parallel", &other, None),
-        ("along the ground", &along, None),
-        ("a zone", &seam, cut),
+        ("the seam and mountains at the limb", &seam, None, false),
+        ("a pole, and membranes", &pole, None, false),
+        ("the other pole, in parallel", &other, None, false),
+        ("along the ground", &along, None, true),
+        ("a zone", &seam, cut, true),
     ];
     let (mut processor, mut adapter) = (session(&path, Backend::Cpu), session(&path, Backend::Compute));
-    for (what, wanted, cut) in pictures {
+    for (what, wanted, cut, has_triangles) in pictures {
         let [rays, triangles] = ["rays", "triangles"].map(|technique| {
             let shot = small(technique, wanted);
             Shot { look: LookPatch { cut, ..shot.look }, ..shot }
@@ -104,8 +105,9 @@ fn an_adapter_casts_rays_through_globes() {
         assert_eq!(found.drawn_by[0], "compute", "{what}");
         assert_eq!(found.surface.as_ref().unwrap().report.triangles, 0, "{what}");
         let image = found.image(&rays).unwrap();
-        let others = [("the processor's", expected, 0.02), ("triangles", adapter.draw(&triangles).unwrap(), 0.03)];
-        for (against, other, most) in &others {
+        let by_triangles = has_triangles.then(|| ("triangles", adapter.draw(&triangles).unwrap(), 0.03));
+        let others = [Some(("the processor's", expected, 0.02)), by_triangles];
+        for (against, other, most) in others.iter().flatten() {
             let (share, mean) = differences(&image, &other.image(&rays).unwrap());
             let covered = [&found, other].map(covered);
             println!("{what}, {against}: {share:.4} of the pixels beyond 4 of 255, mean {mean:.3}, {covered:?}");

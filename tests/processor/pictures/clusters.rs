@@ -1,6 +1,6 @@
 //! Pictures of clusters (HE03): within a number of splats, nearer to the particles the more there are, and as far away as they say.
 
-use crate::support::{Random, demo};
+use crate::support::{Random, demo, kept_page_file};
 use deepfield::build::{BuildOptions, build_source};
 use deepfield::color::Accumulation;
 use deepfield::color::transfer::Range;
@@ -30,9 +30,11 @@ pub struct Data {
 pub fn data() -> Data {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clusters.df");
-    let hierarchies = Kinds::of_particles();
-    let options = BuildOptions { hierarchies, ..BuildOptions::default() };
-    build_source(&demo(), &LoadOptions::default(), &options, &path, &()).unwrap();
+    let kept = kept_page_file("demo-of-clusters", |path| {
+        let options = BuildOptions { hierarchies: Kinds::of_particles(), ..BuildOptions::default() };
+        build_source(&demo(), &LoadOptions::default(), &options, path, &()).unwrap();
+    });
+    std::fs::write(&path, kept).unwrap();
     Data { file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
 }
 
@@ -250,7 +252,7 @@ fn light_of_clusters_comes_to_that_of_the_particles() {
     let (bounds, particles) = (metadata.bounds(), metadata.particles());
     let size = bounds.size().max_element();
     let eye = bounds.center() + 1.2 * size * DVec3::new(0.3, 0.4, 1.0);
-    let view = View::look_at(eye, bounds.center(), DVec3::Y, Projection::Perspective { fov_y: 0.8 }, 128, 128).unwrap();
+    let view = View::look_at(eye, bounds.center(), DVec3::Y, Projection::Perspective { fov_y: 0.8 }, 96, 96).unwrap();
     for name in ["volume", "isosurface", "volume-isosurface", "cartesian", "sorted-splats"] {
         let mode = find(name).unwrap();
         let of = |levels, splats, ranges| {

@@ -68,7 +68,11 @@ fn hills_are_their_golden_images_by_each_technique() {
     for (name, look) in looks {
         check_all(folder, name, "hills.df", &[&ACROSS[..], look].concat(), &OTHERS);
     }
-    check("heights-primitive", &drawn(folder, "hills.df", &[&ACROSS[..], &["--attribute", "primitive"]].concat()));
+    // How a picture was made differs by technique.
+    for attribute in ["primitive", "level"] {
+        let look = [&ACROSS[..], &["--attribute", attribute]].concat();
+        check(&format!("heights-{attribute}"), &drawn(folder, "hills.df", &look));
+    }
     let near = ["--eye", "400,260,30", "--target", "400,330,0", "--size", "160x120", "--set", "technique=points"];
     check("heights-points", &drawn(folder, "hills.df", &near));
     // What the tolerance is worth.
@@ -105,6 +109,43 @@ fn holes_are_their_golden_image_by_each_technique() {
     built(folder.path(), "holes", &["holes", "--seed", "5", "--size", "420,300"]);
     let look = ["--eye", "210,-120,200", "--target", "210,150,0", "--size", "160x120", "--set", "holes=outlined"];
     check_all(folder.path(), "heights-holes", "holes.df", &look, &OTHERS);
+}
+
+/// An Alicona file of 400 x 300 samples, waves a metre apart, with how well they are known: rings.
+fn scan(folder: &Path) {
+    let [columns, rows] = [400_u16, 300];
+    let at = || (0..rows).flat_map(move |row| (0..columns).map(move |column| [f64::from(column), f64::from(row)]));
+    let mut file = b"AliconaImaging\0\r\n".to_vec();
+    for (name, value) in [
+        ("Version", "1"),
+        ("TagCount", "8"),
+        ("Cols", "400"),
+        ("Rows", "300"),
+        ("PixelSizeXMeter", "1"),
+        ("PixelSizeYMeter", "1"),
+        ("DepthImageOffset", "1024"),
+        ("TextureImageOffset", "481024"),
+        ("NumberOfPlanes", "1"),
+        ("DepthImageResPtr", "0"),
+    ] {
+        let mut tag = [0; 52];
+        tag[..name.len()].copy_from_slice(name.as_bytes());
+        tag[20..20 + value.len()].copy_from_slice(value.as_bytes());
+        tag[50..].copy_from_slice(b"\r\n");
+        file.extend_from_slice(&tag);
+    }
+    file.resize(1024, 0);
+    file.extend(at().flat_map(|[x, y]| ((12.0 * (x / 26.0).sin() * (y / 34.0).cos()) as f32).to_le_bytes()));
+    file.extend(at().map(|[x, y]| (127.5 + 127.5 * (0.08 * (x - 200.0).hypot(y - 150.0)).cos()) as u8));
+    std::fs::write(folder.join("scan.al3d"), file).unwrap();
+}
+
+#[test]
+fn a_named_plane_is_its_golden_image_by_each_technique() {
+    let folder = tempfile::tempdir().unwrap();
+    scan(folder.path());
+    let look = ["--eye", "200,-130,150", "--target", "200,150,0", "--size", "160x120", "--attribute", "quality"];
+    check_all(folder.path(), "heights-plane", "scan.al3d", &look, &OTHERS);
 }
 
 /// Metres above the radius at a longitude and a latitude in degrees.

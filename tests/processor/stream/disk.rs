@@ -1,5 +1,6 @@
 //! A small page file of several pages, a disk that misbehaves as it is told, and a camera that flies at random.
 
+use crate::support::kept_page_file;
 use deepfield::build::{BuildOptions, build};
 use deepfield::store::{Disk, PageFile, PageId};
 use deepfield::synth::{clusters::Clusters, dataset};
@@ -12,23 +13,31 @@ use std::time::Duration;
 /// The bytes of a page file with several pages.
 pub fn sound() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| generated(1_500_000, &BuildOptions::default()))
+    BYTES.get_or_init(|| kept(1_500_000))
 }
 
 /// The bytes of a page file with some dozen pages.
 pub fn large() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| generated(5_000_000, &BuildOptions::default()))
+    BYTES.get_or_init(|| kept(5_000_000))
+}
+
+fn kept(particles: u64) -> Vec<u8> {
+    kept_page_file(&format!("clusters-{particles}"), |path| generate(particles, &BuildOptions::default(), path))
 }
 
 /// The bytes of a page file of so many particles.
 pub fn generated(particles: u64, options: &BuildOptions) -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sound.df");
-    build(dataset(&Clusters::new(3, particles)), options, &path, &()).unwrap();
-    let pages = PageFile::open(&path).unwrap().page_count();
-    assert!(pages >= 4, "{pages} pages are too few for these tests");
+    generate(particles, options, &path);
     std::fs::read(path).unwrap()
+}
+
+fn generate(particles: u64, options: &BuildOptions, path: &Path) {
+    build(dataset(&Clusters::new(3, particles)), options, path, &()).unwrap();
+    let pages = PageFile::open(path).unwrap().page_count();
+    assert!(pages >= 4, "{pages} pages are too few for these tests");
 }
 
 /// Where a page starts.

@@ -1,4 +1,4 @@
-//! An hour's worth of random flight, run faster than real time: pages come and go within the budget, and memory stays
+//! A quarter of an hour of random flight, run faster than real time: pages come and go within the budget, and memory stays
 //! flat.
 
 use super::disk::{in_memory, large};
@@ -56,16 +56,16 @@ fn resident_memory() -> Option<u64> {
     Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? << 10)
 }
 
-/// Flies so many frames in 7 of 10 parts of the memory that the file would take, and copies as a GPU would.
-fn soak(frames: u32) {
-    let file = in_memory(large());
+/// Flies so many frames in 7 of 10 parts of the memory that the file would take, and copies as a GPU would. What it is read from may fail, in
+/// so far as `tells` lets what is told then.
+pub fn soak(file: &Arc<PageFile>, frames: u32, tells: fn(&str) -> bool) {
     let memory: Vec<u64> = (0..file.page_count()).map(|page| file.page_memory(PageId(page))).collect();
     let (whole, largest) = (memory.iter().sum::<u64>(), memory.iter().copied().max().unwrap());
     let budget = (whole * 7 / 10).max(4 * largest);
     println!("{} pages of {} MiB, {} MiB of them may be there", memory.len(), whole >> 20, budget >> 20);
     let stall = Duration::from_secs(60);
     let options = StreamOptions { budget, in_flight: 4, stall, prefetch: true, ..StreamOptions::default() };
-    let mut streamer = Streamer::new(Arc::clone(&file), options);
+    let mut streamer = Streamer::new(Arc::clone(file), options);
     let copy_budget = budget * 9 / 10;
     streamer.keep_copies(Some(CopyOptions { budget: copy_budget, on_their_way: 8 << 20 }));
     let roots = streamer.roots(0..file.metadata().families.len() as u32, Purpose::Splats, 0.0);
@@ -73,9 +73,9 @@ fn soak(frames: u32) {
     let (mut reads, mut evicted, mut converged, mut prefetched) = (0, 0, 0, 0);
     let mut before = None;
     for frame in 0..frames {
-        let view = pilot.fly(&file);
+        let view = pilot.fly(file);
         let arrivals = streamer.arrive();
-        assert!(arrivals.messages.is_empty(), "{:?}", arrivals.messages);
+        assert!(arrivals.messages.iter().all(|message| tells(message)), "{:?}", arrivals.messages);
         reads += arrivals.pages.len();
         // The renderer's copies are there a frame later.
         let copies = streamer.copies.as_mut().unwrap();
@@ -94,7 +94,7 @@ fn soak(frames: u32) {
         assert!(copies.bytes() <= copy_budget, "{} of {copy_budget}", copies.bytes());
         let statistics = streamer.residency.statistics();
         assert!(statistics.bytes <= budget, "{} of {budget} bytes at frame {frame}", statistics.bytes);
-        assert!(statistics.failed == 0 && statistics.stalled == 0);
+        assert_eq!(statistics.stalled, 0);
         if frame == frames / 5 {
             before = resident_memory();
         }
@@ -114,12 +114,8 @@ fn soak(frames: u32) {
 }
 
 #[test]
-fn a_minute_of_random_flight_stays_within_its_budget() {
-    alone("stream::soak::a_minute_of_random_flight_stays_within_its_budget", || soak(3_000));
-}
-
-#[test]
-#[ignore = "takes a minute or two: an hour of flight at 30 frames a second"]
-fn an_hour_of_random_flight_stays_within_its_budget() {
-    alone("stream::soak::an_hour_of_random_flight_stays_within_its_budget", || soak(108_000));
+fn a_random_flight_stays_within_its_budget() {
+    // A quarter of an hour at 30 frames a second. A disk that does not fail gives nothing to tell.
+    let fly = || soak(&in_memory(large()), 27_000, |_| false);
+    alone("stream::soak::a_random_flight_stays_within_its_budget", fly);
 }

@@ -209,6 +209,7 @@ impl Maker<'_> {
             packed: self.spill.put(&[&bytes])?,
             shapes: self.spill.put(&[bytemuck::cast_slice(&coordinates)])?,
             values: Batch {
+                density: 0.0,
                 quantities: self.spill.put(&columns)?,
                 info: BatchInfo::of(&quantities),
                 group: first_group(tree, depth, index),

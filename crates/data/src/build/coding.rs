@@ -8,14 +8,17 @@ use super::column_error::{Pair, Picture};
 use super::spill::{Blob, Spill};
 use crate::codec::coordinates::unpack_leaf;
 use crate::codec::positions::decode_leaf;
+use crate::codec::quantize::{Trained, parts};
 use crate::codec::{
     BatchInfo, Batches, CodeBits, Codebook, CodebookScope, Quantities, Quantized, Refinement, Scaling, VqBits, quantize,
 };
 use crate::hierarchy::Encoding;
 use crate::hierarchy::octree::TreeNode;
+use crate::model::portable::portable;
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::io;
+use std::ops::Range;
 
 /// Leaf particles for each codebook at least: with 8 bits the entries of one take a fortieth of the space of so many.
 const PARTICLES: u64 = 1 << 14;
@@ -31,7 +34,11 @@ pub(super) struct Batch {
     pub info: BatchInfo,
     /// That of the bucket that it comes from: [`crate::hierarchy::octree::Plan::group`].
     pub group: u32,
+    /// The mean coordinate of densities, of leaves only: leaves of similar ones share a codebook.
+    pub density: f32,
 }
+
+portable!(Batch { quantities, info, group, density });
 
 /// The codes of a node and what they decode to.
 #[derive(Debug, Default)]
@@ -84,13 +91,62 @@ pub(super) fn code(
     measured: Option<Measured<'_>>,
     progress: &dyn Progress,
 ) -> io::Result<Coding> {
-    let mut coding = Coding {
-        nodes: nodes.iter().map(|level| level.iter().map(|_| CodedNode::default()).collect()).collect(),
-        codebooks: Vec::new(),
-        refinements: Vec::new(),
-        numbers: Vec::new(),
-        column_error: None,
-    };
+    let (leaves, grids): (Vec<Shared>, Vec<Shared>) =
+        shared(nodes, batches, bits, scope).into_iter().partition(Shared::is_of_leaves);
+    let mut coding = Coding::of(nodes);
+    let code = |own: &Shared| own.code(scaling, spill, bits, progress);
+    let coded: Vec<CodedBatches> = leaves.par_iter().map(code).collect::<Result<_, _>>()?;
+    if let Some(measured) = measured {
+        coding.column_error = measured.error(nodes, &leaves, &coded, spill, bits)?;
+    }
+    leaves.into_iter().zip(coded).for_each(|(own, coded)| coding.take(own, coded, spill));
+    progress.advance(1);
+    for own in grids {
+        let coded = code(&own)?;
+        coding.take(own, coded, spill);
+        progress.advance(1);
+    }
+    Ok(coding)
+}
+
+/// Coded batches.
+pub(super) type CodedBatches = Quantized<(Blob, usize)>;
+
+/// A batch of a node.
+pub(super) struct Entry {
+    depth: usize,
+    index: usize,
+    batch: Batch,
+}
+
+portable!(Entry { depth, index, batch });
+
+/// Batches that share a codebook.
+pub(super) struct Shared {
+    scope: CodebookScope,
+    /// Codebooks that share the effort of training.
+    books: usize,
+    entries: Vec<Entry>,
+}
+
+portable!(Shared { scope, books, entries });
+
+/// A run of batches of [`Shared`], all of one group.
+pub(super) struct Part {
+    pub group: u32,
+    pub particles: u64,
+    pub batches: Range<usize>,
+}
+
+portable!(Part { group, particles, batches });
+
+/// What shares a codebook, the leaves first, then the grid nodes of each depth, the deepest first.
+pub(super) fn shared(
+    nodes: &[Vec<TreeNode<()>>],
+    batches: Vec<Vec<Vec<Batch>>>,
+    bits: CodeBits,
+    scope: impl Fn(u8) -> CodebookScope,
+) -> Vec<Shared> {
     let mut leaves: Vec<Entry> = Vec::new();
     let mut grids: Vec<Vec<Entry>> = nodes.iter().map(|_| Vec::new()).collect();
     for (depth, level) in batches.into_iter().enumerate() {
@@ -100,60 +156,23 @@ pub(super) fn code(
             list.extend(batches.into_iter().map(|batch| Entry { depth, index, batch }));
         }
     }
-    let groups = by_density(leaves, scaling, spill, bits.entries, progress)?;
-    let count = groups.len();
-    let coded: Vec<_> = groups
-        .par_iter()
-        .map(|group| {
-            let group = Group { entries: group, scaling, spill, bits: bits.leaves, progress };
-            group.code(bits.entries, CodebookScope::Leaves, count)
-        })
-        .collect::<Result<_, _>>()?;
-    if let Some(measured) = measured {
-        let group = |entries| Group { entries, scaling, spill, bits: bits.leaves, progress };
-        let groups: Vec<_> = groups.iter().map(|entries| group(&entries[..])).zip(&coded).collect();
-        coding.column_error = measured.error(nodes, &groups)?;
-    }
-    for (group, coded) in groups.into_iter().zip(coded) {
-        coding.take(group, coded, spill);
-    }
-    progress.advance(1);
-    for (depth, mut entries) in grids.into_iter().enumerate().rev() {
-        if !entries.is_empty() {
-            // Those of a node stay in their order.
-            entries.sort_by_key(|entry| entry.batch.group);
-            let group = Group { entries: &entries, scaling, spill, bits: bits.entries, progress };
-            let coded = group.code(bits.entries, scope(depth as u8), 1)?;
-            coding.take(entries, coded, spill);
-        }
-        progress.advance(1);
-    }
-    Ok(coding)
-}
-
-/// A batch of a node.
-struct Entry {
-    depth: usize,
-    index: usize,
-    batch: Batch,
+    let groups = by_density(leaves, bits.entries);
+    let books = groups.len();
+    let leaves = groups.into_iter().map(|entries| Shared { scope: CodebookScope::Leaves, books, entries });
+    let grids = grids.into_iter().enumerate().rev().filter(|(_, entries)| !entries.is_empty());
+    let grids = grids.map(|(depth, mut entries)| {
+        // Those of a node stay in their order.
+        entries.sort_by_key(|entry| entry.batch.group);
+        Shared { scope: scope(depth as u8), books: 1, entries }
+    });
+    leaves.chain(grids).collect()
 }
 
 /// Leaves in groups of about the same number of particles and of similar mean density.
-fn by_density(
-    leaves: Vec<Entry>,
-    scaling: &Scaling,
-    spill: &Spill,
-    bits: VqBits,
-    progress: &dyn Progress,
-) -> io::Result<Vec<Vec<Entry>>> {
+fn by_density(leaves: Vec<Entry>, bits: VqBits) -> Vec<Vec<Entry>> {
     let total: u64 = leaves.iter().map(|leaf| leaf.batch.info.particles as u64).sum();
     let count = (total / PARTICLES).clamp(1, (ENTRIES / bits.entries()).max(1) as u64);
-    let group = Group { entries: &leaves, scaling, spill, bits, progress };
-    let densities: Vec<f32> = (0..leaves.len())
-        .into_par_iter()
-        .map(|leaf| group.with(leaf, |quantities| scaling.mean_density(quantities.density)))
-        .collect::<Result<_, _>>()?;
-    let mut order: Vec<(f32, usize)> = densities.into_iter().zip(0..).collect();
+    let mut order: Vec<(f32, usize)> = leaves.iter().map(|leaf| leaf.batch.density).zip(0..).collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut leaves: Vec<Option<Entry>> = leaves.into_iter().map(Some).collect();
     let mut groups: Vec<Vec<Entry>> = (0..count).map(|_| Vec::new()).collect();
@@ -169,38 +188,83 @@ fn by_density(
     // By the groups of buckets, and in the order of the tree: neighbours on the disk are read together.
     let order = |entry: &Entry| (entry.batch.group, entry.depth, entry.index);
     groups.iter_mut().for_each(|group| group.sort_unstable_by_key(order));
-    Ok(groups)
+    groups
 }
 
-/// Batches that share a codebook.
-struct Group<'a> {
+impl Shared {
+    /// Whether these are leaves.
+    pub fn is_of_leaves(&self) -> bool {
+        self.scope == CodebookScope::Leaves
+    }
+
+    /// Runs of batches that can be coded by themselves, each with its group and number of particles.
+    pub fn parts(&self) -> Vec<Part> {
+        let of = |entry: &Entry| (entry.batch.group, entry.batch.info.particles);
+        let about: Vec<(u32, usize)> = self.entries.iter().map(of).collect();
+        let part = |batches: Range<usize>| {
+            let own = &about[batches.clone()];
+            let particles = own.iter().map(|(_, particles)| *particles as u64).sum();
+            Part { group: own.first().map_or(0, |(group, _)| *group), particles, batches }
+        };
+        parts(&about).into_iter().map(part).collect()
+    }
+
+    /// The batches, and where they are.
+    pub fn group<'a>(&'a self, spill: &'a Spill, bits: CodeBits, progress: &'a dyn Progress) -> Group<'a> {
+        Group { entries: &self.entries, spill, bits: bits.of(self.is_of_leaves()), progress }
+    }
+
+    /// Trains the quantiser; where a code of a leaf has more bits than an entry's number it is refined.
+    ///
+    /// # Errors
+    /// When something cannot be read back.
+    pub fn train(&self, scaling: &Scaling, group: &Group<'_>, bits: CodeBits) -> io::Result<Trained> {
+        Trained::of(group, scaling, bits.entries, self.scope, self.books, group.bits != bits.entries)
+    }
+
+    /// Trains the codebook and codes the batches; where a code of a leaf has more bits than an entry's number it is refined.
+    ///
+    /// # Errors
+    /// When something cannot be put away or read back.
+    pub fn code(
+        &self,
+        scaling: &Scaling,
+        spill: &Spill,
+        bits: CodeBits,
+        progress: &dyn Progress,
+    ) -> io::Result<CodedBatches> {
+        let group = self.group(spill, bits, progress);
+        quantize(&group, scaling, bits.entries, self.scope, self.books, group.bits != bits.entries)
+    }
+}
+
+/// Batches that share a codebook, and where they are.
+pub(super) struct Group<'a> {
     entries: &'a [Entry],
-    scaling: &'a Scaling,
     spill: &'a Spill,
     /// Those of a code.
     bits: VqBits,
     progress: &'a dyn Progress,
 }
 
-impl Group<'_> {
-    /// Codes the batches with entries of so many bits; where a code has more it is refined.
-    fn code(&self, entries: VqBits, scope: CodebookScope, books: usize) -> io::Result<Quantized<(Blob, usize)>> {
-        quantize(self, self.scaling, entries, scope, books, self.bits != entries)
-    }
-}
-
 impl Measured<'_> {
     /// The error of the picture by the codes of leaves; `None` where it has nothing.
-    fn error(
+    ///
+    /// # Errors
+    /// When something cannot be read back.
+    pub fn error(
         &self,
         nodes: &[Vec<TreeNode<()>>],
-        groups: &[(Group<'_>, &Quantized<(Blob, usize)>)],
+        shared: &[Shared],
+        coded: &[CodedBatches],
+        spill: &Spill,
+        bits: CodeBits,
     ) -> io::Result<Option<f64>> {
-        let leaves: Vec<(usize, usize)> = (0..groups.len())
-            .flat_map(|group| (0..groups[group].0.entries.len()).map(move |leaf| (group, leaf)))
+        let leaves: Vec<(usize, usize)> = (0..shared.len())
+            .flat_map(|group| (0..shared[group].entries.len()).map(move |leaf| (group, leaf)))
             .collect();
         let about = |&(group, leaf): &(usize, usize)| {
-            let Entry { depth, index, batch } = &groups[group].0.entries[leaf];
+            let Entry { depth, index, batch } = &shared[group].entries[leaf];
             (nodes[*depth][*index].key, batch.info.mass)
         };
         let squares: Vec<[f64; 2]> = self
@@ -209,7 +273,8 @@ impl Measured<'_> {
             .par_iter()
             .map(|&(number, factor)| -> io::Result<[f64; 2]> {
                 let (group, leaf) = leaves[number];
-                Ok(self.squares(nodes, &groups[group], leaf)?.map(|sum| sum * factor))
+                let own = shared[group].group(spill, bits, &());
+                Ok(self.squares(nodes, (own, &coded[group]), leaf)?.map(|sum| sum * factor))
             })
             .collect::<Result<_, _>>()?;
         let [difference, picture] = squares.iter().fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]]);
@@ -221,7 +286,7 @@ impl Measured<'_> {
     fn squares(
         &self,
         nodes: &[Vec<TreeNode<()>>],
-        (group, coded): &(Group<'_>, &Quantized<(Blob, usize)>),
+        (group, coded): (Group<'_>, &CodedBatches),
         leaf: usize,
     ) -> io::Result<[f64; 2]> {
         let (Entry { depth, index, batch }, decoded) = (&group.entries[leaf], &coded.batches[leaf]);
@@ -310,9 +375,21 @@ impl Batches for Group<'_> {
 }
 
 impl Coding {
-    fn take(&mut self, entries: Vec<Entry>, coded: Quantized<(Blob, usize)>, spill: &Spill) {
+    /// No code yet.
+    pub fn of(nodes: &[Vec<TreeNode<()>>]) -> Coding {
+        Coding {
+            nodes: nodes.iter().map(|level| level.iter().map(|_| CodedNode::default()).collect()).collect(),
+            codebooks: Vec::new(),
+            refinements: Vec::new(),
+            numbers: Vec::new(),
+            column_error: None,
+        }
+    }
+
+    /// Takes what comes next in the order of [`shared`]; its quantities are forgotten.
+    pub fn take(&mut self, shared: Shared, coded: CodedBatches, spill: &Spill) {
         let number = self.codebooks.len() as u16;
-        for (entry, coded) in entries.into_iter().zip(coded.batches) {
+        for (entry, coded) in shared.entries.into_iter().zip(coded.batches) {
             let node = &mut self.nodes[entry.depth][entry.index];
             node.codebook = number;
             node.codes.push(coded.codes);

@@ -5,27 +5,16 @@
 //! of a search among all particles, to the last bit; one search serves all quantities.
 
 use super::BuildError;
-use super::estimates::SAMPLE;
+use super::found::{self, Seen};
 use super::partition::Partition;
 use super::reach::{Reaches, around_ball, bucket_bounds, position};
-use crate::hierarchy::attribute_info::{HistogramBins, Range};
+use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::{Columns, Place};
-use crate::hierarchy::{Histogram, RootCell};
 use crate::import::derived;
 use crate::import::neighbours::Moving;
 use crate::model::progress::{Progress, Uncounted};
 use crate::model::{Bounds, Derivation, Kernel};
 use rayon::prelude::*;
-
-/// What is known of the derived columns.
-pub(super) struct Derived {
-    /// Extremes and means.
-    pub ranges: Vec<Range>,
-    /// Histograms.
-    pub histograms: Vec<Histogram>,
-    /// A sample of each.
-    pub samples: Vec<Vec<f32>>,
-}
 
 /// Particles with world positions relative to the root cell's corner.
 #[derive(Default)]
@@ -58,41 +47,41 @@ impl Deriving<'_> {
         partition: &mut Partition,
         block: usize,
         progress: &dyn Progress,
-    ) -> Result<Derived, BuildError> {
-        let number = self.derivation.quantities.len();
-        progress.begin("looking at motion", partition.particles() as u64);
-        let mut ranges = vec![Range::EMPTY; number];
-        let mut samples: Vec<Vec<f32>> = vec![Vec::new(); number];
-        for buckets in partition.blocks(block) {
+    ) -> Result<(Seen, Vec<Vec<u64>>), BuildError> {
+        let all = 0..partition.buckets();
+        let found = found::sum(self.of_buckets(partition, all.clone(), block, progress)?, self.number());
+        partition.derived(found.means());
+        let counts = found::counts(partition, all, &found.ranges, |columns| columns.attributes, progress)?;
+        Ok((found, counts))
+    }
+
+    /// Number of derived columns.
+    fn number(&self) -> usize {
+        self.derivation.quantities.len()
+    }
+
+    /// The same for some of the buckets: what is found of each.
+    ///
+    /// # Errors
+    /// As [`Deriving::derive`].
+    pub fn of_buckets(
+        &self,
+        partition: &mut Partition,
+        buckets: std::ops::Range<usize>,
+        block: usize,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Seen>, BuildError> {
+        let particles: usize = buckets.clone().map(|bucket| partition.len(bucket)).sum();
+        progress.begin("looking at motion", particles as u64);
+        let mut seen = Vec::with_capacity(buckets.len());
+        for buckets in partition.blocks(buckets, block) {
             for (bucket, (order, sorted)) in buckets.clone().zip(self.of_block(partition, buckets, progress)?) {
-                for (column, values) in sorted.iter().enumerate() {
-                    ranges[column] = ranges[column].with(Range::of(values));
-                    let step = values.len().div_ceil(SAMPLE).max(1);
-                    samples[column].extend(values.iter().step_by(step));
-                }
+                seen.push(Seen::of(&sorted));
                 let read: Vec<Vec<f32>> = sorted.iter().map(|sorted| in_reading_order(&order, sorted)).collect();
                 partition.put_derived(bucket, &read)?;
             }
         }
-        partition.derived(ranges.iter().map(|range| range.mean() as f32).collect());
-        let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
-        let counts: Vec<Vec<Vec<u64>>> = (0..partition.buckets())
-            .into_par_iter()
-            .map(|bucket| {
-                progress.go_on();
-                let (_, columns) = partition.read(bucket)?;
-                Ok(bins.iter().zip(&columns.attributes).map(|(bins, values)| bins.count(values)).collect())
-            })
-            .collect::<Result<_, BuildError>>()?;
-        let finish = |(column, (bins, range)): (usize, (HistogramBins, &Range))| {
-            let mut total = vec![0_u64; counts.first().map_or(0, |counts| counts[column].len())];
-            for counts in &counts {
-                total.iter_mut().zip(&counts[column]).for_each(|(total, count)| *total += count);
-            }
-            bins.finish(total, range.missing)
-        };
-        let histograms = bins.into_iter().zip(&ranges).enumerate().map(finish).collect();
-        Ok(Derived { ranges, histograms, samples })
+        Ok(seen)
     }
 
     /// The derived columns of some buckets, each in an order that depends on its particles alone, with that order.

@@ -6,12 +6,12 @@
 //! particles, to the last bit: the more memory there is, the larger are the blocks.
 
 use super::BuildError;
+use super::found::{self, Seen};
 use super::partition::Partition;
 use super::reach::{Reaches, around_ball, bucket_bounds, position};
 use crate::codec::morton::{self, MORTON_BITS};
-use crate::hierarchy::attribute_info::{HistogramBins, Range};
+use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Columns;
-use crate::hierarchy::{Histogram, RootCell};
 use crate::import::neighbours::Neighbours;
 use crate::model::Bounds;
 use crate::model::progress::{Progress, Uncounted};
@@ -20,18 +20,6 @@ use rayon::prelude::*;
 
 /// How far around each cell of a block is looked at first, in distances to the k-th neighbour if the cell were filled evenly.
 const MARGIN: f64 = 1.3;
-/// Values of each column in the sample of a bucket at most, for the quantiser's scaling.
-pub(super) const SAMPLE: usize = 1 << 10;
-
-/// What is known of the estimated columns: density, then smoothing length.
-pub(super) struct Estimated {
-    /// Extremes and means.
-    pub ranges: [Range; 2],
-    /// Histograms.
-    pub histograms: [Histogram; 2],
-    /// A sample of each.
-    pub samples: [Vec<f32>; 2],
-}
 
 /// Particles with world positions relative to the root cell's corner.
 #[derive(Default)]
@@ -59,36 +47,36 @@ impl Estimating {
         partition: &mut Partition,
         block: usize,
         progress: &dyn Progress,
-    ) -> Result<Estimated, BuildError> {
-        progress.begin("finding neighbours", partition.particles() as u64);
-        let mut ranges = [Range::EMPTY; 2];
-        let mut samples = [Vec::new(), Vec::new()];
-        for buckets in partition.blocks(block) {
+    ) -> Result<(Seen, Vec<Vec<u64>>), BuildError> {
+        let all = 0..partition.buckets();
+        let found = found::sum(self.of_buckets(partition, all.clone(), block, progress)?, 2);
+        let columns = |columns: Columns| vec![columns.density, columns.smoothing_length];
+        let counts = found::counts(partition, all, &found.ranges, columns, progress)?;
+        Ok((found, counts))
+    }
+
+    /// The same for some of the buckets: what is found of each, density and smoothing length.
+    ///
+    /// # Errors
+    /// As [`Estimating::estimate`].
+    pub fn of_buckets(
+        self,
+        partition: &mut Partition,
+        buckets: std::ops::Range<usize>,
+        block: usize,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Seen>, BuildError> {
+        let particles: usize = buckets.clone().map(|bucket| partition.len(bucket)).sum();
+        progress.begin("finding neighbours", particles as u64);
+        let mut seen = Vec::with_capacity(buckets.len());
+        for buckets in partition.blocks(buckets, block) {
             for (bucket, found) in buckets.clone().zip(of_block(partition, buckets, self, progress)?) {
-                for (column, values) in found.sorted.iter().enumerate() {
-                    ranges[column] = ranges[column].with(Range::of(values));
-                    samples[column].extend(values.iter().step_by(values.len().div_ceil(SAMPLE).max(1)));
-                }
+                seen.push(Seen::of(&found.sorted));
                 let [density, smoothing_length] = found.read;
                 partition.put_estimates(bucket, &density, &smoothing_length)?;
             }
         }
-        let bins = ranges.each_ref().map(HistogramBins::of);
-        let counts: Vec<[Vec<u64>; 2]> = (0..partition.buckets())
-            .into_par_iter()
-            .map(|bucket| {
-                progress.go_on();
-                let (_, columns) = partition.read(bucket)?;
-                Ok([bins[0].count(&columns.density), bins[1].count(&columns.smoothing_length)])
-            })
-            .collect::<Result<_, BuildError>>()?;
-        let [density, smoothing_length] = bins;
-        let total = |column: usize| {
-            let none = vec![0; counts.first().map_or(0, |counts| counts[column].len())];
-            counts.iter().fold(none, |sum, counts| sum.iter().zip(&counts[column]).map(|(a, b)| a + b).collect())
-        };
-        let histograms = [density.finish(total(0), 0), smoothing_length.finish(total(1), 0)];
-        Ok(Estimated { ranges, histograms, samples })
+        Ok(seen)
     }
 }
 

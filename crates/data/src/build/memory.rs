@@ -15,6 +15,8 @@ const BUCKET_PARTICLE: u64 = 368;
 const BUCKET_ATTRIBUTE: u64 = 24;
 /// Bytes that finding neighbours takes for each particle that is searched for at a time, with those around.
 const NEIGHBOUR_PARTICLE: u64 = 480;
+/// Bytes of the output for each particle at most, about.
+pub(super) const OUTPUT_PARTICLE: u64 = 12;
 /// Particles that all nodes of a tree draw, for each source particle, at most about.
 const NODE_PARTICLES: f64 = 2.4;
 /// The same for the levels for volumes, whose leaves are those of the tree.
@@ -63,24 +65,40 @@ impl Memory {
         // A fifth is left to the allocator's gaps.
         let room = (rest - building) / 5 * 4;
         let for_particles = count * particle;
-        let node_particles = NODE_PARTICLES + if options.octree.volume_levels { VOLUME_PARTICLES } else { 0.0 };
-        let for_nodes = (count as f64 * node_particles * (4.0 * (3 + attributes) as f64 + 6.0)) as u64;
+        let for_nodes = (count as f64 * node_particles(options) * (4.0 * (3 + attributes) as f64 + 6.0)) as u64;
         let share = |needed: u64| (room as f64 * needed as f64 / (for_particles + for_nodes).max(1) as f64) as u64;
         let (particles, nodes) = (share(for_particles), share(for_nodes));
         let on_disk = for_particles.saturating_sub(particles) + for_nodes.saturating_sub(nodes);
-        // The output itself comes on top, at most a dozen bytes for each particle.
-        if let Some(free) = free_bytes(&folder)
-            && on_disk > 0
-            && on_disk + 12 * count > free
-        {
-            return Err(BuildError::Space {
-                path: out.to_owned(),
-                folder,
-                needed: (on_disk + 12 * count).div_ceil(1 << 20),
-                free: free >> 20,
-            });
+        if on_disk > 0 {
+            // The output itself comes on top.
+            check_room(&folder, on_disk + OUTPUT_PARTICLE * count, out)?;
         }
         Ok(Memory { folder, particles, nodes, on_disk, buckets: rest, bucket_particle, allowed })
+    }
+
+    /// Shares out what a task of a job may take for a family with so many attributes in `buckets` buckets, of `particles` that it reads. What
+    /// it hands on goes to its file; what it cannot hold goes to the disk in `folder`.
+    pub fn of_task(allowed: u64, folder: &Path, attributes: usize, buckets: usize, particles: u64) -> Memory {
+        let particle = particle_bytes(attributes);
+        let waiting = (1024 * buckets as u64).min(particles).saturating_mul(particle);
+        let rest = allowed.saturating_sub(BASE.min(allowed / 3) + waiting);
+        Memory {
+            folder: folder.to_owned(),
+            particles: rest / 5 * 4,
+            nodes: rest / 4,
+            on_disk: 0,
+            buckets: rest,
+            bucket_particle: BUCKET_PARTICLE + BUCKET_ATTRIBUTE * attributes as u64,
+            allowed,
+        }
+    }
+
+    /// Bytes that the files of a job's tasks take for `count` particles of a family with so many attributes, about.
+    pub fn of_job(options: &BuildOptions, count: u64, attributes: usize) -> u64 {
+        // Positions and codes, which are put away twice where they are refined, beside quantities; estimates beside particles.
+        let node_particle = 4.0 * (3 + attributes) as f64 + 6.0 + 4.0;
+        let for_nodes = (count as f64 * node_particles(options) * node_particle) as u64;
+        count.saturating_mul(particle_bytes(attributes) + 8).saturating_add(for_nodes)
     }
 
     /// Particles whose neighbours may be found at a time: in the memory that nodes and buckets take later.
@@ -105,6 +123,24 @@ impl Memory {
             });
         }
         Ok(((self.buckets / 2) / needed.max(1)).clamp(1, rayon::current_num_threads() as u64) as usize)
+    }
+}
+
+/// Particles that the nodes of all trees draw for each source particle, about.
+fn node_particles(options: &BuildOptions) -> f64 {
+    NODE_PARTICLES + if options.octree.volume_levels { VOLUME_PARTICLES } else { 0.0 }
+}
+
+/// Whether the disk of a folder has room for so many bytes more that help to build `out`, as far as the system says.
+pub(super) fn check_room(folder: &Path, needed: u64, out: &Path) -> Result<(), BuildError> {
+    match free_bytes(folder).filter(|free| needed > *free) {
+        Some(free) => Err(BuildError::Space {
+            path: out.to_owned(),
+            folder: folder.to_owned(),
+            needed: needed.div_ceil(1 << 20),
+            free: free >> 20,
+        }),
+        None => Ok(()),
     }
 }
 

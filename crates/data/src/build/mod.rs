@@ -5,16 +5,19 @@
 //! in memory as far as [`BuildOptions::memory`] allows, and in temporary files beyond ([`spill`]); the output is the same.
 
 mod against_sources;
+pub mod cluster;
 mod clusters;
 mod coding;
 mod column_error;
 mod derive;
 mod estimates;
+mod family;
 mod flow;
 mod flow_levels;
 mod flow_region;
 mod flow_regions;
 mod flow_sums;
+mod found;
 pub mod grid;
 mod grid_shelf;
 mod in_order;
@@ -33,34 +36,33 @@ mod track_nodes;
 mod tracks;
 mod tree;
 
+use crate::codec::VqBits;
 use crate::codec::quantize::MAX_ATTRIBUTES;
-use crate::codec::{AttributeMerge, VqBits};
 use crate::hierarchy::attribute_info::set_units;
-use crate::hierarchy::kind::{OCTREE, PCA};
-use crate::hierarchy::octree::{Context, Plan};
-use crate::hierarchy::pca::SplitRule;
-use crate::hierarchy::{AttributeInfo, ClusterOptions, Kinds, LevelInfo, OctreeOptions, Purpose};
-use crate::import::{ImportError, LoadOptions, Source, SourceStream, open_with, replaced_densities, streams};
+use crate::hierarchy::kind::PCA;
+use crate::hierarchy::octree::Context;
+use crate::hierarchy::{ClusterOptions, Kinds, OctreeOptions};
+use crate::import::{ImportError, LoadOptions, Source, SourceStream, Streams, open_with, streams};
 use crate::model::progress::Progress;
-use crate::model::{Dataset, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError, Unit};
-use crate::store::paging::{FamilyTrees, PAGE_BYTES, write_trees};
+use crate::model::{Dataset, Family, FamilyName, FamilyStream, Kernel, ParticleStream, ReadMethod, StreamError};
+use crate::store::paging::{PAGE_BYTES, write_trees};
 use crate::store::temporary::{clean, folder_of};
 use crate::store::writer::CompletePageFile;
-use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, Metadata, PageFileWriter, StoreError, VolumeTree};
+use crate::store::{FamilyMetadata, Metadata, PageFileWriter, StoreError};
 pub use against_sources::compare_with_sources;
-use column_error::Picture;
-use derive::Deriving;
-use estimates::Estimating;
+use cluster::PartError;
+use family::Outline;
 pub use flow::FlowOptions;
 use memory::Memory;
 pub use memory::default_memory;
 use partition::Partition;
 pub use run::{BuiltRun, RunBuild, StepProgress, StillOf};
+use serde::{Deserialize, Serialize};
 use spill::Spill;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use survey::Survey;
 pub use tracks::{Matching, TrackOptions};
+use tree::Grower;
 
 /// Attributes that are kept when the user names none: at most this many of [`PREFERRED`] and then of the others.
 pub const DEFAULT_ATTRIBUTES: usize = 4;
@@ -83,7 +85,8 @@ const PREFERRED: [&str; 10] = [
 pub const FEW_PARTICLES: u64 = 1 << 16;
 
 /// What to build, and with what.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct BuildOptions {
     /// Families to keep; none named: all.
     pub families: Vec<FamilyName>,
@@ -239,6 +242,14 @@ pub enum BuildError {
         /// Mebibytes free.
         free: u64,
     },
+    /// A job's folder, or a file in it, is not what it should be.
+    #[error("{path}: {what}")]
+    Job {
+        /// The folder or file.
+        path: PathBuf,
+        /// What was found, and what was expected.
+        what: String,
+    },
     /// A temporary file could not be written or read.
     #[error("{folder}: temporary file: {source}")]
     Temporary {
@@ -259,7 +270,15 @@ pub enum BuildError {
 
 impl BuildError {
     fn temporary(spill: &Spill, source: std::io::Error) -> BuildError {
-        BuildError::Temporary { folder: spill.folder().to_owned(), source }
+        BuildError::of_part(spill.folder(), source)
+    }
+
+    /// Of a file in a folder, which says itself what is wrong where it is a task's.
+    fn of_part(folder: &Path, source: std::io::Error) -> BuildError {
+        match source.downcast::<PartError>() {
+            Ok(PartError { path, what }) => BuildError::Job { path, what },
+            Err(source) => BuildError::Temporary { folder: folder.to_owned(), source },
+        }
     }
 }
 
@@ -320,14 +339,23 @@ fn built_of(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Unnamed, BuildError> {
-    let streams = streams(source, load_options, &|names| kept(names, options, load_options))?;
-    let particles = source.description().families.iter().map(|family| family.count).sum();
-    let options = &options.for_particles(particles);
+    let (streams, options) = &streams_of(source, load_options, options)?;
     let mut build = Build::new(options, streams.about.kernel, out, progress)?;
     for stream in &streams.families {
         build.family(stream)?;
     }
-    build.finish(Dataset { skipped: SourceStream::skipped(&streams.families), ..streams.about })
+    build.finish(Dataset { skipped: SourceStream::skipped(&streams.families), ..streams.about.clone() })
+}
+
+/// The families of a source as they are built, and the options for so many particles.
+fn streams_of<'a>(
+    source: &'a dyn Source,
+    load_options: &LoadOptions,
+    options: &BuildOptions,
+) -> Result<(Streams<'a>, BuildOptions), BuildError> {
+    let streams = streams(source, load_options, &|names| kept(names, options, load_options))?;
+    let particles = source.description().families.iter().map(|family| family.count).sum();
+    Ok((streams, options.for_particles(particles)))
 }
 
 /// Builds the page file `out` from `dataset`, whose families are freed as they are used.
@@ -437,170 +465,93 @@ impl<'a> Build<'a> {
     fn family(&mut self, stream: &dyn ParticleStream) -> Result<(), BuildError> {
         let Build { options, out, progress, .. } = *self;
         let octree = &options.octree;
-        let mut survey = Survey::of(stream, octree, progress)?;
-        if survey.count == 0 {
-            return Ok(());
-        }
-        let root = survey.root(octree);
-        let most = octree.bucket_size(survey.count);
-        let plan = Plan::new(&survey.take_keys(root), survey.weight, most);
-        let own = stream.attributes();
-        let derivation = stream.derivation();
-        let attributes = stream.all_attributes();
-        if attributes.len() > MAX_ATTRIBUTES {
-            let what = format!(
-                "{} attributes of {}, {} of them derived; at most {MAX_ATTRIBUTES} can be kept",
-                attributes.len(),
-                stream.family(),
-                attributes.len() - own.len()
-            );
-            return Err(BuildError::Selection { path: out.to_owned(), what });
-        }
-        let columns = attributes.len() + stream.columns() - own.len();
-        let memory = Memory::plan(options, out, survey.count, columns, most, plan.len())?;
+        let survey = Survey::of(stream, octree, progress)?;
+        let Some(mut outline) = Outline::of(survey, stream, octree, out)? else { return Ok(()) };
+        let (root, count) = (outline.root, outline.survey.count);
+        let memory = Memory::plan(options, out, count, outline.most_columns(), outline.most, outline.plan.len())?;
 
         if memory.on_disk > 0 {
             let (family, size) = (stream.family(), memory.on_disk.div_ceil(1 << 20));
             progress.say(&format!("{family}: up to {size} MiB of temporary files in {}", memory.folder.display()));
         }
         let particles = Spill::new(out, &memory.folder, memory.particles, options.read);
-        let neighbours = stream.neighbours().filter(|_| survey.is_lacking());
-        let extents = neighbours.is_some() || derivation.is_some();
+        let extents = outline.has_neighbours();
         let (mut partition, mut histograms) =
-            Partition::of(stream, &survey.ranges, &plan, root, extents, particles, progress)?;
-        let edge = stream.periodic_edge(survey.bounds);
-        if let Some(k) = neighbours {
-            let lacking = survey.ranges[1].missing;
-            if lacking > 0 && lacking < survey.count {
-                self.notes.push(replaced_densities(stream.family(), lacking));
-            }
-            let found = Estimating { k, root, edge }.estimate(&mut partition, memory.neighbour_block(), progress)?;
-            survey.estimated(found.ranges, found.samples);
-            histograms.splice(1..3, found.histograms);
+            Partition::of(stream, &outline.survey.ranges, &outline.plan, root, extents, particles, progress)?;
+        if let Some(estimating) = outline.estimating() {
+            self.notes.extend(outline.note());
+            let (found, counts) = estimating.estimate(&mut partition, memory.neighbour_block(), progress)?;
+            histograms.splice(1..3, partition::histograms(&found.ranges, counts));
+            outline.survey.estimated(found);
         }
-        if let Some(derivation) = derivation {
-            let deriving = Deriving { derivation, kernel: self.kernel, root, own: own.len(), edge };
-            let found = deriving.derive(&mut partition, memory.motion_block(), progress)?;
-            survey.derived(own.len(), found.ranges, found.samples);
-            histograms.truncate(3 + own.len());
-            histograms.splice(3..3, found.histograms);
+        if let Some(derivation) = stream.derivation() {
+            let deriving = outline.deriving(derivation, self.kernel);
+            let (found, counts) = deriving.derive(&mut partition, memory.motion_block(), progress)?;
+            histograms.truncate(3 + outline.own);
+            histograms.splice(3..3, partition::histograms(&found.ranges, counts));
+            outline.derived(found);
         }
-        let scaling = survey.scaling(attributes.iter().map(|(name, _)| name.as_str()));
-        let rules: Vec<_> = scaling.attributes.iter().map(|(_, merge)| *merge).collect();
-        // What has magnitudes is seen as points of light, and its smoothing lengths say nothing of how near one comes.
-        let has_magnitudes = rules.contains(&AttributeMerge::Magnitude);
-        let octree = OctreeOptions { exact_positions: octree.exact_positions || has_magnitudes, ..*octree };
+        let scaling = outline.scaling();
+        let (rules, octree) = (outline.rules(), outline.octree(octree));
         let context = Context { root, options: &octree, rules: &rules };
 
-        let largest = (0..plan.len()).map(|bucket| partition.len(bucket)).max().unwrap_or(0);
+        let largest = (0..outline.plan.len()).map(|bucket| partition.len(bucket)).max().unwrap_or(0);
         let workers = memory.workers(largest, out)?;
         let nodes = Spill::new(out, &memory.folder, memory.nodes, options.read);
         let before = partition.on_disk();
-        let trees = tree::grow(&context, stream.family(), &plan, partition, &nodes, workers, progress)?;
+        let (family, plan) = (stream.family(), &outline.plan);
+        let grower = Grower { context: &context, family, plan, scaling: &scaling, spill: &nodes, progress };
+        let built = grower.grow(&partition, 0..plan.len(), workers)?;
+        drop(partition);
+        let trees = grower.join(built)?;
         let clustering = options.hierarchies.has(&PCA).then_some((&context, options.clusters, self.kernel));
         let bits = octree.code_bits();
-        // Files with plain codes have no place for it.
-        let picture = Picture::new(root, survey.bounds, self.kernel).filter(|_| bits.is_refined());
-        let coded = tree::code(stream.family(), trees, clustering, &scaling, picture, nodes, bits, progress)?;
+        let picture = outline.picture(self.kernel, bits);
+        let coded = tree::code(family, trees, clustering, &scaling, picture, nodes, bits, progress)?;
         self.temporary_bytes = self.temporary_bytes.max(before + coded.on_disk());
 
         let sections =
             |levels, depth, index| coded.sections(levels, depth, index, bits).map_err(|error| coded.failed(error));
         let number = self.families.len() as u32;
-        let volume = coded.volume.as_ref().map(|tree| (Purpose::Samples, &tree.nodes[..]));
-        let clusters = coded.clusters.as_ref().map(|tree| (Purpose::Clusters, &tree.nodes[..]));
-        let others: Vec<_> = volume.into_iter().chain(clusters).collect();
-        let has_octree = options.hierarchies.has(&OCTREE) || clusters.is_none();
-        let trees = FamilyTrees { splats: &coded.splats.nodes, has_octree, others: &others };
-        let mut written =
-            write_trees(&mut self.writer, number, trees, options.page_bytes, sections, progress)?.into_iter();
-        let (Some(splats), volume, clusters) =
-            (written.next(), volume.and_then(|_| written.next()), clusters.and_then(|_| written.next()))
-        else {
-            return Err(survey::column_error(stream.family(), "count", "at least one particle"));
-        };
-        let with_bytes = |levels: &[LevelInfo], bytes: Vec<u64>| {
-            levels.iter().zip(bytes).map(|(level, bytes)| LevelInfo { bytes, ..*level }).collect()
-        };
-        let describe = |k: usize, name: &str, unit: &Unit| {
-            AttributeInfo::new(name, unit, &survey.ranges[k], histograms[k].clone())
-        };
-        let unit = Unit::default();
-        let quantities =
-            [describe(0, "mass", &unit), describe(1, "density", &unit), describe(2, "smoothing-length", &unit)];
-        let top = &coded.splats.nodes[0][0].node;
-        self.families.push(FamilyMetadata {
-            name: stream.family(),
-            count: survey.count,
-            mass: top.mass,
-            mass_density: top.mass_density,
-            bounds: survey.bounds,
-            root,
-            root_page: clusters.as_ref().filter(|_| !has_octree).map_or(splats.root_page, |tree| tree.root_page),
-            quantities,
-            attributes: (3..).zip(&attributes).map(|(k, (name, unit))| describe(k, name, unit)).collect(),
-            levels: own_levels(with_bytes(&coded.splats.levels, splats.bytes), has_octree),
-            volume: volume.zip(coded.volume.as_ref()).map(|(written, tree)| VolumeTree {
-                root_page: written.root_page,
-                levels: with_bytes(&tree.levels, written.bytes),
-            }),
-            codebooks: coded.books.codebooks,
-            refinements: coded.books.refinements,
-            column_error: coded.books.column_error,
-            clusters: clusters.zip(coded.clusters).map(|(written, tree)| ClusterTree {
-                root_page: written.root_page,
-                levels: tree
-                    .levels
-                    .into_iter()
-                    .zip(written.bytes)
-                    .map(|(level, bytes)| ClusterLevel { bytes, ..level })
-                    .collect(),
-                shape_bits: options.clusters.shape_bits,
-                is_published: options.clusters.rule == SplitRule::Distortion,
-                book: Arc::new(tree.book),
-            }),
-        });
+        let others = family::others(&coded);
+        let trees = family::trees(&coded, &others, options);
+        let written = write_trees(&mut self.writer, number, trees, options.page_bytes, sections, progress)?;
+        self.families.push(outline.metadata(&histograms, coded, written, options)?);
         Ok(())
     }
 
     /// Writes the footer.
     fn finish(self, about: Dataset) -> Result<Unnamed, BuildError> {
-        let mut families = self.families;
-        if families.is_empty() {
-            let field = "particles that can be drawn".into();
-            return Err(ImportError::NoParticles { path: about.provenance.path, field }.into());
-        }
-        families.iter_mut().for_each(|family| set_units(&mut family.quantities, &about.mass_unit, &about.length_unit));
-        let mut provenance = about.provenance;
-        provenance.notes.extend(self.notes);
-        provenance.notes.extend(self.options.hierarchy_note());
-        let metadata = Metadata {
-            length_unit: about.length_unit,
-            mass_unit: about.mass_unit,
-            kernel: about.kernel,
-            bits: self.options.octree.code_bits(),
-            provenance,
-            skipped: about.skipped,
-            families,
-        };
+        let metadata = metadata(about, self.families, self.notes, self.options)?;
         let file = self.writer.complete(&metadata)?;
         Ok(Unnamed { metadata, file, temporary_bytes: self.temporary_bytes })
     }
 }
 
-/// The levels of an octree as they are written: leaves alone where there is no other node.
-fn own_levels(levels: Vec<LevelInfo>, has_octree: bool) -> Vec<LevelInfo> {
-    if has_octree {
-        return levels;
+/// What a file with these families says of them and of its source.
+fn metadata(
+    about: Dataset,
+    mut families: Vec<FamilyMetadata>,
+    notes: Vec<String>,
+    options: &BuildOptions,
+) -> Result<Metadata, BuildError> {
+    if families.is_empty() {
+        let field = "particles that can be drawn".into();
+        return Err(ImportError::NoParticles { path: about.provenance.path, field }.into());
     }
-    let leaves = |level: LevelInfo| LevelInfo {
-        depth: level.depth,
-        leaf_nodes: level.leaf_nodes,
-        leaf_particles: level.leaf_particles,
-        bytes: level.bytes,
-        ..LevelInfo::default()
-    };
-    levels.into_iter().map(leaves).collect()
+    families.iter_mut().for_each(|family| set_units(&mut family.quantities, &about.mass_unit, &about.length_unit));
+    let mut provenance = about.provenance;
+    provenance.notes.extend(notes);
+    provenance.notes.extend(options.hierarchy_note());
+    Ok(Metadata {
+        length_unit: about.length_unit,
+        mass_unit: about.mass_unit,
+        kernel: about.kernel,
+        bits: options.octree.code_bits(),
+        provenance,
+        skipped: about.skipped,
+        families,
+    })
 }
 
 /// Keeps the families and attributes that were asked for.

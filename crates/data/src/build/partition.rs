@@ -5,12 +5,13 @@ use super::spill::{Blob, Spill};
 use crate::hierarchy::attribute_info::{HistogramBins, Range, missing_replaced};
 use crate::hierarchy::octree::{Columns, Place, Plan};
 use crate::hierarchy::{Histogram, RootCell};
+use crate::model::portable::portable;
 use crate::model::progress::Progress;
 use crate::model::{Chunk, ParticleStream};
 use rayon::prelude::*;
 use std::sync::Mutex;
 
-/// Particles of a bucket that are put away together.
+/// Particles of a bucket that are put away together while a family is read.
 const RUN: usize = 1024;
 
 /// The particles of all buckets.
@@ -25,19 +26,30 @@ pub(super) struct Partition {
     buckets: Vec<Bucket>,
 }
 
+/// Smallest and largest coordinates, fractions of the root cell.
+type Extent = ([f64; 3], [f64; 3]);
+
 /// One bucket: runs that have been put away, and the particles that still wait for enough company.
 #[derive(Default)]
 struct Bucket {
     runs: Vec<Blob>,
     places: Vec<Place>,
     columns: Columns,
-    /// Smallest and largest coordinates, fractions of the root cell.
-    extent: Option<([f64; 3], [f64; 3])>,
+    extent: Option<Extent>,
     /// Densities, then smoothing lengths, in the order of reading, where they had to be estimated.
     estimates: Option<Blob>,
     /// Derived attributes, one after the other, in the order of reading.
     derived: Option<Blob>,
 }
+
+/// What an input block has of a bucket, where it is not the only one: the particles as one run, and their extent.
+#[derive(Debug, Default)]
+pub(super) struct Share {
+    run: Option<Blob>,
+    extent: Option<Extent>,
+}
+
+portable!(Share { run, extent });
 
 /// Bytes that a particle with so many attributes takes in a partition.
 pub(super) fn particle_bytes(attributes: usize) -> u64 {
@@ -58,12 +70,32 @@ impl Partition {
         spill: Spill,
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Histogram>), BuildError> {
+        let chunks = 0..stream.chunks();
+        let (partition, counts) = Partition::of_chunks(stream, chunks, ranges, plan, root, extents, spill, progress)?;
+        Ok((partition, histograms(ranges, counts)))
+    }
+
+    /// Reads some chunks of a family; gives the counts of [`histograms`], too.
+    ///
+    /// # Errors
+    /// As [`Partition::of`].
+    pub fn of_chunks(
+        stream: &dyn ParticleStream,
+        chunks: std::ops::Range<usize>,
+        ranges: &[Range],
+        plan: &Plan,
+        root: RootCell,
+        extents: bool,
+        spill: Spill,
+        progress: &dyn Progress,
+    ) -> Result<(Partition, Vec<Vec<u64>>), BuildError> {
         let (own, columns) = (stream.attributes().len(), stream.columns());
-        progress.begin(&format!("sorting {}", stream.family()), stream.particles());
+        let share = chunks.len() as f64 / stream.chunks().max(1) as f64;
+        progress.begin(&format!("sorting {}", stream.family()), (stream.particles() as f64 * share) as u64);
         let empty = || Bucket { columns: Columns::with_capacity(columns, 0), ..Bucket::default() };
         let buckets: Vec<Mutex<Bucket>> = (0..plan.len()).map(|_| Mutex::new(empty())).collect();
         let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
-        let counts = (0..stream.chunks())
+        let counts = chunks
             .into_par_iter()
             .map_init(Default::default, |(chunk, scratch): &mut (Chunk, Scratch), number| {
                 stream.read(number, chunk)?;
@@ -84,12 +116,60 @@ impl Partition {
                 Ok::<_, BuildError>(all)
             })
             .unwrap_or_else(|| Ok(bins.iter().map(|bins| bins.count(&[])).collect()))?;
-        // What was replaced for a missing value is no value of the source.
-        let histograms = bins.into_iter().zip(counts).zip(ranges);
-        let histograms = histograms.map(|((bins, counts), range)| bins.finish(counts, range.missing)).collect();
         let buckets =
             buckets.into_iter().map(|bucket| bucket.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
-        Ok((Partition { spill, columns, own, means: Vec::new(), buckets }, histograms))
+        Ok((Partition { spill, columns, own, means: Vec::new(), buckets }, counts))
+    }
+
+    /// Puts the particles of each bucket away elsewhere, as one run. Where extents are known the runs are sorted, so that what is found for
+    /// their particles stays theirs when the chunks are read again.
+    ///
+    /// # Errors
+    /// When they cannot be read back or put away.
+    pub fn hand_on(&self, to: &Spill) -> Result<Vec<Share>, BuildError> {
+        let hand_on = |bucket: usize| {
+            let (mut places, mut columns) = self.read_inputs(bucket)?;
+            let extent = self.extent(bucket);
+            if places.is_empty() {
+                return Ok(Share::default());
+            }
+            if extent.is_some() {
+                let order = columns.order(&places);
+                places = order.iter().map(|&i| places[i as usize]).collect();
+                columns = columns.gather(&order);
+            }
+            let lane = to.lane(bucket);
+            let run = Some(run(&places, &columns, &lane)?);
+            lane.close().map_err(|error| BuildError::temporary(to, error))?;
+            Ok(Share { run, extent })
+        };
+        (0..self.buckets()).into_par_iter().map(hand_on).collect()
+    }
+
+    /// The particles that input blocks have handed on to each bucket, with so many attributes among so many columns.
+    pub fn handed_on(spill: Spill, (own, columns): (usize, usize), blocks: Vec<Vec<Share>>) -> Partition {
+        let number = blocks.iter().map(Vec::len).max().unwrap_or(0);
+        let mut buckets: Vec<Bucket> = (0..number).map(|_| Bucket::default()).collect();
+        for (bucket, Share { run, extent }) in blocks.into_iter().flat_map(|shares| (0..).zip(shares)) {
+            let bucket: &mut Bucket = &mut buckets[bucket];
+            bucket.runs.extend(run);
+            extent.into_iter().flat_map(|(low, high)| [low, high]).for_each(|at| bucket.reach(at));
+        }
+        Partition { spill, columns, own, means: Vec::new(), buckets }
+    }
+
+    /// Where estimated densities and smoothing lengths of a bucket are, and derived attributes; nowhere any more, as far as this partition
+    /// knows.
+    pub fn take_found(&mut self, bucket: usize) -> [Option<Blob>; 2] {
+        let Bucket { estimates, derived, .. } = &mut self.buckets[bucket];
+        [estimates.take(), derived.take()]
+    }
+
+    /// Takes note of where estimated densities and smoothing lengths of a bucket are, and derived attributes.
+    pub fn found(&mut self, bucket: usize, [estimates, derived]: [Option<Blob>; 2]) {
+        let own = &mut self.buckets[bucket];
+        own.estimates = estimates.or(own.estimates.take());
+        own.derived = derived.or(own.derived.take());
     }
 
     /// Number of buckets.
@@ -135,14 +215,20 @@ impl Partition {
 
     /// Number of particles in a bucket.
     pub fn len(&self, bucket: usize) -> usize {
-        self.buckets[bucket].runs.len() * RUN + self.buckets[bucket].places.len()
+        let Bucket { runs, places, .. } = &self.buckets[bucket];
+        runs.iter().map(|run| self.run_len(run)).sum::<usize>() + places.len()
     }
 
-    /// The buckets in groups that follow each other, of at most `block` particles each where a group has more than one bucket.
-    pub fn blocks(&self, block: usize) -> Vec<std::ops::Range<usize>> {
+    /// Number of particles in a run.
+    fn run_len(&self, run: &Blob) -> usize {
+        run.len() / particle_bytes(self.columns) as usize
+    }
+
+    /// Some buckets in groups that follow each other, of at most `block` particles each where a group has more than one bucket.
+    pub fn blocks(&self, buckets: std::ops::Range<usize>, block: usize) -> Vec<std::ops::Range<usize>> {
         let mut blocks: Vec<std::ops::Range<usize>> = Vec::new();
         let mut held = 0;
-        for bucket in 0..self.buckets() {
+        for bucket in buckets {
             held += self.len(bucket);
             match blocks.last_mut() {
                 Some(last) if held <= block => last.end = bucket + 1,
@@ -206,11 +292,12 @@ impl Partition {
         columns.iter_mut().take(wanted).for_each(|column| column.reserve_exact(len));
         for run in runs {
             let bytes = self.spill.get(run).map_err(|error| BuildError::temporary(&self.spill, error))?;
-            let (keys, values) = bytes.split_at(RUN * size_of::<Place>());
-            let (keys, rests) = keys.split_at(RUN * size_of::<u64>());
+            let len = self.run_len(run);
+            let (keys, values) = bytes.split_at(len * size_of::<Place>());
+            let (keys, rests) = keys.split_at(len * size_of::<u64>());
             let pairs = bytemuck::cast_slice(keys).iter().zip(bytemuck::cast_slice(rests));
             places.extend(pairs.map(|(&key, &rest)| Place { key, rest }));
-            let values = values.chunks_exact(RUN * size_of::<f32>());
+            let values = values.chunks_exact(len * size_of::<f32>());
             columns
                 .iter_mut()
                 .zip(values)
@@ -227,6 +314,22 @@ impl Partition {
         }
         Ok((places, columns))
     }
+}
+
+/// The histograms of all columns, whose values were counted in bins of their ranges.
+pub(super) fn histograms(ranges: &[Range], counts: Vec<Vec<u64>>) -> Vec<Histogram> {
+    // What was replaced for a missing value is no value of the source.
+    let finish = |(range, counts): (&Range, Vec<u64>)| HistogramBins::of(range).finish(counts, range.missing);
+    ranges.iter().zip(counts).map(finish).collect()
+}
+
+/// Puts a run of particles away: keys, the rest of their places, columns.
+fn run(places: &[Place], columns: &Columns, spill: &Spill) -> Result<Blob, BuildError> {
+    let keys: Vec<u64> = places.iter().map(|place| place.key).collect();
+    let rests: Vec<u64> = places.iter().map(|place| place.rest).collect();
+    let mut parts: Vec<&[u8]> = vec![bytemuck::cast_slice(&keys), bytemuck::cast_slice(&rests)];
+    parts.extend(columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)));
+    spill.put(&parts).map_err(|error| BuildError::temporary(spill, error))
 }
 
 /// Memory for distributing chunks.
@@ -311,12 +414,7 @@ impl Bucket {
     }
 
     fn put_away(&mut self, spill: &Spill) -> Result<(), BuildError> {
-        let keys: Vec<u64> = self.places.iter().map(|place| place.key).collect();
-        let rests: Vec<u64> = self.places.iter().map(|place| place.rest).collect();
-        let mut parts: Vec<&[u8]> = vec![bytemuck::cast_slice(&keys), bytemuck::cast_slice(&rests)];
-        parts.extend(self.columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)));
-        let blob = spill.put(&parts).map_err(|error| BuildError::temporary(spill, error))?;
-        self.runs.push(blob);
+        self.runs.push(run(&self.places, &self.columns, spill)?);
         self.places.clear();
         self.columns.iter_mut().for_each(Vec::clear);
         Ok(())

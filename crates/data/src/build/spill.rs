@@ -1,7 +1,10 @@
 //! Where a build keeps what it will need again: in memory while there is room, in a temporary file beyond.
 //!
-//! Which of the two does not change what is read back, so the output does not depend on the memory that a build may take.
+//! Which of the two does not change what is read back, so the output does not depend on the memory that a build may take. A task of a job
+//! keeps everything in the file that it hands on instead ([`Parts`]).
 
+use super::cluster::{PartPlace, Parts};
+use crate::model::portable::Portable;
 use crate::model::positioned::{read_exact_at, write_all_at};
 use crate::model::{ReadFile, ReadMethod};
 use crate::store::temporary::Temporary;
@@ -25,6 +28,46 @@ pub struct Spill {
     mapped: Mutex<Option<Arc<ReadFile>>>,
     file: OnceLock<Temporary>,
     end: AtomicU64,
+    /// The files of a job's tasks, where blobs are put away there.
+    parts: Option<Arc<Parts>>,
+    /// The lane of a task's file where blobs are put away there, and what is in it.
+    lane: Option<(u32, Mutex<Vec<u8>>)>,
+}
+
+/// What works on one of many things at a time puts its blobs away here; nothing of it is seen before it is closed.
+pub enum Lane<'a> {
+    /// Where everything is.
+    Shared(&'a Spill),
+    /// Bytes of its own.
+    Own(Box<Spill>),
+}
+
+impl std::ops::Deref for Lane<'_> {
+    type Target = Spill;
+
+    fn deref(&self) -> &Spill {
+        match self {
+            Lane::Shared(spill) => spill,
+            Lane::Own(spill) => spill,
+        }
+    }
+}
+
+impl Lane<'_> {
+    /// Puts the lane where the others are.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    pub fn close(self) -> io::Result<()> {
+        let Lane::Own(own) = self else { return Ok(()) };
+        let Spill { parts, lane, .. } = *own;
+        match parts.zip(lane) {
+            Some((parts, (number, bytes))) => {
+                parts.put_lane(number, &bytes.into_inner().unwrap_or_else(PoisonError::into_inner))
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 /// What [`Spill::put`] has put away.
@@ -38,12 +81,28 @@ pub struct Blob {
 enum Place {
     Memory(Vec<u64>),
     Disk(u64),
+    Part(PartPlace),
 }
 
 impl Blob {
     /// Number of bytes.
     pub fn len(&self) -> usize {
         self.len as usize
+    }
+}
+
+/// Only blobs in the files of tasks are known to other processes.
+impl Portable for Blob {
+    fn put(&self, to: &mut Vec<u8>) {
+        match self.place {
+            Place::Part(place) => (self.len, Some(place)).put(to),
+            Place::Memory(_) | Place::Disk(_) => (self.len, None::<PartPlace>).put(to),
+        }
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Blob> {
+        let (len, place): (u64, Option<PartPlace>) = Portable::take(from)?;
+        Some(Blob { len, place: Place::Part(place?) })
     }
 }
 
@@ -74,6 +133,25 @@ impl Spill {
             mapped: Mutex::default(),
             file: OnceLock::new(),
             end: AtomicU64::new(0),
+            parts: None,
+            lane: None,
+        }
+    }
+
+    /// Keeps everything in the file of the task at hand, and reads what is in those of other tasks.
+    pub fn of_parts(parts: Arc<Parts>) -> Spill {
+        let folder = parts.folder().to_owned();
+        Spill { parts: Some(parts), ..Spill::new(&folder, &folder, 0, ReadMethod::default()) }
+    }
+
+    /// Where one thing of many is put away, so that it does not matter when the others are: in the file of a task a lane with this number.
+    pub fn lane(&self, number: usize) -> Lane<'_> {
+        match &self.parts {
+            Some(parts) => {
+                let lane = Some((number as u32, Mutex::default()));
+                Lane::Own(Box::new(Spill { lane, ..Spill::of_parts(Arc::clone(parts)) }))
+            }
+            None => Lane::Shared(self),
         }
     }
 
@@ -93,6 +171,17 @@ impl Spill {
     /// When the disk takes no more.
     pub fn put(&self, parts: &[&[u8]]) -> io::Result<Blob> {
         let len: usize = parts.iter().map(|part| part.len()).sum();
+        if let Some(files) = &self.parts {
+            let place = match &self.lane {
+                Some((number, bytes)) => {
+                    // Bytes that were appended are whole before the lock is given back.
+                    let mut bytes = bytes.lock().unwrap_or_else(PoisonError::into_inner);
+                    files.put_in_lane(*number, &mut bytes, parts)?
+                }
+                None => files.put(parts, len)?,
+            };
+            return Ok(Blob { len: len as u64, place: Place::Part(place) });
+        }
         let bytes = len.next_multiple_of(8) as u64;
         let mut words = vec![0_u64; len.div_ceil(8)];
         let mut at = 0;
@@ -116,6 +205,12 @@ impl Spill {
     pub fn get<'a>(&self, blob: &'a Blob) -> io::Result<Bytes<'a>> {
         let words = match &blob.place {
             Place::Memory(words) => Cow::Borrowed(&words[..]),
+            Place::Part(place) => {
+                let mut words = vec![0_u64; blob.len().div_ceil(8)];
+                let parts = self.parts.as_ref().ok_or_else(|| io::Error::other("no files of tasks"))?;
+                parts.get(*place, &mut bytemuck::cast_slice_mut(&mut words)[..blob.len()])?;
+                Cow::Owned(words)
+            }
             Place::Disk(offset) => {
                 let mut words = vec![0_u64; blob.len().div_ceil(8)];
                 let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut words);

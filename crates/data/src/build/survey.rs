@@ -1,11 +1,13 @@
 //! The first pass over a family: its box, what its columns hold, and a sample by which to plan.
 
 use super::BuildError;
+use super::found::Seen;
 use crate::codec::scaling::ColumnScaling;
 use crate::codec::{AttributeMerge, Scaling};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::attribute_info::{Range, missing_replaced};
 use crate::hierarchy::octree::{Columns, OctreeOptions, Place};
+use crate::model::portable::portable;
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Chunk, FamilyName, ParticleStream};
 use rayon::prelude::*;
@@ -17,7 +19,7 @@ const BUCKET_SAMPLE: u64 = 64;
 /// Sampled positions at most, of 24 bytes each: enough for 10^12 particles.
 const MOST_POSITIONS: u64 = 1 << 26;
 /// Chunks whose sums are added up by themselves, before they are added to those of other blocks, whoever does that.
-const BLOCK: usize = 1024;
+pub(super) const BLOCK: usize = 1024;
 
 /// Of how many particles one is sampled.
 #[derive(Clone, Copy)]
@@ -49,6 +51,8 @@ pub(super) struct Survey {
     columns: Columns,
 }
 
+portable!(Survey { count, bounds, ranges, weight, positions, columns });
+
 impl Survey {
     /// Reads the whole family. The result does not depend on the number of threads.
     ///
@@ -59,12 +63,30 @@ impl Survey {
         options: &OctreeOptions,
         progress: &dyn Progress,
     ) -> Result<Survey, BuildError> {
-        let (particles, chunks) = (stream.particles(), stream.chunks());
-        let strides = Strides::of(particles, options);
-        progress.begin(&format!("looking through {}", stream.family()), particles);
-        let nothing = || Survey::nothing(stream.columns(), strides);
-        let block = |first: usize| -> Result<Survey, BuildError> {
-            let parts: Vec<Survey> = (first..chunks.min(first + BLOCK))
+        let parts = Survey::parts(stream, options, 0..stream.chunks(), progress)?;
+        Ok(Survey::joined(stream, options, [parts]))
+    }
+
+    /// Reads some chunks: surveys of the blocks that they are, each with its first chunk, and of single chunks of others.
+    ///
+    /// # Errors
+    /// As [`Survey::of`].
+    pub fn parts(
+        stream: &dyn ParticleStream,
+        options: &OctreeOptions,
+        chunks: std::ops::Range<usize>,
+        progress: &dyn Progress,
+    ) -> Result<Vec<(usize, Survey)>, BuildError> {
+        let strides = Strides::of(stream.particles(), options);
+        let share = chunks.len() as f64 / stream.chunks().max(1) as f64;
+        progress.begin(&format!("looking through {}", stream.family()), (stream.particles() as f64 * share) as u64);
+        let mut all = Vec::new();
+        let mut first = chunks.start;
+        while first < chunks.end {
+            let block = first / BLOCK * BLOCK..stream.chunks().min((first / BLOCK + 1) * BLOCK);
+            let own = first..chunks.end.min(block.end);
+            let parts: Vec<Survey> = own
+                .clone()
                 .into_par_iter()
                 .map_init(Chunk::default, |chunk, number| {
                     stream.read(number, chunk)?;
@@ -73,20 +95,44 @@ impl Survey {
                     Ok(Survey::of_chunk(chunk, number as u64, strides))
                 })
                 .collect::<Result<_, BuildError>>()?;
-            Ok(parts.into_iter().fold(nothing(), Survey::with))
-        };
-        (0..chunks).step_by(BLOCK).try_fold(nothing(), |all, first| Ok(all.with(block(first)?)))
+            first = own.end;
+            match own == block {
+                true => all.push((own.start, Survey::sum(stream, options, parts))),
+                false => all.extend(own.zip(parts)),
+            }
+        }
+        Ok(all)
     }
 
-    fn nothing(attributes: usize, strides: Strides) -> Survey {
-        Survey {
+    /// The survey of a family of which all chunks have been surveyed, in their order.
+    pub fn joined(
+        stream: &dyn ParticleStream,
+        options: &OctreeOptions,
+        parts: impl IntoIterator<Item = Vec<(usize, Survey)>>,
+    ) -> Survey {
+        let mut blocks: Vec<(usize, Vec<Survey>)> = Vec::new();
+        for (chunk, part) in parts.into_iter().flatten() {
+            match blocks.last_mut() {
+                Some((block, parts)) if *block == chunk / BLOCK => parts.push(part),
+                _ => blocks.push((chunk / BLOCK, vec![part])),
+            }
+        }
+        let block = |(_, parts): (usize, Vec<Survey>)| Survey::sum(stream, options, parts);
+        Survey::sum(stream, options, blocks.into_iter().map(block))
+    }
+
+    /// Surveys that follow each other as one.
+    fn sum(stream: &dyn ParticleStream, options: &OctreeOptions, parts: impl IntoIterator<Item = Survey>) -> Survey {
+        let attributes = stream.columns();
+        let nothing = Survey {
             count: 0,
             bounds: Bounds::EMPTY,
             ranges: vec![Range::EMPTY; 3 + attributes],
-            weight: strides.positions as f64,
+            weight: Strides::of(stream.particles(), options).positions as f64,
             positions: Vec::new(),
             columns: Columns::with_capacity(attributes, 0),
-        }
+        };
+        parts.into_iter().fold(nothing, Survey::with)
     }
 
     fn of_chunk(chunk: &Chunk, number: u64, strides: Strides) -> Survey {
@@ -139,17 +185,24 @@ impl Survey {
     }
 
     /// Takes note of estimated densities and smoothing lengths.
-    pub fn estimated(&mut self, ranges: [Range; 2], [density, smoothing_length]: [Vec<f32>; 2]) {
-        self.ranges[1..3].copy_from_slice(&ranges);
-        (self.columns.density, self.columns.smoothing_length) = (density, smoothing_length);
+    pub fn estimated(&mut self, found: Seen) {
+        self.ranges.splice(1..3, found.ranges);
+        let mut samples = found.samples.into_iter();
+        (self.columns.density, self.columns.smoothing_length) =
+            (samples.next().unwrap_or_default(), samples.next().unwrap_or_default());
     }
 
     /// Puts derived attributes in front of the `own` ones, and forgets the columns that they were derived from.
-    pub fn derived(&mut self, own: usize, ranges: Vec<Range>, samples: Vec<Vec<f32>>) {
+    pub fn derived(&mut self, own: usize, found: Seen) {
         self.ranges.truncate(3 + own);
-        self.ranges.splice(3..3, ranges);
+        self.ranges.splice(3..3, found.ranges);
         self.columns.attributes.truncate(own);
-        self.columns.attributes.splice(0..0, samples);
+        self.columns.attributes.splice(0..0, found.samples);
+    }
+
+    /// Forgets the sampled columns, once it is known how they are scaled.
+    pub fn forget_samples(&mut self) {
+        self.columns = Columns::default();
     }
 
     /// Morton keys of the sampled positions, sorted; the positions are forgotten.
@@ -230,6 +283,7 @@ pub(super) fn column_error(family: FamilyName, field: &str, expected: &'static s
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::portable::Portable;
     use crate::model::{StreamError, Unit};
     use proptest::prelude::*;
 
@@ -278,6 +332,23 @@ mod tests {
             let blocks = masses.chunks(BLOCK).map(|block| survey(block).ranges[0]);
             prop_assert_eq!(all.ranges[0], blocks.fold(Range::EMPTY, Range::with));
             prop_assert_eq!((all.count, all.positions.len()), (masses.len() as u64, masses.len()));
+        }
+
+        /// However the chunks are cut into input blocks.
+        #[test]
+        fn parts_make_the_survey(
+            exponents in prop::collection::vec(-60.0..60.0_f32, 1000..3000),
+            cuts in prop::collection::vec(0..3000_usize, 0..5),
+        ) {
+            let stream = Masses(exponents.iter().map(|exponent| exponent.exp2()).collect());
+            let options = OctreeOptions::default();
+            let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| cut.min(stream.chunks())).collect();
+            cuts.extend([0, stream.chunks()]);
+            cuts.sort_unstable();
+            let part = |cut: &[usize]| Survey::parts(&stream, &options, cut[0]..cut[1], &()).unwrap();
+            let parts = cuts.windows(2).map(|cut| Vec::<(usize, Survey)>::of_bytes(&part(cut).bytes()).unwrap());
+            let joined = Survey::joined(&stream, &options, parts);
+            prop_assert_eq!(joined.bytes(), Survey::of(&stream, &options, &()).unwrap().bytes());
         }
 
         #[test]

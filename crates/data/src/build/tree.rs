@@ -3,7 +3,7 @@
 
 use super::BuildError;
 use super::clusters::{CodedClusters, Maker};
-use super::coding::{self, Batch, Measured};
+use super::coding::{self, Batch, Coding, Measured};
 use super::column_error::Picture;
 use super::partition::Partition;
 use super::spill::{Blob, Spill};
@@ -12,11 +12,13 @@ use crate::codec::positions::{decode_leaf, encode_grid, encode_leaf};
 use crate::codec::{BatchInfo, CodeBits, Codebook, CodebookScope, Quantities, Refinement, Scaling};
 use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, join};
 use crate::hierarchy::{ClusterOptions, Encoding, LevelInfo, Purpose};
+use crate::model::portable::{Portable, portable};
 use crate::model::progress::Progress;
 use crate::model::{FamilyName, Kernel};
 use crate::store::layout::StoredNode;
 use crate::store::paging::{PlannedNode, Sections};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// The particles of a piece, put away.
 #[derive(Debug)]
@@ -25,12 +27,30 @@ pub(super) struct Kept {
     batch: Batch,
 }
 
+portable!(Kept { positions, batch });
+
 #[derive(Debug)]
 enum Positions {
     /// A section as it will be stored.
     Encoded(Blob),
     /// Grid words of a part of a node.
     Words(Blob),
+}
+
+impl Portable for Positions {
+    fn put(&self, to: &mut Vec<u8>) {
+        let (is_encoded, blob) = match self {
+            Positions::Encoded(blob) => (true, blob),
+            Positions::Words(blob) => (false, blob),
+        };
+        is_encoded.put(to);
+        blob.put(to);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Positions> {
+        let (is_encoded, blob) = Portable::take(from)?;
+        Some(if is_encoded { Positions::Encoded(blob) } else { Positions::Words(blob) })
+    }
 }
 
 /// A tree before it is coded; leaves of other levels than the first have no data.
@@ -59,7 +79,7 @@ pub(super) struct Books {
     /// What the codes of the leaves do to a picture of column density, where that was asked for.
     pub column_error: Option<f64>,
     /// Entry of each code, for each codebook.
-    numbers: Vec<Vec<u16>>,
+    pub numbers: Vec<Vec<u16>>,
 }
 
 /// A coded tree.
@@ -73,82 +93,129 @@ pub(super) struct CodedTree {
 
 /// Where the sections of a node are.
 #[derive(Debug, Default)]
-struct NodeSections {
+pub(super) struct NodeSections {
     positions: Option<Blob>,
     codes: Vec<(Blob, usize)>,
 }
 
-/// What was built of some buckets: for each kind of levels its pieces, and what is left open.
-type Built = Vec<(Vec<Piece<Option<Kept>>>, Option<Open>)>;
+portable!(NodeSections { positions, codes });
 
-/// Builds the pieces of all buckets, at most `workers` at a time, and puts them together, to a tree for each kind of levels.
-///
-/// # Errors
-/// When something cannot be put away or read back.
-pub(super) fn grow(
-    context: &Context,
-    family: FamilyName,
-    plan: &Plan,
-    partition: Partition,
-    spill: &Spill,
-    workers: usize,
-    progress: &dyn Progress,
-) -> Result<Vec<Grown>, BuildError> {
-    progress.begin(&format!("merging {family}"), plan.len() as u64);
-    let keep = |piece: Piece<Words>, bucket: usize| {
-        progress.go_on();
+impl NodeSections {
+    /// The sections as they are stored; `numbers` are those of [`Books`].
+    ///
+    /// # Errors
+    /// When they cannot be read back.
+    pub fn read(
+        &self,
+        node: &StoredNode,
+        numbers: &[Vec<u16>],
+        bits: CodeBits,
+        spill: &Spill,
+    ) -> std::io::Result<Sections> {
+        let positions = self.positions.as_ref().map(|blob| spill.get(blob)).transpose()?;
+        let bits = bits.of(node.encoding == Encoding::Leaf);
+        let mut own = Vec::with_capacity(node.particles as usize);
+        for (blob, count) in &self.codes {
+            bits.unpack(&spill.get(blob)?, *count, &mut own);
+        }
+        if node.encoding != Encoding::Relay {
+            let numbers = &numbers[usize::from(node.codebook)];
+            own.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
+        }
+        let mut packed = Vec::with_capacity(bits.packed_len(own.len()).unwrap_or(0));
+        bits.pack(&own, &mut packed);
+        Ok(Sections { positions: positions.map_or_else(Vec::new, |bytes| bytes.to_vec()), codes: packed })
+    }
+}
+
+/// What was built of a bucket: for each kind of levels its pieces, and what is left open.
+pub(super) type Built = Vec<(Vec<Piece<Option<Kept>>>, Option<Open>)>;
+
+/// What building trees of a family needs beside its particles.
+pub(super) struct Grower<'a> {
+    pub context: &'a Context<'a>,
+    pub family: FamilyName,
+    pub plan: &'a Plan,
+    pub scaling: &'a Scaling,
+    pub spill: &'a Spill,
+    pub progress: &'a dyn Progress,
+}
+
+impl Grower<'_> {
+    /// Builds the pieces of some buckets, at most `workers` at a time.
+    ///
+    /// # Errors
+    /// When something cannot be put away or read back.
+    pub fn grow(&self, partition: &Partition, buckets: Range<usize>, workers: usize) -> Result<Vec<Built>, BuildError> {
+        let Grower { context, family, plan, progress, .. } = *self;
+        progress.begin(&format!("merging {family}"), buckets.len() as u64);
+        let one = |number: usize| -> Result<Built, BuildError> {
+            progress.go_on();
+            let (places, columns) = partition.read(number)?;
+            let bucket = Bucket::new(context, plan, number, places, columns);
+            let lane = self.spill.lane(number);
+            let of = |levels: &Purpose| {
+                let mut pieces = Vec::new();
+                let open = bucket.build(*levels, &mut |piece| {
+                    pieces.push(self.keep(piece, number, &lane)?);
+                    Ok::<_, BuildError>(())
+                })?;
+                Ok((pieces, open))
+            };
+            let built = context.options.levels().iter().map(of).collect::<Result<Built, BuildError>>()?;
+            lane.close().map_err(|error| BuildError::temporary(self.spill, error))?;
+            progress.advance(1);
+            Ok(built)
+        };
+        let all = || buckets.into_par_iter().with_max_len(1).map(one).collect();
+        if workers < rayon::current_num_threads() { super::pool(workers)?.install(all) } else { all() }
+    }
+
+    /// Puts a piece of a bucket away.
+    fn keep(&self, piece: Piece<Words>, bucket: usize, spill: &Spill) -> Result<Piece<Option<Kept>>, BuildError> {
+        self.progress.go_on();
         piece.map(|words| {
-            let kept = Kept::put(words, plan.group(bucket), spill);
+            let kept = Kept::put(words, self.plan.group(bucket), self.scaling, spill);
             kept.map(Some).map_err(|error| BuildError::temporary(spill, error))
         })
-    };
-    let kinds = context.options.levels();
-    let one = |number: usize| -> Result<Built, BuildError> {
-        progress.go_on();
-        let (places, columns) = partition.read(number)?;
-        let bucket = Bucket::new(context, plan, number, places, columns);
-        let of = |levels: &Purpose| {
-            let mut pieces = Vec::new();
-            let open = bucket.build(*levels, &mut |piece| {
-                pieces.push(keep(piece, number)?);
+    }
+
+    /// Puts what was built of all buckets, in their order, together to a tree for each kind of levels.
+    ///
+    /// # Errors
+    /// When something cannot be put away.
+    pub fn join(&self, built: impl IntoIterator<Item = Built>) -> Result<Vec<Grown>, BuildError> {
+        let Grower { context, family, plan, .. } = *self;
+        let kinds = context.options.levels();
+        let mut gathered: Vec<(Vec<Piece<Option<Kept>>>, Vec<Open>)> =
+            kinds.iter().map(|_| Default::default()).collect();
+        for bucket in built {
+            for ((pieces, open), (more, left)) in gathered.iter_mut().zip(bucket) {
+                pieces.extend(more);
+                open.extend(left);
+            }
+        }
+        let mut trees = Vec::with_capacity(kinds.len());
+        let mut leaves: Vec<Piece<Option<Kept>>> = Vec::new();
+        for (&levels, (mut pieces, open)) in kinds.iter().zip(gathered) {
+            join(context, levels, open, &mut |piece| {
+                let bucket = plan.bucket(piece.first);
+                pieces.push(self.keep(piece, bucket, self.spill)?);
                 Ok::<_, BuildError>(())
             })?;
-            Ok((pieces, open))
-        };
-        let built = kinds.iter().map(of).collect();
-        progress.advance(1);
-        built
-    };
-    let all = || (0..plan.len()).into_par_iter().with_max_len(1).map(one).collect::<Result<Vec<_>, _>>();
-    let built = if workers < rayon::current_num_threads() { super::pool(workers)?.install(all) } else { all() }?;
-    drop(partition);
-    let mut gathered: Vec<(Vec<Piece<Option<Kept>>>, Vec<Open>)> = kinds.iter().map(|_| Default::default()).collect();
-    for bucket in built {
-        for ((pieces, open), (more, left)) in gathered.iter_mut().zip(bucket) {
-            pieces.extend(more);
-            open.extend(left);
+            if levels == Purpose::Splats && kinds.len() > 1 {
+                let own = pieces.iter().filter(|piece| piece.encoding == Encoding::Leaf);
+                leaves = own.map(|leaf| leaf.with(None)).collect();
+            } else {
+                pieces.append(&mut leaves);
+            }
+            // A stream without particles was refused before.
+            let tree = assemble(pieces, levels, context.root, context.options)
+                .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
+            trees.push(tree);
         }
+        Ok(trees)
     }
-    let mut trees = Vec::with_capacity(kinds.len());
-    let mut leaves: Vec<Piece<Option<Kept>>> = Vec::new();
-    for (&levels, (mut pieces, open)) in kinds.iter().zip(gathered) {
-        join(context, levels, open, &mut |piece| {
-            let bucket = plan.bucket(piece.first);
-            pieces.push(keep(piece, bucket)?);
-            Ok::<_, BuildError>(())
-        })?;
-        if levels == Purpose::Splats && kinds.len() > 1 {
-            leaves =
-                pieces.iter().filter(|piece| piece.encoding == Encoding::Leaf).map(|leaf| leaf.with(None)).collect();
-        } else {
-            pieces.append(&mut leaves);
-        }
-        // A stream without particles was refused before.
-        let tree = assemble(pieces, levels, context.root, context.options)
-            .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
-        trees.push(tree);
-    }
-    Ok(trees)
 }
 
 /// Codes the trees of a family: that for splats, that for volumes if there is one, and clusters if `clustering` says how. What the codes do
@@ -178,9 +245,13 @@ pub(super) fn code(
     let mut trees = trees.into_iter();
     let mut next = |levels: Purpose, splats: Option<&CodedTree>| -> Result<Option<CodedTree>, BuildError> {
         let Some(tree) = trees.next() else { return Ok(None) };
-        let coder = Coder { scaling, spill: &spill, bits, levels, picture: picture.as_ref(), progress };
-        let coded = coder.code(tree, splats, &mut books);
-        coded.map(Some).map_err(|error| BuildError::temporary(&spill, error))
+        let (draft, batches) = Draft::of(tree, &spill, progress).map_err(temporary)?;
+        let positions = |depth: usize, index: usize| draft.positions(depth, index);
+        // Leaves that are shared were measured with the tree that has them.
+        let picture = picture.as_ref().filter(|_| splats.is_none());
+        let measured = picture.map(|picture| Measured { picture, positions: &positions });
+        let coded = coding::code(&draft.nodes, batches, scaling, &spill, bits, scope(levels), measured, progress);
+        Ok(Some(draft.coded(levels, coded.map_err(temporary)?, splats, bits, &mut books)))
     };
     let splats = next(Purpose::Splats, None)?
         .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
@@ -191,62 +262,87 @@ pub(super) fn code(
     Ok(CodedTrees { spill, splats, volume, clusters, books })
 }
 
-/// What coding a tree needs beside the tree.
-struct Coder<'a> {
-    scaling: &'a Scaling,
-    spill: &'a Spill,
-    bits: CodeBits,
-    levels: Purpose,
-    picture: Option<&'a Picture>,
-    progress: &'a dyn Progress,
+/// The scope of the grid nodes of a depth.
+pub(super) fn scope(levels: Purpose) -> fn(u8) -> CodebookScope {
+    match levels {
+        Purpose::Splats => CodebookScope::Depth,
+        Purpose::Samples | Purpose::Clusters => CodebookScope::VolumeDepth,
+    }
 }
 
-impl Coder<'_> {
-    /// Codes a tree whose leaves are those of `shared`, if that is there, and appends its codebooks.
-    fn code(&self, tree: Grown, shared: Option<&CodedTree>, books: &mut Books) -> std::io::Result<CodedTree> {
-        let Coder { spill, bits, .. } = *self;
-        let Tree { nodes, mut levels } = tree;
-        // Positions become sections; batches are listed by what shares a codebook.
-        let mut sections: Vec<Vec<NodeSections>> = Vec::with_capacity(nodes.len());
+/// A tree whose positions are sections as they will be stored, without quantities.
+pub(super) struct Draft {
+    /// The nodes.
+    pub nodes: Vec<Vec<TreeNode<()>>>,
+    positions: Vec<Vec<Option<Blob>>>,
+    levels: Vec<LevelInfo>,
+}
+
+portable!(Draft { nodes, positions, levels });
+
+impl Draft {
+    /// Makes sections of positions; gives the quantities of each node, too, in batches that are still to be coded.
+    ///
+    /// # Errors
+    /// When something cannot be put away or read back.
+    pub fn of(tree: Grown, spill: &Spill, progress: &dyn Progress) -> std::io::Result<(Draft, Vec<Vec<Vec<Batch>>>)> {
+        let Tree { nodes, levels } = tree;
+        let mut all = Draft { nodes: Vec::new(), positions: Vec::new(), levels };
         let mut batches: Vec<Vec<Vec<Batch>>> = Vec::with_capacity(nodes.len());
-        let mut drafts: Vec<Vec<TreeNode<()>>> = Vec::with_capacity(nodes.len());
         for level in nodes {
             let one = |node| {
-                self.progress.go_on();
+                progress.go_on();
                 split(node, spill)
             };
             let level: Vec<_> = level.into_par_iter().map(one).collect::<Result<_, _>>()?;
-            let (mut own_drafts, mut own_sections, mut own_batches) = (Vec::new(), Vec::new(), Vec::new());
-            for (draft, positions, batches) in level {
-                own_drafts.push(draft);
-                own_sections.push(NodeSections { positions, codes: Vec::new() });
+            let (mut own_nodes, mut own_positions, mut own_batches) = (Vec::new(), Vec::new(), Vec::new());
+            for (node, positions, batches) in level {
+                own_nodes.push(node);
+                // One after the other, so that it does not depend on threads where they are.
+                own_positions.push(match positions {
+                    Section::There(blob) => blob,
+                    Section::New(section) => Some(spill.put(&[&section])?),
+                });
                 own_batches.push(batches);
             }
-            drafts.push(own_drafts);
-            sections.push(own_sections);
+            all.nodes.push(own_nodes);
+            all.positions.push(own_positions);
             batches.push(own_batches);
         }
-        let scope = match self.levels {
-            Purpose::Splats => CodebookScope::Depth,
-            Purpose::Samples | Purpose::Clusters => CodebookScope::VolumeDepth,
-        };
+        Ok((all, batches))
+    }
+
+    /// Where the section of positions of a node is.
+    pub fn positions(&self, depth: usize, index: usize) -> Option<&Blob> {
+        self.positions[depth][index].as_ref()
+    }
+
+    /// The tree with its codes, whose leaves are those of `shared`, if that is there; appends its codebooks.
+    pub fn coded(
+        self,
+        kind: Purpose,
+        mut coded: Coding,
+        shared: Option<&CodedTree>,
+        bits: CodeBits,
+        books: &mut Books,
+    ) -> CodedTree {
+        let Draft { nodes, positions, mut levels } = self;
         let before = books.codebooks.len() as u16;
-        let positions = |depth: usize, index: usize| sections[depth][index].positions.as_ref();
-        // Leaves that are shared were measured with the tree that has them.
-        let picture = self.picture.filter(|_| shared.is_none());
-        let measured = picture.map(|picture| Measured { picture, positions: &positions });
-        let mut coded = coding::code(&drafts, batches, self.scaling, spill, bits, scope, measured, self.progress)?;
         books.codebooks.append(&mut coded.codebooks);
         books.refinements.append(&mut coded.refinements);
         books.numbers.append(&mut coded.numbers);
         books.column_error = books.column_error.or(coded.column_error);
-        let mut planned: Vec<Vec<PlannedNode>> = Vec::with_capacity(drafts.len());
-        for (depth, (level, coded)) in drafts.into_iter().zip(coded.nodes).enumerate().rev() {
+        let mut planned: Vec<Vec<PlannedNode>> = Vec::with_capacity(nodes.len());
+        let mut sections: Vec<Vec<NodeSections>> = Vec::with_capacity(nodes.len());
+        for (depth, ((level, positions), coded)) in nodes.into_iter().zip(positions).zip(coded.nodes).enumerate().rev()
+        {
             let mut own = Vec::with_capacity(level.len());
-            for (index, (draft, coded)) in level.into_iter().zip(coded).enumerate() {
+            let mut own_sections = Vec::with_capacity(level.len());
+            for (index, ((draft, positions), coded)) in level.into_iter().zip(positions).zip(coded).enumerate() {
                 if let Some(shared) = shared.filter(|_| draft.encoding == Encoding::Leaf) {
                     // Both trees have the same cells, in the same order.
                     own.push(shared.nodes[depth][index].clone());
+                    own_sections.push(NodeSections::default());
                     levels[depth].leaf_nodes -= 1;
                     levels[depth].leaf_particles -= draft.particles;
                     continue;
@@ -256,16 +352,15 @@ impl Coder<'_> {
                 let smoothing_length_max = children
                     .map(|child| child.node.smoothing_length_max)
                     .fold(draft.smoothing_length_max.max(coded.smoothing_length_max), f32::max);
-                let positions = sections[depth][index].positions.as_ref().map_or(0, Blob::len);
                 let packing = bits.of(draft.encoding == Encoding::Leaf);
                 let codes = packing.packed_len(draft.particles as usize).unwrap_or(0);
                 // Particles that were enlarged have lost density: only what coding has changed is made up for.
-                let mass_density = match self.levels {
+                let mass_density = match kind {
                     Purpose::Splats => draft.mass_density,
                     Purpose::Samples | Purpose::Clusters => coded.true_mass_density,
                 };
                 own.push(PlannedNode {
-                    sections: (positions, codes),
+                    sections: (positions.as_ref().map_or(0, Blob::len), codes),
                     children: draft.children,
                     node: StoredNode {
                         key: draft.key,
@@ -285,12 +380,14 @@ impl Coder<'_> {
                         children: [None; 8],
                     },
                 });
-                sections[depth][index].codes = coded.codes;
+                own_sections.push(NodeSections { positions, codes: coded.codes });
             }
             planned.push(own);
+            sections.push(own_sections);
         }
         planned.reverse();
-        Ok(CodedTree { nodes: planned, sections, levels })
+        sections.reverse();
+        CodedTree { nodes: planned, sections, levels }
     }
 }
 
@@ -300,8 +397,16 @@ pub(super) fn scale(real: f64, decoded: f64) -> f32 {
     if factor.is_finite() && factor > 0.0 { factor } else { 1.0 }
 }
 
+/// A section of positions.
+enum Section {
+    /// It is put away already, if there is one.
+    There(Option<Blob>),
+    /// One that has been made of several pieces.
+    New(Vec<u8>),
+}
+
 /// A node without its particles, its section of positions, and its batches.
-fn split(node: TreeNode<Option<Kept>>, spill: &Spill) -> std::io::Result<(TreeNode<()>, Option<Blob>, Vec<Batch>)> {
+fn split(node: TreeNode<Option<Kept>>, spill: &Spill) -> std::io::Result<(TreeNode<()>, Section, Vec<Batch>)> {
     let TreeNode { key, encoding, particles, points, source_particles, delta, bounds, .. } = node;
     let TreeNode { smoothing_length_max, mass, mass_density, children, data, .. } = node;
     let mut positions = None;
@@ -317,10 +422,11 @@ fn split(node: TreeNode<Option<Kept>>, spill: &Spill) -> std::io::Result<(TreeNo
         }
         batches.push(kept.batch);
     }
+    let mut positions = Section::There(positions);
     if !words.is_empty() {
         let mut section = Vec::with_capacity(3 * words.len());
         encode_grid(&words, &mut section);
-        positions = Some(spill.put(&[&section])?);
+        positions = Section::New(section);
     }
     let draft = TreeNode {
         key,
@@ -340,7 +446,7 @@ fn split(node: TreeNode<Option<Kept>>, spill: &Spill) -> std::io::Result<(TreeNo
 }
 
 impl Kept {
-    fn put(words: Words, group: u32, spill: &Spill) -> std::io::Result<Kept> {
+    fn put(words: Words, group: u32, scaling: &Scaling, spill: &Spill) -> std::io::Result<Kept> {
         let mut section = Vec::new();
         let (positions, columns, whole) = match &words {
             Words::Leaf(words, columns) => {
@@ -357,7 +463,8 @@ impl Kept {
         let positions = if whole { Positions::Encoded(blob) } else { Positions::Words(blob) };
         let quantities: Vec<&[u8]> = columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)).collect();
         let info = BatchInfo::of(&borrowed(columns));
-        Ok(Kept { positions, batch: Batch { quantities: spill.put(&quantities)?, info, group } })
+        let density = if matches!(words, Words::Leaf(..)) { scaling.mean_density(&columns.density) } else { 0.0 };
+        Ok(Kept { positions, batch: Batch { quantities: spill.put(&quantities)?, info, group, density } })
     }
 }
 
@@ -392,6 +499,11 @@ fn borrowed(columns: &Columns) -> Quantities<'_> {
 }
 
 impl CodedTrees {
+    /// Trees without clusters.
+    pub fn new(spill: Spill, splats: CodedTree, volume: Option<CodedTree>, books: Books) -> CodedTrees {
+        CodedTrees { spill, splats, volume, clusters: None, books }
+    }
+
     /// A tree.
     fn tree(&self, levels: Purpose) -> &CodedTree {
         match (&self.volume, levels) {
@@ -409,21 +521,12 @@ impl CodedTrees {
             return clusters.sections(&self.spill, depth, index);
         }
         let tree = self.tree(levels);
-        let NodeSections { positions, codes } = &tree.sections[depth][index];
-        let node = &tree.nodes[depth][index].node;
-        let positions = positions.as_ref().map(|blob| self.spill.get(blob)).transpose()?;
-        let bits = bits.of(node.encoding == Encoding::Leaf);
-        let mut own = Vec::with_capacity(node.particles as usize);
-        for (blob, count) in codes {
-            bits.unpack(&self.spill.get(blob)?, *count, &mut own);
-        }
-        if node.encoding != Encoding::Relay {
-            let numbers = &self.books.numbers[usize::from(node.codebook)];
-            own.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
-        }
-        let mut packed = Vec::with_capacity(bits.packed_len(own.len()).unwrap_or(0));
-        bits.pack(&own, &mut packed);
-        Ok(Sections { positions: positions.map_or_else(Vec::new, |bytes| bytes.to_vec()), codes: packed })
+        tree.sections[depth][index].read(&tree.nodes[depth][index].node, &self.books.numbers, bits, &self.spill)
+    }
+
+    /// Where the sections of a node are.
+    pub fn places(&self, levels: Purpose, depth: usize, index: usize) -> &NodeSections {
+        &self.tree(levels).sections[depth][index]
     }
 
     /// What could not be read or put away.

@@ -1,5 +1,7 @@
 //! What a codebook index decodes to (F12 4.7.4: "it is sufficient to exponentiate the codebook entries").
 
+use crate::model::portable::{Portable, portable};
+
 /// Which particles a codebook was trained on and codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum CodebookScope {
@@ -12,6 +14,29 @@ pub enum CodebookScope {
     /// Clusters, whose masses and sizes are told otherwise: density and attributes count.
     Clusters,
 }
+
+impl Portable for CodebookScope {
+    fn put(&self, to: &mut Vec<u8>) {
+        match *self {
+            CodebookScope::Leaves => to.push(0),
+            CodebookScope::Depth(depth) => to.extend([1, depth]),
+            CodebookScope::VolumeDepth(depth) => to.extend([2, depth]),
+            CodebookScope::Clusters => to.push(3),
+        }
+    }
+
+    fn take(from: &mut &[u8]) -> Option<CodebookScope> {
+        match u8::take(from)? {
+            0 => Some(CodebookScope::Leaves),
+            1 => u8::take(from).map(CodebookScope::Depth),
+            2 => u8::take(from).map(CodebookScope::VolumeDepth),
+            3 => Some(CodebookScope::Clusters),
+            _ => None,
+        }
+    }
+}
+
+portable!(QuantityError { mean, max });
 
 /// Measured error of one quantity over all particles that a codebook codes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,6 +68,8 @@ pub struct Codebook {
     /// Error of mass, density, smoothing length, then of each attribute.
     pub errors: Vec<QuantityError>,
 }
+
+portable!(Codebook { scope, particles, mass, density, smoothing_length, attributes, errors });
 
 impl Codebook {
     /// Number of entries.

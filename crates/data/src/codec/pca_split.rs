@@ -6,6 +6,7 @@
 //! LBG minimises next; with the mean, single outliers would take codes that thousands of vectors need.
 
 use super::quantizer::code_child;
+use crate::model::portable::Portable;
 use rayon::prelude::*;
 
 /// A splitting plane: vectors with a positive [`Plane::side`] go to the second child.
@@ -14,6 +15,17 @@ pub(super) struct Plane<const L: usize> {
     normal: [f32; L],
     offset: f32,
     pub children: [u32; 2],
+}
+
+impl<const L: usize> Portable for Plane<L> {
+    fn put(&self, to: &mut Vec<u8>) {
+        (self.normal, (self.offset, self.children)).put(to);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Plane<L>> {
+        let (normal, (offset, children)) = Portable::take(from)?;
+        Some(Plane { normal, offset, children })
+    }
 }
 
 impl<const L: usize> Plane<L> {

@@ -1,22 +1,21 @@
 //! From the quantities of many particles to a codebook and one index for each particle.
 
 mod batches;
+mod steps;
 mod sums;
 mod training;
 mod vectors;
 
-use super::codebook::{Codebook, CodebookScope, QuantityError};
+use super::codebook::{Codebook, CodebookScope};
 use super::packing::VqBits;
-use super::quantizer::Quantizer;
-use super::refinement::{Bend, Refinement, STEPS};
-use super::scaling::{ColumnScaling, fast_log2};
+use super::refinement::Refinement;
+use crate::model::portable::portable;
 use rayon::prelude::*;
 use std::ops::Range;
-use sums::Sums;
-use training::{effort, sample};
-use vectors::RUN;
 
 pub use batches::{BatchInfo, Batches, Coded, Quantities};
+pub use steps::{CodedPart, Draft, SettledPart, Totals, Trained, parts};
+pub use sums::Sums;
 pub use vectors::Scaling;
 
 /// The largest number of attributes beside mass, density and smoothing length: the quantiser's space has 8 dimensions.
@@ -38,6 +37,8 @@ pub struct Quantized<Kept> {
     pub batches: Vec<Coded<Kept>>,
 }
 
+portable!(Quantized<Kept> where Kept { codebook, refinement, numbers, batches });
+
 /// Trains a codebook on `batches` and codes them. The result depends on the batches and their groups only, not on the number of threads. A
 /// code's entry is computed from all particles that have it: the mean mass, the mass-weighted density, the smoothing length that
 /// keeps their `sum m / h^2` (central column density), and attributes as [`super::AttributeMerge`] says; so `sum m` and `sum m rho` over
@@ -54,223 +55,38 @@ pub fn quantize<B: Batches>(
     books: usize,
     is_refined: bool,
 ) -> Result<Quantized<B::Kept>, B::Error> {
-    if scaling.attributes.len() <= 1 {
-        quantize_in::<4, B>(batches, scaling, bits, scope, books, is_refined)
-    } else {
-        quantize_in::<8, B>(batches, scaling, bits, scope, books, is_refined)
-    }
-}
-
-fn quantize_in<const L: usize, B: Batches>(
-    batches: &B,
-    scaling: &Scaling,
-    bits: VqBits,
-    scope: CodebookScope,
-    books: usize,
-    is_refined: bool,
-) -> Result<Quantized<B::Kept>, B::Error> {
-    let (sample_len, limits) = effort(bits, books);
-    let mut sample = sample::<L, B>(batches, scaling, sample_len)?;
-    let bend = is_refined.then(|| Bend::of(&sample));
-    if let Some(bend) = bend {
-        sample.iter_mut().for_each(|vector| bend.bend(vector));
-    }
-    let quantizer = Quantizer::train(&mut sample, bits.entries(), limits, &|| batches.go_on());
-    drop(sample);
+    let trained = Trained::of(batches, scaling, bits, scope, books, is_refined)?;
     let about: Vec<(u32, usize)> =
         (0..batches.len()).map(|batch| (batches.group(batch), batches.info(batch).particles)).collect();
     let parts = parts(&about);
     let group_of = |part: &Range<usize>| about[part.start].0;
-    let columns = 4 + scaling.attributes.len();
-    let code_part = |part: &Range<usize>| -> Result<(Vec<B::Kept>, Sums), B::Error> {
-        let mut sums = Sums::new(quantizer.len(), columns, scope);
-        let (mut vectors, mut codes) = ([[0.0; L]; RUN], [0; RUN]);
-        let code = |batch: usize| {
-            let codes = batches.with(batch, |batch| {
-                let mut all = Vec::with_capacity(batch.len());
-                for first in (0..batch.len()).step_by(RUN) {
-                    let run = first..batch.len().min(first + RUN);
-                    let codes = &mut codes[..run.len()];
-                    scaling.vectors(batch, run.clone(), &mut vectors);
-                    if let Some(bend) = bend {
-                        vectors[..run.len()].iter_mut().for_each(|vector| bend.bend(vector));
-                    }
-                    quantizer.codes(&vectors[..run.len()], codes);
-                    run.zip(&*codes).for_each(|(i, &code)| sums.add(code as usize, batch, i, scaling));
-                    all.extend(codes.iter().map(|&code| code as u16));
-                }
-                all
-            })?;
-            batches.keep(codes)
-        };
-        let kept: Result<Vec<_>, _> = part.clone().map(code).collect();
-        kept.map(|kept| (kept, sums))
-    };
-    let mut totals = Sums::new(quantizer.len(), columns, scope);
-    // Of the group at hand.
-    let mut own: Option<(u32, Sums)> = None;
+    let mut totals = trained.totals(scaling);
     let mut kept = Vec::with_capacity(parts.len());
-    for parts in parts.chunks(PARTS) {
-        let coded: Vec<_> = parts.par_iter().map(code_part).collect::<Result<_, _>>()?;
-        for (group, (codes, sums)) in parts.iter().map(group_of).zip(coded) {
+    for some in parts.chunks(PARTS) {
+        let code = |part: &Range<usize>| trained.code(batches, part.clone(), scaling);
+        let coded: Vec<_> = some.par_iter().map(code).collect::<Result<_, _>>()?;
+        for (part, (codes, sums)) in some.iter().zip(coded) {
             kept.push(codes);
-            match &mut own {
-                Some((same, own)) if *same == group => own.merge(&sums),
-                _ => {
-                    if let Some((_, before)) = own.replace((group, sums)) {
-                        totals.merge(&before);
-                    }
-                }
-            }
+            totals.add(group_of(part), sums);
         }
     }
-    if let Some((_, last)) = own {
-        totals.merge(&last);
+    let mut draft = totals.draft(&trained, scaling);
+    if draft.is_of_lines() {
+        let refine = |(part, kept): (&Range<usize>, Vec<B::Kept>)| draft.refine(batches, part.clone(), kept);
+        let refined: Vec<_> = parts.par_iter().zip(kept).map(refine).collect::<Result<_, _>>()?;
+        let (codes, counts): (Vec<_>, Vec<Vec<u64>>) = refined.into_iter().unzip();
+        draft.conserve(&counts);
+        kept = codes;
     }
-    let (mut codebook, mut numbers) = totals.codebook(scaling);
-    let mut refinement = None;
-    if let Some(bend) = bend {
-        let [_, density, smoothing_length] = &scaling.quantities;
-        let mut lines = totals.lines(&codebook, bend.power(density, smoothing_length));
-        let presence = totals.presence();
-        kept = refine(batches, &parts, kept, &mut lines, &numbers, (&presence[..], &codebook.mass[..]))?;
-        codebook = lines.unrolled(codebook);
-        // Refined codes name their entries.
-        numbers = (0..codebook.len()).map(|code| code as u16).collect();
-        refinement = Some(lines);
-    }
-    let settled: Vec<(Vec<Coded<B::Kept>>, Vec<QuantityError>)> = parts
-        .par_iter()
-        .zip(kept)
-        .map(|(part, kept)| settle(batches, part.clone().zip(kept), scaling, &codebook, &numbers))
-        .collect::<Result<_, _>>()?;
-    let errors: Vec<(u32, &[QuantityError])> =
-        parts.iter().map(group_of).zip(settled.iter().map(|(_, errors)| &errors[..])).collect();
-    codebook.errors = (0..columns - 1)
-        .map(|k| {
-            let of_group = |group: &[(u32, &[QuantityError])]| group.iter().map(|own| own.1[k].mean).sum::<f64>();
-            let sum: f64 = errors.chunk_by(|a, b| a.0 == b.0).map(of_group).sum();
-            let max = errors.iter().fold(0.0, |max: f64, own| max.max(own.1[k].max));
-            QuantityError { mean: sum / codebook.particles.max(1) as f64, max }
-        })
-        .collect();
-    let batches = settled.into_iter().flat_map(|(coded, _)| coded).collect();
-    Ok(Quantized { codebook, refinement, numbers, batches })
-}
-
-/// Replaces codes of lines, of which `numbers` has the lines, by refined ones; and makes the steps conserve what the lines do, `sum m rho`
-/// and the mass of a particle.
-fn refine<B: Batches>(
-    batches: &B,
-    parts: &[Range<usize>],
-    kept: Vec<Vec<B::Kept>>,
-    lines: &mut Refinement,
-    numbers: &[u16],
-    (presence, mass): (&[f64], &[f32]),
-) -> Result<Vec<Vec<B::Kept>>, B::Error> {
-    let finder = lines.finder();
-    let refined: Vec<(Vec<B::Kept>, Vec<u64>)> = parts
-        .par_iter()
-        .zip(kept)
-        .map(|(part, kept)| {
-            let mut counts = vec![0; mass.len() * STEPS];
-            let code = |(batch, kept): (usize, B::Kept)| {
-                let mut codes = batches.codes(&kept)?;
-                batches.forget(kept);
-                batches.with(batch, |batch| {
-                    let mut octaves = [0.0; RUN];
-                    for (codes, lengths) in codes.chunks_mut(RUN).zip(batch.smoothing_length.chunks(RUN)) {
-                        // A loop of its own, so that it is one for SIMD lanes.
-                        octaves.iter_mut().zip(lengths).for_each(|(octaves, &length)| *octaves = fast_log2(length));
-                        for (code, &octaves) in codes.iter_mut().zip(&octaves) {
-                            let line = usize::from(numbers[usize::from(*code)]);
-                            let refined = Refinement::code(line, finder.step(line, octaves));
-                            counts[refined] += 1;
-                            *code = refined as u16;
-                        }
-                    }
-                })?;
-                batches.keep(codes)
-            };
-            let kept: Result<Vec<_>, _> = part.clone().zip(kept).map(code).collect();
-            kept.map(|kept| (kept, counts))
-        })
-        .collect::<Result<_, _>>()?;
-    let mut counts = vec![0; mass.len() * STEPS];
-    for (_, own) in &refined {
-        counts.iter_mut().zip(own).for_each(|(sum, count)| *sum += count);
-    }
-    lines.conserve(presence, mass, &counts);
-    Ok(refined.into_iter().map(|(kept, _)| kept).collect())
-}
-
-/// Runs of batches, of which groups and particles are told: parts of about the same number of particles of each group.
-fn parts(batches: &[(u32, usize)]) -> Vec<Range<usize>> {
-    let groups = || batches.chunk_by(|a, b| a.0 == b.0);
-    let each = PARTS.div_ceil(groups().count().max(1));
-    let mut parts = Vec::new();
-    let mut first = 0;
-    for group in groups() {
-        let total: usize = group.iter().map(|(_, particles)| particles).sum();
-        let goal = total.div_ceil(each).max(1);
-        let (end, mut len) = (first + group.len(), 0);
-        for (batch, (_, particles)) in (first..).zip(group) {
-            len += particles;
-            if len >= goal || batch + 1 == end {
-                parts.push(first..batch + 1);
-                (first, len) = (batch + 1, 0);
-            }
-        }
-    }
-    parts
-}
-
-/// What the batches of a part decode to, and the sum and the maximum of each quantity's errors.
-fn settle<B: Batches>(
-    batches: &B,
-    part: impl Iterator<Item = (usize, B::Kept)>,
-    scaling: &Scaling,
-    codebook: &Codebook,
-    numbers: &[u16],
-) -> Result<(Vec<Coded<B::Kept>>, Vec<QuantityError>), B::Error> {
-    let mut errors = vec![QuantityError::default(); 3 + scaling.attributes.len()];
-    let coded = part.map(|(batch, kept)| {
-        // Renumbered once, for all columns.
-        let mut entries = batches.codes(&kept)?;
-        entries.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
-        let mut coded = Coded { codes: kept, mass: 0.0, mass_density: 0.0, smoothing_length_max: 0.0 };
-        for entry in entries.iter().map(|&entry| usize::from(entry)) {
-            let mass = f64::from(codebook.mass[entry]);
-            coded.mass += mass;
-            coded.mass_density += mass * f64::from(codebook.density[entry]);
-            coded.smoothing_length_max = coded.smoothing_length_max.max(codebook.smoothing_length[entry]);
-        }
-        batches.with(batch, |batch| {
-            let mut measure = |k: usize, scaling: &ColumnScaling, values: &[f32], decoded: &[f32]| {
-                let QuantityError { mean: mut sum, mut max } = errors[k];
-                for (&value, &entry) in values.iter().zip(&entries) {
-                    let error = scaling.error(value, decoded[usize::from(entry)]);
-                    sum += error;
-                    max = max.max(error);
-                }
-                errors[k] = QuantityError { mean: sum, max };
-            };
-            measure(0, &scaling.quantities[0], batch.mass, &codebook.mass);
-            measure(1, &scaling.quantities[1], batch.density, &codebook.density);
-            measure(2, &scaling.quantities[2], batch.smoothing_length, &codebook.smoothing_length);
-            for (k, (scaling, _)) in scaling.attributes.iter().enumerate() {
-                measure(3 + k, scaling, batch.attributes[k], &codebook.attributes[k]);
-            }
-        })?;
-        Ok(coded)
-    });
-    let coded = coded.collect::<Result<_, _>>()?;
-    Ok((coded, errors))
+    let settle = |(part, kept): (&Range<usize>, Vec<B::Kept>)| draft.settle(batches, part.clone(), kept, scaling);
+    let settled: Vec<_> = parts.par_iter().zip(kept).map(settle).collect::<Result<_, _>>()?;
+    Ok(draft.finished(parts.iter().map(group_of).zip(settled)))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::scaling::AttributeMerge;
+    use super::super::refinement::STEPS;
+    use super::super::scaling::{AttributeMerge, ColumnScaling, fast_log2};
     use super::*;
     use proptest::prelude::*;
 

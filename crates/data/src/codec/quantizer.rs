@@ -1,6 +1,7 @@
 //! The quantiser's space: code words, the splitting planes that lead near them, and the search for the nearest one.
 
 use super::pca_split::{self, Plane};
+use crate::model::portable::{Portable, portable};
 
 /// Nearest code words that each code word knows; the search walks along them.
 const NEIGHBOURS: usize = 8;
@@ -27,12 +28,35 @@ struct Neighbour {
     quarter: f32,
 }
 
+portable!(Neighbour { code, quarter });
+
 /// The neighbours of a code word for SIMD lanes.
 struct Around<const L: usize> {
     quarters: [f32; NEIGHBOURS],
     codes: [u32; NEIGHBOURS],
     /// Coordinates of their words, by axis.
     words: [[f32; NEIGHBOURS]; L],
+}
+
+impl<const L: usize> Portable for Quantizer<L> {
+    fn put(&self, to: &mut Vec<u8>) {
+        self.planes.put(to);
+        self.words.put(to);
+        self.neighbours.put(to);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Quantizer<L>> {
+        let (planes, (words, neighbours)) = Portable::take(from)?;
+        let mut quantizer = Quantizer { planes, words, neighbours, around: Vec::new() };
+        let is_word = |neighbour: &Neighbour| (neighbour.code as usize) < quantizer.words.len();
+        let is_sound =
+            quantizer.neighbours.len() == quantizer.words.len() && quantizer.neighbours.iter().flatten().all(is_word);
+        if !is_sound {
+            return None;
+        }
+        quantizer.look_around();
+        Some(quantizer)
+    }
 }
 
 /// The work of [`Quantizer::codes`] for whatever lanes the processor has. Rounding is the same with all of them.

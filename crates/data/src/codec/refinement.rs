@@ -11,6 +11,7 @@
 
 use super::codebook::Codebook;
 use super::scaling::{ColumnScaling, fast_log2};
+use crate::model::portable::portable;
 
 /// Bits of a refined code beside those that name its line.
 pub const REFINEMENT_BITS: u32 = 4;
@@ -39,6 +40,8 @@ pub struct Refinement {
     /// That of the far end: the longest.
     pub longest: Vec<f32>,
 }
+
+portable!(Refinement { slope, density, shortest, longest });
 
 impl Refinement {
     /// The number in the unrolled codebook of a step of a line.
@@ -135,6 +138,8 @@ pub struct Bend {
     /// How the coordinate of density follows that of the smoothing length.
     slope: f32,
 }
+
+portable!(Bend { slope });
 
 impl Bend {
     /// By how these vectors lie: the line of regression.

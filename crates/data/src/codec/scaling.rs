@@ -7,6 +7,8 @@
 //! scaled to a standard deviation of [`UNIT_DEVIATION`]. No column may swamp the others: each is limited to a standard
 //! deviation of [`LARGEST_DEVIATION`].
 
+use crate::model::portable::{Portable, portable, portable_variants};
+
 /// Standard deviation, in octaves, given to columns that are not logarithmic: that of a typical temperature.
 const UNIT_DEVIATION: f32 = 2.0;
 /// Largest standard deviation of any column, octaves.
@@ -20,6 +22,8 @@ pub enum AttributeMerge {
     /// Astronomical magnitudes: their fluxes `10^(-0.4 a)` are added.
     Magnitude,
 }
+
+portable_variants!(AttributeMerge { Mean = 0, Magnitude = 1 });
 
 impl AttributeMerge {
     /// The rule for an attribute of that name.
@@ -40,6 +44,25 @@ enum Mapping {
     Asinh { scale: f32 },
 }
 
+impl Portable for Mapping {
+    fn put(&self, to: &mut Vec<u8>) {
+        match self {
+            Mapping::Log2 => to.push(0),
+            Mapping::Linear => to.push(1),
+            Mapping::Asinh { scale } => (2_u8, *scale).put(to),
+        }
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Mapping> {
+        match u8::take(from)? {
+            0 => Some(Mapping::Log2),
+            1 => Some(Mapping::Linear),
+            2 => Some(Mapping::Asinh { scale: f32::take(from)? }),
+            _ => None,
+        }
+    }
+}
+
 /// The mapping of one column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColumnScaling {
@@ -48,6 +71,8 @@ pub struct ColumnScaling {
     /// What errors are relative to; `None`: to the value itself.
     pub error_scale: Option<f32>,
 }
+
+portable!(ColumnScaling { mapping, factor, error_scale });
 
 impl ColumnScaling {
     /// The scaling for a positive column with these values (or a sample of them).

@@ -2,6 +2,7 @@
 
 use crate::codec::AttributeMerge;
 use crate::model::Unit;
+use crate::model::portable::portable;
 
 /// Bins of a histogram.
 const BINS: usize = 64;
@@ -51,6 +52,8 @@ pub struct Range {
     sum: f64,
     count: u64,
 }
+
+portable!(Range { min, max, missing, sum, count });
 
 impl Range {
     /// Of no values.

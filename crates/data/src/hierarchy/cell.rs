@@ -1,6 +1,7 @@
 //! The cubic cells of an octree, addressed by depth and integer coordinates.
 
 use crate::codec::morton::{self, MORTON_BITS};
+use crate::model::portable::portable;
 use crate::model::{Bounds, Placement};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,8 @@ pub struct RootCell {
     /// Its edge, world units; positive.
     pub size: f64,
 }
+
+portable!(RootCell { min, size });
 
 impl RootCell {
     /// A cube slightly larger than `bounds`, so that every position lies strictly inside; `fallback` (a length that
@@ -60,6 +63,8 @@ pub struct NodeKey {
     /// Cell index along z.
     pub z: u32,
 }
+
+portable!(NodeKey { depth, x, y, z });
 
 impl NodeKey {
     /// The root cell.

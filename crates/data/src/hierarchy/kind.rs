@@ -2,6 +2,7 @@
 //! here and one line in [`Kind::ALL`]; builds, their help, `info`, `verify` and the window's cache ask this list.
 
 use super::{Encoding, Purpose};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
@@ -87,7 +88,8 @@ impl PartialEq for Kind {
 impl Eq for Kind {}
 
 /// A set of kinds that a file gets, over the same leaves.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Kinds(u8);
 
 impl Kinds {
@@ -137,6 +139,20 @@ impl fmt::Display for Kinds {
 impl fmt::Debug for Kinds {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{self}")
+    }
+}
+
+impl TryFrom<String> for Kinds {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Kinds, String> {
+        text.parse()
+    }
+}
+
+impl From<Kinds> for String {
+    fn from(kinds: Kinds) -> String {
+        kinds.to_string()
     }
 }
 

@@ -2,13 +2,14 @@
 
 use super::choice::Chosen;
 use super::{FamilyInfo, ImportError, Source};
+use crate::model::portable::portable;
 use crate::model::{Bounds, Skipped};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Particles that are read at a time.
-const CHUNK: u64 = 1 << 16;
+/// Particles that are read at a time; in tests few, so that small sources have several such runs.
+const CHUNK: u64 = if cfg!(test) { 1 << 12 } else { 1 << 16 };
 
 /// `0..count` in ranges of bounded length.
 pub(super) fn chunks(count: u64) -> Vec<Range<u64>> {
@@ -48,11 +49,13 @@ impl Flaws {
 
 /// How many particles are left out, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct LeftOut {
+pub struct LeftOut {
     position: u64,
     mass: u64,
     smoothing: u64,
 }
+
+portable!(LeftOut { position, mass, smoothing });
 
 impl LeftOut {
     /// No particle.
@@ -69,6 +72,14 @@ impl LeftOut {
         }
     }
 
+    /// All counts together.
+    pub fn sum(all: impl IntoIterator<Item = LeftOut>) -> LeftOut {
+        all.into_iter().fold(LeftOut::NONE, |mut sum, one| {
+            sum.add(&one);
+            sum
+        })
+    }
+
     /// Adds the counts of another family.
     pub(super) fn add(&mut self, other: &LeftOut) {
         self.position += other.position;
@@ -77,7 +88,7 @@ impl LeftOut {
     }
 
     /// The counts that are not zero.
-    pub(super) fn into_skipped(self) -> Vec<Skipped> {
+    pub fn into_skipped(self) -> Vec<Skipped> {
         let reasons = [
             ("non-finite position", self.position),
             ("mass not positive", self.mass),

@@ -11,11 +11,13 @@ use crate::model::{
     Progress, Provenance,
 };
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::str::FromStr;
 
 /// Where smoothing lengths come from.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Smoothing {
     /// The source's own where it has them, else the distance to the [`DEFAULT_NEIGHBOURS`]th nearest neighbour.
     #[default]
@@ -46,7 +48,8 @@ impl FromStr for Smoothing {
 pub const DEFAULT_NEIGHBOURS: usize = 32;
 
 /// Which scalar attributes to load beside mass, smoothing length and density.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum AttributeChoice {
     /// The ones that colour a picture by default: velocity dispersion, temperature, internal energy, magnitude, colour
     /// index; the speed where a family has none of them.
@@ -60,7 +63,8 @@ pub enum AttributeChoice {
 }
 
 /// What [`super::load`] keeps. The number of threads is that of the rayon pool it is called in.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LoadOptions {
     /// Only these families; all when empty.
     pub families: Vec<FamilyName>,

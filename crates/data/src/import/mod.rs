@@ -44,6 +44,7 @@ mod vtk_points;
 
 pub use attributes::has_attribute;
 pub use bytes::Order as ByteOrder;
+pub use check::LeftOut;
 pub use choice::replaced_densities;
 pub use derived::derivable;
 pub use error::ImportError;

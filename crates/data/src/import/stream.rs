@@ -100,11 +100,12 @@ pub struct SourceStream<'a> {
 impl SourceStream<'_> {
     /// What was left out of the chunks read so far.
     pub fn skipped(streams: &[SourceStream]) -> Vec<Skipped> {
-        let mut all = LeftOut::default();
-        for stream in streams {
-            all.add(&stream.left_out.lock().unwrap_or_else(|poisoned| poisoned.into_inner()));
-        }
-        all.into_skipped()
+        LeftOut::sum(streams.iter().map(SourceStream::left_out)).into_skipped()
+    }
+
+    /// How many particles were left out of the chunks read so far, by reason.
+    pub fn left_out(&self) -> LeftOut {
+        *self.left_out.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
     /// Whether smoothing lengths or densities are to be estimated, for all particles or for some.

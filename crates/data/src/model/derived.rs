@@ -1,9 +1,11 @@
 //! Quantities that can be derived for particles that have velocities, from those of their neighbours.
 
 use super::Unit;
+use serde::{Deserialize, Serialize};
 
 /// A quantity that a source need not have, for it follows from velocities.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum DerivedQuantity {
     /// How much velocities differ within the smoothing length: the root of the mean square distance, in three dimensions, from the mean
     /// velocity, both weighted with mass and kernel.

@@ -9,6 +9,7 @@ pub mod derived;
 pub mod family_name;
 pub mod fft;
 pub mod grid;
+pub mod http_date;
 pub mod kernel;
 #[allow(unsafe_code, reason = "memory that a file is mapped to is read by address, and its faults are signals")]
 mod mapping;
@@ -19,6 +20,7 @@ pub mod particles;
 pub mod periodic;
 pub mod physical;
 pub mod placement;
+pub mod portable;
 pub mod positioned;
 pub mod progress;
 pub mod read_file;

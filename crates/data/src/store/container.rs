@@ -2,8 +2,9 @@
 
 use super::disk::{Change, Disk, room};
 use super::error::{Damage, StoreError};
-use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PAGE_ENTRY_LEN, PAGE_HEADER_LEN, PageEntry};
+use super::layout::{ALIGNMENT, HEADER_LEN, Header, HeaderError, PageEntry};
 use super::page::PageId;
+use super::page_table::{PageTable, Unread};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -34,14 +35,15 @@ pub struct RawPage {
     pub bytes: Vec<u8>,
 }
 
-/// An open file of pages. It holds the table of pages (28 bytes for each), never pages.
+/// An open file of pages. It holds what has been read of the table of pages (32 bytes for each), never pages.
 #[derive(Debug)]
 pub struct Container {
     path: PathBuf,
     disk: Arc<dyn Disk>,
     header: Header,
     head: Vec<u8>,
-    table: Vec<PageEntry>,
+    /// In a box, so that enums that hold files of several kinds beside each other stay small.
+    table: Box<PageTable>,
 }
 
 impl Container {
@@ -53,7 +55,7 @@ impl Container {
         let io = |action| move |source| StoreError::Io { path: path.to_path_buf(), action, source };
         let real_len = disk.size().map_err(io("look at"))?;
         let mut head = vec![0; (HEADER_LEN as u64).min(real_len) as usize];
-        disk.read_exact_at(&mut head, 0).map_err(io("read the header"))?;
+        disk.read_sealed_at(&mut head, 0, Header::is_sound).map_err(io("read the header"))?;
         let header = Header::decode(&head, real_len, kind.magic, kind.versions()).map_err(|error| match error {
             HeaderError::NotAPageFile(expected) => {
                 StoreError::NotThis { path: path.to_path_buf(), kind: kind.name, expected }
@@ -71,14 +73,9 @@ impl Container {
         if crc32c::crc32c(&footer) != header.footer_crc {
             return Err(damaged("footer", "its checksum"));
         }
-        let table_len = (header.pages as usize).checked_mul(PAGE_ENTRY_LEN).filter(|len| *len <= footer.len());
-        let table_len = table_len.ok_or_else(|| damaged("footer", "room for the page table"))?;
-        let rest = footer.split_off(table_len);
-        let entries = footer.chunks_exact(PAGE_ENTRY_LEN).filter_map(|entry| entry.try_into().ok());
-        let table = entries.map(PageEntry::decode).collect();
-        let container = Container { path: path.to_path_buf(), disk, header, head, table };
-        container.check_table().map_err(|(place, expected)| damaged(&place, expected))?;
-        Ok((container, rest))
+        let (table, taken) = PageTable::open(&header, &footer).map_err(|damage| damage.in_file(path))?;
+        let rest = footer.split_off(taken);
+        Ok((Container { path: path.to_path_buf(), disk, header, head, table: Box::new(table) }, rest))
     }
 
     /// The version in its header.
@@ -97,8 +94,21 @@ impl Container {
     }
 
     /// The page table.
-    pub fn table(&self) -> &[PageEntry] {
+    pub fn table(&self) -> &PageTable {
         &self.table
+    }
+
+    /// Reads what the table says of a page, unless that is known: what reading the page `wanted` takes. May wait for the disk.
+    ///
+    /// # Errors
+    /// As [`Container::fetch_page`] of the page that is wanted.
+    pub(super) fn learn(&self, page: PageId, wanted: PageId) -> Result<(), StoreError> {
+        let error = match self.table.load(page.0 as usize, &*self.disk) {
+            Ok(()) => return Ok(()),
+            Err(Unread::Io(source)) => StoreError::Page { path: self.path.clone(), page: wanted.0, source },
+            Err(Unread::Damaged(damage)) => damage.in_file(&self.path),
+        };
+        Err(self.explained(wanted, error))
     }
 
     /// Reads a page's bytes and nothing more.
@@ -106,8 +116,9 @@ impl Container {
     /// # Errors
     /// [`StoreError`] where there is no such page or it cannot be read; [`StoreError::Changed`] where that is why.
     pub fn fetch_page(&self, page: PageId) -> Result<RawPage, StoreError> {
-        let entry = self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))?;
-        // The length was checked against the file when it was opened.
+        self.learn(page, page)?;
+        let entry = self.entry(page)?;
+        // The length was checked against the file when the table was read.
         let mut bytes = vec![0; entry.len as usize];
         self.disk
             .read_known_at(&mut bytes, entry.offset, entry.crc)
@@ -121,8 +132,7 @@ impl Container {
     /// # Errors
     /// As [`Container::fetch_page`], and where they have not.
     pub fn check_page(&self, raw: &RawPage) -> Result<(), StoreError> {
-        let entry = self.table.get(raw.page.0 as usize).ok_or_else(|| self.damaged(raw.page, "to exist"))?;
-        match crc32c::crc32c(&raw.bytes) == entry.crc {
+        match crc32c::crc32c(&raw.bytes) == self.entry(raw.page)?.crc {
             true => Ok(()),
             false => Err(self.explained(raw.page, self.damaged(raw.page, "its checksum"))),
         }
@@ -146,21 +156,24 @@ impl Container {
         self.disk.reads_at_once()
     }
 
-    /// Whether bytes that are of no structure are zeros: those up to the first page, and those after each page.
+    /// Whether bytes that are of no structure are zeros: those after a page that has been read, or, of none, those after the header, and
+    /// after a table that is not in the footer.
     ///
     /// # Errors
     /// [`StoreError`] where they are not, or cannot be read.
     pub fn check_zeros(&self, after: Option<PageId>) -> Result<(), StoreError> {
-        let end_of = |entry: &PageEntry| entry.offset + u64::from(entry.len);
-        let next = |number: usize| self.table.get(number).map_or(self.header.footer_offset, |next| next.offset);
-        let (start, end) = match after {
-            None => (HEADER_LEN as u64, ALIGNMENT),
-            Some(page) => match self.table.get(page.0 as usize) {
-                Some(entry) => (end_of(entry), next(page.0 as usize + 1)),
-                None => return Err(self.damaged(page, "to exist")),
-            },
+        let Some(page) = after else {
+            self.check_between([HEADER_LEN as u64, ALIGNMENT])?;
+            return self.table.zeros().map_or(Ok(()), |zeros| self.check_between(zeros));
         };
-        let mut bytes = vec![0; end.saturating_sub(start) as usize];
+        let entry = self.entry(page)?;
+        let end = entry.offset + u64::from(entry.len);
+        // What follows a page starts at the next aligned place.
+        self.check_between([end, end.next_multiple_of(ALIGNMENT)])
+    }
+
+    fn check_between(&self, [start, end]: [u64; 2]) -> Result<(), StoreError> {
+        let mut bytes = vec![0; (end - start) as usize];
         self.disk.read_exact_at(&mut bytes, start).map_err(|source| StoreError::Io {
             path: self.path.clone(),
             action: "read",
@@ -172,6 +185,11 @@ impl Container {
         }
     }
 
+    /// What is known of where a page lies.
+    fn entry(&self, page: PageId) -> Result<&PageEntry, StoreError> {
+        self.table.get(page.0 as usize).ok_or_else(|| self.damaged(page, "to exist"))
+    }
+
     fn damaged(&self, page: PageId, expected: &str) -> StoreError {
         Damage::new(format!("page {}", page.0), expected).in_file(&self.path)
     }
@@ -181,27 +199,6 @@ impl Container {
         match self.change() {
             Some(change) => StoreError::Changed { path: self.path.clone(), page: page.0, change },
             None => error,
-        }
-    }
-
-    /// Pages must follow one another from the header to the footer, each at the next aligned place.
-    fn check_table(&self) -> Result<(), (String, &'static str)> {
-        let mut end = ALIGNMENT;
-        for (i, entry) in self.table.iter().enumerate() {
-            let place = || format!("page table, entry {i}");
-            if entry.offset != end || entry.len % 8 != 0 || (entry.len as usize) < PAGE_HEADER_LEN {
-                return Err((place(), "a page right after the page before"));
-            }
-            end = entry
-                .offset
-                .checked_add(u64::from(entry.len))
-                .and_then(|end| super::layout::align_up(end, ALIGNMENT))
-                .filter(|&end| end <= self.header.footer_offset)
-                .ok_or_else(|| (place(), "a page that ends before the footer"))?;
-        }
-        match end == self.header.footer_offset {
-            true => Ok(()),
-            false => Err(("header".into(), "a footer right after the last page")),
         }
     }
 }

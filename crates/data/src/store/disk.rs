@@ -28,6 +28,15 @@ pub trait Disk: fmt::Debug + Send + Sync {
         self.read_exact_at(buffer, offset)
     }
 
+    /// The same for bytes that hold a checksum of their own, as headers do, which `is_sound` looks at: nothing else says which version of a
+    /// file they are of. What is read is checked by who asked for it.
+    ///
+    /// # Errors
+    /// As [`Disk::read_exact_at`].
+    fn read_sealed_at(&self, buffer: &mut [u8], offset: u64, _is_sound: fn(&[u8]) -> bool) -> io::Result<()> {
+        self.read_exact_at(buffer, offset)
+    }
+
     /// How many bytes there are now.
     ///
     /// # Errors
@@ -160,6 +169,10 @@ impl Disk for Window {
 
     fn read_known_at(&self, buffer: &mut [u8], offset: u64, crc: u32) -> io::Result<()> {
         self.disk.read_known_at(buffer, self.start_of(buffer, offset)?, crc)
+    }
+
+    fn read_sealed_at(&self, buffer: &mut [u8], offset: u64, is_sound: fn(&[u8]) -> bool) -> io::Result<()> {
+        self.disk.read_sealed_at(buffer, self.start_of(buffer, offset)?, is_sound)
     }
 
     fn size(&self) -> io::Result<u64> {

@@ -1,5 +1,5 @@
-//! The footer after its page table: metadata, attribute tables and codebooks as bytes and back. Files with nodes deeper than 14 have
-//! version 6, else files whose codes of leaves are refined version 5, else files with families that are none of Gadget's, or with clusters,
+//! The footer after its page table: metadata, attribute tables and codebooks as bytes and back. Files with an index of pages have version 7,
+//! else files with nodes deeper than 14 version 6, else files whose codes of leaves are refined version 5, else files with families that are none of Gadget's, or with clusters,
 //! version 4, else files with levels for volumes version 3, and all others version 2.
 
 use super::error::Damage;
@@ -31,7 +31,7 @@ const CLUSTERS: u8 = 2;
 /// In place of a family's Gadget type: its name follows.
 const NAMED: u8 = u8::MAX;
 
-/// The first version that can hold a file.
+/// The first version that can hold a file whose page table the footer has.
 pub(super) fn version(metadata: &Metadata) -> u32 {
     let any = |is: fn(&FamilyMetadata) -> bool| metadata.families.iter().any(is);
     let is_new = |family: &FamilyMetadata| family.name.gadget_type().is_none() || family.clusters.is_some();
@@ -62,9 +62,8 @@ fn kernel_code(kernel: Kernel) -> u8 {
     }
 }
 
-/// The footer's bytes after the page table.
-pub(super) fn encode(metadata: &Metadata) -> Vec<u8> {
-    let version = version(metadata);
+/// The footer's bytes after the page table in a file of this version, which can hold it.
+pub(super) fn encode(metadata: &Metadata, version: u32) -> Vec<u8> {
     let mut out = Encoder::default();
     out.text(&metadata.length_unit.0);
     out.text(&metadata.mass_unit.0);

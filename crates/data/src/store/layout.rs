@@ -6,6 +6,7 @@ use super::error::Damage;
 use super::page::{Encoding, NodeRef, PageId};
 use crate::hierarchy::NodeKey;
 use crate::model::Bounds;
+use crate::model::portable::portable;
 use glam::DVec3;
 use std::ops::RangeInclusive;
 
@@ -23,6 +24,8 @@ pub const VERSION_NAMED: u32 = 4;
 pub const VERSION_REFINED: u32 = 5;
 /// Version of files with nodes deeper than [`DEPTH_BEFORE`].
 pub const VERSION_DEEP: u32 = 6;
+/// Version of files whose page table lies before the footer, in index pages.
+pub const VERSION_INDEXED: u32 = 7;
 /// The deepest node of files before [`VERSION_DEEP`].
 pub const DEPTH_BEFORE: u8 = 14;
 /// Pages and the footer start at multiples of this; the header takes one such block.
@@ -37,6 +40,10 @@ pub const PAGE_HEADER_LEN: usize = 32;
 pub const NODE_RECORD_LEN: usize = 192;
 /// Bytes of an entry of the page table.
 pub const PAGE_ENTRY_LEN: usize = 28;
+/// Bytes of an index record.
+pub const INDEX_RECORD_LEN: usize = 32;
+/// Entries of an index page at most.
+pub const MOST_INDEX_ENTRIES: u32 = 1 << 16;
 /// Page number that means "no child".
 pub const NO_PAGE: u32 = u32::MAX;
 /// Position and code sections start at multiples of this inside a page.
@@ -52,7 +59,7 @@ pub fn align_up(value: u64, alignment: u64) -> Option<u64> {
 pub struct Header {
     /// [`MAGIC`] or [`GRID_MAGIC`].
     pub magic: [u8; 8],
-    /// Of particles [`VERSION`], [`VERSION_VOLUME`], [`VERSION_NAMED`], [`VERSION_REFINED`] or [`VERSION_DEEP`].
+    /// Of particles [`VERSION`], [`VERSION_VOLUME`], [`VERSION_NAMED`], [`VERSION_REFINED`], [`VERSION_DEEP`] or [`VERSION_INDEXED`].
     pub version: u32,
     /// Length of the whole file, bytes.
     pub file_len: u64,
@@ -74,6 +81,11 @@ pub(super) enum HeaderError {
 }
 
 impl Header {
+    /// Whether the page table lies before the footer, in index pages.
+    pub fn is_indexed(&self) -> bool {
+        self.magic == MAGIC && self.version >= VERSION_INDEXED
+    }
+
     /// The header's bytes, without the zeros that fill its block.
     pub fn encode(&self) -> [u8; HEADER_LEN] {
         let mut out = [0; HEADER_LEN];
@@ -88,6 +100,11 @@ impl Header {
         let crc = crc32c::crc32c(&out[..60]);
         out[60..64].copy_from_slice(&crc.to_le_bytes());
         out
+    }
+
+    /// Whether a header's bytes have their checksum.
+    pub(super) fn is_sound(bytes: &[u8]) -> bool {
+        bytes.len() >= HEADER_LEN && crc32c::crc32c(&bytes[..60]) == u32_at(bytes, 60)
     }
 
     /// Reads a header of a file that begins like this and has one of these versions, and checks it against the file's real length.
@@ -109,7 +126,7 @@ impl Header {
             return Err(HeaderError::Version(version));
         }
         let damaged = |expected: &str| HeaderError::Damaged(Damage::new("header", expected));
-        if crc32c::crc32c(&bytes[..60]) != u32_at(bytes, 60) {
+        if !Header::is_sound(bytes) {
             return Err(damaged("its checksum"));
         }
         let header = Header {
@@ -153,6 +170,8 @@ pub struct PageEntry {
     pub memory: u32,
 }
 
+portable!(PageEntry { offset, len, nodes, family, crc, memory });
+
 /// Bytes that the particles of a node take in memory: a word and a code for each; of clusters mass, size, rank and the code of a shape, too.
 pub fn particles_memory(encoding: Encoding, particles: u32) -> u64 {
     let word = match encoding {
@@ -185,6 +204,56 @@ impl PageEntry {
             family: u32_at(bytes, 16),
             crc: u32_at(bytes, 20),
             memory: u32_at(bytes, 24),
+        }
+    }
+}
+
+/// What the footer tells of an index page: a part of the page table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IndexRecord {
+    /// First byte of the first of its pages.
+    pub start: u64,
+    /// Sum of [`PageEntry::memory`] of its pages.
+    pub memory: u64,
+    /// Sum of [`PageEntry::nodes`].
+    pub nodes: u64,
+    /// The largest [`PageEntry::len`].
+    pub longest: u32,
+    /// CRC-32C of its entries.
+    pub crc: u32,
+}
+
+impl IndexRecord {
+    /// What is to be told of these entries, whose bytes have this checksum.
+    pub fn of(entries: &[PageEntry], crc: u32) -> IndexRecord {
+        IndexRecord {
+            start: entries.first().map_or(0, |entry| entry.offset),
+            memory: entries.iter().map(|entry| u64::from(entry.memory)).sum(),
+            nodes: entries.iter().map(|entry| u64::from(entry.nodes)).sum(),
+            longest: entries.iter().map(|entry| entry.len).max().unwrap_or(0),
+            crc,
+        }
+    }
+
+    /// The record's bytes.
+    pub fn encode(&self) -> [u8; INDEX_RECORD_LEN] {
+        let mut out = [0; INDEX_RECORD_LEN];
+        out[0..8].copy_from_slice(&self.start.to_le_bytes());
+        out[8..16].copy_from_slice(&self.memory.to_le_bytes());
+        out[16..24].copy_from_slice(&self.nodes.to_le_bytes());
+        out[24..28].copy_from_slice(&self.longest.to_le_bytes());
+        out[28..32].copy_from_slice(&self.crc.to_le_bytes());
+        out
+    }
+
+    /// Reads a record; its values are not checked yet.
+    pub fn decode(bytes: &[u8; INDEX_RECORD_LEN]) -> IndexRecord {
+        IndexRecord {
+            start: u64_at(bytes, 0),
+            memory: u64_at(bytes, 8),
+            nodes: u64_at(bytes, 16),
+            longest: u32_at(bytes, 24),
+            crc: u32_at(bytes, 28),
         }
     }
 }
@@ -232,6 +301,23 @@ pub struct StoredNode {
     /// Its children by octant (bit 0: upper half in x, bit 1: y, bit 2: z); all `None` for a leaf.
     pub children: [Option<NodeRef>; 8],
 }
+
+portable!(StoredNode {
+    key,
+    encoding,
+    codebook,
+    particles,
+    points,
+    source_particles,
+    delta,
+    bounds,
+    smoothing_length_max,
+    mass,
+    mass_density,
+    mass_scale,
+    mass_density_scale,
+    children,
+});
 
 /// A node record: the node, and where in its page the sections of its particles start.
 #[derive(Clone, Debug, PartialEq)]
@@ -317,6 +403,14 @@ impl NodeRecord {
     }
 }
 
+/// The pages that the children of a page's nodes are in, again and again where it has several of one page; the bytes need not be sound.
+pub(super) fn child_pages(page: &[u8]) -> impl Iterator<Item = PageId> {
+    let nodes = if page.len() < PAGE_HEADER_LEN { 0 } else { u32_at(page, 12) };
+    let records = page.get(PAGE_HEADER_LEN..).unwrap_or_default().chunks_exact(NODE_RECORD_LEN).take(nodes as usize);
+    let children = records.flat_map(|record| record[128..].chunks_exact(8).map(|child| PageId(u32_at(child, 0))));
+    children.filter(|page| page.0 != NO_PAGE)
+}
+
 /// A little-endian `u32`; the callers' offsets are constants inside arrays of fixed length.
 pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
@@ -372,6 +466,15 @@ mod tests {
         for (name, value) in [("len", 2_u32), ("nodes", 3), ("family", 4), ("crc", 5), ("memory", 6)] {
             assert_eq!(field(name), value.to_le_bytes());
         }
+
+        let record = IndexRecord { start: 1 << 50, memory: 2 << 40, nodes: 3 << 40, longest: 4, crc: 5 };
+        let bytes = record.encode();
+        assert_eq!(IndexRecord::decode(&bytes), record);
+        let field = fields("Index record", &bytes);
+        for (name, value) in [("start", 1_u64 << 50), ("memory", 2 << 40), ("nodes", 3 << 40)] {
+            assert_eq!(field(name), value.to_le_bytes());
+        }
+        assert_eq!([field("longest"), field("crc")].concat(), [4_u32, 5].map(u32::to_le_bytes).concat());
 
         let bytes = encode_page_header(PageId(6), 7, 8, 9);
         let field = fields("Page header", &bytes);

@@ -12,6 +12,7 @@ pub mod layout;
 pub mod metadata;
 pub mod page;
 pub mod page_file;
+pub mod page_table;
 pub mod paging;
 pub mod run;
 pub mod temporary;

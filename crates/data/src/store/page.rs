@@ -4,16 +4,17 @@ use super::clusters::NodeClusters;
 use super::content::Content;
 use super::error::Damage;
 use super::layout::{
-    NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, PageEntry, SECTION_ALIGNMENT, StoredNode,
-    particles_memory, u32_at,
+    NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PAGE_MAGIC, SECTION_ALIGNMENT, StoredNode, particles_memory, u32_at,
 };
 use super::metadata::{AttributeMerge, Metadata};
+use super::page_table::PageTable;
 use crate::codec::clusters::PackedClusters;
 use crate::codec::coordinates::{CELL_BITS, GRID_POINT, LEAF_BITS, LEAF_POINT, unpack_grid, unpack_leaf};
 use crate::codec::positions::{decode_grid, decode_leaf, leaf_rounding};
 pub use crate::hierarchy::Encoding;
 use crate::hierarchy::cell::MAX_DEPTH;
 use crate::hierarchy::{NodeKey, RootCell};
+use crate::model::portable::{Portable, portable};
 use crate::model::{Bounds, Placement};
 use glam::DVec3;
 use std::ops::Range;
@@ -31,6 +32,18 @@ pub struct NodeRef {
     /// Index of the node in the page.
     pub node: u32,
 }
+
+impl Portable for PageId {
+    fn put(&self, to: &mut Vec<u8>) {
+        self.0.put(to);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<PageId> {
+        u32::take(from).map(PageId)
+    }
+}
+
+portable!(NodeRef { page, node });
 
 /// A cube that positions are told in as fractions of its edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -377,16 +390,16 @@ impl Page {
     }
 
     /// Reads and checks the bytes of a page, whose checksum has been found right; `table` tells the
-    /// number of nodes of any page. Frames are where `placement` puts them, all else is as the file says.
+    /// number of nodes of it and of its children's pages. Frames are where `placement` puts them, all else is as the file says.
     pub(super) fn parse(
         id: PageId,
         bytes: &[u8],
         metadata: &Metadata,
-        table: &[PageEntry],
+        table: &PageTable,
         placement: &Placement,
     ) -> Result<Page, Damage> {
-        let entry = table[id.0 as usize];
         let here = || format!("page {}", id.0);
+        let entry = table.get(id.0 as usize).ok_or_else(|| Damage::new(here(), "to exist"))?;
         let header_matches = bytes.len() >= PAGE_HEADER_LEN
             && bytes[..4] == PAGE_MAGIC
             && [4, 8, 12, 16].map(|at| u32_at(bytes, at)) == [id.0, entry.family, entry.nodes, entry.len]
@@ -475,7 +488,7 @@ impl Page {
             let first_code = page.codes.len();
             packing.unpack(&bytes[codes as usize..codes_end], count, &mut page.codes);
             page.sizes.push((NODE_RECORD_LEN + at - start) as u64);
-            check_node(&node, family, &page.codes[first_code..], (id, i as u32), table)
+            check_node(&node, (entry.family, family), &page.codes[first_code..], (id, i as u32), table)
                 .map_err(|expected| Damage::new(here(), expected))?;
             let content: Option<Arc<dyn Content>> = match clusters {
                 None => None,
@@ -533,10 +546,10 @@ fn section(bytes: &[u8], at: &mut usize, offset: u32, len: usize) -> Option<usiz
 /// Checks what a node says against its file; the error is what was expected.
 fn check_node(
     node: &StoredNode,
-    family: &super::FamilyMetadata,
+    (number, family): (u32, &super::FamilyMetadata),
     codes: &[u16],
     own: (PageId, u32),
-    table: &[PageEntry],
+    table: &PageTable,
 ) -> Result<(), String> {
     if !node.key.is_valid() {
         return Err(format!("a depth of at most {MAX_DEPTH} and a cell inside the root"));
@@ -581,9 +594,8 @@ fn check_node(
     }
     for child in node.children.iter().flatten() {
         // Children come after their parent, so that no walk down the tree can go round in a circle.
-        let exists = table
-            .get(child.page.0 as usize)
-            .is_some_and(|entry| child.node < entry.nodes && entry.family == table[own.0.0 as usize].family);
+        let entry = table.get(child.page.0 as usize);
+        let exists = entry.is_some_and(|entry| child.node < entry.nodes && entry.family == number);
         if !exists || (child.page, child.node) <= own {
             return Err(format!("a later node of this family as a child, found {child:?}"));
         }

@@ -40,7 +40,7 @@ impl PageBytes {
     }
 }
 
-/// An open page file, or several as one. Cheap to share in an `Arc`: reads are positioned and take no lock.
+/// An open page file, or several as one. Cheap to share in an `Arc`: reads are positioned, and what is known of pages is told without a lock.
 #[derive(Debug)]
 pub struct PageFile {
     pub(super) metadata: Arc<Metadata>,
@@ -74,7 +74,8 @@ pub struct PartInfo<'a> {
 }
 
 impl PageFile {
-    /// Opens a file, here or behind a URL, and checks header, footer and page table. Pages are checked as they are read.
+    /// Opens a file, here or behind a URL, and checks header, footer and the page table, if the footer has it. Pages, and index pages that
+    /// tell of them, are checked as they are read.
     ///
     /// # Errors
     /// [`StoreError`] where it cannot be read, is no page file or is damaged.
@@ -151,13 +152,14 @@ impl PageFile {
         self.parts.last().map_or(0, |last| last.first_page + last.reader.page_count())
     }
 
-    /// Bytes that reading the page takes from the disk; 0 for a page that does not exist.
+    /// Bytes that reading the page takes from the disk, about as many as long as nobody has read a page that has it as a child; 0 for a
+    /// page that does not exist.
     pub fn page_bytes(&self, page: PageId) -> u64 {
         let (part, own) = self.part_of(page);
         self.parts[part].reader.page_bytes(own)
     }
 
-    /// Bytes that the page takes in memory; 0 for a page that does not exist.
+    /// Bytes that the page takes in memory, in the same way; 0 for a page that does not exist.
     pub fn page_memory(&self, page: PageId) -> u64 {
         let (part, own) = self.part_of(page);
         self.parts[part].reader.page_memory(own)

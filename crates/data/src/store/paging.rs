@@ -9,7 +9,7 @@
 //! so every child comes after its parents in all trees.
 
 use super::error::StoreError;
-use super::layout::{StoredNode, particles_memory};
+use super::layout::{PAGE_HEADER_LEN, StoredNode, particles_memory};
 use super::page::{Encoding, NodeRef, PageId};
 use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
 use crate::hierarchy::Purpose;
@@ -127,8 +127,9 @@ pub struct Written {
 }
 
 /// A tree on its way to the file: its nodes, the nodes of each of its pages, and where every node will be.
-struct Paged<'a> {
-    levels: Purpose,
+pub struct Paged<'a> {
+    /// What its inner nodes are for.
+    pub purpose: Purpose,
     nodes: &'a [Vec<PlannedNode>],
     pages: Vec<Vec<Place>>,
     first: u32,
@@ -140,7 +141,7 @@ struct Paged<'a> {
 impl<'a> Paged<'a> {
     /// A tree whose pages begin with number `first`; `leaves` has the places of nodes that belong to another tree.
     fn new(
-        levels: Purpose,
+        purpose: Purpose,
         nodes: &'a [Vec<PlannedNode>],
         pages: Vec<Vec<Place>>,
         first: u32,
@@ -152,12 +153,42 @@ impl<'a> Paged<'a> {
                 places[depth][index] = NodeRef { page: PageId(first + number as u32), node: i as u32 };
             }
         }
-        Paged { levels, nodes, pages, first, places, leaves }
+        Paged { purpose, nodes, pages, first, places, leaves }
     }
 
     fn written(&self, own: impl Fn(&PlannedNode) -> bool) -> Written {
         let of = |level: &Vec<PlannedNode>| level.iter().filter(|node| own(node)).map(|node| node.bytes() as u64).sum();
         Written { root_page: self.places[0][0].page, bytes: self.nodes.iter().map(of).collect() }
+    }
+
+    /// Number of its pages.
+    pub fn len(&self) -> usize {
+        self.pages.len()
+    }
+
+    /// Whether it has none.
+    pub fn is_empty(&self) -> bool {
+        self.pages.is_empty()
+    }
+
+    /// Its page `page`, counted from 0, and the nodes in it, as they are stored, each with its depth and index.
+    pub fn page(&self, page: usize) -> (PageId, impl Iterator<Item = (StoredNode, Place)>) {
+        let nodes = self.pages[page].iter().map(|&(depth, index)| {
+            let planned = &self.nodes[depth][index];
+            let below = self.places.get(depth + 1).map_or(&[][..], Vec::as_slice);
+            let mut children = planned.children.map(|child| child.map(|child| below[child]));
+            if planned.node.encoding == Encoding::LeafClusters {
+                children[0] = Some(self.leaves[depth][index]);
+            }
+            (StoredNode { children, ..planned.node.clone() }, (depth, index))
+        });
+        (PageId(self.first + page as u32), nodes)
+    }
+
+    /// Bytes that a page takes.
+    pub fn page_bytes(&self, page: usize) -> u64 {
+        let nodes = self.pages[page].iter().map(|&(depth, index)| self.nodes[depth][index].bytes() as u64);
+        PAGE_HEADER_LEN as u64 + nodes.sum::<u64>()
     }
 }
 
@@ -170,6 +201,37 @@ pub struct FamilyTrees<'a> {
     pub has_octree: bool,
     /// Further ones.
     pub others: &'a [(Purpose, &'a [Vec<PlannedNode>])],
+}
+
+impl<'a> FamilyTrees<'a> {
+    /// The trees in the order of their pages, which aim at `page_bytes` and begin with number `first`; and where each is, that for splats
+    /// first.
+    pub fn paged(&self, mut first: u32, page_bytes: usize) -> (Vec<Paged<'a>>, Vec<Written>) {
+        let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
+        let own = |node: &PlannedNode| self.has_octree || !is_inner(node);
+        let others = self.others.iter().map(|(purpose, nodes)| {
+            let pages = plan(nodes, page_bytes, is_inner);
+            let from = first;
+            first += pages.len() as u32;
+            (*purpose, *nodes, pages, from)
+        });
+        let others: Vec<_> = others.collect();
+        let splat_pages = match self.has_octree {
+            true => plan(self.splats, page_bytes, |_| true),
+            false => leaf_pages(self.splats, page_bytes),
+        };
+        let nowhere =
+            self.splats.iter().map(|level| vec![NodeRef { page: PageId(first), node: 0 }; level.len()]).collect();
+        let splats = Paged::new(Purpose::Splats, self.splats, splat_pages, first, nowhere);
+        let mut trees: Vec<Paged<'a>> = others
+            .into_iter()
+            .map(|(purpose, nodes, pages, from)| Paged::new(purpose, nodes, pages, from, splats.places.clone()))
+            .collect();
+        let written = std::iter::once(splats.written(own)).chain(trees.iter().map(|tree| tree.written(is_inner)));
+        let written = written.collect();
+        trees.push(splats);
+        (trees, written)
+    }
 }
 
 /// Appends the pages of a family's trees to a file. Pages aim at `page_bytes`; `sections` gives the particles of the node of a depth and
@@ -185,33 +247,12 @@ pub fn write_trees<E: From<StoreError> + Send>(
     sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E> + Sync,
     progress: &dyn Progress,
 ) -> Result<Vec<Written>, E> {
-    let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
-    let own = |node: &PlannedNode| trees.has_octree || !is_inner(node);
-    let mut first = writer.page_count();
-    let others = trees.others.iter().map(|(purpose, nodes)| {
-        let pages = plan(nodes, page_bytes, is_inner);
-        let from = first;
-        first += pages.len() as u32;
-        (*purpose, *nodes, pages, from)
-    });
-    let others: Vec<_> = others.collect();
-    let splat_pages = match trees.has_octree {
-        true => plan(trees.splats, page_bytes, |_| true),
-        false => leaf_pages(trees.splats, page_bytes),
-    };
-    let pages = others.iter().map(|(_, _, pages, _)| pages.len()).sum::<usize>() + splat_pages.len();
-    progress.begin("writing pages", pages as u64);
-    let nowhere =
-        trees.splats.iter().map(|level| vec![NodeRef { page: PageId(first), node: 0 }; level.len()]).collect();
-    let splats = Paged::new(Purpose::Splats, trees.splats, splat_pages, first, nowhere);
-    let others: Vec<Paged<'_>> = others
-        .into_iter()
-        .map(|(purpose, nodes, pages, from)| Paged::new(purpose, nodes, pages, from, splats.places.clone()))
-        .collect();
-    for tree in others.iter().chain([&splats]) {
+    let (trees, written) = trees.paged(writer.page_count(), page_bytes);
+    progress.begin("writing pages", trees.iter().map(|tree| tree.len() as u64).sum());
+    for tree in &trees {
         append(writer, family, tree, &sections, progress)?;
     }
-    Ok(std::iter::once(splats.written(own)).chain(others.iter().map(|tree| tree.written(is_inner))).collect())
+    Ok(written)
 }
 
 /// Pages of leaves alone, neighbours together.
@@ -247,42 +288,41 @@ fn append<E: From<StoreError> + Send>(
     progress: &dyn Progress,
 ) -> Result<(), E> {
     // Some pages at a time: memory for them is needed.
-    let together = 2 * rayon::current_num_threads();
-    for (batch, numbers) in tree.pages.chunks(together).zip((tree.first..).step_by(together)) {
-        let encoded: Vec<Option<Vec<u8>>> = batch
-            .par_iter()
-            .zip(numbers..numbers + batch.len() as u32)
-            .map(|(page, number)| encode(tree, page, PageId(number), family, sections))
-            .collect::<Result<_, E>>()?;
-        for (page, bytes) in batch.iter().zip(encoded) {
-            let bytes = bytes.ok_or_else(|| writer.unwritable("a page would be longer than 4 GiB"))?;
-            let node = |&(depth, index): &Place| &tree.nodes[depth][index].node;
-            let memory = page.iter().map(node).map(|node| particles_memory(node.encoding, node.particles)).sum();
-            writer.append(family, page.len() as u32, memory, &bytes)?;
+    let pages: Vec<usize> = (0..tree.len()).collect();
+    for batch in pages.chunks(2 * rayon::current_num_threads()) {
+        let encode = |&page: &usize| {
+            let (id, nodes) = tree.page(page);
+            let records = nodes.map(|(node, (depth, index))| Ok((node, sections(tree.purpose, depth, index)?)));
+            Ok(EncodedPage::new(id, family, &records.collect::<Result<Vec<_>, E>>()?))
+        };
+        let encoded: Vec<Option<EncodedPage>> = batch.par_iter().map(encode).collect::<Result<_, E>>()?;
+        for page in encoded {
+            let EncodedPage { nodes, memory, bytes } = page.ok_or_else(|| writer.unwritable(TOO_LONG))?;
+            writer.append(family, nodes, memory, &bytes)?;
             progress.advance(1);
         }
     }
     Ok(())
 }
 
-fn encode<E>(
-    tree: &Paged,
-    page: &[Place],
-    id: PageId,
-    family: u32,
-    sections: impl Fn(Purpose, usize, usize) -> Result<Sections, E>,
-) -> Result<Option<Vec<u8>>, E> {
-    let records = page.iter().map(|&(depth, index)| {
-        let planned = &tree.nodes[depth][index];
-        let below = tree.places.get(depth + 1).map_or(&[][..], Vec::as_slice);
-        let mut children = planned.children.map(|child| child.map(|child| below[child]));
-        if planned.node.encoding == Encoding::LeafClusters {
-            children[0] = Some(tree.leaves[depth][index]);
-        }
-        let node = StoredNode { children, ..planned.node.clone() };
-        Ok((node, sections(tree.levels, depth, index)?))
-    });
-    let records: Vec<(StoredNode, Sections)> = records.collect::<Result<_, E>>()?;
-    let page: Vec<PageNode> = records.iter().map(|(node, sections)| PageNode { node, sections }).collect();
-    Ok(encode_page(id, family, &page))
+/// Why a page cannot be written.
+pub const TOO_LONG: &str = "a page would be longer than 4 GiB";
+
+/// A page as bytes, and what the table of pages says of it.
+pub struct EncodedPage {
+    /// Number of its nodes.
+    pub nodes: u32,
+    /// Bytes that its particles take in memory.
+    pub memory: u64,
+    /// Its bytes, without the zeros that align the next one.
+    pub bytes: Vec<u8>,
+}
+
+impl EncodedPage {
+    /// A page with these nodes; `None` where it would be longer than 4 GiB.
+    pub fn new(id: PageId, family: u32, records: &[(StoredNode, Sections)]) -> Option<EncodedPage> {
+        let page: Vec<PageNode> = records.iter().map(|(node, sections)| PageNode { node, sections }).collect();
+        let memory = records.iter().map(|(node, _)| particles_memory(node.encoding, node.particles)).sum();
+        Some(EncodedPage { nodes: records.len() as u32, memory, bytes: encode_page(id, family, &page)? })
+    }
 }

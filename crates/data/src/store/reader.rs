@@ -4,17 +4,18 @@ use super::container::{Container, FileKind, RawPage};
 use super::disk::{Change, Disk};
 use super::error::{Damage, StoreError};
 use super::footer;
-use super::layout::{MAGIC, VERSION, VERSION_DEEP};
-use super::metadata::Metadata;
+use super::layout::{MAGIC, VERSION, VERSION_INDEXED, child_pages};
+use super::metadata::{FamilyMetadata, Metadata};
 use super::page::{NODE_MEMORY, Page, PageId};
 use crate::model::Placement;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Files of particles.
-pub(super) const KIND: FileKind = FileKind { name: "page file", magic: MAGIC, versions: [VERSION, VERSION_DEEP] };
+pub(super) const KIND: FileKind = FileKind { name: "page file", magic: MAGIC, versions: [VERSION, VERSION_INDEXED] };
 
-/// An open page file. It holds the footer (28 bytes for each page of about 3 MB, attribute tables and codebooks), never pages.
+/// An open page file. It holds the footer (attribute tables, codebooks) and what has been read of the page table, 32 bytes for each page of
+/// about 3 MB, never pages.
 #[derive(Debug)]
 pub(super) struct Reader {
     container: Container,
@@ -56,20 +57,19 @@ impl Reader {
         self.container.table().len() as u32
     }
 
-    /// Bytes that reading the page takes from the disk; 0 for a page that does not exist.
+    /// Bytes that reading the page takes from the disk, as far as is known; 0 for a page that does not exist.
     pub(super) fn page_bytes(&self, page: PageId) -> u64 {
-        self.container.table().get(page.0 as usize).map_or(0, |entry| u64::from(entry.len))
+        self.container.table().size(page.0 as usize).map_or(0, |size| size.bytes)
     }
 
-    /// Bytes that the page takes in memory; 0 for a page that does not exist.
+    /// Bytes that the page takes in memory, as far as is known; 0 for a page that does not exist.
     pub(super) fn page_memory(&self, page: PageId) -> u64 {
-        let table = self.container.table();
-        table.get(page.0 as usize).map_or(0, |entry| u64::from(entry.memory) + u64::from(entry.nodes) * NODE_MEMORY)
+        self.container.table().size(page.0 as usize).map_or(0, |size| size.memory + size.nodes * NODE_MEMORY)
     }
 
     /// Largest what a page takes of all pages.
     pub(super) fn largest_page_bytes(&self) -> u64 {
-        self.container.table().iter().map(|entry| u64::from(entry.len)).max().unwrap_or(0)
+        self.container.table().longest().into()
     }
 
     /// Reads a page's bytes and nothing more: the part of [`PageFile::read_page`](super::PageFile::read_page) that waits for the disk.
@@ -77,7 +77,25 @@ impl Reader {
     /// # Errors
     /// As [`PageFile::read_page`](super::PageFile::read_page).
     pub(super) fn fetch_page(&self, page: PageId) -> Result<RawPage, StoreError> {
-        self.container.fetch_page(page)
+        let raw = self.container.fetch_page(page)?;
+        self.learn_children(&raw)?;
+        Ok(raw)
+    }
+
+    /// Whoever has a page knows where its children lie and what they take: they are checked against it, and nobody who asks for them later
+    /// waits for it.
+    fn learn_children(&self, raw: &RawPage) -> Result<(), StoreError> {
+        let table = self.container.table();
+        if !table.has_unread() {
+            return Ok(());
+        }
+        let is_unread = |child: &PageId| table.is_unread(child.0 as usize);
+        let mut unread = child_pages(&raw.bytes).filter(is_unread).peekable();
+        if unread.peek().is_some() {
+            // What is damaged names pages at random.
+            self.container.check_page(raw)?;
+        }
+        unread.try_for_each(|child| self.container.learn(child, raw.page))
     }
 
     /// Checks and decodes a page's bytes: the part of [`PageFile::read_page`](super::PageFile::read_page) that works the processor.
@@ -86,8 +104,16 @@ impl Reader {
     /// As [`PageFile::read_page`](super::PageFile::read_page).
     pub(super) fn decode_page(&self, raw: RawPage, placement: &Placement) -> Result<Page, StoreError> {
         self.container.check_page(&raw)?;
-        Page::parse(raw.page, &raw.bytes, &self.metadata, self.container.table(), placement)
-            .map_err(|damage| damage.in_file(self.path()))
+        let page = Page::parse(raw.page, &raw.bytes, &self.metadata, self.container.table(), placement);
+        let page = page.map_err(|damage| damage.in_file(self.path()))?;
+        let is_wrong = |(i, family): (usize, &FamilyMetadata)| family.has_root(page.id) && i != page.family as usize;
+        match self.metadata.families.iter().enumerate().any(is_wrong) {
+            true => {
+                let expected = "to be of the family whose root it has";
+                Err(Damage::new(format!("page {}", page.id.0), expected).in_file(self.path()))
+            }
+            false => Ok(page),
+        }
     }
 
     /// How many pages at a time are best read, where that is up to the disk.
@@ -100,7 +126,8 @@ impl Reader {
         self.container.change()
     }
 
-    /// Every page must be of a family that there is, and every family's roots in pages of its own.
+    /// Every page must be of a family that there is, and every family's roots in pages of its own; what is not known yet is checked as pages
+    /// are decoded.
     fn check_families(&self) -> Result<(), Damage> {
         let (table, families) = (self.container.table(), &self.metadata.families);
         for (i, entry) in table.iter().enumerate() {
@@ -113,7 +140,10 @@ impl Reader {
         }
         // The outline of a step of a run that keeps no stills has no page at all.
         for (i, family) in families.iter().enumerate().filter(|_| !table.is_empty()) {
-            let is_wrong = |page: PageId| table.get(page.0 as usize).is_none_or(|entry| entry.family as usize != i);
+            let is_wrong = |page: PageId| {
+                let number = page.0 as usize;
+                number >= table.len() || table.get(number).is_some_and(|entry| entry.family as usize != i)
+            };
             if is_wrong(family.root_page) || family.trees().any(|(_, root)| is_wrong(root)) {
                 return Err(Damage::new("footer", "a root page of the same family for each family"));
             }

@@ -4,14 +4,20 @@ use super::error::StoreError;
 use super::footer;
 use super::layout::{
     ALIGNMENT, Header, MAGIC, NODE_RECORD_LEN, NodeRecord, PAGE_HEADER_LEN, PageEntry, SECTION_ALIGNMENT, StoredNode,
-    align_up, encode_page_header,
+    VERSION_INDEXED, align_up, encode_page_header,
 };
 use super::metadata::Metadata;
 use super::page::PageId;
+use super::page_table;
 use super::paging::Sections;
 use super::temporary::Temporary;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+
+/// Pages whose table a footer has at most (112 KiB): the table of more lies before it, in index pages.
+const MOST_IN_FOOTER: usize = 4096;
+/// Pages of an index page (28 KiB).
+const TOGETHER: u32 = 1024;
 
 /// A node on its way into a page.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +63,8 @@ pub struct PageFileWriter {
     file: Temporary,
     end: u64,
     table: Vec<PageEntry>,
+    /// [`MOST_IN_FOOTER`] and [`TOGETHER`].
+    index: (usize, u32),
 }
 
 impl PageFileWriter {
@@ -66,7 +74,8 @@ impl PageFileWriter {
             return Err(StoreError::Unwritable { path: path.to_path_buf(), reason: "it names no file".into() });
         }
         let file = Temporary::create(path, None).map_err(io(path, "create"))?;
-        let mut writer = PageFileWriter { path: path.to_path_buf(), file, end: 0, table: Vec::new() };
+        let index = (MOST_IN_FOOTER, TOGETHER);
+        let mut writer = PageFileWriter { path: path.to_path_buf(), file, end: 0, table: Vec::new(), index };
         writer.put(&[0; ALIGNMENT as usize])?;
         Ok(writer)
     }
@@ -93,29 +102,26 @@ impl PageFileWriter {
         self.table.len() as u32
     }
 
-    /// Writes footer and header of a file of particles. Nothing has the file's name yet.
-    pub fn complete(self, metadata: &Metadata) -> Result<CompletePageFile, StoreError> {
-        self.complete_as(MAGIC, footer::version(metadata), &footer::encode(metadata))
+    /// The same file, with index pages of `together` pages where it will have more than `most_in_footer`.
+    #[cfg(test)]
+    pub(super) fn with_index(self, most_in_footer: usize, together: u32) -> PageFileWriter {
+        PageFileWriter { index: (most_in_footer, together), ..self }
     }
 
-    /// Writes the header of a file that begins like this, and its footer: the page table, then these bytes.
+    /// Writes footer and header of a file of particles, and before them the table of many pages. Nothing has the file's name yet.
+    pub fn complete(self, metadata: &Metadata) -> Result<CompletePageFile, StoreError> {
+        let (version, about) = about_within(metadata, self.table.len(), self.index.0);
+        self.complete_as(MAGIC, version, &about)
+    }
+
+    /// Writes the header of a file that begins like this, and its footer: what tells of the page table, then these bytes.
     ///
     /// # Errors
     /// [`StoreError`] where the file cannot be written.
     pub fn complete_as(self, magic: [u8; 8], version: u32, about: &[u8]) -> Result<CompletePageFile, StoreError> {
-        let mut footer: Vec<u8> = self.table.iter().flat_map(PageEntry::encode).collect();
-        footer.extend_from_slice(about);
-        let header = Header {
-            magic,
-            version,
-            file_len: self.end + footer.len() as u64,
-            footer_offset: self.end,
-            footer_len: footer.len() as u64,
-            footer_crc: crc32c::crc32c(&footer),
-            pages: self.table.len() as u32,
-        };
+        let (header, tail) = ends_of(magic, version, &self.table, self.end, about, self.index.1);
         let mut file = self.file.file();
-        file.write_all(&footer).map_err(io(&self.path, "write"))?;
+        file.write_all(&tail).map_err(io(&self.path, "write"))?;
         std::io::Seek::rewind(&mut file).map_err(io(&self.path, "write"))?;
         file.write_all(&header.encode()).map_err(io(&self.path, "write"))?;
         Ok(CompletePageFile { path: self.path, file: self.file, bytes: header.file_len })
@@ -131,6 +137,50 @@ impl PageFileWriter {
         self.end = aligned;
         Ok(())
     }
+}
+
+/// The header of a file whose pages, of which this is the table, end at an aligned place, and what lies from there on: the table, where the
+/// footer does not hold it, and the footer, which goes on with `about`.
+pub fn ends(magic: [u8; 8], version: u32, table: &[PageEntry], end: u64, about: &[u8]) -> (Header, Vec<u8>) {
+    ends_of(magic, version, table, end, about, TOGETHER)
+}
+
+fn ends_of(
+    magic: [u8; 8],
+    version: u32,
+    table: &[PageEntry],
+    end: u64,
+    about: &[u8],
+    together: u32,
+) -> (Header, Vec<u8>) {
+    let (mut footer, mut tail) = match magic == MAGIC && version == VERSION_INDEXED {
+        true => page_table::encode(table, together),
+        false => (table.iter().flat_map(PageEntry::encode).collect(), Vec::new()),
+    };
+    footer.extend_from_slice(about);
+    tail.resize(tail.len().next_multiple_of(ALIGNMENT as usize), 0);
+    let footer_offset = end + tail.len() as u64;
+    let header = Header {
+        magic,
+        version,
+        file_len: footer_offset + footer.len() as u64,
+        footer_offset,
+        footer_len: footer.len() as u64,
+        footer_crc: crc32c::crc32c(&footer),
+        pages: table.len() as u32,
+    };
+    tail.extend(footer);
+    (header, tail)
+}
+
+/// The version of a file of so many pages with this metadata, and what follows in its footer what tells of the pages.
+pub fn about(metadata: &Metadata, pages: usize) -> (u32, Vec<u8>) {
+    about_within(metadata, pages, MOST_IN_FOOTER)
+}
+
+fn about_within(metadata: &Metadata, pages: usize, most_in_footer: usize) -> (u32, Vec<u8>) {
+    let version = if pages > most_in_footer { VERSION_INDEXED } else { footer::version(metadata) };
+    (version, footer::encode(metadata, version))
 }
 
 /// A page file that is whole, but has no name yet. Dropping it leaves nothing behind.
@@ -158,6 +208,14 @@ impl CompletePageFile {
     /// When the system refuses.
     pub fn persist(self) -> Result<u64, StoreError> {
         self.file.file().sync_all().map_err(io(&self.path, "write"))?;
+        self.persist_for_now()
+    }
+
+    /// Moves it to its name, whether the disk has it or not: a file that goes with the program.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn persist_for_now(self) -> Result<u64, StoreError> {
         self.file.persist(&self.path).map_err(io(&self.path, "rename the finished file to"))?;
         Ok(self.bytes)
     }

@@ -31,6 +31,9 @@ pub enum OutputError {
     },
 }
 
+/// Above this files are a few percent smaller, and take more than twice as long.
+const DEFLATE: png::DeflateCompression = png::DeflateCompression::Level(4);
+
 /// Writes colours as an sRGB PNG.
 ///
 /// # Errors
@@ -54,6 +57,7 @@ fn encode_png(out: impl Write, image: &Image) -> Result<(), png::EncodingError> 
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    encoder.set_deflate_compression(DEFLATE);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(image.rgba.as_flattened())?;
     writer.finish()

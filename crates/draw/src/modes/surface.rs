@@ -482,21 +482,24 @@ pub fn with_shore(
     }
 }
 
-/// The share of heights at either end that colours are not spread over where few heights are far from all others.
-pub const OUTLIERS: f64 = 1e-3;
-/// How many times as far as the others such heights have to reach.
-const STRETCH: f64 = 3.0;
+/// Colours are not spread over a few heights that are far from all others: shares of heights at either end, and how many times as far as those
+/// between them all heights have to reach.
+const OUTLIERS: [(f64, f64); 2] = [(2e-2, 10.0), (1e-3, 3.0)];
 
-/// The heights that colours are spread over, of a field with an even share of its heights: from the least to the largest, but from the quantile
-/// [`OUTLIERS`] to the quantile 1 - [`OUTLIERS`] where these are so close that a few outliers would have most of the colours.
+/// The heights that colours are spread over, of a field with an even share of its heights: from the least to the largest, but where those between
+/// two quantiles ([`OUTLIERS`]) are so close that a few others would have most of the colours, of what is not farther from these than they are apart.
 pub fn usual_heights(facts: &Facts, share: impl Iterator<Item = f64>) -> [f64; 2] {
     let mut sorted: Vec<f64> = share.filter(|height| height.is_finite()).collect();
     sorted.sort_unstable_by(f64::total_cmp);
     let at = |part: f64| sorted.get((part * sorted.len().saturating_sub(1) as f64).round() as usize).copied();
-    match (at(OUTLIERS), at(1.0 - OUTLIERS)) {
-        (Some(low), Some(high)) if low < high && facts.max - facts.min > STRETCH * (high - low) => [low, high],
-        _ => [facts.min, facts.max],
-    }
+    let without = |(share, stretch): (f64, f64)| {
+        let (low, high) = (at(share)?, at(1.0 - share)?);
+        let apart = high - low;
+        let first = sorted.partition_point(|height| *height < low - apart);
+        let end = sorted.partition_point(|height| *height <= high + apart);
+        (apart > 0.0 && facts.max - facts.min > stretch * apart).then(|| [sorted[first], sorted[end - 1]])
+    };
+    OUTLIERS.into_iter().find_map(without).unwrap_or([facts.min, facts.max])
 }
 
 /// The range that colours are spread over: the transfer function's own, or what suits the attribute. `heights` are those that matter
@@ -619,7 +622,11 @@ mod tests {
         // As far as three times the others is no outlier.
         assert_eq!(usual_heights(&facts(-0.9, 2.0), ramp()), [-0.9, 2.0]);
         let spikes = ramp().map(|height| if height < 0.0005 { -50.0 } else { height });
-        assert_eq!(usual_heights(&facts(-50.0, 1.0), spikes), [0.001, 0.999]);
+        assert_eq!(usual_heights(&facts(-50.0, 1.0), spikes), [0.0005, 1.0]);
+        // More of them have to be farther away.
+        let patch = |depth: f64| ramp().map(move |height| if height < 0.007 { -depth } else { height });
+        assert_eq!(usual_heights(&facts(-50.0, 1.0), patch(50.0)), [0.007, 1.0]);
+        assert_eq!(usual_heights(&facts(-7.0, 1.0), patch(7.0)), [-7.0, 1.0]);
         // Of a level field what is not level counts.
         let bump = ramp().map(|height| if height > 0.9995 { 7.0 } else { 2.0 });
         assert_eq!(usual_heights(&facts(2.0, 7.0), bump), [2.0, 7.0]);

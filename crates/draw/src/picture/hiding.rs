@@ -214,7 +214,10 @@ mod tests {
                     found.nodes
                 );
             }
-            // Ranges that are found from all that is there need all that is there.
+            // Ranges that are found from all that is there need all that is there: a volume and splats are all ways to find them.
+            if !["volume", "layered"].contains(&mode) {
+                continue;
+            }
             let auto = |is_on: bool| {
                 let shot = shot(mode, camera([0.0, 0.0, 3.0]), Range::Auto, &[occlusion(is_on)]);
                 Session::of(Arc::clone(file), u64::MAX).draw(&shot).unwrap()

@@ -8,11 +8,15 @@ mod moments;
 mod passes;
 mod paths;
 mod projection;
+mod reporter;
+mod selected;
 mod slabs;
+
+pub use reporter::Reporter;
 
 use super::account::{Account, Task};
 use super::adapter::{self, Adapter, Passes};
-use super::annotation::{Annotation, FollowedPlaces};
+use super::annotation::Annotation;
 use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
 use super::ground::{Ground, Solid, lighting, through};
@@ -31,12 +35,9 @@ use crate::color::{Accumulation, Image};
 use crate::cpu::Method;
 use crate::cpu::shadowing::Lighting;
 use crate::cpu::volume::VolumeError;
-use crate::explore::selection::Show;
-use crate::explore::{Members, Places, Work};
-use crate::import::{Source, open};
-use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot, shown_families};
+use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot};
 use crate::mode::{Depiction, Mode, Raw};
-use crate::model::{Bounds, FamilyName, Moment, Progress, ReadMethod};
+use crate::model::{Bounds, FamilyName, Moment, ReadMethod};
 use crate::modes;
 use crate::store::run::{RunSnapshot, RunTree};
 use crate::store::{InMemory, PageFile, RunFile, Tree};
@@ -46,30 +47,6 @@ use crate::view::perspective_grid::GridError;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-/// Who is told what there is to tell while data is opened and pictures are drawn, and shows how long it takes.
-pub trait Reporter: Send + Sync {
-    /// A sentence for the user.
-    fn tell(&self, message: String);
-
-    /// Shows the progress of one long work.
-    fn progress(&self) -> Box<dyn Progress + '_>;
-
-    /// Whether nobody waits for the picture any more. Asked between the views that pictures of all directions and for two eyes are put
-    /// together from.
-    fn is_stopped(&self) -> bool {
-        false
-    }
-}
-
-/// Nobody is told.
-impl Reporter for () {
-    fn tell(&self, _: String) {}
-
-    fn progress(&self) -> Box<dyn Progress + '_> {
-        Box::new(())
-    }
-}
 
 /// How data is opened and drawn, whatever the picture.
 #[derive(Clone, Default)]
@@ -579,39 +556,6 @@ impl Session {
         Means { scene: &mut self.scene, lists, adapter: None, reporter: &*self.reporter, paths: None, ground: None }
     }
 
-    /// Indices of the families that a look draws.
-    fn families(&self, look: &LookPatch) -> Result<Vec<u32>, PictureError> {
-        let families = &self.tree().metadata().families;
-        let (shown, missing): (Vec<bool>, _) = match (&self.data, self.options.family) {
-            // Nothing else was loaded.
-            (Data::Source(_), _) => (vec![true; families.len()], Vec::new()),
-            (Data::Moment(_), None) => {
-                let named = self.members.first().and_then(|member| member.families.as_ref()).or(look.families.as_ref());
-                let is_shown = |name| named.is_none_or(|named| named.contains(name));
-                let missing = named.into_iter().flatten();
-                let missing = missing.filter(|name| families.iter().all(|family| family.name != **name));
-                (families.iter().map(|family| is_shown(&family.name)).collect(), missing.copied().collect())
-            }
-            (_, Some(only)) => (families.iter().map(|family| family.name == only).collect(), vec![only]),
-            (Data::Pages(file), None) => {
-                let own = |member: &Member| Member {
-                    families: member.families.clone().or_else(|| look.families.clone()),
-                    ..member.clone()
-                };
-                match self.members.is_empty() {
-                    true => shown_families(file, &[own(&Member::default())]),
-                    false => shown_families(file, &self.members.iter().map(own).collect::<Vec<_>>()),
-                }
-            }
-        };
-        let found: Vec<u32> = (0..).zip(shown).filter_map(|(index, shown)| shown.then_some(index)).collect();
-        match (found.is_empty(), missing.first()) {
-            (false, _) => Ok(found),
-            (true, Some(name)) => Err(PictureError::of(self.path(), format!("no particles of family {name}"))),
-            (true, None) => Err(PictureError::of(self.path(), "the scene shows no family")),
-        }
-    }
-
     /// What a user calls the data.
     fn path(&self) -> &Path {
         self.members.first().map_or_else(|| self.tree().path(), |member| &member.path)
@@ -674,53 +618,6 @@ impl Session {
             _ => self.options.backend,
         };
         adapter::passes(depiction, backend, self.adapter.as_deref_mut()).map_err(PictureError::Asked)
-    }
-
-    /// An annotation with a look's selections.
-    fn marked(
-        &self,
-        annotation: Annotation,
-        look: &LookPatch,
-        selection: &SceneSelection,
-    ) -> Result<Annotation, PictureError> {
-        let selections = look.selections.as_deref().unwrap_or_default();
-        let families = &self.tree().metadata().families;
-        let names: Vec<FamilyName> =
-            self.scene.families.iter().filter_map(|index| Some(families.get(*index as usize)?.name)).collect();
-        let following = self.opened.as_ref().and_then(OpenData::following);
-        let interpolation = look.interpolation.unwrap_or_default();
-        let places = following.map(|following| {
-            move |members: &Members| {
-                let progress = self.reporter.progress();
-                let found = following.of(members, Work::told(&*progress))?;
-                let places = found.map(|found| found.places(self.moment, interpolation)).transpose()?;
-                Ok(Places::new(places.unwrap_or_default()))
-            }
-        });
-        let run = places.as_ref().map(|places| places as FollowedPlaces<'_>);
-        Ok(match &self.data {
-            Data::Pages(file) => {
-                annotation.with_selections(selections, file, &selection.nodes, run, &names, &*self.reporter)?
-            }
-            _ if selections.iter().all(|set| set.show == Show::Hidden) => annotation,
-            Data::Source(_) | Data::Moment(_) => {
-                if !matches!(&self.members[..], [only] if only.is_in_place()) {
-                    let why = "a picture of particles of several or moved datasets leaves the selections out";
-                    self.reporter.tell(why.into());
-                    return Ok(annotation);
-                }
-                let opened;
-                let source: &dyn Source = match &self.data {
-                    Data::Source(path) => {
-                        opened = open(path)?;
-                        opened.as_ref()
-                    }
-                    Data::Moment(snapshot) => &**snapshot,
-                    Data::Pages(_) => return Ok(annotation),
-                };
-                annotation.with_source_selections(selections, source, run, &names, &*self.reporter)?
-            }
-        })
     }
 }
 

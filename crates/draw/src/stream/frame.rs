@@ -5,7 +5,7 @@ use crate::model::Bounds;
 use crate::store::{Node, NodeRef, Page, PageId, Tree};
 use crate::view::frame;
 use glam::DVec3;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::{BinaryHeap, HashMap, HashSet};
 use std::sync::Arc;
 
 /// Nodes that are opened at most: enough to hold every particle of a file of some hundred thousand, and a fraction of
@@ -29,15 +29,13 @@ fn within(tree: &dyn Tree, families: &[u32], time: f64, nodes: usize) -> Bounds 
     let metadata = tree.metadata();
     let chosen = || families.iter().filter_map(|&index| metadata.families.get(index as usize));
     let full = chosen().fold(Bounds::EMPTY, |bounds, family| bounds.union(family.bounds));
-    let mut pages = Pages { tree, read: HashMap::new(), left_bytes: READ_BYTES };
+    let mut pages = Pages { tree, read: HashMap::new(), beside: HashMap::new(), left_bytes: READ_BYTES };
+    let roots = tree.roots(families, Purpose::Splats, time);
+    pages.read_beside(roots.iter().map(|root| root.page).collect());
     // The heaviest node is replaced by its children, until only leaves are left or enough nodes are open: what stays
     // merged is then light.
-    let mut open: BinaryHeap<(u64, NodeRef)> = tree
-        .roots(families, Purpose::Splats, time)
-        .into_iter()
-        .zip(chosen())
-        .map(|(root, family)| (family.count, root))
-        .collect();
+    let mut open: BinaryHeap<(u64, NodeRef)> =
+        roots.into_iter().zip(chosen()).map(|(root, family)| (family.count, root)).collect();
     let (mut samples, mut now) = (Vec::new(), Bounds::EMPTY);
     let mut opened = 0;
     while let Some((_, at)) = open.pop() {
@@ -49,6 +47,8 @@ fn within(tree: &dyn Tree, families: &[u32], time: f64, nodes: usize) -> Bounds 
         if !node.is_leaf()
             && (can_open || node.particles == 0 && opened < 4 * NODES && pages.affords(page.children(index)))
         {
+            let room = nodes.saturating_sub(opened + open.len());
+            pages.expect(page.children(index), &open, room);
             for &child in page.children(index) {
                 open.extend(pages.node(child).map(|(_, node)| (node.source_particles, child)));
             }
@@ -82,6 +82,8 @@ fn within(tree: &dyn Tree, families: &[u32], time: f64, nodes: usize) -> Bounds 
 struct Pages<'a> {
     tree: &'a dyn Tree,
     read: HashMap<PageId, Option<Arc<Page>>>,
+    /// Pages that were read side by side with others and have not been looked at yet, and what was known before of the memory that they take.
+    beside: HashMap<PageId, (u64, Option<Arc<Page>>)>,
     /// Bytes that may still be read.
     left_bytes: u64,
 }
@@ -95,13 +97,74 @@ impl Pages<'_> {
         wanted.into_iter().map(|page| self.tree.page_memory(page)).sum::<u64>() <= self.left_bytes
     }
 
+    /// The pages of a node's children are about to be looked at. Over a link they come together with those of the nodes that are open, the
+    /// heaviest first, as far as these may be read and there is room for their children among the nodes: one round trip, and none for each.
+    /// What is found does not depend on it.
+    fn expect(&mut self, children: &[NodeRef], open: &BinaryHeap<(u64, NodeRef)>, room: usize) {
+        let is_new = |page: &PageId| !self.read.contains_key(page) && !self.beside.contains_key(page);
+        let mut wanted: Vec<PageId> = children.iter().map(|child| child.page).filter(is_new).collect();
+        if wanted.is_empty() || self.tree.reads_at_once().is_none() {
+            return;
+        }
+        let held: u64 = self.beside.values().map(|(bytes, _)| bytes).sum();
+        let more: u64 = wanted.iter().map(|page| self.tree.page_memory(*page)).sum();
+        let mut left_bytes = self.left_bytes.saturating_sub(held + more);
+        let mut room = room.saturating_sub(children.len());
+        let mut others: Vec<(u64, NodeRef)> = open.iter().copied().collect();
+        others.sort_unstable_by(|a, b| b.cmp(a));
+        for (_, at) in others {
+            let page = self.read.get(&at.page).or_else(|| Some(&self.beside.get(&at.page)?.1));
+            let Some(Some(page)) = page else { continue };
+            let below = page.children(at.node as usize);
+            // The heavier ones take the room first. A relay is opened without.
+            if room == 0 && page.nodes.get(at.node as usize).is_none_or(|node| node.particles > 0) {
+                continue;
+            }
+            room = room.saturating_sub(below.len());
+            for next in below.iter().map(|child| child.page).filter(is_new) {
+                let bytes = self.tree.page_memory(next);
+                if !wanted.contains(&next) && bytes <= left_bytes {
+                    left_bytes -= bytes;
+                    wanted.push(next);
+                }
+            }
+        }
+        self.read_beside(wanted);
+    }
+
+    /// Reads pages of a link side by side, the first ones, as many as it takes; others, and all of a disk, are read as they are looked at.
+    fn read_beside(&mut self, mut wanted: Vec<PageId>) {
+        let (tree, Some(most)) = (self.tree, self.tree.reads_at_once()) else { return };
+        let mut known = HashSet::new();
+        wanted.retain(|page| known.insert(*page));
+        wanted.truncate(most);
+        if wanted.len() < 2 {
+            return;
+        }
+        std::thread::scope(|scope| {
+            let begin = |page: PageId| {
+                let bytes = tree.page_memory(page);
+                let read = move || tree.read_page(page).ok().map(Arc::new);
+                Some((page, bytes, std::thread::Builder::new().spawn_scoped(scope, read).ok()?))
+            };
+            let begun: Vec<_> = wanted.into_iter().filter_map(begin).collect();
+            let ended = begun.into_iter().filter_map(|(page, bytes, read)| Some((page, (bytes, read.join().ok()?))));
+            self.beside.extend(ended);
+        });
+    }
+
     /// A node and its page, if that can be read.
     fn node(&mut self, at: NodeRef) -> Option<(Arc<Page>, Node)> {
-        if !self.read.contains_key(&at.page) {
-            self.left_bytes = self.left_bytes.saturating_sub(self.tree.page_memory(at.page));
-        }
-        let page = self.read.entry(at.page).or_insert_with(|| self.tree.read_page(at.page).ok().map(Arc::new));
-        let page = Arc::clone(page.as_ref()?);
+        let page = match self.read.get(&at.page) {
+            Some(page) => page.clone(),
+            None => {
+                let read = || (self.tree.page_memory(at.page), self.tree.read_page(at.page).ok().map(Arc::new));
+                let (bytes, page) = self.beside.remove(&at.page).unwrap_or_else(read);
+                self.left_bytes = self.left_bytes.saturating_sub(bytes);
+                self.read.insert(at.page, page.clone());
+                page
+            }
+        }?;
         let node = page.nodes.get(at.node as usize)?.clone();
         Some((page, node))
     }
@@ -111,8 +174,61 @@ impl Pages<'_> {
 mod tests {
     use super::*;
     use crate::build::{self, BuildOptions};
-    use crate::store::PageFile;
+    use crate::store::{Metadata, PageBytes, PageFile, StoreError};
     use crate::synth::merger::Merger;
+    use std::path::Path;
+    use std::sync::Mutex;
+    use std::time::Duration;
+
+    /// A file as it is behind a link.
+    #[derive(Debug)]
+    struct Afar<'a> {
+        file: &'a PageFile,
+        /// The pages that were asked for, how many of them have not come, and the most that this was.
+        asked: Mutex<(Vec<PageId>, usize, usize)>,
+    }
+
+    impl Tree for Afar<'_> {
+        fn metadata(&self) -> &Metadata {
+            self.file.metadata()
+        }
+
+        fn path(&self) -> &Path {
+            self.file.path()
+        }
+
+        fn page_count(&self) -> u32 {
+            self.file.page_count()
+        }
+
+        fn page_bytes(&self, page: PageId) -> u64 {
+            self.file.page_bytes(page)
+        }
+
+        fn page_memory(&self, page: PageId) -> u64 {
+            self.file.page_memory(page)
+        }
+
+        fn fetch_page(&self, page: PageId) -> Result<PageBytes, StoreError> {
+            {
+                let mut asked = self.asked.lock().unwrap();
+                asked.0.push(page);
+                asked.1 += 1;
+                asked.2 = asked.2.max(asked.1);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+            self.asked.lock().unwrap().1 -= 1;
+            self.file.fetch_page(page)
+        }
+
+        fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
+            self.file.decode_page(bytes)
+        }
+
+        fn reads_at_once(&self) -> Option<usize> {
+            Some(4)
+        }
+    }
 
     #[test]
     fn merged_particles_count_as_what_they_stand_for() {
@@ -132,10 +248,20 @@ mod tests {
         assert!(exact.max_element() < 0.1 * dataset.bounds().size().max_element());
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("merger.df");
-        build::build(dataset, &BuildOptions::default(), &path, &()).unwrap();
+        let options = BuildOptions { page_bytes: 16 << 10, ..BuildOptions::default() };
+        build::build(dataset, &options, &path, &()).unwrap();
         let file = PageFile::open(&path).unwrap();
         for nodes in [1, 8, NODES] {
-            let found = within(&file, &[0], 0.0, nodes).size();
+            let box_here = within(&file, &[0], 0.0, nodes);
+            // Over a link the same is found, of pages that come together, each once.
+            let afar = Afar { file: &file, asked: Mutex::default() };
+            assert_eq!(within(&afar, &[0], 0.0, nodes), box_here);
+            let (mut asked, _, most) = afar.asked.into_inner().unwrap();
+            let count = asked.len();
+            asked.sort_unstable();
+            asked.dedup();
+            assert!(asked.len() == count && (nodes < NODES || most > 1) && most <= 4, "{most} of {count} at a time");
+            let found = box_here.size();
             // Merging moves particles by a cell of the root, a 256th of it.
             let bound = 0.1 * exact + bounds.size() / 128.0;
             assert!((found - exact).abs().cmple(bound).all(), "{nodes} nodes: {found}, exact {exact}");

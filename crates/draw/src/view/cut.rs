@@ -49,8 +49,10 @@ impl Cut {
     }
 
     /// The factor on the weight of a particle at this depth, from 0 to 1.
+    #[inline]
     pub fn fade(&self, depth: f64) -> f64 {
-        (-self.fade_rate * (depth - self.fade_start).max(0.0)).exp()
+        // Mostly nothing fades, and this is asked of every sample.
+        if self.fade_rate == 0.0 { 1.0 } else { (-self.fade_rate * (depth - self.fade_start).max(0.0)).exp() }
     }
 }
 

@@ -176,6 +176,13 @@ impl Omnidirectional {
         self.offset * (azimuth.cos() * right - azimuth.sin() * forward)
     }
 
+    /// The azimuth in which its eye sees a place that is so far from the circle's middle.
+    pub fn azimuth(&self, place: DVec3, right: DVec3, forward: DVec3) -> f64 {
+        let [x, z] = [place.dot(right), place.dot(forward)];
+        // Lines of sight touch the circle: beside the middle they pass it at the eye's offset.
+        x.atan2(z) - (self.offset / x.hypot(z)).clamp(-1.0, 1.0).asin()
+    }
+
     /// The most that slices displace what is seen at a distance (large against the separation) and an elevation, radians.
     pub fn slice_error(&self, distance: f64, elevation: f64) -> f64 {
         let most = PI / f64::from(self.slices);
@@ -240,6 +247,8 @@ mod tests {
             let forward = DVec3::new(azimuth.sin(), 0.0, azimuth.cos());
             let sight = elevation.cos() * forward + elevation.sin() * DVec3::Y;
             prop_assert!(exact.dot(sight).abs() < 1e-15, "lines of sight touch the circle");
+            let found = circle.azimuth(exact + distance * sight, DVec3::X, DVec3::Z);
+            prop_assert!((found - azimuth).sin().abs() < 1e-9, "{found} {azimuth}");
             let place = exact + distance * sight;
             let error = (place - used).angle_between(sight);
             let bound = circle.slice_error(distance, elevation);

@@ -28,6 +28,8 @@ pub struct HeightBuildOptions {
     pub threads: Option<usize>,
     /// How far heights may be from the source's, in their unit, so that the file is smaller; nothing: they are the source's own.
     pub height_error: Option<f64>,
+    /// Whether the file goes with the program, so that nobody waits until the disk has it.
+    pub is_temporary: bool,
 }
 
 impl HeightBuildOptions {
@@ -230,7 +232,7 @@ pub fn build_heights(
     }
     let rounded = rounded(grid, origin, options.height_error)?;
     let lattice = Lattice::new(grid.rows, grid.columns);
-    let work = || pass::build(source, origin, options.memory, rounded, lattice, output, progress);
+    let work = || pass::build(source, origin, options, rounded, lattice, output, progress);
     match options.threads {
         None => work(),
         Some(threads) => {

@@ -7,7 +7,7 @@
 use super::bands::{self, FieldRows};
 use super::coarse_chunk::{self, CoarseChunk};
 use super::photo::{self, PhotoPass};
-use super::{HeightBuildError, HeightOrigin, Measured, Seen};
+use super::{HeightBuildError, HeightBuildOptions, HeightOrigin, Measured, Seen};
 use crate::codec::values::Values;
 use crate::hierarchy::chunks::cells::Patch;
 use crate::hierarchy::chunks::compact::Compact;
@@ -23,6 +23,7 @@ use crate::store::chunk::{self, Code};
 use crate::store::{HeightAbout, HeightFileWriter, Rounded};
 use deepfield_data::model::Scale;
 use deepfield_data::model::progress::Progress;
+use deepfield_data::store::writer::CompletePageFile;
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -53,7 +54,7 @@ struct Pass<'a> {
 pub(super) fn build(
     source: &dyn Measured,
     origin: &HeightOrigin,
-    memory: Option<u64>,
+    options: &HeightBuildOptions,
     rounded: Option<Rounded>,
     lattice: Lattice,
     output: &Path,
@@ -61,6 +62,7 @@ pub(super) fn build(
 ) -> Result<HeightAbout, HeightBuildError> {
     let grid = source.grid();
     let values = rounded.map_or(Values::all(grid.sample_type), |rounded| rounded.values);
+    let memory = options.memory;
     let plan = bands::plan(grid, &lattice, memory);
     let photo = source.photo_rows();
     let bytes = plan.bytes + photo.as_deref().map_or(0, photo::memory);
@@ -110,7 +112,10 @@ pub(super) fn build(
         progress.advance((u64::from(band + 1) * lattice.side()).min(grid.rows) - u64::from(band) * lattice.side());
     }
     pass.far()?;
-    pass.finish(origin, rounded, &seen)
+    let (file, about) = pass.finish(origin, rounded, &seen)?;
+    let written = if options.is_temporary { file.persist_for_now() } else { file.persist() };
+    written?;
+    Ok(about)
 }
 
 impl Pass<'_> {
@@ -377,7 +382,7 @@ impl Pass<'_> {
         origin: &HeightOrigin,
         rounded: Option<Rounded>,
         seen: &Seen,
-    ) -> Result<HeightAbout, HeightBuildError> {
+    ) -> Result<(CompletePageFile, HeightAbout), HeightBuildError> {
         let samples = self.grid.samples();
         if self.valid == 0 {
             return Err(HeightBuildError::Nothing { path: origin.path.clone(), invalid: samples, samples });
@@ -420,9 +425,7 @@ impl Pass<'_> {
             rounded,
             photo: None,
         };
-        let (file, about) = self.writer.complete(about)?;
-        file.persist()?;
-        Ok(about)
+        Ok(self.writer.complete(about)?)
     }
 
     /// The least and the largest height of all leaves.

@@ -64,7 +64,8 @@ fn field(rows: u64, columns: u64, sample_type: SampleType, holes: u32, planes: u
 fn built(field: &HeightField, side_bits: u32, rounded: Option<Rounded>, folder: &Path) -> (HeightFile, HeightAbout) {
     let lattice = Lattice { side_bits, ..Lattice::new(field.grid.rows, field.grid.columns) };
     let path = folder.join("field.df");
-    let about = pass::build(field, &HeightOrigin::default(), None, rounded, lattice, &path, &()).unwrap();
+    let (origin, options) = (HeightOrigin::default(), HeightBuildOptions::default());
+    let about = pass::build(field, &origin, &options, rounded, lattice, &path, &()).unwrap();
     (HeightFile::open(&path, ReadMethod::default()).unwrap(), about)
 }
 
@@ -411,7 +412,8 @@ fn the_same_bytes_with_any_threads_and_memory() {
     let mut files = Vec::new();
     for (threads, memory) in [(1, None), (2, None), (3, Some(64_u64 << 20)), (2, Some(4 << 30))] {
         let path = folder.path().join("field.df");
-        let options = HeightBuildOptions { threads: Some(threads), memory, ..HeightBuildOptions::default() };
+        let (threads, is_temporary) = (Some(threads), memory.is_some());
+        let options = HeightBuildOptions { threads, memory, is_temporary, ..HeightBuildOptions::default() };
         build_heights(&field, &HeightOrigin::default(), &options, &path, &()).unwrap();
         files.push(std::fs::read(&path).unwrap());
     }

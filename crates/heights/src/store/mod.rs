@@ -241,7 +241,7 @@ impl HeightFile {
                 check(*place, TILES, &name, &children)?;
             }
         }
-        for (number, (used, page)) in used.iter().zip(self.container.table()).enumerate() {
+        for (number, (used, page)) in used.iter().zip(self.container.table().iter()).enumerate() {
             if (PAGE_HEAD as u64 + used).next_multiple_of(8) != u64::from(page.len) {
                 return Err(Damage::new(format!("page {number}"), "chunks that fill it"));
             }

@@ -1,5 +1,7 @@
 //! Particles batch by batch, from wherever they are kept, and what becomes of them.
 
+use crate::model::portable::portable;
+
 /// Quantities of a run of particles. All slices have the same length.
 #[derive(Clone, Debug)]
 pub struct Quantities<'a> {
@@ -35,6 +37,8 @@ pub struct BatchInfo {
     /// Sum of their `m rho`.
     pub mass_density: f64,
 }
+
+portable!(BatchInfo { particles, mass, mass_density });
 
 impl BatchInfo {
     /// Looks through a batch.
@@ -106,3 +110,5 @@ pub struct Coded<Kept> {
     /// Largest decoded smoothing length.
     pub smoothing_length_max: f32,
 }
+
+portable!(Coded<Kept> where Kept { codes, mass, mass_density, smoothing_length_max });

@@ -5,9 +5,10 @@ use super::vectors::Scaling;
 use crate::codec::codebook::{Codebook, CodebookScope};
 use crate::codec::refinement::Refinement;
 use crate::codec::scaling::AttributeMerge;
+use crate::model::portable::portable;
 
 /// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, and weighted attributes; and the range of the smoothing lengths.
-pub(super) struct Sums {
+pub struct Sums {
     scope: CodebookScope,
     columns: usize,
     counts: Vec<u64>,
@@ -15,14 +16,16 @@ pub(super) struct Sums {
     ranges: Vec<[f32; 2]>,
 }
 
+portable!(Sums { scope, columns, counts, values, ranges });
+
 impl Sums {
-    pub fn new(codes: usize, columns: usize, scope: CodebookScope) -> Sums {
+    pub(super) fn new(codes: usize, columns: usize, scope: CodebookScope) -> Sums {
         let ranges = vec![[f32::INFINITY, 0.0]; codes];
         Sums { scope, columns, counts: vec![0; codes], values: vec![0.0; codes * columns], ranges }
     }
 
     #[inline]
-    pub fn add(&mut self, code: usize, from: &Quantities, i: usize, scaling: &Scaling) {
+    pub(super) fn add(&mut self, code: usize, from: &Quantities, i: usize, scaling: &Scaling) {
         let (m, rho, h) = (f64::from(from.mass[i]), f64::from(from.density[i]), f64::from(from.smoothing_length[i]));
         let row = &mut self.values[code * self.columns..][..self.columns];
         row[0] += m;
@@ -41,7 +44,7 @@ impl Sums {
         *longest = longest.max(from.smoothing_length[i]);
     }
 
-    pub fn merge(&mut self, other: &Sums) {
+    pub(super) fn merge(&mut self, other: &Sums) {
         self.counts.iter_mut().zip(&other.counts).for_each(|(a, b)| *a += b);
         self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
         self.ranges.iter_mut().zip(&other.ranges).for_each(|(a, b)| *a = [a[0].min(b[0]), a[1].max(b[1])]);
@@ -53,12 +56,12 @@ impl Sums {
     }
 
     /// The sum of `m rho` of each code in use.
-    pub fn presence(&self) -> Vec<f64> {
+    pub(super) fn presence(&self) -> Vec<f64> {
         self.used().map(|code| self.values[code * self.columns + 1]).collect()
     }
 
     /// Lines for the codes in use, whose codebook this is; density follows this power of the smoothing length.
-    pub fn lines(&self, codebook: &Codebook, slope: f32) -> Refinement {
+    pub(super) fn lines(&self, codebook: &Codebook, slope: f32) -> Refinement {
         Refinement {
             slope,
             density: codebook.density.clone(),
@@ -68,7 +71,7 @@ impl Sums {
     }
 
     /// The codebook of the codes in use, and the new number of each code; 0 for one that is not in use.
-    pub fn codebook(&self, scaling: &Scaling) -> (Codebook, Vec<u16>) {
+    pub(super) fn codebook(&self, scaling: &Scaling) -> (Codebook, Vec<u16>) {
         let used: Vec<usize> = self.used().collect();
         let mut renumbered = vec![0; self.counts.len()];
         used.iter().enumerate().for_each(|(new, &old)| renumbered[old] = new as u16);

@@ -2,6 +2,7 @@
 
 use super::batches::Quantities;
 use crate::codec::scaling::{AttributeMerge, ColumnScaling};
+use crate::model::portable::portable;
 use std::ops::Range;
 
 /// Particles whose vectors are made together.
@@ -15,6 +16,8 @@ pub struct Scaling {
     /// Of each attribute.
     pub attributes: Vec<(ColumnScaling, AttributeMerge)>,
 }
+
+portable!(Scaling { quantities, attributes });
 
 impl Scaling {
     /// The mean coordinate of densities.

@@ -4,6 +4,7 @@ use super::piece::Piece;
 use super::{Encoding, LevelInfo, OctreeOptions, Purpose, is_relay};
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::Bounds;
+use crate::model::portable::portable;
 use glam::DVec3;
 
 /// A node of a finished tree. [`crate::store::Node`] shares most fields and is a type of its own on purpose: that one is what a
@@ -36,6 +37,21 @@ pub struct TreeNode<Data> {
     /// Its particles, in order; none for a relay.
     pub data: Vec<Data>,
 }
+
+portable!(TreeNode<Data> where Data {
+    key,
+    encoding,
+    particles,
+    points,
+    source_particles,
+    delta,
+    bounds,
+    smoothing_length_max,
+    mass,
+    mass_density,
+    children,
+    data,
+});
 
 /// A family's nodes.
 #[derive(Clone, Debug)]

@@ -1,6 +1,7 @@
 //! Runs of particles between two depths of the build.
 
 use super::sorted::{Columns, Sorted};
+use crate::model::portable::portable;
 use std::ops::Range;
 
 /// Merged particles that stand for the source particles of a run of whole cells, in Morton order of their cells.
@@ -20,12 +21,16 @@ pub(super) struct Block {
     pub delta_squared: f64,
 }
 
+portable!(Block { keys, units, boxes, columns, words, delta_squared });
+
 /// A box: smallest and largest coordinates.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Box3 {
     pub low: [f64; 3],
     pub high: [f64; 3],
 }
+
+portable!(Box3 { low, high });
 
 impl Box3 {
     /// A single place.

@@ -11,6 +11,7 @@ use super::{Context, Purpose, is_relay};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::NodeKey;
 use crate::hierarchy::cell::{CELL_DEPTH, MAX_DEPTH};
+use crate::model::portable::portable;
 use std::ops::Range;
 
 /// What a bucket that was cut inside a cell of depth 8 leaves to [`super::joint`].
@@ -20,6 +21,8 @@ pub struct Open {
     pub(super) depth: u8,
     pub(super) block: Block,
 }
+
+portable!(Open { depth, block });
 
 /// A cell's particles, merged at its depth.
 struct Visited {

@@ -1,5 +1,7 @@
 //! The table of F12 4.1: what a tree holds at each depth.
 
+use crate::model::portable::portable;
+
 /// One row of F12's table 4.1: what the tree holds at one depth, and how it came about. `input` particles arrive from
 /// depth + 1 (drawn or not: [`LevelInfo::input`]); `input = merged + skipped + sprites + points + relayed` for the
 /// grid and relay nodes of this depth.
@@ -30,6 +32,21 @@ pub struct LevelInfo {
     /// Bytes of the nodes' records and sections.
     pub bytes: u64,
 }
+
+portable!(LevelInfo {
+    depth,
+    grid_nodes,
+    leaf_nodes,
+    relay_nodes,
+    input,
+    merged,
+    skipped,
+    relayed,
+    sprites,
+    points,
+    leaf_particles,
+    bytes,
+});
 
 impl LevelInfo {
     /// Nodes of all kinds.

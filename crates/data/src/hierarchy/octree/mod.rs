@@ -50,6 +50,8 @@ pub use sorted::{Columns, Place};
 use super::{Purpose, RootCell};
 use crate::codec::{AttributeMerge, CodeBits, VqBits};
 use crate::model::Bounds;
+use crate::model::portable::portable_variants;
+use serde::{Deserialize, Serialize};
 
 /// Fewest and most particles of a bucket: enough for parallel work on small families, and little enough to fit in memory.
 const BUCKET_PARTICLES: (u64, u64) = (1 << 17, 1 << 20);
@@ -58,7 +60,8 @@ const BUCKET_PARTICLES: (u64, u64) = (1 << 17, 1 << 20);
 const BUCKETS: u64 = 1024;
 
 /// How a tree is built.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct OctreeOptions {
     /// Bits of a codebook index.
     pub vq_bits: VqBits,
@@ -158,6 +161,8 @@ pub enum Encoding {
     /// Clusters of the particles of a leaf, which is its one child and has the same cell.
     LeafClusters,
 }
+
+portable_variants!(Encoding { Relay = 0, Grid = 1, Leaf = 2, Clusters = 3, LeafClusters = 4 });
 
 impl Encoding {
     /// Whether nodes hold clusters.

@@ -8,6 +8,7 @@ use crate::codec::coordinates::{CELL_BITS, GRID_BITS};
 use crate::codec::positions::grid_key;
 use crate::hierarchy::NodeKey;
 use crate::model::Bounds;
+use crate::model::portable::portable;
 use glam::DVec3;
 
 /// Packed positions and quantities of the particles to draw, in the order in which they are stored.
@@ -55,6 +56,24 @@ pub struct Piece<Data> {
     /// What it draws.
     pub data: Data,
 }
+
+portable!(Piece<Data> where Data {
+    key,
+    first,
+    encoding,
+    whole,
+    particles,
+    points,
+    sources,
+    input,
+    merged,
+    delta,
+    bounds,
+    smoothing_length_max,
+    mass,
+    mass_density,
+    data,
+});
 
 impl<A> Piece<A> {
     /// The same piece with its data put elsewhere.

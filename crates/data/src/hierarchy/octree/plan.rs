@@ -9,6 +9,7 @@
 use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::MORTON_BITS;
 use crate::hierarchy::cell::CELL_DEPTH;
+use crate::model::portable::Portable;
 use std::ops::Range;
 
 /// First key behind all others.
@@ -38,24 +39,30 @@ impl Plan {
         let most = ((most.max(1) as f64 / weight.max(1.0)) as usize).max(1);
         let mut cut = Cut { sample, most, units: Vec::new() };
         cut.cell(0, 0, 0..sample.len());
-        let mut plan = Plan { units: Vec::with_capacity(cut.units.len()), starts: Vec::new(), table: Vec::new() };
+        let (mut units, mut starts) = (Vec::with_capacity(cut.units.len()), Vec::new());
         let (mut held, mut group) = (0, None);
         for (number, unit) in cut.units.iter().enumerate() {
             // Units below depth 8 share a bucket only with others of their cell of that depth.
             let shift = 3 * (MORTON_BITS - CELL_BITS);
             let own = (u32::from(unit.depth) > CELL_BITS).then_some(unit.start >> shift);
             if number == 0 || own != group || held + unit.particles > most {
-                plan.starts.push(unit.start);
+                starts.push(unit.start);
                 held = 0;
             }
             group = own;
             held += unit.particles;
-            plan.units.push(unit.start);
+            units.push(unit.start);
         }
+        Plan::of(units, starts)
+    }
+
+    /// The plan with these units and buckets, of both of which the first begins at 0.
+    fn of(units: Vec<u64>, starts: Vec<u64>) -> Plan {
         let keys = (0..1_u64 << TABLE_BITS).map(|top| top << (3 * MORTON_BITS - TABLE_BITS));
-        plan.table = keys.map(|key| plan.starts.partition_point(|&start| start <= key) as u32 - 1).collect();
-        plan.table.push(plan.starts.len() as u32 - 1);
-        plan
+        let last = starts.len() as u32 - 1;
+        let bucket = |key| starts.partition_point(|&start| start <= key) as u32 - 1;
+        let table = keys.map(bucket).chain([last]).collect();
+        Plan { units, starts, table }
     }
 
     /// Number of buckets, at least 1.
@@ -100,6 +107,19 @@ impl Plan {
         let keys = self.keys(bucket);
         let cut = |key: u64| if key == 0 || key == END { 0 } else { boundary_depth(key - 1, key) };
         cut(keys.start).max(cut(keys.end)).saturating_sub(CELL_BITS) as u8
+    }
+}
+
+impl Portable for Plan {
+    fn put(&self, to: &mut Vec<u8>) {
+        self.units.put(to);
+        self.starts.put(to);
+    }
+
+    fn take(from: &mut &[u8]) -> Option<Plan> {
+        let (units, starts): (Vec<u64>, Vec<u64>) = Portable::take(from)?;
+        let is_sound = |keys: &[u64]| keys.first() == Some(&0) && keys.is_sorted() && keys.last() < Some(&END);
+        (is_sound(&units) && is_sound(&starts) && u32::try_from(starts.len()).is_ok()).then(|| Plan::of(units, starts))
     }
 }
 

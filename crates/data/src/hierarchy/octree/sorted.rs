@@ -3,6 +3,7 @@
 use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::RootCell;
+use crate::model::portable::portable;
 use glam::DVec3;
 use std::sync::OnceLock;
 
@@ -56,6 +57,8 @@ pub struct Columns {
     /// Attributes, in the family's order.
     pub attributes: Vec<Vec<f32>>,
 }
+
+portable!(Columns { mass, density, smoothing_length, attributes });
 
 impl Columns {
     /// No particles yet, room for `capacity`.

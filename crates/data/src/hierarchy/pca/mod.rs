@@ -21,6 +21,7 @@ pub mod split;
 pub mod steps;
 
 pub use members::Members;
+use serde::{Deserialize, Serialize};
 pub use split::{SplitRule, Splitting, bright, split};
 pub use steps::{Step, count_at, steps, take_over};
 
@@ -35,7 +36,8 @@ const FEWEST: usize = 1024;
 const RELAY: f64 = 0.65;
 
 /// How clusters are made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ClusterOptions {
     /// Particles of a cluster of the finest level, and clusters of one level in one of the next, on average.
     pub size: f64,

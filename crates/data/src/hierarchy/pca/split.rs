@@ -2,11 +2,13 @@
 
 use super::members::{Members, trace};
 use crate::codec::principal_component;
+use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 /// Which cluster is split next.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum SplitRule {
     /// The largest `m (v + s^2 - g) / (v + s^2)`, with mass `m`, the members' spread `s^2`, the mean `v` of their variances and the geometric
     /// mean `g` of those of the source particles' kernels, all summed over the axes: what of the mass is where no particle is, by the same

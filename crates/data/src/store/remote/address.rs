@@ -1,7 +1,8 @@
 //! What a URL names: a server, and what is asked of it.
 
 use super::client::Connector;
-use super::failure::{TIMEOUT, innermost, told};
+use super::failure::{BUCKET, TIMEOUT, innermost, told};
+use super::pause::Pause;
 use super::runtime::wait;
 use crate::model::url::shown;
 use object_store::aws::AmazonS3ConfigKey::{Client, S3Endpoint};
@@ -32,6 +33,8 @@ pub(super) struct Object {
     pub store: Arc<dyn ObjectStore>,
     /// Its name there.
     pub key: Key,
+    /// The pause that its server asks for.
+    pub pause: Pause,
 }
 
 /// What a URL names.
@@ -92,11 +95,12 @@ fn of_web(url: &str) -> io::Result<(String, Object)> {
     if let Some(token) = token_for(&host)?.filter(|_| may_see) {
         client = client.default_headers(HeaderMap::from_iter([(AUTHORIZATION, token)]));
     }
-    let store = HttpBuilder::new().with_url(parsed.as_str()).with_retry(once());
-    let store = store.with_http_connector(Connector(Some(built(&host, client)?)));
+    let pause = Pause::of(parsed.authority());
+    let connector = Connector { client: Some(built(&host, client)?), pause: pause.clone() };
+    let store = HttpBuilder::new().with_url(parsed.as_str()).with_retry(once()).with_http_connector(connector);
     let store = store.build().map_err(|error| told(&host, &error))?;
     // The URL is the file itself, its query too; nothing is added to it.
-    Ok((host, Object { store: Arc::new(store), key: Key::default() }))
+    Ok((host, Object { store: Arc::new(store), key: Key::default(), pause }))
 }
 
 /// A client of a server that is asked without TLS, or lies on this machine.
@@ -189,7 +193,7 @@ fn of_bucket(name: &str) -> io::Result<(String, Object)> {
         .split_once('/')
         .filter(|(bucket, key)| is_bucket(bucket) && !key.is_empty())
         .ok_or_else(|| refused("URL: found no file in a bucket, expected s3://BUCKET/KEY"))?;
-    let host = format!("bucket {bucket}");
+    let host = format!("{BUCKET}{bucket}");
     let key = Key::parse(key).map_err(|error| refused(format!("URL: {error}")))?;
     let seconds = format!("{}s", TIMEOUT.as_secs());
     let mut store = AmazonS3Builder::from_env()
@@ -203,7 +207,7 @@ fn of_bucket(name: &str) -> io::Result<(String, Object)> {
         ["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT"].map(std::env::var).into_iter().find_map(Result::ok);
     let (mut is_plainly, mut own) = (false, None);
     if let Some(endpoint) = &endpoint {
-        let url = Url::parse(endpoint).map_err(|error| refused(format!("AWS_ENDPOINT_URL: {error}")))?;
+        let url = endpoint_of(endpoint)?;
         check_encrypted("AWS_ENDPOINT_URL", &url)?;
         is_plainly = is_plain(&url);
         if is_plainly && is_here(&url) {
@@ -211,7 +215,9 @@ fn of_bucket(name: &str) -> io::Result<(String, Object)> {
         }
         store = store.with_config(S3Endpoint, endpoint.as_str());
     }
-    store = store.with_allow_http(is_plainly).with_http_connector(Connector(own));
+    let pause = Pause::of(&host);
+    store = store.with_allow_http(is_plainly);
+    store = store.with_http_connector(Connector { client: own, pause: pause.clone() });
     if endpoint.is_none() && !is_set("AWS_REGION") && !is_set("AWS_DEFAULT_REGION") {
         let bucket = bucket.to_owned();
         let options = ClientOptions::new().with_connect_timeout(TIMEOUT).with_timeout(TIMEOUT);
@@ -238,7 +244,14 @@ fn of_bucket(name: &str) -> io::Result<(String, Object)> {
             made = build(store.with_skip_signature(true))?;
         }
     }
-    Ok((host, Object { store: Arc::new(made), key }))
+    Ok((host, Object { store: Arc::new(made), key, pause }))
+}
+
+/// The server that `AWS_ENDPOINT_URL` names. What is no URL of the web would end the store's thread.
+fn endpoint_of(text: &str) -> io::Result<Url> {
+    let url = Url::parse(text).ok().filter(|url| matches!(url.scheme(), "http" | "https") && url.has_host());
+    let wrong = "AWS_ENDPOINT_URL: found no URL of a server, expected one such as https://s3.example.org";
+    url.ok_or_else(|| refused(wrong))
 }
 
 #[cfg(test)]
@@ -266,6 +279,14 @@ mod tests {
         let address = Address::of("http://127.0.0.1:9/a.df?sig=1").unwrap();
         assert_eq!((address.shown.as_str(), address.host.as_str()), ("http://127.0.0.1:9/a.df", "127.0.0.1"));
         assert!(is_this_machine("[::1]") && is_this_machine("LocalHost") && !is_this_machine("10.0.0.1"));
+    }
+
+    #[test]
+    fn another_server_of_buckets_is_a_url_of_the_web() {
+        for text in ["", "localhost:9000", "data.example", "ftp://data.example", "s3://bucket", "http://"] {
+            assert!(endpoint_of(text).is_err(), "{text}");
+        }
+        assert_eq!(endpoint_of("http://localhost:9000/x").unwrap().port(), Some(9000));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::address::{Address, Object};
 use super::failure::told;
 use super::kept::{Ends, Kept};
 use super::note;
+use super::pause::{LONG, in_seconds};
 use super::runtime::{begin, outcome, wait};
 use super::traffic::{Outcome, Traffic};
 use super::version::Version;
@@ -22,6 +23,8 @@ const HEAD: u64 = 64 << 10;
 const TAIL: u64 = 256 << 10;
 /// Longest part that is asked for at a time, bytes: what a server says of lengths is no reason to fill the memory.
 const LONGEST: u64 = 1 << 30;
+/// A read waits for so long where the server asks to be left alone, and then fails: one that took much longer would count as stalled.
+const PATIENCE: Duration = Duration::from_secs(50);
 /// Pauses between attempts to open a file, as between those to read a page.
 const PAUSES: [Duration; 3] = [Duration::from_millis(100), Duration::from_millis(400), Duration::from_millis(1600)];
 
@@ -33,6 +36,8 @@ pub(in crate::store) struct RemoteFile {
     ends: Ends,
     /// What is kept on this machine.
     kept: Option<Kept>,
+    /// Whether it was opened without an answer of the server.
+    is_from_before: bool,
     traffic: Mutex<Traffic>,
     change: Mutex<Option<Change>>,
     opened: Instant,
@@ -53,7 +58,7 @@ impl RemoteFile {
     /// file opens it, which is told.
     pub(super) fn open(address: Address) -> io::Result<RemoteFile> {
         let mut kept = Kept::of(&address.shown, &address.url);
-        let mut pauses = PAUSES.iter();
+        let (mut pauses, mut is_from_before) = (PAUSES.iter(), false);
         let ends = loop {
             let error = match ends_of(&address.object, &address.host) {
                 Ok(ends) => {
@@ -67,10 +72,12 @@ impl RemoteFile {
             }
             if let Some(ends) = kept.as_ref().and_then(Kept::ends) {
                 note(format!("{}: {error}; what was read of it before is shown", address.shown));
+                is_from_before = true;
                 break ends;
             }
             // A server that does not answer has been waited for long enough.
-            match pauses.next().filter(|_| error.kind() != ErrorKind::TimedOut) {
+            let is_soon = error.kind() != ErrorKind::TimedOut && address.object.pause.left() < LONG;
+            match pauses.next().filter(|_| is_soon) {
                 Some(pause) => std::thread::sleep(*pause),
                 None => return Err(error),
             }
@@ -79,7 +86,8 @@ impl RemoteFile {
         let Address { url, host, object, .. } = address;
         let now = Instant::now();
         let traffic = Mutex::new(Traffic::new(now));
-        Ok(RemoteFile { url, host, object, ends, kept, traffic, change: Mutex::new(None), opened: now })
+        let change = Mutex::new(None);
+        Ok(RemoteFile { url, host, object, ends, kept, is_from_before, traffic, change, opened: now })
     }
 
     /// All of its URL; may hold a secret.
@@ -125,6 +133,13 @@ impl RemoteFile {
         }
         let replaced =
             || io::Error::new(ErrorKind::StaleNetworkFileHandle, format!("{host} has another version of it"));
+        if let Some(left) = self.object.pause.left_untold() {
+            note(format!(
+                "{host} asks for no requests within {} s: what has not come waits for that",
+                in_seconds(left)
+            ));
+        }
+        self.object.pause.wait(host, PATIENCE)?;
         if self.is_changed() {
             return Err(replaced());
         }
@@ -181,6 +196,22 @@ impl Disk for RemoteFile {
         Ok(())
     }
 
+    fn read_sealed_at(&self, buffer: &mut [u8], offset: u64, is_sound: fn(&[u8]) -> bool) -> io::Result<()> {
+        let Some(kept) = &self.kept else { return self.read_exact_at(buffer, offset) };
+        if self.read_ends(buffer, offset) || (self.is_from_before && kept.read_sealed(buffer, offset, is_sound)) {
+            return Ok(());
+        }
+        match self.read_exact_at(buffer, offset) {
+            // A server that answers has the last word.
+            Err(error) if may_pass(error.kind()) && kept.read_sealed(buffer, offset, is_sound) => Ok(()),
+            Ok(()) if is_sound(buffer) => {
+                kept.keep_sealed(buffer, offset);
+                Ok(())
+            }
+            read => read,
+        }
+    }
+
     fn size(&self) -> io::Result<u64> {
         Ok(self.ends.version.size)
     }
@@ -219,6 +250,7 @@ async fn fetch(object: Object, range: GetRange, if_match: Option<String>) -> obj
 /// Reads how a file begins and ends.
 fn ends_of(object: &Object, host: &str) -> io::Result<Ends> {
     let sent = |answer: object_store::Result<Answer>| answer.map_err(|error| told(host, &error));
+    object.pause.wait(host, LONG)?;
     let head = begin(fetch(object.clone(), GetRange::Bounded(0..HEAD), None))?;
     let tail = begin(fetch(object.clone(), GetRange::Suffix(TAIL), None))?;
     let head = sent(outcome(&head)?)?;
@@ -235,7 +267,10 @@ fn ends_of(object: &Object, host: &str) -> io::Result<Ends> {
     let tail = match outcome(&tail)? {
         Ok(tail) if is_tail(&tail) => tail,
         // A server that counts from the beginning only, or a file that was changed meanwhile.
-        _ => sent(wait(fetch(object.clone(), GetRange::Bounded(start..version.size), version.e_tag.clone()))?)?,
+        _ => {
+            object.pause.wait(host, LONG)?;
+            sent(wait(fetch(object.clone(), GetRange::Bounded(start..version.size), version.e_tag.clone()))?)?
+        }
     };
     match is_tail(&tail) {
         true => Ok(Ends { version, head: head.bytes, tail: tail.bytes }),
@@ -245,13 +280,14 @@ fn ends_of(object: &Object, host: &str) -> io::Result<Ends> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pause::Pause;
     use super::*;
     use object_store::ObjectStoreExt;
     use object_store::memory::InMemory;
     use std::sync::Arc;
 
     fn object(bytes: Vec<u8>) -> Object {
-        let object = Object { store: Arc::new(InMemory::new()), key: "a.df".into() };
+        let object = Object { store: Arc::new(InMemory::new()), key: "a.df".into(), pause: Pause::default() };
         put(&object, bytes);
         object
     }
@@ -294,6 +330,33 @@ mod tests {
             }
             assert!(file.read_exact_at(&mut [0; 2], u64::MAX).is_err() && file.change().is_none());
         }
+    }
+
+    /// Whether these are the hundred bytes after what is read to open a file of [`bytes`].
+    fn is_sound(part: &[u8]) -> bool {
+        let start = HEAD as usize + 100;
+        *part == bytes(start + 100)[start..]
+    }
+
+    #[test]
+    fn parts_that_know_themselves_are_kept_and_a_server_that_answers_has_the_last_word() {
+        let (folder, object) = (tempfile::tempdir().unwrap(), object(bytes((HEAD + TAIL) as usize + 1000)));
+        let mut file = open(&object).unwrap();
+        let mut kept = Kept::within(folder.path().into(), 1 << 20, "mem://a.df", "mem://a.df");
+        kept.open(&file.ends);
+        file.kept = Some(kept);
+        let read = |file: &RemoteFile| {
+            let mut part = [0; 100];
+            file.read_sealed_at(&mut part, HEAD + 100, is_sound).map(|()| is_sound(&part)).map_err(|error| error.kind())
+        };
+        assert_eq!(read(&file), Ok(true));
+        put(&object, vec![0; (HEAD + TAIL) as usize + 1000]);
+        assert_eq!(read(&file), Err(ErrorKind::StaleNetworkFileHandle));
+        file.is_from_before = true;
+        assert_eq!(read(&file), Ok(true));
+        block_on(object.store.delete(&object.key)).unwrap();
+        file.kept = None;
+        assert!(read(&file).is_err());
     }
 
     #[test]

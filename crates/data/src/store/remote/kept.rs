@@ -2,7 +2,9 @@
 //!
 //! `FOLDER/HASH OF THE URL/VERSION/OFFSET-CRC` holds a part of a file whose CRC-32C is known, `FOLDER/HASH OF THE URL/ends` how the file
 //! begins and ends. The version is the CRC-32C of the file's header, which holds that of the footer, which holds those of all pages: nothing
-//! here is ever stale. Files are written under another name first, and those that were used longest ago make room.
+//! here is ever stale. `OFFSET-LENGTH-STATE` is a part that only knows itself whether it is sound, as headers of the stills of a run do; its
+//! state is what the server said of the file's version, and it is read where the server does not answer. Files are written under another
+//! name first, and those that were used longest ago make room.
 
 use super::version::Version;
 use crate::model::new_file::UNFINISHED;
@@ -53,6 +55,8 @@ pub(super) struct Kept {
     folder: PathBuf,
     /// The folder of the version that is open.
     parts: PathBuf,
+    /// A checksum of what the server says of that version.
+    state: u32,
     budget: u64,
     /// Room is made after so many bytes were written.
     step: u64,
@@ -68,7 +72,8 @@ impl Kept {
         Some(Kept::within(root, budget, shown, url))
     }
 
-    fn within(root: PathBuf, budget: u64, shown: &str, url: &str) -> Kept {
+    /// The same in this folder, which may hold so many bytes.
+    pub fn within(root: PathBuf, budget: u64, shown: &str, url: &str) -> Kept {
         // What follows the `#` is this process's own.
         let shown = shown.split('#').next().unwrap_or(shown);
         let mut hasher = DefaultHasher::new();
@@ -77,13 +82,15 @@ impl Kept {
         // A server may tell files apart by what is not shown.
         let identity = format!("{shown} {:08x}", crc32c::crc32c(url.as_bytes()));
         let (parts, step) = (folder.clone(), WRITTEN.min(budget / 16));
-        Kept { identity, root, folder, parts, budget, step, written: AtomicU64::new(step) }
+        Kept { identity, root, folder, parts, state: 0, budget, step, written: AtomicU64::new(step) }
     }
 
     /// From now on the version with these ends is read.
     pub fn open(&mut self, ends: &Ends) {
         let header = &ends.head[..ends.head.len().min(HEADER)];
         self.parts = self.folder.join(format!("{:08x}", crc32c::crc32c(header)));
+        let Version { size, e_tag, modified_secs } = &ends.version;
+        self.state = crc32c::crc32c(format!("{size} {modified_secs} {e_tag:?}").as_bytes());
     }
 
     /// How the file begins and ends, as it was last seen.
@@ -102,21 +109,26 @@ impl Kept {
 
     /// Fills `buffer` with the part at `offset` that has this CRC-32C, if it is here and sound.
     pub fn read_part(&self, buffer: &mut [u8], offset: u64, crc: u32) -> bool {
-        let path = self.part(offset, crc);
-        let Ok(mut file) = File::options().read(true).write(true).open(&path) else { return false };
-        let is_whole = file.metadata().is_ok_and(|about| about.len() == buffer.len() as u64);
-        let is_sound = is_whole && file.read_exact(buffer).is_ok() && crc32c::crc32c(buffer) == crc;
-        match is_sound {
-            // Nothing depends on whether that works but the order in which files make room.
-            true => drop(file.set_modified(SystemTime::now())),
-            false => drop(std::fs::remove_file(&path)),
-        }
-        is_sound
+        read(&self.part(offset, crc), buffer, |bytes| crc32c::crc32c(bytes) == crc)
+    }
+
+    /// The same with a part that knows itself whether it is sound.
+    pub fn read_sealed(&self, buffer: &mut [u8], offset: u64, is_sound: fn(&[u8]) -> bool) -> bool {
+        read(&self.sealed(offset, buffer.len()), buffer, is_sound)
     }
 
     /// Keeps the part at `offset`, which has this CRC-32C.
     pub fn keep_part(&self, bytes: &[u8], offset: u64, crc: u32) {
         self.write(&self.part(offset, crc), bytes);
+    }
+
+    /// Keeps the part at `offset`, which knows itself that it is sound.
+    pub fn keep_sealed(&self, bytes: &[u8], offset: u64) {
+        self.write(&self.sealed(offset, bytes.len()), bytes);
+    }
+
+    fn sealed(&self, offset: u64, len: usize) -> PathBuf {
+        self.parts.join(format!("{offset}-{len}-{:08x}", self.state))
     }
 
     fn part(&self, offset: u64, crc: u32) -> PathBuf {
@@ -135,6 +147,19 @@ impl Kept {
             make_room(&self.root, self.budget);
         }
     }
+}
+
+/// Fills `buffer` from a file of that length, if it is there and sound; else it goes.
+fn read(path: &Path, buffer: &mut [u8], is_sound: impl Fn(&[u8]) -> bool) -> bool {
+    let Ok(mut file) = File::options().read(true).write(true).open(path) else { return false };
+    let is_whole = file.metadata().is_ok_and(|about| about.len() == buffer.len() as u64);
+    let is_sound = is_whole && file.read_exact(buffer).is_ok() && is_sound(buffer);
+    match is_sound {
+        // Nothing depends on whether that works but the order in which files make room.
+        true => drop(file.set_modified(SystemTime::now())),
+        false => drop(std::fs::remove_file(path)),
+    }
+    is_sound
 }
 
 /// Writes a file whole or not at all, for its owner alone: a server may have asked who reads it.
@@ -269,6 +294,15 @@ mod tests {
         // A part that was damaged on the disk is none, and goes.
         std::fs::write(kept.part(4096, crc), vec![6; 1000]).unwrap();
         assert!(!kept.read_part(&mut buffer, 4096, crc) && !kept.part(4096, crc).exists());
+        // What only knows itself whether it is sound is of the version that the server named.
+        let is_sound: fn(&[u8]) -> bool = |bytes| bytes.iter().all(|byte| *byte == 5);
+        kept.keep_sealed(&bytes, 8192);
+        assert!(kept.read_sealed(&mut buffer, 8192, is_sound) && buffer == bytes);
+        let mut other = of("https://h/a.df?id=1");
+        let version = Version { e_tag: Some("\"b\"".into()), ..ends().version };
+        other.open(&Ends { version, head: vec![1; 100], ..ends() });
+        assert!(!other.read_sealed(&mut buffer, 8192, is_sound), "another version with the same header");
+        assert!(!kept.read_sealed(&mut buffer, 8192, |_| false) && !kept.read_sealed(&mut buffer, 8192, is_sound));
         // Twenty parts of 1000 bytes: those that were used last stay.
         for part in 0..20 {
             kept.keep_part(&bytes, part, crc);

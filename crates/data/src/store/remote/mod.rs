@@ -8,6 +8,7 @@ mod client;
 mod failure;
 mod file;
 mod kept;
+mod pause;
 mod runtime;
 mod traffic;
 mod version;

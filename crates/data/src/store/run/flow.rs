@@ -200,10 +200,7 @@ impl RunFile {
         let (count, part) = parts.levels[index];
         let start = parts.section.offset + offset;
         // Before there is room for it: it lies in the file.
-        let bytes = self.raw(start, start + u64::from(part.len))?;
-        if crc32c::crc32c(&bytes) != part.crc {
-            return Err(self.damaged(place(), "its checksum"));
-        }
+        let bytes = self.checked(start, part, place)?;
         let attributes = self.tracks()?.families.get(family).map_or(0, |family| family.attributes.len());
         let finer = index.checked_sub(1).map(|finer| parts.levels[finer].0);
         if u64::from(count) > u64::from(part.len) * BLOCK as u64 {
@@ -222,10 +219,7 @@ impl RunFile {
         let found = self.family_tracks(interval, family)?;
         let place = || format!("interval {interval}, family {family}, flow of tracks at {}", leaf.offset);
         let start = found.nodes.offset + leaf.offset + u64::from(leaf.states.len) + u64::from(leaf.ids.len);
-        let bytes = self.raw(start, start + u64::from(leaf.flow.len))?;
-        if crc32c::crc32c(&bytes) != leaf.flow.crc {
-            return Err(self.damaged(place(), "its checksum"));
-        }
+        let bytes = self.checked(start, leaf.flow, place)?;
         let most = found.flow.levels.first().map_or(0, |(tracks, _)| *tracks);
         let members = decode_members(&bytes, leaf.tracks as usize, most);
         members.map_err(|expected| self.damaged(place(), expected))

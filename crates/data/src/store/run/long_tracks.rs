@@ -112,10 +112,7 @@ impl RunFile {
         }
         let place = || format!("{}, family {family}, flow level {level}", named(stretch));
         // Before there is room for it: it lies in the file.
-        let bytes = self.raw(offset, offset + u64::from(part.len))?;
-        if crc32c::crc32c(&bytes) != part.crc {
-            return Err(self.damaged(place(), "its checksum"));
-        }
+        let bytes = self.checked(offset, part, place)?;
         if u64::from(count) > u64::from(part.len) * BLOCK as u64 {
             return Err(self.damaged(place(), "no more long tracks than its bytes can hold"));
         }

@@ -119,11 +119,8 @@ impl RunFile {
     /// The ids of a leaf's tracks.
     fn leaf_ids(&self, interval: usize, family: usize, leaf: &TrackNode) -> Result<Vec<u64>, StoreError> {
         let start = self.family_tracks(interval, family)?.nodes.offset + leaf.offset + u64::from(leaf.states.len);
-        let bytes = self.raw(start, start + u64::from(leaf.ids.len))?;
         let place = || format!("interval {interval}, family {family}, ids at {}", leaf.offset);
-        if crc32c::crc32c(&bytes) != leaf.ids.crc {
-            return Err(self.damaged(place(), "its checksum"));
-        }
+        let bytes = self.checked(start, leaf.ids, place)?;
         decode_ids(&bytes, leaf.tracks as usize).map_err(|expected| self.damaged(place(), expected))
     }
 }

@@ -222,7 +222,7 @@ impl RunFile {
     /// Where there are none, or they cannot be read or are damaged.
     pub fn track_index(&self, interval: usize, family: usize) -> Result<TrackIndex, StoreError> {
         let found = self.family_tracks(interval, family)?;
-        let bytes = self.raw(found.index.offset, found.index.offset + found.index.len)?;
+        let bytes = self.known(found.index.offset, found.index.len, found.index_crc)?;
         let place = format!("interval {interval}, family {family}");
         if crc32c::crc32c(&bytes) != found.index_crc {
             return Err(self.damaged(place, "the checksum of its index"));
@@ -258,8 +258,12 @@ impl RunFile {
         with_ids: bool,
     ) -> Result<Vec<u8>, StoreError> {
         let start = self.family_tracks(interval, family)?.nodes.offset + node.offset;
-        let states_end = start + u64::from(node.states.len);
-        self.raw(start, states_end + if with_ids { u64::from(node.ids.len) } else { 0 })
+        let NodePart { len, crc } = node.states;
+        if !with_ids {
+            return self.known(start, u64::from(len), crc);
+        }
+        let crc = crc32c::crc32c_combine(crc, node.ids.crc, node.ids.len as usize);
+        self.known(start, u64::from(len) + u64::from(node.ids.len), crc)
     }
 
     /// The tracks that [`RunFile::fetch_node`] has read.
@@ -346,14 +350,33 @@ impl RunFile {
 
     /// Bytes `[start, end)` of the file, for the verifier's look at the padding.
     fn raw(&self, start: u64, end: u64) -> Result<Vec<u8>, StoreError> {
-        let too_large = || StoreError::Damaged {
-            path: self.path.clone(),
-            place: format!("bytes {start} to {end}"),
-            expected: "a part that fits in memory".into(),
-        };
-        let mut bytes = vec![0; room(end.saturating_sub(start)).ok_or_else(too_large)?];
-        let read = self.disk.read_exact_at(&mut bytes, start);
-        read.map_err(|source| StoreError::Io { path: self.path.clone(), action: "read", source })?;
+        self.part(start, end.saturating_sub(start), |bytes| self.disk.read_exact_at(bytes, start))
+    }
+
+    /// A part of the file that should have this CRC-32C; who asks for it looks whether it has.
+    fn known(&self, start: u64, len: u64, crc: u32) -> Result<Vec<u8>, StoreError> {
+        self.part(start, len, |bytes| self.disk.read_known_at(bytes, start, crc))
+    }
+
+    /// A part of the file that has its checksum; messages call it `place`.
+    fn checked(&self, start: u64, part: NodePart, place: impl Fn() -> String) -> Result<Vec<u8>, StoreError> {
+        let bytes = self.known(start, u64::from(part.len), part.crc)?;
+        match crc32c::crc32c(&bytes) == part.crc {
+            true => Ok(bytes),
+            false => Err(self.damaged(place(), "its checksum")),
+        }
+    }
+
+    fn part(
+        &self,
+        start: u64,
+        len: u64,
+        read: impl FnOnce(&mut [u8]) -> std::io::Result<()>,
+    ) -> Result<Vec<u8>, StoreError> {
+        let place = || format!("bytes {start} to {}", start.saturating_add(len));
+        let len = room(len).ok_or_else(|| self.damaged(place(), "a part that fits in memory"))?;
+        let mut bytes = vec![0; len];
+        read(&mut bytes).map_err(|source| StoreError::Io { path: self.path.clone(), action: "read", source })?;
         Ok(bytes)
     }
 }

@@ -103,37 +103,50 @@ pub struct Samples {
     /// The field, x first: [`Samples::index`]; NaN where it has no value, which counts as low. Points that no active
     /// block and no point beside one has may hold anything.
     pub values: Vec<f64>,
-    /// `sum m A W` of the attribute `A` whose mean is wanted, in the same order; empty where none is.
+    /// How much there is of what the field is a mean of, in the same order: where that is less than
+    /// [`super::Field::least_filled`] the field ends. Empty where it is known everywhere.
+    pub filled: Vec<f64>,
+    /// `sum w A W` of the attribute `A` whose mean is wanted, in the same order, where [`Samples::weights`] are `sum w W`;
+    /// empty where none is.
     pub weighted: Vec<f64>,
     /// Whether the surface may pass each of the [`Samples::blocks`] cubed blocks, x first.
     pub active: Vec<bool>,
 }
 
 impl Samples {
-    /// Those of a brick with `side` cells along each edge, a multiple of [`BLOCK`], with or without an attribute.
-    pub fn new(side: usize, has_attribute: bool) -> Samples {
+    /// Those of a brick with `side` cells along each edge, a multiple of [`BLOCK`], of a field that ends somewhere or does
+    /// not, with or without an attribute.
+    pub fn new(side: usize, ends: bool, has_attribute: bool) -> Samples {
         debug_assert!(side > 0 && side.is_multiple_of(BLOCK));
         let row = side + 1 + 2 * BEFORE;
         let (points, blocks) = (row * row * row, side / BLOCK);
+        let column = |is_wanted: bool| vec![0.0; if is_wanted { points } else { 0 }];
         Samples {
             side,
-            values: vec![0.0; points],
-            weighted: vec![0.0; if has_attribute { points } else { 0 }],
+            values: column(true),
+            filled: column(ends),
+            weighted: column(has_attribute),
             active: vec![false; blocks * blocks * blocks],
         }
     }
 
     /// Bytes of memory that they take.
-    pub fn memory(side: usize, has_attribute: bool) -> u64 {
+    pub fn memory(side: usize, ends: bool, has_attribute: bool) -> u64 {
         let row = (side + 1 + 2 * BEFORE) as u64;
-        row * row * row * if has_attribute { 16 } else { 8 }
+        row * row * row * 8 * (1 + u64::from(ends) + u64::from(has_attribute))
     }
 
     /// Zero everywhere, and no block active.
     pub fn clear(&mut self) {
         self.values.fill(0.0);
+        self.filled.fill(0.0);
         self.weighted.fill(0.0);
         self.active.fill(false);
+    }
+
+    /// What the attribute's mean is weighted with, summed up: how much of what the field is a mean of there is, or the field.
+    pub fn weights(&self) -> &[f64] {
+        if self.filled.is_empty() { &self.values } else { &self.filled }
     }
 
     /// Cells along an edge of the brick.

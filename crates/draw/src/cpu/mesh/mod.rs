@@ -40,6 +40,12 @@ pub trait Field: Sync {
         false
     }
 
+    /// Where the field ends, which closes the surface: where [`Samples::filled`], which is filled then, too, falls below
+    /// this. `None` where it is known everywhere.
+    fn least_filled(&self) -> Option<f64> {
+        None
+    }
+
     /// What becomes of the surface at the lattice's outer faces.
     fn faces(&self) -> Faces {
         Faces::Open
@@ -63,9 +69,9 @@ pub trait Field: Sync {
 pub struct Vertex {
     /// Where it is, world units.
     pub position: DVec3,
-    /// Down the field's gradient; of length 1.
+    /// Down the field's gradient, or out of where it ends; of length 1.
     pub normal: Vec3,
-    /// The attribute's mean, weighted with mass (F12 equation 3.2); 0 where none is wanted.
+    /// The attribute's mean; 0 where none is wanted.
     pub value: f32,
 }
 
@@ -103,12 +109,13 @@ pub fn extract<F: Field>(
     mut take: impl FnMut(&Piece) -> Result<(), F::Error>,
 ) -> Result<MeshReport, F::Error> {
     let mut weld = Weld::default();
-    let space = Space { lattice, faces: field.faces(), placement: field.placement(), isovalue };
+    let (faces, placement, least_filled) = (field.faces(), field.placement(), field.least_filled());
+    let space = Space { lattice, faces, placement, isovalue, least_filled };
     for wave in bricks.chunks(AHEAD * rayon::current_num_threads()) {
         let found: Vec<Result<BrickMesh, F::Error>> = wave
             .par_iter()
             .map_init(
-                || Samples::new(side, field.has_attribute()),
+                || Samples::new(side, least_filled.is_some(), field.has_attribute()),
                 |samples, &corner| {
                     samples.clear();
                     field.sample(corner, samples)?;

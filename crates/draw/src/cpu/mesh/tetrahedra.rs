@@ -38,6 +38,8 @@ pub(super) struct Space<'a> {
     pub faces: Faces,
     pub placement: Option<LatticePlacement>,
     pub isovalue: f64,
+    /// See [`super::Field::least_filled`].
+    pub least_filled: Option<f64>,
 }
 
 /// The part of the surface in a brick whose first cell is `corner`. Cells beyond the lattice are left out.
@@ -103,7 +105,7 @@ impl Marcher<'_> {
         let at = self.samples.index(cell.map(|index| index + BEFORE));
         let mut inside = 0_u8;
         for (corner, step) in self.steps.iter().enumerate() {
-            inside |= u8::from(self.samples.values[at + step] >= self.space.isovalue) << corner;
+            inside |= u8::from(self.is_inside(at + step)) << corner;
         }
         if inside == 0 {
             return;
@@ -116,6 +118,13 @@ impl Marcher<'_> {
         if self.space.faces != Faces::Open {
             self.cut_off(cell, inside);
         }
+    }
+
+    /// Whether a point is within the surface.
+    #[inline]
+    fn is_inside(&self, at: usize) -> bool {
+        self.samples.values[at] >= self.space.isovalue
+            && self.space.least_filled.is_none_or(|least| self.samples.filled[at] >= least)
     }
 
     /// Adds the triangles of a tetrahedron, each counter-clockwise as seen from where the field is low.
@@ -194,12 +203,9 @@ impl Marcher<'_> {
 
     /// The vertex on an edge. Nothing depends on the brick here, so that neighbours have the same one to the last bit.
     fn placed(&self, point: [usize; 3], direction: usize) -> Vertex {
-        let values = &self.samples.values;
         let at = self.samples.index(point.map(|index| index + BEFORE));
-        let step = self.steps[direction];
-        let to = at + step;
-        let around = [values[at - step], values[at], values[to], values[to + step]];
-        let share = crossing(around, self.space.isovalue);
+        let to = at + self.steps[direction];
+        let (values, share) = self.crossed(at, self.steps[direction]);
         let mut position = self.coordinates(point);
         for axis in 0..3 {
             if direction >> axis & 1 == 1 {
@@ -234,9 +240,28 @@ impl Marcher<'_> {
         let value = if self.samples.weighted.is_empty() {
             0.0
         } else {
-            between(&self.samples.weighted) / between(&self.samples.values)
+            between(&self.samples.weighted) / between(self.samples.weights())
         };
         self.vertex_at(position, normal, value)
+    }
+
+    /// What ends on an edge from a point to the one `step` behind it, and where, as a share of the edge: the field's values
+    /// above the isovalue, or what is known of it, whichever is nearer to the end within.
+    fn crossed(&self, at: usize, step: usize) -> (&[f64], f64) {
+        let (values, filled) = (self.samples.values.as_slice(), self.samples.filled.as_slice());
+        let (to, isovalue) = (at + step, self.space.isovalue);
+        let share = |of: &[f64], level: f64| crossing([of[at - step], of[at], of[to], of[to + step]], level);
+        let is_crossed = |of: &[f64], level: f64| (of[at] >= level) != (of[to] >= level);
+        let Some(least) = self.space.least_filled.filter(|least| is_crossed(filled, *least)) else {
+            return (values, share(values, isovalue));
+        };
+        let end = share(filled, least);
+        // Where nothing is the field has no value, and does not tell where it is left.
+        if values[at].is_nan() || values[to].is_nan() || !is_crossed(values, isovalue) {
+            return (filled, end);
+        }
+        let own = share(values, isovalue);
+        if (own < end) == (filled[at] >= least) { (values, own) } else { (filled, end) }
     }
 
     /// Where a point is on the lattice, in its own coordinates.

@@ -61,7 +61,8 @@ proptest! {
         }
         for (index, rgba) in colors.rgba.iter().enumerate() {
             let [x, y] = [index % SIZE[0] as usize, index / SIZE[0] as usize].map(|k| k as f64 + 0.5);
-            let near = edge.iter().map(|[u, v]| (u - x).hypot(v - y)).fold(f64::INFINITY, f64::min);
+            let squares = edge.iter().map(|[u, v]| (u - x).powi(2) + (v - y).powi(2));
+            let near = squares.fold(f64::INFINITY, f64::min).sqrt();
             let [right, down] = [x - ellipse.center[0], y - ellipse.center[1]];
             let square = ((right - ellipse.shear * down) / ellipse.half[0]).powi(2) + (down / ellipse.half[1]).powi(2);
             let (line, slack) = (0.5 * width, 0.35);

@@ -10,6 +10,7 @@ pub mod chords;
 pub mod curves;
 pub mod fragments;
 mod hidden;
+mod lens;
 pub mod palette;
 pub mod raster;
 pub mod stroke;

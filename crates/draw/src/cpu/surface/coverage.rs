@@ -145,7 +145,8 @@ impl Resolver<'_> {
     }
 
     /// The share of a pixel that is covered where a point is drawn: as much as is valid in the pixel, and not as the point's own sample says, for of
-    /// many samples in a pixel one is seen that was measured. Where it `counts` it is the mean of the samples in the pixel, where these can be told.
+    /// many samples in a pixel one is seen that was measured. Where it `counts`, and at the limb of a globe, it is the mean of the samples in the pixel,
+    /// where these can be told.
     pub(super) fn point_coverage(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2], counts: bool) -> f64 {
         let [row, column] = hit.shown.at;
         let own = f64::from(mesh.opacity(row, column));
@@ -153,9 +154,10 @@ impl Resolver<'_> {
         if level <= 0.0 || mesh.is_lone(row, column) && mesh.node.key.level == 0 {
             return if mesh.node.key.level == 0 { 1.0 } else { own };
         }
-        let place = self.middle(mesh, hit, pixel);
+        let middle = self.middle(mesh, hit, pixel);
+        let place = middle.unwrap_or([hit.under[0], hit.under[1]]);
         let is_own = mesh.is_point(row, column) && !mesh.is_lone(row, column);
-        let mean = (counts && is_own).then(|| self.mean_share(mesh, hit, pixel)).flatten();
+        let mean = ((counts || middle.is_none()) && is_own).then(|| self.mean_share(mesh, hit, pixel)).flatten();
         let share = mean.unwrap_or_else(|| {
             let (first, share) = self.levels(hit.shown.node, level);
             let covered = |level: u8| {
@@ -187,19 +189,20 @@ impl Resolver<'_> {
         self.scene.placed.around == Some(self.scene.lattice.samples[1] - 1)
     }
 
-    /// The row and the column about which levels tell what of a pixel is covered: under its centre, if that can be told. A point of a globe has the
-    /// place of its sample, but about samples that are seen more is covered than elsewhere, since none is seen that stands for nothing.
-    fn middle(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2]) -> [f64; 2] {
+    /// The row and the column about which levels tell what of a pixel is covered: under its centre; `None` where that is beside a globe. A point of
+    /// a globe has the place of its sample, but about samples that are seen more is covered than elsewhere, since none is seen that stands for
+    /// nothing.
+    fn middle(&self, mesh: &Mesh, hit: &Hit, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let (placed, [row, column, _]) = (&self.scene.placed, hit.under);
         if placed.is_flat() || mesh.samples.coverage.is_empty() {
-            return [row, column];
+            return Some([row, column]);
         }
         let [across, along] = placed.spacing();
         let most = MIDDLE * self.level_at(hit.depth).exp2() * across.max(along);
         let found = self.ray(pixel).and_then(|ray| self.on_plane(ray, [row, column], hit.height, hit.slope));
         let is_near =
             |[right, down, _]: &[f64; 3]| (right - column).abs() * across <= most && (down - row).abs() * along <= most;
-        found.filter(is_near).map_or([row, column], |[right, down, _]| [down, right])
+        found.filter(is_near).map(|[right, down, _]| [down, right])
     }
 
     /// How many cells of full resolution a sample of a level stands for along an axis. Where the field goes round, the first column is the last

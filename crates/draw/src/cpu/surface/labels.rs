@@ -6,6 +6,7 @@
 //! and nothing is written yet.
 
 mod candidates;
+pub(crate) mod eyes;
 mod level;
 mod relief;
 
@@ -98,17 +99,17 @@ pub fn place(
             continue;
         }
         let Some(label) = written(&relief, contours, em, letters, &candidate) else { continue };
-        let [left, top, right, bottom] = label.area();
-        let is_free = labels.iter().all(|other| {
-            let other = other.area();
-            let room = MARGIN * em;
-            left > other[2] + room || right + room < other[0] || top > other[3] + room || bottom + room < other[1]
-        });
-        if is_free {
+        if labels.iter().all(|other| are_apart(&label, other, MARGIN * em)) {
             labels.push(label);
         }
     }
     labels
+}
+
+/// Whether there is so much room between the boxes of two heights.
+fn are_apart(a: &ContourLabel, b: &ContourLabel, room: f64) -> bool {
+    let ([left, top, right, bottom], other) = (a.area(), b.area());
+    left > other[2] + room || right + room < other[0] || top > other[3] + room || bottom + room < other[1]
 }
 
 /// The height at a candidate's place, if its line is straight enough there and the surface behind it in one piece.
@@ -148,14 +149,19 @@ fn written(
 pub fn spared(labels: &[ContourLabel], [width, height]: [usize; 2]) -> Vec<bool> {
     let mut spared = if labels.is_empty() { Vec::new() } else { vec![false; width * height] };
     for label in labels {
-        let room = 0.5 * ROOM * label.half[1] / HALF_HEIGHT;
-        each_pixel(label.area(), room, [width, height], |x, y| {
-            if label.holds([x as f64 + 0.5, y as f64 + 0.5], room) {
-                spared[y * width + x] = true;
-            }
-        });
+        each_spared(label, [width, height], |x, y| spared[y * width + x] = true);
     }
     spared
+}
+
+/// The pixels of a picture so large that have no lines, as a height stands there.
+fn each_spared(label: &ContourLabel, size: [usize; 2], mut each: impl FnMut(usize, usize)) {
+    let room = 0.5 * ROOM * label.half[1] / HALF_HEIGHT;
+    each_pixel(label.area(), room, size, |x, y| {
+        if label.holds([x as f64 + 0.5, y as f64 + 0.5], room) {
+            each(x, y);
+        }
+    });
 }
 
 /// The pixels of a box of the picture, which may be `room` larger on every side.

@@ -158,7 +158,12 @@ pub fn scene(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, options:
 
 /// Shades what is seen as options say.
 pub(super) fn shader<'a>(plain: Shader<'a>, seen: &'a Visibility, options: &'a SurfaceOptions) -> Shader<'a> {
-    let shader = plain.seeing(seen).with_holes(&options.holes).without(options.form.as_deref());
+    dressed(plain.seeing(seen), options)
+}
+
+/// With holes, form and walls as options say.
+pub(super) fn dressed<'a>(plain: Shader<'a>, options: &'a SurfaceOptions) -> Shader<'a> {
+    let shader = plain.with_holes(&options.holes).without(options.form.as_deref());
     match options.walls {
         Some(base) => shader.with_walls(base),
         None => shader,

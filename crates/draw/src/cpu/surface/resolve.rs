@@ -13,7 +13,7 @@ use deepfield_heights::hierarchy::chunks::lattice::SIDE_BITS;
 use deepfield_heights::measure::Spread;
 use deepfield_heights::model::{Globe, Triangle};
 use glam::DVec3;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// What a pixel shows, and where.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ pub struct Resolver<'a> {
     /// For each chunk its samples and those of the chunks that it lies in, from its level up.
     chains: Vec<Vec<Option<Tier<'a>>>>,
     /// For the few pixels of points whose centre is beside what their samples belong to.
-    caster: OnceLock<Caster<'a>>,
+    caster: OnceLock<Arc<Caster<'a>>>,
 }
 
 /// What of the field moves how far in the picture about a place, pixels of it.
@@ -160,6 +160,11 @@ impl<'a> Resolver<'a> {
         let vantage = Vantage::new(&scene.placed, sight.eye());
         let (limb, spread) = (Limb::of(scene, sight), scene.placed.spread());
         Resolver { scene, sight, vantage, lens: sight.lens(), limb, spread, chains, caster: OnceLock::new() }
+    }
+
+    /// With what casts rays through its scene where that is there already.
+    pub(super) fn casting(self, caster: &Arc<Caster<'a>>) -> Resolver<'a> {
+        Resolver { caster: OnceLock::from(Arc::clone(caster)), ..self }
     }
 
     /// The ray of a place in the picture.
@@ -351,7 +356,7 @@ impl<'a> Resolver<'a> {
 
     /// What a ray finds at a place of the picture.
     pub fn cast(&self, pixel: [f64; 2]) -> Option<Hit> {
-        let caster = self.caster.get_or_init(|| Caster::new(self.scene));
+        let caster = self.caster.get_or_init(|| Arc::new(Caster::new(self.scene)));
         self.hit(caster.cast_pixel(self.sight, &self.lens, pixel)?.shown, pixel)
     }
 

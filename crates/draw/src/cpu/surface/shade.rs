@@ -11,6 +11,7 @@ use super::look::{Attribute, Light, Ramp, toward_sun};
 use super::photo::{self, PhotoLook};
 use super::placed::Map;
 use super::raster::Visibility;
+use super::rays::Caster;
 use super::resolve::{Between, Hit, Resolver};
 use super::rims::Rims;
 use super::select::Primitive;
@@ -22,6 +23,7 @@ use deepfield_heights::model::Globe;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 pub use super::look::{Contours, Look};
 
@@ -133,6 +135,11 @@ impl<'a> Shader<'a> {
         &self.resolver
     }
 
+    /// With what casts rays through its scene where that is there already.
+    pub(super) fn casting(self, caster: &Arc<Caster<'a>>) -> Shader<'a> {
+        Shader { resolver: self.resolver.casting(caster), ..self }
+    }
+
     /// With what is seen in each sample: on a globe lines are looked for there.
     pub fn seeing(self, seen: &'a Visibility) -> Shader<'a> {
         Shader { seen: Some(seen), ..self }
@@ -233,6 +240,12 @@ impl<'a> Shader<'a> {
         pixels.par_iter().map(|index| self.pixel(seen, [index % width, index / width]).0).collect()
     }
 
+    /// The colours of some pixels, columns and rows, by rays.
+    pub(super) fn shade_by_rays(&self, pixels: &[[usize; 2]]) -> Vec<[f32; 4]> {
+        let parts = self.parts as usize;
+        pixels.par_iter().map(|pixel| self.end(pixel.map(|at| at * parts)).0).collect()
+    }
+
     /// Colour, depth and cover of a pixel.
     fn pixel(&self, seen: &Visibility, pixel: [usize; 2]) -> ([f32; 4], (f32, f32)) {
         let parts = self.parts as usize;
@@ -272,7 +285,7 @@ impl<'a> Shader<'a> {
         !around().filter_map(|index| seen.at(index)).any(|shown| !meshes[shown.node].samples.coverage.is_empty())
     }
 
-    /// The colour of a pixel in which a surface ends, and how much of it is covered.
+    /// The colour of a pixel by more rays, and how much of it is covered.
     fn end(&self, [left, top]: [usize; 2]) -> ([f32; 4], f32) {
         let (mut color, mut covered) = ([0.0_f32; 4], 0.0_f32);
         let step = f64::from(self.parts) / f64::from(ENDS);

@@ -17,6 +17,7 @@ use crate::view::perspective_grid::GridError;
 use crate::view::{Projection, View};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::RangeInclusive;
 
 /// Least smoothing length, in cells.
 pub const SMALLEST: f64 = 2.0;
@@ -154,6 +155,9 @@ pub fn project(view: &View, batches: &[Splats<'_>], taken: &Taken) -> Projected 
 /// `rho h^3 / m` of a particle with some forty others within its support, and how far from it densities may be.
 const USUAL: (f32, f32) = (10.0, 30.0);
 
+/// Ratios that are gone by: of others single precision has no factor, or one of few digits.
+const USABLE: RangeInclusive<f32> = 1e-36..=1e36;
+
 /// The factor on the particles' own densities in batches: see [`density_scale`]. 1 where some have none.
 pub fn density_scale_of(batches: &[Splats<'_>]) -> f32 {
     let mut ratios = Vec::new();
@@ -189,11 +193,13 @@ pub fn density_scale(ratios: impl Iterator<Item = f32>) -> f32 {
     scale_of_median(*ratios.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-fn is_usable(ratio: &f32) -> bool {
-    *ratio > 0.0 && ratio.is_finite()
+/// Whether [`density_scale`] goes by a ratio `rho h^3 / m`.
+pub fn is_usable(ratio: &f32) -> bool {
+    USABLE.contains(ratio)
 }
 
-fn scale_of_median(median: f32) -> f32 {
+/// [`density_scale`] of particles the median of whose `rho h^3 / m` is known.
+pub fn scale_of_median(median: f32) -> f32 {
     let (usual, most) = USUAL;
     if median > usual * most || median < usual / most { usual / median } else { 1.0 }
 }

@@ -206,4 +206,4 @@ pub fn draw(
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

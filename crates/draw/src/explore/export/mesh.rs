@@ -49,12 +49,12 @@ pub struct MeshAbout<'a> {
     pub spacing: f64,
     /// Unit of coordinates.
     pub length_unit: &'a Unit,
-    /// What the isovalue is of, `density` or a channel's name.
+    /// What the isovalue is of, `density` or the name of a column or a channel.
     pub quantity: &'a str,
     /// Unit of that.
     pub unit: &'a str,
-    /// The attribute whose mean vertices have.
-    pub attribute: Option<&'a str>,
+    /// The attribute whose mean vertices have, and what that is weighted with.
+    pub attribute: Option<(&'a str, &'a str)>,
     /// Whether coordinates need double precision.
     pub is_double: bool,
     /// Steps of smoothing.
@@ -73,7 +73,7 @@ impl MeshAbout<'_> {
         if self.smooth > 0 {
             lines.push(format!("smoothed in {} steps", self.smooth));
         }
-        lines.extend(attribute.map(|name| line(format!("value: mean of {name}, weighted with mass"))));
+        lines.extend(attribute.map(|(name, weight)| line(format!("value: mean of {name}, weighted with {weight}"))));
         lines
     }
 }

@@ -1,8 +1,9 @@
-//! The density field at the points of bricks, and which bricks and blocks a surface may pass at all.
+//! The field of particles at the points of bricks, and which bricks and blocks a surface may pass at all.
 //!
-//! In a box the field is at most the sum of the kernels' values at the points of the box nearest to each particle, and
-//! at least that of the farthest ones, since kernels fall with the distance. Where that says on which side of the
-//! isovalue the whole box is, the field is not summed up there.
+//! In a box a sum of kernels is at most that of their values at the points of the box nearest to each particle, and at
+//! least that of the farthest ones, since kernels fall with the distance; a mean is between the values of the particles
+//! whose kernels reach the box. Where that says on which side of the surface the whole box is, the field is not summed
+//! up there.
 
 use super::particles::{Leaf, Particle, Particles};
 use super::periodic::PeriodicSpace;
@@ -27,16 +28,26 @@ pub(super) struct Plan {
     leaves: HashMap<[u32; 3], Vec<u32>>,
 }
 
-/// The density of particles (F12 equation 3.1).
-pub(super) struct Density<'a> {
+/// Where the surface is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Level {
+    /// Where the density is this (F12 equation 3.1).
+    Density(f64),
+    /// Where the mean of a column is `isovalue` (the sum of F12's equation 3.2 by that of its weights `m / rho`), and where
+    /// that is no longer known, since the sum of weights falls below `least_filled`.
+    Mean { isovalue: f64, least_filled: f64 },
+}
+
+/// The density of particles, or the mean of a column.
+pub(super) struct ParticleField<'a> {
     pub particles: &'a Particles<'a>,
     pub leaves: &'a [Leaf],
     pub lattice: Lattice,
-    pub isovalue: f64,
+    pub level: Level,
     /// Cells along an edge of a brick.
     pub side: usize,
     pub has_attribute: bool,
-    /// The box that the density goes round.
+    /// The box that the field goes round.
     pub periodic: Option<PeriodicSpace>,
     /// What becomes of the surface at that box's faces.
     pub faces: Faces,
@@ -44,11 +55,14 @@ pub(super) struct Density<'a> {
 
 /// Between what the field is in each part of a box.
 struct Limits {
+    /// Of the sum of weights.
     upper: Vec<f64>,
     lower: Vec<f64>,
+    /// The smallest and the largest value of the particles that reach each part; empty where the field is their density.
+    values: Vec<[f64; 2]>,
 }
 
-impl Density<'_> {
+impl ParticleField<'_> {
     /// Which bricks to look into; `None` where there are more than `most`.
     pub fn plan(&self, most: u64) -> Result<Option<Plan>, ExploreError> {
         let mut plan = Plan { bricks: Vec::new(), leaves: HashMap::new() };
@@ -75,7 +89,7 @@ impl Density<'_> {
         let share = leaves.len().div_ceil(4 * rayon::current_num_threads()).max(8);
         let found: Vec<Result<Limits, ExploreError>> =
             leaves.par_chunks(share).map(|leaves| self.limits(leaves, corner, part, PARTS)).collect();
-        let mut limits = Limits::new(PARTS);
+        let mut limits = self.no_limits(PARTS);
         for part in found {
             limits.add(&part?);
         }
@@ -85,7 +99,7 @@ impl Density<'_> {
             let first = [0, 1, 2].map(|axis| corner[axis] as usize + place[axis] * part);
             let is_in = (0..3).all(|axis| first[axis] < self.lattice.cells[axis] as usize);
             let first = first.map(|cell| cell as u32);
-            if !is_in || !limits.is_active(index, self.isovalue, self.is_at_face(first, part)) {
+            if !is_in || !limits.is_active(index, self.level, self.is_at_face(first, part)) {
                 continue;
             }
             if part == self.side {
@@ -118,7 +132,7 @@ impl Density<'_> {
     fn limits(&self, leaves: &[u32], corner: [u32; 3], part: usize, parts: usize) -> Result<Limits, ExploreError> {
         let kernel = self.particles.kernel();
         let (edge, origin) = (self.lattice.spacing * part as f64, self.bounds(corner, 0, part).min);
-        let mut limits = Limits::new(parts);
+        let mut limits = self.no_limits(parts);
         let leaves = leaves.iter().map(|&leaf| &self.leaves[leaf as usize]);
         let bounds = Bounds { min: origin, max: origin + edge * parts as f64 };
         self.particles.each(leaves, |particle| match self.periodic {
@@ -128,6 +142,16 @@ impl Density<'_> {
             }
         })?;
         Ok(limits)
+    }
+
+    /// Those of no particles.
+    fn no_limits(&self, parts: usize) -> Limits {
+        let all = parts * parts * parts;
+        let values = match self.level {
+            Level::Density(_) => Vec::new(),
+            Level::Mean { .. } => vec![[f64::INFINITY, f64::NEG_INFINITY]; all],
+        };
+        Limits { upper: vec![0.0; all], lower: vec![0.0; all], values }
     }
 
     /// The leaves that reach a brick and the points around it, in their order.
@@ -152,20 +176,27 @@ impl Density<'_> {
 }
 
 impl Limits {
-    fn new(parts: usize) -> Limits {
-        let all = parts * parts * parts;
-        Limits { upper: vec![0.0; all], lower: vec![0.0; all] }
-    }
-
     fn add(&mut self, other: &Limits) {
         self.upper.iter_mut().zip(&other.upper).for_each(|(sum, part)| *sum += part);
         self.lower.iter_mut().zip(&other.lower).for_each(|(sum, part)| *sum += part);
+        self.values.iter_mut().zip(&other.values).for_each(|(ends, [low, high])| {
+            *ends = [ends[0].min(*low), ends[1].max(*high)];
+        });
     }
 
-    /// Whether the field may be on both sides of the isovalue in a part, or above it at a face that cuts it off.
-    fn is_active(&self, index: usize, isovalue: f64, is_at_face: bool) -> bool {
-        let may_be_low = self.lower[index] * (1.0 - ROUNDING) < isovalue;
-        self.upper[index] * (1.0 + ROUNDING) >= isovalue && (may_be_low || is_at_face)
+    /// Whether a part may have points on both sides of the surface, or within it at a face that cuts it off.
+    fn is_active(&self, index: usize, level: Level, is_at_face: bool) -> bool {
+        let (upper, lower) = (self.upper[index] * (1.0 + ROUNDING), self.lower[index] * (1.0 - ROUNDING));
+        let (may_be_within, may_be_without) = match level {
+            Level::Density(isovalue) => (upper >= isovalue, lower < isovalue),
+            Level::Mean { isovalue, least_filled } => {
+                let [smallest, largest] = self.values[index];
+                let rounding = ROUNDING * smallest.abs().max(largest.abs());
+                let (is_high, is_low) = (largest + rounding >= isovalue, smallest - rounding < isovalue);
+                (upper >= least_filled && is_high, lower < least_filled || is_low)
+            }
+        };
+        may_be_within && (may_be_without || is_at_face)
     }
 
     /// Adds a particle to the parts that its kernel reaches. Lengths here are in units of a part's edge.
@@ -190,7 +221,7 @@ impl Limits {
                 farthest[axis][i] = far * far;
             }
         }
-        let weight = particle.mass / particle.smoothing_length.powi(3);
+        let weight = particle.weight / particle.smoothing_length.powi(3);
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
                 let near = nearest[2][z] + nearest[1][y];
@@ -200,6 +231,9 @@ impl Limits {
                     let (near, far) = (near + nearest[0][x], far + farthest[0][x]);
                     if near < 1.0 {
                         self.upper[index] += weight * kernel.value(near.sqrt());
+                        if let Some(ends) = self.values.get_mut(index) {
+                            *ends = [ends[0].min(particle.quantity), ends[1].max(particle.quantity)];
+                        }
                     }
                     if far < 1.0 {
                         self.lower[index] += weight * kernel.value(far.sqrt());
@@ -210,9 +244,9 @@ impl Limits {
     }
 }
 
-/// A density with the bricks that are looked into.
+/// A field with the bricks that are looked into.
 pub(super) struct Planned<'a> {
-    pub density: &'a Density<'a>,
+    pub field: &'a ParticleField<'a>,
     pub plan: &'a Plan,
 }
 
@@ -220,23 +254,30 @@ impl Field for Planned<'_> {
     type Error = ExploreError;
 
     fn has_attribute(&self) -> bool {
-        self.density.has_attribute
+        self.field.has_attribute
+    }
+
+    fn least_filled(&self) -> Option<f64> {
+        match self.field.level {
+            Level::Density(_) => None,
+            Level::Mean { least_filled, .. } => Some(least_filled),
+        }
     }
 
     fn faces(&self) -> Faces {
-        self.density.faces
+        self.field.faces
     }
 
     fn sample(&self, corner: [u32; 3], samples: &mut Samples) -> Result<(), ExploreError> {
-        let Density { particles, leaves: all, lattice, isovalue, side, has_attribute, periodic, .. } = *self.density;
+        let ParticleField { particles, leaves: all, lattice, level, side, has_attribute, periodic, .. } = *self.field;
         particles.go_on()?;
-        let leaves = self.density.leaves_of(self.plan, corner);
-        let limits = self.density.limits(&leaves, corner, BLOCK, side / BLOCK)?;
+        let leaves = self.field.leaves_of(self.plan, corner);
+        let limits = self.field.limits(&leaves, corner, BLOCK, side / BLOCK)?;
         let blocks = samples.blocks();
         for (index, active) in samples.active.iter_mut().enumerate() {
             let place = [index % blocks, index / blocks % blocks, index / blocks / blocks];
             let first = [0, 1, 2].map(|axis| corner[axis] + (place[axis] * BLOCK) as u32);
-            *active = limits.is_active(index, isovalue, self.density.is_at_face(first, BLOCK));
+            *active = limits.is_active(index, level, self.field.is_at_face(first, BLOCK));
         }
         let spans = Spans::of(samples);
         if spans.are_empty() {
@@ -244,11 +285,11 @@ impl Field for Planned<'_> {
         }
         let row = samples.row();
         let axes = [0, 1, 2].map(|axis| Axis::of(&lattice, axis, corner[axis], row, periodic));
-        let kernel = particles.kernel();
+        let (kernel, is_mean) = (particles.kernel(), matches!(level, Level::Mean { .. }));
         let (mut along_x, mut along_y, mut along_z) = (Vec::new(), Vec::new(), Vec::new());
         particles.each(leaves.iter().map(|&leaf| &all[leaf as usize]), |particle| {
             let inverse = 1.0 / particle.smoothing_length;
-            let weight = particle.mass * inverse * inverse * inverse;
+            let weight = particle.weight * inverse * inverse * inverse;
             for (axis, along) in [&mut along_x, &mut along_y, &mut along_z].into_iter().enumerate() {
                 axes[axis].reached(particle.position[axis], particle.smoothing_length, along);
             }
@@ -264,16 +305,24 @@ impl Field for Planned<'_> {
                     for &(x, in_x) in along_x[after..].iter().take_while(|(x, _)| *x < span.end) {
                         let squared = in_row + in_x;
                         if squared < 1.0 {
-                            let density = weight * kernel.value(squared.sqrt());
-                            samples.values[start + x] += density;
+                            let share = weight * kernel.value(squared.sqrt());
+                            if is_mean {
+                                samples.values[start + x] += particle.quantity * share;
+                                samples.filled[start + x] += share;
+                            } else {
+                                samples.values[start + x] += share;
+                            }
                             if has_attribute {
-                                samples.weighted[start + x] += particle.attribute * density;
+                                samples.weighted[start + x] += particle.attribute * share;
                             }
                         }
                     }
                 }
             }
-        })
+        })?;
+        // Where there is nothing a mean has no value.
+        samples.values.iter_mut().zip(&samples.filled).for_each(|(value, filled)| *value /= filled);
+        Ok(())
     }
 }
 

@@ -100,7 +100,7 @@ pub fn isosurface_of_grid(
         isovalue,
         faces: if options.is_open { Faces::Cut } else { Faces::Capped },
         blocks: Mutex::new(Blocks { held: LruCache::unbounded(), bytes: 0, range: (f64::INFINITY, f64::NEG_INFINITY) }),
-        most_bytes: options.memory.saturating_sub(memory_of_bricks(false)),
+        most_bytes: options.memory.saturating_sub(memory_of_bricks(false, false)),
     };
     let spacing = grid.to_world.matrix3.determinant().abs().cbrt();
     let own = &grid.channels[channel];

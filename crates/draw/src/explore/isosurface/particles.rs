@@ -1,6 +1,8 @@
-//! The particles that make a density field: where the leaves are that hold them, and their particles leaf by leaf,
+//! The particles that make a field: where the leaves are that hold them, and their particles leaf by leaf,
 //! through a cache of pages that has a budget.
 
+use crate::cpu::volume::attributes::LEAST_FILLED;
+use crate::cpu::volume::particles::{is_usable, scale_of_median};
 use crate::explore::batch::Work;
 use crate::explore::data::{Column, Data, column};
 use crate::explore::error::ExploreError;
@@ -23,10 +25,12 @@ const AHEAD: usize = 2;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Particle {
     pub position: DVec3,
-    pub mass: f64,
+    /// Its mass, or the volume `m / rho` that it stands for in the mean of a column; positive.
+    pub weight: f64,
     /// The kernel's radius; positive.
     pub smoothing_length: f64,
-    pub density: f32,
+    /// Its density, or its value of the column whose mean the field is.
+    pub quantity: f64,
     /// The attribute whose mean is wanted; 0 where the particle has none.
     pub attribute: f64,
 }
@@ -61,69 +65,94 @@ pub(super) struct Survey {
     /// The box around their kernels.
     pub bounds: Bounds,
     pub count: u64,
-    /// The largest of their densities.
-    pub densest: f32,
+    /// The largest of their quantities.
+    pub largest: f64,
     /// The largest of their smoothing lengths.
     pub longest: f64,
     /// How many have a smoothing length in each bin.
     all: Vec<u64>,
-    /// Those among them whose density is near the isovalue.
+    /// Those among them that the spacing goes by: with a density near the isovalue, or with a value that is not below it.
     near: Vec<u64>,
+    /// How many particles of a mean have a usable `rho h^3 / m` in each bin.
+    ratios: Vec<u64>,
 }
 
 /// How far from the isovalue a density is near it, as a factor.
 const NEAR: f64 = 2.0;
 
-/// Bits of a single-precision number that a bin of smoothing lengths leaves out: 16 bins have the same exponent.
+/// Bits of a single-precision number that a bin leaves out: 16 bins have the same exponent.
 const BIN_BITS: u32 = 19;
+
+/// The bin of a number that is not negative.
+fn bin_of(number: f64) -> usize {
+    ((number as f32).to_bits() >> BIN_BITS) as usize
+}
+
+/// The median of the numbers in bins, to 3 %.
+fn median(bins: &[u64]) -> Option<f32> {
+    let half = bins.iter().sum::<u64>().div_ceil(2);
+    let mut below = 0_u64;
+    let bin = bins.iter().position(|count| {
+        below += count;
+        below >= half && half > 0
+    })?;
+    Some(f32::from_bits((bin as u32) << BIN_BITS | 1 << (BIN_BITS - 1)))
+}
 
 impl Survey {
     fn new() -> Survey {
-        let bins = 1 << (31 - BIN_BITS);
-        let (all, near) = (vec![0; bins], vec![0; bins]);
-        Survey { bounds: Bounds::EMPTY, count: 0, densest: 0.0, longest: 0.0, all, near }
+        let bins = || vec![0; 1 << (31 - BIN_BITS)];
+        let (bounds, largest) = (Bounds::EMPTY, f64::NEG_INFINITY);
+        Survey { bounds, count: 0, largest, longest: 0.0, all: bins(), near: bins(), ratios: bins() }
     }
 
-    fn take(&mut self, particle: &Particle, isovalue: f64) {
+    fn take(&mut self, particle: &Particle, isovalue: f64, is_mean: bool) {
         let reach = DVec3::splat(particle.smoothing_length);
         self.bounds = self.bounds.with(particle.position - reach).with(particle.position + reach);
         self.count += 1;
-        self.densest = self.densest.max(particle.density);
+        self.largest = self.largest.max(particle.quantity);
         self.longest = self.longest.max(particle.smoothing_length);
-        let bin = ((particle.smoothing_length as f32).to_bits() >> BIN_BITS) as usize;
+        let bin = bin_of(particle.smoothing_length);
         self.all[bin] += 1;
-        let ratio = f64::from(particle.density) / isovalue;
-        self.near[bin] += u64::from((1.0 / NEAR..=NEAR).contains(&ratio));
+        let is_near = match is_mean {
+            true => particle.quantity >= isovalue,
+            false => (1.0 / NEAR..=NEAR).contains(&(particle.quantity / isovalue)),
+        };
+        self.near[bin] += u64::from(is_near);
+        if is_mean {
+            let ratio = particle.smoothing_length.powi(3) / particle.weight;
+            self.ratios[bin_of(ratio)] += u64::from(is_usable(&(ratio as f32)));
+        }
     }
 
     fn add(&mut self, other: &Survey) {
         self.bounds = self.bounds.union(other.bounds);
         self.count += other.count;
-        self.densest = self.densest.max(other.densest);
+        self.largest = self.largest.max(other.largest);
         self.longest = self.longest.max(other.longest);
-        self.all.iter_mut().zip(&other.all).for_each(|(sum, count)| *sum += count);
-        self.near.iter_mut().zip(&other.near).for_each(|(sum, count)| *sum += count);
+        let bins = [(&mut self.all, &other.all), (&mut self.near, &other.near), (&mut self.ratios, &other.ratios)];
+        for (sums, counts) in bins {
+            sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+        }
     }
 
-    /// The median smoothing length of particles with a density near the isovalue, of all where there are none; to 3 %.
+    /// The median smoothing length of particles with a density near the isovalue, or with a value that is not below it; of
+    /// all where there are none; to 3 %.
     pub fn median_smoothing_length(&self) -> Option<f64> {
-        let median = |bins: &[u64]| {
-            let half = bins.iter().sum::<u64>().div_ceil(2);
-            let mut below = 0_u64;
-            let bin = bins.iter().position(|count| {
-                below += count;
-                below >= half && half > 0
-            })?;
-            let middle = (bin as u32) << BIN_BITS | 1 << (BIN_BITS - 1);
-            Some(f64::from(f32::from_bits(middle)))
-        };
-        median(&self.near).or_else(|| median(&self.all))
+        median(&self.near).or_else(|| median(&self.all)).map(f64::from)
+    }
+
+    /// The sum `m / rho W` below which a mean is not known: what is [`LEAST_FILLED`] of space in the unit of the densities.
+    pub fn least_filled(&self) -> f64 {
+        f64::from(LEAST_FILLED * median(&self.ratios).map_or(1.0, scale_of_median))
     }
 }
 
 /// A family whose particles are of the field.
 struct Chosen<'a> {
     family: &'a FamilyMetadata,
+    /// The column whose mean the field is; its density where there is none.
+    field: Option<Column>,
     attribute: Option<Column>,
     ranges: Vec<(Column, &'a ValueRange)>,
     /// By codebook and code; empty where there are no ranges.
@@ -149,24 +178,31 @@ pub(super) struct Particles<'a> {
 }
 
 impl<'a> Particles<'a> {
-    /// Those in a region, with distances around a periodic box or none, with an attribute or none. Pages take
-    /// `most_bytes` of memory, or one page where it takes more.
+    /// Those in a region, with distances around a periodic box or none, with a column or the density as the field, with an
+    /// attribute or none. Pages take `most_bytes` of memory, or one page where it takes more.
     pub fn new(
         tree: &'a dyn Tree,
         (region, periodic): (&'a Region, Option<f64>),
-        attribute: Option<&str>,
+        (field, attribute): (Option<&str>, Option<&str>),
         most_bytes: u64,
         work: Work<'a>,
     ) -> Result<Particles<'a>, ExploreError> {
-        let wanted = Wanted { columns: attribute.into_iter().map(str::to_owned).collect(), ..Wanted::default() };
+        let columns = field.into_iter().chain(attribute).map(str::to_owned).collect();
+        let wanted = Wanted { columns, ..Wanted::default() };
         let shapes = Query::new(Data::Pages(tree), Of::Region(region), wanted, periodic)?.shapes;
         let chosen = |family: &'a FamilyMetadata| {
             if region.leaves_out(family.name) {
                 return None;
             }
+            let field = match field {
+                None => None,
+                // Particles without a value are not there for its field.
+                Some(name) => Some(column(family, name)?.0),
+            };
             let ranges = region.ranges.iter().map(|range| Some((column(family, &range.field)?.0, range)));
             Some(Chosen {
                 family,
+                field,
                 attribute: attribute.and_then(|name| Some(column(family, name)?.0)),
                 ranges: ranges.collect::<Option<_>>()?,
                 accepted: accepted(family, &region.ranges)?,
@@ -228,6 +264,8 @@ impl<'a> Particles<'a> {
     fn list(&self, id: PageId, mut stack: Vec<(u32, bool)>, isovalue: f64) -> Result<Listed, ExploreError> {
         self.work.go_on()?;
         let page = self.page(id)?;
+        let chosen = self.families.get(page.family as usize).and_then(Option::as_ref);
+        let is_mean = chosen.is_some_and(|chosen| chosen.field.is_some());
         let mut listed = Listed { leaves: Vec::new(), survey: Survey::new(), elsewhere: Vec::new() };
         let mut reached = vec![false; page.nodes.len()];
         let mut dealt_with = 0_u64;
@@ -247,7 +285,7 @@ impl<'a> Particles<'a> {
                 let before = listed.survey.count;
                 let mut largest = reach;
                 self.visit(&leaf, &page, &mut |particle: &Particle| {
-                    listed.survey.take(particle, isovalue);
+                    listed.survey.take(particle, isovalue, is_mean);
                     largest = largest.max(particle.smoothing_length);
                 });
                 if listed.survey.count > before {
@@ -311,9 +349,12 @@ impl<'a> Particles<'a> {
         let Some(chosen) = self.families.get(page.family as usize).and_then(Option::as_ref) else { return };
         let index = leaf.node.node as usize;
         let Some(node) = page.nodes.get(index) else { return };
+        let is_mean = chosen.field.is_some();
+        let weight = |mass: f64, density: f32| if is_mean { mass / f64::from(density) } else { mass };
         let mut offer = |particle: Particle| {
-            let is_whole =
-                particle.mass > 0.0 && particle.smoothing_length > 0.0 && particle.smoothing_length.is_finite();
+            let is_size = |number: f64| number > 0.0 && number.is_finite();
+            let is_known = !is_mean || particle.quantity.is_finite();
+            let is_whole = is_size(particle.weight) && is_size(particle.smoothing_length) && is_known;
             if is_whole && particle.position.is_finite() && (leaf.inside || self.shapes.contains(particle.position)) {
                 take(&particle);
             }
@@ -326,6 +367,7 @@ impl<'a> Particles<'a> {
             let held = content.particles(node.start());
             let values = &held.values;
             let column = chosen.attribute.map_or(&[] as &[f32], |column| column.of(values));
+            let quantities = chosen.field.unwrap_or(Column::Density).of(values);
             for (i, &position) in held.positions.iter().enumerate() {
                 let is_in = |(column, range): &(Column, &ValueRange)| {
                     range.contains(column.of(values).get(i).map_or(f64::NAN, |&value| f64::from(value)))
@@ -335,9 +377,9 @@ impl<'a> Particles<'a> {
                 }
                 offer(Particle {
                     position: DVec3::from(position),
-                    mass: f64::from(values.mass[i]),
+                    weight: weight(f64::from(values.mass[i]), values.density[i]),
                     smoothing_length: f64::from(values.smoothing_length[i]),
-                    density: values.density[i],
+                    quantity: quantities.get(i).map_or(f64::NAN, |&value| f64::from(value)),
                     attribute: attribute(column, i),
                 });
             }
@@ -348,7 +390,10 @@ impl<'a> Particles<'a> {
         let particles = page.particles(index);
         let Positions::Leaf(_) = particles.positions else { return };
         let column = chosen.attribute.map_or(&[] as &[f32], |column| column.of(codebook));
+        let quantities = chosen.field.unwrap_or(Column::Density).of(codebook);
         let (scale, frame) = (f64::from(node.mass_scale), LeafFrame::of(node));
+        let scale_of = |column: Option<Column>| if column == Some(Column::Mass) { scale } else { 1.0 };
+        let (of_quantity, of_attribute) = (scale_of(chosen.field), scale_of(chosen.attribute));
         for (i, &code) in particles.codes.iter().enumerate() {
             let code = usize::from(code);
             if accepted.is_some_and(|codes| codes.get(code).is_some_and(|code| !code.inside)) {
@@ -358,10 +403,10 @@ impl<'a> Particles<'a> {
             let (Some(&mass), Some(&smoothing_length), Some(&density)) = entry else { continue };
             offer(Particle {
                 position: frame.at(particles.fraction(i)),
-                mass: f64::from(mass) * scale,
+                weight: weight(f64::from(mass) * scale, density),
                 smoothing_length: f64::from(smoothing_length),
-                density,
-                attribute: attribute(column, code),
+                quantity: quantities.get(code).map_or(f64::NAN, |&value| f64::from(value)) * of_quantity,
+                attribute: attribute(column, code) * of_attribute,
             });
         }
     }
@@ -373,4 +418,31 @@ struct Listed {
     survey: Survey,
     /// Nodes of other pages, and whether all of each is inside.
     elsewhere: Vec<(NodeRef, bool)>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(crate::cases::cases(128))]
+
+        /// Whatever single precision has, and ratios that it has not.
+        #[test]
+        fn any_particles_have_a_filling_below_which_their_mean_is_not_known(
+            particles in prop::collection::vec(prop::array::uniform3(1..f32::INFINITY.to_bits()), 1..4),
+        ) {
+            let mut survey = Survey::new();
+            for numbers in particles {
+                let [smoothing_length, mass, density] = numbers.map(|bits| f64::from(f32::from_bits(bits)));
+                let position = DVec3::ZERO;
+                let particle =
+                    Particle { position, weight: mass / density, smoothing_length, quantity: 1.0, attribute: 0.0 };
+                survey.take(&particle, 1.0, true);
+            }
+            let least = survey.least_filled();
+            prop_assert!(least > 0.0 && least.is_finite(), "{least}");
+        }
+    }
 }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::cpu::mesh::{Field, Vertex, extract};
+use crate::cpu::volume::attributes::LEAST_FILLED;
 use crate::model::{
     Attribute, Channel, Dataset, Family, FamilyName, Grid, Kernel, Provenance, Region as GridRegion, SampleType, Unit,
 };
@@ -12,7 +13,7 @@ use std::f64::consts::PI;
 /// Particles at places with smoothing lengths, each of mass 1, with its number as an attribute.
 fn tree(particles: &[(DVec3, f32)]) -> InMemory {
     let smoothing_length: Vec<f32> = particles.iter().map(|(_, length)| *length).collect();
-    let family = Family {
+    tree_of(Family {
         name: FamilyName::Gas,
         positions: particles.iter().map(|(at, _)| at.to_array()).collect(),
         mass: vec![1.0; particles.len()],
@@ -23,7 +24,32 @@ fn tree(particles: &[(DVec3, f32)]) -> InMemory {
             unit: Unit::default(),
             values: (0..particles.len()).map(|number| number as f32).collect(),
         }],
-    };
+    })
+}
+
+/// Particles of density 1 on a regular lattice, of those within, with a function of the place as `value`.
+fn regular(
+    step: f64,
+    is_within: impl Fn(DVec3) -> bool,
+    smoothing_length: f32,
+    value: impl Fn(DVec3) -> f64,
+) -> InMemory {
+    let side = (2.0 / step) as i32;
+    let along = move || (-side..=side).map(move |index| step * f64::from(index));
+    let all = along().flat_map(|z| along().flat_map(move |y| along().map(move |x| DVec3::new(x, y, z))));
+    let places: Vec<DVec3> = all.filter(|at| is_within(*at)).collect();
+    let values = places.iter().map(|at| value(*at) as f32).collect();
+    tree_of(Family {
+        name: FamilyName::Gas,
+        positions: places.iter().map(|at| at.to_array()).collect(),
+        mass: vec![step.powi(3) as f32; places.len()],
+        density: vec![1.0; places.len()],
+        smoothing_length: vec![smoothing_length; places.len()],
+        attributes: vec![Attribute { name: "value".into(), unit: Unit::default(), values }],
+    })
+}
+
+fn tree_of(family: Family) -> InMemory {
     InMemory::new(Dataset {
         families: vec![family],
         length_unit: Unit::new("kpc"),
@@ -52,7 +78,8 @@ fn cloud(count: usize) -> Vec<(DVec3, f32)> {
 fn options(isovalue: f64, spacing: f64) -> IsosurfaceOptions {
     let spacing = Some(spacing);
     let (most_cells, memory) = (1 << 30, 1 << 20);
-    IsosurfaceOptions { isovalue, spacing, most_cells, memory, attribute: None, is_open: false, smooth: 0 }
+    let (field, attribute) = (None, None);
+    IsosurfaceOptions { isovalue, field, spacing, most_cells, memory, attribute, is_open: false, smooth: 0 }
 }
 
 fn written(tree: &InMemory, options: &IsosurfaceOptions, side: usize) -> Result<Isosurface, ExploreError> {
@@ -79,11 +106,12 @@ fn written_in(
     found
 }
 
-/// The density as a sum over all particles, everywhere.
+/// The density as a sum over all particles, everywhere, or the mean of their numbers.
 struct Brute<'a> {
     particles: &'a [(DVec3, f32)],
     lattice: Lattice,
     faces: Faces,
+    is_mean: bool,
 }
 
 impl Field for Brute<'_> {
@@ -91,6 +119,10 @@ impl Field for Brute<'_> {
 
     fn faces(&self) -> Faces {
         self.faces
+    }
+
+    fn least_filled(&self) -> Option<f64> {
+        self.is_mean.then_some(LEAST_FILLED.into())
     }
 
     fn sample(&self, corner: [u32; 3], samples: &mut Samples) -> Result<(), Infallible> {
@@ -104,7 +136,18 @@ impl Field for Brute<'_> {
                 let length = f64::from(*length);
                 Kernel::CubicSpline.value(at.distance(*position) / length) / length.powi(3)
             };
-            samples.values[index] = self.particles.iter().map(of).sum();
+            if !self.is_mean {
+                samples.values[index] = self.particles.iter().map(of).sum();
+                continue;
+            }
+            let (mut filled, mut sum) = (0.0, 0.0);
+            for (number, particle) in self.particles.iter().enumerate() {
+                // Densities are in single precision.
+                let share = of(particle) / f64::from(2.5 / particle.1.powi(3));
+                filled += share;
+                sum += number as f64 * share;
+            }
+            (samples.values[index], samples.filled[index]) = (sum / filled, filled);
         }
         samples.active.fill(true);
         Ok(())
@@ -125,19 +168,29 @@ fn a_particle_is_a_ball() {
 
 #[test]
 fn nothing_of_the_surface_is_left_out() {
+    nothing_is_left_out(false, 120.0, 0.05);
+}
+
+#[test]
+fn nothing_of_a_mean_is_left_out() {
+    nothing_is_left_out(true, 100.5, 0.1);
+}
+
+fn nothing_is_left_out(is_mean: bool, isovalue: f64, spacing: f64) {
     let particles = cloud(200);
-    let (spacing, isovalue) = (0.05, 120.0);
     let reaches = particles.iter().flat_map(|(at, length)| {
         let reach = DVec3::splat((*length).into());
         [(*at - reach).to_array(), (*at + reach).to_array()]
     });
     let lattice = Lattice::around(Bounds::of(reaches), spacing).unwrap();
-    let brute = Brute { particles: &particles, lattice, faces: Faces::Open };
+    let brute = Brute { particles: &particles, lattice, faces: Faces::Open, is_mean };
     let Ok(expected) = extract(&lattice, (32, &lattice.bricks(32)), isovalue, &brute, &(), |_| Ok(()));
     assert!(expected.components > 1 && expected.boundary_edges == 0, "{expected:?}");
     let tree = tree(&particles);
+    let field = is_mean.then(|| "number".to_owned());
+    let options = IsosurfaceOptions { field, ..options(isovalue, spacing) };
     for side in [8, 32, 64] {
-        let found = written(&tree, &options(isovalue, spacing), side).unwrap();
+        let found = written(&tree, &options, side).unwrap();
         let counts = |of: &MeshReport| [of.vertices, of.triangles, of.components, of.boundary_edges];
         assert_eq!(counts(&found.mesh), counts(&expected), "{side}");
         let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
@@ -145,8 +198,61 @@ fn nothing_of_the_surface_is_left_out() {
         assert!(close(found.mesh.area, expected.area), "{found:?} {expected:?}");
         // Most of the lattice is never looked into in small bricks.
         let all = lattice.cells.map(u64::from).iter().product::<u64>();
-        assert!(side > 8 || found.cells < all / 2, "{} of {all}", found.cells);
+        assert!(side > 8 || is_mean || found.cells < all / 2, "{} of {all}", found.cells);
     }
+}
+
+#[test]
+fn a_mean_has_its_surface_within_the_particles_and_closes_where_they_end() {
+    let spacing = 1.0 / 32.0;
+    let ball = |value: fn(DVec3) -> f64| regular(0.1, |at| at.length() < 1.0 + 1e-6, 0.25, value);
+    let options = |isovalue: f64| IsosurfaceOptions { field: Some("value".into()), ..options(isovalue, spacing) };
+    let of = |value: fn(DVec3) -> f64, isovalue: f64| {
+        let mesh = written(&ball(value), &options(isovalue), 32).unwrap().mesh;
+        assert_eq!((mesh.boundary_edges, mesh.cap_area), (0, 0.0), "{mesh:?}");
+        mesh
+    };
+    // Where all values are higher it is the surface of the share of space that is filled, which is the density here.
+    let whole = of(|_| 3.0, 2.0);
+    let filled = IsosurfaceOptions { field: None, ..options(LEAST_FILLED.into()) };
+    assert_eq!(whole, written(&ball(|_| 3.0), &filled, 32).unwrap().mesh);
+    // The mean of the square of the radius is larger by the variances of the kernel.
+    let sphere = of(|at| -at.length_squared(), -0.36);
+    let radius = (0.36 - 3.0 * Kernel::CubicSpline.variance() * 0.25 * 0.25).sqrt();
+    let volume = 4.0 / 3.0 * PI * radius.powi(3);
+    assert!((sphere.volume / volume - 1.0).abs() < 5e-3, "{sphere:?} {volume}");
+    assert_eq!((sphere.components, 2 * sphere.vertices), (1, sphere.triangles + 4));
+    // What is on one side and what is on the other are the whole; only along the rim of the cut cells have both.
+    let shell = of(DVec3::length_squared, 0.36);
+    assert_eq!(shell.components, 2);
+    assert!(((sphere.volume + shell.volume) / whole.volume - 1.0).abs() < 1e-6, "{sphere:?} {shell:?} {whole:?}");
+    let [right, left] = [of(|at| at.x, 0.21), of(|at| -at.x, -0.21)];
+    assert_eq!((right.components, left.components), (1, 1));
+    assert!(((right.volume + left.volume) / whole.volume - 1.0).abs() < 3e-3, "{right:?} {left:?} {whole:?}");
+    // A segment of a ball; at the rim means are of what lies within.
+    let (radius, height) = ((0.75 * whole.volume / PI).cbrt(), 0.21_f64);
+    let segment = PI * (2.0 / 3.0 * radius.powi(3) - radius.powi(2) * height + height.powi(3) / 3.0);
+    assert!((right.volume / segment - 1.0).abs() < 0.04, "{right:?} {segment}");
+    // With memory for a page and with memory for all.
+    let in_memory = |memory: u64| {
+        let (spacing, attribute) = (Some(0.1), Some("value".into()));
+        let options = IsosurfaceOptions { memory, spacing, attribute, ..options(0.21) };
+        written(&ball(|at| at.x), &options, 8).unwrap()
+    };
+    assert_eq!(in_memory(0), in_memory(1 << 30));
+}
+
+#[test]
+fn a_mean_that_is_known_everywhere_in_a_periodic_box_fills_it() {
+    let within = |at: DVec3| at.cmpge(DVec3::ZERO).all() && at.cmplt(DVec3::ONE).all();
+    let tree = regular(0.25, within, 0.5, |_| -1.0);
+    let options = IsosurfaceOptions { field: Some("value".into()), ..options(-2.0, 0.125) };
+    let box_of_all = written_in(&tree, Some(1.0), &options, 8).unwrap().mesh;
+    assert!((box_of_all.volume - 1.0).abs() < 1e-12 && (box_of_all.cap_area - 6.0).abs() < 1e-12, "{box_of_all:?}");
+    assert_eq!((box_of_all.boundary_edges, box_of_all.area, box_of_all.components), (0, 0.0, 1));
+    let high =
+        written_in(&tree, Some(1.0), &IsosurfaceOptions { isovalue: 0.0, ..options }, 8).unwrap_err().to_string();
+    assert!(high.contains("found 0, expected less than the largest value; particles have up to -1"), "{high}");
 }
 
 /// The edge of a periodic box, which few numbers of cells divide without rounding.
@@ -202,7 +308,7 @@ fn particles_add_to_the_density_round_a_periodic_box() {
         (at + reach).cmpge(low).all() && (at - reach).cmple(high).all()
     };
     let images: Vec<(DVec3, f32)> = images.filter(reaches).collect();
-    let brute = Brute { particles: &images, lattice, faces: Faces::Capped };
+    let brute = Brute { particles: &images, lattice, faces: Faces::Capped, is_mean: false };
     let Ok(expected) = extract(&lattice, (32, &lattice.bricks(32)), isovalue, &brute, &(), |_| Ok(()));
     assert!(expected.cap_area > 0.0 && expected.boundary_edges == 0, "{expected:?}");
     let tree = tree(&particles);
@@ -223,23 +329,23 @@ fn particles_add_to_the_density_round_a_periodic_box() {
 #[test]
 fn opposite_faces_have_the_same_vertices_to_the_last_bit() {
     let (tree, region, isovalue) = (tree(&wrapped(200)), Region::whole(), 40.0);
-    let particles = Particles::new(&tree, (&region, Some(EDGE)), None, 1 << 20, Work::quiet()).unwrap();
+    let particles = Particles::new(&tree, (&region, Some(EDGE)), (None, None), 1 << 20, Work::quiet()).unwrap();
     let (leaves, _) = particles.survey(isovalue).unwrap();
     let periodic = PeriodicSpace { edge: EDGE };
-    let density = Density {
+    let field = ParticleField {
         particles: &particles,
         leaves: &leaves,
         lattice: periodic.lattice(0.09).unwrap(),
-        isovalue,
+        level: Level::Density(isovalue),
         side: 16,
         has_attribute: false,
         periodic: Some(periodic),
         faces: Faces::Cut,
     };
-    let plan = density.plan(1 << 20).unwrap().unwrap();
-    let planned = Planned { density: &density, plan: &plan };
+    let plan = field.plan(1 << 20).unwrap().unwrap();
+    let planned = Planned { field: &field, plan: &plan };
     let mut vertices: Vec<Vertex> = Vec::new();
-    extract(&density.lattice, (16, &plan.bricks), isovalue, &planned, &(), |piece| {
+    extract(&field.lattice, (16, &plan.bricks), isovalue, &planned, &(), |piece| {
         vertices.extend(piece.fresh.iter().map(|&place| piece.vertices[place as usize]));
         Ok(())
     })
@@ -374,4 +480,6 @@ fn what_cannot_be_is_told() {
     assert!(many.contains("--spacing") && many.contains("512"), "{many}");
     let unknown = error(&IsosurfaceOptions { attribute: Some("heat".into()), ..options(50.0, 0.05) });
     assert!(unknown.contains("heat") && unknown.contains("number"), "{unknown}");
+    let field = error(&IsosurfaceOptions { field: Some("heat".into()), ..options(50.0, 0.05) });
+    assert_eq!(field, unknown);
 }

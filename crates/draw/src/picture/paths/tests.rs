@@ -75,7 +75,7 @@ fn direction() -> impl Strategy<Value = DVec3> {
 }
 
 proptest! {
-    #![proptest_config(crate::cases::cases(10))]
+    #![proptest_config(crate::cases::cases(6))]
 
     /// A straight path is an arc of a great circle: every place on it is where it is seen, over the seams of faces too, and it has its width
     /// times its length.

@@ -4,6 +4,7 @@
 mod clearance;
 mod depths;
 mod earlier;
+mod eyes;
 #[cfg(test)]
 pub(in crate::picture) mod fixtures;
 mod in_scene;

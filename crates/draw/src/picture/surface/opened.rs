@@ -195,14 +195,23 @@ impl OpenSurface {
         if [low, high] != [min, max] && !self.has_told_heights.swap(true, Ordering::Relaxed) {
             let shown = |height: f64| stepped(height, 0.01 * (high - low), min.abs().max(max.abs()));
             let [low, high, min, max] = [low, high, min, max].map(shown);
-            let most = 100.0 * (1.0 - 2.0 * surface::OUTLIERS);
-            let path = self.path.display();
+            let (path, beyond) = (self.path.display(), self.beyond().unwrap_or_default());
             reporter.tell(format!(
-                "{path}: colours are spread over {most:.1} % of heights, from {low} to {high}, not over all, from {min} to {max}: a transfer function \
-                 with a range of its own says otherwise"
+                "{path}: colours are spread over heights from {low} to {high}, not over all, from {min} to {max} ({beyond}): a transfer function with \
+                 a range of its own says otherwise"
             ));
         }
         [low, high]
+    }
+
+    /// In words the share of heights that colours are not spread over where nothing else is said; `None` where they are over all.
+    pub(super) fn beyond(&self) -> Option<String> {
+        let (facts, [low, high]) = (&self.file.about().facts, self.usual_heights);
+        let measured = || self.coarse.samples.heights.iter().filter(|height| !height.is_nan());
+        let beyond = measured().filter(|height| !(low..=high).contains(height)).count();
+        // Of few the coarse samples may have none.
+        let percent = (100.0 * beyond as f64 / measured().count().max(1) as f64).max(0.1);
+        ([low, high] != [facts.min, facts.max]).then(|| format!("{percent:.1} % beyond"))
     }
 
     /// What a legend calls the values of a depiction.

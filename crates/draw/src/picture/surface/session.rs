@@ -2,13 +2,14 @@
 
 use super::clearance::{Ground, raise};
 use super::depths::SurfaceDepths;
+use super::eyes::eyes_of;
 use super::letters::ProgramFont;
 use super::names::{Floor, Names, take};
 use super::opened::OpenSurface;
 use super::painting::{DrawnBy, Field, Painter, has_labels, is_beyond_frames};
 use super::raw::{SurfaceChannels, SurfaceShown};
 use super::standing::{bounds_of, standing};
-use crate::annotate::{Annotations, Units};
+use crate::annotate::{Annotations, Shown, Units};
 use crate::color::transfer::{Levels, Range, TransferFunction};
 use crate::color::{Colors, Image};
 use crate::cpu::paths::PathFragments;
@@ -343,7 +344,15 @@ impl SurfaceSession {
         let (mode, choice) = (prepared.mode, look.budget.level_choice());
         let depiction = Depiction { mode, settings: look.settings.clone(), attribute: coloring, choice };
         let SurfaceSettings { form, map, exaggeration, .. } = prepared.settings;
-        (depiction, self.opened.units_of(prepared.attribute, form, map, exaggeration))
+        let mut units = self.opened.units_of(prepared.attribute, form, map, exaggeration);
+        if let Shown::Named(name, _) = &mut units.value
+            && prepared.attribute == Attribute::Height
+            && prepared.look.transfer.range == Range::Auto
+            && let Some(beyond) = self.opened.beyond()
+        {
+            *name = format!("{name}, {beyond}");
+        }
+        (depiction, units)
     }
 
     /// A picture in colours of a shot from a view, with what is in a box.
@@ -387,7 +396,8 @@ impl SurfaceSession {
         })
     }
 
-    /// Draws a shot once: in one piece, by the processor also around the eye; two eyes are two pictures.
+    /// Draws a shot once: in one piece, by the processor also around the eye; two eyes are two pictures. Heights along lines are written over what
+    /// is put together.
     fn draw_once(
         &mut self,
         shot: &Shot,
@@ -396,7 +406,6 @@ impl SurfaceSession {
         options: &SurfaceOptions,
     ) -> Result<(SurfacePicture, DrawnBy), PictureError> {
         // Colours of a globe are sooner drawn on faces that are put together than in all directions at once, and an adapter draws faces alone.
-        let in_parts = SurfaceOptions { raw: false, ..options.clone() };
         // Heights along lines are written into whole pictures.
         let is_whole = has_labels(options) || !self.painter.is_by_adapter(self.options.backend);
         // What darkens what is found in flat pictures, and means are drawn in these alone.
@@ -410,9 +419,9 @@ impl SurfaceSession {
             return self.drawn(placed, &sight, options);
         }
         let projector = Projector::new(*view, shot.surround, shot.stereo)?;
-        let mut options = in_parts;
+        let mut own = SurfaceOptions { raw: false, ..options.clone() };
         // What two eyes see, and faces that are put together, would each have heights at places of their own.
-        if let Some(contours) = options.look.as_mut().and_then(|look| look.contours.as_mut()) {
+        if let Some(contours) = own.look.as_mut().and_then(|look| look.contours.as_mut()) {
             contours.labels = None;
         }
         let (mut whole, mut drawn_by) = (SurfacePicture::default(), DrawnBy::default());
@@ -422,16 +431,21 @@ impl SurfaceSession {
                 return Err(PictureError::Stopped);
             }
             let one;
-            (one, drawn_by) = self.drawn(placed, &Sight::Flat(*view), &options)?;
+            (one, drawn_by) = self.drawn(placed, &Sight::Flat(*view), &own)?;
             whole.report.add(&one.report);
             Ok(Some(Raw::Light(LightPicture::of(one.colors))))
         })?;
         if let Raw::Light(light) = values {
             whole.colors = light.colors;
         }
+        if has_labels(options) {
+            let (middle, eyes) = eyes_of(view, shot)?;
+            self.nodes.prepare(placed, &middle, options);
+            lettering::over(&mut whole, (&self.nodes, placed), (&middle, &eyes), options, &ProgramFont);
+        }
         if let (true, Some(panorama)) = (self.options.raw, Panorama::around(view, shot.surround)?) {
             let sight = Sight::Around { panorama, eye: view.eye, cut: view.cut };
-            let channels = SurfaceOptions { look: None, raw: true, ..options };
+            let channels = SurfaceOptions { look: None, raw: true, ..own };
             let one = self.drawn(placed, &sight, &channels)?.0;
             whole.report.error_px = whole.report.error_px.max(one.report.error_px);
             whole.report.is_converged &= one.report.is_converged;
@@ -611,7 +625,8 @@ fn page_file(
             let progress = reporter.progress();
             let folder = tempfile::tempdir().map_err(|error| told(&error))?;
             let built = folder.path().join("heights.df");
-            let about = open.build(&HeightBuildOptions::default(), &built, &*progress);
+            let options = HeightBuildOptions { is_temporary: true, ..HeightBuildOptions::default() };
+            let about = open.build(&options, &built, &*progress);
             drop(progress);
             about.map_err(|error| told(&error))?;
             (HeightFile::open(&built, said.read).map_err(|error| told(&error))?, Some(folder))

@@ -82,7 +82,7 @@ impl Marcher<'_> {
         };
         let normal = DVec3::from_array([0, 1, 2].map(outwards)).normalize_or(DVec3::Z);
         let at = self.samples.index(point.map(|index| index + BEFORE));
-        let value = self.samples.weighted.get(at).map_or(0.0, |weighted| weighted / self.samples.values[at]);
+        let value = self.samples.weighted.get(at).map_or(0.0, |weighted| weighted / self.samples.weights()[at]);
         self.vertex_at(self.coordinates(point), normal, value)
     }
 }

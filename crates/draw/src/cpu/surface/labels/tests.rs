@@ -10,7 +10,7 @@ use crate::color::TransferFunction;
 use deepfield_heights::model::HeightField;
 
 /// Letters that are filled boxes.
-struct Boxes;
+pub(super) struct Boxes;
 
 impl Letters for Boxes {
     fn width(&self, text: &str, size: f32) -> f32 {
@@ -31,7 +31,7 @@ impl Letters for Boxes {
 }
 
 /// Smooth hills.
-fn rolling(seed: u64) -> HeightField {
+pub(super) fn rolling(seed: u64) -> HeightField {
     let mut random = Random::new(seed);
     let waves: Vec<[f64; 4]> = (0..5)
         .map(|k| {
@@ -46,10 +46,10 @@ fn rolling(seed: u64) -> HeightField {
     HeightField::of(500, 420, (0..420 * 500).map(height).collect())
 }
 
-const CONTOURS: Contours =
+pub(super) const CONTOURS: Contours =
     Contours { interval: 4.0, base: 0.37, major: 5, width: 1.2, color: [0.0; 3], labels: Some(9.0) };
 
-fn options(contours: Contours) -> SurfaceOptions {
+pub(super) fn options(contours: Contours) -> SurfaceOptions {
     let transfer = TransferFunction::default();
     let (attribute, light) = (Attribute::Height, Light::Eye);
     let look = Look { attribute, transfer, range: [-80.0, 80.0], light, ambient: 0.8, contours: Some(contours) };

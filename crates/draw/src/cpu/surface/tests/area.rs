@@ -2,7 +2,8 @@
 
 use super::super::look::{Attribute, Light, Look};
 use super::super::paged::PagedSurface;
-use super::super::picture::{SurfaceOptions, draw};
+use super::super::picture::{SurfaceOptions, draw, scene, visible};
+use super::super::resolve::Resolver;
 use super::super::select::Technique;
 use super::*;
 use crate::color::transfer::TransferFunction;
@@ -288,4 +289,34 @@ fn holes_of_globes_far_away_do_not_fill_in_colours() {
     };
     let share = covered("stripes") / covered("whole");
     assert!((0.58..0.75).contains(&share), "{share} of what is covered without holes");
+}
+
+/// Where the middle of one of the picture's samples is beside a globe, colours tell what channels do: the mean over the sample, whatever is seen in it.
+#[test]
+fn limbs_of_globes_are_covered_in_colours_as_in_channels() {
+    let field = broken_globe("stripes");
+    let source = MemorySurface::new(&field, 1.0).unwrap();
+    let placed = Placed::new(&field.grid, Map::Globe(GLOBE), 1.0, 0.0);
+    let (sight, options) = (of_globe(DVec3::from(Globe::up(170.0, 40.0)), 10.0), SurfaceOptions::default());
+    let scene = scene(&source, &placed, &sight, &options);
+    let (seen, _) = visible(&scene, &sight, &options, 1);
+    let resolver = Resolver::new(&scene, &sight);
+    let (mut beside, mut open) = (0, 0);
+    for index in 0..seen.width * seen.height {
+        let pixel = [(index % seen.width) as f64 + 0.5, (index / seen.width) as f64 + 0.5];
+        let Some(shown) = seen.at(index) else { continue };
+        // In a world in which the globe is a ball.
+        let ball = DVec3::new(1.0, 1.0, GLOBE.equator / GLOBE.pole);
+        let (origin, direction) =
+            sight.ray(pixel).map(|(origin, direction)| (origin * ball, direction * ball)).unwrap();
+        let nearest = origin - origin.dot(direction) / direction.length_squared() * direction;
+        if nearest.length() > 1.005 * GLOBE.equator {
+            let hits = [resolver.look(shown, pixel), resolver.hit(shown, pixel)];
+            let [colors, channels] = hits.map(|hit| hit.map(|hit| hit.coverage));
+            assert_eq!(colors, channels, "{pixel:?}");
+            beside += 1;
+            open += usize::from(colors.is_some_and(|coverage| coverage < 1.0));
+        }
+    }
+    assert!(beside > 0 && open > 0, "{open} of {beside}");
 }

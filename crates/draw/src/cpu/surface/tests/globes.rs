@@ -140,7 +140,7 @@ fn no_gap_is_seen() {
         let eye = (1.1 + random.between(0.0, 1.0)) * globe.equator * DVec3::from(Globe::up(longitude, latitude));
         let projection = Projection::Perspective { fov_y: 0.3 };
         let up = DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3);
-        let view = View::look_at(eye, DVec3::ZERO, up, projection, 160, 120).unwrap();
+        let view = View::look_at(eye, DVec3::ZERO, up, projection, 112, 84).unwrap();
         let look = Look {
             attribute: Attribute::Height,
             transfer: TransferFunction::default(),

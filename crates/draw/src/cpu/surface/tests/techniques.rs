@@ -12,14 +12,13 @@ fn view(eye: [f64; 3], target: [f64; 3], projection: Projection, size: [u32; 2])
 }
 
 fn raw(
-    field: &HeightField,
+    source: &MemorySurface,
     placed: &Placed,
     sight: &Sight,
     (technique, point): (Technique, u32),
     tau: f64,
 ) -> SurfacePicture {
-    let source = MemorySurface::new(field, 1.0).unwrap();
-    draw(&source, placed, sight, &SurfaceOptions { technique, point, tau, raw: true, ..SurfaceOptions::default() })
+    draw(source, placed, sight, &SurfaceOptions { technique, point, tau, raw: true, ..SurfaceOptions::default() })
 }
 
 const TECHNIQUES: [Technique; 3] = [Technique::Hybrid, Technique::Triangles, Technique::Rays];
@@ -31,6 +30,7 @@ fn places_are_within_the_error() {
     let perspective = Projection::Perspective { fov_y: 0.8 };
     for (holes, seed) in [(0.0, 1), (0.3, 2)] {
         let field = hills(700, 900, holes, seed);
+        let source = MemorySurface::new(&field, 1.0).unwrap();
         for (exaggeration, base, point) in [(1.0, 0.0, 1), (3.0, 12.0, 3)] {
             let placed = Placed::new(&field.grid, Map::Plate, exaggeration, base);
             let ground = placed.lifted(t_height(&field, 300.0, 450.0).max(-60.0));
@@ -49,7 +49,7 @@ fn places_are_within_the_error() {
                 (view([450.0, 300.0, -400.0], [500.0, 360.0, 0.0], perspective, [60, 60]), 8.0),
             ] {
                 for technique in TECHNIQUES {
-                    let picture = raw(&field, &placed, &sight, (technique, point), tau);
+                    let picture = raw(&source, &placed, &sight, (technique, point), tau);
                     let (mut hits, mut worst) = (0, 0.0_f64);
                     for (index, channels) in picture.raw.iter().enumerate() {
                         let [depth, x, y, height, row, column, coverage] = *channels;
@@ -104,7 +104,7 @@ fn area_is_conserved() {
         area += [0.0, 0.0, 0.0, 0.5, 1.0]
             [if (r as usize) < side - 1 && (c as usize) < side - 1 { measured(r, c) } else { 0 }];
     }
-    let placed = placed(&field);
+    let (source, placed) = (MemorySurface::new(&field, 1.0).unwrap(), placed(&field));
     for (samples, point) in [(0.3_f64, 1), (1.0, 1), (10.0, 1), (40.0, 1), (40.0, 3)] {
         let high = 1.3 * side as f64;
         let pixels = (high / samples.sqrt()) as u32;
@@ -113,7 +113,7 @@ fn area_is_conserved() {
             (DVec3::new(middle + 0.123, middle + 0.377, 0.0), DVec3::new(0.35_f64.sin(), 0.35_f64.cos(), 0.0));
         let projection = Projection::Orthographic { height: high };
         let view = View::look_at(target + DVec3::Z * 900.0, target, up, projection, pixels, pixels).unwrap();
-        let picture = raw(&field, &placed, &Sight::Flat(view), (Technique::Hybrid, point), 0.8);
+        let picture = raw(&source, &placed, &Sight::Flat(view), (Technique::Hybrid, point), 0.8);
         let found = picture.report.covered * (high / f64::from(pixels)).powi(2);
         // The finer the pixels, the more of them share in the error.
         let bar = 1.2 / (side as f64) * samples.max(1.0).sqrt().min(3.0);

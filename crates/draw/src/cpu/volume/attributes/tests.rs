@@ -5,13 +5,14 @@
 use super::*;
 use crate::color::transfer::{Curve, Scale, TransferFunction};
 use crate::cpu::volume::bricks::{BORDER, BRICK, Slab};
+use crate::cpu::volume::supply::tests::{Group, Groups};
 use crate::cpu::volume::tests::{Cloud, RAMP, draw, look, perspective, scenery};
 use crate::cpu::volume::{Classifier, Light, Surface, VolumeLevels, cast_in_parts};
 use crate::cpu::{Extent, Positions};
 use crate::model::Kernel;
 use crate::synth::merger::Merger;
 use crate::synth::random::Random;
-use crate::view::{self, Projection};
+use crate::view::Projection;
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -120,68 +121,32 @@ fn fields_are_the_exact_sums_on_a_merger() {
     }
 }
 
-/// Groups of gas, some of which are handed over at a time.
-struct Groups {
-    all: Vec<Gas>,
-    together: usize,
-    slab_bytes: u64,
-}
-
-impl Groups {
-    /// Of very different sizes, here and there; densities in a unit of their own. A few particles have no value.
-    fn random(seed: u64, count: usize, unit: f64, (together, slab_bytes): (usize, u64)) -> Groups {
-        let mut random = Random::new(seed, 8);
-        let group = |_: usize| {
-            let middle = DVec3::from_array([0; 3].map(|_| 2.0 * random.signed()));
-            let width = 0.05 + 1.5 * random.uniform().powi(3);
-            let (mut positions, mut columns) = (Vec::new(), [(); 4].map(|()| Vec::new()));
-            for _ in 0..200 {
-                let place = middle + width * DVec3::from_array([0; 3].map(|_| random.signed()));
-                let h = width * (0.02 + 1.5 * random.uniform().powi(10));
-                let value = if random.uniform() < 0.05 { f64::NAN } else { random.signed() };
-                let density = unit * (0.1 + random.uniform());
-                positions.push(place.to_array());
-                let own = [h, 0.1 * h.powi(3) * density / unit, density, value];
-                columns.iter_mut().zip(own).for_each(|(column, value)| column.push(value as f32));
-            }
-            let [h, mass, density, value] = columns;
-            Gas::new(positions, h, mass, density, value)
-        };
-        Groups { all: (0..count).map(group).collect(), together, slab_bytes }
-    }
-
-    fn batches(&self) -> Vec<Splats<'_>> {
-        self.all.iter().map(Gas::batch).collect()
+impl Group for Gas {
+    fn batch(&self) -> Splats<'_> {
+        self.batch()
     }
 }
 
-impl Supply for Groups {
-    fn extents(&self) -> Vec<view::Extent> {
-        extents::of(&self.batches())
-    }
-
-    fn particles(&self) -> u64 {
-        self.batches().iter().map(|batch| batch.len() as u64).sum()
-    }
-
-    fn has_attribute(&self) -> bool {
-        true
-    }
-
-    fn slab_bytes(&self) -> u64 {
-        self.slab_bytes
-    }
-
-    fn supply(&mut self, is_wanted: &dyn Fn(&view::Extent) -> bool, each: &mut dyn FnMut(&[Splats<'_>])) {
-        let batches = self.batches();
-        let wanted: Vec<Splats<'_>> = batches
-            .iter()
-            .zip(self.extents())
-            .filter(|(_, extent)| is_wanted(extent))
-            .map(|(batch, _)| *batch)
-            .collect();
-        wanted.chunks(self.together).for_each(each);
-    }
+/// Groups of very different sizes, here and there; densities in a unit of their own. A few particles have no value.
+fn random_groups(seed: u64, count: usize, unit: f64, (together, slab_bytes): (usize, u64)) -> Groups {
+    let mut random = Random::new(seed, 8);
+    let group = |_: usize| -> Box<dyn Group> {
+        let middle = DVec3::from_array([0; 3].map(|_| 2.0 * random.signed()));
+        let width = 0.05 + 1.5 * random.uniform().powi(3);
+        let (mut positions, mut columns) = (Vec::new(), [(); 4].map(|()| Vec::new()));
+        for _ in 0..200 {
+            let place = middle + width * DVec3::from_array([0; 3].map(|_| random.signed()));
+            let h = width * (0.02 + 1.5 * random.uniform().powi(10));
+            let value = if random.uniform() < 0.05 { f64::NAN } else { random.signed() };
+            let density = unit * (0.1 + random.uniform());
+            positions.push(place.to_array());
+            let own = [h, 0.1 * h.powi(3) * density / unit, density, value];
+            columns.iter_mut().zip(own).for_each(|(column, value)| column.push(value as f32));
+        }
+        let [h, mass, density, value] = columns;
+        Box::new(Gas::new(positions, h, mass, density, value))
+    };
+    Groups::of((0..count).map(group).collect(), together, slab_bytes)
 }
 
 proptest! {
@@ -195,7 +160,7 @@ proptest! {
         (unit, distance) in (prop::sample::select(vec![1.0, 1e9]), 0.5_f64..8.0),
     ) {
         let memory = [0, 300 << 10, 1 << 30][memory];
-        let mut groups = Groups::random(seed, count, unit, (together, SUPPLIED_SHARE * memory));
+        let mut groups = random_groups(seed, count, unit, (together, SUPPLIED_SHARE * memory));
         let view = perspective(distance * DVec3::new(0.3, 0.2, 0.93), 66, 50);
         let axis = ValueAxis::new(Scale::Linear, [-1.2, 1.2]);
         let opacity = Some(ByDensity { range: [1e-3 * unit, unit] });

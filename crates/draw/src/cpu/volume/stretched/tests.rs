@@ -121,11 +121,14 @@ fn fields_are_the_exact_sums() {
     for kernel in Kernel::ALL {
         let all = Ellipsoids::some(600, [0.1, 1.5], 0.1, kernel);
         let field = ExactField::new(&[all.batch()], kernel);
-        for view in [
-            perspective(DVec3::new(3.0, 5.0, 12.0), 150, 110),
+        let views = [
             perspective(DVec3::new(0.3, 0.1, 1.0), 150, 110),
+            perspective(DVec3::new(3.0, 5.0, 12.0), 150, 110),
             look(DVec3::new(6.0, 4.0, 9.0), Projection::Orthographic { height: 6.0 }, 120, 90),
-        ] {
+        ];
+        // Views know nothing of kernels.
+        let count = if kernel == Kernel::CubicSpline { views.len() } else { 1 };
+        for view in views.into_iter().take(count) {
             let options =
                 VolumeOptions { kernel, smallest: 0.0, near: Some(0.2), far: Some(20.0), ..VolumeOptions::default() };
             let (prepared, slab) = resampled(&view, all.batch(), &options);

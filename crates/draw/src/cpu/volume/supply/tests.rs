@@ -13,19 +13,35 @@ use crate::view::perspective_grid::GridOptions;
 use glam::DVec3;
 use proptest::prelude::*;
 
-/// Groups in memory, and how often each was supplied.
-struct Groups {
-    round: Vec<Cloud>,
-    stretched: Vec<Ellipsoids>,
+/// Particles in memory that are supplied together.
+pub(in crate::cpu::volume) trait Group: Send {
+    fn batch(&self) -> Splats<'_>;
+}
+
+impl Group for Cloud {
+    fn batch(&self) -> Splats<'_> {
+        self.batch()
+    }
+}
+
+impl Group for Ellipsoids {
+    fn batch(&self) -> Splats<'_> {
+        self.batch()
+    }
+}
+
+/// Groups in memory, of which so many are handed over together, and how often each was supplied.
+pub(in crate::cpu::volume) struct Groups {
+    all: Vec<Box<dyn Group>>,
     together: usize,
     slab_bytes: u64,
     supplied: Vec<usize>,
 }
 
 impl Groups {
-    fn of(round: Vec<Cloud>, stretched: Vec<Ellipsoids>, together: usize, slab_bytes: u64) -> Groups {
-        let supplied = vec![0; round.len() + stretched.len()];
-        Groups { round, stretched, together, slab_bytes, supplied }
+    pub fn of(all: Vec<Box<dyn Group>>, together: usize, slab_bytes: u64) -> Groups {
+        let supplied = vec![0; all.len()];
+        Groups { all, together, slab_bytes, supplied }
     }
 
     /// Of very different sizes, here and there.
@@ -40,29 +56,29 @@ impl Groups {
                 add(&mut random, place, h);
             }
         };
-        let cloud = |_| {
+        let cloud = |_: usize| -> Box<dyn Group> {
             let mut cloud = Cloud::default();
             somewhere(300, &mut |random, place, h| {
                 cloud.push(place.to_array(), h as f32, (0.5 * h * h) as f32, random.signed() as f32);
             });
-            cloud
+            Box::new(cloud)
         };
-        let round = (0..round).map(cloud).collect();
-        let ellipsoids = |_| {
+        let mut groups: Vec<_> = (0..round).map(cloud).collect();
+        let ellipsoids = |_: usize| -> Box<dyn Group> {
             let mut all = Ellipsoids::default();
             somewhere(40, &mut |random, place, h| {
                 let radii = h * DVec3::new(1.0, 0.2 + 0.8 * random.uniform(), 0.2 + 0.8 * random.uniform());
                 let axes = rotation(random);
                 all.push(place, radii, axes, Kernel::default(), [(0.5 * h * h) as f32, random.signed() as f32]);
             });
-            all
+            Box::new(all)
         };
-        let stretched = (0..stretched).map(ellipsoids).collect();
-        Groups::of(round, stretched, together, slab_bytes)
+        groups.extend((0..stretched).map(ellipsoids));
+        Groups::of(groups, together, slab_bytes)
     }
 
-    fn batches(&self) -> Vec<Splats<'_>> {
-        self.round.iter().map(Cloud::batch).chain(self.stretched.iter().map(Ellipsoids::batch)).collect()
+    pub fn batches(&self) -> Vec<Splats<'_>> {
+        self.all.iter().map(|group| group.batch()).collect()
     }
 }
 
@@ -148,8 +164,8 @@ fn what_is_hidden_is_not_supplied() {
     let surface = Surface { value: 0.7, color: None, opacity: 0.9 };
     let scenery = Scenery { termination: 0.97, ..scenery(RAMP, [1e-3, 1.0], 0.3, vec![surface]) };
     let supplied = |occlusion| {
-        let clouds = vec![Cloud::lattice(16, 2.0), behind(-4.0), behind(-6.0)];
-        let mut groups = Groups::of(clouds, Vec::new(), 1, 0);
+        let clouds = [Cloud::lattice(16, 2.0), behind(-4.0), behind(-6.0)];
+        let mut groups = Groups::of(clouds.map(|cloud| Box::new(cloud) as Box<dyn Group>).into(), 1, 0);
         let options = VolumeOptions { occlusion, ..VolumeOptions::default() };
         let (colors, report) = draw(&view, &mut groups, &scenery, &options).unwrap();
         (colors, report.particles, groups.supplied)

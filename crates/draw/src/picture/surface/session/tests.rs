@@ -3,12 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use super::*;
-use crate::annotate::Shown;
 use crate::look::CameraConfig;
 use crate::mode::LevelChoice;
 use crate::model::Unit;
 use crate::modes::surface::MODE;
 use crate::picture::surface::fixtures::{field, opened};
+use crate::view::{Eyes, Stereo, StereoKind};
 
 /// A ramp from -300 to 900 along x, drawn from above without shades: its picture.
 fn ramp(unit: &str, settings: &str, transfer: Option<TransferFunction>) -> Picture {
@@ -126,7 +126,13 @@ fn spikes_do_not_have_the_colours_of_a_field() {
     };
     assert_eq!(range(4.0, None), [0.0, 4.0]);
     let [low, high] = range(900.0, None);
-    assert!((0.0..0.2).contains(&low) && (1.8..=2.0).contains(&high), "{low} {high}");
+    assert_eq!([low, high], [0.0, 2.0]);
+    let session =
+        opened("m", [101, 101], [0.0, 0.0], 1.0, |x, y| if x == 0.0 && y < 60.0 { 900.0 } else { hill(x, y) });
+    let told = |look: &LookPatch| session.told(&session.prepare(look).unwrap(), look).1.value;
+    assert_eq!(told(&LookPatch::default()), Shown::Named("height, 0.6 % beyond".into(), Unit::new("m")));
+    let transfer = Some(TransferFunction { range: Range::Fixed(-5.0, 900.0), ..TransferFunction::default() });
+    assert_eq!(told(&LookPatch { transfer, ..LookPatch::default() }), Shown::Named("height".into(), Unit::new("m")));
     let own = TransferFunction { range: Range::Fixed(-5.0, 900.0), ..TransferFunction::default() };
     assert_eq!(range(900.0, Some(own)), [-5.0, 900.0]);
 }
@@ -184,4 +190,20 @@ fn a_cliff_casts_its_shadow_away_from_the_sun() {
     let occluded = draw(", \"ambient-occlusion\": 1.0, \"occlusion-radius\": 0.2");
     let at = |x: usize| occluded[120 * 480 + 4 * x][1] / plain[120 * 480 + 4 * x][1];
     assert!(at(42) < 0.8 && at(110) == 1.0 && at(20) == 1.0, "{} {} {}", at(42), at(110), at(20));
+}
+
+#[test]
+fn two_eyes_have_the_same_heights_along_lines() {
+    let mut session = opened("m", [101, 101], [0.0, 0.0], 1.0, |x, y| 0.25 * x + 0.02 * y);
+    let settings = ron::from_str(r#"{"contours": 5.0, "contour-labels": true, "samples": 1.0}"#).unwrap();
+    let (kind, eyes) = (StereoKind::OffAxis, Eyes::SideBySide);
+    let stereo = Some(Stereo { kind, separation: 2.0, zero_parallax: 150.0, eyes });
+    let look = LookPatch { settings, ..LookPatch::default() };
+    let picture = session.draw(&Shot { look, stereo, size: Some((480, 320)), ..Shot::default() }).unwrap();
+    let Raw::Light(light) = &picture.values else { panic!("light") };
+    let middle = 0.5 * f64::from(light.colors.width);
+    let labels = picture.surface.unwrap().labels.unwrap();
+    let (left, right) = labels.split_at(labels.len() / 2);
+    assert!(!left.is_empty() && left.iter().map(|label| &label.text).eq(right.iter().map(|label| &label.text)));
+    assert!(left.iter().all(|label| label.middle[0] < middle) && right.iter().all(|label| label.middle[0] > middle));
 }

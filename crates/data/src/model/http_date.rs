@@ -5,7 +5,7 @@ const MONTHS: [&str; 12] = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Au
 const DAY: i64 = 86_400;
 
 /// The date of a number of seconds after the beginning of 1970.
-pub(super) fn written(seconds: i64) -> String {
+pub fn written(seconds: i64) -> String {
     let (days, second) = (seconds.div_euclid(DAY), seconds.rem_euclid(DAY));
     let (year, month, day) = civil(days);
     let name = DAYS[days.rem_euclid(7) as usize];
@@ -14,7 +14,7 @@ pub(super) fn written(seconds: i64) -> String {
 }
 
 /// The seconds of a date; `None` for anything else, also for the two forms that nobody writes any more.
-pub(super) fn read(text: &str) -> Option<i64> {
+pub fn read(text: &str) -> Option<i64> {
     let parts: Vec<&str> = text.split(' ').collect();
     let &[_, day, month, year, clock, "GMT"] = parts.as_slice() else { return None };
     let month = MONTHS.iter().position(|name| *name == month)? as i64 + 1;

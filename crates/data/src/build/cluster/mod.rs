@@ -1,0 +1,450 @@
+//! A build beyond one machine: its stages as tasks that any engine runs, on any machine that sees the job's folder, in any number of
+//! processes. A task reads files and writes one ([`parts`]); running it again, twice at the same time or after a loss, does no harm. The
+//! page file is the one that [`super::build_source`] writes, byte for byte: the steps are the same functions, and whatever is summed is summed
+//! in the same order whoever has the parts.
+//!
+//! | stage | tasks | reads | hands on |
+//! |---|---|---|---|
+//! | survey | for each input block | the source | ranges, sums, a sample |
+//! | plan | 1 | surveys | root cell and buckets of each family |
+//! | partition | for each input block | the source | its particles by bucket, counts for histograms |
+//! | neighbours | for each group of buckets | particles of the group and around it | densities and smoothing lengths where some are missing |
+//! | motion | for each group of buckets, with attributes that are derived | the same | those attributes |
+//! | scale | 1 | what was found there | ranges of all columns, how the quantiser scales them |
+//! | grow | for each group of buckets | its particles | leaves and grids |
+//! | join | 1 | what is known of these | nodes, and what shares a codebook |
+//! | train | for some codebooks | a sample of the quantities that share one | quantisers |
+//! | code | for some parts of these quantities | them | codes, sums by code |
+//! | draft | 1 | sums | codebooks |
+//! | refine | as code, where codes are refined | quantities and codes | finer codes, how often each is |
+//! | lines | 1, where codes are refined | that | codebooks of these |
+//! | settle | as code | quantities and codes | what these decode to, errors |
+//! | pages | 1 | nodes, codebooks | which nodes each page has, and the footer |
+//! | write | for each run of pages | positions and codes | pages, at their places in the file that will be the output |
+//! | finish | 1 | checksums | the output, under its name |
+
+mod parts;
+mod settings;
+mod stages;
+#[cfg(test)]
+mod tests;
+
+use super::memory::{Memory, OUTPUT_PARTICLE, check_room};
+use super::partition::particle_bytes;
+use super::{BuildError, BuildOptions, in_pool, streams_of};
+use crate::hierarchy::kind::PCA;
+use crate::import::{LoadOptions, open_with};
+use crate::model::{ParticleStream, Progress};
+use crate::store::temporary::folder_of;
+use crate::store::{PageFileWriter, StoreError};
+use parts::{Header, Names};
+pub(super) use parts::{PartError, PartPlace, Parts};
+use serde::Serialize;
+use settings::{FamilyTasks, Settings};
+use stages::Task;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+/// Particles that a task reads by default, where a job has neither too few nor too many tasks then.
+const TASK_PARTICLES: u64 = 1 << 24;
+/// Fewest and most tasks by default that a source is read by.
+const TASKS: (u64, u64) = (8, 4096);
+/// Tasks of a stage at most, so that their numbers fit everywhere.
+const MOST_TASKS: u32 = 1 << 16;
+/// Codebooks of a family, about: no more tasks have anything to train.
+const BOOKS: u32 = 48;
+
+/// The script in a job's folder that gives its tasks to a scheduler, and the folder of what they say there.
+const SCRIPT: &str = "submit.sh";
+const LOGS: &str = "logs";
+
+/// How finely a job is cut.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Split {
+    /// Tasks that the source is read by, about, and as many for each further stage that can use them; `None`: a few fat ones, by the number
+    /// of particles and the memory that each may take.
+    pub tasks: Option<u32>,
+}
+
+/// A stage of a job.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Stage {
+    /// Its name.
+    pub name: String,
+    /// Number of its tasks, which may run in any order and at the same time.
+    pub tasks: u32,
+    /// The stages that come before it.
+    pub after: Vec<String>,
+}
+
+/// How far a job has come.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Status {
+    /// Its folder.
+    pub job: PathBuf,
+    /// The page file.
+    pub output: PathBuf,
+    /// Whether the page file is there.
+    pub finished: bool,
+    /// Its stages, in order.
+    pub stages: Vec<StageStatus>,
+    /// What its tasks have moved so far.
+    pub bytes: Moved,
+    /// Particles of the source.
+    pub particles: u64,
+    /// Bytes that its folder takes, about.
+    pub temporary_bytes_needed: u64,
+}
+
+/// How far a stage has come.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct StageStatus {
+    /// Its name.
+    pub name: String,
+    /// Number of its tasks.
+    pub tasks: u32,
+    /// Those that are done.
+    pub done: u32,
+    /// The stages that come before it.
+    pub after: Vec<String>,
+}
+
+/// Bytes that tasks have moved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Moved {
+    /// Of the source, about, and of the files of other tasks.
+    pub read: u64,
+    /// Particles on their way from where they were read to their buckets, and what was found for them.
+    pub shuffled: u64,
+    /// All else: hierarchies, codes, and the output.
+    pub written: u64,
+}
+
+/// A build that is cut into tasks.
+#[derive(Clone, Debug)]
+pub struct Job {
+    folder: PathBuf,
+    id: u64,
+    settings: Settings,
+    stages: Vec<Stage>,
+}
+
+impl Job {
+    /// Plans the build of the page file `out` from the source at `source`, in stages whose numbers of tasks are fixed from here on, and
+    /// writes the plan to `folder`. The same plan is opened where it is there already.
+    ///
+    /// # Errors
+    /// When the source cannot be read, the folder holds something else, or it or that of `out` takes no files or has not the room; and for
+    /// clusters ([`PCA`]), which are made of whole trees.
+    pub fn plan(
+        folder: &Path,
+        source: &Path,
+        load: &LoadOptions,
+        options: &BuildOptions,
+        split: Split,
+        out: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Job, BuildError> {
+        let settings = settings(source, load, options, split, out)?;
+        let unwritable = |source| StoreError::Io { path: folder.to_owned(), action: "create", source };
+        std::fs::create_dir_all(folder).map_err(unwritable)?;
+        if folder.join(settings::FILE).exists() {
+            let job = Job::open(folder)?;
+            return match job.settings == settings {
+                true => Ok(job),
+                false => Err(job_error(folder, "found another job, expected none or the same one")),
+            };
+        }
+        let mut entries = std::fs::read_dir(folder).map_err(unwritable)?;
+        if let Some(entry) = entries.find_map(Result::ok) {
+            let found = entry.file_name();
+            let found = found.to_string_lossy();
+            return Err(job_error(folder, &format!("found {found}, expected an empty folder for the job")));
+        }
+        // Nothing stays of it.
+        drop(PageFileWriter::create(&settings.output)?);
+        let output_bytes = OUTPUT_PARTICLE * settings.particles();
+        check_room(folder, settings.temporary_bytes, &settings.output)?;
+        check_room(folder_of(&settings.output), output_bytes, &settings.output)?;
+        let id = settings::write(folder, &settings)?;
+        let job = Job::of(folder, id, settings);
+        let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
+        progress.say(&format!(
+            "{} tasks; up to about {} MiB in {} and {} MiB for {}",
+            job.names().tasks(),
+            mebibytes(job.settings.temporary_bytes),
+            folder.display(),
+            mebibytes(output_bytes),
+            out.display()
+        ));
+        Ok(job)
+    }
+
+    /// Opens the job in a folder.
+    ///
+    /// # Errors
+    /// Where there is none, or its plan is damaged.
+    pub fn open(folder: &Path) -> Result<Job, BuildError> {
+        let (id, settings) = settings::read(folder)?;
+        settings.check(folder)?;
+        Ok(Job::of(folder, id, settings))
+    }
+
+    fn of(folder: &Path, id: u64, settings: Settings) -> Job {
+        let mut stages: Vec<Stage> = Vec::new();
+        for (name, tasks) in settings.stages() {
+            let after = stages.last().map(|stage| stage.name.clone()).into_iter().collect();
+            stages.push(Stage { name: name.to_owned(), tasks, after });
+        }
+        Job { folder: folder.to_owned(), id, settings, stages }
+    }
+
+    /// Its folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The page file that it builds.
+    pub fn output(&self) -> &Path {
+        &self.settings.output
+    }
+
+    /// Its stages, in order.
+    pub fn stages(&self) -> &[Stage] {
+        &self.stages
+    }
+
+    /// Runs task `task`, from 0, of a stage; one whose result is there returns at once. `memory` bounds it as [`BuildOptions::memory`] bounds
+    /// a build; `None`: by what the job was planned with.
+    ///
+    /// # Errors
+    /// Where there is no such task, the result of one that it needs is missing or damaged, or something cannot be read or written.
+    pub fn run(&self, stage: &str, task: u32, memory: Option<u64>, progress: &dyn Progress) -> Result<(), BuildError> {
+        let number = self.number(stage, task)?;
+        let names = self.names();
+        if names.done(number).is_some() {
+            return Ok(());
+        }
+        let mut options = self.settings.options.clone();
+        options.memory = memory.or(options.memory);
+        in_pool(&options, || Task::new(self, number, &options, progress)?.run(stage, task))
+    }
+
+    /// How far it has come.
+    ///
+    /// # Errors
+    /// When its folder cannot be read.
+    pub fn status(&self) -> Result<Status, BuildError> {
+        let names = self.names();
+        let mut moved = Moved::default();
+        let mut stages = Vec::with_capacity(self.stages.len());
+        for (index, Stage { name, tasks, after }) in self.stages.iter().enumerate() {
+            let done: Vec<Header> = (0..*tasks).filter_map(|task| names.done(names.number(index, task))).collect();
+            let bytes: u64 = done.iter().map(Header::bytes).sum();
+            moved.read += done.iter().map(|header| header.read).sum::<u64>();
+            match name.as_str() {
+                "partition" | "neighbours" | "motion" => moved.shuffled += bytes,
+                _ => moved.written += bytes + done.iter().map(|header| header.written).sum::<u64>(),
+            }
+            stages.push(StageStatus {
+                name: name.clone(),
+                tasks: *tasks,
+                done: done.len() as u32,
+                after: after.clone(),
+            });
+        }
+        Ok(Status {
+            job: self.folder.clone(),
+            output: self.settings.output.clone(),
+            finished: stages.last().is_some_and(|last| last.done == last.tasks),
+            stages,
+            bytes: moved,
+            particles: self.settings.particles(),
+            temporary_bytes_needed: self.settings.temporary_bytes,
+        })
+    }
+
+    /// Removes what the job has written, but for the page file once it has its name, and the job's folder where nothing else is in it.
+    ///
+    /// # Errors
+    /// When something cannot be removed.
+    pub fn remove(self) -> Result<(), BuildError> {
+        let remove = |path: PathBuf| match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                Err(BuildError::from(StoreError::Io { path, action: "remove", source }))
+            }
+            _ => Ok(()),
+        };
+        let io = |source| StoreError::Io { path: self.folder.clone(), action: "read", source };
+        for entry in std::fs::read_dir(&self.folder).map_err(io)? {
+            let entry = entry.map_err(io)?;
+            if self.is_ours(&entry.file_name()) {
+                remove(entry.path())?;
+            }
+        }
+        remove(self.growing())?;
+        remove(self.folder.join(SCRIPT))?;
+        let logs = self.folder.join(LOGS);
+        for entry in std::fs::read_dir(&logs).into_iter().flatten().flatten() {
+            if entry.file_name().to_str().is_some_and(|name| self.is_log(name)) {
+                remove(entry.path())?;
+            }
+        }
+        // Whatever others keep there stays.
+        let _ = std::fs::remove_dir(&logs);
+        // Last, so that what was not removed can be tried again.
+        remove(self.folder.join(settings::FILE))?;
+        let _ = std::fs::remove_dir(&self.folder);
+        Ok(())
+    }
+
+    /// Whether what tasks say goes to a file of this name.
+    fn is_log(&self, name: &str) -> bool {
+        let is_stage = |stage: &Stage| name.strip_prefix(&stage.name).is_some_and(|rest| rest.starts_with('-'));
+        name.ends_with(".log") && self.stages.iter().any(is_stage)
+    }
+
+    /// Whether a task's file has this name, or one that it has until it is complete.
+    fn is_ours(&self, name: &OsStr) -> bool {
+        let Some(name) = name.to_str() else { return false };
+        let is_temporary = |text: &str| text.starts_with(&crate::store::temporary::MARK[1..]);
+        if name.strip_prefix(settings::FILE).and_then(|rest| rest.strip_prefix('.')).is_some_and(is_temporary) {
+            return true;
+        }
+        let Some((stage, rest)) = name.split_once('.') else { return false };
+        let is_stage = self.stages.iter().any(|own| own.name == stage) || stage == stages::SPILL;
+        let (task, temporary) = rest.split_once('.').map_or((rest, None), |(task, rest)| (task, Some(rest)));
+        is_stage && task.parse::<u32>().is_ok() && temporary.is_none_or(is_temporary)
+    }
+
+    /// The file that will be the output.
+    fn growing(&self) -> PathBuf {
+        let mut name = std::ffi::OsString::from(".");
+        name.push(self.settings.output.file_name().unwrap_or_default());
+        name.push(format!(".{:016x}.part", self.id));
+        folder_of(&self.settings.output).join(name)
+    }
+
+    fn names(&self) -> Names {
+        let stages = self.stages.iter().map(|stage| (stage.name.clone(), stage.tasks)).collect();
+        Names { folder: self.folder.clone(), job: self.id, stages }
+    }
+
+    /// The number in the job of a task.
+    fn number(&self, stage: &str, task: u32) -> Result<u32, BuildError> {
+        let error = |what: String| Err(job_error(&self.folder, &what));
+        let Some(index) = self.stages.iter().position(|own| own.name == stage) else {
+            let names: Vec<&str> = self.stages.iter().map(|own| own.name.as_str()).collect();
+            return error(format!("stage: found {stage:?}, expected one of {}", names.join(", ")));
+        };
+        let tasks = self.stages[index].tasks;
+        if task >= tasks {
+            return error(format!("task: found {task} of stage {stage}, expected 0 to {}", tasks - 1));
+        }
+        Ok(self.names().number(index, task))
+    }
+}
+
+impl Settings {
+    fn particles(&self) -> u64 {
+        self.families.iter().map(|family| family.particles).sum()
+    }
+
+    /// Name and number of tasks of each stage, each of which comes after the one before.
+    fn stages(&self) -> Vec<(&'static str, u32)> {
+        let input = self.families.iter().map(|family| family.input).sum();
+        let groups = self.families.iter().map(|family| family.groups).sum();
+        let mut stages =
+            vec![("survey", input), ("plan", 1), ("partition", input), ("neighbours", groups), ("motion", groups)];
+        if self.load.derive.is_empty() {
+            stages.pop();
+        }
+        stages.extend([("scale", 1), ("grow", groups), ("join", 1)]);
+        stages.extend([("train", self.train), ("code", self.code), ("draft", 1)]);
+        if self.options.octree.code_bits().is_refined() {
+            stages.extend([("refine", self.code), ("lines", 1)]);
+        }
+        stages.extend([("settle", self.code), ("pages", 1), ("write", self.write), ("finish", 1)]);
+        stages
+    }
+
+    /// Whether numbers of tasks are such as are planned.
+    fn check(&self, folder: &Path) -> Result<(), BuildError> {
+        if self.families.is_empty() {
+            return Err(job_error(&folder.join(settings::FILE), "families: found none, expected at least one"));
+        }
+        let counts = self.families.iter().flat_map(|family| [("input", family.input), ("groups", family.groups)]);
+        let mut counts = counts.chain([("train", self.train), ("code", self.code), ("write", self.write)]);
+        match counts.find(|(_, tasks)| !(1..=MOST_TASKS).contains(tasks)) {
+            Some((name, found)) => {
+                let path = folder.join(settings::FILE);
+                Err(job_error(&path, &format!("{name}: found {found} tasks, expected 1 to {MOST_TASKS}")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+fn job_error(path: &Path, what: &str) -> BuildError {
+    BuildError::Job { path: path.to_owned(), what: what.to_owned() }
+}
+
+/// Looks at the source and decides what the tasks are.
+fn settings(
+    source: &Path,
+    load: &LoadOptions,
+    options: &BuildOptions,
+    split: Split,
+    out: &Path,
+) -> Result<Settings, BuildError> {
+    let absolute = |path: &Path| {
+        let io = |source| StoreError::Io { path: path.to_owned(), action: "find", source };
+        std::path::absolute(path).map_err(io)
+    };
+    let named = source.to_owned();
+    let (source, output) = (absolute(source)?, absolute(out)?);
+    let opened = open_with(&source, options.read)?;
+    let (streams, options) = streams_of(opened.as_ref(), load, options)?;
+    if options.hierarchies.has(&PCA) {
+        let what =
+            format!("hierarchy: found {}, expected octree: clusters are built by one machine", options.hierarchies);
+        return Err(job_error(out, &what));
+    }
+    let particles: u64 = streams.families.iter().map(ParticleStream::particles).sum();
+    let columns =
+        |stream: &dyn ParticleStream| stream.all_attributes().len() + stream.columns() - stream.attributes().len();
+    let largest = streams.families.iter().map(|stream| particle_bytes(columns(stream))).max().unwrap_or(0);
+    let by_memory = options.memory.map_or(0, |memory| particles.saturating_mul(2 * largest) / memory.max(1));
+    let usual = (particles / TASK_PARTICLES).max(by_memory).clamp(TASKS.0, TASKS.1);
+    let tasks = split.tasks.map_or(usual, u64::from).clamp(1, u64::from(MOST_TASKS));
+    let families: Vec<FamilyTasks> = streams
+        .families
+        .iter()
+        .map(|stream| {
+            let own = stream.particles();
+            let share = (u128::from(tasks) * u128::from(own)).div_ceil(u128::from(particles.max(1))).max(1) as u64;
+            let buckets = own / options.octree.bucket_size(own).max(1) as u64 + 1;
+            FamilyTasks {
+                name: stream.family(),
+                particles: own,
+                chunks: stream.chunks(),
+                input: share.min(stream.chunks().max(1) as u64) as u32,
+                groups: share.min(2 * buckets) as u32,
+            }
+        })
+        .collect();
+    let temporary = streams.families.iter().map(|stream| Memory::of_job(&options, stream.particles(), columns(stream)));
+    Ok(Settings {
+        source_bytes: opened.description().bytes,
+        temporary_bytes: temporary.sum(),
+        train: (tasks as u32).min(BOOKS * families.len().max(1) as u32),
+        code: tasks as u32,
+        write: tasks as u32,
+        named,
+        source,
+        output,
+        load: load.clone(),
+        families,
+        options,
+    })
+}

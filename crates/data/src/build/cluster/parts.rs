@@ -1,0 +1,379 @@
+//! The files by which the tasks of a job hand results to one another, one for each task: a header, blobs, and an index of values that names
+//! the blobs by place and checksum.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 0 to 8 | [`MAGIC`] |
+//! | 8 to 12 | [`VERSION`] |
+//! | 12 to 16 | number of the task in its job |
+//! | 16 to 24 | the job |
+//! | 24 to 40 | offset and length of the index, which ends the file |
+//! | 40 to 48 | length of the table of lanes, which ends where the index begins |
+//! | 48 to 56 | bytes that the task has read, of the source about, and of other tasks' files |
+//! | 56 to 64 | bytes that it has written elsewhere |
+//! | 64 to 72 | CRC-32C of the index and of the table |
+//! | 72 to 76 | zeros |
+//! | 76 to 80 | CRC-32C of the header before |
+//!
+//! Whatever several threads write at a time goes to lanes, one for each bucket or the like, which come to the file as they are ready: a blob is
+//! named by its lane and its place there. So what was named of a file is found in the one that replaces it, too.
+//!
+//! A file gets its name when it is complete, in one step; so whoever makes one again, at the same time or later, does no harm. What turns
+//! out to be damaged is removed, so that its task is not done any more.
+
+use super::super::BuildError;
+use crate::model::portable::{Portable, portable};
+use crate::model::positioned::{read_exact_at, write_all_at};
+use crate::store::StoreError;
+use crate::store::temporary::Temporary;
+use std::collections::HashMap;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// First bytes of a task's file.
+const MAGIC: [u8; 8] = *b"\x89DFT\r\n\x1a\n";
+/// What is written and read; processes of a job are of one version of the program.
+const VERSION: u32 = 1;
+/// Bytes of a header.
+const HEADER: usize = 80;
+/// In place of a lane's number: the blob's place is that in the file.
+const NO_LANE: u32 = u32::MAX;
+
+/// Where a blob is in the file of a task.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::build) struct PartPlace {
+    /// The task's number in its job.
+    part: u32,
+    lane: u32,
+    /// From the beginning of the lane.
+    offset: u64,
+    crc: u32,
+}
+
+portable!(PartPlace { part, lane, offset, crc });
+
+/// What can be read of a task's file at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Header {
+    index_offset: u64,
+    index_len: u64,
+    lanes_len: u64,
+    index_crc: u32,
+    lanes_crc: u32,
+    /// Bytes that the task has read, of the source about, and of other tasks' files.
+    pub read: u64,
+    /// Bytes that it has written elsewhere.
+    pub written: u64,
+}
+
+portable!(Header { index_offset, index_len, lanes_len, read, written, index_crc, lanes_crc });
+
+impl Header {
+    /// Length of the file.
+    pub fn bytes(&self) -> u64 {
+        self.index_offset + self.index_len
+    }
+
+    fn encode(&self, job: u64, number: u32) -> [u8; HEADER] {
+        let mut bytes = Vec::with_capacity(HEADER);
+        (MAGIC, (VERSION, (number, job))).put(&mut bytes);
+        self.put(&mut bytes);
+        0_u32.put(&mut bytes);
+        crc32c::crc32c(&bytes).put(&mut bytes);
+        let mut header = [0; HEADER];
+        header.iter_mut().zip(bytes).for_each(|(to, byte)| *to = byte);
+        header
+    }
+
+    /// The header of task `number` of a job, in a file of so many bytes; what was found and expected where it is none.
+    fn decode(bytes: &[u8; HEADER], job: u64, number: u32, len: u64) -> Result<Header, String> {
+        let header = Header::take(&mut &bytes[24..]).ok_or("header: found no room for it, expected 80 bytes")?;
+        if header.encode(job, number) != *bytes {
+            return Err("header: found another one, expected that of this task and job, with its checksum".into());
+        }
+        match header.index_offset.checked_add(header.index_len) {
+            Some(end) if end == len && header.lanes_len <= header.index_offset => Ok(header),
+            Some(end) => Err(format!("length: found {len} bytes, expected {end}")),
+            None => Err("header: found an index beyond all files, expected one that ends the file".into()),
+        }
+    }
+}
+
+/// What is wrong with a task's file, on its way through what knows of system errors only.
+#[derive(Debug, thiserror::Error)]
+#[error("{path}: {what}")]
+pub(in crate::build) struct PartError {
+    pub path: PathBuf,
+    pub what: String,
+}
+
+/// Which files a job has.
+#[derive(Clone, Debug)]
+pub(super) struct Names {
+    pub folder: PathBuf,
+    /// The job.
+    pub job: u64,
+    /// Name and number of tasks of each stage, in order.
+    pub stages: Vec<(String, u32)>,
+}
+
+impl Names {
+    /// Number of all tasks.
+    pub fn tasks(&self) -> u32 {
+        self.stages.iter().map(|(_, tasks)| tasks).sum()
+    }
+
+    /// The number in the job of a task of a stage.
+    pub fn number(&self, stage: usize, task: u32) -> u32 {
+        self.stages[..stage].iter().map(|(_, tasks)| tasks).sum::<u32>() + task
+    }
+
+    /// Stage and task of a number; `None` beyond the last one.
+    fn task(&self, number: u32) -> Option<(&str, u32)> {
+        let mut rest = number;
+        for (stage, tasks) in &self.stages {
+            if rest < *tasks {
+                return Some((stage, rest));
+            }
+            rest -= tasks;
+        }
+        None
+    }
+
+    /// The file of a task.
+    pub fn path(&self, number: u32) -> PathBuf {
+        let (stage, task) = self.task(number).unwrap_or(("task", number));
+        self.folder.join(format!("{stage}.{task}"))
+    }
+
+    /// An error about a task's file, which ends with what to do.
+    fn error(&self, number: u32, what: &str) -> PartError {
+        let (stage, task) = self.task(number).unwrap_or(("task", number));
+        PartError { path: self.path(number), what: format!("{what}; run stage {stage}, task {task}") }
+    }
+
+    /// Opens a task's file; `None` where there is none.
+    fn open(&self, number: u32) -> io::Result<Option<(File, Header)>> {
+        let path = self.path(number);
+        let file = match File::open(&path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(io::Error::other(PartError { path, what: error.to_string() })),
+        };
+        let len = file.metadata()?.len();
+        let mut bytes = [0; HEADER];
+        let header = match read_exact_at(&file, &mut bytes, 0) {
+            Ok(()) => Header::decode(&bytes, self.job, number, len),
+            Err(_) => Err(format!("length: found {len} bytes, expected a header of {HEADER}")),
+        };
+        match header {
+            Ok(header) => Ok(Some((file, header))),
+            Err(what) => Err(self.damaged(number, &what)),
+        }
+    }
+
+    /// Removes a file that is not what it should be: its task is to be run again.
+    fn damaged(&self, number: u32, what: &str) -> io::Error {
+        self.forget(number);
+        io::Error::other(self.error(number, what))
+    }
+
+    /// Removes the file of a task, which is not done any more.
+    pub fn forget(&self, number: u32) {
+        // What cannot be removed is found to be damaged again.
+        let _ = std::fs::remove_file(self.path(number));
+    }
+
+    /// The header of a task that is done; `None` where it is not. Only its file's beginning and length are looked at.
+    pub fn done(&self, number: u32) -> Option<Header> {
+        self.open(number).ok().flatten().map(|(_, header)| header)
+    }
+}
+
+/// The file that is being written.
+#[derive(Debug)]
+struct Own {
+    number: u32,
+    file: Temporary,
+    end: AtomicU64,
+    /// Where lanes begin.
+    lanes: Mutex<Vec<(u32, u64)>>,
+}
+
+/// A file that has been opened for reading.
+#[derive(Debug)]
+struct Opened {
+    file: File,
+    header: Header,
+    /// Where lanes begin.
+    lanes: HashMap<u32, u64>,
+}
+
+/// The files of a job as one task knows them: its own, which it writes, and those of others, which it reads.
+#[derive(Debug)]
+pub(in crate::build) struct Parts {
+    names: Names,
+    own: Option<Own>,
+    /// Opened once, so that index and blobs are of the same file whoever makes it again meanwhile.
+    open: Mutex<HashMap<u32, Arc<Opened>>>,
+    /// Bytes that were read of them.
+    read: AtomicU64,
+}
+
+impl Parts {
+    /// For reading only.
+    fn reader(names: Names) -> Parts {
+        Parts { names, own: None, open: Mutex::default(), read: AtomicU64::new(0) }
+    }
+
+    /// For task `number`, whose file is begun.
+    ///
+    /// # Errors
+    /// When the folder takes no files.
+    pub(super) fn of_task(names: Names, number: u32) -> Result<Parts, BuildError> {
+        let path = names.path(number);
+        let file =
+            Temporary::create(&path, None).map_err(|source| StoreError::Io { path, action: "create", source })?;
+        let own = Own { number, file, end: AtomicU64::new(HEADER as u64), lanes: Mutex::default() };
+        Ok(Parts { own: Some(own), ..Parts::reader(names) })
+    }
+
+    /// The job's folder.
+    pub fn folder(&self) -> &Path {
+        &self.names.folder
+    }
+
+    fn own(&self) -> io::Result<&Own> {
+        self.own.as_ref().ok_or_else(|| io::Error::other("no file of a task is being written"))
+    }
+
+    /// Appends a blob of `len` bytes, its parts one after the other, to the task's own file.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    pub fn put(&self, parts: &[&[u8]], len: usize) -> io::Result<PartPlace> {
+        let own = self.own()?;
+        let offset = own.end.fetch_add(len as u64, Ordering::Relaxed);
+        let (mut crc, mut at) = (0, offset);
+        for part in parts {
+            crc = crc32c::crc32c_append(crc, part);
+            write_all_at(own.file.file(), part, at)?;
+            at += part.len() as u64;
+        }
+        Ok(PartPlace { part: own.number, lane: NO_LANE, offset, crc })
+    }
+
+    /// Appends a blob to the bytes of a lane of the task's own file.
+    ///
+    /// # Errors
+    /// When no file is being written.
+    pub fn put_in_lane(&self, lane: u32, bytes: &mut Vec<u8>, parts: &[&[u8]]) -> io::Result<PartPlace> {
+        let offset = bytes.len();
+        parts.iter().for_each(|part| bytes.extend_from_slice(part));
+        let crc = crc32c::crc32c(&bytes[offset..]);
+        Ok(PartPlace { part: self.own()?.number, lane, offset: offset as u64, crc })
+    }
+
+    /// Appends a lane to the task's own file.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    pub fn put_lane(&self, lane: u32, bytes: &[u8]) -> io::Result<()> {
+        let own = self.own()?;
+        let PartPlace { offset, .. } = self.put(&[bytes], bytes.len())?;
+        // A list is whole before its lock is given back.
+        own.lanes.lock().unwrap_or_else(PoisonError::into_inner).push((lane, offset));
+        Ok(())
+    }
+
+    /// Fills `into` with a blob of that length.
+    ///
+    /// # Errors
+    /// [`PartError`] where its file is missing or damaged, which is removed then; whatever else the system answers.
+    pub fn get(&self, place: PartPlace, into: &mut [u8]) -> io::Result<()> {
+        let PartPlace { part, lane, offset, crc } = place;
+        if let Some(own) = self.own.as_ref().filter(|own| own.number == part && lane == NO_LANE) {
+            return read_exact_at(own.file.file(), into, offset);
+        }
+        let opened = self.file(part)?;
+        let start = if lane == NO_LANE { Some(&0) } else { opened.lanes.get(&lane) };
+        let read = start.and_then(|start| start.checked_add(offset)).map(|at| read_exact_at(&opened.file, into, at));
+        self.read.fetch_add(into.len() as u64, Ordering::Relaxed);
+        match read.is_some_and(|read| read.is_ok()) && crc32c::crc32c(into) == crc {
+            true => Ok(()),
+            false => Err(self.names.damaged(part, "blob: found other bytes than its checksum is of, or none")),
+        }
+    }
+
+    /// The file of a task that is done.
+    fn file(&self, number: u32) -> io::Result<Arc<Opened>> {
+        // A map is whole before its lock is given back.
+        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(opened) = open.get(&number) {
+            return Ok(Arc::clone(opened));
+        }
+        let Some((file, header)) = self.names.open(number)? else {
+            return Err(io::Error::other(self.names.error(number, "found no file, expected the result of a task")));
+        };
+        // The file has room for it.
+        let mut lanes = vec![0; header.lanes_len as usize];
+        read_exact_at(&file, &mut lanes, header.index_offset - header.lanes_len)?;
+        let table = Vec::<(u32, u64)>::of_bytes(&lanes).filter(|_| crc32c::crc32c(&lanes) == header.lanes_crc);
+        let Some(table) = table else {
+            return Err(self.names.damaged(number, "lanes: found another checksum than the header says"));
+        };
+        let opened = Arc::new(Opened { file, header, lanes: table.into_iter().collect() });
+        open.insert(number, Arc::clone(&opened));
+        Ok(opened)
+    }
+
+    /// The index of a task that is done.
+    ///
+    /// # Errors
+    /// Where the task is not done, or its file damaged.
+    pub fn index<T: Portable>(&self, number: u32) -> Result<T, BuildError> {
+        self.read_index(number).map_err(|error| BuildError::of_part(self.folder(), error))
+    }
+
+    fn read_index<T: Portable>(&self, number: u32) -> io::Result<T> {
+        let opened = self.file(number)?;
+        let Opened { file, header, .. } = &*opened;
+        // The file has room for it.
+        let mut bytes = vec![0; header.index_len as usize];
+        read_exact_at(file, &mut bytes, header.index_offset)?;
+        self.read.fetch_add(header.index_len, Ordering::Relaxed);
+        if crc32c::crc32c(&bytes) != header.index_crc {
+            return Err(self.names.damaged(number, "index: found another checksum than the header says"));
+        }
+        T::of_bytes(&bytes)
+            .ok_or_else(|| self.names.damaged(number, "index: found other values, expected those of this stage"))
+    }
+
+    /// Ends the task's own file with an index and gives it its name. The task has read about so many bytes of the source, and written some
+    /// elsewhere.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    pub fn finish(self, index: &impl Portable, source_bytes: u64, written: u64) -> Result<(), BuildError> {
+        let read = source_bytes + self.read.load(Ordering::Relaxed);
+        let Some(Own { number, file, end, lanes }) = self.own else { return Ok(()) };
+        let mut lanes = lanes.into_inner().unwrap_or_else(PoisonError::into_inner);
+        lanes.sort_unstable();
+        let (mut bytes, start) = (lanes.bytes(), end.into_inner());
+        let (lanes_len, lanes_crc) = (bytes.len() as u64, crc32c::crc32c(&bytes));
+        let index = index.bytes();
+        bytes.extend_from_slice(&index);
+        let index_offset = start + lanes_len;
+        let index_crc = crc32c::crc32c(&index);
+        let index_len = index.len() as u64;
+        let header = Header { index_offset, index_len, lanes_len, read, written, index_crc, lanes_crc };
+        let path = self.names.path(number);
+        let written = write_all_at(file.file(), &bytes, start)
+            .and_then(|()| write_all_at(file.file(), &header.encode(self.names.job, number), 0))
+            .and_then(|()| file.persist(&path));
+        written.map_err(|source| StoreError::Io { path, action: "write", source }.into())
+    }
+}

@@ -1,0 +1,162 @@
+//! `job.json`: what a job builds of what, and into how many tasks its stages are cut. It never changes once it is there.
+
+use super::super::survey::BLOCK;
+use super::super::{BuildError, BuildOptions};
+use crate::import::LoadOptions;
+use crate::model::FamilyName;
+use crate::store::StoreError;
+use crate::store::temporary::Temporary;
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// The file's name in the job's folder.
+pub(super) const FILE: &str = "job.json";
+/// What it says that it is.
+const FORMAT: &str = "deepfield job";
+/// What is written and read.
+const VERSION: u32 = 1;
+/// A job file is not longer.
+const LONGEST: u64 = 1 << 24;
+
+/// What a job is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Settings {
+    /// The source as it was named, which the output tells, and where it is.
+    pub named: PathBuf,
+    pub source: PathBuf,
+    /// Its length, by which it is recognised.
+    pub source_bytes: u64,
+    pub output: PathBuf,
+    pub load: LoadOptions,
+    pub options: BuildOptions,
+    pub families: Vec<FamilyTasks>,
+    /// Tasks that train quantisers, all families together, and that code.
+    pub train: u32,
+    pub code: u32,
+    /// Tasks that write pages.
+    pub write: u32,
+    /// Bytes that the job takes beside its output, about.
+    pub temporary_bytes: u64,
+}
+
+/// Into how many tasks the work on a family is cut.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FamilyTasks {
+    pub name: FamilyName,
+    pub particles: u64,
+    /// Chunks that it is read in.
+    pub chunks: usize,
+    /// Tasks that read it.
+    pub input: u32,
+    /// Tasks that have some of its buckets each.
+    pub groups: u32,
+}
+
+impl FamilyTasks {
+    /// The chunks that a task reads: whole blocks of a survey where there are enough.
+    pub fn input(&self, task: u32) -> Range<usize> {
+        let unit = if self.chunks / BLOCK >= self.input as usize { BLOCK } else { 1 };
+        let units = shares(self.chunks.div_ceil(unit), self.input, task);
+        (units.start * unit).min(self.chunks)..(units.end * unit).min(self.chunks)
+    }
+}
+
+/// What the task `task` of `tasks` has of so many things.
+pub(super) fn shares(things: usize, tasks: u32, task: u32) -> Range<usize> {
+    let start = |task: u32| (things as u128 * u128::from(task) / u128::from(tasks.max(1))) as usize;
+    start(task)..start(task + 1)
+}
+
+/// The file as it is written.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    format: String,
+    version: u32,
+    /// What tells the job from all others.
+    id: u64,
+    /// CRC-32C of number and settings, as they are written without spaces.
+    check: u32,
+    settings: Settings,
+}
+
+impl File {
+    /// The checksum of what the file says.
+    fn sum(&self, path: &Path) -> Result<u32, BuildError> {
+        Ok(crc32c::crc32c_append(crc32c::crc32c(&self.id.to_le_bytes()), text(&self.settings, path)?.as_bytes()))
+    }
+}
+
+fn text(settings: &Settings, path: &Path) -> Result<String, BuildError> {
+    serde_json::to_string(settings).map_err(|error| unsound(path, &format!("settings: {error}")))
+}
+
+fn unsound(path: &Path, what: &str) -> BuildError {
+    BuildError::Job { path: path.to_owned(), what: what.to_owned() }
+}
+
+/// Reads the file of a job; gives what tells it from others, too.
+///
+/// # Errors
+/// Where there is none, or it is damaged.
+pub(super) fn read(folder: &Path) -> Result<(u64, Settings), BuildError> {
+    let path = folder.join(FILE);
+    let io = |source| BuildError::from(StoreError::Io { path: path.clone(), action: "read", source });
+    let bytes = std::fs::metadata(&path).map_err(io)?.len();
+    if bytes > LONGEST {
+        return Err(unsound(&path, &format!("length: found {bytes} bytes, expected at most {LONGEST}")));
+    }
+    let bytes = std::fs::read(&path).map_err(io)?;
+    let file: File = serde_json::from_slice(&bytes).map_err(|error| unsound(&path, &error.to_string()))?;
+    if (file.format.as_str(), file.version) != (FORMAT, VERSION) {
+        let found = format!("{:?} of version {}", file.format, file.version);
+        return Err(unsound(&path, &format!("format: found {found}, expected {FORMAT:?} of version {VERSION}")));
+    }
+    if file.sum(&path)? != file.check {
+        return Err(unsound(&path, "check: found another checksum than that of id and settings, expected the same"));
+    }
+    Ok((file.id, file.settings))
+}
+
+/// Writes the file of a job; gives what tells it from others.
+///
+/// # Errors
+/// When the folder takes no files.
+pub(super) fn write(folder: &Path, settings: &Settings) -> Result<u64, BuildError> {
+    let path = folder.join(FILE);
+    let io = |source| BuildError::from(StoreError::Io { path: path.clone(), action: "write", source });
+    // The same job in another folder is another one: what it has beside the output is its own.
+    let place = folder.canonicalize().map_err(io)?;
+    let own = crc32c::crc32c(text(settings, &path)?.as_bytes());
+    let id = u64::from(own) << 32 | u64::from(crc32c::crc32c(place.as_os_str().as_encoded_bytes()));
+    let mut file = File { format: FORMAT.into(), version: VERSION, id, check: 0, settings: settings.clone() };
+    file.check = file.sum(&path)?;
+    let mut bytes = serde_json::to_vec_pretty(&file).map_err(|error| unsound(&path, &error.to_string()))?;
+    bytes.push(b'\n');
+    let temporary = Temporary::create(&path, None).map_err(io)?;
+    temporary.file().write_all(&bytes).map_err(io)?;
+    temporary.persist(&path).map_err(io)?;
+    Ok(id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Every chunk is read by one task, in order; and by whole blocks where there are enough of them.
+        #[test]
+        fn tasks_read_all_chunks_once(chunks in 1..10_000_usize, input in 1..50_u32) {
+            let input = input.min(chunks as u32);
+            let family = FamilyTasks { name: FamilyName::Gas, particles: 1, chunks, input, groups: 1 };
+            let ranges: Vec<_> = (0..input).map(|task| family.input(task)).collect();
+            prop_assert!(ranges.iter().cloned().flatten().eq(0..chunks));
+            prop_assert!(chunks / BLOCK < input as usize || ranges.iter().all(|range| range.start % BLOCK == 0));
+        }
+    }
+}

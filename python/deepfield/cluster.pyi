@@ -1,0 +1,28 @@
+import os
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from . import Data
+
+__all__ = ["build", "status"]
+
+def build(
+    sources: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    client: Any = None,
+    job: str | os.PathLike[str] | None = None,
+    *,
+    attributes: Iterable[str] | None = None,
+    families: Iterable[str] | None = None,
+    derive: str | Iterable[str] | None = None,
+    hierarchy: str | Iterable[str] | None = None,
+    smoothing: str | None = None,
+    tasks: int | None = None,
+    memory: int | str | None = None,
+    threads: int | None = None,
+    progress: Callable[[str, int, int], object] | bool | None = None,
+    retries: int = 2,
+    resources: Mapping[str, float] | None = None,
+    keep: bool = False,
+) -> Data: ...
+def status(job: str | os.PathLike[str]) -> dict[str, Any]: ...

@@ -1,0 +1,144 @@
+"""Builds cut into tasks: here, and by workers of Dask where that is installed. The file is that of one process, whatever happens to them."""
+
+import importlib.util
+import logging
+import os
+import signal
+import sys
+import unittest
+import unittest.mock
+
+import numpy as np
+
+import deepfield
+import deepfield.cluster
+from deepfield import _deepfield
+from test_deepfield import WithFolder, particles
+
+
+class Enough(Exception):
+    pass
+
+
+class OfTasks(WithFolder):
+    def setUp(self):
+        super().setUp()
+        arrays = particles(4000)
+        self.source, self.out, self.job = (self.folder / name for name in ("box.csv", "box.df", "box.df.job"))
+        table = np.column_stack([arrays["positions"], arrays["mass"], arrays["temperature"]])
+        np.savetxt(self.source, table, delimiter=",", header="x,y,z,mass,temperature", comments="")
+
+    def build(self, client=None, **more):
+        return deepfield.cluster.build(self.source, self.out, client, **{"smoothing": "knn:16", "tasks": 3, **more})
+
+    def done(self):
+        """How many tasks are done of each stage, and of how many."""
+        return [(stage["name"], stage["done"], stage["tasks"]) for stage in deepfield.cluster.status(self.job)["stages"]]
+
+    def after(self, tasks, act):
+        """Progress that acts when so many tasks are done."""
+
+        def tell(*_):
+            if (self.job / "job.json").exists() and sum(done for _, done, _ in self.done()) >= tasks:
+                act()
+
+        return tell
+
+    def enough(self, tasks):
+        """Progress that ends a build when so many tasks are done."""
+
+        def act():
+            raise Enough
+
+        return self.after(tasks, act)
+
+    def is_as_of_one_process(self, data):
+        self.assertEqual(data.count, 4000)
+        deepfield.build(self.source, self.folder / "alone.df", smoothing="knn:16")
+        self.assertEqual(self.out.read_bytes(), (self.folder / "alone.df").read_bytes())
+        self.is_clean("alone.df", "box.csv", "box.df")
+
+    def is_clean(self, *more):
+        self.assertEqual(sorted(path.name for path in self.folder.iterdir()), sorted(more))
+
+
+class Here(OfTasks):
+    def test_a_build_goes_on_from_where_one_was_and_what_is_run_again_does_no_harm(self):
+        with self.assertRaises(Enough):
+            self.build(progress=self.enough(4))
+        self.is_clean("box.csv")
+        with self.assertRaises(Enough):
+            self.build(progress=self.enough(4), keep=True)
+        done = self.done()
+        self.assertEqual(sum(count for _, count, _ in done), 4)
+        # The job is that of these options alone.
+        self.refused("box.df.job", self.build, smoothing="knn:20")
+        _deepfield.cluster_run(str(self.job), done[0][0], 0, None, 1, None)
+        self.assertEqual(self.done(), done)
+        self.assertFalse(deepfield.cluster.status(self.job)["finished"])
+        reached = []
+        self.is_as_of_one_process(self.build(memory="1GiB", threads=1, progress=lambda *what: reached.append(what)))
+        self.assertTrue({(name, tasks, tasks) for name, _, tasks in done} <= set(reached), reached)
+
+    def test_mistakes_are_told_and_leave_nothing(self):
+        build = deepfield.cluster.build
+        self.refused("absent.csv", build, self.folder / "absent.csv", self.out)
+        self.refused("arrays, expected files", build, particles(10), self.out)
+        self.refused("tasks: found 0", self.build, tasks=0)
+        self.refused("box.df.job", deepfield.cluster.status, self.job)
+        with unittest.mock.patch.dict(sys.modules, {"distributed": None}):
+            self.refused("pip install distributed", self.build, "tcp://127.0.0.1:8786")
+        self.is_clean("box.csv")
+        # What is somebody else's stays as it is.
+        self.job.mkdir()
+        (self.job / "notes.txt").write_text("mine")
+        self.refused("box.df.job", self.build)
+        self.assertEqual([path.name for path in self.job.iterdir()], ["notes.txt"])
+
+
+@unittest.skipUnless(importlib.util.find_spec("distributed"), "Dask is not installed")
+class ByWorkers(OfTasks):
+    @classmethod
+    def setUpClass(cls):
+        from distributed import Client, LocalCluster
+
+        settings = {"n_workers": 2, "threads_per_worker": 1, "memory_limit": "1GB", "dashboard_address": None}
+        cluster = LocalCluster(processes=True, silence_logs=logging.CRITICAL, **settings)
+        cls.addClassCleanup(cluster.close)
+        cls.client = Client(cluster)
+        cls.addClassCleanup(cls.client.close)
+
+    def test_the_file_is_the_same_where_tasks_run_twice_at_a_time_and_a_worker_is_killed(self):
+        with self.assertRaises(Enough):
+            self.build(self.client, progress=self.enough(4), keep=True)
+        # Both workers run the tasks of the stage that comes next.
+        stage, count = next((name, tasks) for name, done, tasks in self.done() if done < tasks)
+        for task in range(count):
+            run = (_deepfield.cluster_run, str(self.job), stage, task, None, 1, None)
+            workers = self.client.nthreads()
+            self.client.gather([self.client.submit(*run, workers=[worker], pure=False) for worker in workers])
+        self.assertIn((stage, count, count), self.done())
+        killed = []
+
+        def kill():
+            if not killed:
+                killed.append(next(iter(self.client.run(os.getpid).values())))
+                os.kill(killed[0], signal.SIGKILL)
+
+        done = sum(done for _, done, _ in self.done())
+        data = self.build(self.client, progress=self.after(done + 1, kill))
+        self.assertTrue(killed)
+        self.is_as_of_one_process(data)
+
+    def test_what_fails_on_a_worker_is_told_and_leaves_nothing(self):
+        with self.assertRaises(Enough):
+            self.build(self.client, progress=self.enough(2))
+        self.is_clean("box.csv")
+        self.source.unlink()
+        self.refused("box.csv", self.build, self.client)
+        self.is_clean()
+        self.refused("client: found int", self.build, 8786)
+
+
+if __name__ == "__main__":
+    unittest.main()
