@@ -181,7 +181,8 @@ class _Workers:
     def plan(self, plan):
         if self._tell:
             self._tell("plan", 0, 0)
-        ((_, found),) = self._ended([self._submit("plan", 0, _plan, plan, resources=self._settings["resources"])])
+        # Not under the name of a stage: that would be the key of its task.
+        ((_, found),) = self._ended([self._submit("job", 0, _plan, plan, resources=self._settings["resources"])])
         return found["stages"]
 
     def run(self, stages):
@@ -212,7 +213,8 @@ class _Workers:
         """Cancels what has not begun, and ends what runs."""
         # What ended the build is told, and not that the scheduler is gone, too.
         with contextlib.suppress(Exception):
-            self._client.cancel(list(self._futures.values()), force=True)
+            # The last first: the scheduler cancels what waits for a task with it, and fails at what it has cancelled so.
+            self._client.cancel(list(self._futures.values())[::-1], force=True)
             until = time.monotonic() + _PATIENCE
             while sum(self._client.run(_stop, self._token, on_error="ignore").values()) and time.monotonic() < until:
                 time.sleep(0.1)
