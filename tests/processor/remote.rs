@@ -4,7 +4,7 @@
 mod index;
 mod servers;
 
-use super::stream::disk::{generated, in_memory, offset_of};
+use super::stream::disk::{in_memory, kept, offset_of};
 use super::stream::soak::soak;
 use crate::support::fault_server::{Asked, Fault, FaultServer};
 use crate::support::{Random, alone, program, run};
@@ -29,7 +29,9 @@ const ENDS: [u64; 2] = [64 << 10, 256 << 10];
 /// The bytes of a page file with many small pages.
 fn sound() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| generated(300_000, &BuildOptions { page_bytes: 128 << 10, ..BuildOptions::default() }))
+    BYTES.get_or_init(|| {
+        kept("clusters-of-small-pages", 300_000, &BuildOptions { page_bytes: 128 << 10, ..BuildOptions::default() })
+    })
 }
 
 fn served() -> FaultServer {

@@ -13,25 +13,18 @@ use std::time::Duration;
 /// The bytes of a page file with several pages.
 pub fn sound() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| kept(1_500_000))
+    BYTES.get_or_init(|| kept("clusters", 1_500_000, &BuildOptions::default()))
 }
 
 /// The bytes of a page file with some dozen pages.
 pub fn large() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| kept(5_000_000))
+    BYTES.get_or_init(|| kept("clusters-large", 5_000_000, &BuildOptions::default()))
 }
 
-fn kept(particles: u64) -> Vec<u8> {
-    kept_page_file(&format!("clusters-{particles}"), |path| generate(particles, &BuildOptions::default(), path))
-}
-
-/// The bytes of a page file of so many particles.
-pub fn generated(particles: u64, options: &BuildOptions) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("sound.df");
-    generate(particles, options, &path);
-    std::fs::read(path).unwrap()
+/// The bytes of a page file of so many particles, which is kept under this name.
+pub fn kept(name: &str, particles: u64, options: &BuildOptions) -> Vec<u8> {
+    kept_page_file(name, |path| generate(particles, options, path))
 }
 
 fn generate(particles: u64, options: &BuildOptions, path: &Path) {
