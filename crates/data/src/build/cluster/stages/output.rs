@@ -1,0 +1,275 @@
+//! The last stages: pages are planned and written to their places, and the file gets its name.
+
+use super::*;
+
+impl Task<'_> {
+    pub(super) fn pages(self) -> Result<(), BuildError> {
+        let source = self.source()?;
+        let about_source = self.streams(source.as_ref())?.about;
+        let kernel = about_source.kernel;
+        let (scaled, joined) = (self.scaled()?, self.joined()?);
+        let (outlines, left_out) = self.outlines()?;
+        let mut batches = self.quantized()?.into_iter();
+        let (mut families, mut notes, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
+        // Each with its length, and as bytes.
+        let mut pages: Vec<(u64, Vec<u8>)> = Vec::new();
+        let mut end = ALIGNMENT;
+        let known = scaled.into_iter().zip(outlines).zip(joined).enumerate();
+        for (number, ((scaled, outline), joined)) in known {
+            let Some((scaled, outline)) = scaled.zip(outline) else { continue };
+            let JoinedFamily { trees, estimated, derived } = joined;
+            let coded = self.coded(&scaled, trees, &mut batches, kernel)?;
+            let others = family::others(&coded);
+            let trees = family::trees(&coded, &others, self.options);
+            let (trees, written) = trees.paged(pages.len() as u32, self.options.page_bytes);
+            for tree in &trees {
+                for page in 0..tree.len() {
+                    let (id, nodes) = tree.page(page);
+                    let mut bytes = Vec::new();
+                    (id, (families.len() as u32, end)).put(&mut bytes);
+                    let nodes: Vec<_> = nodes.collect();
+                    nodes.len().put(&mut bytes);
+                    for (node, (depth, index)) in nodes {
+                        node.put(&mut bytes);
+                        coded.places(tree.purpose, depth, index).put(&mut bytes);
+                    }
+                    let len = tree.page_bytes(page);
+                    pages.push((len, bytes));
+                    end = align_up(end + len, ALIGNMENT).unwrap_or(end + len);
+                }
+            }
+            numbers.push(coded.books.numbers.clone());
+            notes.extend(scaled.note.clone());
+            let histograms = self.histograms(number, &outline, &scaled, estimated, derived)?;
+            families.push(scaled.outline.metadata(&histograms, coded, written, self.options)?);
+        }
+        let about_source = Dataset { skipped: left_out.into_skipped(), ..about_source };
+        let (version, about) = self.footer(about_source, families, notes, pages.len())?;
+        let spill = self.spill();
+        let temporary = |error| BuildError::temporary(&spill, error);
+        let tasks = self.job.settings.write;
+        let lengths: Vec<u64> = pages.iter().map(|(len, _)| *len).collect();
+        let put = |range: Range<usize>| {
+            let count = range.len().bytes();
+            let mut bytes: Vec<&[u8]> = vec![&count];
+            bytes.extend(pages[range].iter().map(|(_, page)| &page[..]));
+            spill.put(&bytes)
+        };
+        let blobs: io::Result<Vec<Blob>> = runs(&lengths, tasks).into_iter().map(put).collect();
+        let index = Pages {
+            tasks: blobs.map_err(temporary)?,
+            numbers: spill.put(&[&numbers.bytes()]).map_err(temporary)?,
+            end,
+            version,
+            about,
+            pages: pages.len() as u64,
+        };
+        drop(spill);
+        self.hand_on(&index, 0, 0)
+    }
+
+    /// The coded trees of a family, of which `coded` has what shares each codebook, in order.
+    pub(super) fn coded(
+        &self,
+        scaled: &Scaled,
+        joined: Vec<Joined>,
+        coded: &mut impl Iterator<Item = CodedBatches>,
+        kernel: Kernel,
+    ) -> Result<CodedTrees, BuildError> {
+        let spill = self.spill();
+        let temporary = |error| BuildError::temporary(&spill, error);
+        let bits = self.options.octree.code_bits();
+        let mut books = Books::default();
+        let (mut splats, mut volume) = (None, None);
+        for (&kind, Joined { draft, books: shared }) in self.options.octree.levels().iter().zip(joined) {
+            let draft: Draft = self.portable(&spill, &draft)?;
+            let shared: Vec<Shared> =
+                shared.iter().map(|book| self.portable(&spill, &book.shared)).collect::<Result<_, _>>()?;
+            let own: Vec<CodedBatches> = coded.by_ref().take(shared.len()).collect();
+            if own.len() != shared.len() {
+                return Err(self.unsound("fewer codebooks than stage join has told"));
+            }
+            let mut coding = Coding::of(&draft.nodes);
+            let leaves = shared.iter().take_while(|own| own.is_of_leaves()).count();
+            if let (Purpose::Splats, Some(picture)) = (kind, scaled.outline.picture(kernel, bits)) {
+                let positions = |depth: usize, index: usize| draft.positions(depth, index);
+                let measured = Measured { picture: &picture, positions: &positions };
+                let error = measured.error(&draft.nodes, &shared[..leaves], &own[..leaves], &spill, bits);
+                coding.column_error = error.map_err(temporary)?;
+            }
+            shared.into_iter().zip(own).for_each(|(shared, own)| coding.take(shared, own, &spill));
+            let tree = draft.coded(kind, coding, splats.as_ref(), bits, &mut books);
+            match kind {
+                Purpose::Splats => splats = Some(tree),
+                Purpose::Samples | Purpose::Clusters => volume = Some(tree),
+            }
+        }
+        match splats {
+            Some(splats) => Ok(CodedTrees::new(spill, splats, volume, books)),
+            None => Err(self.unsound("a family without a tree")),
+        }
+    }
+
+    /// How often which values are in the columns of a family.
+    pub(super) fn histograms(
+        &self,
+        family: usize,
+        outline: &Outline,
+        scaled: &Scaled,
+        estimated: Vec<Vec<u64>>,
+        derived: Vec<Vec<u64>>,
+    ) -> Result<Vec<Histogram>, BuildError> {
+        let mut source: Vec<Vec<u64>> = Vec::new();
+        for task in self.job.inputs().nth(family).into_iter().flatten() {
+            let (_, counts): Sorted = self.index("partition", task)?;
+            source = added(source, counts);
+        }
+        let ranges = &scaled.outline.survey.ranges;
+        let mut all = histograms(&outline.survey.ranges, source);
+        if outline.estimating().is_some() {
+            all.splice(1..3, histograms(&ranges[1..3], estimated));
+        }
+        if outline.derived_columns() > 0 {
+            all.truncate(3 + outline.own);
+            all.splice(3..3, histograms(&ranges[3..3 + outline.derived_columns()], derived));
+        }
+        Ok(all)
+    }
+
+    /// The version of the output, and what follows the table of pages in its footer.
+    pub(super) fn footer(
+        &self,
+        mut source: Dataset,
+        families: Vec<FamilyMetadata>,
+        notes: Vec<String>,
+        pages: usize,
+    ) -> Result<(u32, Vec<u8>), BuildError> {
+        let settings = &self.job.settings;
+        if source.provenance.path == settings.source {
+            source.provenance.path.clone_from(&settings.named);
+        }
+        Ok(about(&metadata(source, families, notes, self.options)?, pages))
+    }
+
+    pub(super) fn write(self, task: u32) -> Result<(), BuildError> {
+        let finish = self.job.names();
+        if finish.done(finish.tasks() - 1).is_some() {
+            // The file is gone to where it belongs; the task's own result has been taken.
+            return self.hand_on(&Vec::<PageEntry>::new(), 0, 0);
+        }
+        let index: Pages = self.index("pages", 0)?;
+        let spill = self.spill();
+        let numbers: Vec<Vec<Vec<u16>>> = self.portable(&spill, &index.numbers)?;
+        let blob = index.tasks.get(task as usize).ok_or_else(|| self.unsound("pages of fewer tasks"))?;
+        let pages: Vec<Page> = self.portable(&spill, blob)?;
+        self.progress.begin("writing pages", pages.len() as u64);
+        let path = self.job.growing();
+        let unwritable = |reason: &str| StoreError::Unwritable { path: path.clone(), reason: reason.into() };
+        let file = open_growing(&path)?;
+        let bits = self.options.octree.code_bits();
+        let write = |page: &Page| -> Result<PageEntry, BuildError> {
+            let numbers = &numbers[page.family as usize];
+            let sections = |(node, places): &(StoredNode, NodeSections)| {
+                Ok((node.clone(), places.read(node, numbers, bits, &spill)?))
+            };
+            let records = page.nodes.iter().map(sections).collect::<io::Result<Vec<_>>>();
+            let records = records.map_err(|error| BuildError::temporary(&spill, error))?;
+            let page_of = EncodedPage::new(page.id, page.family, &records).ok_or_else(|| unwritable(TOO_LONG))?;
+            let EncodedPage { nodes, memory, bytes } = page_of;
+            let memory =
+                u32::try_from(memory).map_err(|_| unwritable("a page would take more than 4 GiB of memory"))?;
+            let (len, crc) = (bytes.len() as u32, crc32c::crc32c(&bytes));
+            // With the zeros behind it: something else may be there by now.
+            let mut bytes = bytes;
+            bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
+            write_all_at(&file, &bytes, page.offset).map_err(|source| io_error(&path, "write", source))?;
+            self.progress.advance(1);
+            Ok(PageEntry { offset: page.offset, len, nodes, family: page.family, crc, memory })
+        };
+        let entries = pages.par_iter().with_max_len(1).map(write).collect::<Result<Vec<PageEntry>, _>>()?;
+        let written = entries.iter().map(|entry| u64::from(entry.len)).sum();
+        drop(spill);
+        self.hand_on(&entries, 0, written)
+    }
+
+    pub(super) fn finish(self) -> Result<(), BuildError> {
+        let Pages { end, version, about, pages, .. } = self.index("pages", 0)?;
+        let tasks = self.job.settings.write;
+        let mut table: Vec<(u32, PageEntry)> = Vec::new();
+        for task in 0..tasks {
+            table.extend(self.index::<Vec<PageEntry>>("write", task)?.into_iter().map(|entry| (task, entry)));
+        }
+        if table.len() as u64 != pages {
+            return Err(self.unsound("another number of pages than stage pages has told"));
+        }
+        let entries: Vec<PageEntry> = table.iter().map(|(_, entry)| *entry).collect();
+        let (header, tail) = ends(MAGIC, version, &entries, end, &about);
+        let output = self.job.output();
+        let (path, mut head) = (self.job.growing(), vec![0; ALIGNMENT as usize]);
+        head.iter_mut().zip(header.encode()).for_each(|(to, byte)| *to = byte);
+        let file = match OpenOptions::new().read(true).write(true).open(&path) {
+            Ok(file) => file,
+            // Another try has come to the end, or is about to.
+            Err(_) if begins_with(output, &head, header.file_len) => return self.hand_on(&(), 0, 0),
+            Err(_) => return Err(self.write_again(&path, (0..tasks).collect())),
+        };
+        self.progress.begin("checking pages", pages);
+        let len = file.metadata().map_err(|source| io_error(&path, "look at", source))?.len();
+        let is_damaged = |(_, entry): &&(u32, PageEntry)| {
+            self.progress.advance(1);
+            let next = align_up(entry.offset + u64::from(entry.len), ALIGNMENT).unwrap_or(end);
+            let mut bytes = vec![0; (next - entry.offset) as usize];
+            // Behind the last page there may be nothing yet.
+            let have = len.saturating_sub(entry.offset).min(bytes.len() as u64) as usize;
+            let read = read_exact_at(&file, &mut bytes[..have], entry.offset);
+            let (page, zeros) = bytes.split_at(entry.len as usize);
+            read.is_err() || crc32c::crc32c(page) != entry.crc || zeros.iter().any(|&byte| byte != 0)
+        };
+        let mut damaged: Vec<u32> = table.par_iter().filter(is_damaged).map(|(task, _)| *task).collect();
+        damaged.dedup();
+        if !damaged.is_empty() {
+            return Err(self.write_again(&path, damaged));
+        }
+        let written = write_all_at(&file, &tail, end)
+            .and_then(|()| file.set_len(header.file_len))
+            .and_then(|()| write_all_at(&file, &head, 0))
+            .and_then(|()| file.sync_all());
+        written.map_err(|source| io_error(&path, "write", source))?;
+        drop(file);
+        match std::fs::rename(&path, output) {
+            Err(source) if !begins_with(output, &head, header.file_len) => {
+                return Err(io_error(output, "rename the finished file to", source));
+            }
+            _ => {}
+        }
+        self.hand_on(&(), 0, tail.len() as u64 + ALIGNMENT)
+    }
+
+    /// Forgets tasks that have written pages that are not in the file.
+    pub(super) fn write_again(&self, path: &Path, tasks: Vec<u32>) -> BuildError {
+        for &task in &tasks {
+            match self.job.number("write", task) {
+                Ok(number) => self.job.names().forget(number),
+                Err(error) => return error,
+            }
+        }
+        let tasks = tasks.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+        job_error(path, &format!("pages: found others than were written, or none; run stage write, task {tasks}"))
+    }
+}
+
+/// Opens the file that will be the output, or begins it.
+fn open_growing(path: &Path) -> Result<File, BuildError> {
+    let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
+    file.map_err(|source| io_error(path, "open", source))
+}
+
+/// Whether a file of this length begins with these bytes.
+fn begins_with(path: &Path, head: &[u8], len: u64) -> bool {
+    let mut bytes = vec![0; head.len()];
+    let read = File::open(path).and_then(|file| {
+        read_exact_at(&file, &mut bytes, 0)?;
+        Ok(file.metadata()?.len())
+    });
+    read.is_ok_and(|found| found == len) && bytes == head
+}

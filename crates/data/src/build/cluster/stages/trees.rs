@@ -1,0 +1,91 @@
+//! The stages that make trees: leaves and grids of each group of buckets, joined.
+
+use super::*;
+
+impl Task<'_> {
+    pub(super) fn grow(self, task: u32) -> Result<(), BuildError> {
+        let (number, own, group) = self.job.group(task);
+        let Some(scaled) = self.scaled()?.into_iter().nth(number).flatten() else {
+            return self.hand_on(&Grown { built: Vec::new(), estimated: Vec::new(), derived: Vec::new() }, 0, 0);
+        };
+        let Scaled { outline, scaling, means, .. } = scaled;
+        let (has_estimates, derived) = (outline.estimating().is_some(), outline.derived_columns());
+        let stages = [has_estimates.then_some("neighbours"), (derived > 0).then_some("motion")];
+        let stages: Vec<&str> = stages.into_iter().flatten().collect();
+        let mut partition = self.particles(number, &outline, &stages)?;
+        partition.derived(means);
+        let buckets = shares(outline.plan.len(), own.groups, group);
+        let ranges = &outline.survey.ranges;
+        let count = |ranges, columns: fn(Columns) -> Vec<Vec<f32>>| {
+            found::counts(&partition, buckets.clone(), ranges, columns, self.progress)
+        };
+        let mut counts = [Vec::new(), Vec::new()];
+        if has_estimates {
+            counts[0] = count(&ranges[1..3], |columns| vec![columns.density, columns.smoothing_length])?;
+        }
+        if derived > 0 {
+            counts[1] = count(&ranges[3..3 + derived], |columns| columns.attributes)?;
+        }
+        let largest = buckets.clone().map(|bucket| partition.len(bucket)).max().unwrap_or(0);
+        let workers = self.memory(&outline, 0).workers(largest, self.job.output())?;
+        let spill = self.spill();
+        let built =
+            self.grown(&outline, &scaling, &spill, |grower| grower.grow(&partition, buckets.clone(), workers))?;
+        drop((partition, spill));
+        let [estimated, derived] = counts;
+        self.hand_on(&Grown { built, estimated, derived }, 0, 0)
+    }
+
+    /// Lets a family's trees be built.
+    pub(super) fn grown<R>(
+        &self,
+        outline: &Outline,
+        scaling: &Scaling,
+        spill: &Spill,
+        work: impl FnOnce(&Grower<'_>) -> Result<R, BuildError>,
+    ) -> Result<R, BuildError> {
+        let (rules, octree) = (outline.rules(), outline.octree(&self.options.octree));
+        let context = Context { root: outline.root, options: &octree, rules: &rules };
+        let (family, plan) = (outline.name, &outline.plan);
+        work(&Grower { context: &context, family, plan, scaling, spill, progress: self.progress })
+    }
+
+    pub(super) fn join(self) -> Result<(), BuildError> {
+        let spill = self.spill();
+        let temporary = |error| BuildError::temporary(&spill, error);
+        let bits = self.options.octree.code_bits();
+        let mut all: Vec<JoinedFamily> = Vec::new();
+        for ((scaled, tasks), own) in self.scaled()?.into_iter().zip(self.job.groups()).zip(&self.job.settings.families)
+        {
+            let Some(Scaled { outline, scaling, .. }) = scaled else {
+                all.push(JoinedFamily::default());
+                continue;
+            };
+            self.progress.begin(&format!("joining {}", own.name), 0);
+            let mut built = Vec::with_capacity(outline.plan.len());
+            let mut joined = JoinedFamily::default();
+            for task in tasks {
+                let group: Grown = self.index("grow", task)?;
+                built.extend(group.built);
+                joined.estimated = added(joined.estimated, group.estimated);
+                joined.derived = added(joined.derived, group.derived);
+            }
+            let trees = self.grown(&outline, &scaling, &spill, |grower| grower.join(built))?;
+            for (tree, kind) in trees.into_iter().zip(self.options.octree.levels()) {
+                let (draft, batches) = Draft::of(tree, &spill, self.progress).map_err(temporary)?;
+                let book = |own: &Shared| Ok(Book { parts: own.parts(), shared: spill.put(&[&own.bytes()])? });
+                let books = shared(&draft.nodes, batches, bits, scope(*kind));
+                let books = books.iter().map(book).collect::<io::Result<Vec<_>>>().map_err(temporary)?;
+                joined.trees.push(Joined { draft: spill.put(&[&draft.bytes()]).map_err(temporary)?, books });
+            }
+            all.push(joined);
+        }
+        drop(spill);
+        self.hand_on(&all, 0, 0)
+    }
+
+    /// What has been joined of each family.
+    pub(super) fn joined(&self) -> Result<Vec<JoinedFamily>, BuildError> {
+        self.index("join", 0)
+    }
+}
