@@ -213,8 +213,9 @@ class _Workers:
         """Cancels what has not begun, and ends what runs."""
         # What ended the build is told, and not that the scheduler is gone, too.
         with contextlib.suppress(Exception):
-            # The last first: the scheduler cancels what waits for a task with it, and fails at what it has cancelled so.
-            self._client.cancel(list(self._futures.values())[::-1], force=True)
+            # What nobody wants any more is not begun. (The scheduler's own cancelling meets tasks that it has cancelled already, fails, and drops the client.)
+            for future in self._futures.values():
+                future.release()
             until = time.monotonic() + _PATIENCE
             while sum(self._client.run(_stop, self._token, on_error="ignore").values()) and time.monotonic() < until:
                 time.sleep(0.1)
