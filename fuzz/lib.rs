@@ -1,25 +1,30 @@
 //! What every target does with its bytes.
 
+#[path = "../crates/data/tests/support/job_checksums.rs"]
+mod job_checksums;
 #[path = "../tests/support/page_checksums.rs"]
 mod page_checksums;
 #[path = "../crates/data/tests/support/run_checksums.rs"]
 mod run_checksums;
 
+use deepfield::build::cluster::{Job, Split};
+use deepfield::build::{BuildError, BuildOptions};
 use deepfield::explore::Catalogue;
 use deepfield::heights::import::{HeightOptions, open_heights, summarize_heights};
 use deepfield::heights::store::{HeightFile, verify_heights};
-use deepfield::hierarchy::Purpose;
 use deepfield::hierarchy::spacetime::Interpolation;
+use deepfield::hierarchy::{OctreeOptions, Purpose};
 use deepfield::import::{GridOptions, LoadOptions, formats, load_source, open_grid, summarize_grid, summarize_source};
 use deepfield::look::SceneFile;
-use deepfield::model::ReadMethod;
+use deepfield::model::{DerivedQuantity, ReadMethod};
 use deepfield::show::protocol::message::{Frame, FromFollower, FromLeader, Message, Report};
 use deepfield::show::rig::{Cover, Mesh, OutputsFile, Pfm, Projector};
 use deepfield::store::run::{RunTree, verify_run};
 use deepfield::store::{PageFile, PageId, RunFile, Tree, verify};
 use deepfield::tour::TourFile;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Opens `bytes` as the format whose name begins with `format`, whatever they look like, and reads all of it. Errors are
 /// fine; panics, endless loops and runaway memory are what the fuzzer looks for.
@@ -167,6 +172,64 @@ pub fn runs(bytes: &[u8]) {
                 let held = page.content(0).map(|content| content.particles(time).len());
                 assert_eq!(held, Some(page.nodes[0].particles as usize));
             }
+        }
+    }
+}
+
+/// A job that is done, and the files of its first task of each stage.
+struct Done {
+    folder: tempfile::TempDir,
+    job: Job,
+    files: Vec<(String, PathBuf, Vec<u8>)>,
+}
+
+impl Done {
+    /// Of a table that lacks densities and smoothing lengths, in so many tasks.
+    fn of(tasks: u32) -> Result<Done, BuildError> {
+        let folder = tempfile::tempdir().expect("a folder for temporary files");
+        let [source, job, out] = ["source.csv", "job", "out.df"].map(|name| folder.path().join(name));
+        let place = |i: u32, rate: f64| (rate * f64::from(i)).sin();
+        let row = |i: u32| format!("{},{},{},{},1,{i},1\n", place(i, 1.1), place(i, 2.3), place(i, 3.7), place(i, 0.1));
+        let header = "x [kpc],y [kpc],z [kpc],vx [km/s],vy [km/s],vz [km/s],mass\n".to_owned();
+        std::fs::write(&source, header + &(0..200).map(row).collect::<String>()).expect("room for a table");
+        let octree = OctreeOptions { bucket_particles: Some(100), leaf_capacity: 40, ..OctreeOptions::default() };
+        let options = BuildOptions { octree, page_bytes: 1 << 12, ..BuildOptions::default() };
+        let load = LoadOptions { derive: vec![DerivedQuantity::VelocityDispersion], ..LoadOptions::default() };
+        let job = Job::plan(&job, &source, &load, &options, Split { tasks: Some(tasks) }, &out, &())?;
+        let mut files = Vec::new();
+        for stage in job.stages() {
+            (0..stage.tasks).try_for_each(|task| job.run(&stage.name, task, None, &()))?;
+            let path = job.folder().join(format!("{}.0", stage.name));
+            let bytes = std::fs::read(&path).expect("the file of a task that is done");
+            files.push((stage.name.clone(), path, bytes));
+        }
+        Ok(Done { folder, job, files })
+    }
+}
+
+/// Reads `bytes` as the plan of a job, as they are and with the right checksum; and with the first byte, which says of which stage, as what
+/// a task of a job leaves for others: as the rest is, and with every checksum made right.
+pub fn jobs(bytes: &[u8]) {
+    static DONE: OnceLock<Vec<Done>> = OnceLock::new();
+    let all = DONE.get_or_init(|| [1, 2].map(|tasks| Done::of(tasks).expect("a small job")).into());
+    let count = all.iter().map(|done| done.files.len()).sum::<usize>();
+    let Some((&which, rest)) = bytes.split_first() else { return };
+    let mut files = all.iter().flat_map(|done| done.files.iter().map(move |file| (done, file)));
+    if let Some((done, (stage, path, sound))) = files.nth(usize::from(which) % count) {
+        let mut forged = rest.to_vec();
+        job_checksums::correct(&mut forged, sound);
+        for bytes in [rest, &forged] {
+            if std::fs::write(path, bytes).is_ok() {
+                drop(done.job.verify(stage, 0));
+            }
+        }
+    }
+    let plans = all.first().map(|done| done.folder.path().join("plan"));
+    let Some(folder) = plans.filter(|folder| std::fs::create_dir_all(folder).is_ok()) else { return };
+    let forged = std::str::from_utf8(bytes).ok().and_then(job_checksums::correct_plan);
+    for bytes in [Some(bytes), forged.as_ref().map(String::as_bytes)].into_iter().flatten() {
+        if std::fs::write(folder.join("job.json"), bytes).is_ok() {
+            drop(Job::open(&folder).map(|job| job.stages().to_vec()));
         }
     }
 }

@@ -43,10 +43,11 @@ def build(
     resources=None,
     keep=False,
 ):
-    """Builds the page file ``out`` of particles of one time by the workers of ``client``, and opens it: the file that ``deepfield.build`` makes.
+    """Builds the page file ``out`` of particles, or the run of several snapshots, by the workers of ``client``, and opens it: the file that
+    ``deepfield.build`` makes.
 
-    ``sources`` are a path or several, files of one snapshot or of one table. ``client`` is a ``dask.distributed.Client`` or the address of its
-    scheduler; None has the tasks run here, one after another.
+    ``sources`` are a path or several: files of one snapshot, of one table or of a run. ``client`` is a ``dask.distributed.Client`` or the address of
+    its scheduler; None has the tasks run here, one after another.
 
     ``job`` is the folder of what one task leaves for others ["OUT.job"]. Workers have to see it, the sources and ``out`` under the same names, as on a
     cluster's shared file system. A build that finds its job there goes on from where that one was.
@@ -59,9 +60,10 @@ def build(
     >>> deepfield.cluster.build("points.csv", "points.df").count
     500
 
-    ``tasks`` is into how many tasks the largest stages are cut [by the number of particles], ``memory`` what each may take, in bytes or as "2GiB" [of a
-    worker's memory its share; here half of what is free], and ``threads`` how many work at it [one on a worker, which runs as many tasks as it has
-    threads; here all]. ``retries`` is how often a task that fails is tried again, and ``resources`` what it takes of its worker, both as Dask has them.
+    ``tasks`` is into how many tasks the largest stages are cut [by the number of particles; a run has one for each step, and takes no number],
+    ``memory`` what each may take, in bytes or as "2GiB" [of a worker's memory its share; here half of what is free], and ``threads`` how many work at
+    it [one on a worker, which runs as many tasks as it has threads; here all]. ``retries`` is how often a task that fails is tried again, and
+    ``resources`` what it takes of its worker, both as Dask has them.
 
     ``progress`` is called with the stage, its tasks that are done and their number, or True for a bar. What it raises, Ctrl-C and what fails end the
     build: its tasks are cancelled, and the job is removed, unless ``keep`` is true. It is removed, too, when the file is there.

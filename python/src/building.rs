@@ -210,9 +210,13 @@ fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Re
         Particles::Many(run) => run,
     };
     let tracks = TrackOptions::default();
-    let build = RunBuild { load: &load, options: &options, tracks: Some(&tracks), skip_damaged: false, still_of: None };
-    build.build(run, out, state)?;
+    run_build(&load, &options, &tracks).build(run, out, state)?;
     Ok(())
+}
+
+/// How a run is built.
+pub fn run_build<'a>(load: &'a LoadOptions, options: &'a BuildOptions, tracks: &'a TrackOptions) -> RunBuild<'a> {
+    RunBuild { load, options, tracks: Some(tracks), skip_damaged: false, still_of: None }
 }
 
 fn of_one(source: &Path, load: &LoadOptions, options: &BuildOptions, out: &Path, state: &State) -> Result<(), Failure> {

@@ -1,8 +1,9 @@
 //! Builds cut into tasks, which processes of one machine or of many run: a job is planned, run, asked how far it is, and removed.
 
-use crate::building::{Asked, Particles, refuse_built};
+use crate::building::{Asked, Particles, refuse_built, run_build};
 use crate::error::{Failure, told};
 use crate::work;
+use deepfield_draw::build::TrackOptions;
 use deepfield_draw::build::cluster::{Job, Split};
 use deepfield_draw::heights::is_heights;
 use deepfield_draw::import::grid_format;
@@ -51,8 +52,15 @@ fn planned(
     match asked.particles(sources, &load, options.read)? {
         Particles::One(source) => Ok(Job::plan(job, &source, &load, &options, split, out, state)?),
         Particles::Many(run) => {
-            let steps = run.steps.len();
-            Err(format!("{named}: steps: found {steps}, expected one: a job builds one snapshot of a run").into())
+            if let Some(tasks) = split.tasks {
+                let steps = run.steps.len();
+                return Err(format!(
+                    "{named}: tasks: found {tasks}, expected none: a run of {steps} steps has a task for each"
+                )
+                .into());
+            }
+            let tracks = TrackOptions::default();
+            Ok(Job::plan_run(job, &run, &run_build(&load, &options, &tracks), out, state)?)
         }
     }
 }

@@ -66,13 +66,16 @@ class Environment:
         return runs(self.python, "-c", f"import {package}", **QUIET)
 
     def lacks(self, packages, folder):
-        """Those that are neither there nor to be had. They stay in a folder, which takes a minute to fill, and come after the environment's own."""
+        """Those that are neither there nor to be had. They stay in a folder, which takes a while to fill, and come after the environment's own.
+
+        Python compiles what is imported of them, and leaves that there; pip would compile all.
+        """
         folder.mkdir(parents=True, exist_ok=True)
         (self.packages / "optional.pth").write_text(f"{folder}\n", encoding="utf-8")
         absent = [package for package in packages if not self.imports(package)]
         if not absent or not self.is_online:
             return absent
-        into = ("--compile", "--upgrade", "--target", folder)
+        into = ("--upgrade", "--target", folder)
         if not self.installs(*into, *absent, **QUIET):
             # What can be had of them.
             for package in absent:

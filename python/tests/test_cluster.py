@@ -80,6 +80,21 @@ class Here(OfTasks):
         self.is_as_of_one_process(self.build(memory="1GiB", threads=1, progress=lambda *what: reached.append(what)))
         self.assertTrue({(name, tasks, tasks) for name, _, tasks in done} <= set(reached), reached)
 
+    def test_a_run_is_that_of_one_process(self):
+        movie, out, alone = (self.folder / name for name in ("movie.xyz", "movie.df", "alone.df"))
+        frames = []
+        for step in range(3):
+            rows = (f"H {x:.6f} {y:.6f} {z:.6f}" for x, y, z in particles(200)["positions"] + 0.1 * step)
+            frames += ["200", f"Properties=species:S:1:pos:R:3 Time={step / 2}", *rows]
+        movie.write_text("\n".join([*frames, ""]))
+        self.refused("tasks: found 3, expected none: a run of 3 steps", deepfield.cluster.build, movie, out, tasks=3)
+        reached = []
+        deepfield.cluster.build(movie, out, progress=lambda *what: reached.append(what))
+        self.assertTrue({("steps", 3, 3), ("run", 1, 1)} <= set(reached), reached)
+        deepfield.build(movie, alone)
+        self.assertEqual(out.read_bytes(), alone.read_bytes())
+        self.is_clean("alone.df", "box.csv", "movie.df", "movie.xyz")
+
     def test_mistakes_are_told_and_leave_nothing(self):
         build = deepfield.cluster.build
         self.refused("absent.csv", build, self.folder / "absent.csv", self.out)

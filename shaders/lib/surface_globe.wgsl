@@ -1,12 +1,9 @@
 // Where lines of sight meet measured heights on a globe, and directions there. Between corners that stand on it triangles are flat.
 #define_import_path deepfield::surface_globe
-#import deepfield::surface_constants::{COLUMN_WORDS, MIXED}
-#import deepfield::surface_levels::{Met, level_at, normal_of, point_coverage, slope_of}
+#import deepfield::surface_constants::{COLUMN_WORDS, PLANE_STEPS}
+#import deepfield::surface_levels::Met
 #import deepfield::surface_ray::{Hit, cell_of, hit_of, place_of}
-#import deepfield::surface_view::{surface, draws, lists, Draw, Shown, POINT, POLE, camera_of, corner_of, half_of, height_of, sample_at}
-
-/// How far from a sample, in pixels' sizes, what is under the centre of its pixel is looked for: farther only at the limb.
-const MIDDLE: f32 = 8.0;
+#import deepfield::surface_view::{surface, draws, lists, Draw, Shown, POLE, camera_of, corner_of, half_of, height_of, sample_at}
 
 /// A line of sight in the camera's coordinates; its parameter is the depth.
 struct Sight {
@@ -40,28 +37,9 @@ fn shares_of(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, sight: Sight) -> vec3<f32
     return vec3(1.0 / 3.0);
 }
 
-/// The place of the surface that a sample of the picture shows: of a point, the point's own.
+/// The place of the triangle that a sample of the picture shows.
 fn hit_globe(shown: Shown, place: vec2<f32>) -> Hit {
     let draw = draws[shown.node];
-    if shown.slot == POINT {
-        let height = height_of(draw, shown.at);
-        let camera = camera_of(corner_of(draw, shown.at), height);
-        let first = sample_at(draw, shown.at);
-        var hit = Hit(shown.node, camera.z, first, vec2(0.0), height, vec2(0.0), 1.0, vec2(0.0), true, false, true, false, false);
-        hit.slope = slope_of(normal_of(draw.start, draw.rows * draw.columns, shown.at.x * draw.columns + shown.at.y));
-        hit.aside = place_of_camera(camera) - place;
-        // Levels tell what is covered about the middle of the picture's sample (`Resolver::middle`).
-        var middle = hit;
-        if (draw.flags & MIXED) != 0u {
-            let met = met_by(draw, shown.at, height, hit.slope, place);
-            let pixel = exp2(level_at(camera.z)) * surface.spacing / surface.step.yx;
-            if met.exists && all(abs(met.beside) <= MIDDLE * pixel) {
-                middle.within = met.beside;
-            }
-        }
-        hit.coverage = point_coverage(middle, shown.at);
-        return hit;
-    }
     let sight = sight_at(place);
     if shown.slot >= POLE {
         return hit_pole(shown, sight);
@@ -130,8 +108,7 @@ fn frame_of(first: vec2<u32>, within: vec2<f32>) -> Frame {
     return Frame(mat3x3(east, north, up), cosine.y);
 }
 
-/// Most steps to where a line of sight meets what a sample stands for, and how exact that is, in parts of the samples' distance.
-const STEPS: u32 = 8u;
+/// How exact it is where a line of sight meets what a sample stands for, in parts of the samples' distance.
 const EXACT: f32 = 0.005;
 
 /// Where a line of sight meets the plane of a sample's mean normal, which is as round as the globe (`Resolver::on_plane`). In the east, the north and
@@ -153,7 +130,7 @@ fn met_by(draw: Draw, at: vec2<u32>, height: f32, slope: vec2<f32>, place: vec2<
     let small = EXACT * surface.spacing * f32(1u << draw.level) / length(way);
     // By Newton's steps from where the line is nearest to the sample.
     var along = -dot(start, way) / dot(way, way);
-    for (var step = 0u; step < STEPS; step++) {
+    for (var step = 0u; step < PLANE_STEPS; step++) {
         let there = start + along * way;
         let from_middle = radius + there.z;
         let outward = from_middle * level - there.y * sine;

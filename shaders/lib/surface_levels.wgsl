@@ -4,11 +4,6 @@
 #import deepfield::surface_ray::{Hit, coverage_of}
 #import deepfield::surface_view::{surface, words, draws, lists, Draw, cell_of_level, is_lone, place_of_sample}
 
-#ifdef GLOBE
-/// All around.
-const TURN: f32 = 6.2831855;
-#endif
-
 /// What a column and a row add to the height on a plane of this normal.
 fn slope_of(normal: vec3<f32>) -> vec2<f32> {
     return -normal.xy / (max(normal.z, 1e-6) * surface.true_lift) * surface.lengths;
@@ -75,8 +70,13 @@ fn index_of(four: Between, k: u32) -> u32 {
     return four.index + (k >> 1u) * four.columns + (k & 1u);
 }
 
+/// The share of one of so many samples of a chunk that begins with a word.
+fn share_in(start: u32, count: u32, index: u32) -> f32 {
+    return f32(words[start + 2u * count + index] >> 16u & 255u) / 255.0;
+}
+
 fn share_of(four: Between, index: u32) -> f32 {
-    return f32(words[four.start + 2u * four.count + index] >> 16u & 255u) / 255.0;
+    return share_in(four.start, four.count, index);
 }
 
 /// How much of a level is covered around a place; below 0 where that is not known.
@@ -98,34 +98,33 @@ fn levels_of(draw: Draw, wanted: f32) -> vec2<f32> {
     return vec2(floor(level), fract(level));
 }
 
-/// The share of a sample of the picture that is covered where a point is drawn.
-fn point_coverage(hit: Hit, at: vec2<u32>) -> f32 {
+/// The share of a sample of the picture that is covered where a point is drawn: by `mean`, or as levels tell it where that is below 0.
+fn point_coverage(hit: Hit, at: vec2<u32>, mean: f32) -> f32 {
     let draw = draws[hit.node];
     let level = level_at(hit.depth);
-    var own = coverage_of(draw, at);
+    let own = coverage_of(draw, at);
     if draw.level == 0u && (level <= 0.0 || is_lone(draw, at)) {
         return 1.0;
     }
     if level <= 0.0 {
         return own;
     }
-    let levels = levels_of(draw, level);
-    var fine = covered(draw, u32(levels.x), hit);
-    if fine < 0.0 {
-        fine = own;
-    }
-    if levels.y > 0.0 {
-        let coarse = covered(draw, u32(levels.x) + 1u, hit);
-        fine = mix(fine, select(fine, coarse, coarse >= 0.0), levels.y);
+    var share = mean;
+    if mean < 0.0 {
+        let levels = levels_of(draw, level);
+        let fine = covered(draw, u32(levels.x), hit);
+        share = select(own, fine, fine >= 0.0);
+        if levels.y > 0.0 {
+            let coarse = covered(draw, u32(levels.x) + 1u, hit);
+            share = mix(share, select(share, coarse, coarse >= 0.0), levels.y);
+        }
     }
     // What of a pixel's size is in the field, which has no end where it goes round.
     let side = exp2(level) * surface.spacing / surface.step.yx;
     let place = vec2<f32>(hit.first) + hit.within;
     var inside = clamp((min(place + 0.5 * side, vec2<f32>(surface.last.yx)) - max(place - 0.5 * side, vec2(0.0))) / side, vec2(0.0), vec2(1.0));
-#ifdef GLOBE
-    if abs(surface.turn.x) * (f32(surface.last.x) + 0.5) > TURN {
+    if surface.goes_round != 0u {
         inside.y = 1.0;
     }
-#endif
-    return max(inside.x * inside.y * fine, 1.0 / 255.0);
+    return max(inside.x * inside.y * share, 1.0 / 255.0);
 }

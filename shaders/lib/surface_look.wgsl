@@ -1,11 +1,14 @@
 // Which place of measured heights a sample of the picture shows.
 #define_import_path deepfield::surface_look
 #import deepfield::surface_constants::{LAID, POINTS}
-#import deepfield::surface_globe::hit_globe
 #import deepfield::surface_levels::{level_at, normal_of, point_coverage, slope_of}
 #import deepfield::surface_margin::margin_at
 #import deepfield::surface_ray::{Hit, around, hit_triangle, ray_at, walk, WIDE, ENDLESS}
 #import deepfield::surface_view::{surface, draws, Draw, corner_of, sample_at, height_of, is_lone, camera_of, shown_of, POINT}
+#ifdef GLOBE
+#import deepfield::surface_globe::hit_globe
+#import deepfield::surface_point::hit_point
+#endif
 
 /// What each sample shows, inverted: 0 is nothing.
 @group(1) @binding(0) var<storage, read> numbers: array<u32>;
@@ -24,11 +27,14 @@ fn is_point(draw: Draw, at: vec2<u32>) -> bool {
 fn look(number: u32, place: vec2<f32>) -> Hit {
     let shown = shown_of(number);
 #ifdef GLOBE
+    if shown.slot != POINT {
+        return hit_globe(shown, place);
+    }
     // Where nothing else is.
-    if shown.slot == POINT && !is_lone(draws[shown.node], shown.at) && !is_point(draws[shown.node], shown.at) {
+    if !is_lone(draws[shown.node], shown.at) && !is_point(draws[shown.node], shown.at) {
         return margin_at(shown.node, shown.at, place);
     }
-    return hit_globe(shown, place);
+    return hit_point(shown, place);
 #else
     let node = shown.node;
     let at = shown.at;
@@ -68,7 +74,7 @@ fn look(number: u32, place: vec2<f32>) -> Hit {
         hit.within = beside;
         hit.height = ray.origin.z + along * ray.direction.z;
     }
-    hit.coverage = point_coverage(hit, at);
+    hit.coverage = point_coverage(hit, at, -1.0);
     return hit;
 #endif
 }

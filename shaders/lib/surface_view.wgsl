@@ -124,6 +124,12 @@ struct SurfaceView {
     /// The plane between a globe's near side and its far side, in the camera's coordinates: away from the eye, and how far that is; 0 where there is none.
     limb: vec3<f32>,
     limb_away: f32,
+    /// Half of a globe's width at the equator, the square of its eccentricity, and how far above it the reference height is.
+    equator: f32,
+    squared_eccentricity: f32,
+    lifted: f32,
+    /// Whether the field's last column is the first one again.
+    goes_round: u32,
 }
 
 /// A chunk that is drawn.

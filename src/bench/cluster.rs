@@ -1,24 +1,39 @@
 //! Builds by several processes on one machine: against one process with as many threads as there are processors for, what goes through files,
 //! and the same file where processes are killed.
 
+mod workers;
+
 use super::process_memory::peak_memory;
 use super::splat::Failure;
 use super::{Arguments, Times};
+use crate::build::cluster::{Job, Moved};
+use crate::synth::random::Random;
 use crate::synth::{clusters::Clusters, gadget};
-use serde::{Deserialize, Serialize};
-use std::io::{Read, Write};
+use serde::Serialize;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use workers::{Kill, StageTime, WORKERS, Went};
 
 /// Threads of the one process.
 const THREADS: usize = 2;
-/// Processes of one thread.
-const WORKERS: usize = 4;
-/// How often a process is looked at.
-const PERIOD: Duration = Duration::from_millis(2);
+/// How often it is looked at what memory that has.
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// Which processes are killed.
+#[derive(clap::Args, Clone, Copy, Debug)]
+#[group(id = "cluster")]
+#[command(next_help_heading = "Options of `bench cluster`")]
+pub struct Options {
+    /// Worker processes that are killed in all further builds together, at moments by chance and --seed while they run.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(..=10_000))]
+    pub kills: u32,
+    /// Further builds in which they are killed; more where some moments met no process.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub builds: u32,
+}
 
 /// One line of the results.
 #[derive(Clone, Debug, Serialize)]
@@ -33,54 +48,26 @@ pub struct Outcome {
     pub efficiency: f64,
     /// Tasks of all stages.
     pub tasks: u32,
+    /// The stages of the last build in which no process was killed.
+    pub stages: Vec<StageTime>,
     /// Bytes that tasks read, of the source and of the files of other tasks, for each particle.
     pub read: f64,
     /// Bytes of particles on their way to where they are built, for each particle.
     pub shuffled: f64,
     /// Bytes of everything else that tasks write, the page file among them, for each particle.
     pub written: f64,
-    /// Most memory that the one process has had, bytes.
-    pub alone_peak: u64,
-    /// Most memory that a process of a task has had, bytes.
-    pub worker_peak: u64,
-    /// Processes that were killed in one more build, whose file is the same.
+    /// Memory that each process may take, bytes; `None` where none was named.
+    pub memory_limit: Option<u64>,
+    /// Most memory that the one process has had, bytes; `None` where the system does not tell it.
+    pub alone_peak: Option<u64>,
+    /// Most memory that a worker has had, one that was killed too.
+    pub worker_peak: Option<u64>,
+    /// Workers that have had more than they may.
+    pub over_limit: Option<u32>,
+    /// Workers that were killed.
     pub killed: u32,
-}
-
-/// What is asked of `deepfield build --status --json`.
-#[derive(Deserialize)]
-struct State {
-    stages: Vec<Stage>,
-    bytes: Bytes,
-}
-
-#[derive(Deserialize)]
-struct Stage {
-    name: String,
-    tasks: u32,
-}
-
-#[derive(Deserialize)]
-struct Bytes {
-    read: u64,
-    shuffled: u64,
-    written: u64,
-}
-
-/// How a process, or several, went.
-#[derive(Clone, Copy, Debug, Default)]
-struct Went {
-    /// Most memory that one has had, bytes.
-    peak: u64,
-    killed: u32,
-    /// Together.
-    time: Duration,
-}
-
-impl Went {
-    fn and(self, other: Went) -> Went {
-        Went { peak: self.peak.max(other.peak), killed: self.killed + other.killed, time: self.time + other.time }
-    }
+    /// Further builds in which they were, whose files are all the same.
+    pub builds: u32,
 }
 
 /// Measures all sizes and prints a table to standard error.
@@ -90,9 +77,8 @@ impl Went {
 pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
     let folder = tempfile::tempdir()?;
     let bench = Bench { folder: folder.path().to_owned(), memory: arguments.memory };
-    let mut outcomes = Vec::new();
     eprintln!(
-        "{:>10} {:>8} {:>9} {:>10} {:>6} {:>9} {:>11} {:>10} {:>9} {:>10} {:>7}",
+        "{:>10} {:>8} {:>9} {:>10} {:>6} {:>9} {:>11} {:>10} {:>12} {:>12} {:>12} {:>10} {:>7} {:>7}",
         "particles",
         "alone s",
         "workers s",
@@ -101,65 +87,52 @@ pub fn measure(arguments: &Arguments) -> Result<Vec<Outcome>, Failure> {
         "read B/p",
         "shuffle B/p",
         "write B/p",
+        "limit MiB",
         "alone MiB",
         "worker MiB",
-        "killed"
+        "over limit",
+        "killed",
+        "builds"
     );
-    for &particles in &arguments.sizes {
-        let mut out = std::io::BufWriter::new(std::fs::File::create(bench.source())?);
-        gadget::write(&Clusters::new(arguments.seed, particles), &mut out, &())?;
-        out.flush()?;
-        let (mut alone, mut workers) = (Vec::new(), Vec::new());
-        let (mut alone_went, mut workers_went, mut state) = (Went::default(), Went::default(), None);
-        let mut typical = Vec::new();
-        for _ in 0..arguments.repeat {
-            let start = Instant::now();
-            alone_went = alone_went.and(bench.alone()?);
-            alone.push(start.elapsed());
-            let start = Instant::now();
-            let stages = bench.by_workers(&[])?;
-            workers.push(start.elapsed());
-            workers_went = stages.iter().fold(workers_went, |all, stage| all.and(*stage));
-            let found = bench.state()?;
-            typical = stages.iter().zip(&found.stages).map(|(went, stage)| went.time / stage.tasks.max(1)).collect();
-            state = Some(found);
-            bench.compare()?;
-        }
-        let killed = bench.by_workers(&typical)?.iter().map(|stage| stage.killed).sum();
-        bench.compare()?;
-        let State { stages, bytes } = state.ok_or("--repeat: found 0, expected 1 or more")?;
-        let (alone, workers) = (Times::of(alone), Times::of(workers));
-        let processors = std::thread::available_parallelism().map_or(1, usize::from);
-        let of_each = |bytes: u64| bytes as f64 / particles as f64;
-        let outcome = Outcome {
-            particles,
-            alone,
-            workers,
-            efficiency: alone.median * THREADS.min(processors) as f64
-                / (workers.median * WORKERS.min(processors) as f64),
-            tasks: stages.iter().map(|stage| stage.tasks).sum(),
-            read: of_each(bytes.read),
-            shuffled: of_each(bytes.shuffled),
-            written: of_each(bytes.written),
-            alone_peak: alone_went.peak,
-            worker_peak: workers_went.peak,
-            killed,
-        };
-        eprintln!(
-            "{particles:>10} {:>8.3} {:>9.3} {:>10.2} {:>6} {:>9.1} {:>11.1} {:>10.2} {:>9} {:>10} {killed:>7}",
-            alone.median,
-            workers.median,
-            outcome.efficiency,
-            outcome.tasks,
-            outcome.read,
-            outcome.shuffled,
-            outcome.written,
-            outcome.alone_peak >> 20,
-            outcome.worker_peak >> 20
-        );
-        outcomes.push(outcome);
-    }
-    Ok(outcomes)
+    let outcome = |&particles: &u64| -> Result<Outcome, Failure> {
+        let outcome = bench.measure(particles, arguments)?;
+        print(&outcome);
+        Ok(outcome)
+    };
+    arguments.sizes.iter().map(outcome).collect()
+}
+
+/// A line of the table, and one with the seconds of the stages.
+fn print(outcome: &Outcome) {
+    let known = |value: Option<u64>, none: &str| value.map_or(none.to_owned(), |value| value.to_string());
+    let mebibytes = |bytes: Option<u64>| known(bytes.map(|bytes| bytes >> 20), "not measured");
+    let over = match (outcome.over_limit, outcome.memory_limit) {
+        (Some(workers), _) => workers.to_string(),
+        (None, Some(_)) => "not known".to_owned(),
+        (None, None) => "-".to_owned(),
+    };
+    eprintln!(
+        "{:>10} {:>8.3} {:>9.3} {:>10.2} {:>6} {:>9.1} {:>11.1} {:>10.2} {:>12} {:>12} {:>12} {over:>10} {:>7} {:>7}",
+        outcome.particles,
+        outcome.alone.median,
+        outcome.workers.median,
+        outcome.efficiency,
+        outcome.tasks,
+        outcome.read,
+        outcome.shuffled,
+        outcome.written,
+        known(outcome.memory_limit.map(|bytes| bytes >> 20), "none"),
+        mebibytes(outcome.alone_peak),
+        mebibytes(outcome.worker_peak),
+        outcome.killed,
+        outcome.builds
+    );
+    let stages: Vec<String> = outcome
+        .stages
+        .iter()
+        .map(|stage| format!("{} {:.3} s ({:.3})", stage.name, stage.seconds, stage.busy))
+        .collect();
+    eprintln!("{:>10} stages (and all of their tasks): {}", "", stages.join(", "));
 }
 
 /// Where it is measured, and with what.
@@ -169,6 +142,62 @@ struct Bench {
 }
 
 impl Bench {
+    /// Measures a snapshot of so many particles.
+    fn measure(&self, particles: u64, arguments: &Arguments) -> Result<Outcome, Failure> {
+        let mut out = std::io::BufWriter::new(std::fs::File::create(self.source())?);
+        gadget::write(&Clusters::new(arguments.seed, particles), &mut out, &())?;
+        out.flush()?;
+        drop(out);
+        let (mut alone, mut workers) = (Vec::new(), Vec::new());
+        let (mut alone_peak, mut peaks): (Option<u64>, Vec<Option<u64>>) = (None, Vec::new());
+        let mut fastest = Duration::MAX;
+        let (mut stages, mut moved) = (Vec::new(), Moved::default());
+        for _ in 0..arguments.repeat {
+            let start = Instant::now();
+            alone_peak = alone_peak.max(self.alone()?);
+            alone.push(start.elapsed());
+            let start = Instant::now();
+            let went = self.by_workers(&[])?;
+            workers.push(start.elapsed());
+            fastest = fastest.min(went.time);
+            peaks.extend(went.peaks);
+            stages = went.stages;
+            moved = self.end()?;
+        }
+        let Options { kills, builds: least } = arguments.cluster;
+        let (mut killed, mut builds) = (0, 0);
+        while killed < kills || (kills > 0 && builds < least) {
+            // Those that met no process are made up for.
+            let due = kills.saturating_sub(killed).div_ceil(least.saturating_sub(builds).max(1));
+            let went = self.by_workers(&chosen(arguments.seed, builds, due, fastest))?;
+            peaks.extend(went.peaks);
+            self.end()?;
+            killed += went.killed;
+            builds += 1;
+        }
+        let (alone, workers) = (Times::of(alone), Times::of(workers));
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        let of_each = |bytes: u64| bytes as f64 / particles as f64;
+        Ok(Outcome {
+            particles,
+            alone,
+            workers,
+            efficiency: alone.median * THREADS.min(processors) as f64
+                / (workers.median * WORKERS.min(processors) as f64),
+            tasks: stages.iter().map(|stage| stage.tasks).sum(),
+            stages,
+            read: of_each(moved.read),
+            shuffled: of_each(moved.shuffled),
+            written: of_each(moved.written),
+            memory_limit: self.memory,
+            alone_peak,
+            worker_peak: peaks.iter().flatten().max().copied(),
+            over_limit: over(&peaks, self.memory),
+            killed,
+            builds,
+        })
+    }
+
     fn source(&self) -> PathBuf {
         self.folder.join("snapshot")
     }
@@ -177,117 +206,100 @@ impl Bench {
         self.folder.join("job")
     }
 
-    fn program(&self, words: &[&str]) -> Result<Command, Failure> {
-        let mut command = Command::new(std::env::current_exe()?);
-        command.args(words);
-        Ok(command)
-    }
-
     fn build(&self, out: &str) -> Result<Command, Failure> {
-        let mut command = self.program(&["build"])?;
-        command.arg(self.source()).arg("-o").arg(self.folder.join(out));
+        let mut command = Command::new(std::env::current_exe()?);
+        command.arg("build").arg(self.source()).arg("-o").arg(self.folder.join(out));
+        if let Some(bytes) = self.memory {
+            command.args(["--memory", &bytes.to_string()]);
+        }
         Ok(command)
     }
 
-    fn with_memory<'a>(&self, command: &'a mut Command) -> &'a mut Command {
-        match self.memory {
-            Some(bytes) => command.args(["--memory", &bytes.to_string()]),
-            None => command,
-        }
+    /// The build of one process; gives the most memory that it has had.
+    fn alone(&self) -> Result<Option<u64>, Failure> {
+        ended(self.build("alone.df")?.args(["--threads", &THREADS.to_string()]))
     }
 
-    /// The build of one process.
-    fn alone(&self) -> Result<Went, Failure> {
-        let mut command = self.build("alone.df")?;
-        watched(self.with_memory(command.args(["--threads", &THREADS.to_string()])), None)
+    /// Builds by tasks, and kills processes meanwhile.
+    fn by_workers(&self, kills: &[Kill]) -> Result<Went, Failure> {
+        ended(self.build("out.df")?.arg("--plan").arg(self.job()))?;
+        workers::run(&self.job(), self.memory, kills)
     }
 
-    /// Builds by tasks, and gives how those of each stage went. Where `typical` has how long a task of each stage takes, the first process of
-    /// each task is killed at some moment within twice of that, and the task run again.
-    fn by_workers(&self, typical: &[Duration]) -> Result<Vec<Went>, Failure> {
-        let job = self.job();
-        if job.exists() {
-            watched(self.program(&["build", "--cancel"])?.arg(&job), None)?;
-        }
-        watched(self.with_memory(self.build("out.df")?.arg("--plan").arg(&job)), None)?;
-        let stages = self.state()?.stages;
-        stages.iter().enumerate().map(|(number, stage)| self.stage(stage, typical.get(number).copied())).collect()
-    }
-
-    /// Runs the tasks of a stage, whoever is free the next one.
-    fn stage(&self, stage: &Stage, typical: Option<Duration>) -> Result<Went, Failure> {
-        let (next, went) = (AtomicU32::new(0), Mutex::new(Went::default()));
-        let work = || -> Result<(), Failure> {
-            loop {
-                let task = next.fetch_add(1, Ordering::Relaxed);
-                if task >= stage.tasks {
-                    return Ok(());
-                }
-                // Multiples of the golden ratio: moments of all kinds, and the same ones each time.
-                let moment = 2.0 * (f64::from(task + 1) * 0.618_033_988_749_895).fract();
-                let own = self.task(stage, task, typical.map(|time| time.mul_f64(moment)))?;
-                let mut all = went.lock().unwrap_or_else(PoisonError::into_inner);
-                *all = all.and(own);
-            }
-        };
-        std::thread::scope(|scope| -> Result<(), Failure> {
-            let threads: Vec<_> = (0..WORKERS).map(|_| scope.spawn(work)).collect();
-            // All of them end before the first failure is told.
-            let ended: Vec<_> = threads.into_iter().map(|thread| thread.join()).collect();
-            ended.into_iter().try_for_each(|ended| ended.map_err(|_| "a thread that waits for processes has failed")?)
-        })?;
-        Ok(went.into_inner().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    /// Runs a task in a process, once more where that is killed.
-    fn task(&self, stage: &Stage, task: u32, kill_after: Option<Duration>) -> Result<Went, Failure> {
-        let run = |kill_after: Option<Duration>| -> Result<Went, Failure> {
-            let mut command = self.program(&["stage"])?;
-            command.arg(self.job()).args([&stage.name, &task.to_string()]).env("RAYON_NUM_THREADS", "1");
-            watched(self.with_memory(&mut command), kill_after)
-        };
-        let went = run(kill_after)?;
-        if went.killed == 0 { Ok(went) } else { Ok(went.and(run(None)?)) }
-    }
-
-    /// How far the job is.
-    fn state(&self) -> Result<State, Failure> {
-        let output = self.program(&["build", "--json", "--status"])?.arg(self.job()).output()?;
-        Ok(serde_json::from_slice(&output.stdout).map_err(|error| format!("deepfield build --status: {error}"))?)
-    }
-
-    /// Whether both ways have built the same file.
-    fn compare(&self) -> Result<(), Failure> {
+    /// Compares the file of workers with that of one process, and removes the job; gives the bytes that it has moved.
+    fn end(&self) -> Result<Moved, Failure> {
         let [alone, out] = ["alone.df", "out.df"].map(|name| std::fs::read(self.folder.join(name)));
-        if alone? == out? { Ok(()) } else { Err("out.df: found other bytes than those of alone.df".into()) }
+        if alone? != out? {
+            return Err("out.df: found other bytes than those of alone.df, expected the same".into());
+        }
+        let job = Job::open(&self.job())?;
+        let moved = job.status()?.bytes;
+        job.remove()?;
+        Ok(moved)
     }
 }
 
-/// Runs a process to its end, or kills it after a while.
-fn watched(command: &mut Command, kill_after: Option<Duration>) -> Result<Went, Failure> {
-    let start = Instant::now();
-    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+/// Runs a process to its end; gives the most memory that it has had, where the system tells it.
+fn ended(command: &mut Command) -> Result<Option<u64>, Failure> {
+    let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
     let process = child.id().to_string();
-    let (mut peak, mut killed) = (0, false);
-    let status = loop {
-        peak = peak.max(peak_memory(&process).unwrap_or(0));
-        if let Some(status) = child.try_wait()? {
-            break status;
+    let (end, over) = channel::<()>();
+    let watch = std::thread::spawn(move || {
+        let mut peak: Option<u64> = None;
+        loop {
+            peak = peak.max(peak_memory(&process));
+            if over.recv_timeout(PERIOD) != Err(RecvTimeoutError::Timeout) {
+                return peak;
+            }
         }
-        if !killed && kill_after.is_some_and(|after| start.elapsed() >= after) {
-            child.kill()?;
-            killed = true;
-        }
-        std::thread::sleep(PERIOD);
-    };
-    let mut said = String::new();
-    if let Some(mut errors) = child.stderr.take() {
-        errors.read_to_string(&mut said)?;
+    });
+    let output = child.wait_with_output()?;
+    drop(end);
+    let peak = watch.join().map_err(|_| "a thread that watches a process has failed")?;
+    match output.status.success() {
+        true => Ok(peak),
+        false => Err(format!("{command:?}: {}", String::from_utf8_lossy(&output.stderr).trim_end()).into()),
     }
-    // One that ended as it was killed has done its task.
-    match (status.success(), killed) {
-        (true, _) => Ok(Went { peak, killed: 0, time: start.elapsed() }),
-        (false, true) => Ok(Went { peak, killed: 1, time: Duration::ZERO }),
-        (false, false) => Err(format!("{command:?}: {}", said.trim_end()).into()),
+}
+
+/// Moments by chance within the time of a build.
+fn chosen(seed: u64, build: u32, count: u32, time: Duration) -> Vec<Kill> {
+    let mut random = Random::new(seed, u64::from(build));
+    let mut kill =
+        || Kill { moment: time.mul_f64(random.uniform()), worker: (random.uniform() * WORKERS as f64) as usize };
+    let mut kills: Vec<Kill> = (0..count).map(|_| kill()).collect();
+    kills.sort_by_key(|kill| kill.moment);
+    kills
+}
+
+/// How many of the processes with these peaks have had more than their limit; `None` without one, and where a peak is not known.
+fn over(peaks: &[Option<u64>], limit: Option<u64>) -> Option<u32> {
+    let limit = limit?;
+    peaks.iter().map(|peak| peak.map(|peak| u32::from(peak > limit))).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_within_a_build_in_order_and_those_of_the_seed() {
+        let time = Duration::from_secs(3);
+        let kills = chosen(1, 0, 500, time);
+        assert!(kills.len() == 500 && kills.is_sorted_by_key(|kill| kill.moment));
+        assert!(kills.iter().all(|kill| kill.moment < time && kill.worker < WORKERS));
+        assert!((0..WORKERS).all(|worker| kills.iter().filter(|kill| kill.worker == worker).count() > 80));
+        assert!((200..300).contains(&kills.iter().filter(|kill| kill.moment < time / 2).count()));
+        assert_eq!(kills, chosen(1, 0, 500, time));
+        assert_ne!(kills, chosen(1, 1, 500, time));
+        assert_ne!(kills, chosen(2, 0, 500, time));
+    }
+
+    #[test]
+    fn processes_over_their_limit_are_counted_where_all_are_known() {
+        assert_eq!(over(&[Some(3), Some(5), Some(4)], Some(4)), Some(1));
+        assert_eq!(over(&[Some(3), None], Some(4)), None);
+        assert_eq!(over(&[Some(3)], None), None);
+        assert_eq!(over(&[], Some(4)), Some(0));
     }
 }

@@ -8,8 +8,6 @@ pub mod flight;
 pub mod frame;
 pub mod heights;
 pub mod hierarchies;
-mod hierarchies_in_memory;
-mod hierarchies_of_fields;
 mod paged;
 pub mod pages;
 pub mod play;
@@ -39,6 +37,7 @@ use std::time::Duration;
   deepfield bench presence snapshot.df --repeat 3 --csv presence.csv
   deepfield bench build --sizes 1000000 --json build.json
   deepfield bench cluster --sizes 4000000 --repeat 3 --json cluster.json
+  deepfield bench cluster --sizes 4000000 --repeat 3 --memory 500MiB --kills 30 --builds 10
   deepfield bench compare merger.hdf5 --family gas --size 900x600 --repeat 3 --output compare
   deepfield bench flight cosmology.df --backends compute --duration 60 --output flight
   deepfield bench hierarchies snapshot.hdf5 --budgets 1%,4%,16% --size 512x512
@@ -77,7 +76,7 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = ["cpu", "compute", "raster"],
           value_parser = ["cpu", "compute", "raster"])]
     pub backends: Vec<String>,
-    /// Memory that builds may take, such as 2GiB [default: half of what is free].
+    /// Memory that builds may take, in `bench cluster` each process, such as 2GiB [default: half of what is free].
     #[arg(long, value_name = "BYTES", value_parser = crate::command_line::arguments::bytes)]
     pub memory: Option<u64>,
     /// How sources, temporary files and page files are read in `bench build` and `bench pages`.
@@ -116,6 +115,9 @@ pub struct Arguments {
     /// What `bench published` measures.
     #[command(flatten)]
     pub published: published::Options,
+    /// Which processes `bench cluster` kills.
+    #[command(flatten)]
+    pub cluster: cluster::Options,
     /// What the link of `bench remote` is like.
     #[cfg(feature = "remote")]
     #[command(flatten)]

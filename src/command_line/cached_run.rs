@@ -333,7 +333,11 @@ impl Plan {
         progress: &dyn Progress,
     ) -> Result<(), BuildError> {
         let (load, options) = (LoadOptions::default(), BuildOptions::default());
-        let still_of = |step: &RunStep, progress: &dyn Progress| page_file_of(&step.about.path, progress).ok();
+        let still_of = |step: &RunStep, read: &LoadOptions, progress: &dyn Progress| {
+            // Alone, a step would keep what others lack.
+            let is_as_alone = read.without.is_empty();
+            Ok::<_, BuildError>(is_as_alone.then(|| page_file_of(&step.about.path, progress).ok()).flatten())
+        };
         let still_of = (self.extent == Extent::Parts).then_some(&still_of as StillOf);
         let skip_damaged = self.skip_damaged;
         RunBuild { load: &load, options: &options, tracks, skip_damaged, still_of }.build(run, out, progress)?;

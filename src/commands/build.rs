@@ -38,6 +38,7 @@ use std::path::{Path, PathBuf};
   deepfield build snapshot_099.hdf5 -o slow-disk.df --page-size 8MiB --thinning-budget 0
   deepfield build huge.0.hdf5 -o /data/huge.df --memory 2GiB --temporary /scratch
   deepfield build huge.0.hdf5 -o huge.df --plan huge.job     as tasks, for many machines: docs/cluster.md
+  deepfield build snapshot_*.hdf5 -o run.df --plan run.job   the same of a run: a task for each step, then one for tracks
   deepfield build --status huge.job                          how far that is
   deepfield build snapshot_*.hdf5 -o run.df                  a run: the snapshots in the order of their times
   deepfield build gaia/ -o gaia.df                           one table in many files, which are all of a folder
@@ -190,7 +191,7 @@ fn refuse_other(arguments: &Arguments, path: &Path, found: &str) -> Result<(), S
     let path = path.display();
     match (&arguments.derive, &arguments.job.plan) {
         (Some(_), _) => Err(format!("{path}: --derive: found {found}, expected particles with velocities")),
-        (None, Some(_)) => Err(format!("{path}: --plan: found {found}, expected one snapshot of particles")),
+        (None, Some(_)) => Err(format!("{path}: --plan: found {found}, expected snapshots of particles")),
         (None, None) => Ok(()),
     }
 }
@@ -292,9 +293,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if let Some(trace) = trace {
         if arguments.job.plan.is_some() {
             let named = arguments.sources[0].display();
-            return Err(
-                format!("{named}: --plan: found velocities to trace, expected one snapshot of particles").into()
-            );
+            return Err(format!("{named}: --plan: found velocities to trace, expected snapshots of particles").into());
         }
         return build.build_traced(&sources, &trace, &arguments.output, &progress).map(drop).map_err(Into::into);
     }
@@ -317,15 +316,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     match &run.steps[..] {
         // Files of one snapshot.
         [only] if is_one && !arguments.skip_damaged => one(&only.about.path),
-        _ if arguments.job.plan.is_some() => {
-            let found = format!("{} steps", run.steps.len());
-            Err(format!(
-                "{}: --plan: found {found}, expected one snapshot of particles",
-                arguments.sources[0].display()
-            )
-            .into())
-        }
-        _ => build.build(run, &arguments.output, &progress).map(drop).map_err(Into::into),
+        _ => match &arguments.job.plan {
+            Some(folder) => arguments.job.plan_run(folder, &run, &build, &arguments.output, &progress),
+            None => build.build(run, &arguments.output, &progress).map(drop).map_err(Into::into),
+        },
     }
 }
 

@@ -25,7 +25,7 @@ use std::sync::Arc;
   deepfield catalogue trees.hdf5 --history \"Subhalo 12\" -o halo.csv     what it was at each step
   deepfield catalogue fof_subhalo_tab_040.hdf5 --history \"Subhalo 12\"   with the links beside it, subhalo_desc_NNN.hdf5")]
 pub struct Arguments {
-    /// The catalogue.
+    /// The catalogue: a file or folder of this machine, not a URL.
     pub path: PathBuf,
     /// Objects that the table lists at most; 0: all.
     #[arg(long, value_name = "N", default_value_t = 20)]

@@ -3,9 +3,9 @@
 use super::arguments::bytes;
 use super::progress_bar::TerminalProgress;
 use super::{CommandResult, slurm};
-use crate::build::BuildOptions;
 use crate::build::cluster::{Job, Split, StageStatus, Status};
-use crate::import::LoadOptions;
+use crate::build::{BuildOptions, RunBuild};
+use crate::import::{LoadOptions, Run};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +17,7 @@ pub struct JobOptions {
     /// `deepfield stage`; the file will be the one that is built without --plan.
     #[arg(long, value_name = "JOB")]
     pub plan: Option<PathBuf>,
-    /// Tasks of the largest stages, about [default: a few fat ones, by the number of particles and --memory].
+    /// Tasks of the largest stages, about [default: a few fat ones, by the number of particles and --memory]. A run has a task for each step.
     #[arg(long, value_name = "N", requires = "plan", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub tasks: Option<u32>,
     /// Write JOB/submit.sh, too, which gives the tasks to SLURM.
@@ -58,13 +58,39 @@ impl JobOptions {
         progress: &TerminalProgress,
     ) -> CommandResult {
         let split = Split { tasks: self.tasks };
-        let job = Job::plan(folder, source, load, options, split, output, progress)?;
+        self.tell_plan(&Job::plan(folder, source, load, options, split, output, progress)?)
+    }
+
+    /// Plans the build of a run in a folder.
+    ///
+    /// # Errors
+    /// When the folder takes no job, or a number of tasks is asked for.
+    pub fn plan_run(
+        &self,
+        folder: &Path,
+        run: &Run,
+        build: &RunBuild,
+        output: &Path,
+        progress: &TerminalProgress,
+    ) -> CommandResult {
+        if let Some(tasks) = self.tasks {
+            let (folder, steps) = (folder.display(), run.steps.len());
+            return Err(format!(
+                "{folder}: --tasks: found {tasks}, expected none: a run of {steps} steps has a task for each"
+            )
+            .into());
+        }
+        self.tell_plan(&Job::plan_run(folder, run, build, output, progress)?)
+    }
+
+    /// Says how the tasks of a job that is planned are run.
+    fn tell_plan(&self, job: &Job) -> CommandResult {
         if self.slurm {
-            return slurm::write(&job, folder);
+            return slurm::write(job, job.folder());
         }
         let mut out = std::io::stdout().lock();
         for stage in job.stages() {
-            writeln!(out, "deepfield stage {} {} 0..{}", folder.display(), stage.name, stage.tasks)?;
+            writeln!(out, "deepfield stage {} {} 0..{}", job.folder().display(), stage.name, stage.tasks)?;
         }
         Ok(())
     }
@@ -104,24 +130,41 @@ fn tell(folder: &Path, as_json: bool) -> CommandResult {
   deepfield build snapshot_099.hdf5 -o galaxy.df --plan galaxy.job
   deepfield stage galaxy.job survey 0
   deepfield stage galaxy.job grow 17 --memory 8GiB
+  printf 'grow 0\\ngrow 1\\n' | deepfield stage galaxy.job
   deepfield build --status galaxy.job")]
 pub struct StageArguments {
     /// The job's folder.
     pub job: PathBuf,
-    /// The stage; `deepfield build --status JOB` lists them.
-    pub stage: String,
+    /// The stage; `deepfield build --status JOB` lists them [default: tasks are read from standard input, `STAGE TASK` on a line each, and
+    /// such a line is written to standard output when its task is done].
+    #[arg(requires = "task")]
+    pub stage: Option<String>,
     /// The task, from 0.
-    pub task: u32,
+    pub task: Option<u32>,
     /// Memory that the task may take, such as 8GiB [default: as the job was planned, or half of what is free].
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub memory: Option<u64>,
 }
 
-/// Runs a task.
+/// Runs a task, or those that are asked for one after the other.
 ///
 /// # Errors
 /// Where there is no such task, or what it needs is missing or damaged.
 pub fn run_stage(arguments: &StageArguments) -> CommandResult {
     let StageArguments { job, stage, task, memory } = arguments;
-    Ok(Job::open(job)?.run(stage, *task, *memory, &TerminalProgress::new())?)
+    let job = Job::open(job)?;
+    let run = |stage: &str, task: u32| job.run(stage, task, *memory, &TerminalProgress::new());
+    if let Some((stage, task)) = stage.as_deref().zip(*task) {
+        return Ok(run(stage, task)?);
+    }
+    for line in std::io::stdin().lines() {
+        let line = line.map_err(|error| format!("standard input: {error}"))?;
+        let words = line.split_once(' ').and_then(|(stage, task)| Some((stage, task.parse().ok()?)));
+        let (stage, task) =
+            words.ok_or_else(|| format!("standard input: line: found {line:?}, expected a stage and a task"))?;
+        run(stage, task)?;
+        // Whoever waits for it reads it at once: standard output is written line by line.
+        writeln!(std::io::stdout(), "{line}")?;
+    }
+    Ok(())
 }

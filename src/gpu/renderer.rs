@@ -1,29 +1,24 @@
 //! A Bevy application without a window that is driven by hand: it holds the particles of one request on the adapter and
 //! draws them as often as asked.
 
+mod passes;
+mod results;
+
 use super::DeepfieldRenderPlugins;
 use super::bloom::{Glow, GlowWork};
 use super::capabilities::Technique;
 use super::device::{DeviceOptions, GpuError, open};
 use super::headless::{HeadlessNode, HeadlessRequest};
-use super::integrals::{IntegralFindings, IntegralNews, IntegralView};
+use super::integrals::IntegralView;
 use super::light::{LightCells, LightView};
 use super::mode_view::ModeView;
-use super::readback::{read_buffer, read_texture};
 use super::scene::{NodeId, NodeState, ParticleScene, Payload, TableId};
-use super::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatBuffers, SplatPipelines, pipeline_error};
-use super::surface::work::SurfaceWork;
-use super::surface::{SurfaceNews, SurfaceView, seen};
+use super::splat::{CountOverdraw, SplatBuffers, pipeline_error};
+use super::surface::SurfaceView;
 use super::tile_passes::TilePasses;
-use super::tiles::TileNews;
-use super::timing::{FrameTimes, MeasuredPasses, PassTimes, median};
+use super::timing::{FrameTimes, MeasuredPasses, PassTimes};
 use super::view::{Backend, Composite, DrawItem, SplatView};
-use super::volume::{VolumeFindings, VolumeNews, VolumeView};
-use crate::color::composite::Image as Picture;
-use crate::color::transfer::TransferFunction;
-use crate::color::{Accumulation, Colors};
-use crate::cpu::overdraw::{Differences, Overdraw};
-use crate::cpu::volume::{FieldRange, OpaqueDepths};
+use super::volume::VolumeView;
 use crate::view::View;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
@@ -31,17 +26,14 @@ use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
-use bevy::render::render_asset::RenderAssets;
 use bevy::render::render_resource::{
     Extent3d, PipelineCache, PollType, TextureDimension, TextureFormat, TextureUsages,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy::render::texture::GpuImage;
 use bevy::render::{RenderApp, RenderPlugin};
 use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
 use std::collections::HashSet;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -237,176 +229,6 @@ impl HeadlessRenderer {
         self.size = size;
     }
 
-    /// Draws a volume of the particles, as often as asked: its light, what was found out, and the median milliseconds of its passes and
-    /// of a whole picture.
-    ///
-    /// # Errors
-    /// [`GpuError`]: a shader does not compile, the driver fails, or nothing fits.
-    pub fn volume(
-        &mut self,
-        mut volume: VolumeView,
-        repeat: u32,
-    ) -> Result<(Colors, VolumeFindings, (MeasuredPasses, f64)), GpuError> {
-        let mut frames = Vec::new();
-        let mut passes = MeasuredPasses::default();
-        self.pass_times();
-        let number = volume.light.as_ref().map_or(0, |job| job.number);
-        let found = loop {
-            let round = frames.len() as u64;
-            if let Some(job) = &mut volume.light {
-                job.number = number + (round << 32);
-            }
-            self.insert((LightView::default(), volume.clone()));
-            let wanted = volume.light.as_ref().map(|job| job.number);
-            let start = Instant::now();
-            let found = self.until(&mut passes, |found| match found.no_room {
-                no_room if no_room.is_some() && no_room == wanted => Err(()),
-                _ => Ok(found.drawn == wanted),
-            })?;
-            frames.push(start.elapsed().as_secs_f64() * 1e3);
-            // The first one compiles the shaders.
-            if frames.len() > repeat.max(1) as usize || repeat <= 1 {
-                break found;
-            }
-        };
-        if frames.len() > 1 {
-            frames.remove(0);
-        }
-        Ok((self.light()?, found, (passes, median(&mut frames))))
-    }
-
-    /// Draws what passes by tiles do, as often as asked: its light, what it hides where that is asked for, and the median milliseconds
-    /// of its passes and of a frame. Every picture has another number.
-    ///
-    /// # Errors
-    /// As [`HeadlessRenderer::volume`].
-    pub fn tiles(
-        &mut self,
-        number: u64,
-        passes: TilePasses,
-        repeat: u32,
-    ) -> Result<(Colors, Option<Arc<OpaqueDepths>>, (MeasuredPasses, f64)), GpuError> {
-        self.insert(LightView::default());
-        let world = self.app.world_mut();
-        passes.show(number, u64::MAX, &mut world.commands().entity(self.camera));
-        world.flush();
-        let start = Instant::now();
-        let mut passes = MeasuredPasses::default();
-        self.pass_times();
-        self.complete()?;
-        let mut frames = vec![start.elapsed().as_secs_f64() * 1e3];
-        passes.add(self.pass_times());
-        if repeat > 1 {
-            (frames, passes) = self.measure(repeat)?;
-        }
-        let opaque = loop {
-            let found = self.app.world().resource::<TileNews>().now();
-            if found.drawn == Some(number) {
-                break found.opaque;
-            }
-            self.frame()?;
-            self.check_shaders(start)?;
-        };
-        Ok((self.light()?, opaque, (passes, median(&mut frames))))
-    }
-
-    /// Draws measured heights: their light, if it is wanted, and the milliseconds of the passes and of a frame.
-    ///
-    /// # Errors
-    /// As [`HeadlessRenderer::volume`].
-    pub fn surface(&mut self, surface: SurfaceView) -> Result<(Colors, (MeasuredPasses, f64)), GpuError> {
-        let (number, is_colored, [width, height]) = (surface.number, surface.is_colored, surface.job.size());
-        self.insert((LightView::default(), surface));
-        let start = Instant::now();
-        let mut passes = MeasuredPasses::default();
-        self.pass_times();
-        loop {
-            self.frame()?;
-            passes.add(self.pass_times());
-            let found = self.app.world().resource::<SurfaceNews>().now();
-            match found.number == number {
-                true if found.no_room => return Err(GpuError::NoRoom(format!("{width}x{height} pixels of heights"))),
-                true if self.is_complete() => break,
-                _ => self.check_shaders(start)?,
-            }
-        }
-        let colors = if is_colored { self.light()? } else { Colors::default() };
-        Ok((colors, (passes, 1e3 * start.elapsed().as_secs_f64())))
-    }
-
-    /// Reads back the number of what each sample of the heights shows that were drawn last, row by row.
-    ///
-    /// # Errors
-    /// [`GpuError::Failed`].
-    pub fn surface_seen(&mut self) -> Result<Vec<u32>, GpuError> {
-        let (device, queue) = self.device();
-        let world = self.render_world();
-        let mut query = world.query::<&SurfaceWork>();
-        let found = query.iter(world).next().and_then(|work| seen::numbers(work, &device, &queue));
-        found.ok_or_else(|| GpuError::Failed("(reading back what is seen)".into()))
-    }
-
-    /// Reads back how many pixels of the heights that were drawn last, in colours, are covered by what was measured.
-    ///
-    /// # Errors
-    /// [`GpuError::Failed`].
-    pub fn surface_covered(&mut self) -> Result<f64, GpuError> {
-        let (device, queue) = self.device();
-        let world = self.render_world();
-        let mut query = world.query::<&SurfaceWork>();
-        let found = query.iter(world).next().and_then(|work| seen::covered(work, &device, &queue));
-        found.ok_or_else(|| GpuError::Failed("(reading back what is covered)".into()))
-    }
-
-    /// What has been found out about line integrals.
-    pub fn integral_findings(&self) -> IntegralFindings {
-        self.app.world().resource::<IntegralNews>().now()
-    }
-
-    /// What has been found out about the volume on its way.
-    pub fn volume_findings(&self) -> VolumeFindings {
-        self.app.world().resource::<VolumeNews>().now()
-    }
-
-    /// Finds between which values the mass of the particles' field lies; `None` where there is none.
-    ///
-    /// # Errors
-    /// As [`HeadlessRenderer::volume`].
-    pub fn ranges(&mut self, volume: VolumeView) -> Result<Option<FieldRange>, GpuError> {
-        let wanted = volume.ranges.as_ref().map(|job| job.number);
-        self.insert((LightView::default(), volume));
-        let found = self.until(&mut MeasuredPasses::default(), |found| match found.no_room {
-            no_room if no_room.is_some() && no_room == wanted => Err(()),
-            _ => Ok(found.ranges.map(|(number, _)| number) == wanted),
-        })?;
-        Ok(found.ranges.and_then(|(_, range)| range))
-    }
-
-    /// Draws frames until something has been found out; there is no room for it where `is_there` fails.
-    fn until(
-        &mut self,
-        passes: &mut MeasuredPasses,
-        is_there: impl Fn(&VolumeFindings) -> Result<bool, ()>,
-    ) -> Result<VolumeFindings, GpuError> {
-        let start = Instant::now();
-        loop {
-            self.frame()?;
-            passes.add(self.pass_times());
-            let found = self.volume_findings();
-            match is_there(&found) {
-                Ok(true) => return Ok(found),
-                Ok(false) => self.check_shaders(start)?,
-                Err(()) => {
-                    let pixels = || GpuError::NoRoom(format!("{}x{} pixels", self.size.x, self.size.y));
-                    return Err(found
-                        .most_cells
-                        .filter(|most| *most > 1)
-                        .map_or_else(pixels, |most| GpuError::GridTooLarge { most }));
-                }
-            }
-        }
-    }
-
     /// The adapter's name and driver.
     pub fn adapter(&self) -> &str {
         &self.adapter
@@ -576,116 +398,5 @@ impl HeadlessRenderer {
         if let Some(mut view) = self.app.world_mut().get_mut::<SplatView>(self.camera) {
             change(&mut view);
         }
-    }
-
-    /// Counts the splats over each pixel; the picture is not drawn.
-    ///
-    /// # Errors
-    /// [`GpuError`]: an adapter without compute shaders, a shader that does not compile, or the driver fails.
-    pub fn overdraw(&mut self) -> Result<Overdraw, GpuError> {
-        let lacks = |pipelines: &SplatPipelines| pipelines.capabilities.technique(Backend::Compute).err();
-        if let Some(missing) = self.render_world().get_resource().and_then(lacks) {
-            return Err(GpuError::Unsupported { adapter: self.adapter.clone(), backend: "compute", missing });
-        }
-        self.insert(CountOverdraw);
-        let start = Instant::now();
-        let differences = loop {
-            self.frame()?;
-            if let Some(differences) = self.differences()? {
-                break differences;
-            }
-            self.check_shaders(start)?;
-        };
-        self.app.world_mut().entity_mut(self.camera).remove::<CountOverdraw>();
-        Ok(differences.sum())
-    }
-
-    /// What has been counted, once it is.
-    fn differences(&mut self) -> Result<Option<Differences>, GpuError> {
-        let (device, queue) = self.device();
-        let world = self.render_world();
-        let mut query = world.query::<&OverdrawBuffers>();
-        let Some(buffers) = query.iter(world).next().filter(|buffers| buffers.counted.load(Ordering::Relaxed)) else {
-            return Ok(None);
-        };
-        let ([width, height], bytes) = (buffers.size, buffers.bytes());
-        let found = read_buffer(&device, &queue, &buffers.differences, 0, bytes);
-        let found = found.ok_or_else(|| GpuError::Failed("(reading the overdraw back)".into()))?;
-        Ok(Some(Differences::found(width, height, bytemuck::pod_collect_to_vec(&found))))
-    }
-
-    /// Reads the accumulation back, and the number of splats where the technique counts them.
-    ///
-    /// # Errors
-    /// [`GpuError::Failed`].
-    pub fn accumulation(&mut self, attribute: bool) -> Result<(Accumulation, Option<u64>), GpuError> {
-        let failed = || GpuError::Failed("(reading the picture back)".into());
-        let (device, queue) = self.device();
-        let size = self.size;
-        let buffers = self.buffers().ok_or_else(failed)?;
-        let (width, stride) = (size.x as usize, buffers.stride as usize);
-        let bytes = 8 * u64::from(buffers.stride) * u64::from(size.y);
-        let cells = read_buffer(&device, &queue, &buffers.shared.cells, 0, bytes).ok_or_else(failed)?;
-        let splats = match &buffers.bindings {
-            Some(Bindings::Compute(bindings)) => {
-                // What is outside comes last and is not counted.
-                let outside = u64::from(buffers.grids.uniform.bin_count - 1) * 4;
-                let counted = read_buffer(&device, &queue, &bindings.starts, outside, 4).ok_or_else(failed)?;
-                counted.first_chunk::<4>().map(|bytes| u64::from(u32::from_le_bytes(*bytes)))
-            }
-            Some(Bindings::Raster(_)) | None => None,
-        };
-        let cells: &[[f32; 2]] = bytemuck::cast_slice(&cells);
-        let cells = cells.chunks(stride).flat_map(|row| &row[..width.min(row.len())]);
-        let mut accumulation = Accumulation::new(size.x, size.y, attribute);
-        for (index, cell) in cells.enumerate() {
-            accumulation.p[index] = cell[0];
-            if let Some(ps) = accumulation.ps.get_mut(index) {
-                *ps = cell[1];
-            }
-        }
-        Ok((accumulation, splats))
-    }
-
-    /// Reads the light of the camera's passes back.
-    ///
-    /// # Errors
-    /// [`GpuError::Failed`].
-    pub fn light(&mut self) -> Result<Colors, GpuError> {
-        let failed = || GpuError::Failed("(reading the light back)".into());
-        let (device, queue) = self.device();
-        let cells = self.cells().ok_or_else(failed)?;
-        let [width, height] = cells.size;
-        let bytes = 16 * u64::from(width) * u64::from(height);
-        let rgba = read_buffer(&device, &queue, &cells.buffer, 0, bytes).ok_or_else(failed)?;
-        Ok(Colors { width, height, rgba: bytemuck::pod_collect_to_vec(&rgba) })
-    }
-
-    /// Colours the picture and reads it back.
-    ///
-    /// # Errors
-    /// [`GpuError::Failed`].
-    pub fn colors(&mut self, transfer: &TransferFunction, accumulation: &Accumulation) -> Result<Picture, GpuError> {
-        let composite = Composite::new(transfer, transfer.levels(accumulation), accumulation.has_attribute());
-        self.insert(composite);
-        self.shown()
-    }
-
-    /// Reads back what the camera's target shows.
-    ///
-    /// # Errors
-    /// [`GpuError::Failed`].
-    pub fn shown(&mut self) -> Result<Picture, GpuError> {
-        // The first frame compiles the pipeline.
-        for _ in 0..3 {
-            self.frame()?;
-        }
-        let failed = || GpuError::Failed("(reading the colours back)".into());
-        let (device, queue) = self.device();
-        let (target, size) = (self.target.clone(), self.size);
-        let images = self.render_world().resource::<RenderAssets<GpuImage>>();
-        let image = images.get(&target).ok_or_else(failed)?;
-        let rgba = read_texture(&device, &queue, &image.texture, size).ok_or_else(failed)?;
-        Ok(Picture { width: size.x, height: size.y, rgba })
     }
 }

@@ -121,6 +121,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("lib/surface_ray.wgsl", include_str!("../../shaders/lib/surface_ray.wgsl")),
     ("lib/surface_levels.wgsl", include_str!("../../shaders/lib/surface_levels.wgsl")),
     ("lib/surface_globe.wgsl", include_str!("../../shaders/lib/surface_globe.wgsl")),
+    ("lib/surface_point.wgsl", include_str!("../../shaders/lib/surface_point.wgsl")),
     ("lib/surface_cast.wgsl", include_str!("../../shaders/lib/surface_cast.wgsl")),
     ("lib/surface_cells.wgsl", include_str!("../../shaders/lib/surface_cells.wgsl")),
     ("lib/surface_blocks.wgsl", include_str!("../../shaders/lib/surface_blocks.wgsl")),

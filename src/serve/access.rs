@@ -9,7 +9,7 @@ use hyper::{HeaderMap, StatusCode};
 use std::fmt;
 use std::net::IpAddr;
 
-/// The cookie with the token.
+/// How the name of the cookie with the token begins.
 const NAME: &str = "deepfield-token";
 
 /// The fewest letters of a token.
@@ -40,6 +40,12 @@ impl Token {
         self.0.len() == text.len() && differences == 0
     }
 
+    /// Browsers keep one cookie of a name for all ports of a host, so each token has a name of its own. A port would not do: behind another
+    /// server, or in a container, it is not the one that the browser knows. The name is seen by nobody who does not see the token beside it.
+    fn cookie_name(&self) -> String {
+        format!("{NAME}-{:08x}", crc32c::crc32c(self.0.as_bytes()))
+    }
+
     /// What is answered to a request that may not read, or that has the token in its address; nothing where it may go on.
     pub(super) fn check(&self, request: &Parts, is_secure: bool) -> Result<(), Box<Answer>> {
         let query = request.uri.query().unwrap_or_default();
@@ -50,7 +56,7 @@ impl Token {
         let bearer =
             bearer.and_then(|value| value.split_once(' ')).filter(|(scheme, _)| scheme.eq_ignore_ascii_case("bearer"));
         if bearer.is_some_and(|(_, said)| self.is(said.trim()))
-            || cookies(&request.headers, NAME).any(|said| self.is(said))
+            || cookies(&request.headers, &self.cookie_name()).any(|said| self.is(said))
         {
             return Ok(());
         }
@@ -72,7 +78,7 @@ impl Token {
              <title>deepfield</title><p><a href=\"{path}\">Go on</a></p>\n"
         );
         let answer = answer::html(StatusCode::OK, page);
-        answer::with(answer, SET_COOKIE, &cookie(NAME, &self.0, is_secure))
+        answer::with(answer, SET_COOKIE, &cookie(&self.cookie_name(), &self.0, is_secure))
     }
 }
 
@@ -105,7 +111,7 @@ pub(super) fn cookie(name: &str, value: &str, is_secure: bool) -> String {
 }
 
 /// The values of the cookies of a name.
-pub(super) fn cookies<'a>(headers: &'a HeaderMap, name: &'static str) -> impl Iterator<Item = &'a str> {
+pub(super) fn cookies<'a>(headers: &'a HeaderMap, name: &'a str) -> impl Iterator<Item = &'a str> {
     let values: Vec<&str> = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok()).collect();
     let pairs = values.into_iter().flat_map(|value| value.split(';')).filter_map(|pair| pair.trim().split_once('='));
     pairs.filter_map(move |(own, value)| (own == name).then_some(value))

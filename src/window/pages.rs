@@ -22,6 +22,7 @@ use super::statistics::{ActiveBackend, Statistics};
 use super::streaming::{Present, Streaming};
 use crate::hierarchy::Purpose;
 use crate::picture::stand_in::{Chosen, Limit, Wanted};
+use crate::store::PageId;
 use crate::stream::{PageState, SceneNode};
 use crate::view::View;
 use bevy::prelude::*;
@@ -270,6 +271,15 @@ fn is_same(old: &SceneNode, new: &SceneNode) -> bool {
     (old.node, old.offset, old.part) == (new.node, new.offset, new.part)
 }
 
+/// Removes the entities of pages that are neither in memory nor on their way any more.
+fn despawn(commands: &mut Commands, streaming: &mut Streaming, pages: Vec<PageId>) {
+    for id in pages {
+        if let Some(entity) = streaming.entities.remove(&id) {
+            commands.entity(entity).despawn();
+        }
+    }
+}
+
 /// Starts to read what is missed, as many pages at a time as the preset allows.
 pub fn start_loads(
     mut commands: Commands,
@@ -282,7 +292,9 @@ pub fn start_loads(
     if let Some(mut playhead) = playhead {
         playhead.bypass_change_detection().lead_secs = streaming.streamer.lead_secs();
     }
-    for id in streaming.streamer.serve() {
+    let served = streaming.streamer.serve();
+    despawn(&mut commands, &mut streaming, served.withdrawn);
+    for id in served.started {
         // A page that has failed is tried again.
         if let Some(mut status) = streaming.entity(id).and_then(|entity| pages.get_mut(entity).ok()) {
             *status = PageStatus::Loading;
@@ -305,11 +317,8 @@ pub fn start_loads(
 /// Removes the entities of pages that had to make room.
 pub fn evict(mut commands: Commands, streaming: Option<ResMut<Streaming>>) {
     let Some(mut streaming) = streaming else { return };
-    for id in streaming.streamer.take_evicted() {
-        if let Some(entity) = streaming.entities.remove(&id) {
-            commands.entity(entity).despawn();
-        }
-    }
+    let evicted = streaming.streamer.take_evicted();
+    despawn(&mut commands, &mut streaming, evicted);
 }
 
 #[cfg(test)]

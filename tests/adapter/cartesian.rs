@@ -1,6 +1,6 @@
 //! Cartesian grids by compute passes against the processor: the same particles, box, cells and rays.
 
-use crate::volumes::{Cloud, Renderer, difference, look, near, renderer};
+use crate::clouds::{Cloud, Renderer, difference, look, near, renderer};
 use deepfield::color::Colors;
 use deepfield::cpu::cartesian::{self, CartesianOptions, Region};
 use deepfield::cpu::volume::{Scenery, VolumeOptions, VolumeReport};

@@ -1,7 +1,7 @@
 //! Fields of particles' columns by compute passes against the processor's: the same nodes, settings and colours.
 
+use crate::clouds::difference;
 use crate::support::{built_from_dataset, view_from};
-use crate::volumes::difference;
 use deepfield::codec::VqBits;
 use deepfield::gpu::column_tables::ColumnTables;
 use deepfield::gpu::content_look::ContentLook;

@@ -1,5 +1,6 @@
 //! Ellipsoids on the adapter, held against the processor's exact integrals of the same.
 
+use crate::adapters::Adapters;
 use crate::integrals::{BACKENDS, ORTHO, PINHOLE, assert_same, look, node, request};
 use crate::support::Random;
 use deepfield::codec::clusters::NO_CLASS;
@@ -9,7 +10,6 @@ use deepfield::color::transfer::{Levels, TransferFunction};
 use deepfield::cpu::{Extent, Method, Positions, SplatOptions, Splats, draw};
 use deepfield::gpu::{
     Backend, Composite, DrawItem, Footprint, GpuCluster, HeadlessFrame, HeadlessRenderer, Payload, SplatView,
-    render_headless,
 };
 use deepfield::mode::sample::Sample;
 use deepfield::model::{Covariance, Kernel};
@@ -51,7 +51,7 @@ impl Ellipsoids {
         draw(view, &[splats], &options)
     }
 
-    fn gpu(&self, view: &View, backend: Backend) -> HeadlessFrame {
+    fn gpu(&self, adapters: &mut Adapters, view: &View, backend: Backend) -> HeadlessFrame {
         let min = DVec3::splat(-0.5);
         let cluster = |i: usize| {
             let covariance = self.covariances[i];
@@ -67,17 +67,18 @@ impl Ellipsoids {
         };
         let payload = Payload::Ellipsoids((0..self.positions.len()).map(cluster).collect());
         let nodes = vec![node(min, 0.0, payload)];
-        render_headless(request(view, Footprint::Kernel(self.kernel), backend, nodes, vec![])).unwrap()
+        adapters.draw(request(view, Footprint::Kernel(self.kernel), backend, nodes, vec![]))
     }
 
     /// Along parallel lines of sight, and through a pinhole, which is so to second order only, both are within their limit of the truth.
     fn compare(&self, name: &str, limits: [f64; 2]) {
         let projections = [(ORTHO, "orthographic"), (PINHOLE, "perspective")];
+        let mut adapters = Adapters::default();
         for ((projection, of_it), limit) in projections.into_iter().zip(limits) {
             let view = look(projection, 320, 240);
             let cpu = self.cpu(&view);
             for backend in BACKENDS {
-                let gpu = self.gpu(&view, backend);
+                let gpu = self.gpu(&mut adapters, &view, backend);
                 assert_eq!(gpu.stats.backend, backend.name());
                 assert_same(&format!("{name}, {of_it}, {}", backend.name()), &gpu, &cpu, limit);
             }
@@ -111,13 +112,13 @@ fn large_ones() {
 /// Light is the weight, wherever an ellipsoid is and whatever its size: sums over all pixels of the picture.
 #[test]
 fn light_is_the_weight() {
-    let projection = Projection::Orthographic { height: 4.0 };
+    let (projection, mut adapters) = (Projection::Orthographic { height: 4.0 }, Adapters::default());
     for (sizes, flattest) in [([1e-5, 1e-2], 0.01), ([1e-2, 0.5], 0.01), ([0.3, 0.9], 0.3)] {
         let all = ellipsoids(200, sizes, flattest, Kernel::CubicSpline);
         let view = look(projection, 320, 320);
         let total: f64 = all.weight.iter().map(|weight| f64::from(*weight)).sum();
         for backend in BACKENDS {
-            let sum = all.gpu(&view, backend).accumulation.sum() * (4.0_f64 / 320.0).powi(2);
+            let sum = all.gpu(&mut adapters, &view, backend).accumulation.sum() * (4.0_f64 / 320.0).powi(2);
             assert!((sum / total - 1.0).abs() < 1e-4, "{backend:?} {sizes:?}: {}", sum / total);
         }
     }

@@ -1,7 +1,7 @@
 //! Sampled volumes by compute passes against the processor's march: the same samples, grid and settings.
 
+use crate::clouds::difference;
 use crate::support::run;
-use crate::volumes::difference;
 use deepfield::color::Colors;
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::field::Field;

@@ -1,5 +1,6 @@
 //! What the GPU backends accumulate, held against the CPU's exact integrals on the same particles.
 
+use crate::adapters::Adapters;
 use crate::support::Random;
 use deepfield::codec::clusters::NO_CLASS;
 use deepfield::codec::coordinates::{pack_grid, pack_leaf, unpack_grid, unpack_leaf};
@@ -64,8 +65,8 @@ impl Particles {
         request(view, footprint, backend, vec![node(DVec3::ZERO, 0.0, Payload::Camera(raw))], vec![])
     }
 
-    fn gpu(&self, view: &View, footprint: Footprint, backend: Backend) -> HeadlessFrame {
-        render_headless(self.request(view, footprint, backend)).unwrap()
+    fn gpu(&self, adapters: &mut Adapters, view: &View, footprint: Footprint, backend: Backend) -> HeadlessFrame {
+        adapters.draw(self.request(view, footprint, backend))
     }
 }
 
@@ -117,11 +118,12 @@ pub fn assert_same(name: &str, gpu: &HeadlessFrame, cpu: &Accumulation, limit: f
 
 /// Both techniques agree with the exact integrals, in both projections.
 fn compare(name: &str, particles: &Particles, footprint: Footprint) {
+    let mut adapters = Adapters::default();
     for (projection, of_it) in [(ORTHO, "orthographic"), (PINHOLE, "perspective")] {
         let view = look(projection, 320, 240);
         let cpu = particles.cpu(&view, footprint);
         for backend in BACKENDS {
-            let gpu = particles.gpu(&view, footprint, backend);
+            let gpu = particles.gpu(&mut adapters, &view, footprint, backend);
             assert_eq!(gpu.stats.backend, backend.name());
             assert_same(&format!("{name}, {of_it}, {}", backend.name()), &gpu, &cpu, 1e-3);
         }
@@ -165,12 +167,12 @@ fn discs_of_fixed_size() {
 #[test]
 fn pictures_of_every_size() {
     // One pixel, one level, rows that no texture copy is aligned to, more rows than columns.
-    let particles = particles(500, 1.0, 0.01, 0.5, 6);
+    let (particles, mut adapters) = (particles(500, 1.0, 0.01, 0.5, 6), Adapters::default());
     for (width, height) in [(1, 1), (7, 5), (33, 31), (61, 127), (255, 17)] {
         let view = look(PINHOLE, width, height);
         let cpu = particles.cpu(&view, CUBIC_SPLINE);
         for backend in BACKENDS {
-            let gpu = particles.gpu(&view, CUBIC_SPLINE, backend);
+            let gpu = particles.gpu(&mut adapters, &view, CUBIC_SPLINE, backend);
             // In a few pixels the errors of the splats do not average out: 1.9e-3 in a single one.
             assert_same(&format!("{width}x{height}, {}", backend.name()), &gpu, &cpu, 2.2e-3);
         }
@@ -219,15 +221,14 @@ fn work_is_split_where_buffers_are_small() {
 #[test]
 fn a_picture_larger_than_textures_is_drawn_in_parts() {
     let wide = Projection::Perspective { fov_y: 1.7 };
+    let limits = wgpu::Limits { max_texture_dimension_2d: 256, ..wgpu::Limits::default() };
+    let mut adapters = Adapters::of(DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() });
     for (projection, h_min, h_max) in [(ORTHO, 0.001, 0.1), (PINHOLE, 0.001, 0.1), (wide, 0.01, 1.0)] {
         let particles = particles(5_000, 1.0, h_min, h_max, 12);
         let view = look(projection, 330, 270);
         let cpu = particles.cpu(&view, CUBIC_SPLINE);
         for backend in BACKENDS {
-            let mut request = particles.request(&view, CUBIC_SPLINE, backend);
-            request.device.constrained_limits =
-                Some(wgpu::Limits { max_texture_dimension_2d: 256, ..wgpu::Limits::default() });
-            let frame = render_headless(request).unwrap();
+            let frame = adapters.draw(particles.request(&view, CUBIC_SPLINE, backend));
             let name = format!("parts, {projection:?}, {}", backend.name());
             assert!(frame.stats.splats.is_none(), "{name}: not in parts");
             assert_same(&name, &frame, &cpu, 1e-3);
@@ -250,15 +251,16 @@ fn a_picture_larger_than_textures_is_drawn_in_parts() {
 
 #[test]
 fn crowded_tiles_lose_nothing() {
+    let withheld = Withheld { subgroup: true, ..Withheld::default() };
+    let mut with_and_without =
+        [DeviceOptions::default(), DeviceOptions { withheld, ..DeviceOptions::default() }].map(Adapters::of);
     // All in a few tiles: more splats than a driver's loop may take rounds.
     for (h_min, h_max) in [(0.003, 0.01), (0.05, 0.1)] {
         let particles = particles(150_000, 0.02, h_min, h_max, 10);
         let view = look(ORTHO, 48, 32);
         let cpu = particles.cpu(&view, CUBIC_SPLINE);
-        for subgroup in [false, true] {
-            let mut request = particles.request(&view, CUBIC_SPLINE, Backend::Compute);
-            request.device.withheld.subgroup = subgroup;
-            let gpu = render_headless(request).unwrap();
+        for (adapters, subgroup) in with_and_without.iter_mut().zip([false, true]) {
+            let gpu = adapters.draw(particles.request(&view, CUBIC_SPLINE, Backend::Compute));
             assert_same(&format!("h from {h_min}, no subgroups {subgroup}"), &gpu, &cpu, 1e-3);
         }
     }
@@ -313,13 +315,13 @@ fn packed_nodes_are_decoded_as_on_the_cpu() {
     let fine: Vec<u64> = leaf.steps.iter().map(|&steps| pack_leaf(steps, steps[0] % 2 == 0)).collect();
     let expected_fine = leaf.particles(min, size, |i| unpack_leaf(fine[i])).cpu(&view, CUBIC_SPLINE);
     let payload_fine = Payload::Leaf { positions: fine, codes: leaf.codes.clone() };
+    let mut adapters = Adapters::default();
     for backend in BACKENDS {
         for (name, packed, payload, expected) in
             [("grid", &grid, &payload, &expected), ("leaf", &leaf, &payload_fine, &expected_fine)]
         {
             let nodes = vec![node(min, size, payload.clone())];
-            let gpu =
-                render_headless(request(&view, CUBIC_SPLINE, backend, nodes, vec![packed.table.clone()])).unwrap();
+            let gpu = adapters.draw(request(&view, CUBIC_SPLINE, backend, nodes, vec![packed.table.clone()]));
             assert_same(&format!("{name}, {}", backend.name()), &gpu, expected, 1e-3);
         }
     }
@@ -377,7 +379,7 @@ fn a_particle_a_billionth_of_the_box_away_is_where_it_belongs() {
     let distance = 1e-9 * 50.0;
     let eye = particle + distance * DVec3::new(0.3, -0.5, 0.81).normalize();
     let table = vec![TableEntry { smoothing_length: 1e-9, weight: 1.0, attribute: 1.0, importance: 1.0 }];
-    let footprint = Footprint::Pixels { radius: 5.0 };
+    let (footprint, mut adapters) = (Footprint::Pixels { radius: 5.0 }, Adapters::default());
     for step in 0..4 {
         // A fraction of a pixel each time, as a slow drag does.
         let aside = distance * (0.07 + 0.004 * f64::from(step));
@@ -393,7 +395,7 @@ fn a_particle_a_billionth_of_the_box_away_is_where_it_belongs() {
             let nodes = vec![node(corner, size, payload)];
             let request =
                 HeadlessRequest { attribute: false, ..request(&view, footprint, backend, nodes, vec![table.clone()]) };
-            pictures.push((backend.name(), render_headless(request).unwrap().accumulation));
+            pictures.push((backend.name(), adapters.draw(request).accumulation));
         }
         for (name, picture) in pictures {
             let found = centroid(&picture);

@@ -1,6 +1,7 @@
 //! Modes that draw light, by an adapter's passes and by the processor: the same particles, the same colours, the same picture.
 
-use crate::support::{Built, Random, built, demo, draw_nodes, view_from};
+use crate::adapters::Adapters;
+use crate::support::{Built, Random, built, demo, draw_nodes, view_of};
 use deepfield::codec::VqBits;
 use deepfield::codec::clusters::NO_CLASS;
 use deepfield::color::Colors;
@@ -149,16 +150,11 @@ const TERMINATION: f32 = 0.999;
 /// More than any of the pictures needs.
 const MEMORY: u64 = 1 << 30;
 
-/// An adapter without limits of its own.
-fn plenty() -> (DeviceOptions, u64) {
-    (DeviceOptions::default(), MEMORY)
-}
-
-fn sorted_both(view: &View, cloud: &Cloud, (device, memory): (DeviceOptions, u64)) -> (Colors, Colors) {
+fn sorted_both(view: &View, cloud: &Cloud, (adapters, memory): (&mut Adapters, u64)) -> (Colors, Colors) {
     let classifier = cloud.classifier();
     let options = VolumeOptions { smallest: 1.5, ..VolumeOptions::default() };
     let (expected, report) = sorted::draw(view, &[cloud.batch()], &classifier, (TERMINATION, 1.0), &options).unwrap();
-    let mut renderer = HeadlessRenderer::open(&HeadlessRequest { device, ..cloud.request(view) }).unwrap();
+    let (renderer, number) = adapters.load(cloud.request(view));
     let component = SortedSplats {
         classifier,
         planes: report.planes,
@@ -166,8 +162,8 @@ fn sorted_both(view: &View, cloud: &Cloud, (device, memory): (DeviceOptions, u64
         smallest: options.smallest,
         density_scale: 1.0,
     };
-    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component, occlusion: false, memory }));
-    (twice(&mut renderer, cloud), expected)
+    renderer.insert((LightView::default(), TilePicture { number, mode: component, occlusion: false, memory }));
+    (twice(renderer, cloud), expected)
 }
 
 #[test]
@@ -175,6 +171,7 @@ fn sorted_splats_are_blended_as_on_the_processor() {
     let wide = Cloud::random(3_000, 0.01, 0.6);
     let tiny = Cloud::random(60_000, 0.01, 0.04);
     let many = Cloud::random(30_000, 0.02, 0.1);
+    let mut adapters = Adapters::default();
     for (name, view, cloud) in [
         ("wide", perspective([1.5, 1.0, 2.5], 161, 90), &wide),
         ("inside", perspective([0.2, 0.1, 0.4], 120, 97), &wide),
@@ -183,7 +180,7 @@ fn sorted_splats_are_blended_as_on_the_processor() {
         ("parallel", orthographic([1.5, 1.0, 2.5], 150, 100), &many),
         ("parallel from within", orthographic([0.1, 0.1, 0.2], 90, 100), &wide),
     ] {
-        let (found, expected) = sorted_both(&view, cloud, plenty());
+        let (found, expected) = sorted_both(&view, cloud, (&mut adapters, MEMORY));
         let (mean, most) = difference(&found, &expected);
         println!("{name}: mean {mean:.3}, at most {most}");
         assert!(mean < 0.02 && most <= 2, "{name}: mean {mean}, at most {most}");
@@ -200,25 +197,25 @@ fn slabs_of_depth_change_nothing() {
         wgpu::Limits { max_storage_buffer_binding_size: limit, max_buffer_size: limit, ..wgpu::Limits::default() };
     let small = DeviceOptions { constrained_limits: Some(limits), ..DeviceOptions::default() };
     // Small buffers, or little memory for all of them: some 12000.
-    let (_, memory) = plenty();
-    let few = [(small, memory), (DeviceOptions::default(), 2 << 20)];
-    let (whole, _) = sorted_both(&view, &cloud, plenty());
-    for few in &few {
-        let (slabs, _) = sorted_both(&view, &cloud, few.clone());
+    let mut few = [(Adapters::of(small), MEMORY), (Adapters::default(), 2 << 20)];
+    let mut plenty = Adapters::default();
+    let (whole, _) = sorted_both(&view, &cloud, (&mut plenty, MEMORY));
+    for (adapters, memory) in &mut few {
+        let (slabs, _) = sorted_both(&view, &cloud, (adapters, *memory));
         assert_eq!(difference(&slabs, &whole), (0.0, 0));
     }
     // Of layers some are more than one slab.
     for assignment in [Assignment::Nearest, Assignment::Kernel] {
-        let (whole, _) = layered_both(&view, &cloud, (2, assignment), plenty());
-        for few in &few {
-            let (slabs, _) = layered_both(&view, &cloud, (2, assignment), few.clone());
+        let (whole, _) = layered_both(&view, &cloud, (2, assignment), (&mut plenty, MEMORY));
+        for (adapters, memory) in &mut few {
+            let (slabs, _) = layered_both(&view, &cloud, (2, assignment), (adapters, *memory));
             let (mean, most) = difference(&slabs, &whole);
             assert!(mean < 0.01 && most <= 1, "{assignment:?}: mean {mean}, at most {most}");
         }
     }
 }
 
-fn spheres_both(view: &View, cloud: &Cloud, smoothing: f64) -> (Colors, Colors) {
+fn spheres_both(adapters: &mut Adapters, view: &View, cloud: &Cloud, smoothing: f64) -> (Colors, Colors) {
     let options = SphereOptions { radius: 0.5, least: 0.1, smoothing, near: None, far: None, occlusion: true };
     let (mut front, report) = front(view, &[cloud.batch()], 1.0, &options).unwrap();
     front.smooth(view, smoothing);
@@ -244,23 +241,23 @@ fn spheres_both(view: &View, cloud: &Cloud, smoothing: f64) -> (Colors, Colors) 
         light: Some(light),
         colors,
     };
-    let mut renderer = HeadlessRenderer::open(&cloud.request(view)).unwrap();
-    renderer
-        .insert((LightView::default(), TilePicture { number: 1, mode: component, occlusion: false, memory: MEMORY }));
-    (twice(&mut renderer, cloud), expected)
+    let (renderer, number) = adapters.load(cloud.request(view));
+    renderer.insert((LightView::default(), TilePicture { number, mode: component, occlusion: false, memory: MEMORY }));
+    (twice(renderer, cloud), expected)
 }
 
 #[test]
 fn spheres_are_lit_as_on_the_processor() {
     let wide = Cloud::random(3_000, 0.01, 0.4);
     let many = Cloud::random(30_000, 0.02, 0.1);
+    let mut adapters = Adapters::default();
     for (name, view, cloud, smoothing) in [
         ("wide", perspective([1.5, 1.0, 2.5], 161, 90), &wide, 1.5),
         ("inside", perspective([0.2, 0.1, 0.4], 120, 97), &wide, 0.5),
         ("many", perspective([0.5, 1.5, 2.5], 161, 90), &many, 0.0),
         ("parallel", orthographic([1.5, 1.0, 2.5], 150, 100), &many, 1.5),
     ] {
-        let (found, expected) = spheres_both(&view, cloud, smoothing);
+        let (found, expected) = spheres_both(&mut adapters, &view, cloud, smoothing);
         let (mean, _) = difference(&found, &expected);
         // On silhouettes a pixel may show one sphere or the other.
         let pairs = found.rgba.iter().zip(&expected.rgba);
@@ -274,7 +271,7 @@ fn layered_both(
     view: &View,
     cloud: &Cloud,
     (layers, assignment): (u32, Assignment),
-    (device, memory): (DeviceOptions, u64),
+    (adapters, memory): (&mut Adapters, u64),
 ) -> (Colors, Colors) {
     let classifier = cloud.classifier();
     let options = VolumeOptions::default();
@@ -289,9 +286,9 @@ fn layered_both(
         smallest: options.smallest,
         longest: cloud.h.iter().copied().fold(0.0, f32::max).into(),
     };
-    let mut renderer = HeadlessRenderer::open(&HeadlessRequest { device, ..cloud.request(view) }).unwrap();
-    renderer.insert((LightView::default(), TilePicture { number: 1, mode: component, occlusion: false, memory }));
-    (drawn(&mut renderer), expected)
+    let (renderer, number) = adapters.load(cloud.request(view));
+    renderer.insert((LightView::default(), TilePicture { number, mode: component, occlusion: false, memory }));
+    (drawn(renderer), expected)
 }
 
 #[test]
@@ -302,6 +299,7 @@ fn layers_are_blended_as_on_the_processor() {
     let mut crowded = Cloud::random(30_000, 0.03, 0.06);
     crowded.positions.iter_mut().flatten().for_each(|x| *x *= 0.005);
     crowded.mass.iter_mut().for_each(|mass| *mass *= 0.02);
+    let mut adapters = Adapters::default();
     for (name, view, cloud, way) in [
         ("crowded", perspective([0.02, 0.02, 0.2], 121, 90), &crowded, (3, Assignment::Nearest)),
         ("many, nearest", perspective([0.5, 1.5, 2.5], 101, 60), &many, (64, Assignment::Nearest)),
@@ -312,7 +310,7 @@ fn layers_are_blended_as_on_the_processor() {
         ("parallel, nearest", orthographic([1.5, 1.0, 2.5], 150, 100), &many, (100, Assignment::Nearest)),
         ("parallel, cut", orthographic([0.1, 0.1, 0.2], 90, 100), &wide, (20, Assignment::Kernel)),
     ] {
-        let (found, expected) = layered_both(&view, cloud, way, plenty());
+        let (found, expected) = layered_both(&view, cloud, way, (&mut adapters, MEMORY));
         let (mean, most) = difference(&found, &expected);
         println!("{name}: mean {mean:.3}, at most {most}");
         assert!(mean < 0.1 && most <= 6, "{name}: mean {mean}, at most {most}");
@@ -340,6 +338,7 @@ fn what_is_opaque_hides_what_it_hides_on_the_processor() {
     let sorted_splats = LightPasses::Sorted { classifier: classifier.clone(), options, termination, density_scale };
     let in_layers = LightPasses::Layered { classifier: classifier.clone(), options, layers, assignment, termination };
     let as_spheres = LightPasses::Spheres { options: spheres, light: None, colors, density_scale };
+    let mut adapters = Adapters::default();
     for view in [perspective([0.5, 1.5, 2.5], 161, 90), orthographic([1.5, 1.0, 2.5], 90, 100)] {
         let of = |report: VolumeReport| report.opaque.unwrap();
         let by_depth = sorted::draw(&view, &batch, &classifier, (termination, density_scale), &options).unwrap();
@@ -350,9 +349,9 @@ fn what_is_opaque_hides_what_it_hides_on_the_processor() {
             ("layered", &in_layers, of(by_layer.1)),
             ("spheres", &as_spheres, Arc::new(first.opaque(&view, spheres.radius))),
         ] {
-            let mut renderer = HeadlessRenderer::open(&cloud.request(&view)).unwrap();
+            let (renderer, number) = adapters.load(cloud.request(&view));
             let draw = TilePasses::of(passes, &view, &extents::of(&batch)).unwrap().unwrap();
-            let (colors, found, _) = renderer.tiles(7, draw.clone(), 1).unwrap();
+            let (colors, found, _) = renderer.tiles(2 * number, draw.clone(), 1).unwrap();
             let [found, expected] = [found.unwrap(), expected]
                 .map(|opaque| (0..16i32.pow(3)).map(|index| opaque.hides(&cube(index))).collect::<Vec<_>>());
             let differ = found.iter().zip(&expected).filter(|(a, b)| a != b).count();
@@ -362,7 +361,7 @@ fn what_is_opaque_hides_what_it_hides_on_the_processor() {
             // Nobody waits for what nobody asked for, and the picture is the same.
             let mut unasked = draw;
             unasked.occlusion = false;
-            let (same, none, _) = renderer.tiles(8, unasked, 1).unwrap();
+            let (same, none, _) = renderer.tiles(2 * number + 1, unasked, 1).unwrap();
             assert!(none.is_none() && difference(&same, &colors).1 <= 1, "{name}");
         }
     }
@@ -392,11 +391,11 @@ impl Pages {
             .unwrap()
     }
 
-    /// The same nodes on an adapter, with tables that tell densities.
-    fn adapter(&self, view: &View, nodes: &[SceneNode], plan: &Plan) -> HeadlessRenderer {
+    /// The same nodes for an adapter, with tables that tell densities.
+    fn request(&self, view: &View, nodes: &[SceneNode], plan: &Plan) -> HeadlessRequest {
         let metadata = self.built.file.metadata();
         let request = request_nodes(view, &self.depiction, metadata, nodes, plan, Backend::Compute);
-        HeadlessRenderer::open(&HeadlessRequest { mode: None, ..request }).unwrap()
+        HeadlessRequest { mode: None, ..request }
     }
 
     fn look(&self, picture: &LightPicture) -> Look {
@@ -410,7 +409,7 @@ impl Pages {
 fn page_views(pages: &Pages) -> Vec<(&'static str, View, Plan)> {
     let file = &pages.built.file;
     let bounds = file.metadata().bounds();
-    let whole = view_from(&pages.built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.2, 160, 120);
+    let whole = view_of(pages.built.bounds(), DVec3::new(-0.7, 0.2, 0.4), 1.2, 160, 120);
     let clip = Some(ClipBox { min: bounds.min + 0.1 * bounds.size(), max: bounds.min + 0.8 * bounds.size() });
     let fade = Some(Fade { start: 1.2 * bounds.size().x, length: bounds.size().x });
     let cut = CutSettings { clip, fade, ..CutSettings::default() }.cut();
@@ -430,12 +429,12 @@ fn page_views(pages: &Pages) -> Vec<(&'static str, View, Plan)> {
 
 #[test]
 fn sorted_splats_of_page_files_are_the_processors() {
-    let pages = Pages::new("sorted-splats");
+    let (pages, mut adapters) = (Pages::new("sorted-splats"), Adapters::default());
     for (name, view, plan) in page_views(&pages) {
         let nodes = pages.nodes(&view);
         let expected = pages.processor(&view, &nodes, &plan);
         let look = pages.look(&expected);
-        let mut renderer = pages.adapter(&view, &nodes, &plan);
+        let (renderer, number) = adapters.load(pages.request(&view, &nodes, &plan));
         let component = SortedSplats {
             classifier: Arc::new(look.classifier),
             planes: expected.report.planes,
@@ -443,11 +442,9 @@ fn sorted_splats_of_page_files_are_the_processors() {
             smallest: look.options.smallest,
             density_scale: 1.0,
         };
-        renderer.insert((
-            LightView::default(),
-            TilePicture { number: 1, mode: component, occlusion: false, memory: MEMORY },
-        ));
-        let (mean, most) = difference(&drawn(&mut renderer), &expected.colors);
+        renderer
+            .insert((LightView::default(), TilePicture { number, mode: component, occlusion: false, memory: MEMORY }));
+        let (mean, most) = difference(&drawn(renderer), &expected.colors);
         println!("{name}: mean {mean:.3}, at most {most}");
         assert!(mean < 0.02 && most <= 2, "{name}: mean {mean}, at most {most}");
     }
@@ -455,7 +452,7 @@ fn sorted_splats_of_page_files_are_the_processors() {
 
 #[test]
 fn spheres_of_page_files_are_the_processors() {
-    let pages = Pages::new("spheres");
+    let (pages, mut adapters) = (Pages::new("spheres"), Adapters::default());
     for (name, view, plan) in page_views(&pages) {
         let nodes = pages.nodes(&view);
         let expected = pages.processor(&view, &nodes, &plan);
@@ -469,12 +466,10 @@ fn spheres_of_page_files_are_the_processors() {
             light: modes::grid::light(settings),
             colors: modes::spheres::surface_colors(&pages.look(&expected)),
         };
-        let mut renderer = pages.adapter(&view, &nodes, &plan);
-        renderer.insert((
-            LightView::default(),
-            TilePicture { number: 1, mode: component, occlusion: false, memory: MEMORY },
-        ));
-        let found = drawn(&mut renderer);
+        let (renderer, number) = adapters.load(pages.request(&view, &nodes, &plan));
+        renderer
+            .insert((LightView::default(), TilePicture { number, mode: component, occlusion: false, memory: MEMORY }));
+        let found = drawn(renderer);
         let (mean, _) = difference(&found, &expected.colors);
         let pairs = found.rgba.iter().zip(&expected.colors.rgba);
         let other = pairs.filter(|(a, b)| (0..4).any(|k| (a[k] - b[k]).abs() > 0.02)).count();

@@ -5,7 +5,9 @@
 #[path = "../support/mod.rs"]
 mod support;
 
+mod adapters;
 mod cartesian;
+mod clouds;
 mod columns;
 mod compare;
 mod ellipsoids;

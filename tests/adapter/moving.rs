@@ -6,7 +6,7 @@ use deepfield::bench::flight::canvas::{Canvas, GpuCanvas};
 use deepfield::build::{BuildOptions, RunBuild, TrackOptions};
 use deepfield::color::accumulation::relative_error;
 use deepfield::gpu::depiction::request_nodes;
-use deepfield::gpu::{Backend, HeadlessRenderer};
+use deepfield::gpu::{Backend, DeviceOptions, HeadlessRenderer};
 use deepfield::hierarchy::Purpose;
 use deepfield::hierarchy::spacetime::Interpolation;
 use deepfield::import::{LoadOptions, RunOptions, open_run};
@@ -83,6 +83,7 @@ fn a_copy_serves_every_moment_of_its_interval() {
             let drawn = Arc::clone(&tree) as Arc<dyn Tree>;
             let bounds = tree.metadata().bounds();
             let view = view_of(bounds, DVec3::new(0.35, 0.3, 1.0), 1.6, 160, 120);
+            let mut beside = HeadlessRenderer::bare(&DeviceOptions::default(), Backend::Auto).unwrap();
             for mode in ["column-density", "density-squared"] {
                 let mode = modes::find(mode).unwrap();
                 let depiction = Depiction::new(mode, Settings::default(), None, tree.metadata()).unwrap();
@@ -92,7 +93,6 @@ fn a_copy_serves_every_moment_of_its_interval() {
                 let request = |view: &View, nodes: &[SceneNode]| {
                     request_nodes(view, &depiction, tree.metadata(), nodes, &Plan::default(), Backend::Auto)
                 };
-                let mut beside = HeadlessRenderer::open(&request(&view, &[])).unwrap();
                 let mut streamer = Streamer::new(Arc::clone(&tree), StreamOptions::default());
                 streamer.keep_copies(gpu.copies());
                 let copied = |streamer: &Streamer| streamer.copies.as_ref().unwrap().copied_bytes();

@@ -91,7 +91,7 @@ fn an_adapter_counts_what_the_processor_counts() {
         let mut dropped = 0;
         for mode in ["column-density", "density-squared", "points"] {
             let data = Data::new(mode);
-            let bounds = data.built.dataset.bounds();
+            let bounds = data.built.bounds();
             for (number, orthographic) in [false, true, true, false, false, false].into_iter().enumerate() {
                 let view = random_view(&mut random, bounds, orthographic);
                 let nodes = data.nodes(&view);
@@ -125,7 +125,7 @@ fn an_adapter_counts_what_the_processor_counts() {
 #[test]
 fn what_a_view_leaves_out_is_not_counted() {
     let data = Data::new("column-density");
-    let bounds = data.built.dataset.bounds();
+    let bounds = data.built.bounds();
     let cut = Cut {
         bounds: Bounds { min: bounds.min + 0.3 * bounds.size(), max: DVec3::INFINITY },
         fade_start: bounds.size().x,
@@ -143,8 +143,8 @@ fn what_a_view_leaves_out_is_not_counted() {
 
 #[test]
 fn parts_are_counted_as_the_whole() {
-    let data = Data::of(built_plainly(&demo()), "column-density");
-    let view = view_of(data.built.dataset.bounds(), DVec3::new(-0.7, 0.2, 0.4), 0.6, 300, 200);
+    let data = Data::of(built_plainly(), "column-density");
+    let view = view_of(data.built.bounds(), DVec3::new(-0.7, 0.2, 0.4), 0.6, 300, 200);
     let (nodes, plan) = (data.nodes(&view), Plan::default());
     let expected = data.by_processor(&view, &nodes, &plan);
     let limit = 1 << 19;
@@ -160,7 +160,7 @@ fn parts_are_counted_as_the_whole() {
 #[test]
 fn an_adapter_without_compute_shaders_says_so() {
     let data = Data::new("column-density");
-    let view = view_of(data.built.dataset.bounds(), DVec3::X, 1.5, 60, 40);
+    let view = view_of(data.built.bounds(), DVec3::X, 1.5, 60, 40);
     let metadata = data.built.file.metadata();
     let mut request =
         request_nodes(&view, &data.depiction, metadata, &data.nodes(&view), &Plan::default(), Backend::Raster);

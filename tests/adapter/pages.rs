@@ -1,7 +1,8 @@
 //! Page files on the GPU techniques: the same selection, the same picture and the same colours as on the CPU.
 
+use crate::adapters::Adapters;
 use crate::support::golden::check_against;
-use crate::support::{Built, built, built_plainly, demo, draw_nodes, sum_nodes, view_from};
+use crate::support::{Built, built, built_plainly, demo, draw_nodes, sum_nodes, view_of};
 use deepfield::codec::VqBits;
 use deepfield::color::accumulation::relative_error;
 use deepfield::color::composite::{color_error, composite, composite_at, composite_glowing};
@@ -21,25 +22,35 @@ use std::sync::Arc;
 
 const BACKENDS: [Backend; 2] = [Backend::Compute, Backend::Raster];
 
-/// One selection, drawn by the CPU and by a GPU technique, with its mode's usual colours.
-fn draw_both(file: &Arc<PageFile>, mode: &str, view: &View, backend: Backend) -> (Accumulation, HeadlessFrame) {
+/// One selection, drawn by the CPU and by the GPU techniques, with its mode's usual colours.
+fn draw_both<const N: usize>(
+    adapters: &mut Adapters,
+    file: &Arc<PageFile>,
+    mode: &str,
+    view: &View,
+    backends: [Backend; N],
+) -> (Accumulation, [HeadlessFrame; N]) {
     let metadata = file.metadata();
     let mode = modes::find(mode).unwrap();
     let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
     let selection = Scene::new(Arc::clone(file), u64::MAX).converge_blocking(view, 0.8).unwrap();
     let cpu = sum_nodes(view, &depiction, metadata, &selection.nodes);
-    let transfer = TransferFunction::preset(mode.transfer[usize::from(cpu.has_attribute())]);
-    let request = request_nodes(view, &depiction, metadata, &selection.nodes, &Plan::default(), backend);
-    (cpu, render_headless(HeadlessRequest { transfer, ..request }).unwrap())
+    let frames = backends.map(|backend| {
+        let transfer = TransferFunction::preset(mode.transfer[usize::from(cpu.has_attribute())]);
+        let request = request_nodes(view, &depiction, metadata, &selection.nodes, &Plan::default(), backend);
+        adapters.draw(HeadlessRequest { transfer, ..request })
+    });
+    (cpu, frames)
 }
 
 #[test]
 fn every_mode_draws_its_golden_image_on_the_gpu() {
     let built = built(&demo(), VqBits::Eight);
-    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    let view = view_of(built.bounds(), DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    let mut adapters = Adapters::default();
     for mode in modes::all().into_iter().filter(|mode| mode.takes_particles() && !mode.is_light()) {
-        for backend in BACKENDS {
-            let (cpu, gpu) = draw_both(&built.file, mode.name, &view, backend);
+        let (cpu, frames) = draw_both(&mut adapters, &built.file, mode.name, &view, BACKENDS);
+        for (backend, gpu) in BACKENDS.into_iter().zip(frames) {
             let (_, error) = relative_error(&gpu.accumulation.p, &cpu.p);
             assert!(error < 1e-3, "{} on {}: L2 of P {error}", mode.name, backend.name());
             check_against(mode.name, &gpu.picture.unwrap());
@@ -50,10 +61,11 @@ fn every_mode_draws_its_golden_image_on_the_gpu() {
 #[test]
 fn near_and_far_views_agree_with_the_cpu() {
     let built = built(&demo(), VqBits::Eight);
+    let mut adapters = Adapters::default();
     for distance in [0.05, 0.4, 6.0] {
-        let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), distance, 300, 200);
-        for backend in BACKENDS {
-            let (cpu, gpu) = draw_both(&built.file, "density-squared", &view, backend);
+        let view = view_of(built.bounds(), DVec3::new(-0.7, 0.2, 0.4), distance, 300, 200);
+        let (cpu, frames) = draw_both(&mut adapters, &built.file, "density-squared", &view, BACKENDS);
+        for (backend, gpu) in BACKENDS.into_iter().zip(frames) {
             let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
             println!("distance {distance}, {}: L1 {l1}, L2 {l2}", backend.name());
             assert!(l1 < 1e-3 && l2 < 1e-3, "distance {distance}, {}: L1 {l1}, L2 {l2}", backend.name());
@@ -64,8 +76,8 @@ fn near_and_far_views_agree_with_the_cpu() {
 #[test]
 fn what_a_view_leaves_out_and_fades_is_that_of_the_cpu() {
     let built = built(&demo(), VqBits::Eight);
-    let bounds = built.dataset.bounds();
-    let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.2, 200, 150);
+    let bounds = built.bounds();
+    let view = view_of(bounds, DVec3::new(-0.7, 0.2, 0.4), 1.2, 200, 150);
     let cut = Cut {
         bounds: Bounds { min: bounds.min + 0.3 * bounds.size(), max: DVec3::INFINITY },
         fade_start: bounds.size().x,
@@ -73,23 +85,25 @@ fn what_a_view_leaves_out_and_fades_is_that_of_the_cpu() {
         around: false,
     };
     let cut = view.with_cut(cut);
+    let mut adapters = Adapters::default();
     for mode in ["column-density", "points"] {
-        for backend in BACKENDS {
-            let (cpu, gpu) = draw_both(&built.file, mode, &cut, backend);
+        let (cpu, frames) = draw_both(&mut adapters, &built.file, mode, &cut, BACKENDS);
+        for (backend, gpu) in BACKENDS.into_iter().zip(frames) {
             let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
             assert!(l1 < 1e-3 && l2 < 1e-3, "{mode} on {}: L1 {l1}, L2 {l2}", backend.name());
-            let (whole, _) = draw_both(&built.file, mode, &view, backend);
-            assert!(cpu.sum() < 0.5 * whole.sum(), "{mode}: {} of {}", cpu.sum(), whole.sum());
         }
+        let (whole, []) = draw_both(&mut adapters, &built.file, mode, &view, []);
+        assert!(cpu.sum() < 0.5 * whole.sum(), "{mode}: {} of {}", cpu.sum(), whole.sum());
     }
 }
 
 #[test]
 fn colors_are_the_cpus() {
     let built = built(&demo(), VqBits::Eight);
-    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
+    let view = view_of(built.bounds(), DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
+    let mut adapters = Adapters::default();
     for mode in ["column-density", "density-squared", "points"] {
-        let (_, gpu) = draw_both(&built.file, mode, &view, Backend::Compute);
+        let (_, [gpu]) = draw_both(&mut adapters, &built.file, mode, &view, [Backend::Compute]);
         let preset = modes::find(mode).unwrap().transfer[usize::from(gpu.accumulation.has_attribute())];
         let expected = composite(&gpu.accumulation, &TransferFunction::preset(preset).unwrap());
         let found = gpu.picture.unwrap();
@@ -102,7 +116,7 @@ fn colors_are_the_cpus() {
 #[test]
 fn regions_have_the_cpus_colors() {
     let built = built(&demo(), VqBits::Eight);
-    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
+    let view = view_of(built.bounds(), DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
     let metadata = built.file.metadata();
     let mode = modes::find("density-squared").unwrap();
     let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
@@ -123,7 +137,7 @@ fn regions_have_the_cpus_colors() {
 #[test]
 fn bright_light_of_sums_spreads_as_on_the_processor() {
     let built = built(&demo(), VqBits::Eight);
-    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
+    let view = view_of(built.bounds(), DVec3::new(0.35, 0.3, 1.0), 1.5, 161, 90);
     let metadata = built.file.metadata();
     let mode = modes::find("density-squared").unwrap();
     let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
@@ -152,8 +166,8 @@ fn bright_light_of_sums_spreads_as_on_the_processor() {
 
 #[test]
 fn page_files_are_drawn_where_buffers_are_small() {
-    let built = built_plainly(&demo());
-    let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), 1.5, 160, 120);
+    let built = built_plainly();
+    let view = view_of(built.bounds(), DVec3::new(-0.7, 0.2, 0.4), 1.5, 160, 120);
     let metadata = built.file.metadata();
     let depiction = Depiction::new(modes::first(), Settings::default(), None, metadata).unwrap();
     let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
@@ -189,7 +203,7 @@ struct Shot {
 impl Shot {
     fn new(distance: f64) -> Shot {
         let built = built(&demo(), VqBits::Eight);
-        let view = view_from(&built.dataset, DVec3::new(-0.7, 0.2, 0.4), distance, 160, 120);
+        let view = view_of(built.bounds(), DVec3::new(-0.7, 0.2, 0.4), distance, 160, 120);
         let metadata = built.file.metadata();
         let depiction = Depiction::new(modes::first(), Settings::default(), None, metadata).unwrap();
         let nodes = Scene::new(Arc::clone(&built.file), u64::MAX).converge_blocking(&view, 0.8).unwrap().nodes;
@@ -202,9 +216,9 @@ impl Shot {
         drawn.sums(self.depiction.mode).unwrap()
     }
 
-    fn gpu(&self, plan: &Plan, backend: Backend) -> HeadlessFrame {
+    fn gpu(&self, adapters: &mut Adapters, plan: &Plan, backend: Backend) -> HeadlessFrame {
         let metadata = self.built.file.metadata();
-        render_headless(request_nodes(&self.view, &self.depiction, metadata, &self.nodes, plan, backend)).unwrap()
+        adapters.draw(request_nodes(&self.view, &self.depiction, metadata, &self.nodes, plan, backend))
     }
 }
 
@@ -213,6 +227,7 @@ fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
     // Some particles of every rank are kept, and only few ranks are looked at.
     let importance = |keep| Plan { keep, ..Plan::default() };
     let even = Plan { share: 0.2, ..Plan::default() };
+    let mut adapters = Adapters::default();
     for (distance, plan, backends, limit) in [
         (1.5, importance(0.1), &BACKENDS[..], 1e-3),
         (4.0, importance(0.01), &BACKENDS[..1], 4e-3),
@@ -222,7 +237,7 @@ fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
         let ((all, of), (cpu, counts)) = (shot.cpu(&Plan::default()), shot.cpu(&plan));
         assert!(relative_error(&cpu.p, &all.p).1 > 1e-2 && counts.drawn < of.drawn * 9 / 10, "{counts:?} of {of:?}");
         for &backend in backends {
-            let gpu = shot.gpu(&plan, backend);
+            let gpu = shot.gpu(&mut adapters, &plan, backend);
             let (l1, l2) = relative_error(&gpu.accumulation.p, &cpu.p);
             println!("{plan:?}, {}: L1 {l1}, L2 {l2}, {counts:?} {:?}", backend.name(), gpu.stats.splats);
             // The errors of few splats do not average out.
@@ -238,13 +253,13 @@ fn thinned_pictures_keep_the_particles_that_the_cpu_keeps() {
 
 #[test]
 fn faint_particles_are_dropped_as_on_the_cpu() {
-    let shot = Shot::new(0.8);
+    let (shot, mut adapters) = (Shot::new(0.8), Adapters::default());
     let brightest = shot.cpu(&Plan::default()).0.p.iter().copied().fold(0.0, f32::max);
     let plan = Plan { faintest: 3e-4 * brightest, ..Plan::default() };
     let (cpu, counts) = shot.cpu(&plan);
     assert!(counts.faint > 1000 && counts.drawn > 1000, "{counts:?}");
     for backend in BACKENDS {
-        let (_, l2) = relative_error(&shot.gpu(&plan, backend).accumulation.p, &cpu.p);
+        let (_, l2) = relative_error(&shot.gpu(&mut adapters, &plan, backend).accumulation.p, &cpu.p);
         // Particles right at the limit may differ by rounding.
         assert!(l2 < 2e-3, "{}: L2 {l2}", backend.name());
     }
@@ -252,10 +267,10 @@ fn faint_particles_are_dropped_as_on_the_cpu() {
 
 #[test]
 fn culling_changes_nothing_but_rounding() {
-    let shot = Shot::new(0.15);
+    let (shot, mut adapters) = (Shot::new(0.15), Adapters::default());
     for backend in BACKENDS {
-        let with = shot.gpu(&Plan::default(), backend);
-        let without = shot.gpu(&Plan { culling: false, ..Plan::default() }, backend);
+        let with = shot.gpu(&mut adapters, &Plan::default(), backend);
+        let without = shot.gpu(&mut adapters, &Plan { culling: false, ..Plan::default() }, backend);
         let (_, l2) = relative_error(&without.accumulation.p, &with.accumulation.p);
         assert!(l2 < 1e-5 && with.stats.splats == without.stats.splats, "{}: {l2}", backend.name());
     }

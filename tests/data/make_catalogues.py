@@ -1,6 +1,6 @@
 """Writes `catalogue.fits`, `catalogue.vot`, `catalogue2.vot` and `catalogue.ecsv.zst`: the same 200 stars in the layouts of the FITS
 standard 4.0 (section 7.3), of VOTable 1.4 (BINARY and BINARY2) and of ECSV 1.0, byte by byte, with nothing but Python's own modules and
-the program `zstd`. What is in them, `crates/data/tests/catalogues.rs` says again."""
+the program `zstd`. What is in them, `crates/data/tests/catalogues/formats.rs` says again."""
 
 import base64
 import struct

@@ -1,7 +1,8 @@
-"""Writes the folder `others`: the same 24 particles in formats of points, tables and simulations, each by a library of other authors, so that
-importers are not tested by their own authors' writers alone. `python make_others.py [NAME ...]` writes all, or what these libraries write; each is
-imported where it is needed. Their versions are in README.md. All but openPMD's, which holds the time of writing, come out the same again. What is in
-the files, `tests/processor/import/others.rs` says again."""
+"""Writes files of the folder `others`: the same 24 particles in formats of points, tables and simulations, each by a library of other authors,
+so that importers are not tested by their own authors' writers alone. `python make_others.py [NAME ...]` writes all, or what these libraries
+write; each is imported where it is needed. README.md has their versions, and says which files of the folder simulation codes and their tools
+wrote instead. All but openPMD's, which holds the time of writing, come out the same again. What is in the files,
+`tests/processor/import/others.rs` says again."""
 
 import os
 import sys

@@ -1,5 +1,5 @@
 """Writes `table.parquet`, 60 rows of columns of many types in three groups, and `hats`, a catalogue of two partitions, with pyarrow, which has
-nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues.rs` says again."""
+nothing in common with the reader of the tests. What is in them, `crates/data/tests/catalogues/parquet.rs` says again."""
 
 import decimal
 import os

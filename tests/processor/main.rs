@@ -82,6 +82,7 @@ mod explore {
     mod selections;
 }
 
+mod cluster;
 mod heights;
 mod meshes;
 mod network;

@@ -147,7 +147,7 @@ fn kill_builds(build: impl Fn(&Path) -> Command, moments: &[f64]) {
 #[test]
 fn builds_killed_at_any_moment_leave_the_old_file_and_the_next_one_cleans_up() {
     let folder = tempfile::tempdir().unwrap();
-    let source = snapshot(&folder, 150_000);
+    let source = snapshot(&folder, 70_000);
     let mut random = Random(9);
     let moments: Vec<f64> = (0..40).map(|_| 1.1 * random.next()).collect();
     kill_builds(|out| build_command(&source, out, "100MiB"), &moments);

@@ -1,13 +1,14 @@
 //! Dome masters and other projections from the command line: stars are where the sky has them, every mode shows the same whatever
 //! the faces are that a picture is made of, and pictures are what they were.
 
-use crate::support::{in_reference_data, in_repository, program};
+use crate::support::{in_reference_data, in_repository, keep_demo_pages, program};
 use glam::DVec3;
 use std::path::Path;
 
 const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/demo/lcdm64_z0.hdf5");
 
 fn render(folder: &Path, arguments: &[&str]) -> String {
+    keep_demo_pages(folder);
     let output = program()
         .env("DEEPFIELD_CACHE", "1GB")
         .env("XDG_CACHE_HOME", folder)
@@ -297,11 +298,14 @@ fn pictures_are_what_they_were() {
         let difference: u64 = found.iter().zip(&expected).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
         assert!((difference as f64) < 0.5 * found.len() as f64, "{name}: {difference} over {} bytes", found.len());
     }
+    let pages = std::fs::read_dir(folder.path().join("deepfield").join("pages")).unwrap().count();
+    assert_eq!(pages, 1, "the page file that was kept is the one that the program looks for");
 }
 
 #[test]
 fn what_does_not_fit_together_is_refused() {
     let folder = tempfile::tempdir().unwrap();
+    keep_demo_pages(folder.path());
     let out = folder.path().join("o.png");
     for (options, expected) in [
         (&["--projection", "cube", "--aperture", "90"][..], "--projection dome"),

@@ -2,6 +2,7 @@
 //! and told, and nothing is read twice.
 
 mod index;
+mod requests;
 mod servers;
 
 use super::stream::disk::{in_memory, kept, offset_of};
@@ -9,7 +10,7 @@ use super::stream::soak::soak;
 use crate::support::fault_server::{Asked, Fault, FaultServer};
 use crate::support::{Random, alone, program, run};
 use deepfield::build::BuildOptions;
-use deepfield::look::{DataKind, SceneFile};
+use deepfield::look::{DataKind, DatasetRef, SceneFile};
 use deepfield::model::ReadMethod;
 use deepfield::store::{PageFile, PageId, RunFile, Tree};
 use deepfield::stream::{Scene, SceneSelection, StreamOptions};
@@ -51,10 +52,15 @@ fn place(page: PageId) -> (u64, u64) {
     (start, start + in_memory(sound()).page_bytes(page))
 }
 
-/// A page that no root is in and that opening does not read.
-fn some_page(file: &PageFile) -> PageId {
+/// The pages that no root is in and that opening does not read.
+fn pages_apart(file: &PageFile) -> Vec<PageId> {
     let is_apart = |page: &PageId| place(*page).1 < file.bytes() - ENDS[1] && place(*page).0 >= ENDS[0];
-    (0..file.page_count()).map(PageId).filter(|page| !file.is_root(*page)).rfind(is_apart).unwrap()
+    (0..file.page_count()).map(PageId).filter(|page| !file.is_root(*page)).filter(is_apart).collect()
+}
+
+/// One of them.
+fn some_page(file: &PageFile) -> PageId {
+    *pages_apart(file).last().unwrap()
 }
 
 /// Converges a scene that needs every page, and says what was told.
@@ -319,12 +325,37 @@ fn what_cannot_be_opened_says_why_in_one_line_without_secrets() {
         ("build", ["-o", "a.df"], "deepfield build"),
         ("contours", ["--interval=1", "-oa.csv"], "not a deepfield"),
         ("serve", ["--listen", "127.0.0.1:0"], "--view"),
+        ("catalogue", ["--most", "5"], "found a URL, expected a file or folder of this machine"),
+        ("catalogue", ["--time", "last"], "found a URL, expected a file or folder of this machine"),
     ] {
         let output = run(folder.path(), &[command, &url, rest[0], rest[1]]);
         let told = String::from_utf8(output.stderr).unwrap();
         assert!(!output.status.success() && told.lines().count() == 1, "{command}: {told}");
         assert!(told.contains("a.csv") && told.contains(words), "{command}: {told}");
     }
+    // Scenes and what they name but for data lie on this machine; no server is asked for them.
+    let asked = server.asked().len();
+    let [data, scene] = ["a.df", "a.scene.ron"].map(|name| folder.path().join(name));
+    std::fs::write(&data, sound()).unwrap();
+    let [labels, afar, look] =
+        ["l.csv", "b.scene.ron", "c.scene.ron"].map(|name| server.url(&format!("{name}?sig=s3cr3t")));
+    let names =
+        SceneFile { labels: Some(labels.clone().into()), ..SceneFile::new(vec![DatasetRef::of(&data, &scene)]) };
+    names.write(&scene).unwrap();
+    for (arguments, name) in [
+        (["render", &afar, "--annotate", "axes"], "b.scene.ron: "),
+        (["render", "a.df", "--scene", &look], "c.scene.ron: "),
+        (["render", "a.df", "--labels", &labels], "l.csv: "),
+        (["render", "a.scene.ron", "--annotate", "labels"], "l.csv: "),
+    ] {
+        let rest = ["--size", "64x48", "--backend", "cpu", "-o", "a.png"];
+        let output = run(folder.path(), &[&arguments[..], &rest[..]].concat());
+        let told = String::from_utf8(output.stderr).unwrap();
+        let line = told.lines().last().unwrap_or_default();
+        assert!(!output.status.success() && line.contains(name), "{arguments:?}: {told}");
+        assert!(line.contains("found a URL, expected a file") && !told.contains("s3cr3t"), "{arguments:?}: {told}");
+    }
+    assert_eq!(server.asked().len(), asked);
 }
 
 #[test]

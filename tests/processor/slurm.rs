@@ -40,6 +40,16 @@ fn succeeds(command: &mut Command) -> String {
 
 #[test]
 fn a_build_by_arrays_of_jobs_is_that_of_one_process() {
+    is_as_of_one_process("clusters -n 20000 -o snapshot", &["snapshot"], &[], &["--tasks", "3"]);
+}
+
+#[test]
+fn a_run_by_arrays_of_jobs_is_that_of_one_process() {
+    is_as_of_one_process("orbits -n 500 --steps 3 -o run", &["run_000", "run_001", "run_002"], &["--no-stills"], &[]);
+}
+
+/// What is built, with these options, of files that are made so; the plan has more options.
+fn is_as_of_one_process(make: &str, sources: &[&str], options: &[&str], of_plan: &[&str]) {
     let around = tempfile::tempdir().unwrap();
     let folder = around.path().join("a user's files");
     let (bin, done, job) = (around.path().join("bin"), around.path().join("done"), folder.join("job"));
@@ -49,15 +59,15 @@ fn a_build_by_arrays_of_jobs_is_that_of_one_process() {
     let sbatch = bin.join("sbatch");
     std::fs::write(&sbatch, SBATCH).unwrap();
     std::fs::set_permissions(&sbatch, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let [source, alone, out] = ["snapshot", "alone.df", "out.df"].map(|name| folder.join(name));
-    succeeds(program().args(["synth", "clusters", "-n", "20000", "-o"]).arg(&source));
+    let [alone, out] = ["alone.df", "out.df"].map(|name| folder.join(name));
+    succeeds(program().current_dir(&folder).arg("synth").args(make.split(' ')));
     let build = |out: &Path| {
         let mut command = program();
-        command.arg("build").arg(&source).arg("-o").arg(out);
+        command.current_dir(&folder).arg("build").args(sources).args(options).arg("-o").arg(out);
         command
     };
     succeeds(&mut build(&alone));
-    let said = succeeds(build(&out).args(["--tasks", "3", "--slurm", "--plan"]).arg(&job));
+    let said = succeeds(build(&out).args(of_plan).args(["--slurm", "--plan"]).arg(&job));
     assert!(said.contains("submit.sh") && said.contains("--status"), "{said}");
 
     // Twice: all is done then.

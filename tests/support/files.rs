@@ -1,5 +1,7 @@
 //! Files of the repository and of the reference data, and page files that many tests begin with.
 
+use deepfield::look::HeightsSaid;
+use deepfield::look::page_cache::{cached_name, page_file};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -42,4 +44,21 @@ pub fn kept_page_file(name: &str, make: impl FnOnce(&Path)) -> Vec<u8> {
         std::fs::rename(made, &path).unwrap();
     }
     std::fs::read(path).unwrap()
+}
+
+/// Puts the page file that the program makes of the demo snapshot where it looks for it when `folder` is the user's cache: it is built once, not
+/// by each test that opens the snapshot.
+pub fn keep_demo_pages(folder: &Path) {
+    let pages = folder.join("deepfield").join("pages");
+    let path = pages.join(cached_name(&demo()).unwrap());
+    if path.exists() {
+        return;
+    }
+    let kept = kept_page_file("demo-of-the-cache", |path| {
+        let making = tempfile::tempdir().unwrap();
+        let (made, _) = page_file(&demo(), &HeightsSaid::default(), || Ok(making.path().into()), &()).unwrap();
+        std::fs::copy(made, path).unwrap();
+    });
+    std::fs::create_dir_all(&pages).unwrap();
+    std::fs::write(path, kept).unwrap();
 }

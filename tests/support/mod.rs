@@ -13,10 +13,10 @@ mod program;
 mod random;
 
 pub use eclipse::eclipse;
-pub use files::{demo, in_reference_data, in_repository, kept_page_file};
+pub use files::{demo, in_reference_data, in_repository, keep_demo_pages, kept_page_file};
 pub use pages::{
     Built, built, built_from, built_from_dataset, built_plainly, core, draw_nodes, draw_pages, draw_source,
-    paint_pages, sum_nodes, view_from, view_of,
+    paint_pages, sum_nodes, view_from, view_of, write_demo_pages,
 };
 pub use program::{alone, program, run};
 pub use random::Random;

@@ -1,11 +1,12 @@
 //! Page files built for the tests, and what the tests draw from them.
 
 use super::files::{demo, kept_page_file};
-use deepfield::build::{BuildOptions, build};
+use deepfield::build::{BuildOptions, build, build_source};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
 use deepfield::color::composite::Image;
 use deepfield::cpu::Method;
+use deepfield::hierarchy::Kinds;
 use deepfield::import::{LoadOptions, load};
 use deepfield::look::LookPatch;
 use deepfield::mode::{Depiction, Plan, Raw, Settings};
@@ -18,28 +19,65 @@ use deepfield::stream::{Scene, SceneNode, first_nodes};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
-/// A source in memory and the page file built from it.
+/// How a source is had in memory.
+type Read = Box<dyn FnOnce() -> Dataset + Send>;
+
+/// The page file of a source, and the source in memory, for a test that asks for it.
 pub struct Built {
-    pub dataset: Dataset,
+    pub dataset: LazyLock<Dataset, Read>,
     pub file: Arc<PageFile>,
     _folder: tempfile::TempDir,
 }
 
+impl Built {
+    /// Of a page file that is made in a folder of its own.
+    fn new(read: impl FnOnce() -> Dataset + Send + 'static, make: impl FnOnce(&Path)) -> Built {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("built.df");
+        make(&path);
+        let read: Read = Box::new(read);
+        Built { dataset: LazyLock::new(read), file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
+    }
+
+    /// The box around the source's particles.
+    pub fn bounds(&self) -> Bounds {
+        self.file.metadata().bounds()
+    }
+}
+
 /// Imports a source and builds it: the demo snapshot, with which many tests begin, once for all of them.
 pub fn built(source: &Path, vq_bits: VqBits) -> Built {
-    if source != demo() {
-        return built_from(source, &LoadOptions::default(), vq_bits);
+    match source == demo() {
+        true => built_of_demo(&format!("demo-{vq_bits:?}"), &BuildOptions::with_vq_bits(vq_bits)),
+        false => built_from(source, &LoadOptions::default(), vq_bits),
     }
-    let dataset = load(source, &LoadOptions::default(), &()).unwrap();
-    let kept = kept_page_file(&format!("demo-{vq_bits:?}"), |path| {
-        build(dataset.clone(), &BuildOptions::with_vq_bits(vq_bits), path, &()).unwrap();
+}
+
+/// The demo snapshot, built with codes that are not refined: an adapter's table of them is small.
+pub fn built_plainly() -> Built {
+    let mut options = BuildOptions::with_vq_bits(VqBits::Eight);
+    options.octree.refined = false;
+    built_of_demo("demo-plain", &options)
+}
+
+/// The demo snapshot, built in one way by whichever test first asks for it under that name.
+fn built_of_demo(name: &str, options: &BuildOptions) -> Built {
+    let read = || load(&demo(), &LoadOptions::default(), &()).unwrap();
+    let kept = kept_page_file(name, |path| {
+        build(read(), options, path, &()).unwrap();
     });
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("built.df");
-    std::fs::write(&path, kept).unwrap();
-    Built { dataset, file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
+    Built::new(read, |path| std::fs::write(path, kept).unwrap())
+}
+
+/// Writes the page file of the demo snapshot with these hierarchies, which otherwise is as a build makes it: built once, too.
+pub fn write_demo_pages(path: &Path, hierarchies: Kinds) {
+    let kept = kept_page_file(&format!("demo-{hierarchies}"), |path| {
+        let options = BuildOptions { hierarchies, ..BuildOptions::default() };
+        build_source(&demo(), &LoadOptions::default(), &options, path, &()).unwrap();
+    });
+    std::fs::write(path, kept).unwrap();
 }
 
 /// Imports what `options` say of a source and builds it.
@@ -49,21 +87,13 @@ pub fn built_from(source: &Path, options: &LoadOptions, vq_bits: VqBits) -> Buil
 
 /// Builds a dataset.
 pub fn built_from_dataset(dataset: Dataset, vq_bits: VqBits) -> Built {
-    built_with(dataset, &BuildOptions::with_vq_bits(vq_bits))
-}
-
-/// Imports a source and builds it with codes that are not refined: an adapter's table of them is small.
-pub fn built_plainly(source: &Path) -> Built {
-    let mut options = BuildOptions::with_vq_bits(VqBits::Eight);
-    options.octree.refined = false;
-    built_with(load(source, &LoadOptions::default(), &()).unwrap(), &options)
-}
-
-fn built_with(dataset: Dataset, options: &BuildOptions) -> Built {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("built.df");
-    build(dataset.clone(), options, &path, &()).unwrap();
-    Built { dataset, file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
+    let source = dataset.clone();
+    Built::new(
+        || dataset,
+        |path| {
+            build(source, &BuildOptions::with_vq_bits(vq_bits), path, &()).unwrap();
+        },
+    )
 }
 
 /// What the CPU renderer draws of nodes by a plan, in the mode's usual colours.

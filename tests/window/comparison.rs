@@ -1,7 +1,7 @@
 //! Two hierarchies of a file side by side in the window, driven as a user would; and the levels of the picture itself.
 
 use super::desktop::{Desktop, HEIGHT, Program, Screen, WIDTH, choose, click, columns, keep, repeat};
-use crate::support::{demo, run};
+use crate::support::{demo, kept_page_file, run};
 use serde_json::Value;
 use std::ops::Range;
 use std::path::Path;
@@ -19,8 +19,13 @@ fn divider(status: &Value) -> f64 {
 
 /// A scene of the demo data with both hierarchies, in which these sections of the panels are closed.
 fn with_clusters(folder: &Path, closed: &str) -> std::path::PathBuf {
-    let built = run(folder, &["build", demo().to_str().unwrap(), "-o", "both.df", "--hierarchy", "octree,pca"]);
-    assert!(built.status.success(), "{built:?}");
+    let kept = kept_page_file("demo-of-both", |path| {
+        let (source, output) = (demo(), path.to_str().unwrap());
+        let both = ["build", source.to_str().unwrap(), "-o", output, "--hierarchy", "octree,pca"];
+        let built = run(folder, &both);
+        assert!(built.status.success(), "{built:?}");
+    });
+    std::fs::write(folder.join("both.df"), kept).unwrap();
     let scene = folder.join("both.scene.ron");
     let text = format!("(version: 1, datasets: [(path: \"both.df\")], panels: (closed: [{closed}]))");
     std::fs::write(&scene, text).unwrap();

@@ -1,7 +1,7 @@
 //! What tests of the window share: a virtual X server with a mouse and a keyboard, the program under test with its status, and
 //! the pixels on the screen.
 
-use crate::support::{demo, program};
+use crate::support::{demo, keep_demo_pages, program};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -290,7 +290,7 @@ impl Program {
         Program::view(desktop, folder, None, size, arguments, variables)
     }
 
-    /// `folder` is all that the program knows of its user.
+    /// `folder` is all that the program knows of its user, with what it has made of the demo snapshot before.
     fn view(
         desktop: &Desktop,
         folder: &Path,
@@ -299,6 +299,7 @@ impl Program {
         arguments: &[&str],
         variables: &[(&str, &Path)],
     ) -> Program {
+        keep_demo_pages(folder);
         let status = folder.join("status.json");
         // What an earlier program has left behind is not this one's.
         let _ = std::fs::remove_file(&status);
@@ -469,6 +470,25 @@ pub fn repeat(program: &Program, what: &str, act: impl Fn(), seen: impl Fn(&Valu
         act();
         program.settle();
     }
+}
+
+/// Drags until the eye is elsewhere than a status has it, and some frames have been drawn since: one that takes longer than a drag sees the button
+/// pressed and released at once, so the hand tries again.
+pub fn turn(program: &Program, desktop: &Desktop, before: &Value, from: [i16; 2], to: [i16; 2]) {
+    let start = Instant::now();
+    let has_turned = || {
+        let status = program.status();
+        status["eye"].is_array() && status["eye"] != before["eye"]
+    };
+    while !has_turned() {
+        assert!(start.elapsed() < PATIENCE, "the camera does not turn");
+        desktop.drag(from, to);
+        let dragged = Instant::now();
+        while !has_turned() && dragged.elapsed() < Duration::from_secs(1) {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+    program.draw_frames();
 }
 
 /// As [`repeat`], of what takes its time, which another input would begin anew: for some seconds there is none.

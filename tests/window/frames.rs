@@ -1,6 +1,6 @@
 //! Pictures that the adapter draws in the frame: nothing of them is decoded by the processor, and volumes converge while one flies.
 
-use super::desktop::{Desktop, PATIENCE, Program, Screen, columns, middle};
+use super::desktop::{Desktop, Program, Screen, columns, middle};
 use crate::support::demo;
 use serde_json::Value;
 use std::time::{Duration, Instant};
@@ -21,12 +21,7 @@ fn turn(mode: &str, more: &str, passes: &[&str], check: fn(&Value)) {
     let is_lit = |screen: &Screen| screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 40) > 0.05;
     desktop.wait("the picture", is_lit);
     let [x, y] = middle(&first);
-    let start = Instant::now();
-    while program.status()["eye"] == first["eye"] {
-        assert!(start.elapsed() < PATIENCE, "the camera does not turn");
-        desktop.drag([x, y], [x + 60, y + 20]);
-        std::thread::sleep(Duration::from_secs(1));
-    }
+    super::desktop::turn(&program, &desktop, &first, [x, y], [x + 60, y + 20]);
     let last = program.wait("the picture converges", is_drawn);
     desktop.wait("the picture from elsewhere", is_lit);
     for status in [&first, &last] {

@@ -2,7 +2,7 @@
 //! comes back, as the presenter's does, which goes on where it was; and all end with the presenter's window, or with what keeps them open.
 
 use super::desktop::{Desktop, PATIENCE, Program, Screen, keep};
-use crate::support::{demo, program};
+use crate::support::{demo, keep_demo_pages, program};
 use deepfield::annotate::overlay::read_png;
 use deepfield::color::Image;
 use deepfield::color::output::write_png;
@@ -42,6 +42,7 @@ fn process(status: &Value, index: usize) -> Option<u64> {
 #[test]
 fn outputs_are_parts_of_the_dome_master_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
+    keep_demo_pages(folder.path());
     let at = |name: &str| folder.path().join(name);
     let demo = demo();
     let scene = format!(
@@ -147,6 +148,7 @@ fn letters(screen: &Screen, at: [u32; 2], master: &Image, corner: [u32; 2], side
 fn words_are_where_the_dome_master_has_them_and_a_presenter_that_fails_goes_on() {
     const SIDE: u32 = 500;
     let folder = tempfile::tempdir().unwrap();
+    keep_demo_pages(folder.path());
     let at = |name: &str| folder.path().join(name);
     let demo = demo();
     let tour = format!(

@@ -1,7 +1,7 @@
 //! Splats over each other in the window: the picture is the one that the command line draws of the same scene, flat and around the eye.
 
 use super::desktop::{Desktop, PATIENCE, Program, Screen, keep};
-use crate::support::{demo, run};
+use crate::support::{demo, keep_demo_pages, run};
 use deepfield::annotate::overlay::read_png;
 use deepfield::color::Image;
 use std::time::Instant;
@@ -26,11 +26,11 @@ fn compare(screen: &Screen, picture: &Image) -> [f64; 2] {
 
 fn shows_what_is_rendered(own: &str) {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::copy(demo(), folder.path().join("box.hdf5")).unwrap();
+    keep_demo_pages(folder.path());
     let scene = folder.path().join("over.scene.ron");
-    let [width, height] = SIZE;
+    let ([width, height], data) = (SIZE, demo());
     let text = format!(
-        r#"(version: 2, datasets: [(path: "box.hdf5")], mode: "column-density", settings: {{"blend": "over"}}, size: ({width}, {height}),
+        r#"(version: 2, datasets: [(path: {data:?})], mode: "column-density", settings: {{"blend": "over"}}, size: ({width}, {height}),
             panels: (shown: false, closed: []), annotations: (legend: false, scale_bar: false),
             camera: (eye: (80.0, 40.0, 60.0), target: (25.0, 25.0, 25.0)){own})"#
     );

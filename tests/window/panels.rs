@@ -211,8 +211,10 @@ fn a_scene_whose_data_has_changed_opens_with_what_applies() {
         demo.canonicalize().unwrap()
     );
     std::fs::write(&scene, text).unwrap();
-    let desktop = Desktop::with_screen([3840, 2160]);
-    let mut program = Program::open(&desktop, folder.path(), &scene, [3840, 2160], &["--backend", "cpu"]);
+    // As many rows, but fewer columns: docks and text are as large, and less is drawn.
+    let size = [2560, 2160];
+    let desktop = Desktop::with_screen(size);
+    let mut program = Program::open(&desktop, folder.path(), &scene, size, &["--backend", "cpu"]);
     let status = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(status["mode"], "density-squared");
     let messages = status["messages"].to_string();

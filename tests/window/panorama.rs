@@ -126,8 +126,7 @@ fn a_dome_in_the_window_is_the_one_that_is_rendered_and_follows_the_camera() {
 #[test]
 fn faces_in_the_window_are_drawn_by_the_adapter_that_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("box.hdf5");
-    std::fs::copy(crate::support::demo(), &data).unwrap();
+    let data = crate::support::demo();
     let desktop = Desktop::with_screen(SIZE);
     let scene = folder.path().join("within.scene.ron");
     // From within the data. The adapter has no discs of a pixel's size for panoramas: the processor draws them unasked.

@@ -1,11 +1,11 @@
 //! The window, driven as a user would: under a virtual X server the program opens the demo dataset, a drag on the mouse
 //! turns the picture, keys hide the panel and save a screenshot, and closing the window ends the program with code 0.
 
-use super::desktop::{Desktop, HEIGHT, PATIENCE, Program, Screen, columns, distance, is_panel, keep, point, repeat};
+use super::desktop::{Desktop, HEIGHT, Program, Screen, columns, distance, is_panel, keep, point, repeat, turn};
 use crate::support::program;
 use serde_json::Value;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Opens the demo, looks, drags, presses keys, and closes the window.
 fn use_the_window(arguments: &[&str]) {
@@ -28,13 +28,7 @@ fn use_the_window(arguments: &[&str]) {
 
     // A drag turns the camera around its target and changes the picture.
     let (middle, height) = ((picture.start + picture.end) as i16 / 2, HEIGHT as i16 / 2);
-    // A frame that takes longer than a drag sees the button pressed and released at once, so the hand tries again.
-    let start = Instant::now();
-    while program.status()["eye"] == first["eye"] {
-        assert!(start.elapsed() < PATIENCE, "the camera does not turn");
-        desktop.drag([middle, height], [middle + 220, height + 40]);
-        std::thread::sleep(Duration::from_secs(1));
-    }
+    turn(&program, &desktop, &first, [middle, height], [middle + 220, height + 40]);
     let turned = program.wait("the picture converges", |status| status["converged"] == true);
     assert_eq!(turned["target"], first["target"], "a turn keeps the target");
     desktop.wait("another picture after the drag", |screen| screen.difference(&before, picture.clone()) > 0.05);

@@ -1,10 +1,9 @@
 //! Shaders that are written while the window runs: a change is in the picture a moment later; a mistake is told, and the picture stays.
 
-use super::desktop::{Desktop, PATIENCE, Program, Screen, columns, middle};
+use super::desktop::{Desktop, Program, Screen, columns, middle, turn};
 use crate::support::demo;
 use serde_json::Value;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 fn copy_folder(from: &Path, to: &Path) {
     std::fs::create_dir_all(to).unwrap();
@@ -50,12 +49,7 @@ fn write_while_the_window_runs(mode: &str, shader: &str, line: &str, green: &str
     assert!(said(&place, &told), "{place}: {told:#}");
     // A picture from elsewhere is drawn anew, by the shader that stays.
     let [x, y] = middle(&told);
-    let start = Instant::now();
-    while program.status()["eye"] == told["eye"] {
-        assert!(start.elapsed() < PATIENCE, "the camera does not turn");
-        desktop.drag([x, y], [x + 60, y + 20]);
-        std::thread::sleep(Duration::from_secs(1));
-    }
+    turn(&program, &desktop, &told, [x, y], [x + 60, y + 20]);
     program.wait("the picture converges", |status| status["converged"] == true);
     desktop.wait("a picture that is green still", |screen| is_green(screen) && !is_other(screen));
 }

@@ -15,11 +15,16 @@ const TAB: u32 = 0xff09;
 const SIZE: [u16; 2] = [640, 360];
 
 /// A cut with a long blend from 1 s on, from one mode to another.
-const TOUR: &str = r#"(version: 1, size: (640, 360), dataset: (path: "box.hdf5"), keyframes: [
-    (at: 0.0, mode: "density-squared", error_px: 2.0, camera: (eye: (25.0, 32.0, 110.0), target: (25.0, 25.0, 25.0))),
-    (at: 1.0, move: cut, label: "blend", fade: 30.0, mode: "column-density", camera: (eye: (80.0, 40.0, 60.0), target: (25.0, 25.0, 25.0))),
-    (at: 45.0, camera: (eye: (85.0, 40.0, 50.0), target: (25.0, 25.0, 25.0))),
-])"#;
+fn tour_file() -> String {
+    let data = demo();
+    format!(
+        r#"(version: 1, size: (640, 360), dataset: (path: {data:?}), keyframes: [
+            (at: 0.0, mode: "density-squared", error_px: 2.0, camera: (eye: (25.0, 32.0, 110.0), target: (25.0, 25.0, 25.0))),
+            (at: 1.0, move: cut, label: "blend", fade: 30.0, mode: "column-density", camera: (eye: (80.0, 40.0, 60.0), target: (25.0, 25.0, 25.0))),
+            (at: 45.0, camera: (eye: (85.0, 40.0, 50.0), target: (25.0, 25.0, 25.0))),
+        ])"#
+    )
+}
 
 /// Mean of the values of a picture, and their mean difference from those of a screen: below the messages, and left of and above the
 /// legend and the scale bar, which the window has unless it is told otherwise.
@@ -60,13 +65,11 @@ fn recorded(folder: &Path, tour: &Path, time: f64) -> (Image, [[f64; 2]; 2]) {
 
 fn plays_what_is_recorded(backend: &str) {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::copy(demo(), folder.path().join("box.hdf5")).unwrap();
     let tour = folder.path().join("show.tour.ron");
-    std::fs::write(&tour, TOUR).unwrap();
+    std::fs::write(&tour, tour_file()).unwrap();
     let desktop = Desktop::with_screen(SIZE);
     let arguments = ["--backend", backend, "--tour", tour.to_str().unwrap()];
-    let data = folder.path().join("box.hdf5");
-    let mut program = Program::open(&desktop, folder.path(), &data, SIZE, &arguments);
+    let mut program = Program::with_size(&desktop, folder.path(), SIZE, &arguments);
     program.wait("a tour", |status| tour_time(status).is_some());
     desktop.focus(desktop.window().unwrap());
     repeat(&program, "no panel", || desktop.press(TAB), |status| status["panel"] == false);

@@ -4,17 +4,18 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(unsafe_code, reason = "an allocator that counts is unsafe to write")]
 
-use deepfield_data::import::{GridOptions, open_grid, summarize_grid};
+use counting::counted;
+use deepfield_data::import::{GridOptions, ImportError, open_grid, summarize_grid};
 use files::Case;
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{Rng, SeedableRng};
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 #[allow(dead_code, reason = "tests inside the package use more of it")]
 #[path = "../src/import/grid/tests/array_files.rs"]
 mod array_files;
+#[path = "support/counting.rs"]
+mod counting;
 #[path = "../src/import/grid/tests/exr_files.rs"]
 mod exr_files;
 #[allow(dead_code, reason = "tests inside the package use more of it")]
@@ -29,48 +30,6 @@ mod model {
     pub use deepfield_data::model::SampleType;
 }
 
-/// The system's allocator, which counts.
-struct Counting;
-
-static LIVE: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-fn grow(bytes: usize) {
-    let live = LIVE.fetch_add(bytes, Relaxed) + bytes;
-    PEAK.fetch_max(live, Relaxed);
-}
-
-// SAFETY: every call is handed on to the system's allocator as it is.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        grow(layout.size());
-        // SAFETY: what holds of this call holds of that one.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        grow(layout.size());
-        // SAFETY: as above.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, at: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        grow(size);
-        LIVE.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: as above.
-        unsafe { System.realloc(at, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {
-        LIVE.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: as above.
-        unsafe { System.dealloc(at, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
 /// Buffers of a fixed size, and what deflate can make of the file, four times.
 fn most(bytes: usize) -> usize {
     (64 << 20) + 4 * 1040 * bytes
@@ -80,18 +39,16 @@ fn most(bytes: usize) -> usize {
 fn read(folder: &Path, case: &Case, bytes: &[u8]) -> Option<String> {
     let path = folder.join(case.name);
     std::fs::write(&path, bytes).unwrap();
-    let before = LIVE.load(Relaxed);
-    PEAK.store(before, Relaxed);
-    let result = open_grid(&path, &GridOptions::default()).and_then(|source| {
+    let (result, took) = counted(|| {
+        let source = open_grid(&path, &GridOptions::default())?;
         let summary = summarize_grid(&source)?;
         let samples: u64 = summary.shape.iter().product();
         for channel in &summary.channels {
             let finite: u64 = channel.histogram.iter().sum();
             assert_eq!(finite + channel.nan + channel.infinite + channel.no_data, samples, "{}", case.name);
         }
-        Ok(())
+        Ok::<_, ImportError>(())
     });
-    let took = PEAK.load(Relaxed) - before;
     assert!(took <= most(bytes.len()), "{}: {took} bytes of memory for {} of a file", case.name, bytes.len());
     let text = result.err()?.to_string();
     assert!(!text.contains('\n') && text.contains(&*folder.to_string_lossy()), "{}: {text}", case.name);

@@ -34,6 +34,27 @@ impl Progress for Slow {
     fn advance(&self, _: u64) {}
 }
 
+/// Runs a test as a process that finds its work in a folder, and kills it once it has begun a stage and so many before it; false where it
+/// comes to its end before that.
+fn is_killed(test: &str, folder: &Path, stages: usize) -> bool {
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", test, "--nocapture"])
+        .env(WORK, folder)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Kept open, so that the child does not end by itself when nobody listens any more.
+    let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
+    let is_stage = |line: &std::io::Result<String>| line.as_ref().is_ok_and(|line| line.contains(STAGE));
+    let is_at_work = told.by_ref().filter(is_stage).nth(stages).is_some();
+    if is_at_work {
+        child.kill().unwrap();
+    }
+    let ended = child.wait().unwrap();
+    assert!(is_at_work || ended.success(), "{test}: {ended}");
+    is_at_work
+}
+
 /// With work, the process that is killed: it builds from a snapshot with so little memory that most is on the disk.
 #[test]
 fn killed_builds_leave_nothing() {
@@ -60,22 +81,7 @@ fn killed_builds_leave_nothing() {
     let names = || -> Vec<_> { std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect() };
     let mut stages = 0;
     // Killed at the first stage, at the second one, and so on until a build comes to its end.
-    loop {
-        let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "killed_builds_leave_nothing", "--nocapture"])
-            .env(WORK, folder.path())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        // Kept open, so that the child does not end by itself when nobody listens any more.
-        let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
-        let is_stage = |line: &std::io::Result<String>| line.as_ref().is_ok_and(|line| line.contains(STAGE));
-        if told.by_ref().filter(is_stage).nth(stages).is_none() {
-            assert!(child.wait().unwrap().success());
-            break;
-        }
-        child.kill().unwrap();
-        assert!(!child.wait().unwrap().success());
+    while is_killed("killed_builds_leave_nothing", folder.path(), stages) {
         assert_eq!(names(), [""; 0], "killed at stage {stages}");
         stages += 1;
     }
@@ -111,21 +117,7 @@ fn killed_tasks_are_run_again() {
     synth::files::write(&synth::clusters::Clusters::new(1, 20_000), &source, synth::gadget::MOST, &()).unwrap();
     let job = plan(folder.path());
     let mut killed = 0;
-    loop {
-        let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "killed_tasks_are_run_again", "--nocapture"])
-            .env(WORK, folder.path())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut told = BufReader::new(child.stdout.take().unwrap()).lines();
-        let is_stage = |line: &std::io::Result<String>| line.as_ref().is_ok_and(|line| line.contains(STAGE));
-        if told.by_ref().filter(is_stage).nth(2).is_none() {
-            assert!(child.wait().unwrap().success());
-            break;
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
+    while is_killed("killed_tasks_are_run_again", folder.path(), 2) {
         killed += 1;
     }
     assert!(killed > 4, "{killed} processes were killed");

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// The rooms of each package, each before those that may use it; the package of height fields is one of them.
 const ROOMS: [&[&str]; 4] = [
-    &["model", "codec", "columnar", "import", "hierarchy", "store", "build", "synth"],
+    &["lanes", "model", "codec", "columnar", "import", "hierarchy", "store", "build", "synth"],
     &["heights"],
     &["view", "stream", "color", "cpu", "mode", "modes", "annotate", "explore", "look", "picture", "tour"],
     &["gpu", "window", "show", "command_line", "serve", "bench", "commands", "program"],

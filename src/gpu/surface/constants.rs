@@ -1,8 +1,10 @@
 //! What Rust and the surface's shaders both need, written as a shader module: one source, and constants that a shader's compiler sees.
 
+use crate::cpu::surface::coverage::{MIDDLE, MOST_SAMPLES};
 use crate::cpu::surface::look::{EDGE, MINOR};
 use crate::cpu::surface::photo::{MOST_TEXELS, nothing};
 use crate::cpu::surface::raster::{BEFORE_POINTS, BEFORE_POLES, BEFORE_SEAM, BEHIND};
+use crate::cpu::surface::resolve::PLANE_STEPS;
 use crate::cpu::surface::rims;
 use crate::cpu::surface::shade::{BESIDE, ENDS, FINER, HATCH, MOST_LONGER, REACH, RIM, SECANTS, WALL};
 use crate::heights::hierarchy::chunks::lattice::SIDE_BITS;
@@ -121,10 +123,13 @@ pub fn wgsl() -> String {
         ("BY_PHOTO", BY_PHOTO),
         ("PHOTO_TILE", PHOTO_TILE),
         ("SQUARE", SQUARE),
+        ("PLANE_STEPS", PLANE_STEPS),
     ];
     let shares = [
         ("UNMEASURED", f64::from(UNMEASURED)),
         ("FARTHER", BEHIND),
+        ("MIDDLE", MIDDLE),
+        ("MOST_SAMPLES", MOST_SAMPLES),
         ("FINER", FINER),
         ("REACH", REACH),
         ("MINOR", MINOR),

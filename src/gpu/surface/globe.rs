@@ -19,7 +19,7 @@ pub struct Anchor<'a> {
     /// Degrees.
     latitude: f64,
     /// What the reference height is above the globe.
-    lifted: f64,
+    pub lifted: f64,
 }
 
 impl<'a> Anchor<'a> {
@@ -53,6 +53,12 @@ impl<'a> Anchor<'a> {
     /// Radians.
     pub fn latitude(&self) -> f64 {
         self.latitude.to_radians()
+    }
+
+    /// Half the globe's width at the equator, and the square of its eccentricity, which is below 0 where it is longer from pole to pole.
+    pub fn ellipse(&self) -> [f64; 2] {
+        let Globe { equator, pole } = self.globe;
+        [equator, 1.0 - (pole / equator) * (pole / equator)]
     }
 
     /// From the middle of the globe to the reference height.

@@ -96,6 +96,10 @@ pub struct SurfaceUniform {
     pub spans: f32,
     pub limb: [f32; 3],
     pub limb_away: f32,
+    pub equator: f32,
+    pub squared_eccentricity: f32,
+    pub lifted: f32,
+    pub goes_round: u32,
 }
 
 /// WGSL `Draw`.
@@ -174,6 +178,7 @@ impl SurfaceUniform {
         let flat = || [DVec3::X * placed.step[0], DVec3::Y * placed.step[1], DVec3::Z * placed.lift];
         let axes = on_globe.as_ref().map_or_else(flat, Anchor::axes).map(camera);
         let closes = u64::from(scene.lattice.is_closed);
+        let [equator, squared_eccentricity] = on_globe.as_ref().map_or([0.0; 2], Anchor::ellipse);
         let pole_rows = [0, 1].map(|end| {
             let row = if end == 0 { 0.0 } else { (placed.samples[1] - 1) as f64 };
             scene.poles[end].map_or(0.0, |pole| (pole.latitude - placed.origin[1]) / placed.step[1] - row) as f32
@@ -313,6 +318,10 @@ impl SurfaceUniform {
             spans: job.holes.spans(placed).into_iter().fold(0.0, f64::max).min(1e37) as f32,
             limb: limb.map_or([0.0; 3], |limb| camera(limb.normal)),
             limb_away: limb.map_or(0.0, |limb| limb.away as f32),
+            equator: equator as f32,
+            squared_eccentricity: squared_eccentricity as f32,
+            lifted: on_globe.as_ref().map_or(0.0, |anchor| anchor.lifted) as f32,
+            goes_round: u32::from(placed.around == Some(placed.samples[0] - 1)),
         }
     }
 }

@@ -156,3 +156,16 @@ fn json_has_the_cosmology_of_comoving_data_alone() {
     assert!(["cosmology", "scale_factor", "motion"].iter().all(|key| other.get(*key).is_none()));
     assert!(read_all(open(&data("comoving_swift.hdf5")).unwrap().as_ref(), 0, "velocity", 2).iter().all(|v| *v == 0.0));
 }
+
+#[test]
+fn an_output_of_ramses_says_what_yt_reads_in_it() {
+    let about = described(&data("others/ramses/expanding/output_00001"));
+    assert_eq!((about.scale_factor, about.redshift, about.motion), (Some(0.5), Some(1.0), Motion::Peculiar));
+    assert_eq!(about.box_size, Some(1.0));
+    let universe = about.cosmology.unwrap();
+    assert_eq!((universe.omega_matter, universe.omega_lambda, universe.hubble_assumed), (0.25, 0.75, false));
+    // Velocities are in km/s, lengths in Mpc, of which the code has another one in the ninth digit.
+    assert!((universe.hubble / 64.0 - 1.0).abs() < 1e-7, "{}", universe.hubble);
+    let mass: f64 = about.mass_unit.0.strip_suffix(" g").unwrap().parse().unwrap();
+    assert!((mass / 5.656_000_632_887_135e43 - 1.0).abs() < 1e-12, "{mass}");
+}

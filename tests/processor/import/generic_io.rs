@@ -2,7 +2,7 @@
 
 use super::hostile::survives_at;
 use super::writers::file;
-use super::{message, read_all};
+use super::{data, message, read_all};
 use deepfield::import::{FieldKind, files_of, open};
 use proptest::prelude::*;
 
@@ -180,4 +180,13 @@ fn shortened_compressed_and_altered_files_are_errors() {
     assert!(refused(&altered).contains("checksum"));
     let packed = particles(Style { blocks: true, filter: "BLOSC", ..STYLE }, &[3], 0);
     assert!(refused(&packed).contains("BLOSC"));
+}
+
+#[test]
+fn the_librarys_map_has_the_box_of_the_files_that_it_names() {
+    for (name, files) in [("genericio.gio", 1), ("genericio-map/snapshot.gio", 3)] {
+        let path = data("others").join(name);
+        assert_eq!(files_of(&path).unwrap().len(), files, "{name}");
+        assert_eq!(open(&path).unwrap().description().box_size, Some(32.0), "{name}");
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::hostile::{mutate, mutations, survives_at};
 use super::writers::file;
-use super::{message, read_all};
+use super::{data, message, read_all};
 use deepfield::import::{FieldKind, open};
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -131,4 +131,12 @@ fn shortened_files_and_other_counts_are_errors_that_name_them() {
     file(&snapshot, "gas/vel", &std::fs::read(snapshot.join("star/vel")).unwrap());
     let text = message(&open(&snapshot).err().unwrap(), &snapshot.join("gas/vel"));
     assert!(text.contains("found 4") || text.contains("found 9"), "{text}");
+}
+
+#[test]
+fn fields_whose_limits_were_never_found_are_read() {
+    // The tool leaves infinity as the least birth of a star, and its negative as the greatest.
+    let source = open(&data("others/tipsy2salsa")).unwrap();
+    let births: Vec<f64> = (16..24).map(|row| 10.0 + 1.5 * f64::from(row)).collect();
+    assert_eq!(read_all(source.as_ref(), 1, "timeform", 3), births);
 }

@@ -3,10 +3,10 @@
 
 use super::hostile::{mutate, mutations, survives_at};
 use super::writers::file;
-use super::{message, read_all};
+use super::{data, message, read_all};
 use deepfield::import::{LoadOptions, load, open, summarize};
 use proptest::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 const CPUS: usize = 2;
@@ -414,4 +414,43 @@ fn shortened_and_missing_files_are_errors_that_name_them() {
         file(&output, name, &bytes);
     }
     assert_eq!(load(&output, &LoadOptions::default(), &()).unwrap().len(), whole.len());
+}
+
+/// An eighth of the box of 32 kpc is dense, and of that one cell of the second level is divided.
+#[test]
+fn cells_that_the_code_wrote_are_those_it_was_told_to_begin_with() {
+    for (name, box_size) in [("periodic", Some(32.0)), ("closed", None)] {
+        let source = open(&data("others/ramses").join(name).join("output_00001")).unwrap();
+        let about = source.description();
+        assert_eq!((about.box_size, &*about.length_unit.0), (box_size, "kpc"), "{name}");
+        let gas = about.families.iter().position(|family| family.name.as_str() == "gas").unwrap();
+        let info = &about.families[gas];
+        let rows = info.count as usize;
+        assert_eq!((rows, &*info.fields[info.named("mass").unwrap()].unit.0), (71, "Msun"), "{name}");
+        let read = |field: &str| read_all(source.as_ref(), gas, field, 7);
+        let [at, velocity, mass, h] = ["position", "velocity", "mass", "smoothing-length"].map(read);
+        let [density, pressure, energy] = ["density", "pressure", "internal-energy"].map(read);
+        let mut places = BTreeSet::new();
+        for row in 0..rows {
+            let (place, speed) = (&at[3 * row..3 * row + 3], &velocity[3 * row..3 * row + 3]);
+            let edge: f64 = if place.iter().all(|x| *x < 8.0) { 4.0 } else { 8.0 };
+            let is_dense = place.iter().all(|x| *x < 16.0);
+            // Density, velocity, pressure, and energy where gamma is 1.5.
+            let expected = if is_dense { [4.0, -1.0, 0.25, 0.5, 2.0, 1.0] } else { [0.5, 1.0, 2.0, -3.0, 1.5, 6.0] };
+            let found = [density[row], speed[0], speed[1], speed[2], pressure[row], energy[row]];
+            let is_near = |a: f64, b: f64| (a - b).abs() < 1e-9 * b.abs().max(1.0);
+            assert!(found.iter().zip(&expected).all(|(a, b)| is_near(*a, *b)), "{name}: {found:?} at {place:?}");
+            assert!(is_near(mass[row], expected[0] * edge.powi(3)), "{name}: {} at {place:?}", mass[row]);
+            let sphere = 4.0 / 3.0 * std::f64::consts::PI * h[row].powi(3);
+            assert!(is_near(sphere, 32.0 * edge.powi(3)), "{name}: {} at {place:?}", h[row]);
+            // In the middle of a cell of its size, inside the box.
+            let cell = |x: &f64| x / edge - 0.5;
+            let is_cell = |x: &f64| is_near(cell(x), cell(x).round()) && (0.0..32.0).contains(x);
+            assert!(place.iter().all(is_cell), "{name}: {place:?}");
+            places.insert([0, 1, 2].map(|axis| place[axis].round() as i64));
+        }
+        assert_eq!(places.len(), rows, "{name}: cells in the same place");
+        // What yt says of both.
+        assert!((mass.iter().sum::<f64>() - 30720.0).abs() < 1e-6, "{name}");
+    }
 }

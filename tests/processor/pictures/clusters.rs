@@ -1,12 +1,10 @@
 //! Pictures of clusters (HE03): within a number of splats, nearer to the particles the more there are, and as far away as they say.
 
-use crate::support::{Random, demo, kept_page_file};
-use deepfield::build::{BuildOptions, build_source};
+use crate::support::{Random, write_demo_pages};
 use deepfield::color::Accumulation;
 use deepfield::color::transfer::Range;
 use deepfield::cpu::volume::VolumeLevels;
 use deepfield::hierarchy::Kinds;
-use deepfield::import::LoadOptions;
 use deepfield::look::LookPatch;
 use deepfield::mode::levels::{LEVELS, SPLATS};
 use deepfield::mode::lod_budget::{PRESENCE, THINNING};
@@ -30,11 +28,7 @@ pub struct Data {
 pub fn data() -> Data {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clusters.df");
-    let kept = kept_page_file("demo-of-clusters", |path| {
-        let options = BuildOptions { hierarchies: Kinds::of_particles(), ..BuildOptions::default() };
-        build_source(&demo(), &LoadOptions::default(), &options, path, &()).unwrap();
-    });
-    std::fs::write(&path, kept).unwrap();
+    write_demo_pages(&path, Kinds::of_particles());
     Data { file: Arc::new(PageFile::open(&path).unwrap()), _folder: folder }
 }
 

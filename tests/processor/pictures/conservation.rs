@@ -75,7 +75,7 @@ fn discs_reach_into_the_picture_from_outside() {
     let mode = modes::find("points").unwrap();
     let depiction = Depiction::new(mode, settings, None, metadata).unwrap();
     // Beside the data, further from it than a smoothing length and nearer than a disc's radius.
-    let bounds = built.dataset.bounds();
+    let bounds = built.bounds();
     let reach =
         built.dataset.families.iter().flat_map(|family| &family.smoothing_length).fold(0.0f32, |a, &b| a.max(b));
     let pixel = 0.2 * f64::from(reach);

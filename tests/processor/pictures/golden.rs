@@ -2,7 +2,7 @@
 //! anew; look at them before committing.
 
 use crate::support::golden::{TOLERANCE, check, difference, golden};
-use crate::support::{built, demo, draw_pages, draw_source, paint_pages, view_from};
+use crate::support::{built, demo, draw_pages, draw_source, paint_pages, view_of};
 use deepfield::annotate::{self, Annotations, Label, Legend, Subject, Units};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
@@ -10,7 +10,7 @@ use deepfield::color::composite::{Image, composite, composite_at};
 use deepfield::color::transfer::TransferFunction;
 use deepfield::cpu::Method;
 use deepfield::mode::{Depiction, Settings};
-use deepfield::model::Kernel;
+use deepfield::model::{Dataset, Kernel};
 use deepfield::modes;
 use glam::DVec3;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ fn colors(mode: &str, picture: &Accumulation) -> Image {
 #[test]
 fn every_mode_draws_its_golden_image() {
     let built = built(&demo(), VqBits::Eight);
-    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    let view = view_of(built.bounds(), DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
     for mode in modes::all().into_iter().filter(|mode| mode.takes_particles() && !mode.is_of_paths()) {
         match mode.is_light() {
             false => check(mode.name, &colors(mode.name, &draw_pages(&built.file, mode.name, &view, 0.8))),
@@ -35,7 +35,7 @@ fn every_mode_draws_its_golden_image() {
 #[test]
 fn an_annotated_picture_is_its_golden_image() {
     let built = built(&demo(), VqBits::Eight);
-    let view = view_from(&built.dataset, DVec3::new(0.6, 0.4, 1.0), 1.9, 640, 440);
+    let view = view_of(built.bounds(), DVec3::new(0.6, 0.4, 1.0), 1.9, 640, 440);
     let metadata = built.file.metadata();
     let depiction =
         Depiction::new(modes::find("density-squared").unwrap(), Settings::default(), None, metadata).unwrap();
@@ -69,11 +69,11 @@ fn an_annotated_picture_is_its_golden_image() {
 
 #[test]
 fn a_changed_kernel_or_transfer_function_is_seen() {
-    let mut built = built(&demo(), VqBits::Eight);
-    let view = view_from(&built.dataset, DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
+    let built = built(&demo(), VqBits::Eight);
+    let view = view_of(built.bounds(), DVec3::new(0.35, 0.3, 1.0), 1.5, 240, 160);
     let golden = golden("column-density.png");
-    built.dataset.kernel = Kernel::Poly6;
-    let other_kernel = draw_source(&built.dataset, "column-density", &view, Method::Pyramid);
+    let source = Dataset { kernel: Kernel::Poly6, ..built.dataset.clone() };
+    let other_kernel = draw_source(&source, "column-density", &view, Method::Pyramid);
     let found = difference(&colors("column-density", &other_kernel), &golden);
     assert!(found > 2.0 * TOLERANCE, "another kernel changes only {found:.3}/255");
     let picture = draw_pages(&built.file, "column-density", &view, 0.8);

@@ -1,12 +1,13 @@
 //! Several datasets in one scene: the picture of all is the sum of the pictures of each where it lies, within the errors of the source
 //! placed there; pages, nodes and probes know no difference.
 
-use crate::support::{demo, draw_source, in_repository, sum_nodes};
+use crate::support::{demo, draw_source, in_repository, sum_nodes, write_demo_pages};
 use deepfield::build::{BuildOptions, build_source};
 use deepfield::color::Accumulation;
 use deepfield::color::accumulation::relative_error;
 use deepfield::cpu::Method;
 use deepfield::explore::{Data, Members, ProbeOptions, Region, Work, probe};
+use deepfield::hierarchy::Kinds;
 use deepfield::import::{LoadOptions, load};
 use deepfield::look::{Member, OpenData, shown_families};
 use deepfield::mode::{Depiction, Settings};
@@ -37,7 +38,11 @@ fn fixture() -> Fixture {
     let folder = tempfile::tempdir().unwrap();
     let members = sources().map(|source| {
         let path = folder.path().join(source.file_name().unwrap()).with_extension("df");
-        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &path, &()).unwrap();
+        if source == demo() {
+            write_demo_pages(&path, Kinds::default());
+        } else {
+            build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &path, &()).unwrap();
+        }
         Member::new(path)
     });
     let second = Member { offset: OFFSET, scale: Some(0.25), ..members[1].clone() };

@@ -54,7 +54,7 @@ impl Shot<'_> {
 
 /// From outside, near by and inside, and without perspective.
 fn views(built: &Built) -> [View; 4] {
-    let bounds = built.dataset.bounds();
+    let bounds = built.bounds();
     let (center, size) = (bounds.center(), bounds.size().max_element());
     let look = |eye: DVec3, projection| View::look_at(eye, center, DVec3::Y, projection, 480, 320).unwrap();
     let perspective = Projection::Perspective { fov_y: 0.8 };

@@ -1,13 +1,11 @@
 //! One way to a picture: what a session draws of a shot is what a tour blends and what ranges are found for, in every mode, of pages
 //! and of source particles.
 
-use crate::support::{demo, in_repository, kept_page_file};
-use deepfield::build::{BuildOptions, build_source};
+use crate::support::{demo, in_repository, write_demo_pages};
 use deepfield::cpu::Method;
 use deepfield::cpu::overdraw::Overdraw;
 use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::hierarchy::Kinds;
-use deepfield::import::LoadOptions;
 use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::SettingValue;
 use deepfield::model::{FamilyName, Progress};
@@ -29,12 +27,9 @@ fn session(folder: &Path, exact: Option<Method>) -> Session {
 
 fn session_with(folder: &Path, options: SessionOptions) -> Session {
     let pages = folder.join("demo.df");
-    let page_file = |source: &Path| -> Result<_, PictureError> {
+    let page_file = |_: &Path| -> Result<_, PictureError> {
         if !pages.exists() {
-            let kept = kept_page_file("demo", |path| {
-                build_source(source, &LoadOptions::default(), &BuildOptions::default(), path, &()).unwrap();
-            });
-            std::fs::write(&pages, kept).unwrap();
+            write_demo_pages(&pages, Kinds::default());
         }
         Ok(pages.clone())
     };
@@ -227,9 +222,7 @@ fn what_does_not_fit_says_why() {
 #[test]
 fn clusters_are_as_many_as_time_and_error_ask_for() {
     let folder = tempfile::tempdir().unwrap();
-    let hierarchies = Kinds::of_particles();
-    let build = BuildOptions { hierarchies, ..BuildOptions::default() };
-    build_source(&demo(), &LoadOptions::default(), &build, &folder.path().join("demo.df"), &()).unwrap();
+    write_demo_pages(&folder.path().join("demo.df"), Kinds::of_particles());
     let mut session = session(folder.path(), None);
     let (shot, _) = shot(&modes::column_density::MODE, &mut session);
     let mut with = |name: &str, value: f64| {

@@ -1,10 +1,8 @@
 //! What stands in for a view's splats while there is no time for all of them (clusters), and what comes after it.
 
 use crate::stream::disk::offset_of;
-use crate::support::demo;
-use deepfield::build::{BuildOptions, build_source};
+use crate::support::write_demo_pages;
 use deepfield::hierarchy::{Kinds, Purpose};
-use deepfield::import::LoadOptions;
 use deepfield::mode::{Depiction, Levels, Mode, Settings};
 use deepfield::modes::{column_density, density_squared};
 use deepfield::picture::stand_in::{Chosen, Limit, StandIn, Wanted};
@@ -20,9 +18,7 @@ const TAU: f64 = 0.8;
 
 fn built(folder: &Path) -> Arc<PageFile> {
     let path = folder.join("clusters.df");
-    let hierarchies = Kinds::of_particles();
-    let options = BuildOptions { hierarchies, ..BuildOptions::default() };
-    build_source(&demo(), &LoadOptions::default(), &options, &path, &()).unwrap();
+    write_demo_pages(&path, Kinds::of_particles());
     Arc::new(PageFile::open(&path).unwrap())
 }
 
@@ -156,7 +152,7 @@ fn clusters_stand_in_where_they_are_wanted_and_suit() {
     assert!(stands_in(mass, Levels::Auto) && stands_in(mass, Levels::Clusters) && !stands_in(mass, Levels::Splats));
     assert!(!stands_in(twice, Levels::Auto) && stands_in(twice, Levels::Clusters));
     let plain = folder.path().join("plain.df");
-    build_source(&demo(), &LoadOptions::default(), &BuildOptions::default(), &plain, &()).unwrap();
+    write_demo_pages(&plain, Kinds::default());
     let plain = Arc::new(PageFile::open(&plain).unwrap());
     assert!(!Frames::new(&plain, mass, Levels::Auto, u64::MAX).next(moving()).stands_in);
 }

@@ -6,6 +6,7 @@ use crate::support::Random;
 use deepfield::serve::{Certificate, Files, Offer, Running, ServeOptions, Server, Token};
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::net::SocketAddr;
@@ -182,11 +183,15 @@ fn the_token_opens_and_nothing_else() {
     std::fs::write(data.path().join("a.txt"), "plain").unwrap();
     let token = Some(Token::new(TOKEN).unwrap());
     let server = folder(data.path(), ServeOptions { token: token.clone(), ..ServeOptions::default() });
+    let welcome = get(&server, &format!("//evil/a.txt?token={TOKEN}&x=1"), &[]);
+    let cookie = welcome.header("set-cookie");
+    let (name, value) = pair(&welcome);
+    let wrong = format!("Cookie: {name}=none; other={value}");
     let refused: [&[&str]; 4] = [
         &[],
         &["Authorization: Bearer a-token-of-the-test"],
         &["Authorization: Basic a-token-of-the-tests"],
-        &["Cookie: deepfield-token=none"],
+        &[&*wrong],
     ];
     for headers in refused {
         let answer = get(&server, "/a.txt", headers);
@@ -195,11 +200,9 @@ fn the_token_opens_and_nothing_else() {
     }
     assert_eq!(get(&server, "/a.txt?token=wrong", &[]).status, 401);
     assert_eq!(get(&server, "/a.txt", &[&format!("authorization: bearer {TOKEN}")]).text(), "plain");
-    let welcome = get(&server, &format!("//evil/a.txt?token={TOKEN}&x=1"), &[]);
-    let cookie = welcome.header("set-cookie");
     assert!(cookie.contains("; HttpOnly; SameSite=Strict") && !welcome.text().contains(TOKEN), "{welcome:?}");
     assert!(welcome.text().contains("url=/evil/a.txt?x=1\""), "{}", welcome.text());
-    let known = format!("Cookie: other=1; deepfield-token={}", welcome.cookie("deepfield-token").unwrap());
+    let known = format!("Cookie: other=1; {name}={value}");
     assert_eq!(get(&server, "/a.txt", &[&known]).text(), "plain");
     // Who is known already does not keep it in the address either, and is led nowhere else.
     for (path, to) in [("/a.txt", "/a.txt"), ("/\\evil/a.txt", "/evil/a.txt")] {
@@ -214,6 +217,34 @@ fn the_token_opens_and_nothing_else() {
     let why = bind(&ServeOptions { token, ..open.clone() }).map(drop).unwrap_err().to_string();
     assert!(why.contains("without TLS"), "{why}");
     assert!(ServeOptions { is_insecure: true, ..open }.check().is_ok());
+}
+
+/// Name and value of the cookie that is set.
+fn pair(welcome: &Answer) -> (String, String) {
+    let (name, rest) = welcome.header("set-cookie").split_once('=').unwrap();
+    (name.to_owned(), rest.split(';').next().unwrap().to_owned())
+}
+
+#[test]
+fn servers_of_one_host_with_other_tokens_let_a_browser_stay_in() {
+    let data = tempfile::tempdir().unwrap();
+    std::fs::write(data.path().join("a.txt"), "plain").unwrap();
+    let tokens = [TOKEN, "another-token-of-the-tests"];
+    let servers = tokens.map(|token| {
+        let options = ServeOptions { token: Some(Token::new(token).unwrap()), ..ServeOptions::default() };
+        folder(data.path(), options)
+    });
+    // What a browser keeps of a host, whatever the port: of each name the cookie that was set last.
+    let mut kept = BTreeMap::new();
+    for (server, token) in servers.iter().zip(tokens) {
+        let (name, value) = pair(&get(server, &format!("/a.txt?token={token}"), &[]));
+        kept.insert(name, value);
+    }
+    let all: Vec<String> = kept.iter().map(|(name, value)| format!("{name}={value}")).collect();
+    let known = format!("Cookie: {}", all.join("; "));
+    for server in &servers {
+        assert_eq!(get(server, "/a.txt", &[&known]).text(), "plain");
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //! goes on, and no frame waits.
 
 use super::disk::{Answer, FaultyDisk, offset_of, sound};
+use crate::support::run;
 use deepfield::model::ReadMethod;
 use deepfield::store::{PageFile, PageId};
 use deepfield::stream::{Scene, SceneSelection, StreamOptions};
@@ -266,11 +267,50 @@ fn a_root_that_cannot_be_read_is_an_error() {
     let disk = FaultyDisk::new(sound());
     let file = Arc::new(PageFile::open_on(Path::new("rootless.df"), disk.clone()).unwrap());
     let (view, tau) = everything(&file);
-    for answer in [Answer::Never, Answer::Fail { times: u32::MAX, kind: ErrorKind::UnexpectedEof }] {
-        disk.set(PageId(0), answer);
-        let mut scene = Scene::with_options(Arc::clone(&file), options(Duration::from_millis(100)));
-        let error = scene.converge(&view, tau, &mut |_| {}).unwrap_err().to_string();
-        assert!(error.contains("rootless.df: page 0"), "{error}");
-        disk.set(PageId(0), Answer::Sound);
+    for (answer, notes) in [(Answer::Never, 1), (Answer::Fail { times: u32::MAX, kind: ErrorKind::UnexpectedEof }, 0)] {
+        for is_listed in [false, true] {
+            disk.set(PageId(0), answer);
+            let mut scene = Scene::with_options(Arc::clone(&file), options(Duration::from_millis(100)));
+            let mut told = Vec::new();
+            let mut tell = |message: String| told.push(message);
+            let outcome = match is_listed {
+                true => scene.list(&view, tau, &mut tell).map(drop),
+                false => scene.converge(&view, tau, &mut tell).map(drop),
+            };
+            let error = outcome.unwrap_err().to_string();
+            assert!(error.contains("rootless.df: page 0"), "{error}");
+            // That a disk does not answer is told while it is waited for; nothing else comes before the error.
+            assert_eq!(told.len(), notes, "{told:?}");
+            disk.set(PageId(0), Answer::Sound);
+        }
+    }
+}
+
+#[test]
+fn a_root_that_was_given_up_is_drawn_if_it_comes_after_all() {
+    let disk = FaultyDisk::new(sound());
+    let file = Arc::new(PageFile::open_on(Path::new("late.df"), disk.clone()).unwrap());
+    disk.set(PageId(0), Answer::Fail { times: 4, kind: ErrorKind::TimedOut });
+    let (_, selection, told) = converge(&file, Duration::from_secs(20));
+    assert!(selection.converged && told.is_empty(), "{told:?}");
+    assert_eq!(selection.nodes.iter().map(mass).sum::<f64>(), total_mass(&file));
+}
+
+#[test]
+fn a_picture_of_a_file_with_a_damaged_root_says_so_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write_sound(folder.path());
+    let root = PageFile::open(&path).unwrap().metadata().families[0].root_page;
+    let mut open = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    open.seek(SeekFrom::Start(offset_of(sound(), root) + 500)).unwrap();
+    open.write_all(&[0xa5, 0x5a, 0xa5]).unwrap();
+    let arguments = ["render", "sound.df", "-o", "a.png", "--size", "64x48", "--backend", "cpu"];
+    // With all pages at once, and in passes.
+    for memory in ["1GiB", "16MiB"] {
+        let output = run(folder.path(), &[&arguments[..], &["--memory", memory]].concat());
+        let told = String::from_utf8(output.stderr).unwrap();
+        let page = format!("sound.df: page {}", root.0);
+        assert!(!output.status.success() && told.matches(&page).count() == 1, "{memory}: {told}");
+        assert!(told.contains("checksum") && !told.contains("coarser"), "{memory}: {told}");
     }
 }

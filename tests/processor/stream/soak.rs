@@ -85,7 +85,7 @@ pub fn soak(file: &Arc<PageFile>, frames: u32, tells: fn(&str) -> bool) {
         converged += u32::from(selection.is_converged());
         // What the frame draws stays where it is, whatever is read ahead.
         let drawn: Vec<_> = selection.visited.iter().map(|node| node.page).collect();
-        let started = streamer.serve();
+        let started = streamer.serve().started;
         prefetched += usize::from(selection.is_converged()) * started.len();
         evicted += streamer.take_evicted().len();
         streamer.plan_copies();

@@ -77,6 +77,14 @@ pub(super) struct Measured<'a> {
     pub positions: &'a (dyn Fn(usize, usize) -> Option<&'a Blob> + Sync),
 }
 
+/// A leaf that is drawn for the error of a picture: one of those that share a codebook, and the factor on its squares.
+pub(super) struct Drawn {
+    /// The codebook, among those of leaves.
+    pub book: usize,
+    leaf: usize,
+    factor: f64,
+}
+
 /// Codes all nodes, the grid nodes of each depth for its `scope`; the quantities are forgotten.
 ///
 /// # Errors
@@ -168,10 +176,15 @@ pub(super) fn shared(
     leaves.chain(grids).collect()
 }
 
+/// Codebooks that leaves with so many particles share, unless there are fewer leaves.
+pub(super) fn leaf_books(particles: u64, bits: VqBits) -> u64 {
+    (particles / PARTICLES).clamp(1, (ENTRIES / bits.entries()).max(1) as u64)
+}
+
 /// Leaves in groups of about the same number of particles and of similar mean density.
 fn by_density(leaves: Vec<Entry>, bits: VqBits) -> Vec<Vec<Entry>> {
     let total: u64 = leaves.iter().map(|leaf| leaf.batch.info.particles as u64).sum();
-    let count = (total / PARTICLES).clamp(1, (ENTRIES / bits.entries()).max(1) as u64);
+    let count = leaf_books(total, bits);
     let mut order: Vec<(f32, usize)> = leaves.iter().map(|leaf| leaf.batch.density).zip(0..).collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let mut leaves: Vec<Option<Entry>> = leaves.into_iter().map(Some).collect();
@@ -207,6 +220,20 @@ impl Shared {
             Part { group: own.first().map_or(0, |(group, _)| *group), particles, batches }
         };
         parts(&about).into_iter().map(part).collect()
+    }
+
+    /// Copies the quantities of all batches to where the coding will look for them.
+    ///
+    /// # Errors
+    /// When something cannot be put away or read back.
+    pub fn copy(&mut self, from: &Spill, to: &Spill) -> io::Result<()> {
+        self.entries.par_iter_mut().try_for_each(|Entry { batch, .. }| {
+            let bytes = from.get(&batch.quantities)?;
+            let copy = to.put(&[&bytes])?;
+            drop(bytes);
+            batch.quantities = copy;
+            Ok(())
+        })
     }
 
     /// The batches, and where they are.
@@ -260,35 +287,44 @@ impl Measured<'_> {
         spill: &Spill,
         bits: CodeBits,
     ) -> io::Result<Option<f64>> {
-        let leaves: Vec<(usize, usize)> = (0..shared.len())
-            .flat_map(|group| (0..shared[group].entries.len()).map(move |leaf| (group, leaf)))
-            .collect();
-        let about = |&(group, leaf): &(usize, usize)| {
-            let Entry { depth, index, batch } = &shared[group].entries[leaf];
-            (nodes[*depth][*index].key, batch.info.mass)
+        let drawn = self.drawn(nodes, shared);
+        let squares = |drawn: &Drawn| {
+            let (shared, coded) = (&shared[drawn.book], &coded[drawn.book]);
+            self.squares(nodes, shared, coded, drawn, spill, bits)
         };
-        let squares: Vec<[f64; 2]> = self
-            .picture
-            .chosen(leaves.iter().map(about))
-            .par_iter()
-            .map(|&(number, factor)| -> io::Result<[f64; 2]> {
-                let (group, leaf) = leaves[number];
-                let own = shared[group].group(spill, bits, &());
-                Ok(self.squares(nodes, (own, &coded[group]), leaf)?.map(|sum| sum * factor))
-            })
-            .collect::<Result<_, _>>()?;
-        let [difference, picture] = squares.iter().fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]]);
-        let error = (difference / picture).sqrt();
-        Ok(error.is_finite().then_some(error))
+        let squares: Vec<[f64; 2]> = drawn.par_iter().map(squares).collect::<Result<_, _>>()?;
+        Ok(picture_error(squares))
     }
 
-    /// [`Picture::squares`] of a leaf of a group.
-    fn squares(
+    /// The leaves to draw.
+    pub fn drawn(&self, nodes: &[Vec<TreeNode<()>>], shared: &[Shared]) -> Vec<Drawn> {
+        let leaves: Vec<(usize, usize)> =
+            (0..shared.len()).flat_map(|book| (0..shared[book].entries.len()).map(move |leaf| (book, leaf))).collect();
+        let about = |&(book, leaf): &(usize, usize)| {
+            let Entry { depth, index, batch } = &shared[book].entries[leaf];
+            (nodes[*depth][*index].key, batch.info.mass)
+        };
+        let drawn = |(number, factor): (usize, f64)| {
+            let (book, leaf) = leaves[number];
+            Drawn { book, leaf, factor }
+        };
+        self.picture.chosen(leaves.iter().map(about)).into_iter().map(drawn).collect()
+    }
+
+    /// The squares of a leaf that is drawn, which shares a codebook with these.
+    ///
+    /// # Errors
+    /// When something cannot be read back.
+    pub fn squares(
         &self,
         nodes: &[Vec<TreeNode<()>>],
-        (group, coded): (Group<'_>, &CodedBatches),
-        leaf: usize,
+        shared: &Shared,
+        coded: &CodedBatches,
+        &Drawn { leaf, factor, .. }: &Drawn,
+        spill: &Spill,
+        bits: CodeBits,
     ) -> io::Result<[f64; 2]> {
+        let group = shared.group(spill, bits, &());
         let (Entry { depth, index, batch }, decoded) = (&group.entries[leaf], &coded.batches[leaf]);
         let node = &nodes[*depth][*index];
         let Some(positions) = (self.positions)(*depth, *index) else { return Ok([0.0; 2]) };
@@ -297,7 +333,7 @@ impl Measured<'_> {
         let codes = group.codes(&decoded.codes)?;
         // As the mode weighs it: so that the leaf's mass is its own.
         let scale = super::tree::scale(batch.info.mass, decoded.mass);
-        batch.with(group.spill, |own| {
+        let squares = batch.with(group.spill, |own| {
             let pairs = words.iter().zip(&codes).enumerate().map(|(i, (&word, &code))| {
                 let entry = usize::from(coded.numbers[usize::from(code)]);
                 let book = &coded.codebook;
@@ -308,8 +344,16 @@ impl Measured<'_> {
                 }
             });
             self.picture.squares(node.key, batch.info.mass, pairs)
-        })
+        })?;
+        Ok(squares.map(|sum| sum * factor))
     }
+}
+
+/// The error of a picture by the squares of the leaves that are drawn, in their order; `None` where it has nothing.
+pub(super) fn picture_error(squares: impl IntoIterator<Item = [f64; 2]>) -> Option<f64> {
+    let add = |sum: [f64; 2], own: [f64; 2]| [sum[0] + own[0], sum[1] + own[1]];
+    let [difference, picture] = squares.into_iter().fold([0.0; 2], add);
+    Some((difference / picture).sqrt()).filter(|error| error.is_finite())
 }
 
 impl Batch {

@@ -5,7 +5,7 @@
 //! of a search among all particles, to the last bit; one search serves all quantities.
 
 use super::BuildError;
-use super::found::{self, Seen};
+use super::found::{self, Block, Finding, Seen};
 use super::partition::Partition;
 use super::reach::{Reaches, around_ball, bucket_bounds, position};
 use crate::hierarchy::RootCell;
@@ -15,6 +15,7 @@ use crate::import::neighbours::Moving;
 use crate::model::progress::{Progress, Uncounted};
 use crate::model::{Bounds, Derivation, Kernel};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Particles with world positions relative to the root cell's corner.
 #[derive(Default)]
@@ -60,37 +61,64 @@ impl Deriving<'_> {
         self.derivation.quantities.len()
     }
 
-    /// The same for some of the buckets: what is found of each.
-    ///
-    /// # Errors
-    /// As [`Deriving::derive`].
-    pub fn of_buckets(
+    /// Appends the particles of other buckets that are within reach.
+    fn add_others(
         &self,
-        partition: &mut Partition,
-        buckets: std::ops::Range<usize>,
-        block: usize,
-        progress: &dyn Progress,
-    ) -> Result<Vec<Seen>, BuildError> {
-        let particles: usize = buckets.clone().map(|bucket| partition.len(bucket)).sum();
-        progress.begin("looking at motion", particles as u64);
-        let mut seen = Vec::with_capacity(buckets.len());
-        for buckets in partition.blocks(buckets, block) {
-            for (bucket, (order, sorted)) in buckets.clone().zip(self.of_block(partition, buckets, progress)?) {
-                seen.push(Seen::of(&sorted));
-                let read: Vec<Vec<f32>> = sorted.iter().map(|sorted| in_reading_order(&order, sorted)).collect();
-                partition.put_derived(bucket, &read)?;
-            }
+        partition: &Partition,
+        buckets: Range<usize>,
+        reaches: &Reaches,
+        all: &mut Particles,
+    ) -> Result<(), BuildError> {
+        let meets = |bucket: &usize| {
+            let Some(bounds) = bucket_bounds(partition, *bucket, self.root) else { return false };
+            !buckets.contains(bucket) && reaches.meet(bounds)
+        };
+        let parts: Vec<Particles> = (0..partition.buckets())
+            .into_par_iter()
+            .filter(meets)
+            .map(|bucket| {
+                let (places, columns) = partition.read_inputs(bucket)?;
+                Ok(self.within(reaches, &places, &columns))
+            })
+            .collect::<Result<_, BuildError>>()?;
+        for part in parts {
+            all.positions.extend(part.positions);
+            all.mass.extend(part.mass);
+            all.density.extend(part.density);
+            all.smoothing_length.extend(part.smoothing_length);
+            all.velocities.extend(part.velocities);
         }
-        Ok(seen)
+        Ok(())
     }
 
-    /// The derived columns of some buckets, each in an order that depends on its particles alone, with that order.
+    /// Those particles of a bucket that are within reach.
+    fn within(&self, reaches: &Reaches, places: &[Place], columns: &Columns) -> Particles {
+        let is_near = |&i: &u32| reaches.contains(position(places[i as usize], self.root));
+        let near: Vec<u32> = (0..places.len() as u32).filter(is_near).collect();
+        let columns = columns.gather(&near);
+        Particles {
+            positions: near.iter().map(|&i| position(places[i as usize], self.root)).collect(),
+            velocities: derived::velocities(&columns.attributes[self.own..]),
+            mass: columns.mass,
+            density: columns.density,
+            smoothing_length: columns.smoothing_length,
+        }
+    }
+}
+
+impl Finding for Deriving<'_> {
+    const STAGE: &'static str = "looking at motion";
+
+    fn put(partition: &mut Partition, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError> {
+        partition.put_derived(bucket, columns)
+    }
+
     fn of_block(
         &self,
         partition: &Partition,
-        buckets: std::ops::Range<usize>,
+        buckets: Range<usize>,
         progress: &dyn Progress,
-    ) -> Result<Vec<(Vec<u32>, Vec<Vec<f32>>)>, BuildError> {
+    ) -> Result<Block, BuildError> {
         let parts: Vec<(Vec<u32>, Vec<[f64; 3]>, Columns)> = buckets
             .clone()
             .into_par_iter()
@@ -132,66 +160,8 @@ impl Deriving<'_> {
             edge: self.edge,
         };
         let wanted = (count, Some(&heat[..]));
-        let found = derived::columns(self.derivation, self.kernel, &moving, wanted, &Uncounted(progress));
+        let columns = derived::columns(self.derivation, self.kernel, &moving, wanted, &Uncounted(progress));
         progress.advance(count as u64);
-        let mut at = 0;
-        let of_bucket = |order: Vec<u32>| {
-            let run = at..at + order.len();
-            at = run.end;
-            let sorted = found.iter().map(|values| values[run.clone()].to_vec()).collect();
-            (order, sorted)
-        };
-        Ok(orders.into_iter().map(of_bucket).collect())
+        Ok(Block { orders, columns })
     }
-
-    /// Appends the particles of other buckets that are within reach.
-    fn add_others(
-        &self,
-        partition: &Partition,
-        buckets: std::ops::Range<usize>,
-        reaches: &Reaches,
-        all: &mut Particles,
-    ) -> Result<(), BuildError> {
-        let meets = |bucket: &usize| {
-            let Some(bounds) = bucket_bounds(partition, *bucket, self.root) else { return false };
-            !buckets.contains(bucket) && reaches.meet(bounds)
-        };
-        let parts: Vec<Particles> = (0..partition.buckets())
-            .into_par_iter()
-            .filter(meets)
-            .map(|bucket| {
-                let (places, columns) = partition.read_inputs(bucket)?;
-                Ok(self.within(reaches, &places, &columns))
-            })
-            .collect::<Result<_, BuildError>>()?;
-        for part in parts {
-            all.positions.extend(part.positions);
-            all.mass.extend(part.mass);
-            all.density.extend(part.density);
-            all.smoothing_length.extend(part.smoothing_length);
-            all.velocities.extend(part.velocities);
-        }
-        Ok(())
-    }
-
-    /// Those particles of a bucket that are within reach.
-    fn within(&self, reaches: &Reaches, places: &[Place], columns: &Columns) -> Particles {
-        let is_near = |&i: &u32| reaches.contains(position(places[i as usize], self.root));
-        let near: Vec<u32> = (0..places.len() as u32).filter(is_near).collect();
-        let columns = columns.gather(&near);
-        Particles {
-            positions: near.iter().map(|&i| position(places[i as usize], self.root)).collect(),
-            velocities: derived::velocities(&columns.attributes[self.own..]),
-            mass: columns.mass,
-            density: columns.density,
-            smoothing_length: columns.smoothing_length,
-        }
-    }
-}
-
-/// Values in the order in which a bucket's particles are read, of those in another order.
-fn in_reading_order(order: &[u32], sorted: &[f32]) -> Vec<f32> {
-    let mut read = vec![0.0; order.len()];
-    order.iter().zip(sorted).for_each(|(&i, &value)| read[i as usize] = value);
-    read
 }

@@ -6,7 +6,7 @@
 //! particles, to the last bit: the more memory there is, the larger are the blocks.
 
 use super::BuildError;
-use super::found::{self, Seen};
+use super::found::{self, Block, Finding, Seen};
 use super::partition::Partition;
 use super::reach::{Reaches, around_ball, bucket_bounds, position};
 use crate::codec::morton::{self, MORTON_BITS};
@@ -17,6 +17,7 @@ use crate::model::Bounds;
 use crate::model::progress::{Progress, Uncounted};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// How far around each cell of a block is looked at first, in distances to the k-th neighbour if the cell were filled evenly.
 const MARGIN: f64 = 1.3;
@@ -54,104 +55,68 @@ impl Estimating {
         let counts = found::counts(partition, all, &found.ranges, columns, progress)?;
         Ok((found, counts))
     }
+}
 
-    /// The same for some of the buckets: what is found of each, density and smoothing length.
-    ///
-    /// # Errors
-    /// As [`Estimating::estimate`].
-    pub fn of_buckets(
-        self,
-        partition: &mut Partition,
-        buckets: std::ops::Range<usize>,
-        block: usize,
+/// Densities, and then smoothing lengths.
+impl Finding for Estimating {
+    const STAGE: &'static str = "finding neighbours";
+
+    fn put(partition: &mut Partition, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError> {
+        partition.put_estimates(bucket, columns)
+    }
+
+    fn of_block(
+        &self,
+        partition: &Partition,
+        buckets: Range<usize>,
         progress: &dyn Progress,
-    ) -> Result<Vec<Seen>, BuildError> {
-        let particles: usize = buckets.clone().map(|bucket| partition.len(bucket)).sum();
-        progress.begin("finding neighbours", particles as u64);
-        let mut seen = Vec::with_capacity(buckets.len());
-        for buckets in partition.blocks(buckets, block) {
-            for (bucket, found) in buckets.clone().zip(of_block(partition, buckets, self, progress)?) {
-                seen.push(Seen::of(&found.sorted));
-                let [density, smoothing_length] = found.read;
-                partition.put_estimates(bucket, &density, &smoothing_length)?;
-            }
-        }
-        Ok(seen)
-    }
-}
-
-/// Densities and smoothing lengths of the particles of a bucket.
-struct Found {
-    /// In an order that depends on the particles alone, for sums and samples.
-    sorted: [Vec<f32>; 2],
-    /// In the order in which they are read.
-    read: [Vec<f32>; 2],
-}
-
-/// Finds densities and smoothing lengths of the particles of some buckets.
-fn of_block(
-    partition: &Partition,
-    buckets: std::ops::Range<usize>,
-    estimating: Estimating,
-    progress: &dyn Progress,
-) -> Result<Vec<Found>, BuildError> {
-    let parts: Vec<(Vec<u32>, Vec<u64>, Vec<[f64; 3]>, Columns)> = buckets
-        .clone()
-        .into_par_iter()
-        .map(|bucket| {
+    ) -> Result<Block, BuildError> {
+        let parts: Vec<(Vec<u32>, Vec<u64>, Vec<[f64; 3]>, Columns)> = buckets
+            .clone()
+            .into_par_iter()
+            .map(|bucket| {
+                progress.go_on();
+                let (places, columns) = partition.read(bucket)?;
+                let order = columns.order(&places);
+                let keys = order.iter().map(|&i| places[i as usize].key).collect();
+                let positions = order.iter().map(|&i| position(places[i as usize], self.root)).collect();
+                let columns = columns.gather(&order);
+                Ok((order, keys, positions, columns))
+            })
+            .collect::<Result<_, BuildError>>()?;
+        let is_usable = |value: f32| value > 0.0 && value.is_finite();
+        let mut own = Particles::default();
+        let (mut orders, mut density, mut smoothing_length) = (Vec::new(), Vec::new(), Vec::new());
+        let mut keys = Vec::new();
+        for (order, own_keys, positions, columns) in parts {
             progress.go_on();
-            let (places, columns) = partition.read(bucket)?;
-            let order = columns.order(&places);
-            let keys = order.iter().map(|&i| places[i as usize].key).collect();
-            let positions = order.iter().map(|&i| position(places[i as usize], estimating.root)).collect();
-            let columns = columns.gather(&order);
-            Ok((order, keys, positions, columns))
-        })
-        .collect::<Result<_, BuildError>>()?;
-    let is_usable = |value: f32| value > 0.0 && value.is_finite();
-    let mut own = Particles::default();
-    let (mut orders, mut density, mut smoothing_length) = (Vec::new(), Vec::new(), Vec::new());
-    let mut keys = Vec::new();
-    for (order, own_keys, positions, columns) in parts {
-        progress.go_on();
-        keys.extend(own_keys);
-        own.positions.extend(positions);
-        own.mass.extend(columns.mass);
-        density.extend(columns.density);
-        smoothing_length.extend(columns.smoothing_length);
-        orders.push(order);
+            keys.extend(own_keys);
+            own.positions.extend(positions);
+            own.mass.extend(columns.mass);
+            density.extend(columns.density);
+            smoothing_length.extend(columns.smoothing_length);
+            orders.push(order);
+        }
+        // Particles are counted when all of the block is known.
+        let uncounted = Uncounted(progress);
+        let search = Search { partition, buckets, estimating: *self, keys, own, progress: &uncounted };
+        let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
+        if wanted.contains(&true) {
+            search.nearest(&wanted, &mut smoothing_length, &mut density)?;
+        }
+        let wanted: Vec<bool> = density.iter().map(|&rho| !is_usable(rho)).collect();
+        if wanted.contains(&true) {
+            search.density(&wanted, &smoothing_length, &mut density)?;
+        }
+        progress.advance(density.len() as u64);
+        Ok(Block { orders, columns: vec![density, smoothing_length] })
     }
-    // Particles are counted when all of the block is known.
-    let uncounted = Uncounted(progress);
-    let search = Search { partition, buckets, estimating, keys, own, progress: &uncounted };
-    let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
-    if wanted.contains(&true) {
-        search.nearest(&wanted, &mut smoothing_length, &mut density)?;
-    }
-    let wanted: Vec<bool> = density.iter().map(|&rho| !is_usable(rho)).collect();
-    if wanted.contains(&true) {
-        search.density(&wanted, &smoothing_length, &mut density)?;
-    }
-    progress.advance(density.len() as u64);
-    let mut at = 0;
-    let of_bucket = |order: Vec<u32>| {
-        let run = at..at + order.len();
-        at = run.end;
-        let sorted = [density[run.clone()].to_vec(), smoothing_length[run].to_vec()];
-        let read = sorted.each_ref().map(|sorted| {
-            let mut read = vec![0.0; order.len()];
-            order.iter().zip(sorted).for_each(|(&i, &value)| read[i as usize] = value);
-            read
-        });
-        Found { sorted, read }
-    };
-    Ok(orders.into_iter().map(of_bucket).collect())
 }
 
 /// A block and where its neighbours are.
 struct Search<'a> {
     partition: &'a Partition,
-    buckets: std::ops::Range<usize>,
+    buckets: Range<usize>,
     estimating: Estimating,
     /// Morton keys of the own particles, in order.
     keys: Vec<u64>,

@@ -16,13 +16,15 @@ use crate::hierarchy::spacetime::{Before, Chains, ClusterList, Interval, Links, 
 use crate::store::StoreError;
 use crate::store::run::{FlowParts, MOST_FLOW_LEVELS, NodePart, RunFileWriter, TrackCoding, encode_long_tracks};
 use crate::store::temporary::folder_of;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Words of a record that says in which cluster a particle is: its bucket by id, its number there, and the cluster.
 const CARRIED: usize = 3;
 
 /// Which flow levels are built.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct FlowOptions {
     /// How many, at most [`MOST_FLOW_LEVELS`]; `None`: as many as keep the finest one small beside the particles.
     pub levels: Option<usize>,

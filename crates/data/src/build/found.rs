@@ -1,4 +1,5 @@
-//! What is found out of columns that a source lacks, bucket by bucket: extremes, sums and a sample, and then how often which values are.
+//! Columns that a source lacks, bucket by bucket: how they are found, and what is known of them: extremes, sums and a sample, and then how
+//! often which values are.
 
 use super::BuildError;
 use super::partition::Partition;
@@ -36,6 +37,73 @@ impl Seen {
     pub fn means(&self) -> Vec<f32> {
         self.ranges.iter().map(|range| range.mean() as f32).collect()
     }
+}
+
+/// Columns of the particles of a block of buckets.
+pub(super) struct Block {
+    /// For each bucket an order of its particles that depends on them alone: which one of those that are read comes first, and so on.
+    pub orders: Vec<Vec<u32>>,
+    /// The columns, in these orders, one bucket after the other.
+    pub columns: Vec<Vec<f32>>,
+}
+
+/// How columns that a source lacks are found: a block of buckets at a time, since the neighbours of their particles lie in others too.
+pub(super) trait Finding {
+    /// What progress calls it.
+    const STAGE: &'static str;
+
+    /// The columns of some buckets.
+    ///
+    /// # Errors
+    /// When particles cannot be read back.
+    fn of_block(
+        &self,
+        partition: &Partition,
+        buckets: std::ops::Range<usize>,
+        progress: &dyn Progress,
+    ) -> Result<Block, BuildError>;
+
+    /// Puts the columns of a bucket away, in the order of reading.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    fn put(partition: &mut Partition, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError>;
+
+    /// Finds the columns of some buckets, of about `block` particles at a time, and puts them away: what is known of each bucket.
+    ///
+    /// # Errors
+    /// As [`Finding::of_block`] and [`Finding::put`].
+    fn of_buckets(
+        &self,
+        partition: &mut Partition,
+        buckets: std::ops::Range<usize>,
+        block: usize,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Seen>, BuildError> {
+        let particles: usize = buckets.clone().map(|bucket| partition.len(bucket)).sum();
+        progress.begin(Self::STAGE, particles as u64);
+        let mut seen = Vec::with_capacity(buckets.len());
+        for buckets in partition.blocks(buckets, block) {
+            let Block { orders, columns } = self.of_block(partition, buckets.clone(), progress)?;
+            let mut at = 0;
+            for (bucket, order) in buckets.zip(&orders) {
+                let own = at..at + order.len();
+                at = own.end;
+                let sorted: Vec<&[f32]> = columns.iter().map(|values| &values[own.clone()]).collect();
+                seen.push(Seen::of(&sorted));
+                let read: Vec<Vec<f32>> = sorted.iter().map(|sorted| in_reading_order(order, sorted)).collect();
+                Self::put(partition, bucket, &read)?;
+            }
+        }
+        Ok(seen)
+    }
+}
+
+/// Values in the order in which a bucket's particles are read, of those in another order.
+fn in_reading_order(order: &[u32], sorted: &[f32]) -> Vec<f32> {
+    let mut read = vec![0.0; order.len()];
+    order.iter().zip(sorted).for_each(|(&i, &value)| read[i as usize] = value);
+    read
 }
 
 /// What is known of a number of columns of all buckets, in their order.

@@ -339,7 +339,17 @@ fn built_of(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Unnamed, BuildError> {
-    let (streams, options) = &streams_of(source, load_options, options)?;
+    let (streams, options) = streams_of(source, load_options, options)?;
+    built_of_streams(&streams, &options, out, progress)
+}
+
+/// The page file of the families of a source, without a name.
+fn built_of_streams(
+    streams: &Streams,
+    options: &BuildOptions,
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Unnamed, BuildError> {
     let mut build = Build::new(options, streams.about.kernel, out, progress)?;
     for stream in &streams.families {
         build.family(stream)?;

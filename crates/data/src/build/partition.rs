@@ -187,13 +187,12 @@ impl Partition {
         self.buckets[bucket].extent
     }
 
-    /// Replaces densities and smoothing lengths of a bucket, in the order of reading.
+    /// Replaces densities and smoothing lengths of a bucket, two columns in the order of reading.
     ///
     /// # Errors
     /// When they cannot be put away.
-    pub fn put_estimates(&mut self, bucket: usize, density: &[f32], lengths: &[f32]) -> Result<(), BuildError> {
-        let blob = self.spill.put(&[bytemuck::cast_slice(density), bytemuck::cast_slice(lengths)]);
-        self.buckets[bucket].estimates = Some(blob.map_err(|error| BuildError::temporary(&self.spill, error))?);
+    pub fn put_estimates(&mut self, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError> {
+        self.buckets[bucket].estimates = Some(self.put(columns)?);
         Ok(())
     }
 
@@ -201,11 +200,15 @@ impl Partition {
     ///
     /// # Errors
     /// When they cannot be put away.
-    pub fn put_derived(&mut self, bucket: usize, attributes: &[Vec<f32>]) -> Result<(), BuildError> {
-        let parts: Vec<&[u8]> = attributes.iter().map(|values| bytemuck::cast_slice::<f32, u8>(values)).collect();
-        let blob = self.spill.put(&parts).map_err(|error| BuildError::temporary(&self.spill, error))?;
-        self.buckets[bucket].derived = Some(blob);
+    pub fn put_derived(&mut self, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError> {
+        self.buckets[bucket].derived = Some(self.put(columns)?);
         Ok(())
+    }
+
+    /// Puts columns away, one after the other.
+    fn put(&self, columns: &[Vec<f32>]) -> Result<Blob, BuildError> {
+        let parts: Vec<&[u8]> = columns.iter().map(|values| bytemuck::cast_slice::<f32, u8>(values)).collect();
+        self.spill.put(&parts).map_err(|error| BuildError::temporary(&self.spill, error))
     }
 
     /// Says what stands for missing values of each derived attribute: from now on they are read, before the others.

@@ -22,8 +22,9 @@ pub struct BuiltRun {
     pub temporary_bytes: u64,
 }
 
-/// Finds a page file that was built of a step alone with the same options; `None`: it is to be built.
-pub type StillOf<'a> = &'a (dyn Fn(&RunStep, &dyn Progress) -> Option<PathBuf> + Sync);
+/// Finds a page file that was built of a step, of what is read of it here and with the same options; `None`: it is to be built.
+pub type StillOf<'a> =
+    &'a (dyn Fn(&RunStep, &LoadOptions, &dyn Progress) -> Result<Option<PathBuf>, BuildError> + Sync);
 
 /// How a run is built.
 #[derive(Clone, Copy)]
@@ -68,8 +69,14 @@ impl RunBuild<'_> {
         })
     }
 
-    fn build_here(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
-        let RunBuild { load: load_options, options, tracks, skip_damaged, .. } = *self;
+    /// What is read of a step of a run.
+    pub(super) fn load_of(&self, step: &RunStep, run: &Run) -> LoadOptions {
+        LoadOptions { without: run.left_out.clone(), ..of_step(self.load, step, &run.steps) }
+    }
+
+    /// [`RunBuild::build`] by the threads that it is called by.
+    pub(super) fn build_here(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
+        let RunBuild { options, tracks, skip_damaged, .. } = *self;
         run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
         for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
             clean(out, folder);
@@ -89,14 +96,12 @@ impl RunBuild<'_> {
             intervals: Vec::new(),
         };
         directory.has_stills = run.steps.len() < 2 || tracks.is_none_or(|tracks| !tracks.no_stills);
-        let load =
-            |step: &RunStep| LoadOptions { without: run.left_out.clone(), ..of_step(load_options, step, &run.steps) };
         let mut built_steps = Vec::with_capacity(run.steps.len());
         let (total, mut temporary_bytes, mut first_error) = (run.steps.len(), 0, None);
         for (number, step) in run.steps.iter().enumerate() {
             let here = StepProgress { progress, step: number + 1, total };
             let keeps = directory.has_stills;
-            match self.append_still(step, &load(step), keeps, (&mut writer, out), &here) {
+            match self.append_still(step, &self.load_of(step, &run), keeps, (&mut writer, out), &here) {
                 Ok(still) => {
                     temporary_bytes = temporary_bytes.max(still.temporary_bytes);
                     let metadata = &still.metadata;
@@ -139,7 +144,7 @@ impl RunBuild<'_> {
             return Err(StoreError::Unwritable { path: out.to_owned(), reason }.into());
         }
         if let Some(tracks) = tracks.filter(|_| built_steps.len() > 1) {
-            let load = |step: usize| load(&run.steps[built_steps[step].number]);
+            let load = |step: usize| self.load_of(&run.steps[built_steps[step].number], &run);
             let (run, steps, box_size) = (&run, &built_steps[..], directory.box_size);
             let built =
                 TrackBuild { run, steps, load: &load, tracks, options, out, box_size }.build(&mut writer, progress)?;
@@ -163,8 +168,7 @@ impl RunBuild<'_> {
         progress: &dyn Progress,
     ) -> Result<Still, BuildError> {
         let options = self.options;
-        // Alone, a step would keep what others lack.
-        let known = self.still_of.filter(|_| load.without.is_empty()).and_then(|still_of| still_of(step, progress));
+        let known = self.still_of.map_or(Ok(None), |still_of| still_of(step, load, progress))?;
         let open = |path: PathBuf| Some((PageFile::open_with(&path, options.read).ok()?, File::open(&path).ok()?));
         if let Some((pages, file)) = known.and_then(open) {
             let section = if keeps { writer.append(&file)? } else { append_outline(pages.metadata(), out, writer)? };

@@ -206,10 +206,8 @@ impl Spill {
         let words = match &blob.place {
             Place::Memory(words) => Cow::Borrowed(&words[..]),
             Place::Part(place) => {
-                let mut words = vec![0_u64; blob.len().div_ceil(8)];
                 let parts = self.parts.as_ref().ok_or_else(|| io::Error::other("no files of tasks"))?;
-                parts.get(*place, &mut bytemuck::cast_slice_mut(&mut words)[..blob.len()])?;
-                Cow::Owned(words)
+                Cow::Owned(parts.get(*place, blob.len)?)
             }
             Place::Disk(offset) => {
                 let mut words = vec![0_u64; blob.len().div_ceil(8)];

@@ -200,9 +200,14 @@ impl Survey {
         self.columns.attributes.splice(0..0, found.samples);
     }
 
-    /// Forgets the sampled columns, once it is known how they are scaled.
-    pub fn forget_samples(&mut self) {
-        self.columns = Columns::default();
+    /// Takes the sampled columns out, which few need who need the rest.
+    pub fn take_samples(&mut self) -> Columns {
+        std::mem::take(&mut self.columns)
+    }
+
+    /// Puts them back.
+    pub fn put_samples(&mut self, columns: Columns) {
+        self.columns = columns;
     }
 
     /// Morton keys of the sampled positions, sorted; the positions are forgotten.

@@ -28,6 +28,7 @@ use crate::store::run::{
 use crate::store::temporary::folder_of;
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Tracks of a bucket by place.
@@ -42,7 +43,8 @@ const OTHER_HUBBLE: f64 = 1000.0;
 const MOST_SHARED: f64 = 0.1;
 
 /// How particles of one step are found again at the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Matching {
     /// By ids; without ids by their order, where velocities bear that out.
     #[default]
@@ -70,7 +72,8 @@ impl std::str::FromStr for Matching {
 }
 
 /// How the tracks of a run are built.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct TrackOptions {
     /// How particles are found again.
     pub matching: Matching,

@@ -114,12 +114,15 @@ impl NodeSections {
     ) -> std::io::Result<Sections> {
         let positions = self.positions.as_ref().map(|blob| spill.get(blob)).transpose()?;
         let bits = bits.of(node.encoding == Encoding::Leaf);
-        let mut own = Vec::with_capacity(node.particles as usize);
+        let mut own: Vec<u16> = Vec::new();
         for (blob, count) in &self.codes {
             bits.unpack(&spill.get(blob)?, *count, &mut own);
         }
         if node.encoding != Encoding::Relay {
-            let numbers = &numbers[usize::from(node.codebook)];
+            let has_all = |numbers: &&Vec<u16>| own.iter().all(|code| usize::from(*code) < numbers.len());
+            let Some(numbers) = numbers.get(usize::from(node.codebook)).filter(has_all) else {
+                return Err(std::io::Error::other("codes: found some without an entry, expected those of a codebook"));
+            };
             own.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
         }
         let mut packed = Vec::with_capacity(bits.packed_len(own.len()).unwrap_or(0));

@@ -66,13 +66,19 @@ struct Cluster<const L: usize> {
     parent: Option<(usize, usize)>,
 }
 
-/// Splits `sample` into at most `entries` clusters; returns the planes, the first being the root, and the clusters'
-/// means. Clusters of identical vectors are not split. `L` is a power of two.
-pub(super) fn split<const L: usize>(
-    sample: &mut [[f32; L]],
-    entries: usize,
-    go_on: &(dyn Fn() + Sync),
-) -> (Vec<Plane<L>>, Vec<[f32; L]>) {
+/// A sample that has been split.
+pub(super) struct Split<const L: usize> {
+    /// The first is the root.
+    pub planes: Vec<Plane<L>>,
+    /// Mean of each cluster.
+    pub means: Vec<[f32; L]>,
+    /// The cluster of each vector of the sample, as that is ordered now: the one to which planes lead it.
+    pub cells: Vec<u32>,
+}
+
+/// Splits `sample` into at most `entries` clusters. Clusters of identical vectors are not split, nor those with a vector that is not finite.
+/// `L` is a power of two.
+pub(super) fn split<const L: usize>(sample: &mut [[f32; L]], entries: usize, go_on: &(dyn Fn() + Sync)) -> Split<L> {
     let mut clusters = vec![analyse(sample, 0, None)];
     let mut planes = Vec::new();
     while clusters.len() < entries.max(1) {
@@ -114,12 +120,14 @@ pub(super) fn split<const L: usize>(
             clusters.push(high);
         }
     }
+    let mut cells = vec![0; sample.len()];
     for (code, cluster) in clusters.iter().enumerate() {
+        cells[cluster.start..][..cluster.len].fill(code as u32);
         if let Some((plane, side)) = cluster.parent {
             planes[plane].children[side] = code_child(code as u32);
         }
     }
-    (planes, clusters.into_iter().map(|cluster| cluster.mean).collect())
+    Split { planes, means: clusters.into_iter().map(|cluster| cluster.mean).collect(), cells }
 }
 
 /// Cuts a cluster through its mean; `None` if rounding leaves one side empty.
@@ -128,10 +136,10 @@ fn halve<const L: usize>(range: &mut [[f32; L]], cluster: &Cluster<L>) -> Option
     plane.offset = plane.side(&cluster.mean);
     let mut low = 0;
     for i in 0..range.len() {
-        if plane.side(&range[i]) <= 0.0 {
-            range.swap(low, i);
-            low += 1;
-        }
+        let is_low = plane.side(&range[i]) <= 0.0;
+        // With itself rather than not at all: nobody can foretell on which side the next one lies.
+        range.swap(if is_low { low } else { i }, i);
+        low += usize::from(is_low);
     }
     if low == 0 || low == range.len() {
         return None;
@@ -223,8 +231,8 @@ mod tests {
     #[test]
     fn clusters_are_means_of_what_the_planes_separate() {
         let mut sample: Vec<[f32; 4]> = (0..1000).map(|i| [(i % 10) as f32, (i / 10 % 10) as f32, 0.0, 0.0]).collect();
-        let (planes, means) = split(&mut sample, 100, &|| ());
+        let Split { planes, means, cells } = split(&mut sample, 100, &|| ());
         assert_eq!((planes.len(), means.len()), (99, 100));
-        assert!(sample.iter().all(|vector| means.contains(vector)));
+        assert!(sample.iter().zip(&cells).all(|(vector, &cell)| means[cell as usize] == *vector));
     }
 }

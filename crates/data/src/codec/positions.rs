@@ -13,6 +13,7 @@
 
 use super::coordinates::{GRID_BITS, GRID_POINT, LEAF_BITS, LEAF_POINT};
 use super::morton;
+use crate::lanes::in_lanes;
 
 /// Words of a block.
 pub const BLOCK: usize = 16;
@@ -218,13 +219,7 @@ fn decode<W: Word>(bytes: &[u8], points: usize, words: &mut [W]) -> Result<usize
     }
     let differences = bytes.get(headers.len()..headers.len() + payload).ok_or("room for its positions")?;
     let mut end = headers.len() + payload;
-    pulp::Arch::new().dispatch(|| {
-        let mut rest = differences;
-        let mut previous = 0;
-        for (header, words) in headers.as_chunks::<2>().0.iter().zip(words.chunks_mut(BLOCK)) {
-            previous = decode_block(*header, &mut rest, previous, words);
-        }
-    });
+    in_lanes!(decode_blocks(headers, differences, words));
     if points == words.len() {
         words.iter_mut().for_each(|word| word.mark(1));
     } else if points != 0 {
@@ -245,6 +240,16 @@ fn decode<W: Word>(bytes: &[u8], points: usize, words: &mut [W]) -> Result<usize
 fn split(header: [u8; 2]) -> (u32, u32) {
     let header = u32::from(u16::from_le_bytes(header));
     (header & ((1 << WIDTH_BITS) - 1), header >> WIDTH_BITS)
+}
+
+/// Decodes the keys of all blocks.
+#[inline(always)]
+fn decode_blocks<W: Word>(headers: &[u8], differences: &[u8], words: &mut [W]) {
+    let mut rest = differences;
+    let mut previous = 0;
+    for (header, words) in headers.as_chunks::<2>().0.iter().zip(words.chunks_mut(BLOCK)) {
+        previous = decode_block(*header, &mut rest, previous, words);
+    }
 }
 
 /// Decodes one block from the front of `rest`; returns the last key without what was dropped of it.
@@ -271,8 +276,8 @@ fn decode_block<W: Word>(header: [u8; 2], rest: &mut &[u8], previous: u64, words
     }
     let center = if levels == 0 { 0 } else { 7 << (3 * (levels - 1)) };
     let mut decoded = [W::default(); BLOCK];
-    for (word, key) in decoded.iter_mut().zip(keys) {
-        *word = W::of_key((key & mask) << (3 * levels) | center);
+    for lane in 0..BLOCK {
+        decoded[lane] = W::of_key((keys[lane] & mask) << (3 * levels) | center);
     }
     words.copy_from_slice(&decoded[..words.len()]);
     // The zeros that fill up a short block leave the last key as it was.
@@ -298,7 +303,9 @@ fn unpack(width: u32, block: &[u8; REACH], out: &mut [u64; BLOCK]) {
 fn unpack_width<const WIDTH: usize>(block: &[u8; REACH], out: &mut [u64; BLOCK]) {
     for (i, out) in out.iter_mut().enumerate() {
         let (byte, bit) = (i * WIDTH / 8, i * WIDTH % 8);
-        let low = u64::from_le_bytes(std::array::from_fn(|k| block[byte + k])) >> bit;
+        // All of them lie within `REACH`.
+        let Some(low) = block[byte..].first_chunk::<8>() else { return };
+        let low = u64::from_le_bytes(*low) >> bit;
         // A wide difference reaches into a ninth byte.
         let high = if bit + WIDTH > 64 { u64::from(block[byte + 8]) << (64 - bit) } else { 0 };
         *out = (low | high) & ((1 << WIDTH) - 1);

@@ -1,6 +1,6 @@
 //! The quantiser's space: code words, the splitting planes that lead near them, and the search for the nearest one.
 
-use super::pca_split::{self, Plane};
+use super::pca_split::{self, Plane, Split};
 use crate::model::portable::{Portable, portable};
 
 /// Nearest code words that each code word knows; the search walks along them.
@@ -71,10 +71,42 @@ impl<const L: usize> pulp::WithSimd for Coder<'_, L> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
+        let mut distances = [0.0; TOGETHER];
         for (vectors, codes) in self.vectors.chunks(TOGETHER).zip(self.codes.chunks_mut(TOGETHER)) {
             self.quantizer.descend(vectors, codes);
-            self.quantizer.walk(vectors, codes);
+            self.quantizer.walk(vectors, codes, &mut distances);
         }
+    }
+}
+
+/// The work of [`Quantizer::assign_sample`] on a part of the sample, for whatever lanes the processor has: the sum of squared distances, and
+/// for each code word the sum of its vectors and their number.
+struct Assignment<'a, const L: usize> {
+    quantizer: &'a Quantizer<L>,
+    vectors: &'a [[f32; L]],
+    cells: &'a [u32],
+}
+
+impl<const L: usize> pulp::WithSimd for Assignment<'_, L> {
+    type Output = (f64, Vec<([f64; L], u32)>);
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
+        let mut sums = vec![([0.0_f64; L], 0_u32); self.quantizer.words.len()];
+        let mut total = 0.0;
+        let (mut codes, mut distances) = ([0; TOGETHER], [0.0; TOGETHER]);
+        for (vectors, cells) in self.vectors.chunks(TOGETHER).zip(self.cells.chunks(TOGETHER)) {
+            let codes = &mut codes[..cells.len()];
+            codes.copy_from_slice(cells);
+            self.quantizer.walk(vectors, codes, &mut distances);
+            for ((vector, &code), &distance) in vectors.iter().zip(&*codes).zip(&distances) {
+                total += f64::from(distance);
+                let (sum, count) = &mut sums[code as usize];
+                sum.iter_mut().zip(vector).for_each(|(sum, &v)| *sum += f64::from(v));
+                *count += 1;
+            }
+        }
+        (total, sums)
     }
 }
 
@@ -97,13 +129,10 @@ impl<const L: usize> Quantizer<L> {
         limits: LbgLimits,
         go_on: &(dyn Fn() + Sync),
     ) -> Quantizer<L> {
-        let (planes, words) = pca_split::split(sample, entries, go_on);
-        let mut quantizer = Quantizer { planes, words, neighbours: Vec::new(), around: Vec::new() };
-        quantizer.find_neighbours(go_on);
-        quantizer.look_around();
+        let (mut quantizer, cells) = Quantizer::start(sample, entries, go_on);
         let mut previous = f64::INFINITY;
         for _ in 0..limits.k_max {
-            let (distortion, means) = quantizer.assign_sample(sample, go_on);
+            let (distortion, means) = quantizer.assign_sample(sample, &cells, go_on);
             quantizer.words = means;
             quantizer.measure_neighbours();
             quantizer.look_around();
@@ -113,6 +142,15 @@ impl<const L: usize> Quantizer<L> {
             previous = distortion;
         }
         quantizer
+    }
+
+    /// What LBG begins with, and the cell of each vector of the sample: planes stay where they are when words move.
+    fn start(sample: &mut [[f32; L]], entries: usize, go_on: &(dyn Fn() + Sync)) -> (Quantizer<L>, Vec<u32>) {
+        let Split { planes, means, cells } = pca_split::split(sample, entries, go_on);
+        let mut quantizer = Quantizer { planes, words: means, neighbours: Vec::new(), around: Vec::new() };
+        quantizer.find_neighbours(go_on);
+        quantizer.look_around();
+        (quantizer, cells)
     }
 
     /// The code words.
@@ -156,10 +194,9 @@ impl<const L: usize> Quantizer<L> {
         codes.iter_mut().for_each(|code| *code &= !CODE);
     }
 
-    /// Walks from the cells of at most [`TOGETHER`] vectors to the nearest words.
+    /// Walks from the cells of at most [`TOGETHER`] vectors to the nearest words, to which `best` are the squared distances then.
     #[inline(always)]
-    fn walk(&self, vectors: &[[f32; L]], codes: &mut [u32]) {
-        let mut best = [0.0_f32; TOGETHER];
+    fn walk(&self, vectors: &[[f32; L]], codes: &mut [u32], best: &mut [f32; TOGETHER]) {
         let mut walking = [0_u32; TOGETHER];
         let mut count = vectors.len().min(codes.len()).min(TOGETHER);
         for (i, (vector, &code)) in vectors.iter().zip(&*codes).enumerate().take(count) {
@@ -185,29 +222,17 @@ impl<const L: usize> Quantizer<L> {
         }
     }
 
-    /// Mean squared distance of the sample to its code words, and the mean of each word's vectors.
-    fn assign_sample(&self, sample: &[[f32; L]], go_on: &(dyn Fn() + Sync)) -> (f64, Vec<[f32; L]>) {
+    /// Mean squared distance of the sample, whose cells these are, to its code words, and the mean of each word's vectors.
+    fn assign_sample(&self, sample: &[[f32; L]], cells: &[u32], go_on: &(dyn Fn() + Sync)) -> (f64, Vec<[f32; L]>) {
         use rayon::prelude::*;
         // The number of parts is fixed, so that sums do not depend on the number of threads.
         let part = sample.len().div_ceil(8).max(1);
         let parts: Vec<_> = sample
             .par_chunks(part)
-            .map(|vectors| {
+            .zip(cells.par_chunks(part))
+            .map(|(vectors, cells)| {
                 go_on();
-                let mut sums = vec![([0.0_f64; L], 0_u32); self.words.len()];
-                let mut total = 0.0;
-                let mut codes = [0; TOGETHER];
-                for vectors in vectors.chunks(TOGETHER) {
-                    self.codes(vectors, &mut codes);
-                    for (vector, &code) in vectors.iter().zip(&codes) {
-                        let code = code as usize;
-                        total += f64::from(distance(vector, &self.words[code]));
-                        let (sum, count) = &mut sums[code];
-                        sum.iter_mut().zip(vector).for_each(|(sum, &v)| *sum += f64::from(v));
-                        *count += 1;
-                    }
-                }
-                (total, sums)
+                pulp::Arch::new().dispatch(Assignment { quantizer: self, vectors, cells })
             })
             .collect();
         let total: f64 = parts.iter().map(|(total, _)| total).sum();
@@ -410,6 +435,36 @@ mod tests {
             prop_assert_eq!(coded(&quantizer, &wide), alone);
         }
 
+        /// A sample's cells are those that planes lead to, whatever lies on a plane, and words get what is coded as theirs.
+        #[test]
+        fn samples_are_assigned_as_they_are_coded(sample in vectors(1..400), entries in 1..64_usize, is_whole: bool) {
+            let place = |v: f32| if is_whole { (0.2 * v).round() } else { v };
+            let mut sample: Vec<[f32; 4]> = sample.into_iter().map(|vector| vector.map(place)).collect();
+            let (quantizer, cells) = Quantizer::start(&mut sample, entries, &|| ());
+            let mut found = vec![0; sample.len()];
+            for (vectors, cells) in sample.chunks(TOGETHER).zip(found.chunks_mut(TOGETHER)) {
+                quantizer.descend(vectors, cells);
+            }
+            prop_assert_eq!(&cells, &found);
+            let (distortion, means) = quantizer.assign_sample(&sample, &cells, &|| ());
+            let codes = coded(&quantizer, &sample);
+            let squares = |part: usize| {
+                let own = part * sample.len().div_ceil(8)..sample.len().min((part + 1) * sample.len().div_ceil(8));
+                own.map(|i| f64::from(distance(&sample[i], &quantizer.words[codes[i] as usize]))).sum::<f64>()
+            };
+            let total: f64 = (0..sample.len().div_ceil(sample.len().div_ceil(8))).map(squares).sum();
+            prop_assert_eq!(distortion, total / sample.len() as f64);
+            for (code, (mean, word)) in means.iter().zip(&quantizer.words).enumerate() {
+                let own: Vec<&[f32; 4]> =
+                    sample.iter().zip(&codes).filter(|(_, own)| **own as usize == code).map(|(vector, _)| vector).collect();
+                for axis in 0..4 {
+                    let sum: f64 = own.iter().map(|vector| f64::from(vector[axis])).sum();
+                    let expected = if own.is_empty() { word[axis] } else { (sum / own.len() as f64) as f32 };
+                    prop_assert!((mean[axis] - expected).abs() <= 1e-5, "{} {}", mean[axis], expected);
+                }
+            }
+        }
+
         #[test]
         fn codes_are_nearly_nearest(sample in vectors(100..600)) {
             let quantizer = Quantizer::train(&mut sample.clone(), 32, LIMITS, &|| ());
@@ -427,7 +482,9 @@ mod tests {
         fn lbg_never_makes_it_worse(sample in vectors(50..300)) {
             let distortion = |k_max| {
                 let quantizer = Quantizer::train(&mut sample.clone(), 16, LbgLimits { k_max, epsilon: 0.0 }, &|| ());
-                quantizer.assign_sample(&sample, &|| ()).0
+                let codes = coded(&quantizer, &sample);
+                let own = |(vector, code): (&[f32; 4], u32)| f64::from(distance(vector, &quantizer.words[code as usize]));
+                sample.iter().zip(codes).map(own).sum::<f64>()
             };
             prop_assert!(distortion(5) <= distortion(0) * 1.02);
         }

@@ -128,19 +128,17 @@ impl ColumnScaling {
 
     /// The coordinates of a run of values.
     pub fn map_all(&self, values: &[f32], out: &mut [f32]) {
-        // A loop for each mapping, so that each is one for SIMD lanes.
-        let out = out.iter_mut().zip(values);
         match self.mapping {
-            Mapping::Log2 => out.for_each(|(out, &value)| *out = self.factor * fast_log2(value)),
-            Mapping::Linear | Mapping::Asinh { .. } => out.for_each(|(out, &value)| *out = self.map(value)),
+            Mapping::Log2 => fast_log2_all(self.factor, values, out),
+            Mapping::Linear | Mapping::Asinh { .. } => {
+                out.iter_mut().zip(values).for_each(|(out, &value)| *out = self.map(value));
+            }
         }
     }
 
-    /// Error of decoding `value` as `decoded`, relative as [`ColumnScaling::error_scale`] says.
-    #[inline]
-    pub fn error(&self, value: f32, decoded: f32) -> f64 {
-        let difference = f64::from((decoded - value).abs());
-        if difference == 0.0 { 0.0 } else { difference / f64::from(self.error_scale.unwrap_or(value.abs())) }
+    /// Errors of decoding a run of values like this, relative as [`ColumnScaling::error_scale`] says.
+    pub fn errors(&self, values: &[f32], decoded: &[f32], out: &mut [f64]) {
+        pulp::Arch::new().dispatch(Errors { scale: self.error_scale, values, decoded, out });
     }
 
     fn limited(self, values: &[f32]) -> ColumnScaling {
@@ -175,7 +173,7 @@ fn sample(values: &[f32]) -> impl Iterator<Item = f32> + '_ {
 
 /// `log2` of a positive number to about 1e-6 (absolute, or relative where the result is large); what is not a normal
 /// positive number counts as the smallest one. Only the quantiser's metric depends on it, no stored value does.
-#[inline]
+#[inline(always)]
 pub fn fast_log2(value: f32) -> f32 {
     let bits = if value > f32::MIN_POSITIVE { value.min(f32::MAX) } else { f32::MIN_POSITIVE }.to_bits();
     // Significand in [sqrt(1/2), sqrt(2)), so that the logarithm's series converges fast.
@@ -185,6 +183,52 @@ pub fn fast_log2(value: f32) -> f32 {
     let t2 = t * t;
     let series = t * (2.885_39 + t2 * (0.961_796_7 + t2 * (0.577_078 + t2 * (0.412_198_6 + t2 * 0.320_598_9))));
     exponent as f32 + series
+}
+
+/// The work of [`ColumnScaling::errors`] for whatever lanes the processor has.
+struct Errors<'a> {
+    scale: Option<f32>,
+    values: &'a [f32],
+    decoded: &'a [f32],
+    out: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Errors<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Errors { scale, values, decoded, out } = self;
+        for (out, (&value, &decoded)) in out.iter_mut().zip(values.iter().zip(decoded)) {
+            let difference = f64::from((decoded - value).abs());
+            let error = difference / f64::from(scale.unwrap_or(value.abs()));
+            *out = if difference == 0.0 { 0.0 } else { error };
+        }
+    }
+}
+
+/// `factor` times [`fast_log2`] of each value, to the same last bit.
+pub fn fast_log2_all(factor: f32, values: &[f32], out: &mut [f32]) {
+    pulp::Arch::new().dispatch(Logarithms { factor, values, out });
+}
+
+/// The work of [`fast_log2_all`] for whatever lanes the processor has.
+struct Logarithms<'a> {
+    factor: f32,
+    values: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl pulp::WithSimd for Logarithms<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Logarithms { factor, values, out } = self;
+        for (out, &value) in out.iter_mut().zip(values) {
+            *out = factor * fast_log2(value);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -197,6 +241,30 @@ mod tests {
         fn fast_log2_is_log2(exponent in -125.0..127.0_f32) {
             let value = exponent.exp2();
             prop_assert!((fast_log2(value) - value.log2()).abs() <= 2e-6 * exponent.abs().max(1.0));
+        }
+
+        /// In lanes as one after the other, numbers that are none included.
+        #[test]
+        fn runs_are_mapped_like_single_values(bits in prop::collection::vec(any::<u32>(), 0..70), weight in 0.1..4.0_f32) {
+            let values: Vec<f32> = bits.into_iter().map(f32::from_bits).collect();
+            let scaling = ColumnScaling::positive(&[1.0, 2.0, 5.0]).weighted(weight);
+            let mut mapped = vec![0.0; values.len()];
+            scaling.map_all(&values, &mut mapped);
+            for (&value, mapped) in values.iter().zip(mapped) {
+                prop_assert_eq!(scaling.map(value).to_bits(), mapped.to_bits());
+            }
+        }
+
+        #[test]
+        fn errors_are_relative(pairs in prop::collection::vec((-9..9_i32, -9..9_i32), 0..70), scale in prop::option::of(0.1..9.0_f32)) {
+            let (values, decoded): (Vec<f32>, Vec<f32>) = pairs.iter().map(|&(a, b)| (a as f32, b as f32)).unzip();
+            let mut errors = vec![-1.0; values.len()];
+            let scaling = ColumnScaling { error_scale: scale, ..ColumnScaling::positive(&[1.0]) };
+            scaling.errors(&values, &decoded, &mut errors);
+            for ((value, decoded), error) in values.into_iter().zip(decoded).zip(errors) {
+                let of = f64::from(scale.unwrap_or(value.abs()));
+                prop_assert_eq!(error, if value == decoded { 0.0 } else { f64::from((value - decoded).abs()) / of });
+            }
         }
 
         #[test]
@@ -215,7 +283,9 @@ mod tests {
         for column in [[0.0; 3], [-7.0; 3], [1e-38, 1.0, 3e38], [-3e38, 0.0, 3e38], [f32::MIN, f32::MAX, 1.0]] {
             let range = column.iter().fold((column[0], column[0]), |(low, high), &v| (v.min(low), v.max(high)));
             let scaling = ColumnScaling::attribute(&column, range, false);
-            assert!(column.iter().all(|&v| scaling.map(v).is_finite() && scaling.error(v, v) == 0.0), "{column:?}");
+            let mut errors = [1.0; 3];
+            scaling.errors(&column, &column, &mut errors);
+            assert!(column.iter().all(|&v| scaling.map(v).is_finite()) && errors == [0.0; 3], "{column:?}");
         }
     }
 }

@@ -5,6 +5,7 @@ use super::grid::is_stack;
 use super::table::{catalogue_in, same_columns};
 use super::{Description, ImportError, multifile};
 use crate::model::ReadMethod;
+use crate::model::url::{is_url, refused, shown};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -27,8 +28,11 @@ const TRIED: usize = 64;
 ///
 /// # Errors
 /// [`ImportError`] with a list of what is there, where it is no or more than one source; where nothing in it can be opened that
-/// claims to be a source, what is wrong with the first such file. Whether `path` exists is not asked.
+/// claims to be a source, what is wrong with the first such file; of a URL, that sources are not read from there. Whether `path` exists is not asked.
 pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError> {
+    if is_url(path) {
+        return Err(ImportError::io(&shown(path), "open", refused("a file or folder")));
+    }
     if !path.is_dir() {
         return Ok(path.into());
     }

@@ -58,12 +58,13 @@ impl Format for GenericIo {
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         let first = Contents::open(path, method)?;
         let mut about = Description::unitless(path, "generic-io", first.file.length);
-        about.box_size = first.box_size;
         let names = first.parts()?;
         let files = match &names {
             Some(names) => names.iter().map(|name| Contents::open(name, method)).collect::<Result<Vec<_>, _>>()?,
             None => vec![first],
         };
+        // A map says none.
+        about.box_size = files.first().and_then(|contents| contents.box_size);
         if names.is_some() {
             about.bytes += files.iter().map(|contents| contents.file.length).sum::<u64>();
             about.notes.push(format!("{} files of the snapshot are read", files.len()));

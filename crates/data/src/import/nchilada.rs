@@ -56,7 +56,10 @@ impl Format for Nchilada {
                 }
                 files += 1;
                 about.bytes += field.file.length;
-                about.time = about.time.or(Some(field.time)).filter(|time| time.is_finite());
+                // Tools that add a field, such as ids, may leave its time at 0.
+                if POSITIONS.contains(&&*field.name.to_lowercase()) {
+                    about.time = about.time.or(Some(field.time)).filter(|time| time.is_finite());
+                }
                 if expected > 0 {
                     is_doubled |= field.push(&mut fields, storages.len());
                     storages.push(Storage::File(field.file));

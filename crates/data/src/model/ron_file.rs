@@ -1,5 +1,6 @@
 //! RON that a user writes: read in one way everywhere, with one kind of error.
 
+use super::url::{is_url, refused, shown};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -79,8 +80,9 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, RonError> {
 /// # Errors
 /// [`RonError::Io`].
 pub fn read_text(path: &Path) -> Result<(String, String), RonError> {
-    let file = path.display().to_string();
-    match std::fs::read_to_string(path) {
+    let file = shown(path).display().to_string();
+    let text = if is_url(path) { Err(refused("a file")) } else { std::fs::read_to_string(path) };
+    match text {
         Ok(text) => Ok((file, text)),
         Err(source) => Err(RonError::Io { file, source }),
     }
@@ -178,5 +180,7 @@ mod tests {
     fn a_file_that_is_not_there_is_named() {
         let text = read::<Example>(Path::new("/nowhere/at.ron")).unwrap_err().to_string();
         assert!(text.starts_with("/nowhere/at.ron: "), "{text}");
+        let afar = read::<Example>(Path::new("https://h/at.ron?sig=s3cr3t")).unwrap_err().to_string();
+        assert!(afar.starts_with("https://h/at.ron: found a URL, expected a file of this machine"), "{afar}");
     }
 }

@@ -5,6 +5,7 @@
 //! whole name here, as long as the process runs.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -17,6 +18,12 @@ static WHOLE: Mutex<BTreeMap<String, String>> = Mutex::new(BTreeMap::new());
 /// Whether a file is named by a URL.
 pub fn is_url(path: &Path) -> bool {
     path.to_str().is_some_and(|text| scheme_of(text).is_some())
+}
+
+/// Why a URL is not read where something of this machine is expected, such as a file.
+pub fn refused(expected: &str) -> io::Error {
+    let what = format!("found a URL, expected {expected} of this machine: only built files are read from a server");
+    io::Error::new(io::ErrorKind::Unsupported, what)
 }
 
 /// What is shown of a file's name, and names it from then on: of a URL all but the query, the fragment, and who asks, and `#2` and so on where

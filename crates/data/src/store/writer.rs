@@ -63,8 +63,6 @@ pub struct PageFileWriter {
     file: Temporary,
     end: u64,
     table: Vec<PageEntry>,
-    /// [`MOST_IN_FOOTER`] and [`TOGETHER`].
-    index: (usize, u32),
 }
 
 impl PageFileWriter {
@@ -74,8 +72,7 @@ impl PageFileWriter {
             return Err(StoreError::Unwritable { path: path.to_path_buf(), reason: "it names no file".into() });
         }
         let file = Temporary::create(path, None).map_err(io(path, "create"))?;
-        let index = (MOST_IN_FOOTER, TOGETHER);
-        let mut writer = PageFileWriter { path: path.to_path_buf(), file, end: 0, table: Vec::new(), index };
+        let mut writer = PageFileWriter { path: path.to_path_buf(), file, end: 0, table: Vec::new() };
         writer.put(&[0; ALIGNMENT as usize])?;
         Ok(writer)
     }
@@ -102,15 +99,9 @@ impl PageFileWriter {
         self.table.len() as u32
     }
 
-    /// The same file, with index pages of `together` pages where it will have more than `most_in_footer`.
-    #[cfg(test)]
-    pub(super) fn with_index(self, most_in_footer: usize, together: u32) -> PageFileWriter {
-        PageFileWriter { index: (most_in_footer, together), ..self }
-    }
-
     /// Writes footer and header of a file of particles, and before them the table of many pages. Nothing has the file's name yet.
     pub fn complete(self, metadata: &Metadata) -> Result<CompletePageFile, StoreError> {
-        let (version, about) = about_within(metadata, self.table.len(), self.index.0);
+        let (version, about) = about(metadata, self.table.len());
         self.complete_as(MAGIC, version, &about)
     }
 
@@ -119,7 +110,7 @@ impl PageFileWriter {
     /// # Errors
     /// [`StoreError`] where the file cannot be written.
     pub fn complete_as(self, magic: [u8; 8], version: u32, about: &[u8]) -> Result<CompletePageFile, StoreError> {
-        let (header, tail) = ends_of(magic, version, &self.table, self.end, about, self.index.1);
+        let (header, tail) = ends(magic, version, &self.table, self.end, about);
         let mut file = self.file.file();
         file.write_all(&tail).map_err(io(&self.path, "write"))?;
         std::io::Seek::rewind(&mut file).map_err(io(&self.path, "write"))?;
@@ -145,7 +136,8 @@ pub fn ends(magic: [u8; 8], version: u32, table: &[PageEntry], end: u64, about: 
     ends_of(magic, version, table, end, about, TOGETHER)
 }
 
-fn ends_of(
+/// The same with index pages of `together` pages, where the table lies in such.
+pub(super) fn ends_of(
     magic: [u8; 8],
     version: u32,
     table: &[PageEntry],
@@ -175,11 +167,7 @@ fn ends_of(
 
 /// The version of a file of so many pages with this metadata, and what follows in its footer what tells of the pages.
 pub fn about(metadata: &Metadata, pages: usize) -> (u32, Vec<u8>) {
-    about_within(metadata, pages, MOST_IN_FOOTER)
-}
-
-fn about_within(metadata: &Metadata, pages: usize, most_in_footer: usize) -> (u32, Vec<u8>) {
-    let version = if pages > most_in_footer { VERSION_INDEXED } else { footer::version(metadata) };
+    let version = if pages > MOST_IN_FOOTER { VERSION_INDEXED } else { footer::version(metadata) };
     (version, footer::encode(metadata, version))
 }
 

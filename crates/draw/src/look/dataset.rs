@@ -306,9 +306,14 @@ pub fn relative_to(path: &Path, scene: &Path) -> PathBuf {
 /// Where a file that a scene names is: where the scene says, else beside the scene file if it is there.
 pub fn located(path: &Path, scene: &Path) -> PathBuf {
     let folder = folder_of(scene);
-    let named = folder.join(path);
+    let named = named_in(&folder, path);
     let beside = path.file_name().map(|name| folder.join(name)).filter(|beside| beside.is_file() && !named.is_file());
     beside.unwrap_or(named)
+}
+
+/// A file that is named from a folder; a URL is named as it is, and whoever opens it tells whether it can be read from there.
+pub fn named_in(folder: &Path, path: &Path) -> PathBuf {
+    if is_url(path) { path.to_owned() } else { folder.join(path) }
 }
 
 /// The folder that a file lies in; empty for the working folder.
@@ -363,6 +368,10 @@ mod tests {
             (located.members[0].path.as_path(), located.notes.len()),
             (Path::new("http://data.example/a.df"), 0)
         );
+
+        let labels = |path: &str| super::located(Path::new(path), &scene);
+        assert_eq!(labels("http://data.example/a.csv?sig=1"), Path::new("http://data.example/a.csv?sig=1"));
+        assert_eq!(labels("a.csv"), scene.with_file_name("a.csv"));
 
         // A folder of slices is named as it is.
         let slices = data.join("slices");

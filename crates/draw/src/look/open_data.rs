@@ -1,11 +1,11 @@
 //! What a user names, opened: page files, and runs of which one step at a time is shown.
 
-use super::Member;
+use super::{Member, is_scene_file};
 use crate::explore::Following;
 use crate::heights::store::HeightFile;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::import::{ImportError, file_in, file_of_step, grid_format};
-use crate::model::url::shown;
+use crate::model::url::{refused, shown};
 use crate::model::{Bounds, FamilyName, Moment, ReadMethod, When, is_url};
 use crate::store::run::RunTree;
 use crate::store::{GridFile, Metadata, PageFile, RunFile, StoreError, Tree, first_bytes};
@@ -39,7 +39,7 @@ impl DataKind {
         }
         let shown = shown(path);
         let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", shown.display()));
-        let kind = if is_url(path) { DataKind::afar(path) } else { DataKind::read(file_of_step(path)) };
+        let kind = if is_url(path) { DataKind::afar(&shown) } else { DataKind::read(file_of_step(path)) };
         kind.map_err(name)
     }
 
@@ -55,8 +55,11 @@ impl DataKind {
         })
     }
 
-    /// The same of a file behind a URL, which has to be built: importers read files of this machine.
+    /// The same of a file behind a URL, by what is shown of it, which has to be built: importers read files of this machine, and so do scenes.
     fn afar(url: &Path) -> std::io::Result<DataKind> {
+        if is_scene_file(url) {
+            return Err(refused("a file"));
+        }
         let unbuilt = "found a file that was not built, expected a built one: only those are read from afar; \
                        `deepfield build FILE -o FILE.df` builds it where it lies";
         match DataKind::read(url)? {

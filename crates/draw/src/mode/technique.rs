@@ -1,26 +1,24 @@
 //! How a mode is drawn: what a technique needs, which backends it has, what it is handed and what it hands back. What draws
 //! asks the technique and never for the mode.
 
+mod drawn;
+mod job;
+mod splat_sums;
+
+pub use drawn::{LightPasses, LightPicture, LightPlan, OwnColors, Raw};
+pub use job::{FindRanges, Job, Terms};
+pub use splat_sums::{SPLAT_SUMS, SplatSums};
+
 use super::{FieldJob, FieldPasses, Footprint, InView, Settings};
-use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::TransferFunction;
-use crate::color::{Accumulation, Colors};
-use crate::cpu::cartesian::CartesianOptions;
-use crate::cpu::layered::Assignment;
-use crate::cpu::over::Order;
 use crate::cpu::paths::PathFragments;
-use crate::cpu::screen_spheres::{SphereOptions, SurfaceColors};
-use crate::cpu::shadowing::{Casters, Lighting};
-use crate::cpu::volume::attributes::ColumnMarch;
-use crate::cpu::volume::{
-    Classifier, FieldRange, Light, Scenery, Supply, VolumeError, VolumeLevels, VolumeOptions, VolumeReport,
-};
-use crate::cpu::{Counts, SplatOptions, Splats, Summation, among, draw_counted};
+use crate::cpu::shadowing::Casters;
+use crate::cpu::volume::{Supply, VolumeError, VolumeLevels};
+use crate::cpu::{Splats, Summation};
 use crate::hierarchy::Purpose;
 use crate::model::{Bounds, Kernel};
 use crate::view::{Detail, View};
 use glam::{DAffine3, DVec3};
-use std::sync::Arc;
 
 /// What a technique's pictures are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -311,266 +309,15 @@ pub trait Technique: Sync {
     fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError>;
 }
 
-/// What is to be drawn, and how.
-pub struct Job<'a> {
-    /// The camera.
-    pub view: &'a View,
-    /// The particles, their weights those of the mode.
-    pub batches: &'a [Splats<'a>],
-    /// The kernel that the smoothing lengths belong to, and what may be left out.
-    pub options: SplatOptions,
-    /// The mode's settings.
-    pub settings: &'a Settings,
-    /// What volumes emit and absorb; the mode's own where it is `None`.
-    pub transfer: Option<&'a TransferFunction>,
-    /// A box around the data.
-    pub bounds: Bounds,
-    /// The data's diameter, world units; 0 for sums, which have no use for it.
-    pub diameter: f64,
-    /// The data's largest density; 0 for sums.
-    pub densest: f64,
-    /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
-    pub density_scale: f32,
-    /// Mean mass of a source particle of the families that are drawn.
-    pub mean_mass: f64,
-    /// Paths that are drawn among it, by techniques that take them, and measured surfaces, by those that meet these.
-    pub paths: Option<&'a PathFragments>,
-    /// Angle of a pixel of the panorama that the picture is a face of, radians; `None` for a flat picture.
-    pub around: Option<f64>,
-    /// What all views of a picture that is put together of several show, by which one range is found for all; `None`: this one has its own.
-    pub in_views: Option<&'a InView>,
-    /// What lamps go with, and what else hides light, by techniques with opaque surfaces.
-    pub lighting: Lighting<'a>,
-    /// The order in which splats lie over each other, by techniques that draw them so.
-    pub order: Order,
-}
-
-impl<'a> Job<'a> {
-    /// What the picture depends on beside the particles.
-    pub fn terms(&self) -> Terms<'a> {
-        let Job { view, settings, transfer, diameter, densest, density_scale, mean_mass, .. } = *self;
-        let attribute = self.batches.iter().any(|batch| batch.attribute().is_some());
-        let kernel = self.options.kernel;
-        Terms { view, settings, transfer, attribute, kernel, diameter, densest, density_scale, mean_mass }
-    }
-}
-
-/// What a picture of light depends on beside its particles.
-#[derive(Clone, Copy)]
-pub struct Terms<'a> {
-    /// The camera.
-    pub view: &'a View,
-    /// The mode's settings.
-    pub settings: &'a Settings,
-    /// What volumes emit and absorb; the mode's own where it is `None`.
-    pub transfer: Option<&'a TransferFunction>,
-    /// Whether particles have an attribute.
-    pub attribute: bool,
-    /// The kernel that the smoothing lengths belong to.
-    pub kernel: Kernel,
-    /// The data's diameter, world units.
-    pub diameter: f64,
-    /// The data's largest density.
-    pub densest: f64,
-    /// Factor on the particles' own densities: see [`crate::cpu::volume::particles::density_scale`].
-    pub density_scale: f32,
-    /// Mean mass of a source particle of the families that are drawn.
-    pub mean_mass: f64,
-}
-
-/// Finds between which values the mass of a field lies that is sampled like this.
-pub type FindRanges<'a> = dyn FnMut(&VolumeOptions) -> Result<FieldRange, VolumeError> + 'a;
-
-/// What colours mean that are of another quantity than the mode's.
-#[derive(Clone, Debug, PartialEq)]
-pub enum OwnColors {
-    /// Values of a quantity, whose range is that of [`Technique::own_levels`].
-    Axis {
-        /// What it is called in a legend.
-        title: &'static str,
-        /// Whether its unit is that of lengths; else it has none.
-        is_length: bool,
-        /// Whether values are whole numbers.
-        is_whole: bool,
-        /// Whether values are placed logarithmically.
-        log: bool,
-        /// Colours at evenly spaced places, sRGB.
-        colors: Vec<[u8; 4]>,
-    },
-    /// No values: no legend tells them.
-    Names,
-}
-
-/// What an adapter's passes draw.
-#[derive(Clone, Debug)]
-pub struct LightPlan {
-    /// By which passes, and with what.
-    pub passes: LightPasses,
-    /// The ranges of its colours.
-    pub levels: VolumeLevels,
-    /// The isosurfaces' densities.
-    pub isovalues: Vec<f64>,
-}
-
-/// Passes of an adapter that draw light.
-#[derive(Clone, Debug)]
-pub enum LightPasses {
-    /// Rays through the perspective grid.
-    March(Scenery, VolumeOptions),
-    /// The same of fields of columns.
-    Columns(Box<ColumnMarch>),
-    /// Rays through a Cartesian grid.
-    Cartesian(Scenery, VolumeOptions, CartesianOptions),
-    /// Splats in the order of their depth, each with its own density.
-    Sorted {
-        /// What densities and attributes emit and absorb.
-        classifier: Classifier,
-        /// Planes and least size.
-        options: VolumeOptions,
-        /// Rays end at this opacity.
-        termination: f32,
-        /// Factor on the particles' own densities.
-        density_scale: f32,
-    },
-    /// Splats over each other, in the order of their distance from the eye.
-    Over {
-        /// What splats look like.
-        colors: Arc<SplatColors>,
-        /// By what their own columns are found.
-        column: OwnColumn,
-        /// Whether they have an attribute.
-        attribute: bool,
-    },
-    /// Splats in layers of depth.
-    Layered {
-        /// What densities and attributes emit and absorb.
-        classifier: Classifier,
-        /// Planes and least size.
-        options: VolumeOptions,
-        /// Number of layers.
-        layers: u32,
-        /// Which layers a particle counts in.
-        assignment: Assignment,
-        /// Rays end at this opacity.
-        termination: f32,
-    },
-    /// Spheres under one surface.
-    Spheres {
-        /// Their size, and which there are.
-        options: SphereOptions,
-        /// How the surface is lit; plain colours without.
-        light: Option<Light>,
-        /// Its colours.
-        colors: SurfaceColors,
-        /// Factor on the particles' own densities.
-        density_scale: f32,
-    },
-}
-
-/// A picture before it is shown.
-#[derive(Clone, Debug)]
-pub enum Raw {
-    /// `P` and `P S`, and what became of the particles.
-    Sums(Accumulation, Counts),
-    /// Colours.
-    Light(LightPicture),
-}
-
-impl Raw {
-    /// `P` and `P S`.
-    ///
-    /// # Errors
-    /// [`VolumeError::Setting`] for colours.
-    pub fn sums(self, mode: &super::Mode) -> Result<(Accumulation, Counts), VolumeError> {
-        match self {
-            Raw::Sums(accumulation, counts) => Ok((accumulation, counts)),
-            Raw::Light(_) => Err(other_output(mode, "a mode that a transfer function colours")),
-        }
-    }
-
-    /// Colours.
-    ///
-    /// # Errors
-    /// [`VolumeError::Setting`] for sums.
-    pub fn light(self, mode: &super::Mode) -> Result<LightPicture, VolumeError> {
-        match self {
-            Raw::Light(painted) => Ok(painted),
-            Raw::Sums(..) => Err(other_output(mode, "a mode that draws colours straight from particles")),
-        }
-    }
-}
-
-fn other_output(mode: &super::Mode, expected: &str) -> VolumeError {
-    VolumeError::Setting { field: "mode", found: mode.name.into(), expected: expected.into() }
-}
-
-/// A picture in colours.
-#[derive(Clone, Debug)]
-pub struct LightPicture {
-    /// The colours.
-    pub colors: Colors,
-    /// What drawing took.
-    pub report: VolumeReport,
-    /// The ranges that were used.
-    pub levels: VolumeLevels,
-    /// The isosurfaces' densities.
-    pub isovalues: Vec<f64>,
-}
-
-impl LightPicture {
-    /// Colours that nothing is known of.
-    pub fn of(colors: Colors) -> LightPicture {
-        let levels = VolumeLevels { density: [0.0, 1.0], attribute: [0.0, 1.0], unit_length: 1.0 };
-        LightPicture { colors, report: VolumeReport::default(), levels, isovalues: Vec::new() }
-    }
-}
-
-/// Sums of splats, by every backend.
-pub struct SplatSums {
-    /// The shape of a particle in the picture.
-    pub footprint: fn(&Settings) -> Footprint,
-}
-
-/// Sums of splats as wide as their smoothing lengths.
-pub static SPLAT_SUMS: SplatSums = SplatSums { footprint: |_| Footprint::Kernel };
-
-impl Technique for SplatSums {
-    fn output(&self) -> Output {
-        Output::Sums
-    }
-
-    fn needs(&self, settings: &Settings) -> Needs {
-        Needs { footprint: (self.footprint)(settings), ..Needs::default() }
-    }
-
-    fn adapter(&self) -> Adapter {
-        Adapter::Splats
-    }
-
-    fn meets_surfaces(&self) -> bool {
-        true
-    }
-
-    fn summation(&self, job: &Job<'_>) -> Option<Summation> {
-        job.paths.is_none().then(|| Summation::new(job.view, &job.options))
-    }
-
-    fn draw(&self, job: &Job<'_>) -> Result<Raw, VolumeError> {
-        let (accumulation, counts) = match job.paths {
-            Some(surfaces) => among::draw(job.view, job.batches, &job.options, surfaces)?,
-            None => draw_counted(job.view, job.batches, &job.options),
-        };
-        Ok(Raw::Sums(accumulation, counts))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::SplatOptions;
+    use crate::cpu::over::Order;
+    use crate::cpu::shadowing::Lighting;
     use crate::mode::Mode;
     use crate::modes::{column_density, grid};
     use crate::view::Projection;
-    use glam::DVec3;
 
     struct AdapterOnly;
 

@@ -75,7 +75,9 @@ impl Scene {
             self.streamer.hold(wanted);
             self.make_room();
             if !self.streamer.is_busy() {
-                self.check_roots(&roots, |page| self.outline.has(page))?;
+                if !self.has_roots(&roots, |scene, page| scene.outline.has(page))? {
+                    continue;
+                }
                 let has_steps = |drawn: &Drawn<NodeRef>| self.outline.has_steps(drawn.id);
                 return Ok(Listing {
                     converged: selection.is_converged(),
@@ -88,7 +90,7 @@ impl Scene {
             }
             // Everything that was asked for is looked at before the view is selected again.
             while self.streamer.is_busy() && !self.streamer.is_retry_due() {
-                let arrived = self.wait(tell);
+                let (arrived, _) = self.wait(tell);
                 self.look_at(arrived);
                 self.make_room();
             }
@@ -140,7 +142,8 @@ impl Scene {
                 if !is_lacking || !self.streamer.is_busy() {
                     break;
                 }
-                self.wait(tell);
+                let (_, of_roots) = self.wait(tell);
+                of_roots.into_iter().for_each(&mut *tell);
             }
             let node = |drawn: &Drawn<NodeRef>| SceneNode::of(&self.streamer, &listing.view, listing.tau, drawn);
             let nodes: Vec<SceneNode> = group.iter().filter_map(node).collect();

@@ -3,6 +3,9 @@
 //! A read that is not answered for long is told and left to itself; another thread takes its place. The processor's part
 //! (checksum, decoding) runs on a few threads at a time only, so that it does not take the processor from what draws. Both parts
 //! are spans, `read` and `decode`, of the page that they name.
+//!
+//! A link is asked for as many pages at a time as it takes, and for the next one as soon as one has come, decoded or not: it would idle else
+//! until the next frame asks. What waits for that can be taken back.
 
 use crate::store::{Change, Page, PageId, StoreError, Tree};
 use std::collections::{HashMap, VecDeque};
@@ -40,9 +43,14 @@ struct Reading {
 
 #[derive(Default)]
 struct State {
-    jobs: VecDeque<Job>,
+    /// Pages that nobody has begun to read, and when they were asked for.
+    waiting: VecDeque<(PageId, Instant)>,
+    /// Pages whose memory is to be given back.
+    discarded: Vec<Arc<Page>>,
     done: Vec<Loaded>,
     reading: HashMap<PageId, Reading>,
+    /// Reads that may still be answered soon.
+    under_way: usize,
     threads: usize,
     idle: usize,
     /// Threads whose read is not answered.
@@ -67,6 +75,18 @@ impl Shared {
         // Every change below is complete before the lock is given back, so a panic elsewhere leaves it consistent.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    /// What there is to do now. How many reads at a time serve best changes with the reads.
+    fn next_job(&self, state: &mut State) -> Option<Job> {
+        if let Some(page) = state.discarded.pop() {
+            return Some(Job::Drop(page));
+        }
+        if state.waiting.is_empty() || self.tree.reads_at_once().is_some_and(|most| state.under_way >= most) {
+            return None;
+        }
+        let (page, asked) = state.waiting.pop_front()?;
+        Some(Job::Read(page, asked))
+    }
 }
 
 /// Threads that read pages of one tree. Dropping it does not wait for them.
@@ -76,37 +96,46 @@ pub struct Loader {
 }
 
 impl Loader {
-    /// No thread is started yet; at most `in_flight` will read at a time, those left out that have been without an
-    /// answer for `stall`.
-    pub fn new(tree: Arc<dyn Tree>, in_flight: usize, stall: Duration) -> Loader {
+    /// No thread is started yet; at most `threads` will be, those left out that have been without an answer for `stall`.
+    pub fn new(tree: Arc<dyn Tree>, threads: usize, stall: Duration) -> Loader {
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         let shared = Shared {
             tree,
             state: Mutex::default(),
             work: Condvar::new(),
             done: Condvar::new(),
-            most_threads: in_flight.max(1),
+            most_threads: threads.max(1),
             most_decoding: (processors / 4).max(1),
         };
         Loader { shared: Arc::new(shared), stall }
     }
 
-    /// Begins to read a page; never waits. Roots come before what others wait for: without them nothing can be drawn.
+    /// Reads a page as soon as its turn comes; never waits. Roots come before what others wait for: without them nothing can be drawn.
     pub fn start(&self, page: PageId) {
-        self.give(Job::Read(page, Instant::now()), self.shared.tree.is_root(page));
+        let (read, is_root) = ((page, Instant::now()), self.shared.tree.is_root(page));
+        self.give(|state| match is_root {
+            true => state.waiting.push_front(read),
+            false => state.waiting.push_back(read),
+        });
+    }
+
+    /// Takes back these of the pages that nobody has begun to read.
+    pub fn recall(&self, which: impl Fn(PageId) -> bool) -> Vec<PageId> {
+        let mut state = self.shared.lock();
+        let waiting = std::mem::take(&mut state.waiting).into_iter();
+        let (recalled, left): (VecDeque<_>, VecDeque<_>) = waiting.partition(|(page, _)| which(*page));
+        state.waiting = left;
+        recalled.into_iter().map(|(page, _)| page).collect()
     }
 
     /// Gives back a page's memory, elsewhere.
     pub fn discard(&self, page: Arc<Page>) {
-        self.give(Job::Drop(page), false);
+        self.give(|state| state.discarded.push(page));
     }
 
-    fn give(&self, job: Job, is_first: bool) {
+    fn give(&self, add: impl FnOnce(&mut State)) {
         let mut state = self.shared.lock();
-        match is_first {
-            true => state.jobs.push_front(job),
-            false => state.jobs.push_back(job),
-        }
+        add(&mut state);
         self.staff(&mut state);
         self.shared.work.notify_all();
     }
@@ -114,7 +143,8 @@ impl Loader {
     /// Starts threads for what waits. Where the system gives none, the threads that there are do it all; without any, the
     /// reads fail.
     fn staff(&self, state: &mut State) {
-        while state.jobs.len() > state.idle && state.threads - state.stuck < self.shared.most_threads {
+        let jobs = state.waiting.len() + state.discarded.len();
+        while jobs > state.idle && state.threads - state.stuck < self.shared.most_threads {
             let shared = Arc::clone(&self.shared);
             let thread = std::thread::Builder::new().name("deepfield read".into()).spawn(move || work(&shared));
             match thread {
@@ -148,7 +178,9 @@ impl Loader {
         }
         if !stalled.is_empty() {
             state.stuck += stalled.len();
+            state.under_way -= stalled.len();
             self.staff(&mut state);
+            self.shared.work.notify_all();
         }
         stalled
     }
@@ -165,19 +197,19 @@ impl Drop for Loader {
     fn drop(&mut self) {
         let mut state = self.shared.lock();
         state.is_closed = true;
-        state.jobs.clear();
+        state.waiting.clear();
+        state.discarded.clear();
         self.shared.work.notify_all();
     }
 }
 
 /// Ends all waiting reads with an error.
 fn fail_all(state: &mut State, tree: &dyn Tree, error: &std::io::Error) {
-    for job in std::mem::take(&mut state.jobs) {
-        if let Job::Read(page, asked) = job {
-            let source = std::io::Error::new(error.kind(), format!("no thread can be started: {error}"));
-            let outcome = Err(StoreError::Page { path: tree.path_of(page).to_path_buf(), page: page.0, source });
-            state.done.push(Loaded { page, outcome, bytes: 0, took: asked.elapsed(), change: None });
-        }
+    state.discarded.clear();
+    for (page, asked) in std::mem::take(&mut state.waiting) {
+        let source = std::io::Error::new(error.kind(), format!("no thread can be started: {error}"));
+        let outcome = Err(StoreError::Page { path: tree.path_of(page).to_path_buf(), page: page.0, source });
+        state.done.push(Loaded { page, outcome, bytes: 0, took: asked.elapsed(), change: None });
     }
 }
 
@@ -185,7 +217,7 @@ fn fail_all(state: &mut State, tree: &dyn Tree, error: &std::io::Error) {
 fn work(shared: &Shared) {
     let mut state = shared.lock();
     loop {
-        let Some(job) = state.jobs.pop_front() else {
+        let Some(job) = shared.next_job(&mut state) else {
             if state.is_closed {
                 return;
             }
@@ -204,11 +236,14 @@ fn work(shared: &Shared) {
             }
         };
         state.reading.insert(page, Reading { since: Instant::now(), is_stalled: false });
+        state.under_way += 1;
         drop(state);
         let fetched = debug_span!("read", page = page.0).in_scope(|| shared.tree.fetch_page(page));
         let change = shared.tree.change_of(page);
         state = shared.lock();
         let was_stuck = state.reading.remove(&page).is_some_and(|reading| reading.is_stalled);
+        state.under_way -= usize::from(!was_stuck);
+        shared.work.notify_all();
         while state.decoding >= shared.most_decoding && !state.is_closed {
             state = shared.work.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -239,9 +274,10 @@ fn work(shared: &Shared) {
 #[allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 mod tests {
     use super::*;
-    use crate::store::InMemory;
+    use crate::store::{InMemory, Metadata, PageBytes};
     use crate::synth::{self, merger::Merger};
     use std::fmt::Debug;
+    use std::path::Path;
     use tracing::field::{Field, Visit};
     use tracing::span::{Attributes, Id};
     use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
@@ -270,16 +306,123 @@ mod tests {
         }
     }
 
+    const PATIENCE: Duration = Duration::from_secs(60);
+
+    fn in_memory() -> InMemory {
+        InMemory::new(synth::dataset(&Merger::new(1, 8)))
+    }
+
+    /// What has been asked for over a link, and what may pass.
+    #[derive(Debug, Default)]
+    struct Passed {
+        asked: Vec<u32>,
+        /// Of the requests so far, so many are answered.
+        answered: usize,
+        decodes: bool,
+    }
+
+    /// A file over a link that takes two requests at a time.
+    #[derive(Debug)]
+    struct Link {
+        file: InMemory,
+        passed: Mutex<Passed>,
+        changed: Condvar,
+    }
+
+    impl Link {
+        fn change(&self, change: impl FnOnce(&mut Passed)) {
+            change(&mut self.passed.lock().unwrap());
+            self.changed.notify_all();
+        }
+
+        /// Waits for so many requests. The pages that have been asked for.
+        fn asked(&self, requests: usize) -> Vec<u32> {
+            let is_early = |passed: &mut Passed| passed.asked.len() < requests;
+            let passed = self.changed.wait_timeout_while(self.passed.lock().unwrap(), PATIENCE, is_early).unwrap().0;
+            assert!(passed.asked.len() >= requests, "{passed:?}");
+            passed.asked.clone()
+        }
+    }
+
+    impl Tree for Link {
+        fn metadata(&self) -> &Metadata {
+            self.file.metadata()
+        }
+
+        fn path(&self) -> &Path {
+            self.file.path()
+        }
+
+        fn page_count(&self) -> u32 {
+            self.file.page_count()
+        }
+
+        fn page_bytes(&self, page: PageId) -> u64 {
+            self.file.page_bytes(page)
+        }
+
+        fn page_memory(&self, page: PageId) -> u64 {
+            self.file.page_memory(page)
+        }
+
+        fn fetch_page(&self, page: PageId) -> Result<PageBytes, StoreError> {
+            let mut passed = self.passed.lock().unwrap();
+            passed.asked.push(page.0);
+            self.changed.notify_all();
+            let number = passed.asked.len();
+            drop(self.changed.wait_while(passed, |passed| passed.answered < number).unwrap());
+            self.file.fetch_page(page)
+        }
+
+        fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
+            drop(self.changed.wait_while(self.passed.lock().unwrap(), |passed| !passed.decodes).unwrap());
+            self.file.decode_page(bytes)
+        }
+
+        fn reads_at_once(&self) -> Option<usize> {
+            Some(2)
+        }
+    }
+
+    #[test]
+    fn the_next_read_waits_for_no_frame_and_no_decoding_and_can_be_taken_back() {
+        let link = Arc::new(Link { file: in_memory(), passed: Mutex::default(), changed: Condvar::new() });
+        let loader = Loader::new(link.clone(), 16, PATIENCE);
+        (100..106).for_each(|page| loader.start(PageId(page)));
+        let mut first = link.asked(2);
+        first.sort_unstable();
+        // As long as neither is answered, no more are asked for.
+        std::thread::sleep(Duration::from_millis(20));
+        assert_eq!((first, link.asked(2).len()), (vec![100, 101], 2));
+        link.change(|passed| passed.answered = 1);
+        assert_eq!(link.asked(3)[2], 102);
+        assert_eq!(loader.recall(|page| page.0 > 103), [PageId(104), PageId(105)]);
+        loader.start(PageId(105));
+        link.change(|passed| passed.answered = 2);
+        assert_eq!(link.asked(4)[3], 103);
+        link.change(|passed| passed.answered = 3);
+        assert_eq!(link.asked(5)[4], 105);
+        assert!(loader.take_done().is_empty() && loader.recall(|_| true).is_empty());
+        link.change(|passed| (passed.answered, passed.decodes) = (usize::MAX, true));
+        let (mut done, start) = (Vec::new(), Instant::now());
+        while done.len() < 5 {
+            assert!(start.elapsed() < PATIENCE, "{done:?}");
+            loader.wait(Duration::from_millis(10));
+            done.extend(loader.take_done().into_iter().map(|loaded| loaded.page.0));
+        }
+        done.sort_unstable();
+        assert_eq!((done, link.asked(0).len()), (vec![100, 101, 102, 103, 105], 5));
+    }
+
     #[test]
     fn reads_are_spans_of_their_page() {
         let spans = Spans::default();
         tracing::subscriber::set_global_default(tracing_subscriber::registry().with(spans.clone())).unwrap();
-        let loader =
-            Loader::new(Arc::new(InMemory::new(synth::dataset(&Merger::new(1, 8)))), 1, Duration::from_secs(60));
+        let loader = Loader::new(Arc::new(in_memory()), 1, PATIENCE);
         // There are no such pages, which takes as many steps to find out.
         for page in [711, 712] {
             loader.start(PageId(page));
-            loader.wait(Duration::from_secs(60));
+            loader.wait(PATIENCE);
             assert!(loader.take_done()[0].outcome.is_err());
         }
         let spans = spans.0.lock().unwrap();

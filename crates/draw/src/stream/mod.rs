@@ -25,4 +25,4 @@ pub use frame::first_frame;
 pub use listing::{Listing, Visited};
 pub use residency::{Failure, PageState, Residency, ResidencyStatistics};
 pub use scene::{IN_FLIGHT, Scene, SceneNode, SceneSelection, first_nodes};
-pub use streamer::{Arrivals, StreamOptions, Streamer};
+pub use streamer::{Arrivals, Served, StreamOptions, Streamer};

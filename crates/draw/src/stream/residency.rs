@@ -49,7 +49,7 @@ pub struct ResidencyStatistics {
     pub pages: u32,
     /// Pages in memory.
     pub resident: usize,
-    /// Pages being read.
+    /// Pages being read, and those whose turn to be read comes next.
     pub loading: usize,
     /// Reads that have not been answered for long.
     pub stalled: usize,
@@ -214,10 +214,10 @@ impl Residency {
         self.ahead = ahead.missing.iter().copied().filter(|(page, _)| self.may_load(*page)).collect();
     }
 
-    /// The next page to read, marked as loading, unless `in_flight` pages are being read already (`in_advance` for
-    /// pages that nothing misses yet), nothing is asked for, or the budget is full of what is needed more. Makes room.
-    pub fn next_to_load(&mut self, in_flight: usize, in_advance: usize) -> Option<PageId> {
-        if self.loading.len() >= in_flight || self.stalled.len() >= MOST_STALLED {
+    /// The next page to read, marked as loading, unless `most` pages are already (`in_advance` for pages that nothing misses
+    /// yet), nothing is asked for, or the budget is full of what is needed more. Makes room.
+    pub fn next_to_load(&mut self, most: usize, in_advance: usize) -> Option<PageId> {
+        if self.loading.len() >= most || self.stalled.len() >= MOST_STALLED {
             return None;
         }
         while let Some(&page) = self.missed.front() {
@@ -246,6 +246,19 @@ impl Residency {
             }
         }
         None
+    }
+
+    /// Whether a page is loading because a frame missed it.
+    pub fn is_missed(&self, id: PageId) -> bool {
+        self.loading.get(&id).is_some_and(|load| load.demand == Demand::Miss)
+    }
+
+    /// Nobody has begun to read `id`, which [`Residency::next_to_load`] asked for, and nobody will unless it is asked for again.
+    pub fn withdraw(&mut self, id: PageId) {
+        if let Some(load) = self.loading.remove(&id) {
+            self.loading_bytes -= load.bytes;
+            self.states.remove(&id);
+        }
     }
 
     /// A read of `id` that [`Residency::next_to_load`] asked for has ended.

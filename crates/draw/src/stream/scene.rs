@@ -152,11 +152,11 @@ impl Scene {
             let selection = self.streamer.select(view, detail, &roots);
             self.streamer.serve();
             self.streamer.take_evicted();
-            if !self.streamer.is_busy() {
-                self.check_roots(&roots, |_| false)?;
+            if self.streamer.is_busy() {
+                self.wait(tell);
+            } else if self.has_roots(&roots, |_, _| false)? {
                 return Ok(SceneSelection::of(&self.streamer, view, detail, &selection));
             }
-            self.wait(tell);
         }
     }
 
@@ -173,33 +173,48 @@ impl Scene {
         self.streamer.roots(self.families.iter().copied(), self.purpose, view.time)
     }
 
-    /// Whether all roots could be read, or are known anyway.
-    pub(super) fn check_roots(&self, roots: &[NodeRef], is_known: impl Fn(PageId) -> bool) -> Result<(), StoreError> {
-        let residency = &self.streamer.residency;
-        for root in roots.iter().filter(|root| !is_known(root.page)) {
-            match residency.state(root.page) {
+    /// Whether all roots are there, or are known anyway; one that was given up is read once more, and there from then on if it comes.
+    ///
+    /// # Errors
+    /// Why a root is not there.
+    pub(super) fn has_roots(
+        &mut self,
+        roots: &[NodeRef],
+        is_known: impl Fn(&Scene, PageId) -> bool,
+    ) -> Result<bool, StoreError> {
+        let mut has_all = true;
+        for page in roots.iter().map(|root| root.page) {
+            if is_known(self, page) {
+                continue;
+            }
+            let residency = &mut self.streamer.residency;
+            match residency.state(page) {
                 Some(PageState::Resident(_)) => {}
-                // Read once more, for the error itself.
-                Some(PageState::Failed(_)) => drop(residency.tree().read_page(root.page)?),
+                Some(PageState::Failed(_)) => {
+                    let read = residency.tree().read_page(page)?;
+                    residency.loaded(page, Ok(read));
+                    has_all = false;
+                }
                 _ => {
                     let path = residency.tree().path().to_path_buf();
                     let source = std::io::Error::from(std::io::ErrorKind::TimedOut);
-                    return Err(StoreError::Page { path, page: root.page.0, source });
+                    return Err(StoreError::Page { path, page: page.0, source });
                 }
             }
         }
-        Ok(())
+        Ok(has_all)
     }
 
-    /// Waits until something has come of what is being read, or may be tried again, or nothing will come. The pages whose reads have ended.
-    pub(super) fn wait(&mut self, tell: &mut dyn FnMut(String)) -> Vec<PageId> {
+    /// Waits until something has come of what is being read, or may be tried again, or nothing will come. The pages whose reads have ended, and
+    /// what is to be told of root pages among them that cannot be read.
+    pub(super) fn wait(&mut self, tell: &mut dyn FnMut(String)) -> (Vec<PageId>, Vec<String>) {
         loop {
             // Short waits, since a read that stalls ends none of them.
             self.streamer.wait(Duration::from_millis(100));
-            let arrivals = self.streamer.arrive();
+            let (arrivals, of_roots) = self.streamer.arrive_apart();
             arrivals.messages.into_iter().for_each(&mut *tell);
             if !arrivals.pages.is_empty() || self.streamer.is_retry_due() || !self.streamer.is_busy() {
-                return arrivals.pages;
+                return (arrivals.pages, of_roots);
             }
         }
     }

@@ -47,6 +47,8 @@ impl Default for StreamOptions {
 const WALK: Duration = Duration::from_millis(50);
 /// Reads at a time at most where what pages are read from says how many serve best.
 const MOST_READS: usize = 64;
+/// Pages that wait there for their turn, where fewer are read at a time; else as many as are read. With fewer, a link idles in long frames.
+const WAITING: usize = 4;
 
 /// What [`Streamer::arrive`] has found.
 #[derive(Clone, Debug, Default)]
@@ -57,6 +59,15 @@ pub struct Arrivals {
     pub bytes: u64,
     /// What is to be told, a sentence each.
     pub messages: Vec<String>,
+}
+
+/// What [`Streamer::serve`] has changed.
+#[derive(Clone, Debug, Default)]
+pub struct Served {
+    /// Pages that are on their way from now on.
+    pub started: Vec<PageId>,
+    /// Pages that were, and are not any more: nobody had begun to read them.
+    pub withdrawn: Vec<PageId>,
 }
 
 /// The pages of one file, streamed.
@@ -88,6 +99,8 @@ pub struct Streamer {
     uncopied: Vec<PageId>,
     /// Pages that others still hold on to.
     discarded: Vec<Arc<Page>>,
+    /// Pages that were on their way and were taken back, since [`Streamer::serve`] was called.
+    recalled: HashSet<PageId>,
 }
 
 impl Streamer {
@@ -95,8 +108,9 @@ impl Streamer {
     pub fn new(tree: impl Tree + 'static, options: StreamOptions) -> Streamer {
         let tree: Arc<dyn Tree> = Arc::new(tree);
         let reads_at_once = tree.reads_at_once();
-        let in_flight = reads_at_once.map_or(options.in_flight, |_| MOST_READS);
-        let loader = Loader::new(Arc::clone(&tree), in_flight, stall_of(options.stall, reads_at_once));
+        // While some read, others decode.
+        let threads = reads_at_once.map_or(options.in_flight, |_| 2 * MOST_READS);
+        let loader = Loader::new(Arc::clone(&tree), threads, stall_of(options.stall, reads_at_once));
         Streamer {
             residency: Residency::new(tree, options.budget),
             copies: None,
@@ -114,6 +128,7 @@ impl Streamer {
             missing: Vec::new(),
             uncopied: Vec::new(),
             discarded: Vec::new(),
+            recalled: HashSet::new(),
         }
     }
 
@@ -130,8 +145,15 @@ impl Streamer {
 
     /// Takes in the pages that have been read.
     pub fn arrive(&mut self) -> Arrivals {
+        let (mut arrivals, of_roots) = self.arrive_apart();
+        arrivals.messages.extend(of_roots);
+        arrivals
+    }
+
+    /// The same, with what is to be told of root pages apart: that they cannot be read is the error of whoever waits for them.
+    pub(super) fn arrive_apart(&mut self) -> (Arrivals, Vec<String>) {
         let path = self.residency.tree().path().to_path_buf();
-        let mut arrivals = Arrivals::default();
+        let (mut arrivals, mut of_roots) = (Arrivals::default(), Vec::new());
         for loaded in self.loader.take_done() {
             arrivals.pages.push(loaded.page);
             if loaded.outcome.is_ok() {
@@ -150,12 +172,15 @@ impl Streamer {
         if !arrivals.pages.is_empty() && self.residency.statistics().stalled == 0 {
             self.report.answered(&path);
         }
-        for (_, why) in self.residency.take_failures() {
-            self.report.failed(&path, &why);
+        for (page, why) in self.residency.take_failures() {
+            match self.residency.tree().is_root(page) {
+                true => of_roots.push(format!("{why}; what it stands for is not drawn")),
+                false => self.report.failed(&path, &why),
+            }
         }
         arrivals.messages = self.report.take();
         arrivals.messages.extend(take_notes());
-        arrivals
+        (arrivals, of_roots)
     }
 
     /// From now on the renderer draws from copies, of which it has none, or from main memory.
@@ -218,9 +243,18 @@ impl Streamer {
             selection.visited.iter().chain(&to_copy).chain(&to_read).map(|id| id.page).collect();
         self.visited = pages.len();
         self.missing = to_read.iter().map(|id| id.page).collect();
-        self.residency.request(to_read);
+        self.request(to_read);
         let mut seen = HashSet::new();
         self.uncopied = to_copy.iter().map(|id| id.page).filter(|page| seen.insert(*page)).collect();
+    }
+
+    /// Asks for these nodes' pages, in place of what was asked for before and nobody has begun to read.
+    fn request(&mut self, nodes: Vec<NodeRef>) {
+        for page in self.loader.recall(|page| self.residency.is_missed(page)) {
+            self.residency.withdraw(page);
+            self.recalled.insert(page);
+        }
+        self.residency.request(nodes);
     }
 
     /// Starts a frame that nothing is selected for: what the one before used may make room.
@@ -238,7 +272,7 @@ impl Streamer {
         self.missing = lacked.iter().map(|node| node.page).collect();
         self.missing.dedup();
         self.uncopied.clear();
-        self.residency.request(lacked);
+        self.request(lacked);
         !self.missing.is_empty()
     }
 
@@ -270,18 +304,22 @@ impl Streamer {
         self.read_ahead(missing.chain(next.visited));
     }
 
-    /// Begins to read what is missing. The pages that are being read from now on.
-    pub fn serve(&mut self) -> Vec<PageId> {
-        let (in_flight, share) = self.at_once();
+    /// Begins to read what is missing.
+    pub fn serve(&mut self) -> Served {
+        let (in_flight, waiting, share) = self.at_once();
         let in_advance = (share * in_flight as f64).ceil() as usize;
-        let next = || self.residency.next_to_load(in_flight, in_advance);
-        let started: Vec<PageId> = std::iter::from_fn(next).collect();
-        started.iter().for_each(|&page| self.loader.start(page));
+        let mut started = Vec::new();
+        while let Some(page) = self.residency.next_to_load(in_flight + waiting, in_advance) {
+            self.loader.start(page);
+            if !self.recalled.remove(&page) {
+                started.push(page);
+            }
+        }
         // Pages go on the loader's threads, as soon as nobody else would have to free their memory.
         for page in self.discarded.extract_if(.., |page| Arc::strong_count(page) == 1) {
             self.loader.discard(page);
         }
-        started
+        Served { started, withdrawn: self.recalled.drain().collect() }
     }
 
     /// Pages that had to make room since the last call.
@@ -327,12 +365,13 @@ impl Streamer {
         self.pace.prefetch_distance(self.residency.tree().largest_page_bytes(), &self.options.ahead)
     }
 
-    /// How many pages are read at a time, and the share of them that may be read ahead of time: as is set, or as a link takes them.
-    fn at_once(&self) -> (usize, f64) {
+    /// How many pages are read at a time, how many more wait for that, and the share of the former that may be read ahead of time: as is
+    /// set, or as a link takes them.
+    fn at_once(&self) -> (usize, usize, f64) {
         let (StreamOptions { in_flight, ahead, .. }, tree) = (&self.options, self.residency.tree());
-        match tree.reads_at_once() {
-            Some(reads) => (reads.min(MOST_READS), ahead.share.min(0.5)),
-            None => (in_flight * tree.pages_at_once(), ahead.share),
+        match tree.reads_at_once().map(|reads| reads.min(MOST_READS)) {
+            Some(reads) => (reads, reads.max(WAITING), ahead.share.min(0.5)),
+            None => (in_flight * tree.pages_at_once(), 0, ahead.share),
         }
     }
 

@@ -5,12 +5,14 @@ use super::place::TourPlace;
 use crate::explore::region::Shape;
 use crate::explore::{Catalogue, ExploreError, Members, Work};
 use crate::hierarchy::spacetime::Interpolation;
+use crate::look::dataset::named_in;
 use crate::look::{Camera, LookPatch, OpenData};
 use crate::model::ron_place::Place;
+use crate::model::url::shown;
 use crate::model::{Bounds, StepTimes, When};
 use crate::view::View;
 use glam::{DQuat, DVec3};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What a tour is shown with.
 #[derive(Clone, Debug)]
@@ -201,10 +203,14 @@ impl Surroundings {
             }
             What::Object(text) => {
                 let Some((path, name)) = text.rsplit_once('#') else {
-                    return refuse(text, "CATALOGUE#N or CATALOGUE#NAME such as groups.hdf5#0".into());
+                    let found = shown(Path::new(text));
+                    return refuse(
+                        &found.to_string_lossy(),
+                        "CATALOGUE#N or CATALOGUE#NAME such as groups.hdf5#0".into(),
+                    );
                 };
                 let wrap = |source| self.failed(index, source);
-                let catalogue = Catalogue::read(&self.folder.join(path)).map_err(wrap)?;
+                let catalogue = Catalogue::read(&named_in(&self.folder, Path::new(path))).map_err(wrap)?;
                 let object = match name.parse() {
                     Ok(rank) => catalogue.ranked(rank),
                     Err(_) => catalogue.named(name),

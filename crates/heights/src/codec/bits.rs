@@ -27,6 +27,7 @@ impl<'a> BitWriter<'a> {
     }
 
     /// The same for up to 64 bits.
+    #[inline(always)]
     pub(super) fn put_long(&mut self, value: u64, bits: u32) {
         if bits > 32 {
             self.put(value >> 32, bits - 32);
@@ -99,6 +100,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// Reads up to 32 bits.
+    #[inline(always)]
     pub(super) fn get(&mut self, bits: u32) -> u64 {
         if bits == 0 {
             return 0;
@@ -110,6 +112,7 @@ impl<'a> BitReader<'a> {
     }
 
     /// Reads up to 64 bits.
+    #[inline(always)]
     pub(super) fn get_long(&mut self, bits: u32) -> u64 {
         match bits.checked_sub(32) {
             Some(high) => (self.get(high) << 32) | self.get(32),

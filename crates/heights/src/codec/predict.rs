@@ -2,6 +2,8 @@
 //!
 //! Each row has the predictor that leaves least. All arithmetic is modulo 2^64, so that words of any size come back.
 
+use deepfield_data::lanes::in_lanes;
+
 /// How a sample is predicted from `left`, `up` and `up_left`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Predictor {
@@ -53,14 +55,16 @@ pub(super) fn differences(predictor: Predictor, row: &[i64], above: Option<&[i64
     };
     #[inline(always)]
     fn go(predictor: Predictor, row: &[i64], above: &[i64], out: &mut [i64]) {
-        if let (Some(out), Some(value), Some(up)) = (out.first_mut(), row.first(), above.first()) {
-            *out = value.wrapping_sub(*up);
+        let count = out.len().min(row.len()).min(above.len());
+        let (out, row, above) = (&mut out[..count], &row[..count], &above[..count]);
+        if count > 0 {
+            out[0] = row[0].wrapping_sub(above[0]);
         }
-        for ((out, pair), ups) in out.iter_mut().skip(1).zip(row.windows(2)).zip(above.windows(2)) {
-            *out = pair[1].wrapping_sub(predictor.of(pair[0], ups[1], ups[0]));
+        for at in 1..count {
+            out[at] = row[at].wrapping_sub(predictor.of(row[at - 1], above[at], above[at - 1]));
         }
     }
-    pulp::Arch::new().dispatch(|| match predictor {
+    in_lanes!(match predictor {
         Predictor::Plane => go(Predictor::Plane, row, above, out),
         Predictor::Half => go(Predictor::Half, row, above, out),
         Predictor::Mean => go(Predictor::Mean, row, above, out),

@@ -5,6 +5,7 @@
 //! zeros, a one and all 64 bits.
 
 use super::bits::{BitReader, BitWriter};
+use deepfield_data::lanes::in_lanes;
 
 /// Numbers of a group.
 const GROUP: usize = 32;
@@ -28,17 +29,22 @@ fn unfolded(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
+/// The sum of what is left of numbers without their lowest bits, modulo 2^64.
+#[inline(always)]
+fn sum_above(group: &[u64], bits: u32) -> u64 {
+    group.iter().fold(0_u64, |sum, value| sum.wrapping_add(value >> bits))
+}
+
 /// Bits of a group with this parameter, without the head, and as if none were written in full.
 #[inline(always)]
 fn cost(group: &[u64], k: u32) -> u64 {
-    let zeros = group.iter().fold(0_u64, |sum, value| sum.wrapping_add(value >> k));
-    zeros.saturating_add(group.len() as u64 * (1 + u64::from(k)))
+    sum_above(group, k).saturating_add(group.len() as u64 * (1 + u64::from(k)))
 }
 
 /// Appends the codes of numbers.
 pub(super) fn encode(values: &[i64], out: &mut Vec<u8>) {
-    // The same operations: newer processors sum in wider vectors, and shift by a variable in one instruction.
-    pulp::Arch::new().dispatch(|| encode_in_vectors(values, out));
+    // Newer processors sum in wider vectors, and shift by a variable in one instruction.
+    in_lanes!(encode_in_vectors(values, out));
 }
 
 #[inline(always)]
@@ -57,7 +63,7 @@ fn encode_in_vectors(values: &[i64], out: &mut Vec<u8>) {
         }
         // The best parameter is near the logarithm of the mean.
         let few = (64 - all.leading_zeros()).saturating_sub(56);
-        let mean = (held.iter().map(|value| value >> few).sum::<u64>() / group.len() as u64) << few;
+        let mean = (sum_above(held, few) / group.len() as u64) << few;
         let guess = (64 - mean.leading_zeros()).saturating_sub(1).min(62);
         let below = guess.saturating_sub(1);
         let k = if few == 0 && cost(held, below) < cost(held, guess) { below } else { guess };
@@ -84,7 +90,7 @@ fn encode_in_vectors(values: &[i64], out: &mut Vec<u8>) {
 /// Reads as many numbers as `out` has from the front of the bytes. Returns how many bytes they take; `None` where there are fewer.
 pub(super) fn decode(bytes: &[u8], out: &mut [i64]) -> Option<usize> {
     // As for `encode`.
-    pulp::Arch::new().dispatch(|| decode_in_vectors(bytes, out))
+    in_lanes!(decode_in_vectors(bytes, out))
 }
 
 #[inline(always)]

@@ -5,6 +5,7 @@
 //! type; farther out, where numbers of the type are not much denser, all of them are left. Words count the values that are left, in their order.
 
 use super::words::Words;
+use deepfield_data::lanes::in_lanes;
 use deepfield_data::model::{SampleType, Scale};
 
 /// The values that stored samples may have.
@@ -53,8 +54,8 @@ impl Values {
     /// Rounds samples of the type.
     pub fn round(&self, stored: &mut [f64]) {
         if let Some(steps) = self.steps {
-            // The same operations: newer processors round in one instruction.
-            pulp::Arch::new().dispatch(|| stored.iter_mut().for_each(|value| *value = steps.nearest(*value)));
+            // Newer processors round in one instruction.
+            in_lanes!(steps.round(stored));
         }
     }
 
@@ -154,6 +155,13 @@ impl Steps {
             f64::from(value as f32)
         } else {
             value
+        }
+    }
+
+    #[inline(always)]
+    fn round(&self, stored: &mut [f64]) {
+        for value in stored {
+            *value = self.nearest(*value);
         }
     }
 

@@ -1,6 +1,7 @@
 //! Stored samples as whole numbers of the same order, and back: every bit of a number comes back, the sign of zero, too.
 
 use super::values::Steps;
+use deepfield_data::lanes::in_lanes;
 use deepfield_data::model::SampleType;
 
 /// Whole numbers of the samples of a type. Samples of 64 bits that are no floats are not known here.
@@ -46,9 +47,11 @@ impl Words {
                 *word = bits ^ (((bits >> 63) as u64) >> 1) as i64;
             }),
             // As for `Values::round`.
-            Words::Steps(steps) => {
-                pulp::Arch::new().dispatch(|| pairs.for_each(|(word, value)| *word = steps.word(*value)));
-            }
+            Words::Steps(steps) => in_lanes!({
+                for (word, value) in pairs {
+                    *word = steps.word(*value);
+                }
+            }),
         }
     }
 

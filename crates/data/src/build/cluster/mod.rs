@@ -13,7 +13,8 @@
 //! | scale | 1 | what was found there | ranges of all columns, how the quantiser scales them |
 //! | grow | for each group of buckets | its particles | leaves and grids |
 //! | join | 1 | what is known of these | nodes, and what shares a codebook |
-//! | train | for some codebooks | a sample of the quantities that share one | quantisers |
+//! | quantize | for some codebooks, where each task can have some | what shares one | codes, codebooks, errors, what they do to a picture |
+//! | train | else for some codebooks | a sample of the quantities that share one | quantisers |
 //! | code | for some parts of these quantities | them | codes, sums by code |
 //! | draft | 1 | sums | codebooks |
 //! | refine | as code, where codes are refined | quantities and codes | finer codes, how often each is |
@@ -22,25 +23,30 @@
 //! | pages | 1 | nodes, codebooks | which nodes each page has, and the footer |
 //! | write | for each run of pages | positions and codes | pages, at their places in the file that will be the output |
 //! | finish | 1 | checksums | the output, under its name |
+//!
+//! A run of snapshots has two stages of its own ([`run`]).
 
 mod parts;
+mod run;
 mod settings;
 mod stages;
 #[cfg(test)]
 mod tests;
 
-use super::memory::{Memory, OUTPUT_PARTICLE, check_room};
+use super::coding::leaf_books;
+use super::memory::{Memory, check_room};
 use super::partition::particle_bytes;
-use super::{BuildError, BuildOptions, in_pool, streams_of};
+use super::{BuildError, BuildOptions, RunBuild, in_pool, streams_of};
 use crate::hierarchy::kind::PCA;
-use crate::import::{LoadOptions, open_with};
+use crate::import::{LoadOptions, Run, open_with};
 use crate::model::{ParticleStream, Progress};
 use crate::store::temporary::folder_of;
 use crate::store::{PageFileWriter, StoreError};
 use parts::{Header, Names};
 pub(super) use parts::{PartError, PartPlace, Parts};
+use run::RunSettings;
 use serde::Serialize;
-use settings::{FamilyTasks, Settings};
+use settings::{FamilyTasks, Plan, Settings};
 use stages::Task;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -51,6 +57,8 @@ const TASK_PARTICLES: u64 = 1 << 24;
 const TASKS: (u64, u64) = (8, 4096);
 /// Tasks of a stage at most, so that their numbers fit everywhere.
 const MOST_TASKS: u32 = 1 << 16;
+/// Particles of a job at most, so that bytes of them can be counted.
+const MOST_PARTICLES: u64 = 1 << 56;
 /// Codebooks of a family, about: no more tasks have anything to train.
 const BOOKS: u32 = 48;
 
@@ -125,7 +133,7 @@ pub struct Moved {
 pub struct Job {
     folder: PathBuf,
     id: u64,
-    settings: Settings,
+    plan: Plan,
     stages: Vec<Stage>,
 }
 
@@ -145,12 +153,32 @@ impl Job {
         out: &Path,
         progress: &dyn Progress,
     ) -> Result<Job, BuildError> {
-        let settings = settings(source, load, options, split, out)?;
+        Job::begin(folder, Plan::Snapshot(settings(source, load, options, split, out)?), out, progress)
+    }
+
+    /// Plans the build of the run file `out`: the one that [`RunBuild::build`] writes of the same run, byte for byte. Each step is built by a task
+    /// of its own, and a step that turns out to be damaged ends its task, whatever [`RunBuild::skip_damaged`] says.
+    ///
+    /// # Errors
+    /// As [`Job::plan`], and where particles were traced.
+    pub fn plan_run(
+        folder: &Path,
+        run: &Run,
+        build: &RunBuild,
+        out: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Job, BuildError> {
+        Job::begin(folder, Plan::Run(RunSettings::of(run, build, out)?), out, progress)
+    }
+
+    /// Writes a plan to a folder, or finds the same one there.
+    fn begin(folder: &Path, plan: Plan, out: &Path, progress: &dyn Progress) -> Result<Job, BuildError> {
+        plan.check(folder)?;
         let unwritable = |source| StoreError::Io { path: folder.to_owned(), action: "create", source };
         std::fs::create_dir_all(folder).map_err(unwritable)?;
         if folder.join(settings::FILE).exists() {
             let job = Job::open(folder)?;
-            return match job.settings == settings {
+            return match job.plan == plan {
                 true => Ok(job),
                 false => Err(job_error(folder, "found another job, expected none or the same one")),
             };
@@ -162,17 +190,17 @@ impl Job {
             return Err(job_error(folder, &format!("found {found}, expected an empty folder for the job")));
         }
         // Nothing stays of it.
-        drop(PageFileWriter::create(&settings.output)?);
-        let output_bytes = OUTPUT_PARTICLE * settings.particles();
-        check_room(folder, settings.temporary_bytes, &settings.output)?;
-        check_room(folder_of(&settings.output), output_bytes, &settings.output)?;
-        let id = settings::write(folder, &settings)?;
-        let job = Job::of(folder, id, settings);
+        drop(PageFileWriter::create(plan.output())?);
+        let (temporary_bytes, output_bytes) = (plan.temporary_bytes(), plan.output_bytes());
+        check_room(folder, temporary_bytes, plan.output())?;
+        check_room(folder_of(plan.output()), output_bytes, plan.output())?;
+        let id = settings::write(folder, &plan)?;
+        let job = Job::of(folder, id, plan);
         let mebibytes = |bytes: u64| bytes.div_ceil(1 << 20);
         progress.say(&format!(
             "{} tasks; up to about {} MiB in {} and {} MiB for {}",
             job.names().tasks(),
-            mebibytes(job.settings.temporary_bytes),
+            mebibytes(temporary_bytes),
             folder.display(),
             mebibytes(output_bytes),
             out.display()
@@ -185,18 +213,18 @@ impl Job {
     /// # Errors
     /// Where there is none, or its plan is damaged.
     pub fn open(folder: &Path) -> Result<Job, BuildError> {
-        let (id, settings) = settings::read(folder)?;
-        settings.check(folder)?;
-        Ok(Job::of(folder, id, settings))
+        let (id, plan) = settings::read(folder)?;
+        plan.check(folder)?;
+        Ok(Job::of(folder, id, plan))
     }
 
-    fn of(folder: &Path, id: u64, settings: Settings) -> Job {
+    fn of(folder: &Path, id: u64, plan: Plan) -> Job {
         let mut stages: Vec<Stage> = Vec::new();
-        for (name, tasks) in settings.stages() {
+        for (name, tasks) in plan.stages() {
             let after = stages.last().map(|stage| stage.name.clone()).into_iter().collect();
             stages.push(Stage { name: name.to_owned(), tasks, after });
         }
-        Job { folder: folder.to_owned(), id, settings, stages }
+        Job { folder: folder.to_owned(), id, plan, stages }
     }
 
     /// Its folder.
@@ -204,9 +232,9 @@ impl Job {
         &self.folder
     }
 
-    /// The page file that it builds.
+    /// The page file, or the run, that it builds.
     pub fn output(&self) -> &Path {
-        &self.settings.output
+        self.plan.output()
     }
 
     /// Its stages, in order.
@@ -225,9 +253,12 @@ impl Job {
         if names.done(number).is_some() {
             return Ok(());
         }
-        let mut options = self.settings.options.clone();
+        let mut options = self.plan.options().clone();
         options.memory = memory.or(options.memory);
-        in_pool(&options, || Task::new(self, number, &options, progress)?.run(stage, task))
+        in_pool(&options, || match &self.plan {
+            Plan::Snapshot(settings) => Task::new(self, settings, number, &options, progress)?.run(stage, task),
+            Plan::Run(settings) => settings.run(self, (stage, task), &options, progress),
+        })
     }
 
     /// How far it has come.
@@ -255,12 +286,12 @@ impl Job {
         }
         Ok(Status {
             job: self.folder.clone(),
-            output: self.settings.output.clone(),
+            output: self.output().to_owned(),
             finished: stages.last().is_some_and(|last| last.done == last.tasks),
             stages,
             bytes: moved,
-            particles: self.settings.particles(),
-            temporary_bytes_needed: self.settings.temporary_bytes,
+            particles: self.plan.particles(),
+            temporary_bytes_needed: self.plan.temporary_bytes(),
         })
     }
 
@@ -312,7 +343,7 @@ impl Job {
             return true;
         }
         let Some((stage, rest)) = name.split_once('.') else { return false };
-        let is_stage = self.stages.iter().any(|own| own.name == stage) || stage == stages::SPILL;
+        let is_stage = self.stages.iter().any(|own| own.name == stage) || [stages::SPILL, run::STILL].contains(&stage);
         let (task, temporary) = rest.split_once('.').map_or((rest, None), |(task, rest)| (task, Some(rest)));
         is_stage && task.parse::<u32>().is_ok() && temporary.is_none_or(is_temporary)
     }
@@ -320,9 +351,9 @@ impl Job {
     /// The file that will be the output.
     fn growing(&self) -> PathBuf {
         let mut name = std::ffi::OsString::from(".");
-        name.push(self.settings.output.file_name().unwrap_or_default());
+        name.push(self.output().file_name().unwrap_or_default());
         name.push(format!(".{:016x}.part", self.id));
-        folder_of(&self.settings.output).join(name)
+        folder_of(self.output()).join(name)
     }
 
     fn names(&self) -> Names {
@@ -360,33 +391,71 @@ impl Settings {
             stages.pop();
         }
         stages.extend([("scale", 1), ("grow", groups), ("join", 1)]);
-        stages.extend([("train", self.train), ("code", self.code), ("draft", 1)]);
-        if self.options.octree.code_bits().is_refined() {
-            stages.extend([("refine", self.code), ("lines", 1)]);
+        if self.has_whole_books() {
+            stages.push(("quantize", self.code));
+        } else {
+            stages.extend([("train", self.train), ("code", self.code), ("draft", 1)]);
+            if self.options.octree.code_bits().is_refined() {
+                stages.extend([("refine", self.code), ("lines", 1)]);
+            }
+            stages.push(("settle", self.code));
         }
-        stages.extend([("settle", self.code), ("pages", 1), ("write", self.write), ("finish", 1)]);
+        stages.extend([("pages", 1), ("write", self.write), ("finish", 1)]);
         stages
     }
 
-    /// Whether numbers of tasks are such as are planned.
+    /// Whether tasks code what shares a codebook as a whole: where leaves alone have as many codebooks as there are tasks, which each have
+    /// enough to do then and need not wait for one another.
+    fn has_whole_books(&self) -> bool {
+        let bits = self.options.octree.code_bits().entries;
+        let books: u64 = self.families.iter().map(|family| leaf_books(family.particles, bits)).sum();
+        u64::from(self.code) <= books
+    }
+
+    /// Whether numbers of tasks and particles are such as are planned.
     fn check(&self, folder: &Path) -> Result<(), BuildError> {
-        if self.families.is_empty() {
+        let families = &self.families;
+        if families.is_empty() {
             return Err(job_error(&folder.join(settings::FILE), "families: found none, expected at least one"));
         }
-        let counts = self.families.iter().flat_map(|family| [("input", family.input), ("groups", family.groups)]);
-        let mut counts = counts.chain([("train", self.train), ("code", self.code), ("write", self.write)]);
-        match counts.find(|(_, tasks)| !(1..=MOST_TASKS).contains(tasks)) {
-            Some((name, found)) => {
+        let most = u64::from(MOST_TASKS);
+        let counts = families.iter().flat_map(|family| [("input", family.input), ("groups", family.groups)]);
+        let counts = counts.chain([("train", self.train), ("code", self.code), ("write", self.write)]);
+        let counts = counts.map(|(name, tasks)| (name, u64::from(tasks), most));
+        // However small a family is, it has a task of its own.
+        let total =
+            |tasks: fn(&FamilyTasks) -> u32| families.iter().map(|family| u64::from(tasks(family))).sum::<u64>();
+        let totals = [total(|family| family.input), total(|family| family.groups)];
+        let mut counts = counts.chain([("input", totals[0], 2 * most), ("groups", totals[1], 2 * most)]);
+        match counts.find(|(_, tasks, most)| !(1..=*most).contains(tasks)) {
+            Some((name, found, most)) => {
                 let path = folder.join(settings::FILE);
-                Err(job_error(&path, &format!("{name}: found {found} tasks, expected 1 to {MOST_TASKS}")))
+                Err(job_error(&path, &format!("{name}: found {found} tasks, expected 1 to {most}")))
             }
-            None => Ok(()),
+            None => check_particles(folder, families.iter().map(|family| family.particles)),
+        }
+    }
+}
+
+/// Whether there are no more particles than can be.
+fn check_particles(folder: &Path, mut counts: impl Iterator<Item = u64>) -> Result<(), BuildError> {
+    match counts.try_fold(0_u64, |sum, count| sum.checked_add(count).filter(|sum| *sum <= MOST_PARTICLES)) {
+        Some(_) => Ok(()),
+        None => {
+            let what = format!("particles: found more than {MOST_PARTICLES}, expected at most so many");
+            Err(job_error(&folder.join(settings::FILE), &what))
         }
     }
 }
 
 fn job_error(path: &Path, what: &str) -> BuildError {
     BuildError::Job { path: path.to_owned(), what: what.to_owned() }
+}
+
+/// A path as all processes of a job find it.
+fn absolute(path: &Path) -> Result<PathBuf, BuildError> {
+    let io = |source| StoreError::Io { path: path.to_owned(), action: "find", source };
+    Ok(std::path::absolute(path).map_err(io)?)
 }
 
 /// Looks at the source and decides what the tasks are.
@@ -397,10 +466,6 @@ fn settings(
     split: Split,
     out: &Path,
 ) -> Result<Settings, BuildError> {
-    let absolute = |path: &Path| {
-        let io = |source| StoreError::Io { path: path.to_owned(), action: "find", source };
-        std::path::absolute(path).map_err(io)
-    };
     let named = source.to_owned();
     let (source, output) = (absolute(source)?, absolute(out)?);
     let opened = open_with(&source, options.read)?;

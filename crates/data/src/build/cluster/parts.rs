@@ -225,7 +225,7 @@ pub(in crate::build) struct Parts {
 
 impl Parts {
     /// For reading only.
-    fn reader(names: Names) -> Parts {
+    pub(super) fn reader(names: Names) -> Parts {
         Parts { names, own: None, open: Mutex::default(), read: AtomicU64::new(0) }
     }
 
@@ -289,23 +289,25 @@ impl Parts {
         Ok(())
     }
 
-    /// Fills `into` with a blob of that length.
+    /// A blob of that length, in words that begin with its bytes.
     ///
     /// # Errors
     /// [`PartError`] where its file is missing or damaged, which is removed then; whatever else the system answers.
-    pub fn get(&self, place: PartPlace, into: &mut [u8]) -> io::Result<()> {
+    pub fn get(&self, place: PartPlace, len: u64) -> io::Result<Vec<u64>> {
         let PartPlace { part, lane, offset, crc } = place;
         if let Some(own) = self.own.as_ref().filter(|own| own.number == part && lane == NO_LANE) {
-            return read_exact_at(own.file.file(), into, offset);
+            return words_at(own.file.file(), own.end.load(Ordering::Relaxed), offset, len);
         }
         let opened = self.file(part)?;
         let start = if lane == NO_LANE { Some(&0) } else { opened.lanes.get(&lane) };
-        let read = start.and_then(|start| start.checked_add(offset)).map(|at| read_exact_at(&opened.file, into, at));
-        self.read.fetch_add(into.len() as u64, Ordering::Relaxed);
-        match read.is_some_and(|read| read.is_ok()) && crc32c::crc32c(into) == crc {
-            true => Ok(()),
-            false => Err(self.names.damaged(part, "blob: found other bytes than its checksum is of, or none")),
-        }
+        let at = start.and_then(|start| start.checked_add(offset));
+        let words = at.and_then(|at| words_at(&opened.file, opened.header.bytes(), at, len).ok());
+        let is_sound = |words: &Vec<u64>| crc32c::crc32c(&bytemuck::cast_slice(words)[..len as usize]) == crc;
+        let Some(words) = words.filter(is_sound) else {
+            return Err(self.names.damaged(part, "blob: found other bytes than its checksum is of, or none"));
+        };
+        self.read.fetch_add(len, Ordering::Relaxed);
+        Ok(words)
     }
 
     /// The file of a task that is done.
@@ -376,4 +378,14 @@ impl Parts {
             .and_then(|()| file.persist(&path));
         written.map_err(|source| StoreError::Io { path, action: "write", source }.into())
     }
+}
+
+/// So many bytes at a place of a file that has `end` of them, in words; no room is made for what is not there.
+fn words_at(file: &File, end: u64, at: u64, len: u64) -> io::Result<Vec<u64>> {
+    if at.checked_add(len).is_none_or(|last| last > end) {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    let mut words = vec![0_u64; len.div_ceil(8) as usize];
+    read_exact_at(file, &mut bytemuck::cast_slice_mut(&mut words)[..len as usize], at)?;
+    Ok(words)
 }

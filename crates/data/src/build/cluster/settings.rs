@@ -1,7 +1,9 @@
 //! `job.json`: what a job builds of what, and into how many tasks its stages are cut. It never changes once it is there.
 
+use super::super::memory::OUTPUT_PARTICLE;
 use super::super::survey::BLOCK;
 use super::super::{BuildError, BuildOptions};
+use super::run::RunSettings;
 use crate::import::LoadOptions;
 use crate::model::FamilyName;
 use crate::store::StoreError;
@@ -16,11 +18,79 @@ pub(super) const FILE: &str = "job.json";
 /// What it says that it is.
 const FORMAT: &str = "deepfield job";
 /// What is written and read.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// A job file is not longer.
-const LONGEST: u64 = 1 << 24;
+const LONGEST: u64 = 1 << 26;
 
 /// What a job is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Plan {
+    /// A page file of one source.
+    Snapshot(Settings),
+    /// A run file of several.
+    Run(RunSettings),
+}
+
+impl Plan {
+    /// The file that is built.
+    pub fn output(&self) -> &Path {
+        match self {
+            Plan::Snapshot(own) => &own.output,
+            Plan::Run(own) => &own.output,
+        }
+    }
+
+    /// How it is built.
+    pub fn options(&self) -> &BuildOptions {
+        match self {
+            Plan::Snapshot(own) => &own.options,
+            Plan::Run(own) => &own.options,
+        }
+    }
+
+    /// Particles of all sources.
+    pub fn particles(&self) -> u64 {
+        match self {
+            Plan::Snapshot(own) => own.particles(),
+            Plan::Run(own) => own.particles(),
+        }
+    }
+
+    /// Bytes that the job's folder takes, about.
+    pub fn temporary_bytes(&self) -> u64 {
+        match self {
+            Plan::Snapshot(own) => own.temporary_bytes,
+            Plan::Run(own) => own.temporary_bytes(),
+        }
+    }
+
+    /// Bytes of the output, about.
+    pub fn output_bytes(&self) -> u64 {
+        match self {
+            Plan::Snapshot(own) => OUTPUT_PARTICLE * own.particles(),
+            Plan::Run(own) => own.output_bytes(),
+        }
+    }
+
+    /// Name and number of tasks of each stage, each of which comes after the one before.
+    pub fn stages(&self) -> Vec<(&'static str, u32)> {
+        match self {
+            Plan::Snapshot(own) => own.stages(),
+            Plan::Run(own) => own.stages(),
+        }
+    }
+
+    /// Whether numbers of tasks are such as are planned.
+    pub fn check(&self, folder: &Path) -> Result<(), BuildError> {
+        match self {
+            Plan::Snapshot(own) => own.check(folder),
+            Plan::Run(own) => own.check(folder),
+        }
+    }
+}
+
+/// What is built of one source, and how finely that is cut.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Settings {
@@ -79,37 +149,42 @@ struct File {
     version: u32,
     /// What tells the job from all others.
     id: u64,
-    /// CRC-32C of number and settings, as they are written without spaces.
+    /// CRC-32C of number and plan, as they are written without spaces.
     check: u32,
-    settings: Settings,
+    plan: Plan,
 }
 
 impl File {
     /// The checksum of what the file says.
     fn sum(&self, path: &Path) -> Result<u32, BuildError> {
-        Ok(crc32c::crc32c_append(crc32c::crc32c(&self.id.to_le_bytes()), text(&self.settings, path)?.as_bytes()))
+        Ok(crc32c::crc32c_append(crc32c::crc32c(&self.id.to_le_bytes()), text(&self.plan, path)?.as_bytes()))
     }
 }
 
-fn text(settings: &Settings, path: &Path) -> Result<String, BuildError> {
-    serde_json::to_string(settings).map_err(|error| unsound(path, &format!("settings: {error}")))
+fn text(plan: &Plan, path: &Path) -> Result<String, BuildError> {
+    serde_json::to_string(plan).map_err(|error| unsound(path, &format!("plan: {error}")))
 }
 
 fn unsound(path: &Path, what: &str) -> BuildError {
     BuildError::Job { path: path.to_owned(), what: what.to_owned() }
 }
 
+fn check_length(path: &Path, bytes: u64) -> Result<(), BuildError> {
+    match bytes <= LONGEST {
+        true => Ok(()),
+        false => Err(unsound(path, &format!("length: found {bytes} bytes, expected at most {LONGEST}"))),
+    }
+}
+
 /// Reads the file of a job; gives what tells it from others, too.
 ///
 /// # Errors
 /// Where there is none, or it is damaged.
-pub(super) fn read(folder: &Path) -> Result<(u64, Settings), BuildError> {
+pub(super) fn read(folder: &Path) -> Result<(u64, Plan), BuildError> {
     let path = folder.join(FILE);
     let io = |source| BuildError::from(StoreError::Io { path: path.clone(), action: "read", source });
     let bytes = std::fs::metadata(&path).map_err(io)?.len();
-    if bytes > LONGEST {
-        return Err(unsound(&path, &format!("length: found {bytes} bytes, expected at most {LONGEST}")));
-    }
+    check_length(&path, bytes)?;
     let bytes = std::fs::read(&path).map_err(io)?;
     let file: File = serde_json::from_slice(&bytes).map_err(|error| unsound(&path, &error.to_string()))?;
     if (file.format.as_str(), file.version) != (FORMAT, VERSION) {
@@ -117,26 +192,27 @@ pub(super) fn read(folder: &Path) -> Result<(u64, Settings), BuildError> {
         return Err(unsound(&path, &format!("format: found {found}, expected {FORMAT:?} of version {VERSION}")));
     }
     if file.sum(&path)? != file.check {
-        return Err(unsound(&path, "check: found another checksum than that of id and settings, expected the same"));
+        return Err(unsound(&path, "check: found another checksum than that of id and plan, expected the same"));
     }
-    Ok((file.id, file.settings))
+    Ok((file.id, file.plan))
 }
 
 /// Writes the file of a job; gives what tells it from others.
 ///
 /// # Errors
 /// When the folder takes no files.
-pub(super) fn write(folder: &Path, settings: &Settings) -> Result<u64, BuildError> {
+pub(super) fn write(folder: &Path, plan: &Plan) -> Result<u64, BuildError> {
     let path = folder.join(FILE);
     let io = |source| BuildError::from(StoreError::Io { path: path.clone(), action: "write", source });
     // The same job in another folder is another one: what it has beside the output is its own.
     let place = folder.canonicalize().map_err(io)?;
-    let own = crc32c::crc32c(text(settings, &path)?.as_bytes());
+    let own = crc32c::crc32c(text(plan, &path)?.as_bytes());
     let id = u64::from(own) << 32 | u64::from(crc32c::crc32c(place.as_os_str().as_encoded_bytes()));
-    let mut file = File { format: FORMAT.into(), version: VERSION, id, check: 0, settings: settings.clone() };
+    let mut file = File { format: FORMAT.into(), version: VERSION, id, check: 0, plan: plan.clone() };
     file.check = file.sum(&path)?;
     let mut bytes = serde_json::to_vec_pretty(&file).map_err(|error| unsound(&path, &error.to_string()))?;
     bytes.push(b'\n');
+    check_length(&path, bytes.len() as u64)?;
     let temporary = Temporary::create(&path, None).map_err(io)?;
     temporary.file().write_all(&bytes).map_err(io)?;
     temporary.persist(&path).map_err(io)?;

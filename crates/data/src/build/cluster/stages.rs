@@ -1,14 +1,16 @@
 //! What the tasks of each stage do.
 
+mod books;
 mod codes;
 mod division;
 mod output;
 mod particles;
 mod trees;
+mod verify;
 
-use super::super::coding::{CodedBatches, Coding, Group, Measured, Part, Shared, shared};
+use super::super::coding::{CodedBatches, Coding, Drawn, Group, Measured, Part, Shared, picture_error, shared};
 use super::super::family::{self, Outline};
-use super::super::found::{self, Seen, added};
+use super::super::found::{self, Finding, Seen, added};
 use super::super::memory::{Memory, default_memory};
 use super::super::partition::{Partition, Share, histograms};
 use super::super::spill::{Blob, Spill};
@@ -16,7 +18,7 @@ use super::super::survey::Survey;
 use super::super::tree::{Books, Built, CodedTrees, Draft, Grower, NodeSections, scope};
 use super::super::{BuildError, BuildOptions, metadata, streams_of};
 use super::parts::Parts;
-use super::settings::{FamilyTasks, shares};
+use super::settings::{FamilyTasks, Settings, shares};
 use super::{Job, job_error};
 use crate::codec::Scaling;
 use crate::codec::quantize::{Draft as DraftBook, SettledPart, Sums, Trained};
@@ -30,6 +32,7 @@ use crate::store::layout::{ALIGNMENT, MAGIC, PageEntry, StoredNode, align_up};
 use crate::store::paging::{EncodedPage, TOO_LONG};
 use crate::store::writer::{about, ends};
 use crate::store::{FamilyMetadata, PageId, StoreError};
+use books::own_books;
 use division::{balanced, runs, units};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -45,6 +48,7 @@ pub(super) const SPILL: &str = "spill";
 /// A task at work.
 pub(super) struct Task<'a> {
     job: &'a Job,
+    settings: &'a Settings,
     options: &'a BuildOptions,
     parts: Arc<Parts>,
     progress: &'a dyn Progress,
@@ -137,6 +141,9 @@ portable!(Page { id, family, offset, nodes });
 /// The index of a task that has read chunks of a family.
 type Surveyed = (Vec<(usize, Survey)>, LeftOut);
 
+/// The index of the task that plans: what was seen of each family, with where its sampled columns are, and what is left out.
+type Planned = (Vec<Option<(Outline, Blob)>>, LeftOut);
+
 /// The index of a task that has sorted chunks of a family by bucket: what each bucket has, and counts of the columns.
 type Sorted = (Vec<Share>, Vec<Vec<u64>>);
 
@@ -158,11 +165,12 @@ impl<'a> Task<'a> {
     /// When the job's folder takes no files.
     pub fn new(
         job: &'a Job,
+        settings: &'a Settings,
         number: u32,
         options: &'a BuildOptions,
         progress: &'a dyn Progress,
     ) -> Result<Task<'a>, BuildError> {
-        Ok(Task { job, options, parts: Arc::new(Parts::of_task(job.names(), number)?), progress })
+        Ok(Task { job, settings, options, parts: Arc::new(Parts::of_task(job.names(), number)?), progress })
     }
 
     /// Does what a task of a stage is to do.
@@ -179,6 +187,7 @@ impl<'a> Task<'a> {
             "scale" => self.scale(),
             "grow" => self.grow(task),
             "join" => self.join(),
+            "quantize" => self.quantize(task),
             "train" => self.train(task),
             "code" => self.code(task),
             "draft" => self.draft(),
@@ -193,7 +202,7 @@ impl<'a> Task<'a> {
 
     /// Opens the source, which must be the one that was planned for.
     fn source(&self) -> Result<Box<dyn Source>, BuildError> {
-        let settings = &self.job.settings;
+        let settings = self.settings;
         let source = open_with(&settings.source, self.options.read)?;
         match source.description().bytes == settings.source_bytes {
             true => Ok(source),
@@ -203,15 +212,15 @@ impl<'a> Task<'a> {
 
     /// The families of the source, which must be those that were planned for.
     fn streams<'s>(&self, source: &'s dyn Source) -> Result<Streams<'s>, BuildError> {
-        let (streams, _) = streams_of(source, &self.job.settings.load, self.options)?;
+        let (streams, _) = streams_of(source, &self.settings.load, self.options)?;
         let own = streams.families.iter().map(|stream| (stream.family(), stream.particles(), stream.chunks()));
-        let planned = self.job.settings.families.iter().map(|own| (own.name, own.particles, own.chunks));
+        let planned = self.settings.families.iter().map(|own| (own.name, own.particles, own.chunks));
         if own.eq(planned) { Ok(streams) } else { Err(self.changed("other families or numbers of particles")) }
     }
 
     fn changed(&self, found: &str) -> BuildError {
         job_error(
-            &self.job.settings.source,
+            &self.settings.source,
             &format!("found {found}, expected the source as it was when the job was planned"),
         )
     }

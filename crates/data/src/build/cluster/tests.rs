@@ -293,8 +293,33 @@ proptest! {
         std::fs::write(&path, &bytes).unwrap();
         match Job::open(&case.path("job")) {
             // White space may have become other white space.
-            Ok(same) => prop_assert_eq!(same.settings, job.settings),
+            Ok(same) => prop_assert_eq!(same.plan, job.plan),
             Err(error) => prop_assert!(error.to_string().contains(settings::FILE), "{}", error),
+        }
+    }
+}
+
+/// Leaves have as many codebooks as two tasks here, each of which has some as a whole; three have parts of all.
+#[test]
+fn codebooks_are_coded_as_a_whole_or_in_parts() {
+    for is_refined in [false, true] {
+        let mut options = options(VqBits::Eight, 8000, 500, true);
+        options.octree.refined = is_refined;
+        let made_up = MadeUp { seed: 3, gas: 40_000, dark: 0, is_lacking: false };
+        let case = Case::new(&made_up, LoadOptions::default(), options);
+        let expected = case.expected();
+        for (tasks, is_whole) in [(2, true), (3, false)] {
+            let job = case.plan(tasks).unwrap();
+            let has = |name: &str| job.stages().iter().any(|stage| stage.name == name);
+            assert_eq!((has("quantize"), has("train"), has("settle")), (is_whole, !is_whole, !is_whole));
+            for Stage { name, tasks, .. } in job.stages() {
+                // The first with all of a codebook in memory, the other with nothing of it.
+                let memory = |task: u32| (name == "quantize" && task > 0).then_some(0);
+                (0..*tasks).into_par_iter().for_each(|task| job.run(name, task, memory(task), &()).unwrap());
+            }
+            assert!(case.built() == expected, "{tasks} tasks, refined: {is_refined}");
+            job.remove().unwrap();
+            assert_eq!(case.names(), ["alone.df", "out.df", "source"]);
         }
     }
 }

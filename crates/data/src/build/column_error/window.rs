@@ -21,6 +21,8 @@ const LEAST_RADIUS: f32 = 1.5;
 const MARGIN: f32 = 0.0625;
 /// Steps of the square of the distance in the kernel's table.
 const STEPS: usize = 512;
+/// With this a small whole number is in the last bits of a single.
+const IN_LAST_BITS: f32 = 8_388_608.0;
 
 /// The projected kernel with a radius of 1, over equal steps of the square of the distance: its value where a step begins, and by how much
 /// it rises until the next one. At the end and beyond it is 0.
@@ -42,11 +44,13 @@ impl Profile {
     /// The values at these squares of distances, one of which is so many steps.
     #[inline(always)]
     fn at(&self, squares: &[f32; LANES], steps: f32) -> [f32; LANES] {
-        let (mut numbers, mut shares) = ([0_i32; LANES], [0.0_f32; LANES]);
+        let (mut numbers, mut shares) = ([0_u32; LANES], [0.0_f32; LANES]);
         for lane in 0..LANES {
             let at = (squares[lane] * steps).min(STEPS as f32);
-            numbers[lane] = at as i32;
-            shares[lane] = at - numbers[lane] as f32;
+            let whole = at.floor();
+            // A cast would ask each lane by itself whether an integer can be as large.
+            numbers[lane] = (whole + IN_LAST_BITS).to_bits();
+            shares[lane] = at - whole;
         }
         let mut values = [0.0; LANES];
         for lane in 0..LANES {
@@ -83,6 +87,25 @@ pub(super) struct Window {
     levels: Vec<Level>,
 }
 
+/// The work of [`Window::draw`] for whatever lanes the processor has. A closure with as much in it would stay a function of its own, which
+/// is made for the lanes that all processors have.
+struct Drawing<'a> {
+    window: &'a mut Window,
+    splats: &'a [Splat],
+    profile: &'a Profile,
+}
+
+impl pulp::WithSimd for Drawing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        for splat in self.splats {
+            self.window.add(splat, self.profile);
+        }
+    }
+}
+
 /// One resolution.
 struct Level {
     columns: usize,
@@ -101,11 +124,7 @@ impl Window {
 
     /// Adds particles, and their differences.
     pub fn draw(&mut self, splats: &[Splat], profile: &Profile) {
-        pulp::Arch::new().dispatch(|| {
-            for splat in splats {
-                self.add(splat, profile);
-            }
-        });
+        pulp::Arch::new().dispatch(Drawing { window: self, splats, profile });
     }
 
     #[inline(always)]
@@ -146,11 +165,14 @@ impl Window {
                 let (Some(differences), Some(own)) = (differences, level.own[at..].first_chunk_mut::<LANES>()) else {
                     continue;
                 };
+                // All are read before any is written: as far as the compiler knows both may be the same memory.
+                let (mut sums, mut totals) = (*differences, *own);
                 for lane in 0..LANES {
                     let value = heights[0] * source[lane];
-                    differences[lane] += heights[1] * decoded[lane] - value;
-                    own[lane] += value;
+                    sums[lane] += heights[1] * decoded[lane] - value;
+                    totals[lane] += value;
                 }
+                (*differences, *own) = (sums, totals);
             }
         }
     }

@@ -10,7 +10,7 @@ use crate::codec::codebook::{Codebook, CodebookScope, QuantityError};
 use crate::codec::packing::VqBits;
 use crate::codec::quantizer::Quantizer;
 use crate::codec::refinement::{Bend, Refinement, STEPS};
-use crate::codec::scaling::{ColumnScaling, fast_log2};
+use crate::codec::scaling::{ColumnScaling, fast_log2_all};
 use crate::model::portable::{Portable, portable};
 use std::ops::Range;
 
@@ -117,7 +117,7 @@ impl Trained {
                         vectors[..run.len()].iter_mut().for_each(|vector| bend.bend(vector));
                     }
                     quantizer.codes(&vectors[..run.len()], codes);
-                    run.zip(&*codes).for_each(|(i, &code)| sums.add(code as usize, batch, i, scaling));
+                    sums.add(codes, batch, run, scaling);
                     all.extend(codes.iter().map(|&code| code as u16));
                 }
                 all
@@ -230,8 +230,7 @@ impl Draft {
             batches.with(batch, |batch| {
                 let mut octaves = [0.0; RUN];
                 for (codes, lengths) in codes.chunks_mut(RUN).zip(batch.smoothing_length.chunks(RUN)) {
-                    // A loop of its own, so that it is one for SIMD lanes.
-                    octaves.iter_mut().zip(lengths).for_each(|(octaves, &length)| *octaves = fast_log2(length));
+                    fast_log2_all(1.0, lengths, &mut octaves);
                     for (code, &octaves) in codes.iter_mut().zip(&octaves) {
                         let line = usize::from(numbers[usize::from(*code)]);
                         let refined = Refinement::code(line, finder.step(line, octaves));
@@ -285,12 +284,19 @@ impl Draft {
                 coded.smoothing_length_max = coded.smoothing_length_max.max(codebook.smoothing_length[entry]);
             }
             batches.with(batch, |batch| {
-                let mut measure = |k: usize, scaling: &ColumnScaling, values: &[f32], decoded: &[f32]| {
+                let (mut decoded, mut own) = ([0.0; RUN], [0.0; RUN]);
+                let mut measure = |k: usize, scaling: &ColumnScaling, values: &[f32], book: &[f32]| {
                     let QuantityError { mean: mut sum, mut max } = errors[k];
-                    for (&value, &entry) in values.iter().zip(&entries) {
-                        let error = scaling.error(value, decoded[usize::from(entry)]);
-                        sum += error;
-                        max = max.max(error);
+                    for (values, entries) in values.chunks(RUN).zip(entries.chunks(RUN)) {
+                        for (decoded, &entry) in decoded.iter_mut().zip(entries) {
+                            *decoded = book[usize::from(entry)];
+                        }
+                        scaling.errors(values, &decoded, &mut own);
+                        for &error in &own[..values.len()] {
+                            sum += error;
+                            // One instruction where `max` takes several, because that minds what is not a number.
+                            max = if error > max { error } else { max };
+                        }
                     }
                     errors[k] = QuantityError { mean: sum, max };
                 };

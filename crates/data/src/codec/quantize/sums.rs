@@ -6,6 +6,7 @@ use crate::codec::codebook::{Codebook, CodebookScope};
 use crate::codec::refinement::Refinement;
 use crate::codec::scaling::AttributeMerge;
 use crate::model::portable::portable;
+use std::ops::Range;
 
 /// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, and weighted attributes; and the range of the smoothing lengths.
 pub struct Sums {
@@ -24,24 +25,37 @@ impl Sums {
         Sums { scope, columns, counts: vec![0; codes], values: vec![0.0; codes * columns], ranges }
     }
 
-    #[inline]
-    pub(super) fn add(&mut self, code: usize, from: &Quantities, i: usize, scaling: &Scaling) {
-        let (m, rho, h) = (f64::from(from.mass[i]), f64::from(from.density[i]), f64::from(from.smoothing_length[i]));
-        let row = &mut self.values[code * self.columns..][..self.columns];
-        row[0] += m;
-        row[1] += m * rho;
-        row[2] += m / (h * h);
-        for ((sum, (_, merge)), column) in row[3..].iter_mut().zip(&scaling.attributes).zip(&from.attributes) {
-            *sum += match merge {
-                // As particles are merged.
-                AttributeMerge::Mean => m * f64::from(column[i]),
-                AttributeMerge::Magnitude => (-0.4 * std::f64::consts::LN_10 * f64::from(column[i])).exp(),
-            };
+    /// Adds a run of particles with these codes.
+    pub(super) fn add(&mut self, codes: &[u32], from: &Quantities, run: Range<usize>, scaling: &Scaling) {
+        let Sums { columns, counts, values, ranges, .. } = self;
+        let mass = &from.mass[run.clone()];
+        let others = from.density[run.clone()].iter().zip(&from.smoothing_length[run.clone()]);
+        for ((&code, &mass), (&density, &length)) in codes.iter().zip(mass).zip(others) {
+            let code = code as usize;
+            let (m, rho, h) = (f64::from(mass), f64::from(density), f64::from(length));
+            let row = &mut values[code * *columns..][..3];
+            row[0] += m;
+            row[1] += m * rho;
+            row[2] += m / (h * h);
+            counts[code] += 1;
+            let [shortest, longest] = &mut ranges[code];
+            *shortest = if length < *shortest { length } else { *shortest };
+            *longest = if length > *longest { length } else { *longest };
         }
-        self.counts[code] += 1;
-        let [shortest, longest] = &mut self.ranges[code];
-        *shortest = shortest.min(from.smoothing_length[i]);
-        *longest = longest.max(from.smoothing_length[i]);
+        for (place, ((_, merge), column)) in (3..).zip(scaling.attributes.iter().zip(&from.attributes)) {
+            let particles = codes.iter().zip(mass).zip(&column[run.clone()]);
+            let mut add = |code: u32, value: f64| values[code as usize * *columns + place] += value;
+            match merge {
+                // As particles are merged.
+                AttributeMerge::Mean => {
+                    particles.for_each(|((&code, &mass), &value)| add(code, f64::from(mass) * f64::from(value)));
+                }
+                AttributeMerge::Magnitude => {
+                    let flux = |value: f32| (-0.4 * std::f64::consts::LN_10 * f64::from(value)).exp();
+                    particles.for_each(|((&code, _), &value)| add(code, flux(value)));
+                }
+            }
+        }
     }
 
     pub(super) fn merge(&mut self, other: &Sums) {

@@ -56,7 +56,11 @@ pub(super) fn sample<const L: usize, B: Batches>(
                 let taken = (0..batch.len()).filter(|&i| {
                     let mass = f64::from(batch.mass[i]);
                     at += by_count + mass * by_mass + mass * f64::from(batch.density[i]) * by_presence;
-                    let before = std::mem::replace(&mut passed, at.floor());
+                    let before = passed;
+                    // Most stay between the same whole numbers; rounding down is a call where no instruction is known to do it.
+                    if !(passed..passed + 1.0).contains(&at) {
+                        passed = at.floor();
+                    }
                     everything || passed > before
                 });
                 taken.map(|i| scaling.vector(batch, i)).collect()

@@ -82,6 +82,12 @@ impl Grids {
         list.get(index as usize).copied().unwrap_or(0).into()
     }
 
+    /// Edge of the box, where it is a cube that repeats.
+    fn box_size(&self, output: &Output) -> Option<f64> {
+        let [x, y, z] = self.coarse;
+        (self.boundary_count == 0 && x == y && y == z).then(|| output.info.coarse * f64::from(x))
+    }
+
     /// Coarse cells before the box along each axis, of which there is one where it has boundaries.
     fn before(&self) -> [f64; 3] {
         self.coarse.map(|cells| if self.boundary_count > 0 { f64::from(cells / 2) } else { 0.0 })
@@ -94,6 +100,15 @@ struct Variables {
     density: usize,
     /// The pressure, and the ratio of specific heats less 1.
     pressure: Option<(usize, f64)>,
+}
+
+/// Edge of the box of an output, where it is a cube that repeats.
+///
+/// # Errors
+/// When the first file of grids is missing or damaged.
+pub(super) fn box_size(output: &Output) -> Result<Option<f64>, ImportError> {
+    let mut amr = Walk::open(&output.file("amr", 1), output.method)?;
+    Ok(Grids::read(&mut amr, output.info.cpus)?.box_size(output))
 }
 
 /// Adds the cells of an output to what was found.
@@ -120,9 +135,8 @@ pub(super) fn read(output: &Output, found: &mut Found) -> Result<(), ImportError
             return Err(hydro.wrong("nvar", own.names.len(), "the quantities of the files before"));
         }
         let own = variables.insert(own);
-        let [x, y, z] = grids.coarse;
-        if cpu == 0 && grids.boundary_count == 0 && x == y && y == z {
-            found.box_size = Some(output.info.coarse * f64::from(x));
+        if cpu == 0 {
+            found.box_size = grids.box_size(output);
         }
         read_file(output, (&mut amr, &mut hydro), (&grids, cpu), own, &mut rows)?;
     }

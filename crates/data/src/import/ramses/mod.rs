@@ -48,6 +48,10 @@ impl Format for Ramses {
                 _ => ImportError::NoParticles { path: path.into(), field: "particles and cells".into() },
             });
         }
+        if !has_cells && has("amr") {
+            // Runs without gas have grids, too.
+            found.box_size = cells::box_size(&output)?;
+        }
         let mut about = Description::unitless(path, "ramses", found.bytes);
         output.info.describe(&mut about);
         about.box_size = found.box_size;

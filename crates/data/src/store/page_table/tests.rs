@@ -4,14 +4,14 @@ use crate::codec::VqBits;
 use crate::hierarchy::OctreeOptions;
 use crate::model::Placement;
 use crate::store::disk::Change;
+use crate::store::footer;
 use crate::store::layout::{HEADER_LEN, MAGIC, VERSION, VERSION_INDEXED, u32_at, u64_at};
 use crate::store::page::NODE_MEMORY;
 use crate::store::verify::{Verified, verify_file};
-use crate::store::writer::PageFileWriter;
+use crate::store::writer::ends_of;
 use crate::store::{PageFile, PageId};
 use crate::synth::{dataset, merger::Merger};
 use proptest::prelude::*;
-use std::io::{Read, Seek};
 use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Barrier};
@@ -110,20 +110,12 @@ fn whole() -> &'static [u8] {
 /// The same pages in a file with index pages of so many.
 fn indexed(together: usize) -> Vec<u8> {
     let file = Memory::new(whole().to_vec()).open().unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let writer = PageFileWriter::create(&folder.path().join("indexed.df")).unwrap();
-    let mut writer = writer.with_index(0, together as u32);
-    for page in (0..file.page_count()).map(PageId) {
-        let entry = *file.first().container().table().get(page.0 as usize).unwrap();
-        let bytes = file.fetch_page(page).unwrap();
-        writer.append(entry.family, entry.nodes, entry.memory.into(), bytes.bytes()).unwrap();
-    }
-    let complete = writer.complete(file.metadata()).unwrap();
-    let mut bytes = Vec::new();
-    let mut written = complete.file();
-    written.rewind().unwrap();
-    written.read_to_end(&mut bytes).unwrap();
-    bytes
+    let table: Vec<PageEntry> = file.first().container().table().iter().copied().collect();
+    let about = footer::encode(file.metadata(), VERSION_INDEXED);
+    // Here the footer follows the last page at once.
+    let end = u64_at(whole(), 24);
+    let (header, tail) = ends_of(MAGIC, VERSION_INDEXED, &table, end, &about, together as u32);
+    [&header.encode()[..], &whole()[HEADER_LEN..end as usize], &tail].concat()
 }
 
 /// Where the footer begins, and where the table lies before it.

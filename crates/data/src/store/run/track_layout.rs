@@ -8,6 +8,7 @@ use crate::hierarchy::spacetime::{Interpolation, Lattice};
 use crate::model::{ClockVariable, Cosmology, Epoch, FamilyName, Motion, Unit};
 use crate::store::error::Damage;
 use crate::store::wire::{Decoder, Encoder};
+use serde::{Deserialize, Serialize};
 
 /// What messages call it.
 const PLACE: &str = "directory, tracks";
@@ -17,7 +18,8 @@ const MOTIONS: [Motion; 4] = [Motion::Unknown, Motion::Coordinate, Motion::Pecul
 const TANGENTS: [Tangents; 3] = [Tangents::Velocity, Tangents::Differences, Tangents::None];
 
 /// Where the tangents of tracks come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Tangents {
     /// The velocities that are stored.
     #[default]

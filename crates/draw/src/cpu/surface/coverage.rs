@@ -30,11 +30,11 @@ const MOST_SIDE: u32 = 7;
 /// Samples of which some are not whole are at most so many pixels apart, so that their margins are in these squares.
 pub(super) const MOST_APART: f64 = (MOST_SIDE - 1) as f64;
 /// Rows and columns of samples of a pixel that are looked at: a surface that is seen from its edge has more.
-const MOST_SAMPLES: f64 = 64.0;
+pub const MOST_SAMPLES: f64 = 64.0;
 /// How far from a pixel's centre, in pixels, what is said to be there may be.
 const THERE: f64 = 0.01;
 /// How far from a sample of a globe, in pixels' sizes, what is under the centre of its pixel is looked for: farther only at the limb.
-const MIDDLE: f64 = 8.0;
+pub const MIDDLE: f64 = 8.0;
 
 /// Which of a cell's corners stands for a place of it. What the samples at the end of a field stand for ends where that of others does, though their
 /// cells may be shorter.

@@ -96,6 +96,7 @@ pub fn fragments_found(
             Some(Shaded { shader, seen, scale: layer.scale })
         })
         .collect();
+    shaded.iter().for_each(|one| one.shader.prepare_rays(one.seen));
     // A length of 1 at depth 1, in the picture's pixels.
     let pixel = 1.0 / first.sight.pixels_at(1.0);
     let is_flat = matches!(first.sight, Sight::Flat(view) if matches!(view.projection, crate::view::Projection::Orthographic { .. }));

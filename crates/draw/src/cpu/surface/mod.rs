@@ -6,7 +6,7 @@
 
 pub(crate) mod channels;
 mod closed;
-mod coverage;
+pub mod coverage;
 pub(crate) mod darken;
 pub mod fragments;
 pub mod holes;

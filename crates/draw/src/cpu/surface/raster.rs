@@ -122,7 +122,8 @@ impl Visibility {
     /// A picture of nothing.
     pub fn new([width, height]: [u32; 2]) -> Visibility {
         let (width, height) = (width as usize, height as usize);
-        Visibility { width, height, cells: (0..width * height).map(|_| AtomicU64::new(u64::MAX)).collect() }
+        let cells = (0..width * height).into_par_iter().map(|_| AtomicU64::new(u64::MAX));
+        Visibility { width, height, cells: cells.collect() }
     }
 
     /// What a pixel shows.

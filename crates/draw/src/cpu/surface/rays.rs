@@ -2,7 +2,10 @@
 //! pictures of all directions.
 //!
 //! From the whole field down to cells, a box of rows, columns and heights is entered only where the ray passes through it, the nearer ones first.
-//! Boxes and cells are closed and a hair wider than they are, so that no ray slips between two of them.
+//! Boxes and cells are closed and a hair wider than they are, so that no ray slips between two of them. A box holds those in it also as they are
+//! rounded, and so whether the least ones are met does not depend on how those around them are tried.
+
+mod passing;
 
 use super::placed::{GridRay, Placed};
 use super::raster::{Shown, Visibility};
@@ -13,6 +16,7 @@ use deepfield_heights::hierarchy::chunks::ChunkKey;
 use deepfield_heights::measure::{Course, Spread};
 use deepfield_heights::model::Triangle;
 use glam::DVec3;
+use passing::Passing;
 use rayon::prelude::*;
 
 /// How much wider than they are cells and boxes are, in cells.
@@ -127,7 +131,8 @@ fn whole_squares(mesh: &Mesh, [rows, columns]: [usize; 2]) -> Vec<Range> {
 
 /// A part of the quadtree with something drawn below it.
 struct Branch {
-    rectangle: [[u64; 2]; 2],
+    /// Between which rows and columns it is.
+    rectangle: [[f64; 2]; 2],
     range: Range,
     below: Below,
 }
@@ -151,7 +156,15 @@ pub struct Caster<'a> {
 impl<'a> Caster<'a> {
     /// Prepares a scene.
     pub fn new(scene: &'a Scene) -> Caster<'a> {
-        let pyramids = scene.meshes.par_iter().map(Pyramid::new).collect();
+        Caster::of(scene, scene.meshes.par_iter().map(Pyramid::new).collect())
+    }
+
+    /// The same by this thread alone. One that waits for others may meanwhile be given a task that waits for what it prepares.
+    pub(super) fn alone(scene: &'a Scene) -> Caster<'a> {
+        Caster::of(scene, scene.meshes.iter().map(Pyramid::new).collect())
+    }
+
+    fn of(scene: &'a Scene, pyramids: Vec<Pyramid>) -> Caster<'a> {
         let spread = scene.placed.spread();
         let mut caster = Caster { scene, pyramids, branches: Vec::new(), root: None, spread };
         let root = scene.lattice.root();
@@ -165,7 +178,7 @@ impl<'a> Caster<'a> {
         if meshes.is_empty() {
             return None;
         }
-        let rectangle = self.scene.lattice.rectangle(key);
+        let rectangle = self.scene.lattice.rectangle(key).map(|ends| ends.map(|end| end as f64));
         let own = meshes.iter().find(|number| self.scene.meshes[**number].node.key == key);
         let (range, below) = match own {
             Some(number) => (self.pyramids[*number].range(), Below::Mesh(*number)),
@@ -188,64 +201,65 @@ impl<'a> Caster<'a> {
     }
 
     /// The first hit of a ray between two parameters.
-    pub fn cast(&self, ray: &GridRay, [from, to]: [f64; 2]) -> Option<RayHit> {
-        self.root.and_then(|root| self.cast_branch(root, ray, [from, to]))
+    pub fn cast(&self, ray: &GridRay, part: [f64; 2]) -> Option<RayHit> {
+        let root = self.root?;
+        let Branch { rectangle, range, .. } = &self.branches[root];
+        let passing = Passing::new(ray, part, *rectangle, *range);
+        self.cast_branch(root, &passing, part)
     }
 
-    fn cast_branch(&self, number: usize, ray: &GridRay, span: [f64; 2]) -> Option<RayHit> {
+    fn cast_branch(&self, number: usize, passing: &Passing<'_>, span: [f64; 2]) -> Option<RayHit> {
         let branch = &self.branches[number];
-        let [rows, columns] = branch.rectangle.map(|ends| ends.map(|end| end as f64));
-        let span = within(ray, rows, columns, Some(branch.range), span)?;
+        let span = passing.through(branch.rectangle, branch.range, span)?;
         match &branch.below {
             Below::Mesh(mesh) => {
-                let top = self.pyramids[*mesh].top();
-                self.cast_square(*mesh, top, [0, 0], ray, span)
+                self.cast_square(*mesh, self.pyramids[*mesh].top(), [0, 0], passing, [span, passing.part])
             }
             Below::Parts(parts) => {
-                let [row, column] = backwards(ray);
-                let order = [(row, column), (row, 1 - column), (1 - row, column), (1 - row, 1 - column)];
-                self.nearest(ray, order.into_iter().filter_map(|(r, c)| parts[2 * r + c]), span)
+                let mut parts = passing.order.into_iter().filter_map(|[row, column]| parts[2 * row + column]);
+                parts.find_map(|part| self.cast_branch(part, passing, span))
             }
         }
     }
 
-    fn nearest(&self, ray: &GridRay, parts: impl Iterator<Item = usize>, span: [f64; 2]) -> Option<RayHit> {
-        for part in parts {
-            if let Some(hit) = self.cast_branch(part, ray, span) {
-                return Some(hit);
-            }
-        }
-        None
-    }
-
+    /// The first hit in a square of a chunk's cells. `span` is the stretch in which the ray may be in it, `part` the one in the smallest square around
+    /// that was met: those that know their range, and cells.
     fn cast_square(
         &self,
         number: usize,
         level: usize,
-        [row, column]: [usize; 2],
-        ray: &GridRay,
-        span: [f64; 2],
+        at: [usize; 2],
+        passing: &Passing<'_>,
+        [mut span, mut part]: [[f64; 2]; 2],
     ) -> Option<RayHit> {
-        let mesh = &self.scene.meshes[number];
-        let last = [mesh.rows.len() - 1, mesh.columns.len() - 1];
-        if row << level >= last[0] || column << level >= last[1] {
-            return None;
+        let (mesh, pyramid) = (&self.scene.meshes[number], &self.pyramids[number]);
+        if level == FIRST {
+            part = within(passing.ray, square(mesh, level, at), pyramid.range_of(level, at), part)?;
+            span = part;
+        } else if level == 0 {
+            let [from, _] = within(passing.ray, square(mesh, level, at), None, part)?;
+            return self.cast_cell(number, at, passing.ray, from);
         }
-        let ends = |places: &[u64], index: usize| {
-            let last = places.len() - 1;
-            [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
+        let (level, first) = (level - 1, at.map(|at| 2 * at));
+        let places = [&mesh.rows, &mesh.columns];
+        let halves = |axis: usize| {
+            let middle = places[axis].get((first[axis] + 1) << level);
+            passing.halves(1 - axis, middle.map(|place| *place as f64))
         };
-        let (rows, columns) = (ends(&mesh.rows, row), ends(&mesh.columns, column));
-        let range = self.pyramids[number].range_of(level, [row, column]);
-        let span = within(ray, rows, columns, range, span)?;
-        if level == 0 {
-            return self.cast_cell(number, [row, column], ray, span[0]);
-        }
-        let [down, right] = backwards(ray);
-        let order = [(down, right), (down, 1 - right), (1 - down, right), (1 - down, 1 - right)];
-        order
-            .into_iter()
-            .find_map(|(r, c)| self.cast_square(number, level - 1, [2 * row + r, 2 * column + c], ray, span))
+        let (rows, columns) = (halves(0), halves(1));
+        passing.order.into_iter().find_map(|[down, right]| {
+            let at = [first[0] + down, first[1] + right];
+            if (0..2).any(|axis| at[axis] << level >= places[axis].len() - 1) {
+                return None;
+            }
+            let (rows, columns) = (rows[down], columns[right]);
+            let span = [span[0].max(rows[0]).max(columns[0]), span[1].min(rows[1]).min(columns[1])];
+            let span = match pyramid.range_of(level, at) {
+                Some(range) => passing.over(range, span)?,
+                None => Some(span).filter(|[from, to]| from <= to)?,
+            };
+            self.cast_square(number, level, at, passing, [span, part])
+        })
     }
 
     fn cast_cell(&self, number: usize, [row, column]: [usize; 2], ray: &GridRay, from: f64) -> Option<RayHit> {
@@ -289,7 +303,7 @@ impl<'a> Caster<'a> {
 
     fn curved_branch(&self, number: usize, curved: &Curved<'_>, span: [f64; 2], best: &mut Option<RayHit>) {
         let branch = &self.branches[number];
-        let [rows, columns] = branch.rectangle.map(|ends| ends.map(|end| end as f64));
+        let [rows, columns] = branch.rectangle;
         let Some(span) = curved.within(rows, columns, branch.range, span, best) else { return };
         match &branch.below {
             Below::Mesh(mesh) => self.curved_square(*mesh, self.pyramids[*mesh].top(), [0, 0], curved, span, best),
@@ -313,10 +327,6 @@ impl<'a> Caster<'a> {
         if row << level >= last[0] || column << level >= last[1] {
             return;
         }
-        let ends = |places: &[u64], index: usize| {
-            let last = places.len() - 1;
-            [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
-        };
         let range = self.pyramids[number].range_of(level, [row, column]);
         let range = range.unwrap_or_else(|| match level {
             0 => {
@@ -325,9 +335,8 @@ impl<'a> Caster<'a> {
             }
             _ => [f64::NEG_INFINITY, f64::INFINITY],
         });
-        let Some(span) = curved.within(ends(&mesh.rows, row), ends(&mesh.columns, column), range, span, best) else {
-            return;
-        };
+        let [rows, columns] = square(mesh, level, [row, column]);
+        let Some(span) = curved.within(rows, columns, range, span, best) else { return };
         if level > 0 {
             for (r, c) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 self.curved_square(number, level - 1, [2 * row + r, 2 * column + c], curved, span, best);
@@ -443,16 +452,30 @@ impl LocalRay {
     }
 }
 
-/// Row and column of the part of four that a ray is in first: 1 where it goes to smaller numbers.
-fn backwards(ray: &GridRay) -> [usize; 2] {
-    [usize::from(ray.direction[1] < 0.0), usize::from(ray.direction[0] < 0.0)]
+/// Between which rows and columns a square of a chunk's cells is.
+fn square(mesh: &Mesh, level: usize, [row, column]: [usize; 2]) -> [[f64; 2]; 2] {
+    let ends = |places: &[u64], index: usize| {
+        let last = places.len() - 1;
+        [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
+    };
+    [ends(&mesh.rows, row), ends(&mesh.columns, column)]
+}
+
+/// How much wider boxes are than the rows or columns that end at a place, and along heights than a range.
+#[inline]
+fn hair_along(end: f64) -> f64 {
+    HAIR + 1e-14 * end
+}
+
+#[inline]
+fn hair_of([low, high]: Range) -> f64 {
+    HAIR * (high - low) + 1e-12 * low.abs().max(high.abs())
 }
 
 /// The part of a ray over a rectangle, and within a range of heights where there is one; `None` where it passes by.
 fn within(
     ray: &GridRay,
-    rows: [f64; 2],
-    columns: [f64; 2],
+    [rows, columns]: [[f64; 2]; 2],
     range: Option<Range>,
     [mut from, mut to]: [f64; 2],
 ) -> Option<[f64; 2]> {
@@ -466,12 +489,8 @@ fn within(
         (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
         from <= to
     };
-    let is_over = cut(0, columns, HAIR + 1e-14 * columns[1]) && cut(1, rows, HAIR + 1e-14 * rows[1]);
-    let is_in = is_over
-        && range.is_none_or(|range| {
-            let hair = HAIR * (range[1] - range[0]) + 1e-12 * range[0].abs().max(range[1].abs());
-            range[0] <= range[1] && cut(2, range, hair)
-        });
+    let is_over = cut(0, columns, hair_along(columns[1])) && cut(1, rows, hair_along(rows[1]));
+    let is_in = is_over && range.is_none_or(|range| range[0] <= range[1] && cut(2, range, hair_of(range)));
     is_in.then_some([from, to])
 }
 
@@ -492,3 +511,6 @@ fn kept(bounds: &Bounds, origin: DVec3, direction: DVec3) -> Option<[f64; 2]> {
     }
     (from <= to).then_some([from, to])
 }
+
+#[cfg(test)]
+mod tests;

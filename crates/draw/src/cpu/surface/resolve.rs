@@ -1,6 +1,8 @@
 //! From what a pixel shows to the exact place: where the ray through its centre meets the triangle that is drawn there; of a point the place of
 //! its sample.
 
+mod look;
+
 use super::horizon::Limb;
 use super::placed::{GridRay, Map, Vantage};
 use super::raster::{POLE, Shown};
@@ -47,7 +49,7 @@ pub const CHANNELS: usize = 7;
 const STEPS: u32 = 6;
 
 /// Most steps to where a ray meets what a sample of a globe stands for.
-const PLANE_STEPS: u32 = 16;
+pub const PLANE_STEPS: u32 = 16;
 
 /// Rounding may leave a pixel's centre so far outside of its triangle, in the triangle's own size.
 const OUTSIDE: f64 = 1e-9;
@@ -269,52 +271,6 @@ impl<'a> Resolver<'a> {
         Some(Hit { coverage: self.point_coverage(mesh, &hit, pixel, counts), ..hit })
     }
 
-    /// The place of the surface at a pixel's centre, for looks: as [`Resolver::hit`], but where a point is shown it is where the centre's ray
-    /// meets a triangle of its sample, as points are there to find those quickly; where it meets none, what a ray finds; where that passes by,
-    /// the sample's margin, and nothing beside that. A sample in no triangle is a point, and so is one of a field that is thinner than a pixel.
-    pub fn look(&self, shown: Shown, pixel: [f64; 2]) -> Option<Hit> {
-        let mesh = self.scene.meshes.get(shown.node)?;
-        let [row, column] = shown.at;
-        let is_own = shown.slot.is_none() && mesh.is_point(row, column) && !mesh.is_lone(row, column);
-        if !is_own || self.is_thin(mesh, [row, column]) {
-            return self.hit(shown, pixel);
-        }
-        let Some((origin, direction)) = self.ray(pixel) else { return self.hit(shown, pixel) };
-        // On globes as adapters have it.
-        let Some(ray) = self.scene.placed.ray(origin, direction) else {
-            return self.point(shown, mesh, pixel, false);
-        };
-        let mut best: Option<(f64, Met)> = None;
-        for (up, left) in [(1, 1), (1, 0), (0, 1), (0, 0)] {
-            if row < up
-                || column < left
-                || row - up + 1 >= mesh.samples.rows
-                || column - left + 1 >= mesh.samples.columns
-            {
-                continue;
-            }
-            let at = [row - up, column - left];
-            let frame = CellFrame::of(mesh, at);
-            let local = frame.ray(&ray);
-            for (slot, (triangle, is_membrane)) in mesh.triangles(at[0], at[1]).enumerate() {
-                let Some(t) =
-                    local.meets(&triangle).filter(|t| *t >= 0.0 && best.is_none_or(|(nearest, _)| *t < nearest))
-                else {
-                    continue;
-                };
-                let [u, v, _] = local.0.at(t);
-                if weights(triangle.corners, [u, v]).into_iter().all(|weight| weight >= -OUTSIDE) {
-                    let shown = Shown { node: shown.node, at, slot: Some(slot) };
-                    best = Some((t, Met { shown, at, triangle, frame, place: [u, v], is_membrane }));
-                }
-            }
-        }
-        match best {
-            Some((_, met)) => Some(self.met(mesh, &met, origin)),
-            None => self.cast(pixel).or_else(|| self.margin(shown, pixel)),
-        }
-    }
-
     /// The height that is seen at a place of the picture near a hit on a flat field's triangle: from triangle to triangle to where the ray
     /// meets one; `None` where that does not lead anywhere.
     pub fn height_near(&self, hit: &Hit, pixel: [f64; 2]) -> Option<f64> {
@@ -354,9 +310,14 @@ impl<'a> Resolver<'a> {
         None
     }
 
+    /// Prepares rays by all threads, for many places: else the first that asks for one does it alone.
+    pub(super) fn prepare_rays(&self) {
+        self.caster.get_or_init(|| Arc::new(Caster::new(self.scene)));
+    }
+
     /// What a ray finds at a place of the picture.
     pub fn cast(&self, pixel: [f64; 2]) -> Option<Hit> {
-        let caster = self.caster.get_or_init(|| Arc::new(Caster::new(self.scene)));
+        let caster = self.caster.get_or_init(|| Arc::new(Caster::alone(self.scene)));
         self.hit(caster.cast_pixel(self.sight, &self.lens, pixel)?.shown, pixel)
     }
 

@@ -130,6 +130,18 @@ impl<'a> Shader<'a> {
         }
     }
 
+    /// Prepares rays where many pixels of a flat field are drawn by them: those under whose centre the point that they show is not, and those in
+    /// which the surface ends.
+    pub(super) fn prepare_rays(&self, seen: &Visibility) {
+        let scene = self.resolver.scene;
+        let has_points = || scene.meshes.iter().any(|mesh| mesh.node.primitive == Primitive::Points);
+        let is_whole = || scene.meshes.iter().any(|mesh| mesh.samples.coverage.is_empty());
+        let is_open = || (0..seen.width * seen.height).any(|index| !seen.is_shown(index));
+        if scene.placed.is_flat() && (has_points() || self.parts > 1 && is_whole() && is_open()) {
+            self.resolver.prepare_rays();
+        }
+    }
+
     /// What finds places.
     pub fn resolver(&self) -> &Resolver<'a> {
         &self.resolver
@@ -229,6 +241,7 @@ impl<'a> Shader<'a> {
         seen: &Visibility,
         [columns, rows]: &[Range<usize>; 2],
     ) -> (Vec<[f32; 4]>, [Vec<f32>; 2]) {
+        self.prepare_rays(seen);
         let width = columns.len();
         let pixel = |index: usize| self.pixel(seen, [columns.start + index % width, rows.start + index / width]);
         let (colors, (depth, covered)) = (0..width * rows.len()).into_par_iter().map(pixel).unzip();

@@ -4,6 +4,7 @@
 //! and the others are drawn as usual, heights as `surface`, volumes as `volume`, particles in the mode that suits them. Settings are those of all these modes. An image or
 //! a volume may have a look of its own.
 
+mod among;
 mod fields;
 mod heights;
 mod looks;
@@ -11,46 +12,43 @@ mod opened;
 mod seen;
 #[cfg(test)]
 mod tests;
+mod units;
 
 pub use opened::{FieldAmong, HeightsField, OpenMixed, Samples};
 pub use seen::{Colored, ParticlesSeen, SeenMixed};
 
+use self::among::{Among, alone};
 use self::fields::{FieldsAmong, Lying};
 use self::heights::{Finder, HeightsAmong};
 use self::looks::{Kinds, Looks};
+use self::units::{in_lengths_of, placement_of};
 use crate::annotate::Units;
 use crate::color::transfer::Levels;
 use crate::color::{Colors, Image};
-use crate::cpu::paths::PathFragments;
-use crate::cpu::shadowing::ambient_occlusion::FARTHEST;
-use crate::cpu::shadowing::{Casters, Lighting, Others, nearest};
 use crate::cpu::surface::sight::Sight;
-use crate::heights::model::{Heights, units};
-use crate::import;
-use crate::look::{Backend, Camera, CameraConfig, DataKind, LookPatch, Member, MemberKind, Shot};
+use crate::heights::model::Heights;
+use crate::look::{Backend, Camera, CameraConfig, LookPatch, Member, MemberKind, Shot};
 use crate::mode::{LightPicture, Raw};
-use crate::model::{Bounds, ReadMethod, Unit};
+use crate::model::{Bounds, Unit};
 use crate::modes::{self, surface};
 use crate::picture::adapter::Adapter;
 use crate::picture::drawn::Coloration;
 use crate::picture::field::{FieldSession, PreparedField};
-use crate::picture::ground::{Ground, SceneLight};
 use crate::picture::placement::FieldPlacement;
-use crate::picture::projected::Projector;
 use crate::picture::ranges::{Format, Measured};
 use crate::picture::session::Reporter;
 use crate::picture::surface::names::{Floor, Names, take};
 use crate::picture::surface::painting::Painter;
 use crate::picture::surface::session::Prepared;
 use crate::picture::surface::standing::standing;
-use crate::picture::surface::{SurfaceDepths, SurfaceSession, SurfaceShown};
+use crate::picture::surface::{SurfaceSession, SurfaceShown};
 use crate::picture::times::Times;
 use crate::picture::{Picture, PictureError, Session, SessionOptions};
-use crate::store::{Metadata, PageFile, RunFile};
+use crate::store::Metadata;
 use crate::view::{Panorama, View};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Draws pictures of several kinds of data.
@@ -81,77 +79,6 @@ struct Ready {
 struct Placements {
     heights: Vec<FieldPlacement>,
     fields: Vec<FieldPlacement>,
-}
-
-/// What particles are drawn among.
-struct Among<'a> {
-    heights: HeightsAmong<'a>,
-    fields: FieldsAmong,
-    /// The diameter of all that the picture shows.
-    scene: f64,
-    /// How far what covers pixels is away in the last picture.
-    depths: Mutex<Option<SurfaceDepths>>,
-}
-
-impl Among<'_> {
-    /// Why something could not be read or drawn.
-    fn error(&self) -> Option<String> {
-        self.heights.error().or_else(|| self.fields.error())
-    }
-
-    /// The light of one kind, from which others hide some as `casters` draw.
-    fn lit<'l>(&self, lighting: &Lighting<'l>, casters: &'l Casters<'l>) -> Lighting<'l> {
-        let SceneLight { scene, sun, .. } = self.light();
-        Lighting { others: Some(Others { casters, scene, sun }), ..*lighting }
-    }
-
-    /// The heights of a view, from which fields and all else hide light.
-    fn lit_heights(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
-        let casters = |from: &View| nearest(self.fields.opaque(from, view, None), beside(lighting, from));
-        self.heights.fragments(view, &self.lit(lighting, &casters))
-    }
-}
-
-/// The depths of what else hides light than what a ground shows.
-fn beside(lighting: &Lighting<'_>, from: &View) -> Option<Vec<f32>> {
-    (lighting.others?.casters)(from)
-}
-
-impl Ground for Among<'_> {
-    fn fragments(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
-        let heights = (!self.heights.is_empty()).then(|| self.lit_heights(view, lighting));
-        let casters = |from: &View| nearest(self.heights.opaque(from), beside(lighting, from));
-        let fields = self.fields.fragments(view, &self.lit(lighting, &casters));
-        let found = match heights {
-            None => fields,
-            Some(heights) => heights.merged(&fields),
-        };
-        *self.depths.lock().unwrap_or_else(PoisonError::into_inner) = SurfaceDepths::of_fragments(view, &found);
-        found
-    }
-
-    fn is_filter(&self) -> bool {
-        !self.fields.is_empty()
-    }
-
-    fn solid(&self, view: &View, lighting: &Lighting<'_>) -> PathFragments {
-        if self.heights.is_empty() { PathFragments::nothing(view) } else { self.lit_heights(view, lighting) }
-    }
-
-    fn light(&self) -> SceneLight {
-        let shadowing = self.heights.shadowing();
-        let is_darkened = shadowing.is_some() || self.fields.are_darkened();
-        SceneLight {
-            scene: self.scene,
-            sun: shadowing.and_then(|shadowing| shadowing.lamp),
-            is_darkened,
-            margin_px: if is_darkened { FARTHEST } else { 0 },
-        }
-    }
-
-    fn opaque(&self, from: &View, view: &View) -> Option<Vec<f32>> {
-        nearest(self.heights.opaque(from), self.fields.opaque(from, view, None))
-    }
 }
 
 /// What came of a picture.
@@ -579,68 +506,10 @@ fn framed_by(shot: &Shot, bounds: Bounds) -> Result<Shot, PictureError> {
     Ok(Shot { camera: CameraConfig { eye, target, ..shot.camera }, ..shot.clone() })
 }
 
-/// Where a field lies that has lengths of its own.
-pub(super) fn placement_of(member: &Member, own: &Unit, scene: &Unit) -> FieldPlacement {
-    let scale = member.scale.or_else(|| ratio(own, scene)).unwrap_or(1.0);
-    // A ratio of units that are the same may differ from 1 by rounding.
-    let scale = if (scale - 1.0).abs() < 1e-12 { 1.0 } else { scale };
-    FieldPlacement { offset: member.offset, scale }
-}
-
-/// Says of particles how long their lengths are in a world of something else, where both units are known and nobody has said it.
-pub(super) fn in_lengths_of(
-    unit: &Unit,
-    particles: &mut [Member],
-    read: ReadMethod,
-    page_file: &mut dyn FnMut(&Path) -> Result<PathBuf, PictureError>,
-) -> Result<(), PictureError> {
-    for member in particles.iter_mut().filter(|member| member.scale.is_none()) {
-        let own = unit_of(&member.path, read, page_file)?;
-        member.scale = ratio(&own, unit).filter(|ratio| (ratio - 1.0).abs() > 1e-12);
-    }
-    Ok(())
-}
-
 /// The line of sight of each pixel of a picture.
 fn sight_of(view: &View, shot: &Shot) -> Result<Sight, PictureError> {
     Ok(match Panorama::around(view, shot.surround)? {
         None => Sight::Flat(*view),
         Some(panorama) => Sight::Around { panorama, eye: view.eye, cut: view.cut },
-    })
-}
-
-/// What there is without particles, in colours.
-fn alone(ground: &Among<'_>, shot: &Shot, view: &View) -> Result<Colors, PictureError> {
-    if !shot.is_projected() {
-        return Ok(ground.fragments(view, &Lighting::default()).colors());
-    }
-    let projector = Projector::new(*view, shot.surround, shot.stereo)?;
-    let lighting = Lighting { camera: Some(&projector.base), others: None };
-    let each = |view: &View| Ok(Some(Raw::Light(LightPicture::of(ground.fragments(view, &lighting).colors()))));
-    match projector.draw_each(true, ground.light().margin_px, each)? {
-        Raw::Light(light) => Ok(light.colors),
-        Raw::Sums(..) => Err(PictureError::Stopped),
-    }
-}
-
-/// How many of another unit one is, where both are lengths.
-fn ratio(own: &Unit, other: &Unit) -> Option<f64> {
-    let metres = |unit: &Unit| units::metres(unit).or_else(|| unit.ratio(&Unit::new("m")));
-    metres(own).zip(metres(other)).map(|(own, other)| own / other).or_else(|| own.ratio(other))
-}
-
-/// The unit of a dataset's lengths.
-fn unit_of(
-    path: &Path,
-    read: ReadMethod,
-    page_file: &mut dyn FnMut(&Path) -> Result<PathBuf, PictureError>,
-) -> Result<Unit, PictureError> {
-    if matches!(DataKind::of(path), Ok(DataKind::Source)) {
-        return Ok(import::open(path)?.description().length_unit.clone());
-    }
-    let path = page_file(path)?;
-    Ok(match DataKind::of_particles(&path)? {
-        DataKind::Run => RunFile::open(&path, read)?.directory().length_unit.clone(),
-        _ => PageFile::open_with(&path, read)?.metadata().length_unit.clone(),
     })
 }

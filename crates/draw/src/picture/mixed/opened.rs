@@ -1,7 +1,8 @@
 //! Several kinds of data, open: what several sessions draw pictures from.
 
 use super::looks::Kinds;
-use super::{MixedSession, in_lengths_of, placement_of, usual_of};
+use super::units::{in_lengths_of, placement_of};
+use super::{MixedSession, usual_of};
 use crate::heights::OpenHeights;
 use crate::heights::import::HeightOptions;
 use crate::heights::store::HeightFile;

@@ -9,7 +9,7 @@ use crate::heights::build::HeightBuildOptions;
 use crate::heights::{OpenHeights, is_heights};
 use crate::look::{CameraConfig, HeightsSaid, say};
 use crate::mode::Settings;
-use crate::model::{Attribute as Field, Dataset, Family, FamilyName, Kernel, Provenance};
+use crate::model::{Attribute as Field, Dataset, Family, FamilyName, Kernel, Provenance, ReadMethod};
 use crate::picture::surface::fixtures::field;
 use crate::synth::random::Random;
 use crate::view::{Eyes, Stereo, StereoKind, Surround};

@@ -120,11 +120,19 @@ fn mistakes_are_named_with_their_place() {
         ("(around: (what: selection(\"halo\")))", "what: found halo, expected a selection"),
         ("(around: (what: object(\"nothing\")))", "expected CATALOGUE#N"),
         ("(), (around: (what: object(\"nothing.csv#0\")))", "keyframe 2: "),
+        (
+            "(around: (what: object(\"https://h/a.csv?sig=s3cr3t\")))",
+            "what: found https://h/a.csv, expected CATALOGUE#N",
+        ),
+        (
+            "(around: (what: object(\"https://h/a.csv?sig=s3cr3t#0\")))",
+            "https://h/a.csv: open: found a URL, expected a file or folder of this machine",
+        ),
     ] {
         let text = format!("(version: 1, keyframes: [{keyframes}])");
         let tour = TourFile::parse("t.tour.ron", &text).unwrap();
         let message = Timeline::new(&tour, &surroundings(&text)).unwrap_err().to_string();
-        assert!(message.contains(expected), "{keyframes}: {message}");
+        assert!(message.contains(expected) && !message.contains("s3cr3t"), "{keyframes}: {message}");
     }
     let later = TourFile::parse("t.tour.ron", "(version: 9, keyframes: [], more: 1)").unwrap_err().to_string();
     assert!(later.contains("a later deepfield has written it"), "{later}");

@@ -3,6 +3,7 @@
 use super::sums::{HALF_CELL, Sum, Sums, UNIT};
 use crate::model::Cell;
 use crate::model::light;
+use deepfield_data::lanes::in_lanes;
 
 /// A leaf's samples at full resolution, with a ring of those around it.
 #[derive(Debug)]
@@ -70,7 +71,7 @@ pub fn sums(patch: &Patch<'_>, slopes: [f64; 2], owns: [bool; 2]) -> Sums {
     for (row, sums) in out.sums.chunks_exact_mut(columns).enumerate() {
         let (upper, lower) = (patch.row(row), patch.row(row + 1));
         if is_whole(upper) && is_whole(lower) {
-            pulp::Arch::new().dispatch(|| whole_row(upper, lower, slopes, sums));
+            in_lanes!(whole_row(upper, lower, slopes, sums));
         } else {
             broken_row(upper, lower, slopes, sums);
         }
@@ -115,7 +116,11 @@ fn whole_row(upper: &[f64], lower: &[f64], slopes: [f64; 2], sums: &mut [Sum]) {
             [normals[3][lane], normals[4][lane], normals[5][lane]] = normal(along_columns, along_rows);
         }
         for (lane, sum) in sums.iter_mut().enumerate() {
-            let normal = [0, 1, 2].map(|axis| normals[axis][lane] + normals[axis + 3][lane]);
+            let normal = [
+                normals[0][lane] + normals[3][lane],
+                normals[1][lane] + normals[4][lane],
+                normals[2][lane] + normals[5][lane],
+            ];
             *sum = Sum { area: 2, lone: 0, normal };
         }
     }

@@ -4,6 +4,7 @@
 //! missing; so the largest vertical distance is at T's samples, and where T's edges cross such diagonals.
 
 use crate::model::{Cell, Triangle};
+use deepfield_data::lanes::in_lanes;
 
 /// The least and the largest of T minus a surface; the least is above the largest where there is nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +27,7 @@ impl Range {
     }
 
     /// Takes in another range.
+    #[inline]
     pub fn join(&mut self, other: Range) {
         self.low = if other.low < self.low { other.low } else { self.low };
         self.high = if other.high > self.high { other.high } else { self.high };
@@ -62,8 +64,7 @@ const LANES: usize = 8;
 
 /// T minus the surface of a level over a leaf. `coarse` are the level's samples in the leaf, row by row.
 pub fn range(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
-    // The same operations in wider vectors, where the processor has them.
-    pulp::Arch::new().dispatch(|| range_in_vectors(fine, level, coarse))
+    in_lanes!(range_in_vectors(fine, level, coarse))
 }
 
 #[inline(always)]
@@ -80,14 +81,10 @@ fn range_in_vectors(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
     for cell_row in 0..cells[0] {
         let top = cell_row << level;
         let tall = (height - top).min(1 << level);
-        let corners = |column: usize| {
-            let at = cell_row * stride + column;
-            Cell([coarse[at], coarse[at + 1], coarse[at + stride], coarse[at + stride + 1]])
-        };
         let wide = |column: usize| (width - (column << level)).min(1 << level);
         let mut is_broken = false;
         for column in 0..cells[1] {
-            let (cell, size) = (corners(column), [tall, wide(column)]);
+            let (cell, size) = (corners(coarse, stride, [cell_row, column]), [tall, wide(column)]);
             if cell.measured() < 4 {
                 is_broken = true;
                 broken(fine, [top, column << level], size, cell, &mut range);
@@ -104,7 +101,7 @@ fn range_in_vectors(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
             }
             let share = down as f64 / tall as f64;
             for column in 0..cells[1] {
-                let cell = corners(column);
+                let cell = corners(coarse, stride, [cell_row, column]);
                 if !is_broken || cell.measured() == 4 {
                     let wide = wide(column);
                     let bend = if wide == tall { down } else { (down * wide).div_ceil(tall) };
@@ -128,6 +125,13 @@ fn range_in_vectors(fine: Fine<'_>, level: u32, coarse: &[f64]) -> Range {
         }
     }
     range
+}
+
+/// The corners of a cell of a surface that has so many samples in a row.
+#[inline(always)]
+fn corners(coarse: &[f64], stride: usize, [row, column]: [usize; 2]) -> Cell {
+    let at = row * stride + column;
+    Cell([coarse[at], coarse[at + 1], coarse[at + stride], coarse[at + stride + 1]])
 }
 
 /// Heights of a row across a cell of four corners, at a share of the way from its top; `bend` is the first one of the upper right triangle.

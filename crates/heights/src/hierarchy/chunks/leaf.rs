@@ -2,6 +2,7 @@
 
 use super::cells::{self, Patch};
 use super::sums::{Sums, WideLight, WideSum};
+use deepfield_data::lanes::in_lanes;
 
 /// What a leaf's samples say.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -112,24 +113,27 @@ fn largest(row: &[f64], other: &[f64]) -> f64 {
 
 /// The largest step along an edge of the surface of these samples, diagonals among them.
 pub fn largest_step<'a>(rows: impl Iterator<Item = &'a [f64]>, is_whole: bool) -> f64 {
-    pulp::Arch::new().dispatch(|| {
-        let mut most: f64 = 0.0;
-        let mut above: Option<&[f64]> = None;
-        for row in rows {
-            most = more(most, largest(&row[1..], row));
-            if let Some(above) = above {
-                most = more(more(most, largest(row, above)), largest(&row[1..], above));
-                if !is_whole {
-                    // Where a corner is missing the edge may be the other diagonal.
-                    for (up, own) in above.windows(2).zip(row.windows(2)) {
-                        if up[0].is_nan() || own[1].is_nan() {
-                            most = more(most, (up[1] - own[0]).abs());
-                        }
+    in_lanes!(largest_step_in_vectors(rows, is_whole))
+}
+
+#[inline(always)]
+fn largest_step_in_vectors<'a>(rows: impl Iterator<Item = &'a [f64]>, is_whole: bool) -> f64 {
+    let mut most: f64 = 0.0;
+    let mut above: Option<&[f64]> = None;
+    for row in rows {
+        most = more(most, largest(&row[1..], row));
+        if let Some(above) = above {
+            most = more(more(most, largest(row, above)), largest(&row[1..], above));
+            if !is_whole {
+                // Where a corner is missing the edge may be the other diagonal.
+                for (up, own) in above.windows(2).zip(row.windows(2)) {
+                    if up[0].is_nan() || own[1].is_nan() {
+                        most = more(most, (up[1] - own[0]).abs());
                     }
                 }
             }
-            above = Some(row);
         }
-        most
-    })
+        above = Some(row);
+    }
+    most
 }

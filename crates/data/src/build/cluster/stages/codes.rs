@@ -1,43 +1,26 @@
-//! The stages that code quantities: codebooks are trained, drafted, refined and settled.
+//! The stages that code quantities in parts, more of them than there are codebooks: these are trained, drafted, refined and settled.
 
 use super::*;
 
 impl Task<'_> {
-    /// What shares a codebook, of all families, with the number of its family; codebooks are numbered in this order.
-    pub(super) fn books(&self) -> Result<Vec<(usize, Book)>, BuildError> {
-        let families = self.joined()?.into_iter().enumerate();
-        let books = families.flat_map(|(family, joined)| {
-            joined.trees.into_iter().flat_map(|tree| tree.books).map(move |book| (family, book))
-        });
-        Ok(books.collect())
-    }
-
     /// The units of a task, in order: the same ones in all stages that code.
     pub(super) fn own_units(&self, books: &[(usize, Book)], task: u32) -> Vec<usize> {
         let particles = |(book, part): (usize, usize)| books[book].1.parts[part].particles;
         let particles: Vec<u64> = units(books).into_iter().map(particles).collect();
-        balanced(&particles, self.job.settings.code).swap_remove(task as usize)
-    }
-
-    /// How the columns of a family are scaled that has codebooks.
-    pub(super) fn scaling<'s>(&self, scaled: &'s [Option<Scaled>], family: usize) -> Result<&'s Scaling, BuildError> {
-        let scaled = scaled.get(family).and_then(Option::as_ref);
-        scaled.map(|scaled| &scaled.scaling).ok_or_else(|| self.unsound("codebooks of a family without particles"))
+        balanced(&particles, self.settings.code).swap_remove(task as usize)
     }
 
     pub(super) fn train(self, task: u32) -> Result<(), BuildError> {
         let (scaled, books) = (self.scaled()?, self.books()?);
         let spill = self.spill();
         let bits = self.options.octree.code_bits();
-        let particles = |(_, book): &(usize, Book)| book.parts.iter().map(|part| part.particles).sum();
-        let particles: Vec<u64> = books.iter().map(particles).collect();
-        let own = balanced(&particles, self.job.settings.train).swap_remove(task as usize);
+        let own = own_books(&books, self.settings.train, task);
         self.progress.begin("training", own.len() as u64);
         let train = |number: usize| {
             let (family, book) = &books[number];
             let shared: Shared = self.portable(&spill, &book.shared)?;
             let group = shared.group(&spill, bits, self.progress);
-            let trained = shared.train(self.scaling(&scaled, *family)?, &group, bits);
+            let trained = shared.train(&self.scaled_family(&scaled, *family)?.scaling, &group, bits);
             self.progress.advance(1);
             let put = |trained: Trained| spill.put(&[&trained.bytes()]);
             Ok((number, trained.and_then(put).map_err(|error| BuildError::temporary(&spill, error))?))
@@ -50,7 +33,7 @@ impl Task<'_> {
     /// Where trained quantisers are, by codebook.
     pub(super) fn trained(&self) -> Result<Vec<Blob>, BuildError> {
         let mut all: Vec<(usize, Blob)> = Vec::new();
-        for task in 0..self.job.settings.train {
+        for task in 0..self.settings.train {
             all.extend(self.index::<Vec<(usize, Blob)>>("train", task)?);
         }
         all.sort_by_key(|(number, _)| *number);
@@ -75,7 +58,7 @@ impl Task<'_> {
             let number = units[own[0]].0;
             let (family, book) = &books[number];
             let shared: Shared = self.portable(spill, &book.shared)?;
-            let (before, scaling) = (done.len(), self.scaling(&scaled, *family)?);
+            let (before, scaling) = (done.len(), &self.scaled_family(&scaled, *family)?.scaling);
             let one = |(i, &unit): (usize, &usize)| {
                 let part = book.parts[units[unit].1].batches.clone();
                 let lane = spill.lane(unit);
@@ -108,7 +91,7 @@ impl Task<'_> {
     /// What the tasks of a stage hand on of each unit, by number of the unit.
     pub(super) fn of_units<R: Portable>(&self, stage: &str) -> Result<Vec<R>, BuildError> {
         let mut all: Vec<(usize, R)> = Vec::new();
-        for task in 0..self.job.settings.code {
+        for task in 0..self.settings.code {
             all.extend(self.index::<Vec<(usize, R)>>(stage, task)?);
         }
         all.sort_by_key(|(unit, _)| *unit);
@@ -121,7 +104,8 @@ impl Task<'_> {
         let mut drafts = Vec::with_capacity(books.len());
         let spill = self.spill();
         for ((family, book), trained) in books.iter().zip(&trained) {
-            let (scaling, trained): (_, Trained) = (self.scaling(&scaled, *family)?, self.portable(&spill, trained)?);
+            let scaling = &self.scaled_family(&scaled, *family)?.scaling;
+            let trained: Trained = self.portable(&spill, trained)?;
             let mut totals = trained.totals(scaling);
             book.parts.iter().zip(sums.by_ref()).for_each(|(part, (_, sums))| totals.add(part.group, sums));
             drafts.push(totals.draft(&trained, scaling));
@@ -234,7 +218,7 @@ impl Task<'_> {
         self.hand_on(&settled, 0, 0)
     }
 
-    /// All that is coded, by codebook.
+    /// All that is coded in parts, by codebook.
     pub(super) fn quantized(&self) -> Result<Vec<CodedBatches>, BuildError> {
         let (books, drafts) = (self.books()?, self.drafts(self.last_drafts())?);
         let mut settled = self.of_units::<SettledPart<Codes>>("settle")?.into_iter();

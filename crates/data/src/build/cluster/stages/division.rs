@@ -2,7 +2,7 @@
 
 use super::*;
 
-impl Job {
+impl Settings {
     /// Family, and number among its own, of a task that reads the source.
     pub(super) fn input(&self, task: u32) -> (usize, &FamilyTasks, u32) {
         self.of_family(task, |family| family.input)
@@ -14,7 +14,7 @@ impl Job {
     }
 
     pub(super) fn of_family(&self, task: u32, tasks: impl Fn(&FamilyTasks) -> u32) -> (usize, &FamilyTasks, u32) {
-        let families = &self.settings.families;
+        let families = &self.families;
         let mut rest = task;
         let mut number = 0;
         while number + 1 < families.len() && rest >= tasks(&families[number]) {
@@ -35,7 +35,7 @@ impl Job {
     }
 
     pub(super) fn of_families(&self, tasks: fn(&FamilyTasks) -> u32) -> impl Iterator<Item = Range<u32>> {
-        self.settings.families.iter().scan(0, move |first, family| {
+        self.families.iter().scan(0, move |first, family| {
             let start = *first;
             *first += tasks(family);
             Some(start..*first)
@@ -45,7 +45,7 @@ impl Job {
     /// Bytes of the source that some chunks of a family take, about.
     pub(super) fn source_bytes(&self, family: &FamilyTasks, chunks: &Range<usize>) -> u64 {
         let particles = family.particles as f64 * chunks.len() as f64 / family.chunks.max(1) as f64;
-        (self.settings.source_bytes as f64 * particles / self.settings.particles().max(1) as f64) as u64
+        (self.source_bytes as f64 * particles / self.particles().max(1) as f64) as u64
     }
 }
 

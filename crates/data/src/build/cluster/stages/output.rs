@@ -9,7 +9,8 @@ impl Task<'_> {
         let kernel = about_source.kernel;
         let (scaled, joined) = (self.scaled()?, self.joined()?);
         let (outlines, left_out) = self.outlines()?;
-        let mut batches = self.quantized()?.into_iter();
+        let (batches, squares) = self.coded_books()?;
+        let mut batches = batches.into_iter();
         let (mut families, mut notes, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
         // Each with its length, and as bytes.
         let mut pages: Vec<(u64, Vec<u8>)> = Vec::new();
@@ -18,7 +19,9 @@ impl Task<'_> {
         for (number, ((scaled, outline), joined)) in known {
             let Some((scaled, outline)) = scaled.zip(outline) else { continue };
             let JoinedFamily { trees, estimated, derived } = joined;
-            let coded = self.coded(&scaled, trees, &mut batches, kernel)?;
+            let drawn = squares.as_ref().map(|all| all.range((number, 0)..(number + 1, 0)).map(|(_, own)| *own));
+            let error = drawn.map(picture_error);
+            let coded = self.coded(&scaled, trees, &mut batches, (kernel, error))?;
             let others = family::others(&coded);
             let trees = family::trees(&coded, &others, self.options);
             let (trees, written) = trees.paged(pages.len() as u32, self.options.page_bytes);
@@ -47,7 +50,7 @@ impl Task<'_> {
         let (version, about) = self.footer(about_source, families, notes, pages.len())?;
         let spill = self.spill();
         let temporary = |error| BuildError::temporary(&spill, error);
-        let tasks = self.job.settings.write;
+        let tasks = self.settings.write;
         let lengths: Vec<u64> = pages.iter().map(|(len, _)| *len).collect();
         let put = |range: Range<usize>| {
             let count = range.len().bytes();
@@ -68,13 +71,14 @@ impl Task<'_> {
         self.hand_on(&index, 0, 0)
     }
 
-    /// The coded trees of a family, of which `coded` has what shares each codebook, in order.
+    /// The coded trees of a family, of which `coded` has what shares each codebook, in order. `error` is what the codes do to the picture, which
+    /// may be none; `None` where it is still to be measured.
     pub(super) fn coded(
         &self,
         scaled: &Scaled,
         joined: Vec<Joined>,
         coded: &mut impl Iterator<Item = CodedBatches>,
-        kernel: Kernel,
+        (kernel, error): (Kernel, Option<Option<f64>>),
     ) -> Result<CodedTrees, BuildError> {
         let spill = self.spill();
         let temporary = |error| BuildError::temporary(&spill, error);
@@ -91,11 +95,15 @@ impl Task<'_> {
             }
             let mut coding = Coding::of(&draft.nodes);
             let leaves = shared.iter().take_while(|own| own.is_of_leaves()).count();
-            if let (Purpose::Splats, Some(picture)) = (kind, scaled.outline.picture(kernel, bits)) {
-                let positions = |depth: usize, index: usize| draft.positions(depth, index);
-                let measured = Measured { picture: &picture, positions: &positions };
-                let error = measured.error(&draft.nodes, &shared[..leaves], &own[..leaves], &spill, bits);
-                coding.column_error = error.map_err(temporary)?;
+            match (kind, error, scaled.outline.picture(kernel, bits)) {
+                (Purpose::Splats, Some(known), _) => coding.column_error = known,
+                (Purpose::Splats, None, Some(picture)) => {
+                    let positions = |depth: usize, index: usize| draft.positions(depth, index);
+                    let measured = Measured { picture: &picture, positions: &positions };
+                    let error = measured.error(&draft.nodes, &shared[..leaves], &own[..leaves], &spill, bits);
+                    coding.column_error = error.map_err(temporary)?;
+                }
+                _ => {}
             }
             shared.into_iter().zip(own).for_each(|(shared, own)| coding.take(shared, own, &spill));
             let tree = draft.coded(kind, coding, splats.as_ref(), bits, &mut books);
@@ -120,7 +128,7 @@ impl Task<'_> {
         derived: Vec<Vec<u64>>,
     ) -> Result<Vec<Histogram>, BuildError> {
         let mut source: Vec<Vec<u64>> = Vec::new();
-        for task in self.job.inputs().nth(family).into_iter().flatten() {
+        for task in self.settings.inputs().nth(family).into_iter().flatten() {
             let (_, counts): Sorted = self.index("partition", task)?;
             source = added(source, counts);
         }
@@ -144,7 +152,7 @@ impl Task<'_> {
         notes: Vec<String>,
         pages: usize,
     ) -> Result<(u32, Vec<u8>), BuildError> {
-        let settings = &self.job.settings;
+        let settings = self.settings;
         if source.provenance.path == settings.source {
             source.provenance.path.clone_from(&settings.named);
         }
@@ -168,7 +176,7 @@ impl Task<'_> {
         let file = open_growing(&path)?;
         let bits = self.options.octree.code_bits();
         let write = |page: &Page| -> Result<PageEntry, BuildError> {
-            let numbers = &numbers[page.family as usize];
+            let numbers = numbers.get(page.family as usize).ok_or_else(|| self.unsound("pages of another family"))?;
             let sections = |(node, places): &(StoredNode, NodeSections)| {
                 Ok((node.clone(), places.read(node, numbers, bits, &spill)?))
             };
@@ -194,7 +202,7 @@ impl Task<'_> {
 
     pub(super) fn finish(self) -> Result<(), BuildError> {
         let Pages { end, version, about, pages, .. } = self.index("pages", 0)?;
-        let tasks = self.job.settings.write;
+        let tasks = self.settings.write;
         let mut table: Vec<(u32, PageEntry)> = Vec::new();
         for task in 0..tasks {
             table.extend(self.index::<Vec<PageEntry>>("write", task)?.into_iter().map(|entry| (task, entry)));
@@ -217,13 +225,7 @@ impl Task<'_> {
         let len = file.metadata().map_err(|source| io_error(&path, "look at", source))?.len();
         let is_damaged = |(_, entry): &&(u32, PageEntry)| {
             self.progress.advance(1);
-            let next = align_up(entry.offset + u64::from(entry.len), ALIGNMENT).unwrap_or(end);
-            let mut bytes = vec![0; (next - entry.offset) as usize];
-            // Behind the last page there may be nothing yet.
-            let have = len.saturating_sub(entry.offset).min(bytes.len() as u64) as usize;
-            let read = read_exact_at(&file, &mut bytes[..have], entry.offset);
-            let (page, zeros) = bytes.split_at(entry.len as usize);
-            read.is_err() || crc32c::crc32c(page) != entry.crc || zeros.iter().any(|&byte| byte != 0)
+            !is_written(&file, len, entry)
         };
         let mut damaged: Vec<u32> = table.par_iter().filter(is_damaged).map(|(task, _)| *task).collect();
         damaged.dedup();
@@ -262,6 +264,17 @@ impl Task<'_> {
 fn open_growing(path: &Path) -> Result<File, BuildError> {
     let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
     file.map_err(|source| io_error(path, "open", source))
+}
+
+/// Whether a file of this length has a page, and zeros behind it; behind the last one there may be nothing yet.
+fn is_written(file: &File, len: u64, entry: &PageEntry) -> bool {
+    let end = entry.offset.checked_add(u64::from(entry.len)).filter(|end| *end <= len);
+    let Some(end) = end else { return false };
+    let next = align_up(end, ALIGNMENT).unwrap_or(end).min(len);
+    let mut bytes = vec![0; (next - entry.offset) as usize];
+    let read = read_exact_at(file, &mut bytes, entry.offset);
+    let (page, zeros) = bytes.split_at(entry.len as usize);
+    read.is_ok() && crc32c::crc32c(page) == entry.crc && zeros.iter().all(|&byte| byte == 0)
 }
 
 /// Whether a file of this length begins with these bytes.

@@ -4,12 +4,12 @@ use super::*;
 
 impl Task<'_> {
     pub(super) fn survey(self, task: u32) -> Result<(), BuildError> {
-        let (number, own, input) = self.job.input(task);
+        let (number, own, input) = self.settings.input(task);
         let source = self.source()?;
         let streams = self.streams(source.as_ref())?;
         let (stream, chunks) = (&streams.families[number], own.input(input));
         let parts = Survey::parts(stream, &self.options.octree, chunks.clone(), self.progress)?;
-        let bytes = self.job.source_bytes(own, &chunks);
+        let bytes = self.settings.source_bytes(own, &chunks);
         let surveyed: Surveyed = (parts, stream.left_out());
         self.hand_on(&surveyed, bytes, 0)
     }
@@ -17,9 +17,15 @@ impl Task<'_> {
     pub(super) fn plan(self) -> Result<(), BuildError> {
         let source = self.source()?;
         let streams = self.streams(source.as_ref())?;
+        let spill = self.spill();
+        let apart = |mut outline: Outline| {
+            let samples = outline.survey.take_samples();
+            let samples = spill.put(&[&samples.bytes()]).map_err(|error| BuildError::temporary(&spill, error))?;
+            Ok::<_, BuildError>((outline, samples))
+        };
         let mut left_out = Vec::new();
-        let mut outlines: Vec<Option<Outline>> = Vec::new();
-        for (stream, tasks) in streams.families.iter().zip(self.job.inputs()) {
+        let mut outlines: Vec<Option<(Outline, Blob)>> = Vec::new();
+        for (stream, tasks) in streams.families.iter().zip(self.settings.inputs()) {
             let mut parts = Vec::with_capacity(tasks.len());
             for task in tasks {
                 let (part, left): Surveyed = self.index("survey", task)?;
@@ -27,18 +33,22 @@ impl Task<'_> {
                 left_out.push(left);
             }
             let survey = Survey::joined(stream, &self.options.octree, parts);
-            outlines.push(Outline::of(survey, stream, &self.options.octree, self.job.output())?);
+            let outline = Outline::of(survey, stream, &self.options.octree, self.job.output())?;
+            outlines.push(outline.map(apart).transpose()?);
         }
         if outlines.iter().all(Option::is_none) {
             let field = "particles that can be drawn".into();
-            return Err(ImportError::NoParticles { path: self.job.settings.named.clone(), field }.into());
+            return Err(ImportError::NoParticles { path: self.settings.named.clone(), field }.into());
         }
-        self.hand_on(&(outlines, LeftOut::sum(left_out)), 0, 0)
+        drop(spill);
+        let planned: Planned = (outlines, LeftOut::sum(left_out));
+        self.hand_on(&planned, 0, 0)
     }
 
-    /// What was seen of each family.
+    /// What was seen of each family, without samples.
     pub(super) fn outlines(&self) -> Result<(Vec<Option<Outline>>, LeftOut), BuildError> {
-        self.index("plan", 0)
+        let (outlines, left_out): Planned = self.index("plan", 0)?;
+        Ok((outlines.into_iter().map(|outline| outline.map(|(outline, _)| outline)).collect(), left_out))
     }
 
     /// What was seen of one family; `None` if it has no particle.
@@ -47,7 +57,7 @@ impl Task<'_> {
     }
 
     pub(super) fn partition(self, task: u32) -> Result<(), BuildError> {
-        let (number, own, input) = self.job.input(task);
+        let (number, own, input) = self.settings.input(task);
         let Some(outline) = self.outline(number)? else { return self.hand_on(&Sorted::default(), 0, 0) };
         let source = self.source()?;
         let streams = self.streams(source.as_ref())?;
@@ -67,14 +77,14 @@ impl Task<'_> {
             self.progress,
         )?;
         let sorted: Sorted = (partition.hand_on(&self.spill())?, counts);
-        let bytes = self.job.source_bytes(own, &chunks);
+        let bytes = self.settings.source_bytes(own, &chunks);
         self.hand_on(&sorted, bytes, 0)
     }
 
     /// The particles of all buckets of a family, with what was found for them in the stages of these names.
     pub(super) fn particles(&self, family: usize, outline: &Outline, stages: &[&str]) -> Result<Partition, BuildError> {
         let mut blocks = Vec::new();
-        for task in self.job.inputs().nth(family).into_iter().flatten() {
+        for task in self.settings.inputs().nth(family).into_iter().flatten() {
             let (shares, _): Sorted = self.index("partition", task)?;
             blocks.push(shares);
         }
@@ -91,14 +101,14 @@ impl Task<'_> {
     /// What was found for the buckets of a family, in their order.
     pub(super) fn found(&self, stage: &str, family: usize) -> Result<Found, BuildError> {
         let mut all = Found::new();
-        for task in self.job.groups().nth(family).into_iter().flatten() {
+        for task in self.settings.groups().nth(family).into_iter().flatten() {
             all.extend(self.index::<Found>(stage, task)?);
         }
         Ok(all)
     }
 
     pub(super) fn neighbours(self, task: u32) -> Result<(), BuildError> {
-        let (number, own, group) = self.job.group(task);
+        let (number, own, group) = self.settings.group(task);
         let outline = self.outline(number)?;
         let estimating = outline.as_ref().and_then(Outline::estimating);
         let Some((outline, estimating)) = outline.zip(estimating) else { return self.hand_on(&Found::new(), 0, 0) };
@@ -116,7 +126,7 @@ impl Task<'_> {
     }
 
     pub(super) fn motion(self, task: u32) -> Result<(), BuildError> {
-        let (number, own, group) = self.job.group(task);
+        let (number, own, group) = self.settings.group(task);
         let source = self.source()?;
         let streams = self.streams(source.as_ref())?;
         let derivation = streams.families[number].derivation();
@@ -139,11 +149,14 @@ impl Task<'_> {
 
     pub(super) fn scale(self) -> Result<(), BuildError> {
         let mut scaled: Vec<Option<Scaled>> = Vec::new();
-        for (family, outline) in self.outlines()?.0.into_iter().enumerate() {
-            let Some(mut outline) = outline else {
+        let (outlines, _): Planned = self.index("plan", 0)?;
+        let spill = self.spill();
+        for (family, outline) in outlines.into_iter().enumerate() {
+            let Some((mut outline, samples)) = outline else {
                 scaled.push(None);
                 continue;
             };
+            outline.survey.put_samples(self.portable(&spill, &samples)?);
             let note = outline.note();
             let mut means = Vec::new();
             let seen = |stage| Ok::<_, BuildError>(self.found(stage, family)?.into_iter().map(|(seen, _)| seen));
@@ -156,9 +169,10 @@ impl Task<'_> {
                 outline.derived(found);
             }
             let scaling = outline.scaling();
-            outline.survey.forget_samples();
+            drop(outline.survey.take_samples());
             scaled.push(Some(Scaled { outline, scaling, means, note }));
         }
+        drop(spill);
         self.hand_on(&scaled, 0, 0)
     }
 

@@ -4,7 +4,7 @@ use super::*;
 
 impl Task<'_> {
     pub(super) fn grow(self, task: u32) -> Result<(), BuildError> {
-        let (number, own, group) = self.job.group(task);
+        let (number, own, group) = self.settings.group(task);
         let Some(scaled) = self.scaled()?.into_iter().nth(number).flatten() else {
             return self.hand_on(&Grown { built: Vec::new(), estimated: Vec::new(), derived: Vec::new() }, 0, 0);
         };
@@ -55,7 +55,8 @@ impl Task<'_> {
         let temporary = |error| BuildError::temporary(&spill, error);
         let bits = self.options.octree.code_bits();
         let mut all: Vec<JoinedFamily> = Vec::new();
-        for ((scaled, tasks), own) in self.scaled()?.into_iter().zip(self.job.groups()).zip(&self.job.settings.families)
+        for ((scaled, tasks), own) in
+            self.scaled()?.into_iter().zip(self.settings.groups()).zip(&self.settings.families)
         {
             let Some(Scaled { outline, scaling, .. }) = scaled else {
                 all.push(JoinedFamily::default());

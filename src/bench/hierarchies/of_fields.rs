@@ -2,13 +2,13 @@
 //!
 //! Volumes are compared by the line integrals of their values, images by the values themselves.
 
-use super::hierarchies::ways::{Data, Way};
-use super::hierarchies::{
-    Outcome, Report, Shown, check_mode, color_errors, conclude, milliseconds, print_head, print_row, sum_errors, views,
-};
-use super::process_memory::peak_memory;
-use super::splat::Failure;
-use super::{Arguments, Times};
+use super::check_mode;
+use super::pictures::{Shown, color_errors, sum_errors, views};
+use super::report::{Outcome, Report, conclude, milliseconds, print_head, print_row};
+use super::ways::{Data, Way};
+use crate::bench::process_memory::peak_memory;
+use crate::bench::splat::Failure;
+use crate::bench::{Arguments, Times};
 use crate::build::grid::{GridBuildOptions, build_grid};
 use crate::color::Accumulation;
 use crate::color::composite::composite_at;

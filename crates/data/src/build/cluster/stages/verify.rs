@@ -1,0 +1,86 @@
+//! Whether what a task has left for others can be read.
+
+use super::super::run;
+use super::super::settings::Plan;
+use super::books::CodedBooks;
+use super::*;
+
+impl Job {
+    /// Reads what a task has left for others, as they will: its index, and the values that this names. Particles, their codes and pages of the
+    /// output are read where they are used, each with its checksum; the page file of a step as a whole.
+    ///
+    /// # Errors
+    /// Where there is no such task, or its result is missing or damaged. A damaged one is removed: the task is to be run again.
+    pub fn verify(&self, stage: &str, task: u32) -> Result<(), BuildError> {
+        let number = self.number(stage, task)?;
+        let parts = Parts::reader(self.names());
+        match &self.plan {
+            Plan::Run(_) if stage == run::RUN => parts.index(number),
+            Plan::Run(_) => run::known_still(self, &parts, task, &()).map(drop),
+            Plan::Snapshot(settings) => {
+                let options = &settings.options;
+                Task { job: self, settings, options, parts: Arc::new(parts), progress: &() }.verify(stage, task)
+            }
+        }
+    }
+}
+
+impl Task<'_> {
+    fn verify(&self, stage: &str, task: u32) -> Result<(), BuildError> {
+        match stage {
+            "survey" => self.has_index::<Surveyed>(stage, task),
+            "plan" => {
+                let (outlines, _): Planned = self.index(stage, task)?;
+                self.has_values::<Columns>(outlines.into_iter().flatten().map(|(_, samples)| samples))
+            }
+            "partition" => self.has_index::<Sorted>(stage, task),
+            "neighbours" | "motion" => self.has_index::<Found>(stage, task),
+            "scale" => self.has_index::<Vec<Option<Scaled>>>(stage, task),
+            "grow" => self.has_index::<Grown>(stage, task),
+            "join" => {
+                let families: Vec<JoinedFamily> = self.index(stage, task)?;
+                for Joined { draft, books } in families.into_iter().flat_map(|family| family.trees) {
+                    self.has_values::<Draft>([draft])?;
+                    self.has_values::<Shared>(books.into_iter().map(|book| book.shared))?;
+                }
+                Ok(())
+            }
+            "quantize" => self.has_index::<CodedBooks>(stage, task),
+            "train" => {
+                let trained: Vec<(usize, Blob)> = self.index(stage, task)?;
+                self.has_values::<Trained>(trained.into_iter().map(|(_, trained)| trained))
+            }
+            "code" => {
+                let units: CodedUnits = self.index(stage, task)?;
+                self.has_values::<Vec<Codes>>(units.into_iter().map(|(_, (codes, _))| codes))
+            }
+            "refine" => {
+                let units: RefinedUnits = self.index(stage, task)?;
+                self.has_values::<Vec<Codes>>(units.into_iter().map(|(_, (codes, _))| codes))
+            }
+            "draft" | "lines" => {
+                let drafts: Vec<Blob> = self.index(stage, task)?;
+                self.has_values::<DraftBook>(drafts)
+            }
+            "settle" => self.has_index::<SettledUnits>(stage, task),
+            "pages" => {
+                let Pages { tasks, numbers, .. } = self.index(stage, task)?;
+                self.has_values::<Vec<Vec<Vec<u16>>>>([numbers])?;
+                self.has_values::<Vec<Page>>(tasks)
+            }
+            "write" => self.has_index::<Vec<PageEntry>>(stage, task),
+            _ => self.has_index::<()>(stage, task),
+        }
+    }
+
+    /// Reads the index of a task.
+    fn has_index<T: Portable>(&self, stage: &str, task: u32) -> Result<(), BuildError> {
+        self.index::<T>(stage, task).map(drop)
+    }
+
+    /// Reads the values that are in blobs.
+    fn has_values<T: Portable>(&self, blobs: impl IntoIterator<Item = Blob>) -> Result<(), BuildError> {
+        let spill = self.spill();
+        blobs.into_iter().try_for_each(|blob| self.portable::<T>(&spill, &blob).map(drop))
+    }
+}
