@@ -190,7 +190,9 @@ class _Workers:
     def run(self, stages):
         count = sum(stage["tasks"] for stage in stages)
         if count >= _MOST_TASKS:
-            raise _deepfield.Error(f"{self._job}: tasks: found {count}, expected less than {_MOST_TASKS}, with a smaller tasks=")
+            # A run has a task for each step, however many are asked for.
+            advice = "" if stages[0]["name"] == "steps" else ", with a smaller tasks="
+            raise _deepfield.Error(f"{self._job}: tasks: found {count}, expected less than {_MOST_TASKS}{advice}")
         counts, done = {stage["name"]: stage["tasks"] for stage in stages}, collections.Counter()
         for (prefix, _), _ in self._ended(self._submitted(stages)):
             name = prefix.removeprefix("deepfield-").removesuffix(f"-{self._token}")

@@ -95,6 +95,14 @@ class Here(OfTasks):
         self.assertEqual(out.read_bytes(), alone.read_bytes())
         self.is_clean("alone.df", "box.csv", "movie.df", "movie.xyz")
 
+    def test_too_many_tasks_are_told(self):
+        # Steps of a run cannot be fewer.
+        for name, advice in [("survey", ", with a smaller tasks="), ("steps", "")]:
+            workers = deepfield.cluster._Workers(None, "box.job", (None, None), None, {})
+            with self.assertRaises(deepfield.Error) as told:
+                workers.run([{"name": name, "tasks": 50_000, "after": []}])
+            self.assertEqual(str(told.exception), f"box.job: tasks: found 50000, expected less than 50000{advice}")
+
     def test_mistakes_are_told_and_leave_nothing(self):
         build = deepfield.cluster.build
         self.refused("absent.csv", build, self.folder / "absent.csv", self.out)

@@ -119,7 +119,8 @@ fn cells_of(level: u32, sample: vec2<u32>) -> f32 {
     return stood.x * stood.y;
 }
 
-/// The share of a sample of a chunk's level, which may be in another chunk; below 0 where only coarser ones are known (`Resolver::share_of`).
+/// The share of a sample of a chunk's level, which may be in another chunk; below 0 where only coarser ones are known (`Resolver::share_of`,
+/// but that what only an ancestor of drawn chunks knows counts as nothing).
 fn share_at(draw: Draw, sample: vec2<u32>) -> f32 {
     let own = sample - vec2(draw.key_row, draw.key_column) * CHUNK;
     // What is before the first one is beyond all.

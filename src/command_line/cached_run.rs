@@ -8,7 +8,7 @@ use crate::import::{
 };
 use crate::look::page_cache::{BUDGET_VARIABLE, budget, cached_name, mark_as_used, stated_budget};
 use crate::model::{Progress, ReadMethod, When, scale_factor_of};
-use crate::store::RunFile;
+use crate::store::{PageFile, RunFile};
 use std::error::Error;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
@@ -336,7 +336,8 @@ impl Plan {
         let still_of = |step: &RunStep, read: &LoadOptions, progress: &dyn Progress| {
             // Alone, a step would keep what others lack.
             let is_as_alone = read.without.is_empty();
-            Ok::<_, BuildError>(is_as_alone.then(|| page_file_of(&step.about.path, progress).ok()).flatten())
+            let file = is_as_alone.then(|| page_file_of(&step.about.path, progress).ok()).flatten();
+            Ok::<_, BuildError>(file.filter(|file| PageFile::open(file).is_ok()))
         };
         let still_of = (self.extent == Extent::Parts).then_some(&still_of as StillOf);
         let skip_damaged = self.skip_damaged;

@@ -17,7 +17,8 @@ pub struct JobOptions {
     /// `deepfield stage`; the file will be the one that is built without --plan.
     #[arg(long, value_name = "JOB")]
     pub plan: Option<PathBuf>,
-    /// Tasks of the largest stages, about [default: a few fat ones, by the number of particles and --memory]. A run has a task for each step.
+    /// Tasks of the largest stages, about [default: a few fat ones, by the number of particles and --memory; a run has one for each step and
+    /// takes no --tasks].
     #[arg(long, value_name = "N", requires = "plan", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub tasks: Option<u32>,
     /// Write JOB/submit.sh, too, which gives the tasks to SLURM.

@@ -3,6 +3,9 @@
 use deepfield::gpu::headless::render;
 use deepfield::gpu::{Backend, DeviceOptions, HeadlessFrame, HeadlessRenderer, HeadlessRequest, Payload};
 
+/// The bits of a node's source that number pictures here; those above them number columns.
+const PICTURE: u32 = 0xff_ffff;
+
 /// One for each technique that has been asked for.
 #[derive(Default)]
 pub struct Adapters {
@@ -23,7 +26,7 @@ impl Adapters {
         let is_of_page = |payload: &Payload| matches!(payload, Payload::Page { .. });
         // All else than nodes of pages is named anew for each picture.
         for node in request.nodes.iter_mut().filter(|node| !is_of_page(&node.upload.payload)) {
-            node.upload.id.source = self.pictures;
+            node.upload.id.source = (node.upload.id.source & !PICTURE) | self.pictures;
         }
         if self.open.iter().all(|(backend, _)| *backend != request.backend) {
             let opened = HeadlessRenderer::bare(&self.device, request.backend).unwrap();

@@ -50,11 +50,12 @@ pub fn kept_page_file(name: &str, make: impl FnOnce(&Path)) -> Vec<u8> {
 /// by each test that opens the snapshot.
 pub fn keep_demo_pages(folder: &Path) {
     let pages = folder.join("deepfield").join("pages");
-    let path = pages.join(cached_name(&demo()).unwrap());
+    let name = cached_name(&demo()).unwrap();
+    let path = pages.join(&name);
     if path.exists() {
         return;
     }
-    let kept = kept_page_file("demo-of-the-cache", |path| {
+    let kept = kept_page_file(&name, |path| {
         let making = tempfile::tempdir().unwrap();
         let (made, _) = page_file(&demo(), &HeightsSaid::default(), || Ok(making.path().into()), &()).unwrap();
         std::fs::copy(made, path).unwrap();

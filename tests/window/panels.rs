@@ -224,7 +224,7 @@ fn a_scene_whose_data_has_changed_opens_with_what_applies() {
     // At twice the rows of a usual screen text is twice as large.
     let [left, top, _, bottom] = [0, 1, 2, 3].map(|i| status["controls"]["error-bound"][i].as_f64().unwrap());
     assert!(left > 100.0 && (30.0..42.0).contains(&(bottom - top)), "{status:#}");
-    keep(&desktop, "panels-4k.png");
+    keep(&desktop, "panels-2160-rows.png");
     desktop.close(desktop.window().unwrap());
     assert_eq!(program.exit_code(), Some(0));
 }

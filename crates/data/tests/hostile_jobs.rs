@@ -1,6 +1,6 @@
 //! What one stage of a job leaves for another, cut or changed at random: whoever reads it names the task that is to be run again, or the output
-//! is the same. Where the checksums were made right, too, it is read as something else or refused, never with a panic, nor with more memory
-//! than its size allows.
+//! is the same. Where the checksums were made right, too, [`Job::verify`] reads it as something else or refuses it, never with a panic, nor with
+//! more memory than its size allows. What tasks make of such values is not looked at.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(unsafe_code, reason = "an allocator that counts is unsafe to write")]
@@ -155,7 +155,7 @@ fn changes_are_told_or_mended(case: &Case, stage: &str, path: &Path, files: &Fil
     }
 }
 
-/// Whoever means harm gets no further than to other values.
+/// Whoever means harm has other values read, and no more.
 fn forgeries_are_read_or_refused(case: &Case, stage: &str, path: &Path, sound: &[u8], random: &mut Pcg32) {
     for round in 0..48 {
         let mut bytes = sound.to_vec();

@@ -5,11 +5,14 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use deepfield_data::build::cluster::{Job, Split};
-use deepfield_data::build::{BuildOptions, build_source};
+use deepfield_data::build::{BuildOptions, RunBuild, build_source};
 use deepfield_data::hierarchy::Kinds;
-use deepfield_data::import::{LoadOptions, Smoothing};
-use deepfield_data::model::Progress;
+use deepfield_data::import::{LoadOptions, RunOptions, Smoothing, open_run};
+use deepfield_data::model::{Progress, ReadMethod};
+use deepfield_data::store::RunFileWriter;
 use deepfield_data::synth;
+use deepfield_data::synth::moving::{self, Orbits};
+use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::Path;
@@ -138,6 +141,12 @@ struct Waiting {
     stages: Mutex<Vec<(String, u64)>>,
 }
 
+impl Waiting {
+    fn until(most: u64) -> Waiting {
+        Waiting { most, asked: AtomicU64::new(0), stages: Mutex::default() }
+    }
+}
+
 impl Progress for Waiting {
     fn begin(&self, stage: &str, _: u64) {
         self.stages.lock().unwrap().push((stage.to_owned(), 0));
@@ -168,7 +177,7 @@ fn builds_ask_often_and_leave_nothing_where_nobody_waits() {
     let load = LoadOptions { smoothing: Smoothing::Knn(32), ..LoadOptions::default() };
     let options = BuildOptions { threads: Some(2), ..BuildOptions::default() };
     let build = |most: u64| {
-        let waiting = Waiting { most, asked: AtomicU64::new(0), stages: Mutex::default() };
+        let waiting = Waiting::until(most);
         let work = || build_source(&source, &load, &options, &out.join("k.df"), &waiting).map(drop);
         let ended = catch_unwind(AssertUnwindSafe(work));
         (ended, waiting.asked.into_inner(), waiting.stages.into_inner().unwrap())
@@ -185,4 +194,42 @@ fn builds_ask_often_and_leave_nothing_where_nobody_waits() {
         assert!(ended.is_err(), "went on after question {most} of {asked}");
         assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0, "stopped at question {most} of {asked}");
     }
+}
+
+/// Page files are copied into a run in pieces, and the last question comes right before the run gets its name.
+#[test]
+fn runs_ask_while_they_are_put_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    let orbits = Orbits::new(4, 200);
+    let times = moving::times(&orbits, 3, 1.5, 3);
+    let files = moving::write(&orbits, &times, 3, &folder.path().join("run"), &()).unwrap();
+    let run = open_run(&files, &RunOptions::default(), ReadMethod::default()).unwrap();
+    let (load, options) = (LoadOptions::default(), BuildOptions { threads: Some(1), ..BuildOptions::default() });
+    let build = RunBuild { load: &load, options: &options, tracks: None, skip_damaged: false, still_of: None };
+    let work = |most: u64| {
+        let waiting = Waiting::until(most);
+        let work = || build.build(run.clone(), &out.join("k.df"), &waiting).map(drop);
+        let ended = catch_unwind(AssertUnwindSafe(work));
+        (ended, waiting.asked.into_inner(), waiting.stages.into_inner().unwrap())
+    };
+    let is_empty = || std::fs::read_dir(&out).unwrap().count() == 0;
+    let (ended, asked, stages) = work(u64::MAX);
+    ended.unwrap().unwrap();
+    std::fs::remove_file(out.join("k.df")).unwrap();
+    // Where it begins, behind its only piece, and at the end of all.
+    assert_eq!(stages.last().unwrap(), &("step 3 of 3: copying its page file".to_owned(), 3));
+    assert!(work(asked - 1).0.is_err() && is_empty());
+
+    let large = folder.path().join("large");
+    File::create(&large).unwrap().set_len(20 << 20).unwrap();
+    let copy = |most: u64| {
+        let waiting = Waiting::until(most);
+        let mut writer = RunFileWriter::create(&out.join("k.df")).unwrap();
+        let work = || writer.append(&File::open(&large).unwrap(), &waiting).unwrap().len;
+        catch_unwind(AssertUnwindSafe(work))
+    };
+    assert_eq!(copy(u64::MAX).unwrap(), 20 << 20);
+    assert!(copy(4).is_err() && is_empty());
 }

@@ -6,8 +6,8 @@
 use deepfield_data::build::cluster::{Job, Stage, StageStatus};
 use deepfield_data::build::{BuildError, BuildOptions, FlowOptions, RunBuild, TrackOptions};
 use deepfield_data::hierarchy::Kinds;
-use deepfield_data::import::{LoadOptions, Run, RunOptions, open_run};
-use deepfield_data::model::{DerivedQuantity, FamilyName, ReadMethod};
+use deepfield_data::import::{LoadOptions, Run, RunOptions, RunStep, open_run};
+use deepfield_data::model::{DerivedQuantity, FamilyName, Progress, ReadMethod};
 use deepfield_data::store::RunFile;
 use deepfield_data::store::run::Tangents;
 use deepfield_data::synth::moving::{self, Births, Moving, Orbits, Pancake};
@@ -89,6 +89,15 @@ impl Case {
         std::fs::read(self.path("out.df")).unwrap()
     }
 
+    /// Bytes that the tasks read: snapshots for stills, and once more for tracks; stills to sum them up, and to copy those that are kept.
+    fn read(&self) -> u64 {
+        let sources: u64 = self.run.steps.iter().map(|step| step.about.bytes).sum();
+        let still = |step: usize| std::fs::metadata(self.path("job").join(format!("still.{step}"))).unwrap().len();
+        let stills: u64 = (0..self.run.steps.len()).map(still).sum();
+        let is_kept = self.tracks.is_none_or(|tracks| !tracks.no_stills);
+        (2 + u64::from(self.tracks.is_some())) * sources + (1 + u64::from(is_kept)) * stills
+    }
+
     /// What is in the folder beside the snapshots.
     fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.folder.path()).unwrap();
@@ -150,9 +159,12 @@ fn the_run_is_that_of_one_machine() {
         assert_eq!(stages, [("steps", case.run.steps.len() as u32), ("run", 1)]);
         run_all(&Job::open(&case.path("job")).unwrap(), number as u64);
         assert!(case.built() == expected, "case {number}");
+        let read = case.read();
         let status = job.status().unwrap();
         assert!(status.finished && status.stages.iter().all(|stage| stage.done == stage.tasks));
-        assert!(status.particles > 0 && status.bytes.written > expected.len() as u64 && status.bytes.read > 0);
+        assert!(status.particles > 0 && status.bytes.written > expected.len() as u64);
+        // And what each step has told of its page file.
+        assert!((read..read + 100).contains(&status.bytes.read), "case {number}: {} of {read}", status.bytes.read);
         // The steps are told by the names that they were given.
         let told = RunFile::open(&case.path("out.df"), ReadMethod::default()).unwrap();
         assert!(told.directory().steps.iter().all(|step| step.source.to_string_lossy().starts_with("..")));
@@ -194,8 +206,15 @@ fn what_is_damaged_is_made_again() {
 
 #[test]
 fn what_cannot_be_built_is_told_and_cancelled_jobs_leave_nothing() {
-    let case = Case::generated(&Orbits::new(4, 200), 3);
+    let mut case = Case::generated(&Orbits::new(4, 200), 3);
+    let temporary = case.path("temporary");
+    std::fs::create_dir(&temporary).unwrap();
+    case.options.temporary = Some(from_here(&temporary));
     let job = case.plan().unwrap();
+    // Tasks run elsewhere.
+    let found = std::fs::read_to_string(case.path("job").join("job.json")).unwrap();
+    let expected = std::path::absolute(from_here(&temporary)).unwrap();
+    assert!(found.contains(&format!("\"temporary\": {expected:?}")), "{found}");
     let told = |stage: &str, task: u32| job.run(stage, task, None, &()).unwrap_err().to_string();
     assert!(told("run", 0).ends_with("run stage steps, task 0"), "{}", told("run", 0));
     assert!(told("steps", 3).contains("task: found 3 of stage steps, expected 0 to 2"));
@@ -217,7 +236,24 @@ fn what_cannot_be_built_is_told_and_cancelled_jobs_leave_nothing() {
     }
     std::fs::rename(case.path("kept"), case.path("run_001")).unwrap();
     // As killed tasks leave it where files need names.
-    std::fs::write(case.path("job").join("still.2.tmpKilled"), "").unwrap();
+    let killed =
+        ["job/still.2.tmpKilled", "out.df.tmpKilled", "temporary/out.df.tmpKilled", "temporary/still.1.tmpKilled"];
+    killed.iter().for_each(|name| std::fs::write(case.path(name), "").unwrap());
+    std::fs::write(temporary.join("other.df.tmpKilled"), "").unwrap();
     job.remove().unwrap();
-    assert!(case.names().is_empty(), "{:?}", case.names());
+    assert_eq!(case.names(), ["temporary"]);
+    let left: Vec<_> = std::fs::read_dir(&temporary).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert_eq!(left, ["other.df.tmpKilled"]);
+}
+
+/// Other bytes than those that were promised are not built in its place.
+#[test]
+fn a_page_file_that_cannot_be_opened_is_told() {
+    let case = Case::generated(&Orbits::new(4, 100), 2);
+    let gone = case.path("gone.df");
+    let still_of = |_: &RunStep, _: &LoadOptions, _: &dyn Progress| Ok::<_, BuildError>(Some(gone.clone()));
+    let build = RunBuild { still_of: Some(&still_of), ..case.build() };
+    let told = build.build(case.run.clone(), &case.path("out.df"), &()).unwrap_err().to_string();
+    assert!(told.contains("gone.df"), "{told}");
+    assert_eq!(case.names(), [""; 0]);
 }

@@ -107,11 +107,11 @@ pub(super) fn code(
     if let Some(measured) = measured {
         coding.column_error = measured.error(nodes, &leaves, &coded, spill, bits)?;
     }
-    leaves.into_iter().zip(coded).for_each(|(own, coded)| coding.take(own, coded, spill));
+    leaves.into_iter().zip(coded).try_for_each(|(own, coded)| coding.take(own, coded, spill))?;
     progress.advance(1);
     for own in grids {
         let coded = code(&own)?;
-        coding.take(own, coded, spill);
+        coding.take(own, coded, spill)?;
         progress.advance(1);
     }
     Ok(coding)
@@ -325,12 +325,18 @@ impl Measured<'_> {
         bits: CodeBits,
     ) -> io::Result<[f64; 2]> {
         let group = shared.group(spill, bits, &());
-        let (Entry { depth, index, batch }, decoded) = (&group.entries[leaf], &coded.batches[leaf]);
+        let Entry { depth, index, batch } = &group.entries[leaf];
+        let unsound = |what: &str| io::Error::other(format!("codes: found {what}, expected those of a codebook"));
+        let decoded = coded.batches.get(leaf).ok_or_else(|| unsound("none of a leaf"))?;
         let node = &nodes[*depth][*index];
         let Some(positions) = (self.positions)(*depth, *index) else { return Ok([0.0; 2]) };
         let mut words = vec![0_u64; node.particles as usize];
         decode_leaf(&group.spill.get(positions)?, node.points as usize, &mut words).map_err(io::Error::other)?;
         let codes = group.codes(&decoded.codes)?;
+        let is_entry = |entry: &u16| usize::from(*entry) < coded.codebook.len();
+        if !codes.iter().all(|code| coded.numbers.get(usize::from(*code)).is_some_and(is_entry)) {
+            return Err(unsound("some without an entry"));
+        }
         // As the mode weighs it: so that the leaf's mass is its own.
         let scale = super::tree::scale(batch.info.mass, decoded.mass);
         let squares = batch.with(group.spill, |own| {
@@ -407,9 +413,14 @@ impl Batches for Group<'_> {
         Ok((self.spill.put(&[&bytes])?, codes.len()))
     }
 
-    fn codes(&self, kept: &(Blob, usize)) -> io::Result<Vec<u16>> {
-        let mut codes = Vec::with_capacity(kept.1);
-        self.bits.unpack(&self.spill.get(&kept.0)?, kept.1, &mut codes);
+    fn codes(&self, (blob, count): &(Blob, usize)) -> io::Result<Vec<u16>> {
+        let bytes = self.spill.get(blob)?;
+        if self.bits.packed_len(*count) != Some(bytes.len()) {
+            let found = bytes.len();
+            return Err(io::Error::other(format!("codes: found {found} bytes, expected those of {count}")));
+        }
+        let mut codes = Vec::with_capacity(*count);
+        self.bits.unpack(&bytes, *count, &mut codes);
         Ok(codes)
     }
 
@@ -431,20 +442,49 @@ impl Coding {
     }
 
     /// Takes what comes next in the order of [`shared`]; its quantities are forgotten.
-    pub fn take(&mut self, shared: Shared, coded: CodedBatches, spill: &Spill) {
+    ///
+    /// # Errors
+    /// Where it is of nodes that are not there.
+    pub fn take(&mut self, shared: Shared, coded: CodedBatches, spill: &Spill) -> io::Result<()> {
         let number = self.codebooks.len() as u16;
-        for (entry, coded) in shared.entries.into_iter().zip(coded.batches) {
-            let node = &mut self.nodes[entry.depth][entry.index];
+        for (Entry { depth, index, batch }, coded) in shared.entries.into_iter().zip(coded.batches) {
+            let node = self.nodes.get_mut(depth).and_then(|level| level.get_mut(index));
+            let unknown =
+                || io::Error::other(format!("node: found number {index} of depth {depth}, expected one of the tree"));
+            let node = node.ok_or_else(unknown)?;
             node.codebook = number;
             node.codes.push(coded.codes);
             node.mass += coded.mass;
             node.mass_density += coded.mass_density;
-            node.true_mass_density += entry.batch.info.mass_density;
+            node.true_mass_density += batch.info.mass_density;
             node.smoothing_length_max = node.smoothing_length_max.max(coded.smoothing_length_max);
-            spill.forget(entry.batch.quantities);
+            spill.forget(batch.quantities);
         }
         self.codebooks.push(coded.codebook);
         self.refinements.extend(coded.refinement);
         self.numbers.push(coded.numbers);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::ReadMethod;
+
+    /// However many a forged number says that there are.
+    #[test]
+    fn codes_are_those_that_their_bytes_hold() {
+        let folder = tempfile::tempdir().unwrap();
+        let spill = Spill::new(&folder.path().join("out"), folder.path(), 1 << 10, ReadMethod::default());
+        for bits in [VqBits::Eight, VqBits::Twelve, VqBits::Sixteen] {
+            let group = Group { entries: &[], spill: &spill, bits, progress: &() };
+            let mut kept = group.keep(vec![1, 200, 3]).unwrap();
+            assert_eq!(group.codes(&kept).unwrap(), [1, 200, 3]);
+            for forged in [0, 2, 4, usize::MAX] {
+                kept.1 = forged;
+                assert!(group.codes(&kept).is_err(), "{bits:?}: {forged}");
+            }
+        }
     }
 }

@@ -311,7 +311,7 @@ pub fn build_source(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Built, BuildError> {
-    in_pool(options, || {
+    alone(options, out, || {
         let source = open_with(path, options.read)?;
         built_of(source.as_ref(), load_options, options, out, progress)?.named()
     })
@@ -328,7 +328,7 @@ pub fn build_opened(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Built, BuildError> {
-    in_pool(options, || built_of(source, load_options, options, out, progress)?.named())
+    alone(options, out, || built_of(source, load_options, options, out, progress)?.named())
 }
 
 /// The page file of a source, without a name; it lies in the folder of `out`.
@@ -379,7 +379,25 @@ pub fn build(
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Built, BuildError> {
-    in_pool(options, || build_here(dataset, options, out, progress)?.named())
+    alone(options, out, || build_here(dataset, options, out, progress)?.named())
+}
+
+/// Has one process alone build the file `out`. What killed ones have left of it goes first: it may be what fills the disk.
+fn alone<R: Send>(
+    options: &BuildOptions,
+    out: &Path,
+    work: impl FnOnce() -> Result<R, BuildError> + Send,
+) -> Result<R, BuildError> {
+    remove_left(options, out);
+    in_pool(options, work)
+}
+
+/// Removes what killed builds have left of the file `out`. Tasks of a job do not ask for that: several may be at work on the same file, and where
+/// locks hold on one machine only, those on others do not look alive.
+fn remove_left(options: &BuildOptions, out: &Path) {
+    for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
+        clean(out, folder);
+    }
 }
 
 fn in_pool<R: Send>(
@@ -455,10 +473,6 @@ impl<'a> Build<'a> {
         out: &'a Path,
         progress: &'a dyn Progress,
     ) -> Result<Build<'a>, BuildError> {
-        // What killed runs have left goes first: it may be what fills the disk.
-        for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
-            clean(out, folder);
-        }
         let writer = PageFileWriter::create(out)?;
         Ok(Build {
             options,

@@ -1,12 +1,11 @@
 //! From many snapshots to a run file: one page file after the other, each built as it would be alone.
 
 use super::tracks::{BuiltStep, TrackBuild, TrackOptions};
-use super::{BuildError, BuildOptions, built_of, in_pool};
+use super::{BuildError, BuildOptions, alone, built_of};
 use crate::import::vector_field::{TraceOptions, trace};
 use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute};
 use crate::model::{Placement, Progress, Unit};
 use crate::store::run::{Directory, RunFileWriter, Section, Step};
-use crate::store::temporary::{clean, folder_of};
 use crate::store::{Metadata, PageFile, PageFileWriter, StoreError};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -46,10 +45,10 @@ impl RunBuild<'_> {
     /// one alone, and of tracks those of two steps.
     ///
     /// # Errors
-    /// When a source cannot be read, or the file not be written. Nothing is left behind then, and a file that was there before stays as
-    /// it was.
+    /// When a source, or a still that is there, cannot be read, or the file not be written. Nothing is left behind then, and a file that was
+    /// there before stays as it was.
     pub fn build(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
-        in_pool(self.options, || self.build_here(run, out, progress))
+        alone(self.options, out, || self.build_here(run, out, progress))
     }
 
     /// Builds the run file `out` of particles that are traced through the velocity field in `files`.
@@ -63,7 +62,7 @@ impl RunBuild<'_> {
         out: &Path,
         progress: &dyn Progress,
     ) -> Result<BuiltRun, BuildError> {
-        in_pool(self.options, || {
+        alone(self.options, out, || {
             let run = trace(files, trace_options, self.options.read, progress)?;
             self.build_here(run, out, progress)
         })
@@ -78,9 +77,6 @@ impl RunBuild<'_> {
     pub(super) fn build_here(&self, run: Run, out: &Path, progress: &dyn Progress) -> Result<BuiltRun, BuildError> {
         let RunBuild { options, tracks, skip_damaged, .. } = *self;
         run.notes.iter().for_each(|note| progress.say(&format!("note: {note}")));
-        for folder in std::iter::once(folder_of(out)).chain(options.temporary.as_deref()) {
-            clean(out, folder);
-        }
         let mut writer = RunFileWriter::create(out)?;
         let first = run.steps.first().map(|step| step.about.clone());
         let mut directory = Directory {
@@ -153,6 +149,8 @@ impl RunBuild<'_> {
             temporary_bytes = temporary_bytes.max(built.temporary_bytes);
             (directory.tracks, directory.intervals) = (Some(built.layout), built.intervals);
         }
+        // The last moment at which nothing has the file's name.
+        progress.go_on();
         let bytes = writer.finish(&directory)?;
         Ok(BuiltRun { directory, bytes, temporary_bytes })
     }
@@ -169,15 +167,19 @@ impl RunBuild<'_> {
     ) -> Result<Still, BuildError> {
         let options = self.options;
         let known = self.still_of.map_or(Ok(None), |still_of| still_of(step, load, progress))?;
-        let open = |path: PathBuf| Some((PageFile::open_with(&path, options.read).ok()?, File::open(&path).ok()?));
-        if let Some((pages, file)) = known.and_then(open) {
-            let section = if keeps { writer.append(&file)? } else { append_outline(pages.metadata(), out, writer)? };
+        if let Some(path) = known {
+            let pages = PageFile::open_with(&path, options.read)?;
+            let file = File::open(&path).map_err(|source| StoreError::Io { path, action: "open", source })?;
+            let section = match keeps {
+                true => writer.append(&file, progress)?,
+                false => append_outline(pages.metadata(), out, writer)?,
+            };
             return Ok(Still { metadata: pages.metadata().clone(), section, temporary_bytes: section.len });
         }
         let source = step.open(options.read)?;
         let built = built_of(source.as_ref(), load, options, out, progress)?;
         let section = match keeps {
-            true => writer.append(built.file.file())?,
+            true => writer.append(built.file.file(), progress)?,
             false => append_outline(&built.metadata, out, writer)?,
         };
         let temporary_bytes = built.temporary_bytes + built.file.bytes();
@@ -195,7 +197,7 @@ struct Still {
 /// Appends what a page file says of itself, without pages.
 fn append_outline(metadata: &Metadata, out: &Path, writer: &mut RunFileWriter) -> Result<Section, BuildError> {
     let outline = PageFileWriter::create(out)?.complete(&metadata.outline())?;
-    Ok(writer.append(outline.file())?)
+    Ok(writer.append(outline.file(), &())?)
 }
 
 /// The options for one step: families and attributes that only other steps have are not asked of it.

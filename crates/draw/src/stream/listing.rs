@@ -90,7 +90,10 @@ impl Scene {
             }
             // Everything that was asked for is looked at before the view is selected again.
             while self.streamer.is_busy() && !self.streamer.is_retry_due() {
-                let (arrived, _) = self.wait(tell);
+                let (arrived, of_roots) = self.wait(tell);
+                // Those that are known are no error.
+                let of_known = of_roots.into_iter().filter(|(page, _)| self.outline.has(*page));
+                of_known.for_each(|(_, message)| tell(message));
                 self.look_at(arrived);
                 self.make_room();
             }
@@ -143,7 +146,7 @@ impl Scene {
                     break;
                 }
                 let (_, of_roots) = self.wait(tell);
-                of_roots.into_iter().for_each(&mut *tell);
+                of_roots.into_iter().for_each(|(_, message)| tell(message));
             }
             let node = |drawn: &Drawn<NodeRef>| SceneNode::of(&self.streamer, &listing.view, listing.tau, drawn);
             let nodes: Vec<SceneNode> = group.iter().filter_map(node).collect();

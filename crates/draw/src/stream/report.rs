@@ -12,6 +12,7 @@ const TOLD: usize = 3;
 #[derive(Debug, Default)]
 pub(crate) struct Report {
     failed: usize,
+    failed_roots: usize,
     change: Option<Change>,
     is_stalled: bool,
     messages: Vec<String>,
@@ -31,6 +32,18 @@ impl Report {
         } else if self.failed == TOLD + 1 {
             let path = path.display();
             self.messages.push(format!("{path}: more pages cannot be read; the picture is coarser there"));
+        }
+    }
+
+    /// The page of a root was given up, which nothing coarser stands for: what is to be told of that, where enough has not been told.
+    pub fn failed_root(&mut self, path: &Path, why: &str) -> Option<String> {
+        self.failed_roots += 1;
+        match self.failed_roots {
+            ..=TOLD => Some(format!("{why}; what it stands for is not drawn")),
+            first if first == TOLD + 1 => {
+                Some(format!("{}: more pages cannot be read; what they stand for is not drawn", path.display()))
+            }
+            _ => None,
         }
     }
 
@@ -76,6 +89,9 @@ mod tests {
         let told = report.take();
         assert_eq!(told.len(), TOLD + 1);
         assert!(told[0].contains("page 0") && told[TOLD].contains("more pages"));
+        let told: Vec<_> =
+            (0..100).filter_map(|page| report.failed_root(path, &format!("a.df: page {page}: gone"))).collect();
+        assert!(told.len() == TOLD + 1 && told[0].contains("page 0") && told[TOLD].contains("more pages"), "{told:?}");
         (0..9).for_each(|page| report.stalled(path, PageId(page), Duration::from_secs(5)));
         report.answered(path);
         report.answered(path);

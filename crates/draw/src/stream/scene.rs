@@ -207,7 +207,7 @@ impl Scene {
 
     /// Waits until something has come of what is being read, or may be tried again, or nothing will come. The pages whose reads have ended, and
     /// what is to be told of root pages among them that cannot be read.
-    pub(super) fn wait(&mut self, tell: &mut dyn FnMut(String)) -> (Vec<PageId>, Vec<String>) {
+    pub(super) fn wait(&mut self, tell: &mut dyn FnMut(String)) -> (Vec<PageId>, Vec<(PageId, String)>) {
         loop {
             // Short waits, since a read that stalls ends none of them.
             self.streamer.wait(Duration::from_millis(100));

@@ -146,12 +146,12 @@ impl Streamer {
     /// Takes in the pages that have been read.
     pub fn arrive(&mut self) -> Arrivals {
         let (mut arrivals, of_roots) = self.arrive_apart();
-        arrivals.messages.extend(of_roots);
+        arrivals.messages.extend(of_roots.into_iter().map(|(_, message)| message));
         arrivals
     }
 
     /// The same, with what is to be told of root pages apart: that they cannot be read is the error of whoever waits for them.
-    pub(super) fn arrive_apart(&mut self) -> (Arrivals, Vec<String>) {
+    pub(super) fn arrive_apart(&mut self) -> (Arrivals, Vec<(PageId, String)>) {
         let path = self.residency.tree().path().to_path_buf();
         let (mut arrivals, mut of_roots) = (Arrivals::default(), Vec::new());
         for loaded in self.loader.take_done() {
@@ -174,7 +174,7 @@ impl Streamer {
         }
         for (page, why) in self.residency.take_failures() {
             match self.residency.tree().is_root(page) {
-                true => of_roots.push(format!("{why}; what it stands for is not drawn")),
+                true => of_roots.extend(self.report.failed_root(&path, &why).map(|message| (page, message))),
                 false => self.report.failed(&path, &why),
             }
         }

@@ -100,7 +100,7 @@ pub struct Status {
     pub bytes: Moved,
     /// Particles of the source.
     pub particles: u64,
-    /// Bytes that its folder takes, about.
+    /// Bytes that its folder takes, about; of a run without what tasks put away while they work.
     pub temporary_bytes_needed: u64,
 }
 
@@ -271,11 +271,13 @@ impl Job {
         let mut stages = Vec::with_capacity(self.stages.len());
         for (index, Stage { name, tasks, after }) in self.stages.iter().enumerate() {
             let done: Vec<Header> = (0..*tasks).filter_map(|task| names.done(names.number(index, task))).collect();
-            let bytes: u64 = done.iter().map(Header::bytes).sum();
-            moved.read += done.iter().map(|header| header.read).sum::<u64>();
+            // Numbers that were forged do not add up.
+            let add =
+                |sum: &mut u64, of: fn(&Header) -> u64| *sum = done.iter().map(of).fold(*sum, u64::saturating_add);
+            add(&mut moved.read, |header| header.read);
             match name.as_str() {
-                "partition" | "neighbours" | "motion" => moved.shuffled += bytes,
-                _ => moved.written += bytes + done.iter().map(|header| header.written).sum::<u64>(),
+                "partition" | "neighbours" | "motion" => add(&mut moved.shuffled, Header::bytes),
+                _ => add(&mut moved.written, |header| header.bytes().saturating_add(header.written)),
             }
             stages.push(StageStatus {
                 name: name.clone(),
@@ -313,7 +315,10 @@ impl Job {
                 remove(entry.path())?;
             }
         }
-        remove(self.growing())?;
+        match &self.plan {
+            Plan::Snapshot(_) => remove(self.growing())?,
+            Plan::Run(own) => own.remove_left(&self.folder),
+        }
         remove(self.folder.join(SCRIPT))?;
         let logs = self.folder.join(LOGS);
         for entry in std::fs::read_dir(&logs).into_iter().flatten().flatten() {

@@ -7,7 +7,9 @@
 //! | run | 1 | these; for tracks the sources | the output, under its name |
 
 use super::super::memory::OUTPUT_PARTICLE;
-use super::super::{BuildError, BuildOptions, RunBuild, StepProgress, TrackOptions, built_of_streams, streams_of};
+use super::super::{
+    BuildError, BuildOptions, RunBuild, StepProgress, TrackOptions, built_of_streams, remove_left, streams_of,
+};
 use super::parts::Parts;
 use super::{Job, MOST_TASKS, absolute, check_particles, job_error, settings};
 use crate::import::{Description, LoadOptions, Run, RunOptions, RunStep, Times, open_run, open_with};
@@ -15,10 +17,12 @@ use crate::model::portable::portable;
 use crate::model::positioned::read_exact_at;
 use crate::model::{ClockVariable, Progress, ReadMethod};
 use crate::store::StoreError;
+use crate::store::temporary::clean;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The stages.
 const STEPS: &str = "steps";
@@ -89,7 +93,10 @@ impl RunSettings {
             notes: run.notes.clone(),
             output: absolute(out)?,
             load: build.load.clone(),
-            options: build.options.clone(),
+            options: BuildOptions {
+                temporary: build.options.temporary.as_deref().map(absolute).transpose()?,
+                ..build.options.clone()
+            },
             tracks: build.tracks.copied(),
         })
     }
@@ -98,7 +105,7 @@ impl RunSettings {
         self.steps.iter().map(|step| step.particles).sum()
     }
 
-    /// Bytes that page files of all steps take, about.
+    /// Bytes that page files of all steps take, about; what their tasks put away while they work comes on top.
     pub fn temporary_bytes(&self) -> u64 {
         OUTPUT_PARTICLE * self.particles()
     }
@@ -153,17 +160,33 @@ impl RunSettings {
 
     /// Puts the steps together, and builds tracks.
     fn join(&self, job: &Job, parts: Parts, options: &BuildOptions, progress: &dyn Progress) -> Result<(), BuildError> {
+        let stills = AtomicU64::new(0);
         let still_of = |step: &RunStep, _: &LoadOptions, progress: &dyn Progress| {
             let number = self.steps.iter().position(|own| own.source == step.about.path);
-            number.map(|number| known_still(job, &parts, number as u32, progress)).transpose()
+            let known = number.map(|number| known_still(job, &parts, number as u32, progress)).transpose()?;
+            Ok::<_, BuildError>(known.map(|(path, len)| {
+                stills.fetch_add(len, Ordering::Relaxed);
+                path
+            }))
         };
         let (load, tracks) = (&self.load, self.tracks.as_ref());
         let build = RunBuild { load, options, tracks, skip_damaged: false, still_of: Some(&still_of) };
         let built = build.build_here(self.opened(options.read)?, &self.output, progress)?;
+        // Stills are summed up, and copied where they are kept.
+        let stills = stills.into_inner() * if built.directory.has_stills { 2 } else { 1 };
         let sources = self.steps.iter().map(|step| step.source_bytes).sum::<u64>();
-        let stills = built.directory.steps.iter().map(|step| step.still.len).sum::<u64>();
         let read = stills + if built.directory.tracks.is_some() { sources } else { 0 };
         parts.finish(&(), read, built.bytes)
+    }
+
+    /// Removes what killed tasks have left outside of the job's folder.
+    pub fn remove_left(&self, folder: &Path) {
+        remove_left(&self.options, &self.output);
+        if let Some(temporary) = &self.options.temporary {
+            for step in 0..self.steps.len() as u32 {
+                clean(&still_path(folder, step), temporary);
+            }
+        }
     }
 
     /// The run, which must be the one that was planned for.
@@ -259,14 +282,19 @@ fn still_path(folder: &Path, step: u32) -> PathBuf {
     folder.join(format!("{STILL}.{step}"))
 }
 
-/// The page file of a step, if it is the one that its task has written.
-pub(super) fn known_still(job: &Job, parts: &Parts, step: u32, progress: &dyn Progress) -> Result<PathBuf, BuildError> {
+/// The page file of a step and its length, if it is the one that its task has written.
+pub(super) fn known_still(
+    job: &Job,
+    parts: &Parts,
+    step: u32,
+    progress: &dyn Progress,
+) -> Result<(PathBuf, u64), BuildError> {
     let number = job.number(STEPS, step)?;
     let known: Still = parts.index(number)?;
     let path = still_path(job.folder(), step);
     let found = File::open(&path).and_then(|file| Still::of(&file, progress));
     if found.is_ok_and(|found| found == known) {
-        return Ok(path);
+        return Ok((path, known.len));
     }
     // It is not done any more.
     job.names().forget(number);

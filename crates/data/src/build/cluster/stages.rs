@@ -229,6 +229,15 @@ impl<'a> Task<'a> {
         job_error(self.parts.folder(), &format!("found {found}, expected results of one job"))
     }
 
+    /// What tasks of a stage have found, by number, one for each.
+    fn in_order<T>(&self, mut all: Vec<(usize, T)>) -> Result<Vec<T>, BuildError> {
+        all.sort_by_key(|(number, _)| *number);
+        match all.iter().map(|(number, _)| *number).eq(0..all.len()) {
+            true => Ok(all.into_iter().map(|(_, found)| found).collect()),
+            false => Err(self.unsound("codes of some parts twice, or of some not at all")),
+        }
+    }
+
     /// What a task may take that looks after a family, and reads so many of its particles.
     fn memory(&self, outline: &Outline, particles: u64) -> Memory {
         let allowed = self.options.memory.unwrap_or_else(default_memory);

@@ -1,5 +1,6 @@
 use super::*;
 use crate::build::build_source;
+use crate::build::coding::CodedBatches;
 use crate::codec::VqBits;
 use crate::hierarchy::{Kinds, OctreeOptions};
 use crate::import::{
@@ -404,6 +405,25 @@ fn what_is_missing_is_named_and_tasks_that_are_none_too() {
     assert!(told("survey", 0).contains("as it was when the job was planned"));
     job.remove().unwrap();
     assert_eq!(case.names(), ["source"]);
+}
+
+/// With all checksums right: whoever puts results together says that they do not fit, and what tells of them counts them.
+#[test]
+fn results_of_other_numbers_are_told() {
+    type CodedBooks = (Vec<(usize, CodedBatches)>, Vec<((usize, usize), [f64; 2])>);
+    let case = Case::small();
+    let job = case.plan(1).unwrap();
+    for Stage { name, tasks, .. } in job.stages().iter().take_while(|stage| stage.name != "pages") {
+        (0..*tasks).for_each(|task| job.run(name, task, None, &()).unwrap());
+    }
+    let number = job.number("quantize", 0).unwrap();
+    let (mut coded, squares): CodedBooks = Parts::reader(job.names()).index(number).unwrap();
+    coded[0].0 += 1;
+    Parts::of_task(job.names(), number).unwrap().finish(&(coded, squares), u64::MAX, u64::MAX).unwrap();
+    let told = job.run("pages", 0, None, &()).unwrap_err().to_string();
+    assert!(told.contains("found codes of some parts twice"), "{told}");
+    let Moved { read, written, .. } = job.status().unwrap().bytes;
+    assert_eq!([read, written], [u64::MAX; 2]);
 }
 
 /// Whenever it is given up.

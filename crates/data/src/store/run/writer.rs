@@ -2,11 +2,16 @@
 
 use super::layout::{Directory, HEADER_LEN, Header, Section, VERSION};
 use super::tracks::TrackIndex;
+use crate::model::Progress;
 use crate::store::error::StoreError;
 use crate::store::layout::{ALIGNMENT, align_up};
 use crate::store::temporary::Temporary;
-use std::io::{Seek, Write};
+use std::fs::File;
+use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
+
+/// Bytes of a page file that are copied at a time.
+const PIECE: u64 = 1 << 22;
 
 /// A run file that is being written. Dropping it without [`RunFileWriter::finish`] leaves nothing behind.
 #[derive(Debug)]
@@ -36,13 +41,23 @@ impl RunFileWriter {
     ///
     /// # Errors
     /// When it cannot be read or the run not be written.
-    pub fn append(&mut self, mut still: &std::fs::File) -> Result<Section, StoreError> {
-        let offset = self.end;
+    pub fn append(&mut self, mut still: &File, progress: &dyn Progress) -> Result<Section, StoreError> {
+        let mut section = self.begin();
+        let len = still.metadata().map_err(self.io("read a still of"))?.len();
+        progress.begin("copying its page file", len);
         still.rewind().map_err(self.io("read a still of"))?;
-        let len = std::io::copy(&mut still, &mut self.file.file()).map_err(self.io("write"))?;
-        self.end += len;
+        while section.len < len {
+            let copied = std::io::copy(&mut still.take(PIECE), &mut self.file.file()).map_err(self.io("write"))?;
+            if copied == 0 {
+                // It has become shorter meanwhile.
+                break;
+            }
+            section.len += copied;
+            progress.advance(copied);
+        }
+        self.end += section.len;
         self.close()?;
-        Ok(Section { offset, len })
+        Ok(section)
     }
 
     /// Begins a section that is appended to piece by piece.

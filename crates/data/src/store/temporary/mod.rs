@@ -34,13 +34,19 @@ impl Temporary {
     }
 
     fn create_named(output: &Path, folder: &Path) -> io::Result<Temporary> {
-        let (file, path) = new_file::builder().prefix(&prefix(output)).suffix("").tempfile_in(folder)?.keep()?;
-        Ok(Temporary::locked(file, Some(path)))
+        loop {
+            let (file, path) = new_file::builder().prefix(&prefix(output)).suffix("").tempfile_in(folder)?.keep()?;
+            let own = Temporary::locked(file, Some(path.clone()));
+            // Who cleans up may have locked it first, and removes it before the lock is given back.
+            if path.try_exists()? {
+                return Ok(own);
+            }
+        }
     }
 
     fn locked(file: File, path: Option<PathBuf>) -> Temporary {
         // Where files cannot be locked, nobody will remove this one by mistake either: the next run cannot lock it.
-        let _ = file.try_lock();
+        let _ = file.lock();
         Temporary { file, path }
     }
 

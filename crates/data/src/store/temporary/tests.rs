@@ -1,5 +1,6 @@
 use super::*;
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(folder)
@@ -24,6 +25,30 @@ fn only_the_files_of_dead_runs_are_removed() {
     assert_eq!(names(folder.path()), ["other.df.tmpDead", "out.df"]);
     drop(Temporary::create_named(&output, folder.path()).unwrap());
     assert_eq!(names(folder.path()), ["other.df.tmpDead", "out.df"]);
+}
+
+/// However often others clean up while a file is begun.
+#[test]
+fn the_files_of_living_runs_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out.df");
+    let is_over = AtomicBool::new(false);
+    let kept = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            while !is_over.load(Ordering::Relaxed) {
+                clean(&output, folder.path());
+            }
+        });
+        let is_kept = |_: &usize| {
+            let file = Temporary::create_named(&output, folder.path());
+            file.and_then(|file| file.persist(&output)).is_ok()
+        };
+        let kept = (0..5000).filter(is_kept).count();
+        is_over.store(true, Ordering::Relaxed);
+        kept
+    });
+    assert_eq!(kept, 5000);
+    assert_eq!(names(folder.path()), ["out.df"]);
 }
 
 /// With and without a name: dropped files leave nothing, others take the place of what was there, in whole and readable as any other.

@@ -132,8 +132,7 @@ impl Task<'_> {
             all.extend(coded);
             squares.extend(own);
         }
-        all.sort_by_key(|(number, _)| *number);
-        Ok((all.into_iter().map(|(_, coded)| coded).collect(), Some(squares)))
+        Ok((self.in_order(all)?, Some(squares)))
     }
 }
 

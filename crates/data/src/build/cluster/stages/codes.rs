@@ -36,8 +36,7 @@ impl Task<'_> {
         for task in 0..self.settings.train {
             all.extend(self.index::<Vec<(usize, Blob)>>("train", task)?);
         }
-        all.sort_by_key(|(number, _)| *number);
-        Ok(all.into_iter().map(|(_, trained)| trained).collect())
+        self.in_order(all)
     }
 
     /// Does something to each of a task's units, as many at a time as there are threads.
@@ -94,8 +93,7 @@ impl Task<'_> {
         for task in 0..self.settings.code {
             all.extend(self.index::<Vec<(usize, R)>>(stage, task)?);
         }
-        all.sort_by_key(|(unit, _)| *unit);
-        Ok(all.into_iter().map(|(_, value)| value).collect())
+        self.in_order(all)
     }
 
     pub(super) fn draft(self) -> Result<(), BuildError> {

@@ -105,7 +105,8 @@ impl Task<'_> {
                 }
                 _ => {}
             }
-            shared.into_iter().zip(own).for_each(|(shared, own)| coding.take(shared, own, &spill));
+            let taken = shared.into_iter().zip(own).try_for_each(|(shared, own)| coding.take(shared, own, &spill));
+            taken.map_err(temporary)?;
             let tree = draft.coded(kind, coding, splats.as_ref(), bits, &mut books);
             match kind {
                 Purpose::Splats => splats = Some(tree),
