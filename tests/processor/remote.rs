@@ -343,13 +343,13 @@ fn what_cannot_be_opened_says_why_in_one_line_without_secrets() {
         SceneFile { labels: Some(labels.clone().into()), ..SceneFile::new(vec![DatasetRef::of(&data, &scene)]) };
     names.write(&scene).unwrap();
     for (arguments, name) in [
-        (["render", &afar, "--annotate", "axes"], "b.scene.ron: "),
-        (["render", "a.df", "--scene", &look], "c.scene.ron: "),
-        (["render", "a.df", "--labels", &labels], "l.csv: "),
-        (["render", "a.scene.ron", "--annotate", "labels"], "l.csv: "),
+        (&["render", &afar][..], "b.scene.ron: "),
+        (&["render", "a.df", "--scene", &look], "c.scene.ron: "),
+        (&["render", "a.df", "--labels", &labels], "l.csv: "),
+        (&["render", "a.scene.ron", "--annotate=labels"], "l.csv: "),
     ] {
         let rest = ["--size", "64x48", "--backend", "cpu", "-o", "a.png"];
-        let output = run(folder.path(), &[&arguments[..], &rest[..]].concat());
+        let output = run(folder.path(), &[arguments, &rest].concat());
         let told = String::from_utf8(output.stderr).unwrap();
         let line = told.lines().last().unwrap_or_default();
         assert!(!output.status.success() && line.contains(name), "{arguments:?}: {told}");

@@ -323,9 +323,11 @@ impl Parts {
         // The file has room for it.
         let mut lanes = vec![0; header.lanes_len as usize];
         read_exact_at(&file, &mut lanes, header.index_offset - header.lanes_len)?;
-        let table = Vec::<(u32, u64)>::of_bytes(&lanes).filter(|_| crc32c::crc32c(&lanes) == header.lanes_crc);
-        let Some(table) = table else {
+        if crc32c::crc32c(&lanes) != header.lanes_crc {
             return Err(self.names.damaged(number, "lanes: found another checksum than the header says"));
+        }
+        let Some(table) = Vec::<(u32, u64)>::of_bytes(&lanes) else {
+            return Err(self.names.damaged(number, "lanes: found other values, expected numbers and places"));
         };
         let opened = Arc::new(Opened { file, header, lanes: table.into_iter().collect() });
         open.insert(number, Arc::clone(&opened));
