@@ -344,9 +344,9 @@ fn what_cannot_be_opened_says_why_in_one_line_without_secrets() {
     names.write(&scene).unwrap();
     for (arguments, name) in [
         (&["render", &afar][..], "b.scene.ron: "),
-        (&["render", "a.df", "--scene", &look], "c.scene.ron: "),
-        (&["render", "a.df", "--labels", &labels], "l.csv: "),
-        (&["render", "a.scene.ron", "--annotate=labels"], "l.csv: "),
+        (&["render", "a.df", "--scene", &look][..], "c.scene.ron: "),
+        (&["render", "a.df", "--labels", &labels][..], "l.csv: "),
+        (&["render", "a.scene.ron", "--annotate=labels"][..], "l.csv: "),
     ] {
         let rest = ["--size", "64x48", "--backend", "cpu", "-o", "a.png"];
         let output = run(folder.path(), &[arguments, &rest].concat());
