@@ -168,6 +168,13 @@ fn cargo() -> Command {
 fn in_root(program: impl AsRef<OsStr>) -> Command {
     let mut command = Command::new(program);
     command.current_dir(root());
+    // What cargo says of this package to it. Build scripts that ask for these names, and all that stands on them, would run once for each
+    // of both ways that cargo is reached.
+    for (name, _) in std::env::vars_os() {
+        if ["CARGO_MANIFEST_", "CARGO_PKG_"].iter().any(|group| name.to_string_lossy().starts_with(group)) {
+            command.env_remove(name);
+        }
+    }
     if std::env::var_os("CARGO_TARGET_DIR").is_none()
         && let Some(cache) = user_cache()
     {
