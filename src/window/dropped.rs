@@ -118,26 +118,8 @@ mod tests {
         let built = page_file.clone();
         let opener: Opener = Arc::new(move |_, _, _| Ok(built.clone()));
         let file = Arc::new(PageFile::open(&page_file).unwrap());
-        let bounds = file.metadata().bounds();
         let (mut app, window) = app_with(opener);
-        app.insert_resource(Scene {
-            path: page_file.clone(),
-            members: vec![Member::new(&page_file)],
-            facts: crate::window::facts::Facts::of(&file, &[]),
-            file,
-            bounds,
-            frame: bounds,
-            periodic: None,
-            length_unit: String::new(),
-            moving: None,
-            field: None,
-            times: None,
-            following: None,
-            opened: None,
-            time: None,
-            dataset: 1,
-            generation: 1,
-        });
+        app.insert_resource(Scene::of_file(file, vec![Member::new(&page_file)]));
         let mut open = |is_dropped: bool, shift: bool, adds: bool| {
             let mut keys = ButtonInput::<KeyCode>::default();
             if shift {

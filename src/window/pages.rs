@@ -329,7 +329,6 @@ mod tests {
     use crate::import::LoadOptions;
     use crate::store::PageFile;
     use crate::view::Extent;
-    use crate::window::facts::Facts;
     use crate::window::picture::{DataCamera, Picture};
     use crate::window::scene::Settings;
     use crate::window::statistics::PageCounts;
@@ -361,24 +360,7 @@ mod tests {
         app.insert_resource(preset)
             .insert_resource(settings)
             .insert_resource(picture)
-            .insert_resource(Scene {
-                periodic: None,
-                path: file.path().to_owned(),
-                members: Vec::new(),
-                file: Arc::clone(file),
-                bounds,
-                frame: bounds,
-                length_unit: String::new(),
-                facts: Facts::of(file, &[]),
-                moving: None,
-                field: None,
-                times: None,
-                following: None,
-                opened: None,
-                time: None,
-                dataset: 1,
-                generation: 1,
-            })
+            .insert_resource(Scene::of_file(Arc::clone(file), Vec::new()))
             .init_resource::<Notices>()
             .init_resource::<Statistics>()
             .init_resource::<DataDistance>()

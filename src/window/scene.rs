@@ -92,6 +92,32 @@ pub struct MovingRun {
     pub next: Vec<f64>,
 }
 
+#[cfg(test)]
+impl Scene {
+    /// A page file alone.
+    pub fn of_file(file: Arc<PageFile>, members: Vec<Member>) -> Scene {
+        let bounds = file.metadata().bounds();
+        Scene {
+            path: file.path().to_owned(),
+            members,
+            facts: Facts::of(&file, &[]),
+            file,
+            field: None,
+            bounds,
+            frame: bounds,
+            periodic: None,
+            length_unit: String::new(),
+            moving: None,
+            times: None,
+            following: None,
+            opened: None,
+            time: None,
+            dataset: 1,
+            generation: 1,
+        }
+    }
+}
+
 impl Scene {
     /// Opens the data for pictures beside the window's own, which read within so many bytes of memory; on whatever thread that is to happen.
     pub fn opener(&self, budget_bytes: u64) -> impl FnOnce() -> Result<Session, PictureError> + Send + use<> {
@@ -149,11 +175,6 @@ impl Scene {
     pub fn fields(&self, settings: &Settings) -> Vec<FieldInScene> {
         let fields = self.field_for(settings.mode).map(|field| field.opened.fields(&settings.look.settings));
         fields.and_then(Result::ok).unwrap_or_default()
-    }
-
-    /// The members that are particles.
-    pub fn members_of_particles(&self) -> Vec<Member> {
-        self.of_particles(&self.members)
     }
 
     /// Those of what is said of all members that is said of particles.

@@ -1,12 +1,11 @@
 //! Plots of a part of a page file: as near to those of all of it as is allowed, and from fewer pages where much is.
 
-use crate::support::{Random, run};
+use crate::support::{Random, dataset_of, gas, run};
 use deepfield::build::{BuildOptions, build};
 use deepfield::explore::{
     Binned, BinnedAxis, Data, Effort, Members, Plot, PlotOptions, ProfileOptions, Radial, Region, Shape, Weight, Work,
     farthest, radial, radials,
 };
-use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
 use deepfield::store::PageFile;
 use glam::DVec3;
 use serde_json::Value;
@@ -18,14 +17,7 @@ const EDGE: f64 = 100.0;
 /// A box of close groups of eight, hotter to the right, as a file of hundreds of pages: merged particles stand for groups.
 fn built(path: &Path) -> PageFile {
     let mut random = Random(3);
-    let mut family = Family {
-        name: FamilyName::Gas,
-        positions: Vec::new(),
-        mass: Vec::new(),
-        smoothing_length: Vec::new(),
-        density: Vec::new(),
-        attributes: vec![Attribute { name: "temperature".into(), unit: Unit::new("K"), values: Vec::new() }],
-    };
+    let mut family = gas();
     for _ in 0..3000 {
         let middle = [(); 3].map(|()| EDGE * random.next());
         for _ in 0..8 {
@@ -37,17 +29,9 @@ fn built(path: &Path) -> PageFile {
             family.attributes[0].values.push(10f64.powf(exponent) as f32);
         }
     }
-    let dataset = Dataset {
-        families: vec![family],
-        length_unit: Unit::new("kpc"),
-        mass_unit: Unit::new("Msun"),
-        kernel: Kernel::CubicSpline,
-        skipped: Vec::new(),
-        provenance: Provenance::default(),
-    };
     let mut options = BuildOptions { page_bytes: 2048, ..BuildOptions::default() };
     options.octree.leaf_capacity = 32;
-    build(dataset, &options, path, &()).unwrap();
+    build(dataset_of(family), &options, path, &()).unwrap();
     PageFile::open(path).unwrap()
 }
 

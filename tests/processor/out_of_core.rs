@@ -1,11 +1,11 @@
 //! Builds of what does not fit in the memory they may take: the same bytes for any memory and any number of threads, peak memory,
 //! builds killed at any moment, and disks that take no more.
 
-use crate::support::{Random, program};
+use crate::support::{Random, dataset_of, gas, program};
 use deepfield::build::{BuildOptions, build, build_source};
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::import::{LoadOptions, Smoothing, load};
-use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, ReadMethod, Unit};
+use deepfield::model::{Dataset, ReadMethod};
 use deepfield::store::verify;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -16,14 +16,7 @@ use tempfile::TempDir;
 /// depth 8, and a sparse rest.
 fn zoom(count: usize) -> Dataset {
     let mut random = Random(5);
-    let mut family = Family {
-        name: FamilyName::Gas,
-        positions: Vec::new(),
-        mass: Vec::new(),
-        smoothing_length: Vec::new(),
-        density: Vec::new(),
-        attributes: vec![Attribute { name: "temperature".into(), unit: Unit::new("K"), values: Vec::new() }],
-    };
+    let mut family = gas();
     for i in 0..count {
         let (scale, h) = if i % 5 == 0 { (1.0, 0.05) } else { (1e-3, 2e-5) };
         let place = |x: f64| 0.3 + scale * (x - 0.5) * (2.0 * x - 1.0).abs();
@@ -34,14 +27,7 @@ fn zoom(count: usize) -> Dataset {
         family.density.push((1e-9 / h.powi(3)) as f32);
         family.attributes[0].values.push((1e4 * random.next()) as f32);
     }
-    Dataset {
-        families: vec![family],
-        length_unit: Unit::new("kpc"),
-        mass_unit: Unit::new("Msun"),
-        kernel: Kernel::CubicSpline,
-        skipped: Vec::new(),
-        provenance: Provenance::default(),
-    }
+    dataset_of(family)
 }
 
 #[test]

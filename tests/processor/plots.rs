@@ -1,7 +1,7 @@
 //! Plots as a user makes them: sums that come out even, profiles of a ball of known density, stated errors that hold, and files that
 //! other programs read.
 
-use crate::support::{Random, run};
+use crate::support::{Random, error, run, text};
 use deepfield::explore::plot::Part;
 use deepfield::explore::{
     Data, Effort, Fields, Members, Plot, PlotKind, PlotScale, PlotSettings, ProbeOptions, Region, Work, edges, probe,
@@ -49,22 +49,6 @@ fn folder() -> (tempfile::TempDir, Ball) {
     text(folder.path(), &["build", "ball.csv", "-o", "ball.df"]);
     text(folder.path(), &["build", "ball.csv", "--vq-bits", "8", "-o", "coded.df"]);
     (folder, ball)
-}
-
-/// Standard output of a run that must succeed.
-fn text(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Standard error of a run that must fail with one line.
-fn error(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
-    message
 }
 
 fn json(folder: &Path, arguments: &[&str]) -> Value {

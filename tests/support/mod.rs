@@ -5,18 +5,22 @@
 mod eclipse;
 pub mod fault_server;
 mod files;
+mod gas;
 pub mod golden;
 pub mod hdf5;
 pub mod page_checksums;
 mod pages;
 mod program;
 mod random;
+mod told;
 
 pub use eclipse::eclipse;
 pub use files::{demo, in_reference_data, in_repository, keep_demo_pages, kept_page_file};
+pub use gas::{dataset_of, gas};
 pub use pages::{
     Built, built, built_from, built_from_dataset, built_plainly, core, draw_nodes, draw_pages, draw_source,
     paint_pages, sum_nodes, view_from, view_of, write_demo_pages,
 };
-pub use program::{alone, program, run};
+pub use program::{alone, error, program, run, text};
 pub use random::Random;
+pub use told::Told;

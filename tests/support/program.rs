@@ -16,6 +16,22 @@ pub fn run(folder: &Path, arguments: &[&str]) -> Output {
     program().args(arguments).current_dir(folder).env("XDG_CACHE_HOME", folder).output().unwrap()
 }
 
+/// Standard output of a run that must succeed.
+pub fn text(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Standard error of a run that must fail with one line.
+pub fn error(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+    message
+}
+
 /// Runs a test in a process of its own, for what it measures of its process. `name` is that of the test with its modules.
 pub fn alone(name: &str, test: fn()) {
     const MARK: &str = "DEEPFIELD_TEST_ALONE";

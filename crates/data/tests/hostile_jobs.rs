@@ -1,6 +1,6 @@
 //! What one stage of a job leaves for another, cut or changed at random: whoever reads it names the task that is to be run again, or the output
 //! is the same. Where the checksums were made right, too, [`Job::verify`] reads it as something else or refuses it, never with a panic, nor with
-//! more memory than its size allows. What tasks make of such values is not looked at.
+//! more memory than its size allows; and the stages that come after go on to some output, or say in a line what is wrong.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(unsafe_code, reason = "an allocator that counts is unsafe to write")]
@@ -21,7 +21,12 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Held by each test: memory is counted for the whole process.
+static ALONE: Mutex<()> = Mutex::new(());
 
 /// Bytes of the header of a task's file.
 const HEADER: usize = 80;
@@ -56,11 +61,11 @@ type Files = BTreeMap<PathBuf, Vec<u8>>;
 
 impl Case {
     /// The page file of a snapshot.
-    fn snapshot(tasks: u32, refined: bool) -> Case {
+    fn snapshot(particles: usize, tasks: u32, refined: bool) -> Case {
         let folder = tempfile::tempdir().unwrap();
         let [source, alone, job, out] =
             ["source.csv", "alone.df", "job", "out.df"].map(|name| folder.path().join(name));
-        let source = table(source, 1500);
+        let source = table(source, particles);
         let load = LoadOptions { derive: vec![DerivedQuantity::VelocityDispersion], ..LoadOptions::default() };
         let octree = OctreeOptions {
             refined,
@@ -219,9 +224,10 @@ fn forged_plans_are_opened_or_refused(case: &Case) {
 
 #[test]
 fn damage_is_told_or_mended_and_takes_no_memory() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let mut random = Pcg32::seed_from_u64(23);
     // Codebooks as a whole, and in parts, which are refined; then stills.
-    let cases = [Case::snapshot(1, true), Case::snapshot(2, true), Case::run()];
+    let cases = [Case::snapshot(1500, 1, true), Case::snapshot(1500, 2, true), Case::run()];
     forged_plans_are_opened_or_refused(&cases[0]);
     let mut seen = Vec::new();
     for case in &cases {
@@ -243,5 +249,77 @@ fn damage_is_told_or_mended_and_takes_no_memory() {
     }
     for name in ["neighbours", "motion", "quantize", "train", "refine", "lines", "settle", "steps"] {
         assert!(seen.iter().any(|own| own == name), "{name} of {seen:?}");
+    }
+}
+
+/// What numbers become.
+const FORGERIES: usize = 6;
+
+/// Makes another number of one behind the header of a task's file, rather of one that may be a count, a length or an index; gives its place.
+fn forge_number(bytes: &mut [u8], how: usize, random: &mut Pcg32) -> usize {
+    let width = [4, 8][below(random, 2)];
+    let number = |bytes: &[u8], at: usize| {
+        bytes[at..at + width].iter().rev().fold(0_u64, |number, byte| number << 8 | u64::from(*byte))
+    };
+    let room = bytes.len() - HEADER - width;
+    // Half of them near the end, where values are.
+    let mut place = || {
+        let among = [room, room.min(600)][below(random, 2)];
+        bytes.len() - width - below(random, among + 1)
+    };
+    let places = [(); 64].map(|()| place());
+    let is_count = |at: &&usize| (1..1 << 20).contains(&number(bytes, **at));
+    let at = *places.iter().find(is_count).unwrap_or(&places[0]);
+    let most = u64::MAX >> (64 - 8 * width);
+    let any = u64::from(random.next_u32()) << 32 | u64::from(random.next_u32());
+    let next = number(bytes, at).wrapping_add(1);
+    let forged: [u64; FORGERIES] = [0, 1, most, most / 2, next, any];
+    bytes[at..at + width].copy_from_slice(&forged[how].to_le_bytes()[..width]);
+    at
+}
+
+/// Runs what is left of a job, one of whose files is forged.
+fn forgery_ends_in_a_line_or_an_output(case: &Case, what: &str, bytes: usize) {
+    let worked = catch_unwind(AssertUnwindSafe(|| counted(|| case.work())));
+    let Ok((worked, took)) = worked else { panic!("{what}: the task has panicked") };
+    assert!(took <= most(bytes), "{what}: {took} bytes of memory for {bytes} of files");
+    match worked {
+        Ok(()) => assert!(case.job.output().exists(), "{what}"),
+        Err(error) => {
+            let told = error.to_string();
+            let folder = case.folder.path().display().to_string();
+            assert!(!told.contains('\n') && told.contains(&folder), "{what}: {told}");
+        }
+    }
+}
+
+/// One number of the file of each stage at a time, with the right checksums, and all stages behind it.
+#[test]
+fn later_stages_bear_forged_numbers() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut random = Pcg32::seed_from_u64(29);
+    // Codebooks as a whole, and in parts.
+    for tasks in [1, 2] {
+        let case = Case::snapshot(800, tasks, true);
+        for Stage { name, tasks, .. } in case.job.stages() {
+            (0..*tasks).for_each(|task| case.job.run(name, task, None, &()).unwrap());
+            let files = case.files();
+            let path = case.job.folder().join(format!("{name}.0"));
+            let sound = &files[&path];
+            if sound.len() < HEADER + 8 {
+                continue;
+            }
+            let all: usize = files.values().map(Vec::len).sum();
+            for how in 0..FORGERIES {
+                let mut forged = sound.clone();
+                let at = forge_number(&mut forged, how, &mut random);
+                correct(&mut forged, sound);
+                case.put_back(&files);
+                std::fs::write(&path, &forged).unwrap();
+                forgery_ends_in_a_line_or_an_output(&case, &format!("{name} at {at}, forgery {how}"), all);
+            }
+            case.put_back(&files);
+        }
+        assert!(case.is_built());
     }
 }

@@ -1,28 +1,12 @@
 //! Heights among particles: the adapter finds what is seen of them, and what is put together is the processor's picture.
 
 use super::*;
-use crate::support::{built as page_file, demo};
+use crate::support::{Told, built as page_file, demo};
 use deepfield::codec::VqBits;
 use deepfield::look::Member;
-use deepfield::model::Progress;
 use deepfield::modes;
 use deepfield::picture::Reporter;
 use deepfield::picture::mixed::MixedSession;
-use std::sync::Mutex;
-
-/// What a session has told.
-#[derive(Default)]
-struct Told(Mutex<Vec<String>>);
-
-impl Reporter for Told {
-    fn tell(&self, message: String) {
-        self.0.lock().unwrap().push(message);
-    }
-
-    fn progress(&self) -> Box<dyn Progress + '_> {
-        Box::new(())
-    }
-}
 
 #[test]
 fn an_adapter_finds_heights_among_particles() {

@@ -1,26 +1,9 @@
 //! The commands, as a user calls them.
 
 use super::particles::particles;
-use crate::support::run;
+use crate::support::{error, run, text};
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::path::Path;
-
-/// Standard output of a run that must succeed.
-fn text(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Standard error of a run that must fail with one line.
-fn error(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(message.trim_end().lines().count(), 1, "{message}");
-    message
-}
 
 /// A snapshot as a table, and its page file beside it.
 fn folder() -> tempfile::TempDir {

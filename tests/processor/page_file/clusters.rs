@@ -1,12 +1,12 @@
 //! The promises of clusters (HE03): sums and means at any number, displacements, and bytes that depend on the particles alone.
 
-use crate::support::Random;
+use crate::support::{Random, dataset_of, gas};
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::clusters::cluster_limit;
 use deepfield::hierarchy::kind::PCA;
 use deepfield::hierarchy::pca::SplitRule;
 use deepfield::hierarchy::{ClusterOptions, Kinds, OctreeOptions};
-use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
+use deepfield::model::{Family, Kernel};
 use deepfield::store::{Encoding, NodeRef, PageFile, PageId, Particles, Representative, verify};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
@@ -15,14 +15,7 @@ use std::path::{Path, PathBuf};
 /// Particles in a thin background, two rods and a dense clump: shapes and densities of all kinds.
 fn particles(count: usize, seed: u64, coincide: bool) -> Family {
     let mut random = Random(seed);
-    let mut family = Family {
-        name: FamilyName::Gas,
-        positions: Vec::new(),
-        mass: Vec::new(),
-        smoothing_length: Vec::new(),
-        density: Vec::new(),
-        attributes: vec![Attribute { name: "temperature".into(), unit: Unit::new("K"), values: Vec::new() }],
-    };
+    let mut family = gas();
     for i in 0..count {
         let mut next = || random.next();
         let [a, b, c] = [next(), next(), next()];
@@ -57,15 +50,7 @@ fn both() -> Kinds {
 
 fn built(folder: &Path, family: Family, options: &BuildOptions) -> PathBuf {
     let path = folder.join("clusters.df");
-    let dataset = Dataset {
-        families: vec![family],
-        length_unit: Unit::new("kpc"),
-        mass_unit: Unit::new("Msun"),
-        kernel: Kernel::CubicSpline,
-        skipped: Vec::new(),
-        provenance: Provenance::default(),
-    };
-    build(dataset, options, &path, &()).unwrap();
+    build(dataset_of(family), options, &path, &()).unwrap();
     verify(&path, &()).unwrap();
     path
 }

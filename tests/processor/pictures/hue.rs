@@ -1,10 +1,10 @@
 //! The hue of a picture does not depend on the level of detail, where dense particles are hotter than others near by.
 
-use crate::support::{Random, sum_nodes};
+use crate::support::{Random, dataset_of, gas, sum_nodes};
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
 use deepfield::mode::{Depiction, Settings};
-use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
+use deepfield::model::Dataset;
 use deepfield::modes;
 use deepfield::store::PageFile;
 use deepfield::stream::Scene;
@@ -20,14 +20,7 @@ const OF_CLUMP: usize = 8;
 /// Clumps of one dense and hot particle and seven others.
 fn clumps() -> Dataset {
     let mut random = Random(11);
-    let mut family = Family {
-        name: FamilyName::Gas,
-        positions: Vec::new(),
-        mass: Vec::new(),
-        smoothing_length: Vec::new(),
-        density: Vec::new(),
-        attributes: vec![Attribute { name: "temperature".into(), unit: Unit::new("K"), values: Vec::new() }],
-    };
+    let mut family = gas();
     for _ in 0..CLUMPS {
         let middle = [(); 3].map(|()| EDGE * random.next());
         for i in 0..OF_CLUMP {
@@ -38,14 +31,7 @@ fn clumps() -> Dataset {
             family.attributes[0].values.push(if i == 0 { 1e6 } else { 1e4 });
         }
     }
-    Dataset {
-        families: vec![family],
-        length_unit: Unit::new("kpc"),
-        mass_unit: Unit::new("Msun"),
-        kernel: Kernel::CubicSpline,
-        skipped: Vec::new(),
-        provenance: Provenance::default(),
-    }
+    dataset_of(family)
 }
 
 #[test]

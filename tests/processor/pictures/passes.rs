@@ -1,6 +1,7 @@
 //! Pictures of more pages than there is memory for: sums are drawn in passes and volumes in slabs, and are what they are with all pages at once;
 //! what is held keeps to its budget, but for a root where that is tiny. All else is drawn coarser, and told.
 
+use crate::support::Told;
 use deepfield::build::{self, BuildOptions};
 use deepfield::color::Accumulation;
 use deepfield::color::transfer::TransferFunction;
@@ -9,7 +10,6 @@ use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::hierarchy::{Kinds, OctreeOptions};
 use deepfield::look::{Attribute, Camera, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::{Raw, SettingValue};
-use deepfield::model::Progress;
 use deepfield::modes;
 use deepfield::picture::adapter::{AdapterField, AdapterSurface, AdapterValues};
 use deepfield::picture::ranges::Format;
@@ -23,8 +23,8 @@ use deepfield::view::cut::ClipBox;
 use deepfield::view::{CutSettings, Surround, View};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// What pages may take, less than all of a file's.
@@ -44,20 +44,6 @@ fn data(particles: u64, hierarchies: Kinds) -> Data {
     let options = BuildOptions { octree, hierarchies, page_bytes: 32 << 10, ..BuildOptions::default() };
     build::build(dataset(&Merger::new(3, particles)), &options, &path, &()).unwrap();
     Data { path, _folder: folder }
-}
-
-/// What was told.
-#[derive(Default)]
-struct Told(Mutex<Vec<String>>);
-
-impl Reporter for Told {
-    fn tell(&self, message: String) {
-        self.0.lock().unwrap().push(message);
-    }
-
-    fn progress(&self) -> Box<dyn Progress + '_> {
-        Box::new(())
-    }
 }
 
 impl Told {

@@ -1,14 +1,14 @@
 //! One way to a picture: what a session draws of a shot is what a tour blends and what ranges are found for, in every mode, of pages
 //! and of source particles.
 
-use crate::support::{demo, in_repository, write_demo_pages};
+use crate::support::{Told, demo, in_repository, write_demo_pages};
 use deepfield::cpu::Method;
 use deepfield::cpu::overdraw::Overdraw;
 use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::hierarchy::Kinds;
 use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::SettingValue;
-use deepfield::model::{FamilyName, Progress};
+use deepfield::model::FamilyName;
 use deepfield::modes;
 use deepfield::picture::adapter::{AdapterField, AdapterSurface};
 use deepfield::picture::level_report::{LevelReport, ROUNDING};
@@ -16,7 +16,7 @@ use deepfield::picture::ranges::Format;
 use deepfield::picture::{Adapter, AdapterFrame, AdapterJob, PictureError, Reporter, Session, SessionOptions};
 use deepfield::view::Surround;
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 const SIZE: (u32, u32) = (90, 60);
 
@@ -158,20 +158,6 @@ impl Adapter for Broken {
 
     fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
         Broken::fails("overdraw")
-    }
-}
-
-/// What a session has told.
-#[derive(Default)]
-struct Told(Mutex<Vec<String>>);
-
-impl Reporter for Told {
-    fn tell(&self, message: String) {
-        self.0.lock().unwrap().push(message);
-    }
-
-    fn progress(&self) -> Box<dyn Progress + '_> {
-        Box::new(())
     }
 }
 

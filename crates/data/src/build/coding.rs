@@ -7,14 +7,14 @@
 use super::column_error::{Pair, Picture};
 use super::spill::{Blob, Spill};
 use crate::codec::coordinates::unpack_leaf;
-use crate::codec::positions::decode_leaf;
+use crate::codec::positions::leaf_words;
 use crate::codec::quantize::{Trained, parts};
 use crate::codec::{
     BatchInfo, Batches, CodeBits, Codebook, CodebookScope, Quantities, Quantized, Refinement, Scaling, VqBits, quantize,
 };
 use crate::hierarchy::Encoding;
 use crate::hierarchy::octree::TreeNode;
-use crate::model::portable::portable;
+use crate::model::portable::{expect_that, expect_within, portable, total};
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 use std::io;
@@ -140,6 +140,7 @@ pub(super) struct Shared {
 portable!(Shared { scope, books, entries });
 
 /// A run of batches of [`Shared`], all of one group.
+#[derive(PartialEq)]
 pub(super) struct Part {
     pub group: u32,
     pub particles: u64,
@@ -220,6 +221,33 @@ impl Shared {
             Part { group: own.first().map_or(0, |(group, _)| *group), particles, batches }
         };
         parts(&about).into_iter().map(part).collect()
+    }
+
+    /// Whether its batches have the values that they tell of, so many columns, and together at most `most` particles; and whether they make these
+    /// parts; else what was found and expected.
+    pub fn check(&self, columns: usize, most: u64, parts: &[Part]) -> Result<(), String> {
+        self.entries.iter().try_for_each(|entry| entry.batch.check(columns))?;
+        let particles = self.entries.iter().map(|entry| entry.batch.info.particles as u64);
+        expect_within("particles", total(particles), 0..=most)?;
+        expect_that(self.parts()[..] == *parts, "parts", "those that batches make")
+    }
+
+    /// Whether its batches are of nodes of a tree; else what was expected.
+    pub fn check_nodes(&self, nodes: &[Vec<TreeNode<()>>]) -> Result<(), String> {
+        self.entries.iter().try_for_each(|Entry { depth, index, batch }| {
+            let node = nodes.get(*depth).and_then(|level| level.get(*index));
+            let particles = batch.info.particles as u64;
+            let is_of = |node: &TreeNode<()>| match node.encoding {
+                Encoding::Leaf => self.is_of_leaves() && particles == node.particles,
+                _ => !self.is_of_leaves() && particles <= node.particles,
+            };
+            expect_that(node.is_some_and(is_of), "batch", "one of a node of its tree")
+        })
+    }
+
+    /// Number of its batches.
+    pub fn batches(&self) -> usize {
+        self.entries.len()
     }
 
     /// Copies the quantities of all batches to where the coding will look for them.
@@ -326,17 +354,13 @@ impl Measured<'_> {
     ) -> io::Result<[f64; 2]> {
         let group = shared.group(spill, bits, &());
         let Entry { depth, index, batch } = &group.entries[leaf];
-        let unsound = |what: &str| io::Error::other(format!("codes: found {what}, expected those of a codebook"));
-        let decoded = coded.batches.get(leaf).ok_or_else(|| unsound("none of a leaf"))?;
+        let decoded = &coded.batches[leaf];
         let node = &nodes[*depth][*index];
         let Some(positions) = (self.positions)(*depth, *index) else { return Ok([0.0; 2]) };
-        let mut words = vec![0_u64; node.particles as usize];
-        decode_leaf(&group.spill.get(positions)?, node.points as usize, &mut words).map_err(io::Error::other)?;
-        let codes = group.codes(&decoded.codes)?;
-        let is_entry = |entry: &u16| usize::from(*entry) < coded.codebook.len();
-        if !codes.iter().all(|code| coded.numbers.get(usize::from(*code)).is_some_and(is_entry)) {
-            return Err(unsound("some without an entry"));
-        }
+        let section = group.spill.get(positions)?;
+        let words = leaf_words(&section, node.points as usize, node.particles as usize)
+            .map_err(|expected| spill.damaged(positions, &format!("positions: found others, expected {expected}")))?;
+        let codes = group.codes(&decoded.codes, leaf, coded.codes())?;
         // As the mode weighs it: so that the leaf's mass is its own.
         let scale = super::tree::scale(batch.info.mass, decoded.mass);
         let squares = batch.with(group.spill, |own| {
@@ -363,6 +387,14 @@ pub(super) fn picture_error(squares: impl IntoIterator<Item = [f64; 2]>) -> Opti
 }
 
 impl Batch {
+    /// Whether it has as many values as particles in so many columns; else what was expected.
+    pub fn check(&self, columns: usize) -> Result<(), String> {
+        let BatchInfo { particles, mass, mass_density } = self.info;
+        let bytes = particles.checked_mul(columns * size_of::<f32>());
+        expect_that(bytes == Some(self.quantities.len()), "quantities", "those of a batch's particles")?;
+        expect_that(mass.is_finite() && mass_density.is_finite(), "mass", "a finite sum")
+    }
+
     /// Reads the quantities.
     ///
     /// # Errors
@@ -413,15 +445,19 @@ impl Batches for Group<'_> {
         Ok((self.spill.put(&[&bytes])?, codes.len()))
     }
 
-    fn codes(&self, (blob, count): &(Blob, usize)) -> io::Result<Vec<u16>> {
-        let bytes = self.spill.get(blob)?;
-        if self.bits.packed_len(*count) != Some(bytes.len()) {
-            let found = bytes.len();
-            return Err(io::Error::other(format!("codes: found {found} bytes, expected those of {count}")));
+    fn codes(&self, (blob, count): &(Blob, usize), batch: usize, end: usize) -> io::Result<Vec<u16>> {
+        let particles = self.entries[batch].batch.info.particles;
+        if *count != particles || self.bits.packed_len(particles) != Some(blob.len()) {
+            let what = format!("codes: found {count} in {} bytes, expected {particles}", blob.len());
+            return Err(self.spill.damaged(blob, &what));
         }
-        let mut codes = Vec::with_capacity(*count);
-        self.bits.unpack(&bytes, *count, &mut codes);
-        Ok(codes)
+        let bytes = self.spill.get(blob)?;
+        let mut codes = Vec::with_capacity(particles);
+        self.bits.unpack(&bytes, particles, &mut codes);
+        match codes.iter().all(|code| usize::from(*code) < end) {
+            true => Ok(codes),
+            false => Err(self.spill.damaged(blob, &format!("codes: found others, expected some below {end}"))),
+        }
     }
 
     fn forget(&self, kept: (Blob, usize)) {
@@ -477,14 +513,20 @@ mod tests {
     fn codes_are_those_that_their_bytes_hold() {
         let folder = tempfile::tempdir().unwrap();
         let spill = Spill::new(&folder.path().join("out"), folder.path(), 1 << 10, ReadMethod::default());
+        let info = BatchInfo { particles: 3, ..BatchInfo::default() };
+        let batch = Batch { quantities: spill.put(&[]).unwrap(), info, group: 0, density: 0.0 };
+        let entries = [Entry { depth: 0, index: 0, batch }];
         for bits in [VqBits::Eight, VqBits::Twelve, VqBits::Sixteen] {
-            let group = Group { entries: &[], spill: &spill, bits, progress: &() };
+            let group = Group { entries: &entries, spill: &spill, bits, progress: &() };
             let mut kept = group.keep(vec![1, 200, 3]).unwrap();
-            assert_eq!(group.codes(&kept).unwrap(), [1, 200, 3]);
+            assert_eq!(group.codes(&kept, 0, 201).unwrap(), [1, 200, 3]);
+            assert!(group.codes(&kept, 0, 200).is_err());
             for forged in [0, 2, 4, usize::MAX] {
                 kept.1 = forged;
-                assert!(group.codes(&kept).is_err(), "{bits:?}: {forged}");
+                assert!(group.codes(&kept, 0, 201).is_err(), "{bits:?}: {forged}");
             }
+            let fewer = group.keep(vec![1, 200]).unwrap();
+            assert!(group.codes(&(fewer.0, 3), 0, 201).is_err(), "{bits:?}");
         }
     }
 }

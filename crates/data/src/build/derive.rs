@@ -5,9 +5,9 @@
 //! of a search among all particles, to the last bit; one search serves all quantities.
 
 use super::BuildError;
-use super::found::{self, Block, Finding, Seen};
+use super::found::{self, Block, Finding, Ordered, Seen, ordered};
 use super::partition::Partition;
-use super::reach::{Reaches, around_ball, bucket_bounds, position};
+use super::reach::{Reaches, around_ball, beside, position};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::{Columns, Place};
 use crate::import::derived;
@@ -69,13 +69,7 @@ impl Deriving<'_> {
         reaches: &Reaches,
         all: &mut Particles,
     ) -> Result<(), BuildError> {
-        let meets = |bucket: &usize| {
-            let Some(bounds) = bucket_bounds(partition, *bucket, self.root) else { return false };
-            !buckets.contains(bucket) && reaches.meet(bounds)
-        };
-        let parts: Vec<Particles> = (0..partition.buckets())
-            .into_par_iter()
-            .filter(meets)
+        let parts: Vec<Particles> = beside(&buckets, partition, self.root, Some(reaches))
             .map(|bucket| {
                 let (places, columns) = partition.read_inputs(bucket)?;
                 Ok(self.within(reaches, &places, &columns))
@@ -119,22 +113,11 @@ impl Finding for Deriving<'_> {
         buckets: Range<usize>,
         progress: &dyn Progress,
     ) -> Result<Block, BuildError> {
-        let parts: Vec<(Vec<u32>, Vec<[f64; 3]>, Columns)> = buckets
-            .clone()
-            .into_par_iter()
-            .map(|bucket| {
-                progress.go_on();
-                let (places, columns) = partition.read_inputs(bucket)?;
-                let order = columns.order(&places);
-                let positions = order.iter().map(|&i| position(places[i as usize], self.root)).collect();
-                let columns = columns.gather(&order);
-                Ok((order, positions, columns))
-            })
-            .collect::<Result<_, BuildError>>()?;
+        let parts = ordered(buckets.clone(), |bucket| partition.read_inputs(bucket), self.root, progress)?;
         let mut all = Particles::default();
         let mut heat: Vec<f32> = Vec::new();
         let mut orders = Vec::new();
-        for (order, positions, columns) in parts {
+        for Ordered { order, positions, columns, .. } in parts {
             let inputs = &columns.attributes[self.own..];
             all.velocities.extend(derived::velocities(inputs));
             heat.extend(inputs.get(Derivation::COMPONENTS).into_iter().flatten());

@@ -6,9 +6,9 @@
 //! particles, to the last bit: the more memory there is, the larger are the blocks.
 
 use super::BuildError;
-use super::found::{self, Block, Finding, Seen};
+use super::found::{self, Block, Finding, Seen, ordered};
 use super::partition::Partition;
-use super::reach::{Reaches, around_ball, bucket_bounds, position};
+use super::reach::{Reaches, around_ball, beside, position};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Columns;
@@ -71,31 +71,19 @@ impl Finding for Estimating {
         buckets: Range<usize>,
         progress: &dyn Progress,
     ) -> Result<Block, BuildError> {
-        let parts: Vec<(Vec<u32>, Vec<u64>, Vec<[f64; 3]>, Columns)> = buckets
-            .clone()
-            .into_par_iter()
-            .map(|bucket| {
-                progress.go_on();
-                let (places, columns) = partition.read(bucket)?;
-                let order = columns.order(&places);
-                let keys = order.iter().map(|&i| places[i as usize].key).collect();
-                let positions = order.iter().map(|&i| position(places[i as usize], self.root)).collect();
-                let columns = columns.gather(&order);
-                Ok((order, keys, positions, columns))
-            })
-            .collect::<Result<_, BuildError>>()?;
+        let parts = ordered(buckets.clone(), |bucket| partition.read(bucket), self.root, progress)?;
         let is_usable = |value: f32| value > 0.0 && value.is_finite();
         let mut own = Particles::default();
         let (mut orders, mut density, mut smoothing_length) = (Vec::new(), Vec::new(), Vec::new());
         let mut keys = Vec::new();
-        for (order, own_keys, positions, columns) in parts {
+        for part in parts {
             progress.go_on();
-            keys.extend(own_keys);
-            own.positions.extend(positions);
-            own.mass.extend(columns.mass);
-            density.extend(columns.density);
-            smoothing_length.extend(columns.smoothing_length);
-            orders.push(order);
+            keys.extend(part.keys);
+            own.positions.extend(part.positions);
+            own.mass.extend(part.columns.mass);
+            density.extend(part.columns.density);
+            smoothing_length.extend(part.columns.smoothing_length);
+            orders.push(part.order);
         }
         // Particles are counted when all of the block is known.
         let uncounted = Uncounted(progress);
@@ -231,14 +219,8 @@ impl Search<'_> {
     /// The particles of other buckets that are within reach; all of them without.
     fn others(&self, reaches: Option<&Reaches>) -> Result<Particles, BuildError> {
         let root = self.estimating.root;
-        let is_wanted = |bucket: &usize| {
-            let Some(bounds) = bucket_bounds(self.partition, *bucket, root) else { return false };
-            !self.buckets.contains(bucket) && reaches.is_none_or(|reaches| reaches.meet(bounds))
-        };
         let is_near = |place: [f64; 3]| reaches.is_none_or(|reaches| reaches.contains(place));
-        let parts: Vec<Vec<([f64; 3], f32)>> = (0..self.partition.buckets())
-            .into_par_iter()
-            .filter(is_wanted)
+        let parts: Vec<Vec<([f64; 3], f32)>> = beside(&self.buckets, self.partition, root, reaches)
             .map(|bucket| {
                 self.progress.go_on();
                 let (places, masses) = self.partition.read_masses(bucket)?;

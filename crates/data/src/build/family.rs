@@ -15,7 +15,7 @@ use crate::hierarchy::octree::Plan;
 use crate::hierarchy::pca::SplitRule;
 use crate::hierarchy::{AttributeInfo, Histogram, LevelInfo, OctreeOptions, Purpose, RootCell};
 use crate::import::replaced_densities;
-use crate::model::portable::portable;
+use crate::model::portable::{expect_that, expect_within, portable};
 use crate::model::{Derivation, FamilyName, Kernel, ParticleStream, Unit};
 use crate::store::paging::{FamilyTrees, PlannedNode, Written};
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, VolumeTree};
@@ -85,6 +85,30 @@ impl Outline {
             edge: stream.periodic_edge(survey.bounds),
             survey,
         }))
+    }
+
+    /// Whether it is one of a family of at most `most` particles, all columns of which are known, or those of the source alone; else what was found
+    /// and expected.
+    pub fn check(&self, most: u64, is_complete: bool) -> Result<(), String> {
+        let Outline { survey, root, attributes, own, columns, neighbours, edge, .. } = self;
+        expect_within("particles", survey.count, 1..=most)?;
+        expect_within("attributes", attributes.len() as u64, *own as u64..=MAX_ATTRIBUTES as u64)?;
+        let inputs = Derivation::COMPONENTS as u64 + 1;
+        expect_within("columns", *columns as u64, *own as u64..=*own as u64 + inputs)?;
+        let has_derived = is_complete && self.derived_columns() > 0;
+        survey.check(3 + if has_derived { attributes.len() } else { *columns })?;
+        expect_within("neighbours", neighbours.map_or(0, |count| count as u64), 0..=u32::MAX.into())?;
+        let is_length = |length: f64| length > 0.0 && length.is_finite();
+        expect_that(root.min.is_finite() && is_length(root.size), "root cell", "a cube")?;
+        expect_that(edge.is_none_or(is_length), "edge", "that of a periodic box")
+    }
+
+    /// Whether its columns are those of a stream, and neighbours are looked for as there.
+    pub fn is_of(&self, stream: &dyn ParticleStream) -> bool {
+        let columns = (stream.attributes().len(), stream.columns(), stream.all_attributes().len());
+        (self.own, self.columns, self.attributes.len()) == columns
+            && (self.neighbours.is_none() || self.neighbours == stream.neighbours())
+            && self.edge == stream.periodic_edge(self.survey.bounds)
     }
 
     /// Columns beside mass, density and smoothing length that a particle may have at some time.

@@ -3,9 +3,11 @@
 
 use super::BuildError;
 use super::partition::Partition;
+use super::reach::position;
+use crate::hierarchy::RootCell;
 use crate::hierarchy::attribute_info::{HistogramBins, Range};
-use crate::hierarchy::octree::Columns;
-use crate::model::portable::portable;
+use crate::hierarchy::octree::{Columns, Place};
+use crate::model::portable::{expect, portable};
 use crate::model::progress::Progress;
 use rayon::prelude::*;
 
@@ -33,15 +35,57 @@ impl Seen {
         }
     }
 
+    /// Whether it is of so many columns; else what was found and expected.
+    pub fn check(&self, columns: usize) -> Result<(), String> {
+        expect("ranges", self.ranges.len(), columns)?;
+        expect("samples", self.samples.len(), columns)
+    }
+
     /// The mean of each column.
     pub fn means(&self) -> Vec<f32> {
         self.ranges.iter().map(|range| range.mean() as f32).collect()
     }
 }
 
+/// The particles of a bucket in an order that depends on them alone.
+pub(super) struct Ordered {
+    /// Which one of those that are read comes first, and so on.
+    pub order: Vec<u32>,
+    /// Morton keys.
+    pub keys: Vec<u64>,
+    /// World positions relative to the root cell's corner.
+    pub positions: Vec<[f64; 3]>,
+    /// Their quantities.
+    pub columns: Columns,
+}
+
+/// The particles of some buckets, which `read` reads.
+///
+/// # Errors
+/// When particles cannot be read back.
+pub(super) fn ordered(
+    buckets: std::ops::Range<usize>,
+    read: impl Fn(usize) -> Result<(Vec<Place>, Columns), BuildError> + Sync,
+    root: RootCell,
+    progress: &dyn Progress,
+) -> Result<Vec<Ordered>, BuildError> {
+    buckets
+        .into_par_iter()
+        .map(|bucket| {
+            progress.go_on();
+            let (places, columns) = read(bucket)?;
+            let order = columns.order(&places);
+            let keys = order.iter().map(|&i| places[i as usize].key).collect();
+            let positions = order.iter().map(|&i| position(places[i as usize], root)).collect();
+            let columns = columns.gather(&order);
+            Ok(Ordered { order, keys, positions, columns })
+        })
+        .collect()
+}
+
 /// Columns of the particles of a block of buckets.
 pub(super) struct Block {
-    /// For each bucket an order of its particles that depends on them alone: which one of those that are read comes first, and so on.
+    /// The order of the particles of each bucket ([`Ordered::order`]).
     pub orders: Vec<Vec<u32>>,
     /// The columns, in these orders, one bucket after the other.
     pub columns: Vec<Vec<f32>>,
@@ -144,6 +188,8 @@ pub(super) fn added(mut sum: Vec<Vec<u64>>, more: Vec<Vec<u64>>) -> Vec<Vec<u64>
     if sum.is_empty() {
         return more;
     }
-    sum.iter_mut().flatten().zip(more.iter().flatten()).for_each(|(sum, more)| *sum += more);
+    // Counts that were forged do not add up.
+    let add = |(sum, more): (&mut u64, &u64)| *sum = sum.saturating_add(*more);
+    sum.iter_mut().flatten().zip(more.iter().flatten()).for_each(add);
     sum
 }

@@ -5,7 +5,7 @@ use super::spill::{Blob, Spill};
 use crate::hierarchy::attribute_info::{HistogramBins, Range, missing_replaced};
 use crate::hierarchy::octree::{Columns, Place, Plan};
 use crate::hierarchy::{Histogram, RootCell};
-use crate::model::portable::portable;
+use crate::model::portable::{expect_that, portable};
 use crate::model::progress::Progress;
 use crate::model::{Chunk, ParticleStream};
 use rayon::prelude::*;
@@ -36,6 +36,8 @@ struct Bucket {
     places: Vec<Place>,
     columns: Columns,
     extent: Option<Extent>,
+    /// Keys that its particles must have, where others have sorted them.
+    keys: Option<std::ops::Range<u64>>,
     /// Densities, then smoothing lengths, in the order of reading, where they had to be estimated.
     estimates: Option<Blob>,
     /// Derived attributes, one after the other, in the order of reading.
@@ -50,6 +52,20 @@ pub(super) struct Share {
 }
 
 portable!(Share { run, extent });
+
+impl Share {
+    /// Number of its particles, which have so many attributes; what was expected where it cannot be such a share.
+    pub fn particles(&self, attributes: usize) -> Result<u64, String> {
+        let Share { run, extent } = self;
+        let is_inside = |at: &[f64; 3]| at.iter().all(|x| (0.0..=1.0).contains(x));
+        let is_extent = extent.is_none_or(|(low, high)| is_inside(&low) && is_inside(&high));
+        expect_that(is_extent, "extent", "a part of the root cell")?;
+        let Some(run) = run else { return Ok(0) };
+        let (bytes, each) = (run.len() as u64, particle_bytes(attributes));
+        expect_that(bytes > 0 && bytes.is_multiple_of(each), "run of particles", "whole ones")?;
+        Ok(bytes / each)
+    }
+}
 
 /// Bytes that a particle with so many attributes takes in a partition.
 pub(super) fn particle_bytes(attributes: usize) -> u64 {
@@ -146,10 +162,10 @@ impl Partition {
         (0..self.buckets()).into_par_iter().map(hand_on).collect()
     }
 
-    /// The particles that input blocks have handed on to each bucket, with so many attributes among so many columns.
-    pub fn handed_on(spill: Spill, (own, columns): (usize, usize), blocks: Vec<Vec<Share>>) -> Partition {
-        let number = blocks.iter().map(Vec::len).max().unwrap_or(0);
-        let mut buckets: Vec<Bucket> = (0..number).map(|_| Bucket::default()).collect();
+    /// The particles that input blocks have handed on to each bucket of a plan, with so many attributes among so many columns.
+    pub fn handed_on(spill: Spill, (own, columns): (usize, usize), plan: &Plan, blocks: Vec<Vec<Share>>) -> Partition {
+        let bucket = |number: usize| Bucket { keys: Some(plan.keys(number)), ..Bucket::default() };
+        let mut buckets: Vec<Bucket> = (0..plan.len()).map(bucket).collect();
         for (bucket, Share { run, extent }) in blocks.into_iter().flat_map(|shares| (0..).zip(shares)) {
             let bucket: &mut Bucket = &mut buckets[bucket];
             bucket.runs.extend(run);
@@ -288,7 +304,7 @@ impl Partition {
 
     /// The first `wanted` columns of a bucket; the others stay empty.
     fn read_columns(&self, bucket: usize, wanted: usize) -> Result<(Vec<Place>, Columns), BuildError> {
-        let Bucket { runs, places: waiting, columns: rest, estimates, .. } = &self.buckets[bucket];
+        let Bucket { runs, places: waiting, columns: rest, keys: own_keys, estimates, .. } = &self.buckets[bucket];
         let len = self.len(bucket);
         let mut places = Vec::with_capacity(len);
         let mut columns = Columns::with_capacity(self.columns, 0);
@@ -298,7 +314,12 @@ impl Partition {
             let len = self.run_len(run);
             let (keys, values) = bytes.split_at(len * size_of::<Place>());
             let (keys, rests) = keys.split_at(len * size_of::<u64>());
-            let pairs = bytemuck::cast_slice(keys).iter().zip(bytemuck::cast_slice(rests));
+            let (keys, rests): (&[u64], &[u64]) = (bytemuck::cast_slice(keys), bytemuck::cast_slice(rests));
+            if own_keys.as_ref().is_some_and(|own| !keys.iter().all(|key| own.contains(key))) {
+                let what = "keys: found some of another bucket, expected those of one";
+                return Err(BuildError::temporary(&self.spill, self.spill.damaged(run, what)));
+            }
+            let pairs = keys.iter().zip(rests);
             places.extend(pairs.map(|(&key, &rest)| Place { key, rest }));
             let values = values.chunks_exact(len * size_of::<f32>());
             columns

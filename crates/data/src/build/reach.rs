@@ -6,6 +6,8 @@ use crate::hierarchy::octree::Place;
 use crate::model::Bounds;
 use crate::model::periodic::images;
 use glam::DVec3;
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// Cells along each axis of the grid that says where the balls of some particles reach.
 const CELLS: usize = 128;
@@ -24,9 +26,23 @@ pub(super) fn around_ball(at: [f64; 3], radius: f64) -> Bounds {
 }
 
 /// The box around the particles of a bucket, from the root cell's corner; `None` if there are none.
-pub(super) fn bucket_bounds(partition: &Partition, bucket: usize, root: RootCell) -> Option<Bounds> {
+fn bucket_bounds(partition: &Partition, bucket: usize, root: RootCell) -> Option<Bounds> {
     let (low, high) = partition.extent(bucket)?;
     Some(Bounds { min: DVec3::from_array(low) * root.size, max: DVec3::from_array(high) * root.size })
+}
+
+/// The buckets beside some that have particles within reach; all of them without.
+pub(super) fn beside(
+    own: &Range<usize>,
+    partition: &Partition,
+    root: RootCell,
+    reaches: Option<&Reaches>,
+) -> impl ParallelIterator<Item = usize> {
+    let is_reached = move |bucket: &usize| {
+        let Some(bounds) = bucket_bounds(partition, *bucket, root) else { return false };
+        !own.contains(bucket) && reaches.is_none_or(|reaches| reaches.meet(bounds))
+    };
+    (0..partition.buckets()).into_par_iter().filter(is_reached)
 }
 
 /// Whether two boxes have a place in common.
@@ -59,7 +75,7 @@ impl Reaches {
     }
 
     /// Whether a box may have places within reach.
-    pub fn meet(&self, bounds: Bounds) -> bool {
+    fn meet(&self, bounds: Bounds) -> bool {
         self.images.iter().any(|image| meet(self.own.bounds.moved(*image), bounds))
     }
 

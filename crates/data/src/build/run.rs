@@ -1,7 +1,7 @@
 //! From many snapshots to a run file: one page file after the other, each built as it would be alone.
 
-use super::tracks::{BuiltStep, TrackBuild, TrackOptions};
-use super::{BuildError, BuildOptions, alone, built_of};
+use super::tracks::{BuiltStep, TrackBuild};
+use super::{BuildError, BuildOptions, TrackOptions, alone, built_of};
 use crate::import::vector_field::{TraceOptions, trace};
 use crate::import::{AttributeChoice, Description, LoadOptions, Run, RunStep, has_attribute};
 use crate::model::{Placement, Progress, Unit};

@@ -222,6 +222,14 @@ impl Spill {
         Ok(Bytes { len: blob.len(), words })
     }
 
+    /// An error about what is in a blob, which names the task's file that has it, if one has; that is removed, so that its task is done again.
+    pub fn damaged(&self, blob: &Blob, what: &str) -> io::Error {
+        match (&blob.place, &self.parts) {
+            (Place::Part(place), Some(parts)) => parts.damaged(place.part(), what),
+            _ => io::Error::other(what.to_owned()),
+        }
+    }
+
     /// Forgets a blob; its memory is free for others.
     pub fn forget(&self, blob: Blob) {
         if let Place::Memory(words) = blob.place {

@@ -208,6 +208,20 @@ impl StepStates {
         self.sample = records.concat();
         Ok(())
     }
+
+    /// The plan by which tracks that begin or end here are sorted, about `most` in a bucket.
+    pub fn plan(&self, layout: &StateLayout, family: usize, most: usize) -> Plan {
+        let states = self.sample.chunks_exact(layout.words).map(State::of);
+        let mut keys: Vec<u64> = states.filter(|state| state.family == family).map(|state| state.key()).collect();
+        keys.sort_unstable();
+        Plan::new(&keys, layout.stride as f64, most)
+    }
+
+    /// Whether some of a family's particles have velocities.
+    pub fn has_velocities(&self, layout: &StateLayout, family: usize) -> bool {
+        let mut states = self.sample.chunks_exact(layout.words).map(State::of);
+        states.any(|state| state.family == family && state.velocity.iter().all(|v| v.is_finite()))
+    }
 }
 
 /// Sends the particles of a family to their buckets.

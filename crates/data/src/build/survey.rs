@@ -7,7 +7,7 @@ use crate::codec::{AttributeMerge, Scaling};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::attribute_info::{Range, missing_replaced};
 use crate::hierarchy::octree::{Columns, OctreeOptions, Place};
-use crate::model::portable::portable;
+use crate::model::portable::{expect, portable};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, Chunk, FamilyName, ParticleStream};
 use rayon::prelude::*;
@@ -177,6 +177,12 @@ impl Survey {
         let smoothing_length = self.ranges[2].max;
         // Without smoothing lengths there is no length that matters but the extent of the positions.
         options.root_cell(self.count, self.bounds, if smoothing_length > 0.0 { 2.0 * smoothing_length } else { 1.0 })
+    }
+
+    /// Whether it has so many columns, with a value for each particle; else what was found and expected.
+    pub fn check(&self, columns: usize) -> Result<(), String> {
+        expect("columns", self.ranges.len(), columns)?;
+        self.ranges.iter().try_for_each(|range| expect("values of a column", range.values(), self.count))
     }
 
     /// Whether densities or smoothing lengths have to be estimated.

@@ -3,7 +3,7 @@
 //! The states of each step are read once and sent to buckets by id ([`super::states`]); buckets are joined in memory
 //! ([`super::matching`]), and tracks go on to buckets by where they begin, which are cut into leaves, coded and written in order.
 
-use super::flow::{FlowBuild, FlowOptions, FlowStep};
+use super::flow::{FlowBuild, FlowStep};
 use super::flow_regions::Regions;
 use super::left_out::left_out;
 use super::matching::{Found, Joining, NOBODY, TrackRecord, Window, track_words};
@@ -11,9 +11,9 @@ use super::memory::default_memory;
 use super::run::StepProgress;
 use super::shuffle::Shuffle;
 use super::spill::Spill;
-use super::states::{Scales, State, StateLayout, StepStates};
+use super::states::{Scales, StateLayout, StepStates};
 use super::track_nodes::write_nodes;
-use super::{BuildError, BuildOptions, kept};
+use super::{BuildError, BuildOptions, Matching, TrackOptions, kept};
 use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::Plan;
 use crate::hierarchy::spacetime::lattice::morton_key;
@@ -28,7 +28,6 @@ use crate::store::run::{
 use crate::store::temporary::folder_of;
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Tracks of a bucket by place.
@@ -41,49 +40,6 @@ const LOST: f64 = 0.25;
 const OTHER_HUBBLE: f64 = 1000.0;
 /// Share of a family whose ids may be repeated.
 const MOST_SHARED: f64 = 0.1;
-
-/// How particles of one step are found again at the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Matching {
-    /// By ids; without ids by their order, where velocities bear that out.
-    #[default]
-    Auto,
-    /// By ids.
-    Ids,
-    /// By their order in the sources.
-    Order,
-    /// Not at all: each step's particles fade away while those of the next come.
-    None,
-}
-
-impl std::str::FromStr for Matching {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Matching, String> {
-        match text {
-            "auto" => Ok(Matching::Auto),
-            "ids" => Ok(Matching::Ids),
-            "order" => Ok(Matching::Order),
-            "none" => Ok(Matching::None),
-            _ => Err("expected auto, ids, order or none".into()),
-        }
-    }
-}
-
-/// How the tracks of a run are built.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TrackOptions {
-    /// How particles are found again.
-    pub matching: Matching,
-    /// Where tangents come from; `None`: velocities where there are some that displacements bear out.
-    pub tangents: Option<Tangents>,
-    /// Which flow levels there are.
-    pub flow: FlowOptions,
-    /// Whether the steps' stills are left out, so that pictures of steps are drawn from tracks, too.
-    pub no_stills: bool,
-}
 
 /// A step as its still was built.
 pub(super) struct BuiltStep {
@@ -602,20 +558,4 @@ fn missing_ids(path: &Path, name: FamilyName) -> BuildError {
     let file = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
     let what = format!("{name}: ids: missing in {file}, expected ids, or --match order, or --stills-only");
     BuildError::Selection { path: path.to_owned(), what }
-}
-
-impl StepStates {
-    /// The plan by which tracks that begin or end here are sorted, about `most` in a bucket.
-    pub fn plan(&self, layout: &StateLayout, family: usize, most: usize) -> Plan {
-        let states = self.sample.chunks_exact(layout.words).map(State::of);
-        let mut keys: Vec<u64> = states.filter(|state| state.family == family).map(|state| state.key()).collect();
-        keys.sort_unstable();
-        Plan::new(&keys, layout.stride as f64, most)
-    }
-
-    /// Whether some of a family's particles have velocities.
-    fn has_velocities(&self, layout: &StateLayout, family: usize) -> bool {
-        let mut states = self.sample.chunks_exact(layout.words).map(State::of);
-        states.any(|state| state.family == family && state.velocity.iter().all(|v| v.is_finite()))
-    }
 }

@@ -1,6 +1,8 @@
 //! A family's trees, from its buckets to coded nodes: one for each kind of levels that is asked for. They share the leaves,
 //! which belong to the first.
 
+mod checks;
+
 use super::BuildError;
 use super::clusters::{CodedClusters, Maker};
 use super::coding::{self, Batch, Coding, Measured};
@@ -8,7 +10,7 @@ use super::column_error::Picture;
 use super::partition::Partition;
 use super::spill::{Blob, Spill};
 use crate::codec::coordinates::unpack_leaf;
-use crate::codec::positions::{decode_leaf, encode_grid, encode_leaf};
+use crate::codec::positions::{encode_grid, encode_leaf, leaf_words};
 use crate::codec::{BatchInfo, CodeBits, Codebook, CodebookScope, Quantities, Refinement, Scaling};
 use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, join};
 use crate::hierarchy::{ClusterOptions, Encoding, LevelInfo, Purpose};
@@ -17,6 +19,7 @@ use crate::model::progress::Progress;
 use crate::model::{FamilyName, Kernel};
 use crate::store::layout::StoredNode;
 use crate::store::paging::{PlannedNode, Sections};
+pub(super) use checks::{check_built, most_in_nodes};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -117,6 +120,10 @@ impl NodeSections {
         let mut own: Vec<u16> = Vec::new();
         for (blob, count) in &self.codes {
             bits.unpack(&spill.get(blob)?, *count, &mut own);
+        }
+        if own.len() != node.particles as usize {
+            let what = format!("codes: found {}, expected {}", own.len(), node.particles);
+            return Err(std::io::Error::other(what));
         }
         if node.encoding != Encoding::Relay {
             let has_all = |numbers: &&Vec<u16>| own.iter().all(|code| usize::from(*code) < numbers.len());
@@ -485,8 +492,8 @@ impl Kept {
         read: impl FnOnce(&mut dyn Iterator<Item = [f32; 3]>, &Quantities) -> R,
     ) -> std::io::Result<R> {
         let (Positions::Encoded(blob) | Positions::Words(blob)) = &self.positions;
-        let mut words = vec![0_u64; node.particles as usize];
-        decode_leaf(&spill.get(blob)?, node.points as usize, &mut words).map_err(std::io::Error::other)?;
+        let words = leaf_words(&spill.get(blob)?, node.points as usize, node.particles as usize)
+            .map_err(std::io::Error::other)?;
         self.batch.with(spill, |quantities| read(&mut words.iter().map(|&word| unpack_leaf(word)), quantities))
     }
 }

@@ -1,6 +1,6 @@
 //! What a codebook index decodes to (F12 4.7.4: "it is sufficient to exponentiate the codebook entries").
 
-use crate::model::portable::{Portable, portable};
+use crate::model::portable::{Portable, expect, expect_within, portable};
 
 /// Which particles a codebook was trained on and codes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -75,6 +75,14 @@ impl Codebook {
     /// Number of entries.
     pub fn len(&self) -> usize {
         self.mass.len()
+    }
+
+    /// Whether all columns have an item for each entry, of which there are at most `most`; else what was found and expected.
+    pub fn check(&self, attributes: usize, most: usize) -> Result<(), String> {
+        expect_within("entries of a codebook", self.len() as u64, 0..=most as u64)?;
+        expect("attributes of a codebook", self.attributes.len(), attributes)?;
+        let columns = [&self.density, &self.smoothing_length].into_iter().chain(&self.attributes);
+        columns.map(Vec::len).try_for_each(|found| expect("column of a codebook", found, self.len()))
     }
 
     /// Whether the codebook has no entry.

@@ -206,6 +206,22 @@ pub fn decode_leaf(bytes: &[u8], points: usize, words: &mut [u64]) -> Result<usi
     decode(bytes, points, words)
 }
 
+/// The positions of a leaf with so many particles, in a section of their own; nothing is allocated for what that has no room for.
+pub fn leaf_words(bytes: &[u8], points: usize, particles: usize) -> Result<Vec<u64>, &'static str> {
+    if bytes.len() < 2 * particles.div_ceil(BLOCK) {
+        return Err("room for the headers of its positions");
+    }
+    let mut words = vec![0; particles];
+    decode_leaf(bytes, points, &mut words)?;
+    Ok(words)
+}
+
+/// The most bytes that a section with so many words takes.
+pub fn most_bytes(words: usize) -> usize {
+    // Of each block a header, differences of all bits of a key, and flags.
+    words.div_ceil(BLOCK).saturating_mul(2 + 2 * 63 + 2)
+}
+
 fn decode<W: Word>(bytes: &[u8], points: usize, words: &mut [W]) -> Result<usize, &'static str> {
     let blocks = words.len().div_ceil(BLOCK);
     let headers = bytes.get(..2 * blocks).ok_or("room for the headers of its positions")?;

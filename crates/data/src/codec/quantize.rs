@@ -7,9 +7,9 @@ mod training;
 mod vectors;
 
 use super::codebook::{Codebook, CodebookScope};
-use super::packing::VqBits;
-use super::refinement::Refinement;
-use crate::model::portable::portable;
+use super::packing::{CodeBits, VqBits};
+use super::refinement::{Refinement, STEPS};
+use crate::model::portable::{expect, expect_that, portable};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -38,6 +38,35 @@ pub struct Quantized<Kept> {
 }
 
 portable!(Quantized<Kept> where Kept { codebook, refinement, numbers, batches });
+
+impl<Kept> Quantized<Kept> {
+    /// Whether it has so many batches and attributes, and no more entries than codes of these bits can name; else what was found and expected.
+    pub fn check(&self, batches: usize, attributes: usize, bits: CodeBits) -> Result<(), String> {
+        let Quantized { codebook, refinement, numbers, .. } = self;
+        let is_of_leaves = codebook.scope == CodebookScope::Leaves;
+        codebook.check(attributes, bits.of(is_of_leaves).entries())?;
+        check_numbers(numbers, codebook)?;
+        expect("errors of a codebook", codebook.errors.len(), 3 + attributes)?;
+        expect("refined", refinement.is_some(), is_of_leaves && bits.is_refined())?;
+        if let Some(lines) = refinement {
+            expect("steps behind the last line", codebook.len() % STEPS, 0)?;
+            lines.check(codebook.len() / STEPS)?;
+        }
+        expect("batches", self.batches.len(), batches)
+    }
+
+    /// Codes that stand for something.
+    pub fn codes(&self) -> usize {
+        if self.codebook.is_empty() { 0 } else { self.numbers.len() }
+    }
+}
+
+/// Whether codes stand for entries of a codebook; else what was expected. Where it has none there is no code.
+fn check_numbers(numbers: &[u16], codebook: &Codebook) -> Result<(), String> {
+    let entries = codebook.len().max(1);
+    let are_entries = numbers.iter().all(|number| usize::from(*number) < entries);
+    expect_that(are_entries, "numbers of codes", "entries of their codebook")
+}
 
 /// Trains a codebook on `batches` and codes them. The result depends on the batches and their groups only, not on the number of threads. A
 /// code's entry is computed from all particles that have it: the mean mass, the mass-weighted density, the smoothing length that
@@ -85,7 +114,6 @@ pub fn quantize<B: Batches>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::refinement::STEPS;
     use super::super::scaling::{AttributeMerge, ColumnScaling, fast_log2};
     use super::*;
     use proptest::prelude::*;
@@ -152,7 +180,7 @@ mod tests {
             Ok(codes)
         }
 
-        fn codes(&self, kept: &Vec<u16>) -> Result<Vec<u16>, Self::Error> {
+        fn codes(&self, kept: &Vec<u16>, _: usize, _: usize) -> Result<Vec<u16>, Self::Error> {
             Ok(kept.clone())
         }
 

@@ -1,6 +1,7 @@
 //! The quantiser's space: code words, the splitting planes that lead near them, and the search for the nearest one.
 
 use super::pca_split::{self, Plane, Split};
+use crate::lanes::in_lanes;
 use crate::model::portable::{Portable, portable};
 
 /// Nearest code words that each code word knows; the search walks along them.
@@ -48,65 +49,21 @@ impl<const L: usize> Portable for Quantizer<L> {
     fn take(from: &mut &[u8]) -> Option<Quantizer<L>> {
         let (planes, (words, neighbours)) = Portable::take(from)?;
         let mut quantizer = Quantizer { planes, words, neighbours, around: Vec::new() };
-        let is_word = |neighbour: &Neighbour| (neighbour.code as usize) < quantizer.words.len();
-        let is_sound =
-            quantizer.neighbours.len() == quantizer.words.len() && quantizer.neighbours.iter().flatten().all(is_word);
-        if !is_sound {
+        let Quantizer { planes, words, neighbours, .. } = &quantizer;
+        let is_word = |code: u32| (code as usize) < words.len();
+        // Planes lead to later ones, so that every way ends.
+        let is_below = |number: usize, child: u32| match child & CODE {
+            0 => child as usize > number && (child as usize) < planes.len(),
+            _ => is_word(child & !CODE),
+        };
+        let are_planes =
+            planes.iter().zip(0..).all(|(plane, number)| plane.children.iter().all(|&c| is_below(number, c)));
+        let are_words = neighbours.iter().flatten().all(|neighbour| is_word(neighbour.code));
+        if words.is_empty() || neighbours.len() != words.len() || !are_planes || !are_words {
             return None;
         }
         quantizer.look_around();
         Some(quantizer)
-    }
-}
-
-/// The work of [`Quantizer::codes`] for whatever lanes the processor has. Rounding is the same with all of them.
-struct Coder<'a, const L: usize> {
-    quantizer: &'a Quantizer<L>,
-    vectors: &'a [[f32; L]],
-    codes: &'a mut [u32],
-}
-
-impl<const L: usize> pulp::WithSimd for Coder<'_, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let mut distances = [0.0; TOGETHER];
-        for (vectors, codes) in self.vectors.chunks(TOGETHER).zip(self.codes.chunks_mut(TOGETHER)) {
-            self.quantizer.descend(vectors, codes);
-            self.quantizer.walk(vectors, codes, &mut distances);
-        }
-    }
-}
-
-/// The work of [`Quantizer::assign_sample`] on a part of the sample, for whatever lanes the processor has: the sum of squared distances, and
-/// for each code word the sum of its vectors and their number.
-struct Assignment<'a, const L: usize> {
-    quantizer: &'a Quantizer<L>,
-    vectors: &'a [[f32; L]],
-    cells: &'a [u32],
-}
-
-impl<const L: usize> pulp::WithSimd for Assignment<'_, L> {
-    type Output = (f64, Vec<([f64; L], u32)>);
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
-        let mut sums = vec![([0.0_f64; L], 0_u32); self.quantizer.words.len()];
-        let mut total = 0.0;
-        let (mut codes, mut distances) = ([0; TOGETHER], [0.0; TOGETHER]);
-        for (vectors, cells) in self.vectors.chunks(TOGETHER).zip(self.cells.chunks(TOGETHER)) {
-            let codes = &mut codes[..cells.len()];
-            codes.copy_from_slice(cells);
-            self.quantizer.walk(vectors, codes, &mut distances);
-            for ((vector, &code), &distance) in vectors.iter().zip(&*codes).zip(&distances) {
-                total += f64::from(distance);
-                let (sum, count) = &mut sums[code as usize];
-                sum.iter_mut().zip(vector).for_each(|(sum, &v)| *sum += f64::from(v));
-                *count += 1;
-            }
-        }
-        (total, sums)
     }
 }
 
@@ -171,7 +128,13 @@ impl<const L: usize> Quantizer<L> {
     /// The codes of vectors, as many of them as there is room in `codes`: of each the code of the cell that it falls into, or of
     /// a nearer word among the neighbours. This finds the nearest word nearly always, and never one farther away than the cell's own.
     pub fn codes(&self, vectors: &[[f32; L]], codes: &mut [u32]) {
-        pulp::Arch::new().dispatch(Coder { quantizer: self, vectors, codes });
+        in_lanes!({
+            let mut distances = [0.0; TOGETHER];
+            for (vectors, codes) in vectors.chunks(TOGETHER).zip(codes.chunks_mut(TOGETHER)) {
+                self.descend(vectors, codes);
+                self.walk(vectors, codes, &mut distances);
+            }
+        });
     }
 
     /// The cells that at most [`TOGETHER`] vectors fall into.
@@ -232,7 +195,7 @@ impl<const L: usize> Quantizer<L> {
             .zip(cells.par_chunks(part))
             .map(|(vectors, cells)| {
                 go_on();
-                pulp::Arch::new().dispatch(Assignment { quantizer: self, vectors, cells })
+                in_lanes!(self.assign(vectors, cells))
             })
             .collect();
         let total: f64 = parts.iter().map(|(total, _)| total).sum();
@@ -249,6 +212,27 @@ impl<const L: usize> Quantizer<L> {
             })
             .collect();
         (total / sample.len().max(1) as f64, means)
+    }
+
+    /// The work of [`Quantizer::assign_sample`] on a part of the sample: the sum of squared distances, and for each code word the sum of its
+    /// vectors and their number.
+    #[inline(always)]
+    fn assign(&self, vectors: &[[f32; L]], cells: &[u32]) -> (f64, Vec<([f64; L], u32)>) {
+        let mut sums = vec![([0.0_f64; L], 0_u32); self.words.len()];
+        let mut total = 0.0;
+        let (mut codes, mut distances) = ([0; TOGETHER], [0.0; TOGETHER]);
+        for (vectors, cells) in vectors.chunks(TOGETHER).zip(cells.chunks(TOGETHER)) {
+            let codes = &mut codes[..cells.len()];
+            codes.copy_from_slice(cells);
+            self.walk(vectors, codes, &mut distances);
+            for ((vector, &code), &distance) in vectors.iter().zip(&*codes).zip(&distances) {
+                total += f64::from(distance);
+                let (sum, count) = &mut sums[code as usize];
+                sum.iter_mut().zip(vector).for_each(|(sum, &v)| *sum += f64::from(v));
+                *count += 1;
+            }
+        }
+        (total, sums)
     }
 
     /// Finds the words nearest to each word. The words are the means of their cells here, so a plane that is farther

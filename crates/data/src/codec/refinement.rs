@@ -11,7 +11,7 @@
 
 use super::codebook::Codebook;
 use super::scaling::{ColumnScaling, fast_log2};
-use crate::model::portable::portable;
+use crate::model::portable::{expect, portable};
 
 /// Bits of a refined code beside those that name its line.
 pub const REFINEMENT_BITS: u32 = 4;
@@ -47,6 +47,12 @@ impl Refinement {
     /// The number in the unrolled codebook of a step of a line.
     pub fn code(line: usize, step: usize) -> usize {
         line << REFINEMENT_BITS | step
+    }
+
+    /// Whether all columns have an item for each of so many lines; else what was found and expected.
+    pub fn check(&self, lines: usize) -> Result<(), String> {
+        let columns = [&self.density, &self.shortest, &self.longest].into_iter();
+        columns.map(Vec::len).try_for_each(|found| expect("lines of a codebook", found, lines))
     }
 
     /// Whether the slope is one that a codebook has, and every line has a positive beginning and does not end before it.

@@ -7,6 +7,7 @@
 //! scaled to a standard deviation of [`UNIT_DEVIATION`]. No column may swamp the others: each is limited to a standard
 //! deviation of [`LARGEST_DEVIATION`].
 
+use crate::lanes::in_lanes;
 use crate::model::portable::{Portable, portable, portable_variants};
 
 /// Standard deviation, in octaves, given to columns that are not logarithmic: that of a typical temperature.
@@ -138,7 +139,7 @@ impl ColumnScaling {
 
     /// Errors of decoding a run of values like this, relative as [`ColumnScaling::error_scale`] says.
     pub fn errors(&self, values: &[f32], decoded: &[f32], out: &mut [f64]) {
-        pulp::Arch::new().dispatch(Errors { scale: self.error_scale, values, decoded, out });
+        in_lanes!(errors(self.error_scale, values, decoded, out));
     }
 
     fn limited(self, values: &[f32]) -> ColumnScaling {
@@ -185,49 +186,26 @@ pub fn fast_log2(value: f32) -> f32 {
     exponent as f32 + series
 }
 
-/// The work of [`ColumnScaling::errors`] for whatever lanes the processor has.
-struct Errors<'a> {
-    scale: Option<f32>,
-    values: &'a [f32],
-    decoded: &'a [f32],
-    out: &'a mut [f64],
-}
-
-impl pulp::WithSimd for Errors<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Errors { scale, values, decoded, out } = self;
-        for (out, (&value, &decoded)) in out.iter_mut().zip(values.iter().zip(decoded)) {
-            let difference = f64::from((decoded - value).abs());
-            let error = difference / f64::from(scale.unwrap_or(value.abs()));
-            *out = if difference == 0.0 { 0.0 } else { error };
-        }
+/// The work of [`ColumnScaling::errors`].
+#[inline(always)]
+fn errors(scale: Option<f32>, values: &[f32], decoded: &[f32], out: &mut [f64]) {
+    for (out, (&value, &decoded)) in out.iter_mut().zip(values.iter().zip(decoded)) {
+        let difference = f64::from((decoded - value).abs());
+        let error = difference / f64::from(scale.unwrap_or(value.abs()));
+        *out = if difference == 0.0 { 0.0 } else { error };
     }
 }
 
 /// `factor` times [`fast_log2`] of each value, to the same last bit.
 pub fn fast_log2_all(factor: f32, values: &[f32], out: &mut [f32]) {
-    pulp::Arch::new().dispatch(Logarithms { factor, values, out });
+    in_lanes!(logarithms(factor, values, out));
 }
 
-/// The work of [`fast_log2_all`] for whatever lanes the processor has.
-struct Logarithms<'a> {
-    factor: f32,
-    values: &'a [f32],
-    out: &'a mut [f32],
-}
-
-impl pulp::WithSimd for Logarithms<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Logarithms { factor, values, out } = self;
-        for (out, &value) in out.iter_mut().zip(values) {
-            *out = factor * fast_log2(value);
-        }
+/// The work of [`fast_log2_all`].
+#[inline(always)]
+fn logarithms(factor: f32, values: &[f32], out: &mut [f32]) {
+    for (out, &value) in out.iter_mut().zip(values) {
+        *out = factor * fast_log2(value);
     }
 }
 

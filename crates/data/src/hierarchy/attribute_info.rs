@@ -2,7 +2,7 @@
 
 use crate::codec::AttributeMerge;
 use crate::model::Unit;
-use crate::model::portable::portable;
+use crate::model::portable::{expect, portable, total};
 
 /// Bins of a histogram.
 const BINS: usize = 64;
@@ -82,6 +82,11 @@ impl Range {
         }
     }
 
+    /// Number of values, finite or not.
+    pub fn values(&self) -> u64 {
+        total([self.count, self.missing])
+    }
+
     /// The mean; 0 where there is no value.
     pub fn mean(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.sum / self.count as f64 }
@@ -91,6 +96,12 @@ impl Range {
     fn ends(&self) -> (f64, f64) {
         if self.count == 0 { (0.0, 0.0) } else { (self.min, self.max) }
     }
+}
+
+/// Whether these are counts of so many values in the bins of a histogram; else what was found and expected.
+pub fn check_counts(counts: &[u64], values: u64) -> Result<(), String> {
+    expect("bins", counts.len(), BINS)?;
+    expect("counts of a histogram", total(counts.iter().copied()), values)
 }
 
 /// Puts the mean in the place of values that are not finite.

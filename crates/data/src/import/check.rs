@@ -82,9 +82,10 @@ impl LeftOut {
 
     /// Adds the counts of another family.
     pub(super) fn add(&mut self, other: &LeftOut) {
-        self.position += other.position;
-        self.mass += other.mass;
-        self.smoothing += other.smoothing;
+        // Counts that were forged do not add up.
+        self.position = self.position.saturating_add(other.position);
+        self.mass = self.mass.saturating_add(other.mass);
+        self.smoothing = self.smoothing.saturating_add(other.smoothing);
     }
 
     /// The counts that are not zero.

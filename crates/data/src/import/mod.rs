@@ -39,6 +39,7 @@ mod tipsy;
 mod trajectory;
 mod typed_columns;
 mod units;
+mod unpacked;
 pub mod vector_field;
 mod vtk_points;
 

@@ -1,9 +1,11 @@
 //! Values as little-endian bytes, for what one process of this program hands to another by way of a file. Whoever reads has checked that the
 //! bytes are those that were written; what is not one of a type all the same is `None`, and nothing is allocated for what is not there.
+//! Numbers that are to be used as indices, lengths or summands are checked by whoever knows what they can be ([`expect`], [`expect_within`]).
 
 use super::{Bounds, FamilyName, Unit};
 use glam::DVec3;
-use std::ops::Range;
+use std::fmt::Display;
+use std::ops::{Range, RangeInclusive};
 
 /// A value that can be written as bytes and read back, to the last bit.
 pub trait Portable: Sized {
@@ -216,6 +218,29 @@ impl Portable for FamilyName {
     fn take(from: &mut &[u8]) -> Option<FamilyName> {
         FamilyName::parse(&String::take(from)?)
     }
+}
+
+/// Whether a field is what it must be; else what was found and expected.
+pub fn expect<T: PartialEq + Display>(field: &str, found: T, expected: T) -> Result<(), String> {
+    if found == expected { Ok(()) } else { Err(format!("{field}: found {found}, expected {expected}")) }
+}
+
+/// Whether a number is within some range; else what was found and expected.
+pub fn expect_within(field: &str, found: u64, range: RangeInclusive<u64>) -> Result<(), String> {
+    match range.contains(&found) {
+        true => Ok(()),
+        false => Err(format!("{field}: found {found}, expected {} to {}", range.start(), range.end())),
+    }
+}
+
+/// Whether something holds of a field; else what was expected.
+pub fn expect_that(holds: bool, field: &str, expected: &str) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(format!("{field}: found something else, expected {expected}")) }
+}
+
+/// The sum of numbers that may be forged, which ends at the largest one.
+pub fn total(numbers: impl IntoIterator<Item = u64>) -> u64 {
+    numbers.into_iter().fold(0, u64::saturating_add)
 }
 
 #[cfg(test)]

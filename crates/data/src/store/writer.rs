@@ -171,6 +171,11 @@ pub fn about(metadata: &Metadata, pages: usize) -> (u32, Vec<u8>) {
     (version, footer::encode(metadata, version))
 }
 
+/// Whether these are such a version, and such bytes.
+pub fn is_about(version: u32, bytes: &[u8], pages: usize) -> bool {
+    footer::decode(bytes, version).is_ok_and(|metadata| about(&metadata, pages).0 == version)
+}
+
 /// A page file that is whole, but has no name yet. Dropping it leaves nothing behind.
 #[derive(Debug)]
 pub struct CompletePageFile {

@@ -1,5 +1,5 @@
 //! An allocator that counts, for tests of what reads hostile files: no more memory than these allow. It counts what the whole process takes, so
-//! such a test is the only one of its program.
+//! such a test is the only one of its program, or all of them hold a lock.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};

@@ -9,6 +9,7 @@ mod passes;
 mod paths;
 mod projection;
 mod reporter;
+mod seen;
 mod selected;
 mod slabs;
 
@@ -19,7 +20,7 @@ use super::adapter::{self, Adapter, Passes};
 use super::annotation::Annotation;
 use super::drawn::{Picture, ShownMoment};
 use super::error::PictureError;
-use super::ground::{Ground, Solid, lighting, through};
+use super::ground::{Ground, Solid};
 use super::hiding::Hiding;
 use super::left_out::LeftOut;
 use super::level_report::LevelReport;
@@ -29,12 +30,9 @@ use super::projected::Means;
 use super::source::{self, Wanted};
 use super::subject::{self, Subject};
 use crate::annotate::Units;
-use crate::color::composite::{composite_glowing, composite_over};
-use crate::color::transfer::{Levels, TransferFunction};
-use crate::color::{Accumulation, Image};
+use crate::color::Image;
+use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
-use crate::cpu::shadowing::Lighting;
-use crate::cpu::volume::VolumeError;
 use crate::look::{Backend, LookPatch, Member, OpenData, SceneFile, Shot};
 use crate::mode::{Depiction, Mode, Raw};
 use crate::model::{Bounds, FamilyName, Moment, ReadMethod};
@@ -43,7 +41,6 @@ use crate::store::run::{RunSnapshot, RunTree};
 use crate::store::{InMemory, PageFile, RunFile, Tree};
 use crate::stream::{ResidencyStatistics, Scene, SceneSelection, first_frame};
 use crate::view::View;
-use crate::view::perspective_grid::GridError;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -74,20 +71,6 @@ pub struct SessionOptions {
     pub repeat: u32,
     /// What messages about settings name: the file that has them; the data where it is empty.
     pub named: PathBuf,
-}
-
-/// A picture of a view, and what is known of it.
-pub struct SeenParticles {
-    /// Its colours.
-    pub image: Image,
-    /// How many particles it took.
-    pub taken: u64,
-    /// Nodes drawn.
-    pub nodes: usize,
-    /// The ranges of its colours; `None` of a view without particles.
-    pub levels: Option<Levels>,
-    /// What was added up, in modes that add up.
-    pub sums: Option<Accumulation>,
 }
 
 /// What the data is.
@@ -169,32 +152,9 @@ impl Session {
         let framed = source::framed(&dataset);
         let scene = Scene::new(InMemory::new(dataset), u64::MAX);
         let framed = Some((scene.families.clone(), framed));
-        let data = Data::Source(path);
         let members = members.to_vec();
-        Ok(Session {
-            options,
-            members,
-            data,
-            opened: None,
-            moment: Moment::default(),
-            moving: None,
-            tracks: None,
-            scene,
-            budget_bytes: u64::MAX,
-            draws_in_passes: false,
-            account: None,
-            framed,
-            loading,
-            ahead: None,
-            adapter: None,
-            hiding: None,
-            paths: None,
-            told_of_paths: None,
-            has_told_of_levels: false,
-            lacks_memory: false,
-            has_told_of_memory: false,
-            reporter,
-        })
+        let session = Session::new(Data::Source(path), scene, u64::MAX);
+        Ok(Session { options, members, framed, loading, reporter, ..session })
     }
 
     /// Draws open datasets, of runs whatever moment is asked for; and what does not fit together, a sentence each.
@@ -222,14 +182,19 @@ impl Session {
 
     /// Draws an open page file; its pages may take `budget_bytes`, and what needs more is drawn coarser.
     pub fn of(file: Arc<PageFile>, budget_bytes: u64) -> Session {
+        let scene = Scene::new(Arc::clone(&file), budget_bytes);
+        Session::new(Data::Pages(file), scene, budget_bytes)
+    }
+
+    fn new(data: Data, scene: Scene, budget_bytes: u64) -> Session {
         Session {
             options: SessionOptions::default(),
             members: Vec::new(),
-            scene: Scene::new(Arc::clone(&file), budget_bytes),
+            scene,
             budget_bytes,
             draws_in_passes: false,
             account: None,
-            data: Data::Pages(file),
+            data,
             opened: None,
             moment: Moment::default(),
             moving: None,
@@ -384,106 +349,6 @@ impl Session {
             first.families = shown;
         }
         drawn?.image(&before)
-    }
-
-    /// A look's picture of a view as the processor draws it, of about `limit` particles at most, black where nothing is in view; its
-    /// colours have the ranges `levels`, or their own. And how many particles it took.
-    ///
-    /// # Errors
-    /// As [`Session::draw`].
-    pub fn image(
-        &mut self,
-        look: &LookPatch,
-        view: &View,
-        levels: Option<Levels>,
-        diameter: f64,
-        limit: u64,
-    ) -> Result<(Image, u64), PictureError> {
-        self.image_among(look, view, levels, (diameter, limit), None)
-    }
-
-    /// The same among measured surfaces.
-    ///
-    /// # Errors
-    /// As [`Session::draw_among`].
-    pub fn image_among(
-        &mut self,
-        look: &LookPatch,
-        view: &View,
-        levels: Option<Levels>,
-        limits: (f64, u64),
-        ground: Option<&dyn Ground>,
-    ) -> Result<(Image, u64), PictureError> {
-        let seen = self.seen_among(look, view, levels, limits, ground)?;
-        Ok((seen.image, seen.taken))
-    }
-
-    /// The same with what is known of it.
-    ///
-    /// # Errors
-    /// As [`Session::draw_among`].
-    pub fn seen_among(
-        &mut self,
-        look: &LookPatch,
-        view: &View,
-        levels: Option<Levels>,
-        (diameter, limit): (f64, u64),
-        ground: Option<&dyn Ground>,
-    ) -> Result<SeenParticles, PictureError> {
-        let (tree, depiction, mut transfer) = self.show(look)?;
-        let depiction = depiction.blended();
-        if let Some(levels) = levels.filter(|_| depiction.mode.is_light()) {
-            transfer = transfer.with_levels(&levels);
-        }
-        let selection = self.select(&depiction, view, look.error_px())?;
-        let subject = Subject {
-            mean_mass: self.mean_mass(&*tree),
-            ..Subject::new(tree.metadata(), &depiction, &transfer, diameter)
-        };
-        let plan = subject.plan(view, &selection.nodes, &look.budget.file_budget(), None)?;
-        let (plan, taken) = subject.within(limit, plan, view, &selection.nodes);
-        if ground.is_some() {
-            self.check_among(&depiction)?;
-        }
-        let in_the_way = |from: &View| ground.and_then(|ground| ground.opaque(from, view));
-        let subject = Subject { lighting: lighting(ground, &in_the_way), ..subject };
-        let surfaces = ground.map(|ground| subject.ground_among(ground, view, &selection.nodes, &plan)).transpose()?;
-        let nodes = subject.decode(view, &selection.nodes, &plan);
-        let bloom = look.bloom.unwrap_or_default();
-        let (image, levels, sums) = match subject.draw_with_paths(view, &nodes, &plan, surfaces.as_ref()) {
-            Ok(Raw::Sums(sums, _)) => {
-                let solid =
-                    ground.filter(|ground| ground.is_filter()).map(|ground| ground.solid(view, &Lighting::default()));
-                let whole = solid.map(|solid| subject.draw_with_paths(view, &nodes, &plan, Some(&solid)));
-                let whole = match whole.transpose()? {
-                    Some(Raw::Sums(whole, _)) => Some(whole),
-                    _ => None,
-                };
-                let shown = whole.as_ref().unwrap_or(&sums);
-                let levels = levels.unwrap_or_else(|| transfer.levels(shown));
-                let image = match &surfaces {
-                    None => composite_glowing(shown, &transfer, &levels, &bloom),
-                    Some(surfaces) => {
-                        let through = whole.as_ref().map(|whole| through(&sums, whole));
-                        let behind = surfaces.colors().image();
-                        let mut image = composite_over(shown, &transfer, &levels, &behind, through.as_deref());
-                        bloom.spread_image(&mut image);
-                        image
-                    }
-                };
-                (image, Some(levels), Some(sums))
-            }
-            Ok(Raw::Light(painted)) => {
-                let levels = Levels { p: painted.levels.density, s: painted.levels.attribute };
-                (bloom.image(&painted.colors), Some(levels), None)
-            }
-            Err(VolumeError::Grid(GridError::NothingInView)) => match &surfaces {
-                None => (Image::black(view.width, view.height), None, None),
-                Some(surfaces) => (bloom.image(&surfaces.colors()), None, None),
-            },
-            Err(error) => return Err(error.into()),
-        };
-        Ok(SeenParticles { image, taken, nodes: selection.nodes.len(), levels, sums })
     }
 
     /// What messages about settings name.

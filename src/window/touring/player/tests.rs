@@ -4,7 +4,6 @@ use super::*;
 use crate::build::{BuildOptions, build_source};
 use crate::import::LoadOptions;
 use crate::store::PageFile;
-use crate::window::facts::Facts;
 use crate::window::preset::Preset;
 use crate::window::touring::tests::tour;
 use bevy::math::DVec3;
@@ -25,7 +24,6 @@ impl Window {
         let path = folder.path().join("demo.df");
         build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &path, &()).unwrap();
         let file = Arc::new(PageFile::open(&path).unwrap());
-        let bounds = file.metadata().bounds();
         let preset = Preset::embedded("desktop").unwrap();
         let mut settings = Settings::new(&preset, None);
         settings.families = vec![true];
@@ -35,24 +33,7 @@ impl Window {
             rect: Rect::new(0.0, 0.0, 900.0, 600.0),
             scale: 1.0,
         };
-        let scene = Scene {
-            path,
-            members: Vec::new(),
-            facts: Facts::of(&file, &[]),
-            file,
-            bounds,
-            frame: bounds,
-            periodic: None,
-            length_unit: String::new(),
-            moving: None,
-            field: None,
-            times: None,
-            following: None,
-            opened: None,
-            time: None,
-            dataset: 1,
-            generation: 1,
-        };
+        let scene = Scene::of_file(file, Vec::new());
         let now = Instant::now();
         let mut app = App::new();
         app.insert_resource(Time::<Real>::new(now))

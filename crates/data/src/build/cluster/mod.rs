@@ -1,7 +1,7 @@
 //! A build beyond one machine: its stages as tasks that any engine runs, on any machine that sees the job's folder, in any number of
 //! processes. A task reads files and writes one ([`parts`]); running it again, twice at the same time or after a loss, does no harm. The
 //! page file is the one that [`super::build_source`] writes, byte for byte: the steps are the same functions, and whatever is summed is summed
-//! in the same order whoever has the parts.
+//! in the same order whoever has the parts. What tasks read of one another is checked where it is read ([`stages`]): files may be forged.
 //!
 //! | stage | tasks | reads | hands on |
 //! |---|---|---|---|

@@ -55,6 +55,13 @@ pub(in crate::build) struct PartPlace {
 
 portable!(PartPlace { part, lane, offset, crc });
 
+impl PartPlace {
+    /// The number of the task whose file it is in.
+    pub fn part(&self) -> u32 {
+        self.part
+    }
+}
+
 /// What can be read of a task's file at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Header {
@@ -308,6 +315,11 @@ impl Parts {
         };
         self.read.fetch_add(len, Ordering::Relaxed);
         Ok(words)
+    }
+
+    /// Says what is wrong with the file of a task, which is removed, so that its task is done again.
+    pub fn damaged(&self, number: u32, what: &str) -> io::Error {
+        self.names.damaged(number, what)
     }
 
     /// The file of a task that is done.

@@ -5,6 +5,7 @@ mod codes;
 mod division;
 mod output;
 mod particles;
+mod tables;
 mod trees;
 mod verify;
 
@@ -15,24 +16,25 @@ use super::super::memory::{Memory, default_memory};
 use super::super::partition::{Partition, Share, histograms};
 use super::super::spill::{Blob, Spill};
 use super::super::survey::Survey;
-use super::super::tree::{Books, Built, CodedTrees, Draft, Grower, NodeSections, scope};
+use super::super::tree::{Books, Built, CodedTrees, Draft, Grower, NodeSections, check_built, most_in_nodes, scope};
 use super::super::{BuildError, BuildOptions, metadata, streams_of};
 use super::parts::Parts;
 use super::settings::{FamilyTasks, Settings, shares};
 use super::{Job, job_error};
 use crate::codec::Scaling;
 use crate::codec::quantize::{Draft as DraftBook, SettledPart, Sums, Trained};
+use crate::hierarchy::attribute_info::check_counts;
 use crate::hierarchy::octree::{Columns, Context};
 use crate::hierarchy::{Histogram, Purpose};
 use crate::import::{ImportError, LeftOut, Source, Streams, open_with};
-use crate::model::portable::{Portable, portable};
+use crate::model::portable::{Portable, expect, expect_that, expect_within, portable, total};
 use crate::model::positioned::{read_exact_at, write_all_at};
 use crate::model::{Dataset, Kernel, ParticleStream, Progress};
 use crate::store::layout::{ALIGNMENT, MAGIC, PageEntry, StoredNode, align_up};
 use crate::store::paging::{EncodedPage, TOO_LONG};
-use crate::store::writer::{about, ends};
+use crate::store::writer::{about, ends, is_about};
 use crate::store::{FamilyMetadata, PageId, StoreError};
-use books::own_books;
+use books::books_by_task;
 use division::{balanced, runs, units};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -229,15 +231,6 @@ impl<'a> Task<'a> {
         job_error(self.parts.folder(), &format!("found {found}, expected results of one job"))
     }
 
-    /// What tasks of a stage have found, by number, one for each.
-    fn in_order<T>(&self, mut all: Vec<(usize, T)>) -> Result<Vec<T>, BuildError> {
-        all.sort_by_key(|(number, _)| *number);
-        match all.iter().map(|(number, _)| *number).eq(0..all.len()) {
-            true => Ok(all.into_iter().map(|(_, found)| found).collect()),
-            false => Err(self.unsound("codes of some parts twice, or of some not at all")),
-        }
-    }
-
     /// What a task may take that looks after a family, and reads so many of its particles.
     fn memory(&self, outline: &Outline, particles: u64) -> Memory {
         let allowed = self.options.memory.unwrap_or_else(default_memory);
@@ -251,8 +244,7 @@ impl<'a> Task<'a> {
 
     /// The value that is in a blob.
     fn portable<T: Portable>(&self, spill: &Spill, blob: &Blob) -> Result<T, BuildError> {
-        let bytes = spill.get(blob).map_err(|error| BuildError::temporary(spill, error))?;
-        T::of_bytes(&bytes).ok_or_else(|| self.unsound("a value of another version"))
+        self.checked_value(spill, blob, |_| Ok(()))
     }
 
     /// The index of a task.

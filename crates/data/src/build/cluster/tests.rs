@@ -420,10 +420,10 @@ fn results_of_other_numbers_are_told() {
     let (mut coded, squares): CodedBooks = Parts::reader(job.names()).index(number).unwrap();
     coded[0].0 += 1;
     Parts::of_task(job.names(), number).unwrap().finish(&(coded, squares), u64::MAX, u64::MAX).unwrap();
-    let told = job.run("pages", 0, None, &()).unwrap_err().to_string();
-    assert!(told.contains("found codes of some parts twice"), "{told}");
     let Moved { read, written, .. } = job.status().unwrap().bytes;
     assert_eq!([read, written], [u64::MAX; 2]);
+    let told = job.run("pages", 0, None, &()).unwrap_err().to_string();
+    assert!(told.contains("those of the task's codebooks; run stage quantize, task 0"), "{told}");
 }
 
 /// Whenever it is given up.

@@ -3,6 +3,7 @@
 //! Every pixel gets the numbers that it would get if one pixel were drawn after the other, by the same operations and in the same order:
 //! what a file tells does not depend on lanes.
 
+use crate::lanes::in_lanes;
 use crate::model::Kernel;
 
 /// Pixels of a row that are drawn together.
@@ -87,25 +88,6 @@ pub(super) struct Window {
     levels: Vec<Level>,
 }
 
-/// The work of [`Window::draw`] for whatever lanes the processor has. A closure with as much in it would stay a function of its own, which
-/// is made for the lanes that all processors have.
-struct Drawing<'a> {
-    window: &'a mut Window,
-    splats: &'a [Splat],
-    profile: &'a Profile,
-}
-
-impl pulp::WithSimd for Drawing<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
-        for splat in self.splats {
-            self.window.add(splat, self.profile);
-        }
-    }
-}
-
 /// One resolution.
 struct Level {
     columns: usize,
@@ -124,7 +106,11 @@ impl Window {
 
     /// Adds particles, and their differences.
     pub fn draw(&mut self, splats: &[Splat], profile: &Profile) {
-        pulp::Arch::new().dispatch(Drawing { window: self, splats, profile });
+        in_lanes!({
+            for splat in splats {
+                self.add(splat, profile);
+            }
+        });
     }
 
     #[inline(always)]

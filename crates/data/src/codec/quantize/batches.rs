@@ -85,11 +85,11 @@ pub trait Batches: Sync {
     /// When they cannot be kept.
     fn keep(&self, codes: Vec<u16>) -> Result<Self::Kept, Self::Error>;
 
-    /// Gives kept codes back.
+    /// Gives the kept codes of a batch back: one for each of its particles, all of them below `end`.
     ///
     /// # Errors
-    /// When they cannot be read.
-    fn codes(&self, kept: &Self::Kept) -> Result<Vec<u16>, Self::Error>;
+    /// When they cannot be read, or are others.
+    fn codes(&self, kept: &Self::Kept, batch: usize, end: usize) -> Result<Vec<u16>, Self::Error>;
 
     /// Gives the room of kept codes back.
     fn forget(&self, kept: Self::Kept);

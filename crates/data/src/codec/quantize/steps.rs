@@ -5,13 +5,13 @@ use super::batches::{Batches, Coded};
 use super::sums::Sums;
 use super::training::{effort, sample};
 use super::vectors::{RUN, Scaling};
-use super::{PARTS, Quantized};
+use super::{PARTS, Quantized, check_numbers};
 use crate::codec::codebook::{Codebook, CodebookScope, QuantityError};
-use crate::codec::packing::VqBits;
+use crate::codec::packing::{CodeBits, VqBits};
 use crate::codec::quantizer::Quantizer;
 use crate::codec::refinement::{Bend, Refinement, STEPS};
 use crate::codec::scaling::{ColumnScaling, fast_log2_all};
-use crate::model::portable::{Portable, portable};
+use crate::model::portable::{Portable, expect, expect_within, portable};
 use std::ops::Range;
 
 /// The quantiser's space, whose dimensions are a power of two.
@@ -128,13 +128,23 @@ impl Trained {
         kept.map(|kept| (kept, sums))
     }
 
-    /// Sums of no part yet.
-    pub fn totals(&self, scaling: &Scaling) -> Totals {
-        let codes = match &self.space {
+    /// Number of its codes.
+    fn codes(&self) -> usize {
+        match &self.space {
             Space::Narrow(quantizer) => quantizer.len(),
             Space::Wide(quantizer) => quantizer.len(),
-        };
-        Totals { all: Sums::new(codes, columns(scaling), self.scope), own: None }
+        }
+    }
+
+    /// Whether its codes have these bits, and are refined where those of its particles are; else what was found and expected.
+    pub fn check(&self, bits: CodeBits) -> Result<(), String> {
+        expect_within("code words", self.codes() as u64, 1..=bits.entries.entries() as u64)?;
+        expect("refined", self.bend.is_some(), self.scope == CodebookScope::Leaves && bits.is_refined())
+    }
+
+    /// Sums of no part yet.
+    pub fn totals(&self, scaling: &Scaling) -> Totals {
+        Totals { all: Sums::new(self.codes(), columns(scaling), self.scope), own: None }
     }
 }
 
@@ -167,6 +177,11 @@ pub struct Totals {
 }
 
 impl Totals {
+    /// Whether these can be sums of a part with so many particles; else what was found and expected.
+    pub fn check(&self, sums: &Sums, particles: u64) -> Result<(), String> {
+        self.all.check(sums, particles)
+    }
+
     /// Adds those of the part that comes next.
     pub fn add(&mut self, group: u32, sums: Sums) {
         match &mut self.own {
@@ -206,6 +221,27 @@ pub struct Draft {
 portable!(Draft { codebook, numbers, lines, presence });
 
 impl Draft {
+    /// Whether it is of so many attributes, and numbers and columns of the same entries, of no more than these bits can name; else what was
+    /// found and expected.
+    pub fn check(&self, attributes: usize, bits: CodeBits) -> Result<(), String> {
+        let Draft { codebook, numbers, lines, presence } = self;
+        codebook.check(attributes, bits.of(codebook.scope == CodebookScope::Leaves).entries())?;
+        check_numbers(numbers, codebook)?;
+        let Some(lines) = lines else { return expect("presence", presence.len(), 0) };
+        if self.is_of_lines() {
+            expect("presence", presence.len(), codebook.len())?;
+            lines.check(codebook.len())
+        } else {
+            expect("steps behind the last line", codebook.len() % STEPS, 0)?;
+            lines.check(codebook.len() / STEPS)
+        }
+    }
+
+    /// Codes that stand for something.
+    fn codes(&self) -> usize {
+        if self.codebook.is_empty() { 0 } else { self.numbers.len() }
+    }
+
     /// Whether codes are still those of lines, which are to be refined.
     pub fn is_of_lines(&self) -> bool {
         !self.presence.is_empty()
@@ -225,7 +261,7 @@ impl Draft {
         let (finder, numbers) = (lines.finder(), &self.numbers);
         let mut counts = vec![0; self.codebook.len() * STEPS];
         let code = |(batch, kept): (usize, B::Kept)| {
-            let mut codes = batches.codes(&kept)?;
+            let mut codes = batches.codes(&kept, batch, self.codes())?;
             batches.forget(kept);
             batches.with(batch, |batch| {
                 let mut octaves = [0.0; RUN];
@@ -274,7 +310,7 @@ impl Draft {
         let mut errors = vec![QuantityError::default(); 3 + scaling.attributes.len()];
         let coded = part.zip(kept).map(|(batch, kept)| {
             // Renumbered once, for all columns.
-            let mut entries = batches.codes(&kept)?;
+            let mut entries = batches.codes(&kept, batch, self.codes())?;
             entries.iter_mut().for_each(|code| *code = numbers[usize::from(*code)]);
             let mut coded = Coded { codes: kept, mass: 0.0, mass_density: 0.0, smoothing_length_max: 0.0 };
             for entry in entries.iter().map(|&entry| usize::from(entry)) {
@@ -303,8 +339,9 @@ impl Draft {
                 measure(0, &scaling.quantities[0], batch.mass, &codebook.mass);
                 measure(1, &scaling.quantities[1], batch.density, &codebook.density);
                 measure(2, &scaling.quantities[2], batch.smoothing_length, &codebook.smoothing_length);
-                for (k, (scaling, _)) in scaling.attributes.iter().enumerate() {
-                    measure(3 + k, scaling, batch.attributes[k], &codebook.attributes[k]);
+                let columns = batch.attributes.iter().zip(&codebook.attributes);
+                for (k, ((scaling, _), (values, book))) in (3..).zip(scaling.attributes.iter().zip(columns)) {
+                    measure(k, scaling, values, book);
                 }
             })?;
             Ok(coded)

@@ -5,7 +5,7 @@ use super::vectors::Scaling;
 use crate::codec::codebook::{Codebook, CodebookScope};
 use crate::codec::refinement::Refinement;
 use crate::codec::scaling::AttributeMerge;
-use crate::model::portable::portable;
+use crate::model::portable::{expect, portable, total};
 use std::ops::Range;
 
 /// For each code: number of particles, then sums of `m`, `m rho`, `m / h^2`, and weighted attributes; and the range of the smoothing lengths.
@@ -56,6 +56,15 @@ impl Sums {
                 }
             }
         }
+    }
+
+    /// Whether others have as many codes and columns as these, and are of so many particles; else what was found and expected.
+    pub(super) fn check(&self, others: &Sums, particles: u64) -> Result<(), String> {
+        expect("columns", others.columns, self.columns)?;
+        expect("codes", others.counts.len(), self.counts.len())?;
+        expect("values", others.values.len(), self.values.len())?;
+        expect("ranges", others.ranges.len(), self.ranges.len())?;
+        expect("particles by code", total(others.counts.iter().copied()), particles)
     }
 
     pub(super) fn merge(&mut self, other: &Sums) {

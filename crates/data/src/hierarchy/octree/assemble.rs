@@ -187,6 +187,7 @@ impl<Data> Draft<Data> {
             (node.particles, node.points) = (0, 0);
         }
         level.input += self.input;
+        // Where pieces were forged, leaves may be among those of another node.
         match node.encoding {
             Encoding::Leaf => {
                 level.leaf_nodes += 1;
@@ -194,14 +195,14 @@ impl<Data> Draft<Data> {
             }
             Encoding::Grid => {
                 level.grid_nodes += 1;
-                level.merged += self.input - self.merged;
+                level.merged += self.input.saturating_sub(self.merged);
                 level.skipped += self.merged - node.particles;
                 level.points += node.points;
                 level.sprites += node.particles - node.points;
             }
             Encoding::Relay => {
                 level.relay_nodes += 1;
-                level.merged += self.input - self.merged;
+                level.merged += self.input.saturating_sub(self.merged);
                 level.relayed += self.merged;
             }
             // Made of an octree that is whole.

@@ -11,7 +11,7 @@ use super::{Context, Purpose, is_relay};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::NodeKey;
 use crate::hierarchy::cell::{CELL_DEPTH, MAX_DEPTH};
-use crate::model::portable::portable;
+use crate::model::portable::{expect, expect_that, expect_within, portable};
 use std::ops::Range;
 
 /// What a bucket that was cut inside a cell of depth 8 leaves to [`super::joint`].
@@ -23,6 +23,22 @@ pub struct Open {
 }
 
 portable!(Open { depth, block });
+
+impl Open {
+    /// Whether it is what a bucket of a plan leaves open, of particles with so many attributes; else what was found and expected.
+    pub fn check(&self, plan: &Plan, bucket: usize, attributes: usize) -> Result<(), String> {
+        let Open { depth, block } = self;
+        let closed = u64::from(plan.closed_depth(bucket));
+        expect_within("depth", (*depth).into(), closed.max(1)..=closed)?;
+        expect_within("particles", block.len() as u64, 1..=u32::MAX.into())?;
+        let keys = plan.keys(bucket);
+        expect_that(block.keys.iter().all(|key| keys.contains(key)), "keys", "those of a bucket")?;
+        expect("attributes", block.columns.attributes.len(), attributes)?;
+        let columns = block.columns.iter().map(Vec::len);
+        let others = [block.units.len(), block.boxes.len(), block.words.len()];
+        others.into_iter().chain(columns).try_for_each(|found| expect("column", found, block.len()))
+    }
+}
 
 /// A cell's particles, merged at its depth.
 struct Visited {

@@ -101,7 +101,8 @@ impl<'a> Merger<'a> {
                 while let Some(&first) = rest.first() {
                     let smallest = f64::from(h(first));
                     let limit = if smallest <= q { q } else { smallest + self.fusion * q };
-                    let size = rest.iter().take_while(|&&i| f64::from(h(i)) <= limit).count();
+                    // What is not a number is within no limit.
+                    let size = rest.iter().take_while(|&&i| f64::from(h(i)) <= limit).count().max(1);
                     let (group, after) = rest.split_at(size);
                     if let [one] = group {
                         self.push_single(from, *one as usize, q, out);

@@ -2,13 +2,14 @@
 
 use super::block::Block;
 use super::merge::is_point;
+use super::plan::END;
 use super::sorted::Columns;
 use super::{Context, Encoding, Purpose, thin};
 use crate::codec::coordinates::{CELL_BITS, GRID_BITS};
 use crate::codec::positions::grid_key;
 use crate::hierarchy::NodeKey;
 use crate::model::Bounds;
-use crate::model::portable::portable;
+use crate::model::portable::{expect, expect_that, expect_within, portable};
 use glam::DVec3;
 
 /// Packed positions and quantities of the particles to draw, in the order in which they are stored.
@@ -76,6 +77,28 @@ portable!(Piece<Data> where Data {
 });
 
 impl<A> Piece<A> {
+    /// Whether its cell and its counts can be those of a family of so many particles; else what was found and expected.
+    pub fn check(&self, most: u64) -> Result<(), String> {
+        let Piece { key, first, encoding, particles, points, sources, input, merged, .. } = *self;
+        expect_that(key.is_valid(), "key of a node", "a cell of a tree")?;
+        expect_within("first key of a node", first, 0..=END - 1)?;
+        expect_within("points of a node", points, 0..=particles)?;
+        expect_within("particles of a node", particles, 0..=merged)?;
+        match encoding {
+            Encoding::Leaf => {
+                expect_within("particles of a leaf", particles, 0..=most)?;
+                expect("merged particles of a leaf", merged, particles)?;
+                expect("sources of a leaf", sources, particles)?;
+                expect("input of a leaf", input, 0)
+            }
+            Encoding::Grid | Encoding::Relay => {
+                expect_within("input of a node", input, merged..=most)?;
+                expect("sources of a node", sources, 0)
+            }
+            Encoding::Clusters | Encoding::LeafClusters => expect_that(false, "encoding of a node", "none of clusters"),
+        }
+    }
+
     /// The same piece with its data put elsewhere.
     pub fn map<B, E>(self, put: impl FnOnce(A) -> Result<B, E>) -> Result<Piece<B>, E> {
         let about = self.with(());

@@ -13,7 +13,7 @@ use crate::model::portable::Portable;
 use std::ops::Range;
 
 /// First key behind all others.
-const END: u64 = 1 << (3 * MORTON_BITS);
+pub(super) const END: u64 = 1 << (3 * MORTON_BITS);
 
 /// Where one bucket ends and the next begins.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,7 +90,7 @@ impl Plan {
     }
 
     /// The keys of a bucket.
-    pub(super) fn keys(&self, bucket: usize) -> Range<u64> {
+    pub fn keys(&self, bucket: usize) -> Range<u64> {
         let start = |bucket: usize| self.starts.get(bucket).copied().unwrap_or(END);
         start(bucket)..start(bucket + 1)
     }

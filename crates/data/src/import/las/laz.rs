@@ -5,20 +5,18 @@ use super::super::ImportError;
 use super::super::bytes::{Order, RangeFile};
 use super::super::grid::scratch::Pieces;
 use super::super::guarded::guarded;
+use super::super::unpacked::Unpacked;
 use super::Header;
 use laz::laszip::ChunkTable;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use laz::{DecompressionSelection, LazItem, LazItemType, LazVlr};
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of a variable length record's header.
 const RECORD: u64 = 54;
 /// The most bytes of a chunk's points.
 const LARGEST_CHUNK: u64 = 256 << 20;
-/// Bytes of points that are kept.
-const KEPT: u64 = 64 << 20;
 /// Bytes of the places that a chunk begins with, at least.
 const LEAST_CHUNK: u64 = 20;
 
@@ -35,10 +33,8 @@ pub(super) struct PackedPoints {
     stride: u64,
     /// Without empty ones.
     chunks: Vec<Chunk>,
-    /// Chunks that were unpacked last, the latest at the end.
-    kept: Mutex<Vec<(usize, Arc<Vec<u8>>)>>,
-    /// How many of them at most.
-    most: usize,
+    /// Chunks by their number.
+    unpacked: Unpacked<usize>,
 }
 
 /// A chunk of points.
@@ -83,34 +79,10 @@ impl PackedPoints {
             let expected = format!("at most {} MiB; laszip -i FILE.laz -o FILE.las unpacks them", LARGEST_CHUNK >> 20);
             return Err(wrong("chunk of points", format!("one of {largest} bytes"), expected));
         }
-        let most = (KEPT / largest.max(1)).clamp(2, 64) as usize;
-        Ok(PackedPoints { items, stride: size, chunks, kept: Mutex::default(), most, file })
+        Ok(PackedPoints { items, stride: size, chunks, unpacked: Unpacked::default(), file })
     }
 
     /// The points of a chunk.
-    fn chunk(&self, number: usize) -> Result<Arc<Vec<u8>>, ImportError> {
-        // Chunks are whole whatever a thread that holds the list does.
-        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = |list: &[(usize, Arc<Vec<u8>>)]| list.iter().position(|(at, _)| *at == number);
-        {
-            let mut list = kept();
-            if let Some(at) = found(&list) {
-                let chunk = list.remove(at);
-                list.push(chunk);
-                return Ok(Arc::clone(&list[list.len() - 1].1));
-            }
-        }
-        let points = Arc::new(self.unpack(number)?);
-        let mut list = kept();
-        if found(&list).is_none() {
-            if list.len() == self.most {
-                list.remove(0);
-            }
-            list.push((number, Arc::clone(&points)));
-        }
-        Ok(points)
-    }
-
     fn unpack(&self, number: usize) -> Result<Vec<u8>, ImportError> {
         let chunk = self.chunks[number];
         let mut packed = vec![0; chunk.bytes as usize];
@@ -165,7 +137,7 @@ impl Pieces for PackedPoints {
                 let expected = format!("{} bytes from byte {offset} on", out.len());
                 return Err(ImportError::malformed(path, "points", "their end", expected));
             };
-            let points = self.chunk(number)?;
+            let points = self.unpacked.get(number, || self.unpack(number))?;
             let from = &points[(at - chunk.first * self.stride) as usize..];
             let count = from.len().min(out.len() - filled);
             out[filled..filled + count].copy_from_slice(&from[..count]);

@@ -4,13 +4,12 @@
 use super::values::ValueAxis;
 use super::{Field, FieldLevel};
 use crate::cpu::volume::Fill;
-use crate::cpu::volume::bricks::{self, BORDER, BRICK, Brick, BrickGrid, CELLS, Layer};
+use crate::cpu::volume::bricks::{self, BORDER, BRICK, Brick, BrickGrid, Layer, SpareCells};
 use crate::cpu::volume::resample::Work;
 use crate::view::{PerspectiveGrid, View};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
 
 /// Cells around a brick that rays through it read.
 pub const AROUND: usize = 2;
@@ -40,7 +39,7 @@ pub struct FieldBricks<'a> {
     pub brick_grid: &'a BrickGrid,
     /// Numbers up to this show nothing.
     pub least: f32,
-    spare: Mutex<Vec<Box<[f32]>>>,
+    spare: SpareCells,
 }
 
 impl<'a> FieldBricks<'a> {
@@ -52,7 +51,17 @@ impl<'a> FieldBricks<'a> {
         grid: &'a PerspectiveGrid,
         brick_grid: &'a BrickGrid,
     ) -> FieldBricks<'a> {
-        FieldBricks { field, channel: 0, hue: None, axis, view, grid, brick_grid, least: 0.0, spare: Mutex::default() }
+        FieldBricks {
+            field,
+            channel: 0,
+            hue: None,
+            axis,
+            view,
+            grid,
+            brick_grid,
+            least: 0.0,
+            spare: SpareCells::default(),
+        }
     }
 
     /// Indices of samples at a place of the grid.
@@ -88,9 +97,14 @@ impl<'a> FieldBricks<'a> {
             return None;
         }
         let hue = self.hue.map(|hue| &self.field.channels[hue].levels[number]);
-        let weighted = hue.map_or_else(Box::default, |_| self.cells());
-        let mut brick =
-            Brick { density: self.cells(), weighted, surface: Box::default(), opacity: Box::default(), densest: 0.0 };
+        let weighted = hue.map_or_else(Box::default, |_| self.spare.take());
+        let mut brick = Brick {
+            density: self.spare.take(),
+            weighted,
+            surface: Box::default(),
+            opacity: Box::default(),
+            densest: 0.0,
+        };
         let clips = self.view.cut.clips();
         // Ends of the field in this level's indices, along each axis that it has.
         let shape = self.field.shape().map(|side| side as f64);
@@ -144,17 +158,6 @@ impl<'a> FieldBricks<'a> {
         }
         (brick.densest > 0.0).then_some(brick)
     }
-
-    fn cells(&self) -> Box<[f32]> {
-        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        match spare {
-            Some(mut cells) => {
-                cells.fill(0.0);
-                cells
-            }
-            None => vec![0.0; CELLS].into_boxed_slice(),
-        }
-    }
 }
 
 impl Fill for FieldBricks<'_> {
@@ -171,10 +174,7 @@ impl Fill for FieldBricks<'_> {
     }
 
     fn recycle(&mut self, layers: Vec<Layer>) {
-        let spare = self.spare.get_mut().unwrap_or_else(PoisonError::into_inner);
-        for brick in layers.into_iter().flatten().flatten() {
-            spare.extend([brick.density, brick.weighted].into_iter().filter(|cells| !cells.is_empty()));
-        }
+        self.spare.keep(layers);
     }
 
     fn has_attribute(&self) -> bool {

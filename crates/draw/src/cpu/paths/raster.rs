@@ -8,7 +8,7 @@ use super::chords::{Chopper, Drawn};
 use super::fragments::{PathFragment, PathFragments, TileFragments, over};
 use super::hidden::{Hidden, closed_blocks};
 use super::palette::light;
-use super::stroke::{Sampler, Stroke, kind, reach_along};
+use super::stroke::{Sampler, Stroke, reach_along};
 use super::style::Style;
 use crate::color::Colors;
 use crate::view::{Projection, View};
@@ -464,9 +464,4 @@ fn nearest_first(strokes: &mut [(u32, u32, u32)]) -> impl Iterator<Item = &(u32,
 fn ordered(value: f32) -> u32 {
     let bits = value.to_bits();
     if bits >> 31 == 0 { bits | 1 << 31 } else { !bits }
-}
-
-/// Whether a stroke is a part of a path, not its head.
-pub fn is_chord(stroke: &Stroke) -> bool {
-    stroke.kind & (kind::BALL | kind::HEAD) == 0
 }

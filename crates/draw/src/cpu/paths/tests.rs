@@ -1,8 +1,7 @@
 //! Chords, coverage, order and faces.
 
 use super::chords::{Chopper, TOLERANCE};
-use super::raster::is_chord;
-use super::stroke::Stroke;
+use super::stroke::{Stroke, kind};
 use super::*;
 use crate::color::Colors;
 use crate::hierarchy::spacetime::HermiteSpline;
@@ -147,7 +146,7 @@ proptest! {
         let part = Part { head: false, ..WHOLE };
         let all = strokes(&view, &Curves::of(&[straight], 1.0), &style(PathShape::Line), part, Some(1.0));
         let (mut sum, whole) = (0.0, 100.0 * way.truncate().length());
-        for stroke in all.iter().filter(|stroke| is_chord(stroke)) {
+        for stroke in all.iter().filter(|stroke| stroke.kind & (kind::BALL | kind::HEAD) == 0) {
             // The box is in the middle third.
             for at in stroke.from.iter().chain(&stroke.to) {
                 prop_assert!((99.99..=200.01).contains(at), "{stroke:?}");

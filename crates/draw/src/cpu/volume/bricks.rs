@@ -5,6 +5,7 @@
 
 use super::stretched::Body;
 use crate::view::PerspectiveGrid;
+use std::sync::{Mutex, PoisonError};
 
 /// Cells along a brick's side, and slices of a layer of bricks.
 pub const BRICK: usize = 16;
@@ -30,6 +31,32 @@ pub struct Brick {
 
 /// Bricks at the same depth, row by row; `None` where nothing is.
 pub type Layer = Vec<Option<Brick>>;
+
+/// The cells of bricks that were done with. New memory costs more than clearing old: the system hands it out page by page.
+#[derive(Default)]
+pub struct SpareCells(Mutex<Vec<Box<[f32]>>>);
+
+impl SpareCells {
+    /// Cells of 0.
+    pub fn take(&self) -> Box<[f32]> {
+        let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        match spare {
+            Some(mut cells) => {
+                cells.fill(0.0);
+                cells
+            }
+            None => vec![0.0; CELLS].into_boxed_slice(),
+        }
+    }
+
+    /// Keeps those of layers that are not needed any more.
+    pub fn keep(&mut self, layers: impl IntoIterator<Item = Layer>) {
+        let spare = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for brick in layers.into_iter().flatten().flatten() {
+            spare.extend([brick.density, brick.weighted].into_iter().filter(|cells| !cells.is_empty()));
+        }
+    }
+}
 
 /// The bricks of several layers, one after the other, as layers of so many.
 pub fn layers(mut bricks: Vec<Option<Brick>>, of_layer: usize) -> Vec<Layer> {

@@ -4,7 +4,7 @@
 //! interpolated from coarser grids ([`coarse`]). A brick is filled by one task in the order of the particles, so the field is the
 //! same to the last bit for any number of threads.
 
-use super::bricks::{self, BRICK, Brick, BrickGrid, CELLS, Layer, Slab};
+use super::bricks::{self, BRICK, Brick, BrickGrid, Layer, Slab, SpareCells};
 use super::coarse::{self, Interpolate, Peaks, Scratch};
 use super::gather::Gather;
 use super::particles::Projected;
@@ -34,8 +34,7 @@ pub struct Resampler<'a> {
     reach: Vec<[f32; 2]>,
     /// Layers of each coarser level, for those before it.
     held: Vec<Slab>,
-    /// The cells of bricks that were done with.
-    spare: Mutex<Vec<Box<[f32]>>>,
+    spare: SpareCells,
     /// Densities up to this show nothing.
     least: f32,
     /// The layer that was resampled last, and for each of its bricks whether it may show.
@@ -48,7 +47,7 @@ impl<'a> Resampler<'a> {
     /// Nothing is resampled yet.
     pub fn new(prepared: &'a Prepared, kernel: Kernel) -> Resampler<'a> {
         let held = vec![Slab::default(); prepared.levels.len()];
-        let (reach, spare) = (reaches(&prepared.particles), Mutex::default());
+        let (reach, spare) = (reaches(&prepared.particles), SpareCells::default());
         Resampler { prepared, kernel, reach, held, spare, least: 0.0, last: None, portions: None }
     }
 
@@ -81,10 +80,7 @@ impl<'a> Resampler<'a> {
 
     /// Takes the memory of layers that are not needed any more.
     pub fn recycle(&mut self, layers: impl IntoIterator<Item = Layer>) {
-        let spare = self.spare.get_mut().unwrap_or_else(PoisonError::into_inner);
-        for brick in layers.into_iter().flatten().flatten() {
-            spare.extend([brick.density, brick.weighted].into_iter().filter(|cells| !cells.is_empty()));
-        }
+        self.spare.keep(layers);
     }
 
     /// Resamples layers of a level, after what they need of the next.
@@ -199,9 +195,9 @@ impl<'a> Resampler<'a> {
 
     /// A brick of which nothing is known.
     fn blank(&self) -> Brick {
-        let weighted = if self.prepared.particles.attribute { self.cells() } else { Box::default() };
+        let weighted = if self.prepared.particles.attribute { self.spare.take() } else { Box::default() };
         let [surface, opacity] = [Box::default(), Box::default()];
-        Brick { density: self.cells(), weighted, surface, opacity, densest: 0.0 }
+        Brick { density: self.spare.take(), weighted, surface, opacity, densest: 0.0 }
     }
 
     /// For each brick of layers of the grid, whether it or one next to it may show something; `reached` are those that particles reach.
@@ -234,18 +230,6 @@ impl<'a> Resampler<'a> {
             first || last || known.into_iter().any(|layer| any(&dense[layer * of_layer..(layer + 1) * of_layer], place))
         };
         (0..dense.len()).into_par_iter().map(shown).collect()
-    }
-
-    /// Cells of 0. New memory costs more than clearing old: the system hands it out page by page.
-    fn cells(&self) -> Box<[f32]> {
-        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        match spare {
-            Some(mut cells) => {
-                cells.fill(0.0);
-                cells
-            }
-            None => vec![0.0; CELLS].into_boxed_slice(),
-        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Photos over random fields with random holes, against sums over their pixels.
 
+use super::super::tests::Noise;
 use super::super::{HeightBuildOptions, HeightOrigin, Measured, build_heights};
 use crate::hierarchy::photo::TileKey;
 use crate::model::light;
@@ -9,22 +10,6 @@ use crate::store::{HeightFile, PhotoOfFile, Tile, verify_heights};
 use deepfield_data::model::{ReadMethod, Unit};
 use proptest::prelude::*;
 use std::path::Path;
-
-/// Numbers of a seed.
-struct Noise(u64);
-
-impl Noise {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn share(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-}
 
 /// A photo in memory.
 #[derive(Clone)]

@@ -31,7 +31,7 @@ impl Task<'_> {
 
     pub(super) fn quantize(self, task: u32) -> Result<(), BuildError> {
         let (scaled, books) = (self.scaled()?, self.books()?);
-        let own = own_books(&books, self.settings.code, task);
+        let own = books_by_task(&books, self.settings.code).swap_remove(task as usize);
         self.progress.begin("coding", own.len() as u64);
         let spill = self.spill();
         let mut coded: Vec<(usize, CodedBatches)> = Vec::with_capacity(own.len());
@@ -58,7 +58,7 @@ impl Task<'_> {
         let temporary = |error| BuildError::temporary(spill, error);
         let (folder, room) = (self.parts.folder(), self.memory(&scaled.outline, 0).particles);
         let near = Spill::new(&folder.join(format!("{SPILL}.{task}")), folder, room, self.options.read);
-        let mut shared: Shared = self.portable(spill, &book.shared)?;
+        let mut shared = self.shared(spill, scaled, book)?;
         shared.copy(spill, &near).map_err(temporary)?;
         let bits = self.options.octree.code_bits();
         let mut coded = shared.code(&scaled.scaling, &near, bits, self.progress).map_err(temporary)?;
@@ -89,9 +89,14 @@ impl Task<'_> {
         let mut first = 0;
         for (family, (joined, scaled)) in self.joined()?.into_iter().zip(scaled).enumerate() {
             let picture = scaled.as_ref().and_then(|scaled| scaled.outline.picture(kernel, bits));
-            if let Some((tree, picture)) = joined.trees.first().zip(picture) {
-                let draft: Draft = self.portable(spill, &tree.draft)?;
-                let leaves = self.leaves(tree, spill)?;
+            if let Some(((tree, picture), scaled)) = joined.trees.first().zip(picture).zip(scaled.as_ref()) {
+                let draft = self.tree_draft(spill, tree, None, &scaled.outline)?;
+                let leaves = self.leaves(tree, scaled, spill)?;
+                let nodes = &draft.nodes;
+                leaves
+                    .iter()
+                    .try_for_each(|own| own.check_nodes(nodes))
+                    .map_err(|what| self.damaged("join", 0, &what))?;
                 let positions = |depth: usize, index: usize| draft.positions(depth, index);
                 let measured = Measured { picture: &picture, positions: &positions };
                 let draw = |(number, drawn): (usize, &Drawn)| {
@@ -109,10 +114,10 @@ impl Task<'_> {
     }
 
     /// What shares the codebooks of a tree's leaves.
-    fn leaves(&self, tree: &Joined, spill: &Spill) -> Result<Vec<Shared>, BuildError> {
+    fn leaves(&self, tree: &Joined, scaled: &Scaled, spill: &Spill) -> Result<Vec<Shared>, BuildError> {
         let mut leaves = Vec::new();
         for book in &tree.books {
-            let shared: Shared = self.portable(spill, &book.shared)?;
+            let shared = self.shared(spill, scaled, book)?;
             if !shared.is_of_leaves() {
                 break;
             }
@@ -127,18 +132,23 @@ impl Task<'_> {
             return Ok((self.quantized()?, None));
         }
         let (mut all, mut squares) = (Vec::new(), Squares::new());
-        for task in 0..self.settings.code {
-            let (coded, own): CodedBooks = self.index("quantize", task)?;
+        for (task, numbers) in (0..).zip(books_by_task(&self.books()?, self.settings.code)) {
+            let (coded, own) = self.checked("quantize", task, |(coded, _): &CodedBooks| {
+                let own = coded.iter().map(|(number, _)| number);
+                expect_that(own.eq(&numbers), "numbers", "those of the task's codebooks")
+            })?;
             all.extend(coded);
             squares.extend(own);
         }
-        Ok((self.in_order(all)?, Some(squares)))
+        // Each is one task's.
+        all.sort_by_key(|(number, _)| *number);
+        Ok((all.into_iter().map(|(_, coded)| coded).collect(), Some(squares)))
     }
 }
 
-/// The codebooks that a task of so many has, in order.
-pub(super) fn own_books(books: &[(usize, Book)], tasks: u32, task: u32) -> Vec<usize> {
+/// The codebooks that each of so many tasks has, in order.
+pub(super) fn books_by_task(books: &[(usize, Book)], tasks: u32) -> Vec<Vec<usize>> {
     let particles = |(_, book): &(usize, Book)| book.parts.iter().map(|part| part.particles).sum();
     let particles: Vec<u64> = books.iter().map(particles).collect();
-    balanced(&particles, tasks).swap_remove(task as usize)
+    balanced(&particles, tasks)
 }

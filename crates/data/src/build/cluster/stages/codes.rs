@@ -3,24 +3,30 @@
 use super::*;
 
 impl Task<'_> {
-    /// The units of a task, in order: the same ones in all stages that code.
-    pub(super) fn own_units(&self, books: &[(usize, Book)], task: u32) -> Vec<usize> {
+    /// The units of each task, in order: the same ones in all stages that code.
+    fn units_by_task(&self, books: &[(usize, Book)]) -> Vec<Vec<usize>> {
         let particles = |(book, part): (usize, usize)| books[book].1.parts[part].particles;
         let particles: Vec<u64> = units(books).into_iter().map(particles).collect();
-        balanced(&particles, self.settings.code).swap_remove(task as usize)
+        balanced(&particles, self.settings.code)
+    }
+
+    /// The units of a task.
+    fn own_units(&self, books: &[(usize, Book)], task: u32) -> Vec<usize> {
+        self.units_by_task(books).swap_remove(task as usize)
     }
 
     pub(super) fn train(self, task: u32) -> Result<(), BuildError> {
         let (scaled, books) = (self.scaled()?, self.books()?);
         let spill = self.spill();
         let bits = self.options.octree.code_bits();
-        let own = own_books(&books, self.settings.train, task);
+        let own = books_by_task(&books, self.settings.train).swap_remove(task as usize);
         self.progress.begin("training", own.len() as u64);
         let train = |number: usize| {
             let (family, book) = &books[number];
-            let shared: Shared = self.portable(&spill, &book.shared)?;
+            let scaled = self.scaled_family(&scaled, *family)?;
+            let shared = self.shared(&spill, scaled, book)?;
             let group = shared.group(&spill, bits, self.progress);
-            let trained = shared.train(&self.scaled_family(&scaled, *family)?.scaling, &group, bits);
+            let trained = shared.train(&scaled.scaling, &group, bits);
             self.progress.advance(1);
             let put = |trained: Trained| spill.put(&[&trained.bytes()]);
             Ok((number, trained.and_then(put).map_err(|error| BuildError::temporary(&spill, error))?))
@@ -31,12 +37,8 @@ impl Task<'_> {
     }
 
     /// Where trained quantisers are, by codebook.
-    pub(super) fn trained(&self) -> Result<Vec<Blob>, BuildError> {
-        let mut all: Vec<(usize, Blob)> = Vec::new();
-        for task in 0..self.settings.train {
-            all.extend(self.index::<Vec<(usize, Blob)>>("train", task)?);
-        }
-        self.in_order(all)
+    fn trained(&self, books: &[(usize, Book)]) -> Result<Vec<Blob>, BuildError> {
+        self.of_all("train", &books_by_task(books, self.settings.train), |_, _| Ok(()))
     }
 
     /// Does something to each of a task's units, as many at a time as there are threads.
@@ -56,8 +58,9 @@ impl Task<'_> {
         for own in own.chunk_by(|a, b| units[*a].0 == units[*b].0) {
             let number = units[own[0]].0;
             let (family, book) = &books[number];
-            let shared: Shared = self.portable(spill, &book.shared)?;
-            let (before, scaling) = (done.len(), &self.scaled_family(&scaled, *family)?.scaling);
+            let scaled = self.scaled_family(&scaled, *family)?;
+            let shared = self.shared(spill, scaled, book)?;
+            let (before, scaling) = (done.len(), &scaled.scaling);
             let one = |(i, &unit): (usize, &usize)| {
                 let part = book.parts[units[unit].1].batches.clone();
                 let lane = spill.lane(unit);
@@ -75,7 +78,10 @@ impl Task<'_> {
 
     pub(super) fn code(self, task: u32) -> Result<(), BuildError> {
         let spill = self.spill();
-        let trained: BTreeMap<usize, Trained> = self.of_own_books(task, &spill, &self.trained()?)?;
+        let books = self.books()?;
+        let bits = self.options.octree.code_bits();
+        let check = |trained: &Trained, _| trained.check(bits);
+        let trained = self.of_own_books(task, &spill, &books, &self.trained(&books)?, check)?;
         let temporary = |error| BuildError::temporary(&spill, error);
         let coded: CodedUnits =
             self.with_units(task, &spill, |Unit { book, group, part, scaling, spill, .. }| {
@@ -87,25 +93,36 @@ impl Task<'_> {
         self.hand_on(&coded, 0, 0)
     }
 
-    /// What the tasks of a stage hand on of each unit, by number of the unit.
-    pub(super) fn of_units<R: Portable>(&self, stage: &str) -> Result<Vec<R>, BuildError> {
-        let mut all: Vec<(usize, R)> = Vec::new();
-        for task in 0..self.settings.code {
-            all.extend(self.index::<Vec<(usize, R)>>(stage, task)?);
-        }
-        self.in_order(all)
+    /// What the tasks of a stage hand on of each unit, in the order of units, which passes a check by codebook and part.
+    fn of_units<R: Portable>(
+        &self,
+        stage: &str,
+        books: &[(usize, Book)],
+        check: impl Fn(usize, &Part, &R) -> Result<(), String>,
+    ) -> Result<Vec<R>, BuildError> {
+        let units = units(books);
+        self.of_all(stage, &self.units_by_task(books), |unit, found| {
+            let (book, part) = units[unit];
+            check(book, &books[book].1.parts[part], found)
+        })
     }
 
     pub(super) fn draft(self) -> Result<(), BuildError> {
-        let (scaled, books, trained) = (self.scaled()?, self.books()?, self.trained()?);
-        let mut sums = self.of_units::<(Blob, Sums)>("code")?.into_iter();
+        let (scaled, books) = (self.scaled()?, self.books()?);
+        let trained = self.trained(&books)?;
+        let bits = self.options.octree.code_bits();
+        let mut sums = self.of_units::<(Blob, Sums)>("code", &books, |_, _, _| Ok(()))?.into_iter();
+        let mixed = |what| job_error(self.parts.folder(), &format!("{what}, in a result of stage code"));
         let mut drafts = Vec::with_capacity(books.len());
         let spill = self.spill();
         for ((family, book), trained) in books.iter().zip(&trained) {
             let scaling = &self.scaled_family(&scaled, *family)?.scaling;
-            let trained: Trained = self.portable(&spill, trained)?;
+            let trained = self.checked_value(&spill, trained, |trained: &Trained| trained.check(bits))?;
             let mut totals = trained.totals(scaling);
-            book.parts.iter().zip(sums.by_ref()).for_each(|(part, (_, sums))| totals.add(part.group, sums));
+            for (part, (_, sums)) in book.parts.iter().zip(sums.by_ref()) {
+                totals.check(&sums, part.particles).map_err(mixed)?;
+                totals.add(part.group, sums);
+            }
             drafts.push(totals.draft(&trained, scaling));
         }
         drop(spill);
@@ -121,20 +138,22 @@ impl Task<'_> {
         self.hand_on(&blobs, 0, 0)
     }
 
-    /// What there is of the codebooks that a task has units of, of which `blobs` has all.
-    pub(super) fn of_own_books<T: Portable>(
+    /// What there is of the codebooks that a task has units of, of which `blobs` has all; it passes a check by the number of attributes.
+    fn of_own_books<T: Portable>(
         &self,
         task: u32,
         spill: &Spill,
+        books: &[(usize, Book)],
         blobs: &[Blob],
+        check: impl Fn(&T, usize) -> Result<(), String>,
     ) -> Result<BTreeMap<usize, T>, BuildError> {
-        let books = self.books()?;
-        let units = units(&books);
-        let mut numbers: Vec<usize> = self.own_units(&books, task).into_iter().map(|unit| units[unit].0).collect();
+        let (scaled, units) = (self.scaled()?, units(books));
+        let mut numbers: Vec<usize> = self.own_units(books, task).into_iter().map(|unit| units[unit].0).collect();
         numbers.dedup();
         let read = |number: usize| {
             let blob = blobs.get(number).ok_or_else(|| self.unsound("fewer codebooks than were planned"))?;
-            Ok((number, self.portable(spill, blob)?))
+            let attributes = self.scaled_family(&scaled, books[number].0)?.scaling.attributes.len();
+            Ok((number, self.checked_value(spill, blob, |found| check(found, attributes))?))
         };
         numbers.into_iter().map(read).collect()
     }
@@ -150,15 +169,41 @@ impl Task<'_> {
 
     /// The codes of a unit, of which `kept` has the places of all of the task's.
     pub(super) fn codes_of(&self, spill: &Spill, kept: &[Blob], unit: &Unit<'_>) -> Result<Vec<Codes>, BuildError> {
-        self.portable(spill, kept.get(unit.place).ok_or_else(|| self.unsound("codes of other parts"))?)
+        let kept = kept.get(unit.place).ok_or_else(|| self.unsound("codes of other parts"))?;
+        self.checked_value(spill, kept, |codes: &Vec<Codes>| expect("codes of batches", codes.len(), unit.part.len()))
+    }
+
+    /// The codebooks of a stage of which a task has units.
+    fn own_drafts(
+        &self,
+        stage: &str,
+        task: u32,
+        spill: &Spill,
+        books: &[(usize, Book)],
+    ) -> Result<BTreeMap<usize, DraftBook>, BuildError> {
+        let bits = self.options.octree.code_bits();
+        let check = |draft: &DraftBook, attributes| draft.check(attributes, bits);
+        self.of_own_books(task, spill, books, &self.draft_blobs(stage, books)?, check)
+    }
+
+    /// Where the codebooks of a stage are, all of them.
+    fn draft_blobs(&self, stage: &str, books: &[(usize, Book)]) -> Result<Vec<Blob>, BuildError> {
+        self.checked(stage, 0, |blobs: &Vec<Blob>| expect("codebooks", blobs.len(), books.len()))
+    }
+
+    /// Where a stage has put the codes of a task's units.
+    fn kept<R: Portable>(&self, stage: &str, task: u32, books: &[(usize, Book)]) -> Result<Vec<Blob>, BuildError> {
+        let own = self.own_units(books, task);
+        let units = self.of_task::<(Blob, R)>(stage, task, &own, |_, _| Ok(()))?;
+        Ok(units.into_iter().map(|(_, (kept, _))| kept).collect())
     }
 
     pub(super) fn refine(self, task: u32) -> Result<(), BuildError> {
         let spill = self.spill();
         let temporary = |error| BuildError::temporary(&spill, error);
-        let drafts = self.of_own_books(task, &spill, &self.index::<Vec<Blob>>("draft", 0)?)?;
-        let coded: CodedUnits = self.index("code", task)?;
-        let kept: Vec<Blob> = coded.into_iter().map(|(_, (kept, _))| kept).collect();
+        let books = self.books()?;
+        let drafts = self.own_drafts("draft", task, &spill, &books)?;
+        let kept = self.kept::<Sums>("code", task, &books)?;
         let refined: RefinedUnits = self.with_units(task, &spill, |unit| {
             let (draft, mut codes) = (self.draft_of(&drafts, &unit)?, self.codes_of(&spill, &kept, &unit)?);
             let mut counts = Vec::new();
@@ -172,8 +217,11 @@ impl Task<'_> {
     }
 
     pub(super) fn lines(self) -> Result<(), BuildError> {
-        let (books, mut drafts) = (self.books()?, self.drafts("draft")?);
-        let counts = self.of_units::<(Blob, Vec<u64>)>("refine")?;
+        let books = self.books()?;
+        let mut drafts = self.drafts("draft", &self.scaled()?, &books)?;
+        let counts = self.of_units("refine", &books, |_, part, (_, counts): &(Blob, Vec<u64>)| {
+            expect_within("refined codes", total(counts.iter().copied()), 0..=part.particles)
+        })?;
         let mut counts = counts.iter().map(|(_, counts)| counts);
         for ((_, book), draft) in books.iter().zip(&mut drafts) {
             let own: Vec<&Vec<u64>> = counts.by_ref().take(book.parts.len()).collect();
@@ -185,10 +233,18 @@ impl Task<'_> {
     }
 
     /// The codebooks of a stage, all of them.
-    pub(super) fn drafts(&self, stage: &str) -> Result<Vec<DraftBook>, BuildError> {
-        let spill = self.spill();
-        let blobs: Vec<Blob> = self.index(stage, 0)?;
-        blobs.iter().map(|blob| self.portable(&spill, blob)).collect()
+    fn drafts(
+        &self,
+        stage: &str,
+        scaled: &[Option<Scaled>],
+        books: &[(usize, Book)],
+    ) -> Result<Vec<DraftBook>, BuildError> {
+        let (spill, bits) = (self.spill(), self.options.octree.code_bits());
+        let read = |((family, _), blob): (&(usize, Book), &Blob)| {
+            let attributes = self.scaled_family(scaled, *family)?.scaling.attributes.len();
+            self.checked_value(&spill, blob, |draft: &DraftBook| draft.check(attributes, bits))
+        };
+        books.iter().zip(&self.draft_blobs(stage, books)?).map(read).collect()
     }
 
     /// The stage that hands on codebooks as they will be stored, but for their errors.
@@ -203,10 +259,11 @@ impl Task<'_> {
     pub(super) fn settle(self, task: u32) -> Result<(), BuildError> {
         let spill = self.spill();
         let temporary = |error| BuildError::temporary(&spill, error);
-        let drafts = self.of_own_books(task, &spill, &self.index::<Vec<Blob>>(self.last_drafts(), 0)?)?;
-        let kept: Vec<Blob> = match self.is_refined() {
-            true => self.index::<RefinedUnits>("refine", task)?.into_iter().map(|(_, (kept, _))| kept).collect(),
-            false => self.index::<CodedUnits>("code", task)?.into_iter().map(|(_, (kept, _))| kept).collect(),
+        let books = self.books()?;
+        let drafts = self.own_drafts(self.last_drafts(), task, &spill, &books)?;
+        let kept = match self.is_refined() {
+            true => self.kept::<Vec<u64>>("refine", task, &books)?,
+            false => self.kept::<Sums>("code", task, &books)?,
         };
         let settled: SettledUnits = self.with_units(task, &spill, |unit| {
             let (draft, codes) = (self.draft_of(&drafts, &unit)?, self.codes_of(&spill, &kept, &unit)?);
@@ -218,8 +275,15 @@ impl Task<'_> {
 
     /// All that is coded in parts, by codebook.
     pub(super) fn quantized(&self) -> Result<Vec<CodedBatches>, BuildError> {
-        let (books, drafts) = (self.books()?, self.drafts(self.last_drafts())?);
-        let mut settled = self.of_units::<SettledPart<Codes>>("settle")?.into_iter();
+        let (scaled, books) = (self.scaled()?, self.books()?);
+        let drafts = self.drafts(self.last_drafts(), &scaled, &books)?;
+        let settled = self.of_units("settle", &books, |book, part, (coded, errors): &SettledPart<Codes>| {
+            let scaled = scaled.get(books[book].0).and_then(Option::as_ref);
+            let attributes = scaled.map_or(0, |scaled| scaled.scaling.attributes.len());
+            expect("errors of a part", errors.len(), 3 + attributes)?;
+            expect("batches of a part", coded.len(), part.batches.len())
+        })?;
+        let mut settled = settled.into_iter();
         let of_book = |((_, book), draft): (&(usize, Book), DraftBook)| {
             let groups = book.parts.iter().map(|part| part.group);
             draft.finished(groups.zip(settled.by_ref()))

@@ -85,14 +85,21 @@ impl Task<'_> {
         let bits = self.options.octree.code_bits();
         let mut books = Books::default();
         let (mut splats, mut volume) = (None, None);
-        for (&kind, Joined { draft, books: shared }) in self.options.octree.levels().iter().zip(joined) {
-            let draft: Draft = self.portable(&spill, &draft)?;
+        let drafts = self.tree_drafts(&spill, &joined, &scaled.outline)?;
+        for (&kind, (draft, joined)) in self.options.octree.levels().iter().zip(drafts.into_iter().zip(&joined)) {
             let shared: Vec<Shared> =
-                shared.iter().map(|book| self.portable(&spill, &book.shared)).collect::<Result<_, _>>()?;
+                joined.books.iter().map(|book| self.shared(&spill, scaled, book)).collect::<Result<_, _>>()?;
             let own: Vec<CodedBatches> = coded.by_ref().take(shared.len()).collect();
             if own.len() != shared.len() {
                 return Err(self.unsound("fewer codebooks than stage join has told"));
             }
+            let (attributes, nodes) = (scaled.scaling.attributes.len(), &draft.nodes);
+            let check = |(shared, own): (&Shared, &CodedBatches)| {
+                shared.check_nodes(nodes)?;
+                own.check(shared.batches(), attributes, bits)
+            };
+            let mixed = |what| job_error(self.parts.folder(), &format!("{what}, in what is coded"));
+            shared.iter().zip(&own).try_for_each(check).map_err(mixed)?;
             let mut coding = Coding::of(&draft.nodes);
             let leaves = shared.iter().take_while(|own| own.is_of_leaves()).count();
             match (kind, error, scaled.outline.picture(kernel, bits)) {
@@ -130,7 +137,7 @@ impl Task<'_> {
     ) -> Result<Vec<Histogram>, BuildError> {
         let mut source: Vec<Vec<u64>> = Vec::new();
         for task in self.settings.inputs().nth(family).into_iter().flatten() {
-            let (_, counts): Sorted = self.index("partition", task)?;
+            let (_, counts) = self.sorted(task, outline)?;
             source = added(source, counts);
         }
         let ranges = &scaled.outline.survey.ranges;
@@ -142,6 +149,7 @@ impl Task<'_> {
             all.truncate(3 + outline.own);
             all.splice(3..3, histograms(&ranges[3..3 + outline.derived_columns()], derived));
         }
+        expect("histograms", all.len(), ranges.len()).map_err(|what| self.damaged("join", 0, &what))?;
         Ok(all)
     }
 
@@ -166,11 +174,10 @@ impl Task<'_> {
             // The file is gone to where it belongs; the task's own result has been taken.
             return self.hand_on(&Vec::<PageEntry>::new(), 0, 0);
         }
-        let index: Pages = self.index("pages", 0)?;
+        let index = self.page_plan()?;
         let spill = self.spill();
         let numbers: Vec<Vec<Vec<u16>>> = self.portable(&spill, &index.numbers)?;
-        let blob = index.tasks.get(task as usize).ok_or_else(|| self.unsound("pages of fewer tasks"))?;
-        let pages: Vec<Page> = self.portable(&spill, blob)?;
+        let pages = self.own_pages(&spill, &index, task)?;
         self.progress.begin("writing pages", pages.len() as u64);
         let path = self.job.growing();
         let unwritable = |reason: &str| StoreError::Unwritable { path: path.clone(), reason: reason.into() };
@@ -191,6 +198,9 @@ impl Task<'_> {
             // With the zeros behind it: something else may be there by now.
             let mut bytes = bytes;
             bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
+            if page.offset.checked_add(bytes.len() as u64).is_none_or(|end| end > index.end) {
+                return Err(self.damaged("pages", 0, "page: found one beyond the end of all, expected room for it"));
+            }
             write_all_at(&file, &bytes, page.offset).map_err(|source| io_error(&path, "write", source))?;
             self.progress.advance(1);
             Ok(PageEntry { offset: page.offset, len, nodes, family: page.family, crc, memory })
@@ -202,7 +212,7 @@ impl Task<'_> {
     }
 
     pub(super) fn finish(self) -> Result<(), BuildError> {
-        let Pages { end, version, about, pages, .. } = self.index("pages", 0)?;
+        let Pages { end, version, about, pages, .. } = self.page_plan()?;
         let tasks = self.settings.write;
         let mut table: Vec<(u32, PageEntry)> = Vec::new();
         for task in 0..tasks {
@@ -211,6 +221,13 @@ impl Task<'_> {
         if table.len() as u64 != pages {
             return Err(self.unsound("another number of pages than stage pages has told"));
         }
+        let mut at = ALIGNMENT;
+        for (task, PageEntry { offset, len, .. }) in &table {
+            expect("place of a page", *offset, at).map_err(|what| self.damaged("write", *task, &what))?;
+            let next = at.saturating_add(u64::from(*len));
+            at = align_up(next, ALIGNMENT).unwrap_or(next);
+        }
+        expect("end of pages", end, at).map_err(|what| self.damaged("pages", 0, &what))?;
         let entries: Vec<PageEntry> = table.iter().map(|(_, entry)| *entry).collect();
         let (header, tail) = ends(MAGIC, version, &entries, end, &about);
         let output = self.job.output();

@@ -28,12 +28,19 @@ impl Task<'_> {
         for (stream, tasks) in streams.families.iter().zip(self.settings.inputs()) {
             let mut parts = Vec::with_capacity(tasks.len());
             for task in tasks {
-                let (part, left): Surveyed = self.index("survey", task)?;
+                let (part, left) = self.surveyed(task, stream)?;
                 parts.push(part);
                 left_out.push(left);
             }
+            let (found, most) = (total(parts.iter().flatten().map(|(_, survey)| survey.count)), stream.particles());
+            if found > most {
+                return Err(self.mixed("survey", "particles", found, format!("at most {most}")));
+            }
             let survey = Survey::joined(stream, &self.options.octree, parts);
             let outline = Outline::of(survey, stream, &self.options.octree, self.job.output())?;
+            let sound = outline.as_ref().map_or(Ok(()), |outline| outline.check(most, false));
+            let mixed = |what| job_error(self.parts.folder(), &format!("{what}, of all results of stage survey"));
+            sound.map_err(mixed)?;
             outlines.push(outline.map(apart).transpose()?);
         }
         if outlines.iter().all(Option::is_none) {
@@ -47,7 +54,7 @@ impl Task<'_> {
 
     /// What was seen of each family, without samples.
     pub(super) fn outlines(&self) -> Result<(Vec<Option<Outline>>, LeftOut), BuildError> {
-        let (outlines, left_out): Planned = self.index("plan", 0)?;
+        let (outlines, left_out) = self.planned()?;
         Ok((outlines.into_iter().map(|outline| outline.map(|(outline, _)| outline)).collect(), left_out))
     }
 
@@ -61,6 +68,7 @@ impl Task<'_> {
         let Some(outline) = self.outline(number)? else { return self.hand_on(&Sorted::default(), 0, 0) };
         let source = self.source()?;
         let streams = self.streams(source.as_ref())?;
+        self.check_columns(&outline, &streams.families[number])?;
         let chunks = own.input(input);
         let particles = (own.particles as f64 * chunks.len() as f64 / own.chunks.max(1) as f64) as u64;
         let memory = self.memory(&outline, particles);
@@ -85,26 +93,36 @@ impl Task<'_> {
     pub(super) fn particles(&self, family: usize, outline: &Outline, stages: &[&str]) -> Result<Partition, BuildError> {
         let mut blocks = Vec::new();
         for task in self.settings.inputs().nth(family).into_iter().flatten() {
-            let (shares, _): Sorted = self.index("partition", task)?;
+            let (shares, _) = self.sorted(task, outline)?;
             blocks.push(shares);
         }
-        let mut partition = Partition::handed_on(self.spill(), (outline.own, outline.columns), blocks);
+        let count = outline.survey.count;
+        let found = total(blocks.iter().flatten().filter_map(|share| share.particles(outline.columns).ok()));
+        if found != count {
+            return Err(self.mixed("partition", "particles", found, count));
+        }
+        let spill = self.spill();
+        let columns = (outline.own, outline.columns);
+        let mut partition = Partition::handed_on(self.spill(), columns, &outline.plan, blocks);
         for stage in stages {
-            for (bucket, (_, blob)) in self.found(stage, family)?.into_iter().enumerate() {
+            let bytes = Self::found_columns(stage, outline) * size_of::<f32>();
+            for (bucket, (_, blob)) in self.found(stage, family, outline)?.into_iter().enumerate() {
+                let expected = bytes * partition.len(bucket);
+                match &blob {
+                    Some(blob) if blob.len() != expected => {
+                        let what = format!("columns of a bucket: found {} bytes, expected {expected}", blob.len());
+                        return Err(BuildError::temporary(&spill, spill.damaged(blob, &what)));
+                    }
+                    None if expected > 0 => {
+                        return Err(self.unsound(&format!("a bucket without columns of stage {stage}")));
+                    }
+                    _ => {}
+                }
                 let found = if *stage == "motion" { [None, blob] } else { [blob, None] };
                 partition.found(bucket, found);
             }
         }
         Ok(partition)
-    }
-
-    /// What was found for the buckets of a family, in their order.
-    pub(super) fn found(&self, stage: &str, family: usize) -> Result<Found, BuildError> {
-        let mut all = Found::new();
-        for task in self.settings.groups().nth(family).into_iter().flatten() {
-            all.extend(self.index::<Found>(stage, task)?);
-        }
-        Ok(all)
     }
 
     pub(super) fn neighbours(self, task: u32) -> Result<(), BuildError> {
@@ -133,6 +151,7 @@ impl Task<'_> {
         let Some((outline, derivation)) = self.outline(number)?.zip(derivation) else {
             return self.hand_on(&Found::new(), 0, 0);
         };
+        self.check_columns(&outline, &streams.families[number])?;
         let mut partition = self.particles(number, &outline, &["neighbours"])?;
         let buckets = shares(outline.plan.len(), own.groups, group);
         let block = self.memory(&outline, 0).motion_block();
@@ -149,22 +168,28 @@ impl Task<'_> {
 
     pub(super) fn scale(self) -> Result<(), BuildError> {
         let mut scaled: Vec<Option<Scaled>> = Vec::new();
-        let (outlines, _): Planned = self.index("plan", 0)?;
+        let (outlines, _) = self.planned()?;
         let spill = self.spill();
         for (family, outline) in outlines.into_iter().enumerate() {
             let Some((mut outline, samples)) = outline else {
                 scaled.push(None);
                 continue;
             };
-            outline.survey.put_samples(self.portable(&spill, &samples)?);
+            let columns = outline.columns;
+            let sampled = |samples: &Columns| expect("sampled columns", samples.attributes.len(), columns);
+            outline.survey.put_samples(self.checked_value(&spill, &samples, sampled)?);
             let note = outline.note();
             let mut means = Vec::new();
-            let seen = |stage| Ok::<_, BuildError>(self.found(stage, family)?.into_iter().map(|(seen, _)| seen));
+            let sum = |stage: &str, outline: &Outline| {
+                let seen = self.found(stage, family, outline)?.into_iter().map(|(seen, _)| seen);
+                Ok::<_, BuildError>(found::sum(seen, Self::found_columns(stage, outline)))
+            };
             if outline.estimating().is_some() {
-                outline.survey.estimated(found::sum(seen("neighbours")?, 2));
+                let found = sum("neighbours", &outline)?;
+                outline.survey.estimated(found);
             }
             if outline.derived_columns() > 0 {
-                let found = found::sum(seen("motion")?, outline.derived_columns());
+                let found = sum("motion", &outline)?;
                 means = found.means();
                 outline.derived(found);
             }
@@ -174,10 +199,5 @@ impl Task<'_> {
         }
         drop(spill);
         self.hand_on(&scaled, 0, 0)
-    }
-
-    /// What is known of each family once its columns are complete.
-    pub(super) fn scaled(&self) -> Result<Vec<Option<Scaled>>, BuildError> {
-        self.index("scale", 0)
     }
 }

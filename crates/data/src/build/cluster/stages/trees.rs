@@ -65,28 +65,34 @@ impl Task<'_> {
             self.progress.begin(&format!("joining {}", own.name), 0);
             let mut built = Vec::with_capacity(outline.plan.len());
             let mut joined = JoinedFamily::default();
+            let mut counts = 0_u64;
             for task in tasks {
-                let group: Grown = self.index("grow", task)?;
+                let (group, own) = self.built(task, &outline)?;
+                counts = total([counts, own]);
                 built.extend(group.built);
                 joined.estimated = added(joined.estimated, group.estimated);
                 joined.derived = added(joined.derived, group.derived);
             }
+            let (kinds, count) = (self.options.octree.levels(), outline.survey.count);
+            let most = most_in_nodes(count).saturating_mul(kinds.len() as u64).saturating_add(count);
+            if counts > most {
+                return Err(self.mixed("grow", "particles of nodes", counts, format!("at most {most}")));
+            }
             let trees = self.grown(&outline, &scaling, &spill, |grower| grower.join(built))?;
-            for (tree, kind) in trees.into_iter().zip(self.options.octree.levels()) {
+            let mut first: Option<Draft> = None;
+            for (tree, kind) in trees.into_iter().zip(kinds) {
                 let (draft, batches) = Draft::of(tree, &spill, self.progress).map_err(temporary)?;
+                let mixed = |what| job_error(self.parts.folder(), &format!("{what}, of all results of stage grow"));
+                draft.check(first.as_ref(), count).map_err(mixed)?;
                 let book = |own: &Shared| Ok(Book { parts: own.parts(), shared: spill.put(&[&own.bytes()])? });
                 let books = shared(&draft.nodes, batches, bits, scope(*kind));
                 let books = books.iter().map(book).collect::<io::Result<Vec<_>>>().map_err(temporary)?;
                 joined.trees.push(Joined { draft: spill.put(&[&draft.bytes()]).map_err(temporary)?, books });
+                first = first.or(Some(draft));
             }
             all.push(joined);
         }
         drop(spill);
         self.hand_on(&all, 0, 0)
-    }
-
-    /// What has been joined of each family.
-    pub(super) fn joined(&self) -> Result<Vec<JoinedFamily>, BuildError> {
-        self.index("join", 0)
     }
 }

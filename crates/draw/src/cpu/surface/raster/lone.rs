@@ -3,7 +3,8 @@
 use super::super::placed::Vantage;
 use super::super::sight::Sight;
 use super::super::stitch::{Mesh, Scene};
-use super::{Shown, Visibility, parts_of};
+use super::visibility::parts_of;
+use super::{Shown, Visibility};
 use rayon::prelude::*;
 
 /// Draws the measured samples that are in no triangle as points of `side` pixels, into any picture: rays miss them.

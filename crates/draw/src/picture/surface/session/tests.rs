@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use super::*;
+use crate::color::transfer::TransferFunction;
 use crate::look::CameraConfig;
 use crate::mode::LevelChoice;
 use crate::model::Unit;

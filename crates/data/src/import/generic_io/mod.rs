@@ -2,10 +2,15 @@
 //! one array for each variable, with a checksum behind it. A file may be a map of others, in which the arrays are.
 //!
 //! The header is a magic number that tells the order of bytes, numbers of 8 bytes, and tables of variables, processes and, in newer files, of
-//! where each array is and how it is compressed.
+//! where each array is and how it is compressed: with BLOSC, whose container is behind a checksum of what is in it.
 
+mod arrays;
+mod blosc;
+
+use self::arrays::{Array, Arrays};
 use super::bytes::{Order, RangeFile};
 use super::grid::scratch::Storage;
+use super::packed::MOST_EXPANSION;
 use super::typed_columns::{Column, Component, FieldList, Run, TypedColumns, TypedFamily, VECTORS, Vector};
 use super::{Description, FamilyInfo, FieldKind, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod, SampleType};
@@ -26,9 +31,12 @@ const CHECKSUM: u64 = 8;
 const VARIABLE: u64 = 272;
 const PROCESS: u64 = 40;
 const BLOCK: u64 = 48;
-/// Letters of a variable's name, and of the name of a filter.
+/// Letters of a variable's name, of the names of an array's filters, and of one of them.
 const NAME: usize = 256;
+const FILTERS: usize = 32;
 const FILTER: usize = 8;
+/// The filter that there is.
+const BLOSC: &[u8] = b"BLOSC";
 
 /// The longest header, bytes; the most variables, and numbers of one in a particle.
 const MOST_HEADER: u64 = 1 << 30;
@@ -57,7 +65,7 @@ impl Format for GenericIo {
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
         let first = Contents::open(path, method)?;
-        let mut about = Description::unitless(path, "generic-io", first.file.length);
+        let mut about = Description::unitless(path, "generic-io", first.length);
         let names = first.parts()?;
         let files = match &names {
             Some(names) => names.iter().map(|name| Contents::open(name, method)).collect::<Result<Vec<_>, _>>()?,
@@ -66,7 +74,7 @@ impl Format for GenericIo {
         // A map says none.
         about.box_size = files.first().and_then(|contents| contents.box_size);
         if names.is_some() {
-            about.bytes += files.iter().map(|contents| contents.file.length).sum::<u64>();
+            about.bytes += files.iter().map(|contents| contents.length).sum::<u64>();
             about.notes.push(format!("{} files of the snapshot are read", files.len()));
         }
         let mut family: Option<(FamilyInfo, TypedFamily)> = None;
@@ -76,7 +84,7 @@ impl Format for GenericIo {
             for process in contents.processes.iter().filter(|process| process.count > 0) {
                 let fields = contents.fields(process, number, &mut about.notes);
                 if !fields.has_positions() {
-                    return Err(ImportError::missing(&contents.file.path, "positions", "variables x, y and z"));
+                    return Err(ImportError::missing(&contents.path, "positions", "variables x, y and z"));
                 }
                 let (info, columns) = fields.family(FamilyName::Dark, process.count, vec![Run::WHOLE]);
                 match &mut family {
@@ -87,11 +95,11 @@ impl Format for GenericIo {
                     }
                     Some(_) => {
                         let expected = "those of the files before";
-                        return Err(ImportError::malformed(&contents.file.path, "variables", "others", expected));
+                        return Err(ImportError::malformed(&contents.path, "variables", "others", expected));
                     }
                 }
             }
-            storages.push(Storage::File(contents.file));
+            storages.push(contents.storage);
         }
         let Some(family) = family else {
             return Err(ImportError::NoParticles { path: path.into(), field: "processes".into() });
@@ -123,13 +131,17 @@ struct Variable {
 /// What a process has written.
 struct Process {
     count: u64,
-    /// By variable: where its array begins.
+    /// By variable: where its array begins in the storage.
     starts: Vec<u64>,
 }
 
 /// What a file holds.
 struct Contents {
-    file: RangeFile,
+    path: PathBuf,
+    /// Bytes of the file.
+    length: u64,
+    /// The file, or its arrays one behind the other where some are compressed.
+    storage: Storage,
     order: Order,
     variables: Vec<Variable>,
     processes: Vec<Process>,
@@ -231,23 +243,49 @@ impl Contents {
             }
             false => Vec::new(),
         };
-        let mut processes = Vec::new();
+        let (mut counts, mut arrays) = (Vec::new(), Vec::new());
         let mut total = 0u64;
         for (index, entry) in entries.into_iter().enumerate() {
             let (count, start) = (header.number(entry + 24), header.number(entry + 32));
             let blocks = blocks.get(index * variables.len()..).unwrap_or_default();
             total = total.saturating_add(count);
             if count > 0 {
-                processes.push(process(&header, (count, start), &variables, blocks)?);
+                arrays.extend(arrays_of(&header, (count, start), &variables, blocks)?);
+                counts.push(count);
             }
         }
         if total != header.number(16) {
             return Err(header.wrong("particles", header.number(16), format!("{total}, those of all processes")));
         }
+        let is_packed = arrays.iter().any(|array| array.packed.is_some());
+        let stored = arrays.iter().map(Array::stored).fold(0, u64::saturating_add);
+        if is_packed && stored > file.length {
+            let expected = format!("no more than the file's {}, as none lies in another", file.length);
+            return Err(header.wrong("arrays", format!("{stored} bytes"), expected));
+        }
         let numbers = |at: u64| [0, 8, 16].map(|axis| f64::from_bits(header.number(at + axis)));
         let [origin, scale] = if known >= WITH_BOX { [numbers(104), numbers(128)] } else { [[0.0; 3]; 2] };
         let is_cube = origin == [0.0; 3] && scale[0] > 0.0 && scale[0].is_finite() && scale == [scale[0]; 3];
-        Ok(Contents { file, order, variables, processes, box_size: is_cube.then_some(scale[0]) })
+        let box_size = is_cube.then_some(scale[0]);
+        let mut processes = Vec::with_capacity(counts.len());
+        // Where some are compressed, they are read as if they followed each other.
+        let mut next = 0_u64;
+        for (arrays, count) in arrays.chunks_exact(variables.len().max(1)).zip(counts) {
+            let mut starts = Vec::with_capacity(arrays.len());
+            for array in arrays {
+                starts.push(if is_packed { next } else { array.start });
+                next = next.saturating_add(array.length);
+            }
+            processes.push(Process { count, starts });
+        }
+        let (path, length) = (path.to_owned(), file.length);
+        let storage = if is_packed {
+            let names = variables.iter().map(|variable| variable.name.clone()).collect();
+            Storage::Pieces(Box::new(Arrays::new(file, names, arrays.into_iter())))
+        } else {
+            Storage::File(file)
+        };
+        Ok(Contents { path, length, storage, order, variables, processes, box_size })
     }
 
     /// The files that this one is a map of.
@@ -262,13 +300,13 @@ impl Contents {
         for process in &self.processes {
             let whole = self.variables[place].stored == Some((SampleType::I32, 1));
             let wrong =
-                |found: String, expected: String| ImportError::malformed(&self.file.path, PARTITION, found, expected);
+                |found: String, expected: String| ImportError::malformed(&self.path, PARTITION, found, expected);
             if !whole {
                 return Err(wrong("numbers of another type".into(), "whole numbers of 4 bytes".into()));
             }
             let mut word = [0; 4];
             for row in 0..process.count {
-                self.file.read(process.starts[place] + 4 * row, &mut word, PARTITION)?;
+                self.storage.read(&self.path, process.starts[place] + 4 * row, &mut word)?;
                 numbers.insert(self.order.u32(&word, 0));
                 if numbers.len() > MOST_FILES {
                     return Err(wrong(format!("more than {MOST_FILES} files"), "fewer".into()));
@@ -276,7 +314,7 @@ impl Contents {
             }
         }
         let named = numbers.into_iter().map(|number| {
-            let mut name = self.file.path.as_os_str().to_owned();
+            let mut name = self.path.as_os_str().to_owned();
             name.push(format!("#{number}"));
             PathBuf::from(name)
         });
@@ -311,35 +349,53 @@ impl Contents {
     }
 }
 
-/// What a process of `count` particles has written, from byte `start` on unless blocks say where.
-fn process(
+/// Where the arrays of a process of `count` particles are: from byte `start` on unless blocks say where.
+fn arrays_of(
     header: &Header,
     (count, start): (u64, u64),
     variables: &[Variable],
     blocks: &[u64],
-) -> Result<Process, ImportError> {
+) -> Result<Vec<Array>, ImportError> {
     let mut at = start;
-    let mut starts = Vec::with_capacity(variables.len());
+    let mut arrays = Vec::with_capacity(variables.len());
     for (index, variable) in variables.iter().enumerate() {
         let field = &variable.name;
+        let mut packed = None;
         if let Some(block) = blocks.get(index) {
-            let filter = header.bytes.get(*block as usize..).and_then(|rest| rest.get(..FILTER)).unwrap_or_default();
-            let name = filter.split(|byte| *byte == 0).next().unwrap_or_default();
-            if !name.is_empty() {
-                let found = format!("numbers compressed with {}", name.escape_ascii());
-                return Err(header.wrong(field, found, "numbers that are not compressed"));
-            }
+            let filters = header.bytes.get(*block as usize..).and_then(|rest| rest.get(..FILTERS)).unwrap_or_default();
+            let names = filters.chunks(FILTER).filter_map(|name| name.split(|byte| *byte == 0).next());
+            let names: Vec<&[u8]> = names.filter(|name| !name.is_empty()).collect();
             at = header.number(block + 32);
+            packed = match names[..] {
+                [] => None,
+                [BLOSC] => Some(header.number(block + 40)),
+                _ => {
+                    let found = format!("numbers compressed with {}", names.join(&b", "[..]).escape_ascii());
+                    return Err(header.wrong(field, found, "numbers that are not compressed, or with BLOSC"));
+                }
+            };
         }
-        let end = count.checked_mul(variable.size).and_then(|bytes| bytes.checked_add(at)?.checked_add(CHECKSUM));
-        let Some(end) = end.filter(|end| *end <= header.file.length) else {
-            let found = format!("{count} times {} bytes from byte {at} on", variable.size);
+        let length = count.checked_mul(variable.size);
+        let stored = packed.filter(|bytes| *bytes >= CHECKSUM).or(length.filter(|_| packed.is_none()));
+        let end = stored.and_then(|bytes| bytes.checked_add(at)?.checked_add(CHECKSUM));
+        let (Some(length), Some(end)) = (length, end.filter(|end| *end <= header.file.length)) else {
+            let found = match packed {
+                None => format!("{count} times {} bytes from byte {at} on", variable.size),
+                Some(bytes) => format!("{bytes} compressed bytes from byte {at} on"),
+            };
             return Err(header.wrong(field, found, format!("a file of {} bytes holds them", header.file.length)));
         };
-        starts.push(at);
+        arrays.push(Array { start: at, length, packed });
         at = end;
     }
-    Ok(Process { count, starts })
+    // Of a few numbers that repeat themselves there may be far fewer bytes, of all of a process's not.
+    let unpacked = arrays.iter().map(|array| array.length).fold(0, u64::saturating_add);
+    let stored = arrays.iter().map(Array::stored).fold(0, u64::saturating_add);
+    if unpacked > stored.saturating_mul(MOST_EXPANSION) {
+        let expected = format!("at most {MOST_EXPANSION} times the {stored} bytes that they are compressed to");
+        return Err(header.wrong("arrays of a process", format!("{unpacked} bytes"), expected));
+    }
+    Ok(arrays)
 }
 
 /// The checksum of ECMA-182 with its bits reversed, from all ones on and turned over in the end. Of what ends in its own checksum, turned over, it is

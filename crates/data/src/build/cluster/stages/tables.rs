@@ -1,0 +1,284 @@
+//! What tasks have left for others, checked where it is read: checksums say that bytes are those that were written, not that numbers among
+//! them can be what they are used as. Counts add up to those of the plan, lists are as long as what they tell of, and what names a bucket, a
+//! node, a codebook or a part names one that is there. So stages need not look at that again, and allocate no more than particles ask for.
+
+use super::*;
+use std::fmt::Display;
+
+impl Task<'_> {
+    /// The error about the file of a task, which is removed: its task is to be run again.
+    pub(super) fn damaged(&self, stage: &str, task: u32, what: &str) -> BuildError {
+        match self.job.number(stage, task) {
+            Ok(number) => BuildError::of_part(self.parts.folder(), self.parts.damaged(number, what)),
+            Err(error) => error,
+        }
+    }
+
+    /// The index of a task, which passes a check.
+    pub(super) fn checked<T: Portable>(
+        &self,
+        stage: &str,
+        task: u32,
+        check: impl FnOnce(&T) -> Result<(), String>,
+    ) -> Result<T, BuildError> {
+        let found = self.parts.index(self.job.number(stage, task)?)?;
+        match check(&found) {
+            Ok(()) => Ok(found),
+            Err(what) => Err(self.damaged(stage, task, &what)),
+        }
+    }
+
+    /// The value that is in a blob, which passes a check.
+    pub(super) fn checked_value<T: Portable>(
+        &self,
+        spill: &Spill,
+        blob: &Blob,
+        check: impl FnOnce(&T) -> Result<(), String>,
+    ) -> Result<T, BuildError> {
+        let temporary = |error| BuildError::temporary(spill, error);
+        let bytes = spill.get(blob).map_err(temporary)?;
+        let unknown = || "value: found others, expected those of this stage".to_owned();
+        let found = T::of_bytes(&bytes).ok_or_else(unknown).and_then(|found| check(&found).map(|()| found));
+        found.map_err(|what| temporary(spill.damaged(blob, &what)))
+    }
+
+    /// What a task has seen of a family in its chunks.
+    pub(super) fn surveyed(&self, task: u32, stream: &dyn ParticleStream) -> Result<Surveyed, BuildError> {
+        let (_, own, input) = self.settings.input(task);
+        let chunks = own.input(input);
+        self.checked("survey", task, |(parts, _): &Surveyed| {
+            let numbers = || parts.iter().map(|(chunk, _)| *chunk);
+            let are_own = numbers().is_sorted_by(|a, b| a < b) && numbers().all(|number| chunks.contains(&number));
+            expect_that(are_own, "chunks", "those of the task, in order")?;
+            parts.iter().try_for_each(|(_, survey)| survey.check(3 + stream.columns()))?;
+            expect_within("particles", total(parts.iter().map(|(_, survey)| survey.count)), 0..=own.particles)
+        })
+    }
+
+    /// What was seen of each family, with where its sampled columns are.
+    pub(super) fn planned(&self) -> Result<Planned, BuildError> {
+        self.checked("plan", 0, |(outlines, _): &Planned| {
+            self.check_outlines(outlines.iter().map(|own| own.as_ref().map(|(outline, _)| outline)), false)
+        })
+    }
+
+    /// What is known of each family once its columns are complete.
+    pub(super) fn scaled(&self) -> Result<Vec<Option<Scaled>>, BuildError> {
+        self.checked("scale", 0, |scaled: &Vec<Option<Scaled>>| {
+            self.check_outlines(scaled.iter().map(|own| own.as_ref().map(|own| &own.outline)), true)?;
+            scaled.iter().flatten().try_for_each(|Scaled { outline, scaling, means, .. }| {
+                expect("scaled attributes", scaling.attributes.len(), outline.attributes.len())?;
+                expect("means", means.len(), outline.derived_columns())
+            })
+        })
+    }
+
+    fn check_outlines<'o>(
+        &self,
+        outlines: impl ExactSizeIterator<Item = Option<&'o Outline>>,
+        is_complete: bool,
+    ) -> Result<(), String> {
+        let families = &self.settings.families;
+        expect("families", outlines.len(), families.len())?;
+        let mut known = outlines.zip(families).filter_map(|(outline, own)| Some((outline?, own)));
+        known.try_for_each(|(outline, own)| outline.check(own.particles, is_complete))
+    }
+
+    /// What was planned of a family is what its source has.
+    pub(super) fn check_columns(&self, outline: &Outline, stream: &dyn ParticleStream) -> Result<(), BuildError> {
+        match outline.is_of(stream) {
+            true => Ok(()),
+            false => Err(self.damaged(
+                "plan",
+                0,
+                "family: found other columns, neighbours or edge, expected those of the source",
+            )),
+        }
+    }
+
+    /// The particles of its chunks that a task has sorted by bucket, and how often which values are in their columns.
+    pub(super) fn sorted(&self, task: u32, outline: &Outline) -> Result<Sorted, BuildError> {
+        self.checked("partition", task, |(shares, counts): &Sorted| {
+            expect("buckets", shares.len(), outline.plan.len())?;
+            let particles: Vec<u64> =
+                shares.iter().map(|share| share.particles(outline.columns)).collect::<Result<_, _>>()?;
+            let particles = total(particles);
+            expect_within("particles", particles, 0..=outline.survey.count)?;
+            expect("columns", counts.len(), 3 + outline.columns)?;
+            counts.iter().try_for_each(|counts| check_counts(counts, particles))
+        })
+    }
+
+    /// Columns that a stage finds for the particles of a family.
+    pub(super) fn found_columns(stage: &str, outline: &Outline) -> usize {
+        match stage {
+            "motion" => outline.derived_columns(),
+            _ if outline.estimating().is_some() => 2,
+            _ => 0,
+        }
+    }
+
+    /// What was found for the buckets of a family, in their order.
+    pub(super) fn found(&self, stage: &str, family: usize, outline: &Outline) -> Result<Found, BuildError> {
+        let columns = Self::found_columns(stage, outline);
+        let mut all = Found::new();
+        for task in self.settings.groups().nth(family).into_iter().flatten() {
+            let buckets = if columns > 0 { self.buckets(task, outline).len() } else { 0 };
+            all.extend(self.checked(stage, task, |found: &Found| {
+                expect("buckets", found.len(), buckets)?;
+                found.iter().try_for_each(|(seen, _)| seen.check(columns))
+            })?);
+        }
+        let values = |column: usize| total(all.iter().map(|(seen, _)| seen.ranges[column].values()));
+        let wrong = (0..columns).map(values).find(|found| *found != outline.survey.count);
+        match wrong {
+            None => Ok(all),
+            Some(found) => Err(self.mixed(stage, "values", found, outline.survey.count)),
+        }
+    }
+
+    /// The buckets of a task that has some of a family.
+    pub(super) fn buckets(&self, task: u32, outline: &Outline) -> Range<usize> {
+        let (_, own, group) = self.settings.group(task);
+        shares(outline.plan.len(), own.groups, group)
+    }
+
+    /// The error about what the tasks of a stage have found together.
+    pub(super) fn mixed(&self, stage: &str, field: &str, found: u64, expected: impl Display) -> BuildError {
+        let what = format!("{field}: found {found} in all results of stage {stage}, expected {expected}");
+        job_error(self.parts.folder(), &what)
+    }
+
+    /// What was built of the buckets of a task, and the sum of all counts among it that are added up.
+    pub(super) fn built(&self, task: u32, outline: &Outline) -> Result<(Grown, u64), BuildError> {
+        let buckets = self.buckets(task, outline);
+        let (kinds, attributes) = (self.options.octree.levels().len(), outline.attributes.len());
+        let count = outline.survey.count;
+        let mut counts = 0_u64;
+        let grown = self.checked("grow", task, |grown: &Grown| {
+            expect("buckets", grown.built.len(), buckets.len())?;
+            for (bucket, built) in buckets.clone().zip(&grown.built) {
+                counts = total([counts, check_built(built, (&outline.plan, bucket), kinds, attributes, count)?]);
+            }
+            let estimated = Self::found_columns("neighbours", outline);
+            check_columns_counted(&grown.estimated, estimated, count)?;
+            check_columns_counted(&grown.derived, outline.derived_columns(), count)
+        })?;
+        Ok((grown, counts))
+    }
+
+    /// What has been joined of each family.
+    pub(super) fn joined(&self) -> Result<Vec<JoinedFamily>, BuildError> {
+        self.checked("join", 0, |families: &Vec<JoinedFamily>| {
+            expect("families", families.len(), self.settings.families.len())?;
+            let kinds = self.options.octree.levels().len() as u64;
+            for family in families.iter().filter(|family| !family.trees.is_empty()) {
+                expect("trees", family.trees.len() as u64, kinds)?;
+                let mut counted = family.estimated.iter().chain(&family.derived);
+                counted.try_for_each(|counts| check_counts(counts, total(counts.iter().copied())))?;
+            }
+            let books = families.iter().flat_map(|family| &family.trees).flat_map(|tree| &tree.books);
+            let particles = books.flat_map(|book| &book.parts).map(|part| part.particles);
+            expect_within("particles", total(particles), 0..=self.most_particles())
+        })
+    }
+
+    /// Particles that all nodes of all trees have together at most.
+    fn most_particles(&self) -> u64 {
+        most_in_nodes(self.settings.particles()).saturating_mul(self.options.octree.levels().len() as u64)
+    }
+
+    /// The nodes of the trees of a family, those for splats first; others have the same leaves.
+    pub(super) fn tree_drafts(
+        &self,
+        spill: &Spill,
+        trees: &[Joined],
+        outline: &Outline,
+    ) -> Result<Vec<Draft>, BuildError> {
+        let mut drafts: Vec<Draft> = Vec::with_capacity(trees.len());
+        for tree in trees {
+            drafts.push(self.tree_draft(spill, tree, drafts.first(), outline)?);
+        }
+        Ok(drafts)
+    }
+
+    /// The nodes of a tree, whose leaves are those of `shared`, if that is there.
+    pub(super) fn tree_draft(
+        &self,
+        spill: &Spill,
+        tree: &Joined,
+        shared: Option<&Draft>,
+        outline: &Outline,
+    ) -> Result<Draft, BuildError> {
+        self.checked_value(spill, &tree.draft, |draft: &Draft| draft.check(shared, outline.survey.count))
+    }
+
+    /// What shares a codebook of a family.
+    pub(super) fn shared(&self, spill: &Spill, scaled: &Scaled, book: &Book) -> Result<Shared, BuildError> {
+        let (columns, most) = (3 + scaled.scaling.attributes.len(), self.most_particles());
+        self.checked_value(spill, &book.shared, |shared: &Shared| shared.check(columns, most, &book.parts))
+    }
+
+    /// What the tasks of a stage have left for each of so many things, of which `own` are those of each task.
+    pub(super) fn of_all<R: Portable>(
+        &self,
+        stage: &str,
+        own: &[Vec<usize>],
+        check: impl Fn(usize, &R) -> Result<(), String>,
+    ) -> Result<Vec<R>, BuildError> {
+        let mut all: Vec<(usize, R)> = Vec::new();
+        for (task, own) in (0..).zip(own) {
+            all.extend(self.of_task(stage, task, own, &check)?);
+        }
+        // Each is one task's.
+        all.sort_by_key(|(number, _)| *number);
+        Ok(all.into_iter().map(|(_, found)| found).collect())
+    }
+
+    /// What a task of a stage has left for each of its own things, with their numbers.
+    pub(super) fn of_task<R: Portable>(
+        &self,
+        stage: &str,
+        task: u32,
+        own: &[usize],
+        check: impl Fn(usize, &R) -> Result<(), String>,
+    ) -> Result<Vec<(usize, R)>, BuildError> {
+        self.checked(stage, task, |found: &Vec<(usize, R)>| {
+            expect_that(found.iter().map(|(number, _)| number).eq(own), "numbers", "those of the task's parts")?;
+            found.iter().try_for_each(|(number, found)| check(*number, found))
+        })
+    }
+
+    /// Where the pages of each task are, and where they end.
+    pub(super) fn page_plan(&self) -> Result<Pages, BuildError> {
+        self.checked("pages", 0, |index: &Pages| {
+            let Pages { tasks, end, version, about, pages, .. } = index;
+            expect("tasks", tasks.len(), self.settings.write as usize)?;
+            expect_within("pages", *pages, 1..=u32::MAX.into())?;
+            // No page is longer than 4 GiB.
+            let most = pages.saturating_mul(u64::from(u32::MAX) + ALIGNMENT).saturating_add(ALIGNMENT);
+            expect_within("end of pages", *end, ALIGNMENT..=most)?;
+            expect("rest behind the last page", *end % ALIGNMENT, 0)?;
+            expect_that(is_about(*version, about, *pages as usize), "metadata", "those of a file of this version")
+        })
+    }
+
+    /// The pages that a task writes, where they are to be.
+    pub(super) fn own_pages(&self, spill: &Spill, index: &Pages, task: u32) -> Result<Vec<Page>, BuildError> {
+        let blob = index.tasks.get(task as usize).ok_or_else(|| self.unsound("pages of fewer tasks"))?;
+        self.checked_value(spill, blob, |pages: &Vec<Page>| {
+            let offsets = || pages.iter().map(|page| page.offset);
+            expect_that(offsets().is_sorted_by(|a, b| a < b), "pages", "one behind the other")?;
+            let is_place = |offset: u64| (ALIGNMENT..index.end).contains(&offset) && offset.is_multiple_of(ALIGNMENT);
+            expect_that(offsets().all(is_place), "page", "a place before the end of all")
+        })
+    }
+}
+
+/// Whether these are counts of so many columns, of no more values than there are particles.
+fn check_columns_counted(counts: &[Vec<u64>], columns: usize, particles: u64) -> Result<(), String> {
+    expect("counted columns", counts.len(), columns)?;
+    let values = counts.first().map_or(0, |counts| total(counts.iter().copied()));
+    expect_within("counted values", values, 0..=particles)?;
+    counts.iter().try_for_each(|counts| check_counts(counts, values))
+}
