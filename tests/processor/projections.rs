@@ -59,10 +59,10 @@ fn centroid(values: &[f32], size: usize, place: [f64; 2]) -> [f64; 2] {
     weighted.map(|weighted| weighted / sum)
 }
 
-/// Directions of stars in a dome master of the catalogue, against where they are: each to a fraction of a pixel, and the
-/// angles between all pairs to a pixel.
-fn check_angles(folder: &Path, catalogue: &Path, stars: &[DVec3], side: usize) {
-    for (aperture, tilt) in [(180.0f64, 0.0f64), (230.0, 30.0), (360.0, -40.0)] {
+/// Directions of stars in dome masters of the catalogue with these apertures and tilts, against where they are: each to a fraction of a pixel,
+/// and the angles between all pairs to a pixel.
+fn check_angles(folder: &Path, catalogue: &Path, stars: &[DVec3], side: usize, domes: &[(f64, f64)]) {
+    for &(aperture, tilt) in domes {
         let raw = folder.join("dome.npy");
         render(
             folder,
@@ -138,7 +138,7 @@ fn angles_between_stars_are_right_to_a_pixel() {
     let catalogue = folder.path().join("stars.csv");
     std::fs::write(&catalogue, text).unwrap();
     let stars: Vec<DVec3> = places.iter().map(|&(ra, dec)| on_sky(ra, dec)).collect();
-    check_angles(folder.path(), &catalogue, &stars, 600);
+    check_angles(folder.path(), &catalogue, &stars, 600, &[(180.0, 0.0), (230.0, 30.0), (360.0, -40.0)]);
 }
 
 /// Bright stars of the Hipparcos catalogue: right ascension and declination, degrees, J2000.
@@ -162,7 +162,14 @@ const BRIGHT: [(f64, f64); 12] = [
 fn angles_between_known_stars_are_right_to_a_pixel() {
     let folder = tempfile::tempdir().unwrap();
     let stars = BRIGHT.map(|(ra, dec)| on_sky(ra, dec));
-    check_angles(folder.path(), &in_reference_data("stars/hyg_mag65.csv"), &stars, 900);
+    // The finest pixels, and the whole sky: what lies between has nothing to do with the catalogue.
+    check_angles(
+        folder.path(),
+        &in_reference_data("stars/hyg_mag65.csv"),
+        &stars,
+        900,
+        &[(180.0, 0.0), (360.0, -40.0)],
+    );
 }
 
 /// Mean over blocks of pixels, so that neither picture's sampling counts.
@@ -188,11 +195,10 @@ fn every_technique_is_the_same_whatever_the_faces() {
     const SIZE: usize = 48;
     let folder = tempfile::tempdir().unwrap();
     let raw = |name: &str| folder.path().join(name);
-    let common = ["--eye", "25.3,24.8,26.1", "--target", "40,30,10", "--family", "dark"];
+    let common = ["--backend", "cpu", "--eye", "25.3,24.8,26.1", "--target", "40,30,10", "--family", "dark"];
     // Fewer cells and layers than usual show the same.
     for (mode, tolerance, setting) in [
         ("column-density", 0.05, ""),
-        ("density-squared", 0.25, ""),
         // Volumes and surfaces at once.
         ("volume-isosurface", 0.12, ""),
         ("cartesian", 0.05, "cells=96"),

@@ -16,6 +16,10 @@ fn run(arguments: &[&str], folder: &Path) {
     assert!(status.success(), "{arguments:?}");
 }
 
+/// Of windows without panels: an adapter in software draws them.
+const SIZE: [u16; 2] = [336, 240];
+const NO_PANELS: &str = "panels: (shown: false, closed: [])";
+
 /// Buttons of the mouse wheel.
 const NEARER: u8 = 4;
 const FARTHER: u8 = 5;
@@ -48,19 +52,19 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
         "(residency: (budget_mib: {pages_mib}, gpu_budget_mib: {adapter_mib}, upload_mib: 1), drawing: (error_px: 0.3))"
     );
     std::fs::write(folder.join("configs/laptop.ron"), preset).unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     for mode in ["column-density", "volume", "sorted-splats", "layered"] {
         let scene = folder.join("stress.scene.ron");
         // With more layers the lists of slabs alone take as much.
         let settings = if mode == "layered" { r#"{"layers": 16}"# } else { "{}" };
-        let text = format!(r#"(version: 1, datasets: [(path: {file:?})], mode: "{mode}", settings: {settings})"#);
+        let text =
+            format!(r#"(version: 1, datasets: [(path: {file:?})], mode: "{mode}", settings: {settings}, {NO_PANELS})"#);
         std::fs::write(&scene, text).unwrap();
         let arguments = ["--backend", "compute", "--preset", "laptop"];
         let variables = [("BEVY_ASSET_ROOT", folder)];
-        let size = [640, 240];
-        let mut program = Program::open_with(&desktop, folder, &scene, size, &arguments, &variables);
+        let mut program = Program::open_with(&desktop, folder, &scene, SIZE, &arguments, &variables);
         let first = program.wait("a picture", |status| status["particles_drawn"].as_u64() > Some(0));
-        let is_lit = |screen: &Screen| screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 40) > 0.02;
+        let is_lit = |screen: &Screen| screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 40) > 0.06;
         desktop.wait("the picture", is_lit);
         let [x, y] = middle(&first);
         // Of pages and copies as a share of what they may be, of what volumes and lists work in as bytes.
@@ -103,7 +107,7 @@ fn budgets_hold_while_one_flies_through_more_than_they_allow() {
         assert_eq!(most[2] > 0.0, mode != "column-density", "{mode}: {most:?}");
         println!("{mode}: at most {most:?} of pages, copies, volumes");
         desktop.wait("the picture after it all", |screen| {
-            screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 20) > 0.005
+            screen.share(columns(&first), |[r, g, b]| r.max(g).max(b) > 20) > 0.015
         });
     }
 }
@@ -115,12 +119,12 @@ fn a_grid_that_does_not_fit_is_drawn_with_fewer_cells() {
     std::fs::create_dir(folder.join("configs")).unwrap();
     std::fs::write(folder.join("configs/laptop.ron"), "(residency: (gpu_budget_mib: 32))").unwrap();
     let scene = folder.join("grid.scene.ron");
-    let text = format!(r#"(version: 1, datasets: [(path: {:?})], mode: "cartesian")"#, demo());
+    let text = format!(r#"(version: 1, datasets: [(path: {:?})], mode: "cartesian", {NO_PANELS})"#, demo());
     std::fs::write(&scene, text).unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     let arguments = ["--backend", "compute", "--preset", "laptop"];
     let variables = [("BEVY_ASSET_ROOT", folder)];
-    let mut program = Program::open_with(&desktop, folder, &scene, [640, 240], &arguments, &variables);
+    let mut program = Program::open_with(&desktop, folder, &scene, SIZE, &arguments, &variables);
     let is_told = |status: &Value| {
         let messages = status["messages"].as_array().into_iter().flatten();
         messages.filter_map(Value::as_str).any(|message| message.contains("too small for so many cells"))
@@ -129,5 +133,5 @@ fn a_grid_that_does_not_fit_is_drawn_with_fewer_cells() {
     assert!(is_told(&drawn), "{drawn:#}");
     assert!(drawn["memory"]["volumes"].as_u64().unwrap() <= 16 << 20, "{drawn:#}");
     assert_eq!(drawn["decoded"], 0, "{drawn:#}");
-    desktop.wait("the picture", |screen| screen.share(columns(&drawn), |[r, g, b]| r.max(g).max(b) > 40) > 0.02);
+    desktop.wait("the picture", |screen| screen.share(columns(&drawn), |[r, g, b]| r.max(g).max(b) > 40) > 0.06);
 }

@@ -1,11 +1,14 @@
 //! Two hierarchies of a file side by side in the window, driven as a user would; and the levels of the picture itself.
 
-use super::desktop::{Desktop, HEIGHT, Program, Screen, WIDTH, choose, click, columns, keep, repeat};
+use super::desktop::{Desktop, Program, Screen, choose, click, columns, keep, repeat};
 use crate::support::{demo, kept_page_file, run};
 use serde_json::Value;
 use std::ops::Range;
 use std::path::Path;
 use std::time::{Duration, Instant};
+
+/// Few pixels, since an adapter in software draws the window.
+const SIZE: [u16; 2] = [960, 540];
 
 fn found(status: &Value) -> Option<([u64; 2], f64)> {
     let found = &status["comparison"][0];
@@ -36,9 +39,8 @@ fn with_clusters(folder: &Path, closed: &str) -> std::path::PathBuf {
 fn two_hierarchies_stand_at_both_sides_of_a_divider() {
     let folder = tempfile::tempdir().unwrap();
     let file = with_clusters(folder.path(), r#""data", "mode", "transfer", "view""#);
-    // Few pixels, since an adapter in software draws the window.
-    let desktop = Desktop::with_screen([960, 540]);
-    let mut program = Program::open(&desktop, folder.path(), &file, [960, 540], &["--backend", "cpu"]);
+    let desktop = Desktop::with_screen(SIZE);
+    let mut program = Program::open(&desktop, folder.path(), &file, SIZE, &["--backend", "cpu"]);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     assert!(found(&first).is_none());
@@ -96,9 +98,9 @@ fn two_hierarchies_stand_at_both_sides_of_a_divider() {
 fn the_window_draws_the_levels_that_are_chosen() {
     let folder = tempfile::tempdir().unwrap();
     let file = with_clusters(folder.path(), r#""data", "transfer", "view""#);
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     for backend in ["cpu", "compute"] {
-        let mut program = Program::open(&desktop, folder.path(), &file, [WIDTH, HEIGHT], &["--backend", backend]);
+        let mut program = Program::open(&desktop, folder.path(), &file, SIZE, &["--backend", backend]);
         let all = program.wait("a converged picture", |status| status["converged"] == true);
         assert_eq!((&all["levels"], &all["backend"]), (&"splats".into(), &backend.into()));
         desktop.focus(desktop.window().expect("a window of the size that was asked for"));

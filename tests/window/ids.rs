@@ -12,6 +12,7 @@ use std::time::Duration;
 const CLUMPS: [[f64; 3]; 2] = [[25.0, 25.0, 25.0], [32.0, 29.0, 22.0]];
 /// Particles of the clump; their ids are every second number from 1000 on.
 const CLUMP: u64 = 400;
+const SIZE: [u16; 2] = [960, 540];
 
 /// A snapshot as a table: a clump at `center` in a thin background, its rows in another order each time.
 fn snapshot(path: &Path, center: [f64; 3], reversed: bool) {
@@ -44,11 +45,11 @@ fn following(status: &Value) -> Option<[f64; 3]> {
 #[test]
 fn particles_are_identified_kept_by_id_followed_and_found_in_another_snapshot() {
     let folder = tempfile::tempdir().unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     let [first, second] = ["first.csv", "second.csv"].map(|name| folder.path().join(name));
     snapshot(&first, CLUMPS[0], false);
     snapshot(&second, CLUMPS[1], true);
-    let mut program = Program::open(&desktop, folder.path(), &first, [1280, 720], &["--backend", "cpu"]);
+    let mut program = Program::open(&desktop, folder.path(), &first, SIZE, &["--backend", "cpu"]);
     let start = program.wait("a converged picture", |status| status["converged"] == true);
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     let middle = middle(&start);
@@ -76,7 +77,7 @@ fn particles_are_identified_kept_by_id_followed_and_found_in_another_snapshot() 
 
     // A sphere around the clump becomes a selection, by its particles' ids.
     click(&program, &desktop, "tool:Sphere", |s| s["looking"]["tool"] == "Sphere");
-    let draw = || desktop.drag(middle, [middle[0] + 40, middle[1]]);
+    let draw = || desktop.drag(middle, [middle[0] + 22, middle[1]]);
     repeat(&program, "a probe", draw, |s| s["looking"]["probe"].is_object());
     click(&program, &desktop, "keep", |s| selections(s) == 1);
     let found = |s: &Value| s["looking"]["found"][0]["count"].as_u64();
@@ -126,7 +127,7 @@ fn particles_are_identified_kept_by_id_followed_and_found_in_another_snapshot() 
     assert!(text.contains("follow: true") && text.contains("Ids("), "{text}");
     drop(program);
     let arguments = ["--backend", "cpu", "--scene", scene.to_str().unwrap()];
-    let mut program = Program::open(&desktop, folder.path(), &second, [1280, 720], &arguments);
+    let mut program = Program::open(&desktop, folder.path(), &second, SIZE, &arguments);
     let found_again = program.wait("the set in the second snapshot", |s| {
         found(s) == Some(count)
             && following(s).is_some()

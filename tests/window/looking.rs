@@ -7,6 +7,8 @@ use serde_json::Value;
 use std::time::Duration;
 
 const CONTROL: u32 = 0xffe3;
+/// Wide enough for both docks.
+const SIZE: [u16; 2] = [960, 600];
 
 fn triple(value: &Value) -> [f64; 3] {
     [0, 1, 2].map(|k| value[k].as_f64().unwrap())
@@ -15,17 +17,17 @@ fn triple(value: &Value) -> [f64; 3] {
 #[test]
 fn particles_are_inspected_measured_summed_up_selected_and_written() {
     let folder = tempfile::tempdir().unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     // Tables are written beside the data.
     let data = folder.path().join("box.hdf5");
     std::fs::copy(demo(), &data).unwrap();
-    let mut program = Program::open(&desktop, folder.path(), &data, [1280, 720], &["--backend", "cpu"]);
+    let mut program = Program::open(&desktop, folder.path(), &data, SIZE, &["--backend", "cpu"]);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     let window = desktop.window().expect("a window of the size that was asked for");
     desktop.focus(window);
     let at = |key: usize| first["picture"][key].as_f64().unwrap();
     let middle = [((at(0) + at(2)) / 2.0) as i16, ((at(1) + at(3)) / 2.0) as i16];
-    let beside = [middle[0] + 90, middle[1] - 60];
+    let beside = [middle[0] + 50, middle[1] - 34];
 
     // A click says what is there: inside the box, with values of the data.
     let inspected = repeat(&program, "a particle", || desktop.click(middle), |s| s["looking"]["inspected"].is_object());
@@ -44,7 +46,7 @@ fn particles_are_inspected_measured_summed_up_selected_and_written() {
     // A drag draws a sphere, and the camera stays; what is inside is what a brute-force sum over the source says.
     click(&program, &desktop, "tool:Sphere", |s| s["looking"]["tool"] == "Sphere");
     let before = point(&program.status(), "eye");
-    let draw = || desktop.drag(middle, [middle[0] + 60, middle[1]]);
+    let draw = || desktop.drag(middle, [middle[0] + 34, middle[1]]);
     let probed = repeat(&program, "a probe", draw, |s| s["looking"]["probe"].is_object());
     assert!(distance(before, point(&program.status(), "eye")) < 1e-9, "the camera moved");
     let probe = probed["looking"]["probe"].clone();

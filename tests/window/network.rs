@@ -7,6 +7,8 @@ use serde_json::Value;
 
 const TAB: u32 = 0xff09;
 const ESCAPE: u32 = 0xff1b;
+/// The leader's window, with both docks: two windows are drawn at once.
+const STAGE: [u16; 2] = [960, 540];
 
 /// Share of the leader's picture, which begins at a column, that the follower's screen shows otherwise.
 fn difference(leader: &Screen, left: usize, follower: &Screen, [width, height]: [usize; 2]) -> f64 {
@@ -43,9 +45,9 @@ fn a_follower_shows_the_leaders_picture_and_comes_back() {
     assert!(made.status.success());
     let key = key.to_str().unwrap();
 
-    let stage = Desktop::start();
+    let stage = Desktop::with_screen(STAGE);
     let lead = ["--backend", "cpu", "--lead", "127.0.0.1:0", "--show-key", key];
-    let mut leader = Program::open(&stage, &here, &demo(), [1280, 720], &lead);
+    let mut leader = Program::open(&stage, &here, &demo(), STAGE, &lead);
     let first = leader.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(first["show"]["role"], "leader");
     let address = first["show"]["address"].as_str().unwrap().to_owned();
@@ -92,7 +94,7 @@ fn a_follower_shows_the_leaders_picture_and_comes_back() {
     // Keys and mouse of the audience do nothing.
     hall.focus(hall.window().unwrap());
     hall.press(TAB);
-    hall.drag([200, 200], [400, 300]);
+    hall.drag([120, 200], [280, 300]);
     compare(&leader, &mut led, "nothing changes");
 
     // Killed: the presenter is told. Started again: it catches up with what has changed.

@@ -8,6 +8,9 @@ use serde_json::Value;
 use std::path::Path;
 use std::time::Duration;
 
+/// Of a window without panels: an adapter in software draws half of them.
+const SIZE: [u16; 2] = [336, 240];
+
 /// The pixels of the picture at two places, but for where messages come and go, and the status there.
 fn fly(folder: &Path, file: &Path, (mode, backend): (&str, &str), occlusion: bool) -> Vec<(Vec<[u8; 3]>, Value)> {
     // The automatic threshold lies above the densities, which are not in the unit of the masses.
@@ -18,14 +21,14 @@ fn fly(folder: &Path, file: &Path, (mode, backend): (&str, &str), occlusion: boo
             settings: {{"near": 0.5, "far": 8.0, "occlusion": {occlusion}{own}}},
             transfer: (range: fixed(1e-2, 1e2), unit_length: fixed(1e-4), opacity: [(0.0, 0.0), (0.01, 0.5)],
                        brightness: [(0.0, 1.0)]),
-            annotations: (legend: false, scale_bar: false),
+            annotations: (legend: false, scale_bar: false), panels: (shown: false, closed: []),
             camera: (eye: (0.0, 0.0, 3.0), target: (0.0, 0.0, 0.0), fov: 34.0),
             bookmarks: [(key: 1, name: "aside", camera: (eye: (0.4, 0.1, 2.9), target: (0.0, 0.0, 0.0), fov: 34.0))])"#
     );
     let path = folder.join("eclipse.scene.ron");
     std::fs::write(&path, scene).unwrap();
-    let desktop = Desktop::with_screen([640, 360]);
-    let mut program = Program::open(&desktop, folder, &path, [640, 360], &["--backend", backend]);
+    let desktop = Desktop::with_screen(SIZE);
+    let mut program = Program::open(&desktop, folder, &path, SIZE, &["--backend", backend]);
     let places = [([0.0, 0.0, 3.0], None), ([0.4, 0.1, 2.9], Some('1'))];
     let stops = places.into_iter().map(|(eye, key)| {
         if let Some(key) = key {
@@ -39,7 +42,8 @@ fn fly(folder: &Path, file: &Path, (mode, backend): (&str, &str), occlusion: boo
         let later = program.status();
         assert_eq!((&later["converged"], &later["nodes_hidden"]), (&Value::from(true), &status["nodes_hidden"]));
         let screen = desktop.wait("the picture", |_| true);
-        let pixels = columns(&status).flat_map(|x| (80..360).map(move |y| (x, y))).map(|(x, y)| screen.at(x, y));
+        let rows = 80..usize::from(SIZE[1]);
+        let pixels = columns(&status).flat_map(|x| rows.clone().map(move |y| (x, y))).map(|(x, y)| screen.at(x, y));
         (pixels.collect(), status)
     });
     stops.collect()

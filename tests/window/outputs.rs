@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 
 /// Sides of an output's window.
 const SIDE: u32 = 280;
+/// The presenter's window, most of which its outputs cover: nobody looks at it.
+const STAGE: [u16; 2] = [640, 320];
 
 /// Each channel's mean over a part of a screen, and its mean difference from a part of a picture whose values are multiplied by
 /// `factor`.
@@ -53,7 +55,7 @@ fn outputs_are_parts_of_the_dome_master_and_come_back() {
     std::fs::write(at("show.scene.ron"), scene).unwrap();
     let grey = Image { width: 2, height: 2, rgba: vec![[128, 128, 128, 255]; 4] };
     write_png(&at("half.png"), &grey).unwrap();
-    let left = 1280 - 2 * SIDE;
+    let left = u32::from(STAGE[0]) - 2 * SIDE;
     let rig = format!(
         r#"(version: 1, outputs: [
             (name: "left", window: ({left}, 0, {SIDE}, {SIDE}), shows: dome(tilt: 60.0, part: (0.0, 0.0, 0.5, 0.5))),
@@ -69,10 +71,10 @@ fn outputs_are_parts_of_the_dome_master_and_come_back() {
     assert!(master.status().unwrap().success());
     let master = read_png(&at("master.png")).unwrap();
 
-    let stage = Desktop::start();
+    let stage = Desktop::with_screen(STAGE);
     let rig = at("rig.ron");
     let outputs = ["--backend", "cpu", "--outputs", rig.to_str().unwrap()];
-    let mut leader = Program::open(&stage, folder.path(), &at("show.scene.ron"), [1280, 720], &outputs);
+    let mut leader = Program::open(&stage, folder.path(), &at("show.scene.ron"), STAGE, &outputs);
     leader.wait("two outputs in step", |status| status["converged"] == true && in_step(status));
     let shown = |what: &str| {
         let begin = Instant::now();
@@ -176,7 +178,7 @@ fn words_are_where_the_dome_master_has_them_and_a_presenter_that_fails_goes_on()
     let (rig, tour) = (at("rig.ron"), at("show.tour.ron"));
     let show = ["--backend", "cpu", "--outputs", rig.to_str().unwrap(), "--tour", tour.to_str().unwrap()];
     // Beside its outputs, so that it does not cover them when it is opened again.
-    let mut leader = Program::open(&stage, folder.path(), &demo, [740, 700], &show);
+    let mut leader = Program::open(&stage, folder.path(), &demo, [740, 320], &show);
     let is_there = |status: &Value| status["tour"]["waiting"] == 1 && status["converged"] == true && in_step(status);
     let first = leader.wait("a tour that waits, with two outputs in step", is_there);
     let shown = |what: &str| {

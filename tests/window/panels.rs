@@ -12,6 +12,8 @@ const CONTROL: u32 = 0xffe3;
 const SHIFT: u32 = 0xffe1;
 const F2: u32 = 0xffbf;
 const F3: u32 = 0xffc0;
+/// Wide enough for both docks.
+const SIZE: [u16; 2] = [960, 540];
 
 /// Chooses an entry of a combo box.
 fn choose(program: &Program, desktop: &Desktop, combo: &str, entry: &str, seen: impl Fn(&Value) -> bool) -> Value {
@@ -41,14 +43,14 @@ fn near(value: &Value, expected: f64) -> bool {
 #[test]
 fn settings_are_dragged_typed_switched_undone_and_redone() {
     let folder = tempfile::tempdir().unwrap();
-    let desktop = Desktop::start();
-    let mut program = Program::start(&desktop, folder.path(), &["--backend", "cpu"]);
+    let desktop = Desktop::with_screen(SIZE);
+    let mut program = Program::with_size(&desktop, folder.path(), SIZE, &["--backend", "cpu"]);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     let window = desktop.window().expect("a window of the size that was asked for");
     desktop.focus(window);
     keep(&desktop, "panels.png");
     assert_eq!(first["history"], serde_json::json!([0, 0]));
-    assert!(first["picture"][2].as_f64().unwrap() < 1280.0, "the right dock takes its part: {first:#}");
+    assert!(first["picture"][2].as_f64().unwrap() < f64::from(SIZE[0]), "the right dock takes its part: {first:#}");
 
     // A drag on a slider is one step.
     let settings = |status: &Value| status["settings"].clone();
@@ -112,16 +114,17 @@ fn docks_and_sections_are_hidden_and_a_scene_brings_everything_back() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("box.hdf5");
     std::fs::copy(demo(), &data).unwrap();
-    let desktop = Desktop::start();
-    let mut program = Program::open(&desktop, folder.path(), &data, [1280, 720], &["--backend", "cpu"]);
+    let desktop = Desktop::with_screen(SIZE);
+    let mut program = Program::open(&desktop, folder.path(), &data, SIZE, &["--backend", "cpu"]);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     let window = desktop.window().expect("a window of the size that was asked for");
     desktop.focus(window);
+    let [width, height] = SIZE.map(f64::from);
     let side = |status: &Value, i: usize| status["picture"][i].as_f64().unwrap();
     desktop.press(TAB);
-    program.wait("Tab hides both", |status| side(status, 0) == 0.0 && side(status, 2) == 1280.0);
+    program.wait("Tab hides both", |status| side(status, 0) == 0.0 && side(status, 2) == width);
     desktop.press(F3);
-    program.wait("F3 shows the right one", |status| side(status, 0) == 0.0 && side(status, 2) < 1280.0);
+    program.wait("F3 shows the right one", |status| side(status, 0) == 0.0 && side(status, 2) < width);
     desktop.press(F2);
     program.wait("F2 shows the left one", |status| status["picture"] == first["picture"]);
     click(&program, &desktop, "section:data", |status| status["settings"]["closed"] == serde_json::json!(["data"]));
@@ -134,8 +137,8 @@ fn docks_and_sections_are_hidden_and_a_scene_brings_everything_back() {
     choose(&program, &desktop, "mode", "density-squared", |status| status["mode"] == "density-squared");
     type_number(&program, &desktop, "field-of-view:field", "37.25", |status| near(&status["settings"]["fov"], 37.25));
     click(&program, &desktop, "slice", |status| status["settings"]["cut"]["slab"].is_object());
-    let middle = [(side(&first, 0) + side(&first, 2)) as i16 / 2, 360];
-    let turn = || desktop.drag(middle, [middle[0] + 120, 330]);
+    let middle = [(side(&first, 0) + side(&first, 2)) as i16 / 2, height as i16 / 2];
+    let turn = || desktop.drag(middle, [middle[0] + 120, middle[1] - 30]);
     repeat(&program, "a drag turns", turn, |status| status["eye"] != first["eye"]);
     program.wait("it rests", |status| status["converged"] == true);
     let saved = repeat(
@@ -148,6 +151,8 @@ fn docks_and_sections_are_hidden_and_a_scene_brings_everything_back() {
     assert!(saved["messages"].to_string().contains("scene saved in"), "{saved:#}");
     let text = std::fs::read_to_string(&scene).unwrap();
     assert!(text.contains("path: \"box.hdf5\""), "relative to the scene: {text}");
+    // What is told of it fades away.
+    std::thread::sleep(Duration::from_millis(4500));
     let before = desktop.screenshot();
     desktop.close(window);
     assert_eq!(program.exit_code(), Some(0));
@@ -158,7 +163,7 @@ fn docks_and_sections_are_hidden_and_a_scene_brings_everything_back() {
     let scene = moved.join("renamed.scene.ron");
     std::fs::rename(folder.path().join("box.scene.ron"), &scene).unwrap();
     std::fs::rename(&data, moved.join("box.hdf5")).unwrap();
-    let mut program = Program::open(&desktop, folder.path(), &scene, [1280, 720], &["--backend", "cpu"]);
+    let mut program = Program::open(&desktop, folder.path(), &scene, SIZE, &["--backend", "cpu"]);
     let again = program.wait("a converged picture", |status| status["converged"] == true);
     assert_eq!(again["settings"], saved["settings"]);
     assert_eq!(again["picture"], saved["picture"]);
@@ -185,14 +190,15 @@ fn docks_and_sections_are_hidden_and_a_scene_brings_everything_back() {
     let mut reader = png::Decoder::new(std::io::Cursor::new(&picture)).read_info().unwrap();
     let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut pixels).unwrap();
-    assert_eq!([info.width as usize, info.height as usize], [right - left, 720]);
+    assert_eq!([info.width as usize, info.height as usize], [right - left, height as usize]);
     let channels = info.color_type.samples();
     let differ = |x: usize, y: usize| {
         let at = channels * (y * (right - left) + x);
         before.at(left + x, y).iter().zip(&pixels[at..at + 3]).any(|(a, b)| a.abs_diff(*b) > 12)
     };
     // The upper left quarter, where nothing lies over the picture.
-    let quarter: Vec<(usize, usize)> = (120..360).flat_map(|y| (0..(right - left) / 2).map(move |x| (x, y))).collect();
+    let quarter: Vec<(usize, usize)> =
+        (120..height as usize / 2).flat_map(|y| (0..(right - left) / 2).map(move |x| (x, y))).collect();
     let share = quarter.iter().filter(|(x, y)| differ(*x, *y)).count() as f64 / quarter.len() as f64;
     assert!(share < 0.02, "{share} of the pixels differ from the window's");
 
@@ -211,8 +217,8 @@ fn a_scene_whose_data_has_changed_opens_with_what_applies() {
         demo.canonicalize().unwrap()
     );
     std::fs::write(&scene, text).unwrap();
-    // As many rows, but fewer columns: docks and text are as large, and less is drawn.
-    let size = [2560, 2160];
+    // As many rows, but only as many columns as the left dock and a narrow picture take: text is as large, and less is drawn.
+    let size = [1280, 2160];
     let desktop = Desktop::with_screen(size);
     let mut program = Program::open(&desktop, folder.path(), &scene, size, &["--backend", "cpu"]);
     let status = program.wait("a converged picture", |status| status["converged"] == true);
@@ -234,10 +240,10 @@ fn several_datasets_are_shown_hidden_saved_and_closed() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("box.hdf5");
     std::fs::copy(demo(), &data).unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     let with = format!("{}@60,0,0", data.display());
     let arguments = ["--backend", "cpu", "--with", &with];
-    let mut program = Program::open(&desktop, folder.path(), &data, [1280, 720], &arguments);
+    let mut program = Program::open(&desktop, folder.path(), &data, SIZE, &arguments);
     let both = program.wait("a converged picture", |status| status["converged"] == true);
     desktop.focus(desktop.window().unwrap());
     assert_eq!(both["settings"]["families"], serde_json::json!([true, true]), "{both:#}");

@@ -9,6 +9,8 @@ use std::fmt::Write as _;
 const COUNT: usize = 3000;
 const ESCAPE: u32 = 0xff1b;
 const FRAME: &str = "plots:frame";
+/// Wide enough for both docks, and high enough for a plot.
+const SIZE: [u16; 2] = [960, 720];
 
 /// Drags over the frame of the plot, from one of its places to another: shares to the right and upwards.
 fn drag(program: &Program, desktop: &Desktop, places: [[f64; 2]; 2]) {
@@ -54,9 +56,9 @@ fn what_is_brushed_in_a_plot_is_selected() {
         (ranges.len(), particles.iter().filter(is_in).count())
     };
 
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     let data = folder.path().join("box.df");
-    let mut program = Program::open(&desktop, folder.path(), &data, [1280, 720], &["--backend", "cpu"]);
+    let mut program = Program::open(&desktop, folder.path(), &data, SIZE, &["--backend", "cpu"]);
     program.wait("a converged picture", |status| status["converged"] == true);
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     // The button makes room for the plot.

@@ -8,6 +8,8 @@ use std::path::Path;
 use std::time::Duration;
 
 const CONTROL: u32 = 0xffe3;
+/// Wide enough for both docks, and as high as they like it.
+const SIZE: [u16; 2] = [960, 720];
 
 /// A folder of assets of the test's own: what is saved there changes nothing in the repository.
 fn copy_assets(from: &Path, to: &Path) {
@@ -36,7 +38,7 @@ fn shapes(status: &Value, selection: usize) -> &Value {
 #[test]
 fn lassos_boxes_objects_presets_and_keys_do_what_they_say() {
     let folder = tempfile::tempdir().unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     copy_assets(&in_repository("assets"), &folder.path().join("assets"));
     let data = folder.path().join("box.hdf5");
     std::fs::copy(demo(), &data).unwrap();
@@ -44,7 +46,7 @@ fn lassos_boxes_objects_presets_and_keys_do_what_they_say() {
     std::fs::write(&names, "name,x,y,z,radius,mass\nGreat,29.16,35.0,27.36,1.5,9\nLesser,10,12,14,2,1\n").unwrap();
     let arguments = ["--backend", "cpu", "--labels", names.to_str().unwrap()];
     let variables = [("BEVY_ASSET_ROOT", folder.path())];
-    let mut program = Program::open_with(&desktop, folder.path(), &data, [1280, 720], &arguments, &variables);
+    let mut program = Program::open_with(&desktop, folder.path(), &data, SIZE, &arguments, &variables);
     let first = program.wait("a converged picture", |status| status["converged"] == true);
     desktop.focus(desktop.window().expect("a window of the size that was asked for"));
     let middle = middle(&first);
@@ -82,12 +84,12 @@ fn lassos_boxes_objects_presets_and_keys_do_what_they_say() {
     // A box and a lasso are drawn, and kept.
     click(&program, &desktop, "tool:Box", |s| s["looking"]["tool"] == "Box");
     let boxed = |s: &Value| s["looking"]["probe"].is_object() && s["looking"]["probe"]["sphere"].is_null();
-    repeat(&program, "a box", || desktop.drag(middle, at(50, 0)), boxed);
+    repeat(&program, "a box", || desktop.drag(middle, at(28, 0)), boxed);
     click(&program, &desktop, "keep", |s| selections(s) == 1);
     assert!(shapes(&program.status(), 0)["Box"].is_object(), "{:#}", program.status()["settings"]["selections"]);
     click(&program, &desktop, "clear-probe", |s| s["looking"]["probe"].is_null());
     click(&program, &desktop, "tool:Lasso", |s| s["looking"]["tool"] == "Lasso");
-    let lasso = || desktop.stroke(&[at(-80, -60), at(70, -70), at(90, 60), at(-60, 80), at(-80, -60)]);
+    let lasso = || desktop.stroke(&[at(-44, -34), at(40, -38), at(50, 34), at(-34, 44), at(-44, -34)]);
     let drawn = repeat(&program, "a lasso", lasso, |s| s["looking"]["probe"].is_object());
     let inside = drawn["looking"]["probe"]["count"].as_u64().unwrap();
     keep(&desktop, "lasso.png");

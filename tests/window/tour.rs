@@ -7,6 +7,8 @@ use serde_json::Value;
 
 const SPACE: u32 = 0x20;
 const RIGHT: u32 = 0xff53;
+/// Wide enough for both docks.
+const SIZE: [u16; 2] = [960, 720];
 
 fn stops(status: &Value) -> Vec<f64> {
     status["tour"]["stops"].as_array().map_or_else(Vec::new, |stops| stops.iter().filter_map(Value::as_f64).collect())
@@ -30,9 +32,9 @@ fn a_tour_is_played_left_edited_and_saved() {
         camera(80.0)
     );
     std::fs::write(&tour, text).unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     let arguments = ["--backend", "cpu", "--tour", tour.to_str().unwrap()];
-    let mut program = Program::open(&desktop, folder.path(), &data, [1280, 720], &arguments);
+    let mut program = Program::open(&desktop, folder.path(), &data, SIZE, &arguments);
     let waiting = program.wait("the presenter's stop", |s| s["tour"]["waiting"] == 1);
     desktop.focus(desktop.window().unwrap());
     assert!(distance(point(&waiting, "eye"), [25.0, 32.0, 100.0]) < 1e-9, "{waiting:#}");
@@ -46,7 +48,7 @@ fn a_tour_is_played_left_edited_and_saved() {
     assert_eq!(over["settings"]["mode"], "density-squared");
 
     // A drag in the picture leaves it; Space comes back, from the beginning.
-    let middle = [640, 360];
+    let middle = super::desktop::middle(&over);
     let turn = || desktop.drag(middle, [middle[0] + 90, middle[1] + 20]);
     let away = repeat(&program, "away", turn, |s| s["tour"].is_object() && s["tour"]["time"].is_null());
     assert!(stops(&away).len() == 3);

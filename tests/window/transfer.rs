@@ -3,6 +3,9 @@
 use super::desktop::{Desktop, Program, keep, repeat};
 use serde_json::Value;
 
+/// High enough for the plots.
+const SIZE: [u16; 2] = [960, 720];
+
 /// Where a place of a plot is on the screen.
 fn place(program: &Program, desktop: &Desktop, plot: &str, [x, y]: [f64; 2]) -> [i16; 2] {
     program.reveal(desktop, plot);
@@ -27,9 +30,9 @@ fn regions(status: &Value) -> usize {
 #[test]
 fn curves_and_regions_are_edited_with_the_mouse() {
     let folder = tempfile::tempdir().unwrap();
-    let desktop = Desktop::start();
+    let desktop = Desktop::with_screen(SIZE);
     let arguments = ["--backend", "cpu", "--mode", "density-squared"];
-    let mut program = Program::start(&desktop, folder.path(), &arguments);
+    let mut program = Program::with_size(&desktop, folder.path(), SIZE, &arguments);
     program.wait("a converged picture", |status| status["converged"] == true);
     let window = desktop.window().expect("a window of the size that was asked for");
     desktop.focus(window);

@@ -278,15 +278,14 @@ fn forged_long_tracks_are_found() {
     assert_eq!(crc(&bytes), part.crc.to_le_bytes());
     let mut refused = Vec::new();
     for byte in at..at + part.len as usize {
-        for bit in [0, 4] {
-            let mut forged = bytes.clone();
-            forged[byte] ^= 1 << bit;
-            let crc = crc(&forged);
-            forged[place..place + 4].copy_from_slice(&crc);
-            run_checksums::correct(&mut forged);
-            std::fs::write(&path, &forged).unwrap();
-            refused.extend(verify_run(&path, &()).err().map(|error| error.to_string()));
-        }
+        let mut forged = bytes.clone();
+        // A low or a high bit.
+        forged[byte] ^= [1, 16][byte / 3 % 2];
+        let crc = crc(&forged);
+        forged[place..place + 4].copy_from_slice(&crc);
+        run_checksums::correct(&mut forged);
+        std::fs::write(&path, &forged).unwrap();
+        refused.extend(verify_run(&path, &()).err().map(|error| error.to_string()));
     }
     for expected in ["long tracks of one matter, within their errors", "tracks of the"] {
         assert!(refused.iter().any(|told| told.contains(expected)), "{expected}: {refused:?}");

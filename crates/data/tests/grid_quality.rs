@@ -119,21 +119,25 @@ fn images_at_equal_count() {
 #[ignore = "needs the reference data: DEEPFIELD_DATA"]
 fn volumes_at_equal_count() {
     let mut missed = Vec::new();
-    let only = std::env::var("DEEPFIELD_ONLY").unwrap_or_else(|_| "fuel".into());
-    for (name, bars) in VOLUMES.into_iter().filter(|(name, _)| name.contains(&only)) {
+    let asked = std::env::var("DEEPFIELD_ONLY").ok();
+    let only = asked.as_deref().unwrap_or("fuel");
+    for (name, bars) in VOLUMES.into_iter().filter(|(name, _)| name.contains(only)) {
         let (ours, seconds) = decibels("volumes", name, MEASURED, &OF_VOLUMES);
         let (round, _) = decibels("volumes", name, ROUND, &OF_VOLUMES);
         let (rms, _) = decibels("volumes", name, (Types::Measured, Metric::Rms), &OF_VOLUMES);
         let (gabor, _) = decibels("volumes", name, (Types::Measured, Metric::Gabor), &OF_VOLUMES);
-        let (published, slow) = decibels("volumes", name, (Types::Gabor, Metric::Residual), &OF_VOLUMES);
         let over = [&round, &rms, &gabor].map(|other| differences(&ours, other));
         println!("{name}: {} dB in {seconds:.2} s", listed(&ours));
         println!("  over round {}, rms {}, gabor {}", listed(&over[0]), listed(&over[1]), listed(&over[2]));
-        println!(
-            "  published types {}, over round {}, {slow:.2} s",
-            listed(&published),
-            listed(&differences(&published, &round))
-        );
+        // They take longest, and have no bar.
+        if asked.is_some() {
+            let (published, slow) = decibels("volumes", name, (Types::Gabor, Metric::Residual), &OF_VOLUMES);
+            println!(
+                "  published types {}, over round {}, {slow:.2} s",
+                listed(&published),
+                listed(&differences(&published, &round))
+            );
+        }
         let is_low = ours.iter().zip(bars).any(|(ours, bar)| *ours < bar);
         let is_worse = over[1].iter().chain(&over[2]).any(|gain| *gain < 0.0);
         if is_low || is_worse || over[0].iter().any(|gain| *gain < 1.0) {

@@ -31,6 +31,9 @@ static ALONE: Mutex<()> = Mutex::new(());
 /// Bytes of the header of a task's file.
 const HEADER: usize = 80;
 
+/// Bytes of a header between two places where it is cut: fewer than there are stages, so that it is cut at every byte.
+const STRIDE: usize = 8;
+
 /// Buffers of a fixed size, and what a list of the largest values takes whose bytes are zeros.
 fn most(bytes: usize) -> usize {
     (64 << 20) + 1024 * bytes
@@ -129,10 +132,10 @@ fn below(random: &mut Pcg32, end: usize) -> usize {
     random.next_u32() as usize % end
 }
 
-/// Cut within the header at every byte, and some places behind it.
-fn cuts_are_told(case: &Case, stage: &str, path: &Path, sound: &[u8]) {
+/// Cut within the header, which all stages have in common, at every so many bytes from the one on that `first` says; and at some places behind it.
+fn cuts_are_told(case: &Case, stage: &str, path: &Path, sound: &[u8], first: usize) {
     let parts = (1..16).map(|part| sound.len() * part / 16).chain([sound.len() - 1]);
-    for len in (0..HEADER).chain(parts).filter(|len| *len < sound.len()) {
+    for len in (first % STRIDE..HEADER).step_by(STRIDE).chain(parts).filter(|len| *len < sound.len()) {
         std::fs::write(path, &sound[..len]).unwrap();
         let told = case.job.verify(stage, 0).unwrap_err().to_string();
         assert!(told.ends_with(&format!("run stage {stage}, task 0")), "{stage} at {len}: {told}");
@@ -238,7 +241,7 @@ fn damage_is_told_or_mended_and_takes_no_memory() {
             }
             let files = case.files();
             let path = case.job.folder().join(format!("{name}.0"));
-            cuts_are_told(case, name, &path, &files[&path]);
+            cuts_are_told(case, name, &path, &files[&path], seen.len());
             changes_are_told_or_mended(case, name, &path, &files, &mut random);
             case.put_back(&files);
             forgeries_are_read_or_refused(case, name, &path, &files[&path], &mut random);
@@ -247,6 +250,7 @@ fn damage_is_told_or_mended_and_takes_no_memory() {
         }
         assert!(case.is_built());
     }
+    assert!(seen.len() >= STRIDE, "{seen:?}");
     for name in ["neighbours", "motion", "quantize", "train", "refine", "lines", "settle", "steps"] {
         assert!(seen.iter().any(|own| own == name), "{name} of {seen:?}");
     }

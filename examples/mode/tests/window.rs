@@ -59,6 +59,8 @@ fn the_window_shows_the_mode() {
         .arg(&at)
         .env("DISPLAY", format!(":{}", number.trim()))
         .env("XDG_CACHE_HOME", folder.path())
+        // What an adapter in software compiles is kept from run to run.
+        .env("MESA_SHADER_CACHE_DIR", env!("CARGO_TARGET_TMPDIR"))
         .env_remove("WAYLAND_DISPLAY")
         .current_dir(folder.path())
         .spawn()

@@ -10,7 +10,7 @@ use deepfield::mode::levels::{LEVELS, SPLATS};
 use deepfield::mode::lod_budget::{PRESENCE, THINNING};
 use deepfield::mode::{Depiction, LevelChoice, Levels, Mode, Plan, SettingValue, Settings};
 use deepfield::model::Bounds;
-use deepfield::modes::{column_density, find};
+use deepfield::modes::{cartesian, column_density, find};
 use deepfield::picture::level_report::{bound, estimate};
 use deepfield::picture::look::transfer_of;
 use deepfield::picture::{Session, Subject};
@@ -63,7 +63,12 @@ impl Data {
     /// The same of a mode that draws light, with these ranges of densities and of the attribute, or its own, which come back.
     fn light(&self, mode: &'static Mode, view: &View, choice: LevelChoice, levels: Option<VolumeLevels>) -> Light {
         let metadata = self.file.metadata();
-        let depiction = Depiction::new(mode, Settings::default(), None, metadata).unwrap();
+        let mut settings = Settings::default();
+        if mode.name == cartesian::MODE.name {
+            // About as many as the picture has pixels: what volumes have, too.
+            settings.set(&cartesian::CELLS, SettingValue::Number(96.0));
+        }
+        let depiction = Depiction::new(mode, settings, None, metadata).unwrap();
         let depiction = Depiction { choice, ..depiction };
         let mut scene = Scene::new(Arc::clone(&self.file), u64::MAX);
         scene.purpose = depiction.purpose(metadata);

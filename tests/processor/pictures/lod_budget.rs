@@ -109,7 +109,9 @@ fn check_thinning(built: &Built, mode: &str) -> f64 {
         let (all, _, _) = shot.draw(&Plan::default());
         let levels = shot.transfer.levels(&all);
         let colors = composite_at(&all, &shot.transfer, &levels);
-        for budget in [0.5, 2.0, 8.0] {
+        // The least and the most, in turn with what is between: views differ more than budgets do.
+        let less = if number.is_multiple_of(2) { 0.5 } else { 2.0 };
+        for budget in [less, 8.0] {
             let plan = shot.plan(LodBudget { thinning: budget, ..LodBudget::NONE });
             let (picture, _, kept) = shot.draw(&plan);
             let (mean, largest) = color_error(&composite_at(&picture, &shot.transfer, &levels), &colors);

@@ -16,10 +16,11 @@ pub fn sound() -> &'static [u8] {
     BYTES.get_or_init(|| kept("clusters", 1_500_000, &BuildOptions::default()))
 }
 
-/// The bytes of a page file with some dozen pages.
-pub fn large() -> &'static [u8] {
+/// The bytes of a page file with more pages, which are smaller.
+pub fn many() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
-    BYTES.get_or_init(|| kept("clusters-large", 5_000_000, &BuildOptions::default()))
+    let options = BuildOptions { page_bytes: 1 << 20, ..BuildOptions::default() };
+    BYTES.get_or_init(|| kept("clusters-many", 1_500_000, &options))
 }
 
 /// The bytes of a page file of so many particles, which is kept under this name.

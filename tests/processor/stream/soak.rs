@@ -1,7 +1,7 @@
 //! A quarter of an hour of random flight, run faster than real time: pages come and go within the budget, and memory stays
 //! flat.
 
-use super::disk::{in_memory, large};
+use super::disk::{in_memory, many};
 use crate::support::{Random, alone};
 use deepfield::hierarchy::Purpose;
 use deepfield::store::{PageFile, PageId};
@@ -116,6 +116,6 @@ pub fn soak(file: &Arc<PageFile>, frames: u32, tells: fn(&str) -> bool) {
 #[test]
 fn a_random_flight_stays_within_its_budget() {
     // A quarter of an hour at 30 frames a second. A disk that does not fail gives nothing to tell.
-    let fly = || soak(&in_memory(large()), 27_000, |_| false);
+    let fly = || soak(&in_memory(many()), 27_000, |_| false);
     alone("stream::soak::a_random_flight_stays_within_its_budget", fly);
 }

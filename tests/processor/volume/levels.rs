@@ -7,7 +7,7 @@ use deepfield::codec::{CodebookScope, VqBits};
 use deepfield::cpu::volume::bricks::Slab;
 use deepfield::cpu::volume::exact::ExactField;
 use deepfield::cpu::volume::resample::Resampler;
-use deepfield::cpu::volume::{VolumeOptions, prepare};
+use deepfield::cpu::volume::{Prepared, VolumeOptions, prepare};
 use deepfield::cpu::{Extent, Positions, Splats};
 use deepfield::hierarchy::{OctreeOptions, Purpose};
 use deepfield::model::{Attribute, Dataset, Family, FamilyName, Kernel, Provenance, Unit};
@@ -271,39 +271,59 @@ struct Differences {
     particles: u64,
 }
 
-/// Resamples what lies within `detail` cells and compares every `stride`-th cell that holds something.
-fn differences(built: &Built, view: &View, detail: f64, stride: usize) -> Differences {
+/// What the source particles give on the grid of a view around them.
+struct Source {
+    view: View,
+    depths: PerspectiveGrid,
+    /// Some of its cells: where, the density as it is resampled, and the exact one.
+    cells: Vec<([usize; 3], f64, f64)>,
+}
+
+impl Source {
+    /// Of every `stride`-th cell.
+    fn new(built: &Built, view: View, stride: usize) -> Source {
+        let family = &built.family;
+        let cloud = Cloud {
+            positions: family.positions.clone(),
+            smoothing_length: family.smoothing_length.clone(),
+            mass: family.mass.clone(),
+        };
+        let options = VolumeOptions::default();
+        let depths = prepare(&view, &[cloud.batch()], &options).unwrap().grid;
+        let (prepared, slab) = resampled(&view, &cloud, &depths);
+        let exact = ExactField::new(&[cloud.batch()], options.kernel);
+        let [k, l, m] = depths.size.map(|size| size as usize);
+        let cells = (0..k * l * m).step_by(stride).map(|index| {
+            let cell = [index % k, index / k % l, index / k / l];
+            let center = depths.center(cell.map(|c| c as u32));
+            let world = view.eye + center.x * view.right + center.y * view.up + center.z * view.forward;
+            (cell, f64::from(slab.at(cell, prepared.brick_grid())[0]), exact.at(world).density)
+        });
+        let cells = cells.collect();
+        Source { view, depths, cells }
+    }
+}
+
+/// Resamples particles between the planes of a grid.
+fn resampled(view: &View, cloud: &Cloud, depths: &PerspectiveGrid) -> (Prepared, Slab) {
+    let options = VolumeOptions { near: Some(depths.near), far: Some(depths.far), ..VolumeOptions::default() };
+    let prepared = prepare(view, &[cloud.batch()], &options).unwrap();
+    let layers = 0..prepared.brick_grid().bricks[2];
+    let (layers, _) = Resampler::new(&prepared, options.kernel).resample(layers, &[]);
+    (prepared, Slab { first: 0, layers })
+}
+
+/// Resamples what lies within `detail` cells and compares it with what the source particles give.
+fn differences(built: &Built, Source { view, depths, cells }: &Source, detail: f64) -> Differences {
     let mut scene = Scene::new(Arc::clone(&built.file), u64::MAX);
     scene.purpose = Purpose::Samples;
     let sigma = detail * PerspectiveGrid::sigma_of(view, 1.0);
     let selection = scene.converge_blocking(view, Detail::Sampling { sigma, near: 0.0 }).unwrap();
     assert!(selection.converged);
-    let merged = Cloud::of(built, &selection);
-    let family = &built.family;
-    let source = Cloud {
-        positions: family.positions.clone(),
-        smoothing_length: family.smoothing_length.clone(),
-        mass: family.mass.clone(),
-    };
-    // Both on the grid of the source particles.
-    let depths = prepare(view, &[source.batch()], &VolumeOptions::default()).unwrap().grid;
-    let options = VolumeOptions { near: Some(depths.near), far: Some(depths.far), ..VolumeOptions::default() };
-    let fields = [&source, &merged].map(|cloud| {
-        let prepared = prepare(view, &[cloud.batch()], &options).unwrap();
-        let layers = 0..prepared.brick_grid().bricks[2];
-        let (layers, _) = Resampler::new(&prepared, options.kernel).resample(layers, &[]);
-        (prepared, Slab { first: 0, layers })
-    });
-    let exact = ExactField::new(&[source.batch()], options.kernel);
-    let [k, l, m] = depths.size.map(|size| size as usize);
+    let (prepared, slab) = resampled(view, &Cloud::of(built, &selection), depths);
     let (mut squares, mut norms) = ([0.0; 3], [0.0; 3]);
-    for index in (0..k * l * m).step_by(stride) {
-        let cell = [index % k, index / k % l, index / k / l];
-        let [whole, found] =
-            fields.each_ref().map(|(prepared, slab)| f64::from(slab.at(cell, prepared.brick_grid())[0]));
-        let center = depths.center(cell.map(|c| c as u32));
-        let world = view.eye + center.x * view.right + center.y * view.up + center.z * view.forward;
-        let exact = exact.at(world).density;
+    for &(cell, whole, exact) in cells {
+        let found = f64::from(slab.at(cell, prepared.brick_grid())[0]);
         for (i, (found, reference)) in [(found, exact), (whole, exact), (found, whole)].into_iter().enumerate() {
             squares[i] += (found - reference).powi(2);
             norms[i] += reference.powi(2);
@@ -328,9 +348,10 @@ fn the_resampled_field_converges_with_the_sampling_rate() {
         let projection = Projection::Perspective { fov_y: 0.03 };
         View::look_at(DVec3::new(400.0, 800.0, 1500.0), DVec3::ZERO, DVec3::Y, projection, side, side).unwrap()
     };
-    let by_rate = [(8, 1), (16, 3), (32, 31), (64, 251)].map(|(side, stride)| {
-        let found = differences(&built, &view(side), 1.0, stride);
-        println!("{side} cells: {found:?}");
+    let sources = [(8, 1), (16, 3), (32, 31), (64, 251)].map(|(side, stride)| Source::new(&built, view(side), stride));
+    let by_rate = sources.each_ref().map(|source| {
+        let found = differences(&built, source, 1.0);
+        println!("{} cells: {found:?}", source.view.width);
         found
     });
     // Which samples lie in the dense heart depends on the planes: twice the rate may find more of it, four times finds less.
@@ -342,7 +363,7 @@ fn the_resampled_field_converges_with_the_sampling_rate() {
     }
     assert!(by_rate[0].particles < 30_000 && by_rate[3].particles > 50_000, "{by_rate:?}");
     let [coarse, less, finest] = [4.0, 2.0, 0.5].map(|detail| {
-        let found = differences(&built, &view(16), detail, 3);
+        let found = differences(&built, &sources[1], detail);
         println!("detail {detail}: {found:?}");
         found
     });

@@ -350,7 +350,7 @@ fn damaged_tracks_are_found_and_never_panic() {
             }
         }
     };
-    for at in (first..bytes.len()).step_by(61) {
+    for at in (first..bytes.len()).step_by(149) {
         damaged(at, &path);
     }
 }
@@ -363,6 +363,10 @@ fn directories_that_lie_are_refused_or_lead_to_errors() {
     let directory = usize::try_from(u64::from_le_bytes(bytes[24..32].try_into().unwrap())).unwrap();
     let (mut opened, mut random) = (0, 1_u64);
     for _ in 0..1500 {
+        // All that is read of one that opens takes long.
+        if opened == 150 {
+            break;
+        }
         let mut bytes = bytes.clone();
         for _ in 0..3 {
             random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

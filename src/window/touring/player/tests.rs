@@ -7,8 +7,20 @@ use crate::store::PageFile;
 use crate::window::preset::Preset;
 use crate::window::touring::tests::tour;
 use bevy::math::DVec3;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
+
+/// The page file of the demo snapshot, which all windows of a test have.
+fn pages() -> &'static [u8] {
+    static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
+    BYTES.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
+        let path = folder.path().join("demo.df");
+        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &path, &()).unwrap();
+        std::fs::read(path).unwrap()
+    })
+}
 
 /// A window without anything but what plays.
 pub(crate) struct Window {
@@ -20,9 +32,8 @@ pub(crate) struct Window {
 impl Window {
     pub fn new() -> Window {
         let folder = tempfile::tempdir().unwrap();
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/demo/lcdm64_z0.hdf5");
         let path = folder.path().join("demo.df");
-        build_source(&source, &LoadOptions::default(), &BuildOptions::default(), &path, &()).unwrap();
+        std::fs::write(&path, pages()).unwrap();
         let file = Arc::new(PageFile::open(&path).unwrap());
         let preset = Preset::embedded("desktop").unwrap();
         let mut settings = Settings::new(&preset, None);

@@ -126,23 +126,21 @@ fn a_grid_that_does_not_fit_is_refused() {
     assert!(error.ends_with("memory is 64 MiB"), "{error}");
 }
 
-/// An octree for a view of what is beyond a depth: nearer by, cells would be many and small.
-fn octree(view: &View, cloud: &Cloud, width: f64, near: f64) -> octree::Octree {
-    let (bounds, _) = region(view, &extents::of(&[cloud.batch()]), Region::View, &EXACTLY).unwrap();
-    let mut octree = octree::Octree::new(&[cloud.batch()], bounds, Kernel::CubicSpline, 0.0).unwrap();
-    octree.prepare(view, width, near);
-    octree
-}
-
 #[test]
 fn bricks_of_an_octree_hold_the_exact_sum() {
     let cloud = merger(4_000);
     let view = perspective(DVec3::new(60.0, 40.0, 90.0), 90, 60);
+    let (bounds, _) = region(&view, &extents::of(&[cloud.batch()]), Region::View, &EXACTLY).unwrap();
+    // The middle of its picture shows all the points below, 21 around the origin at most, with as many pixels: what is beside it costs most.
+    let fov_y = 2.0 * (28.0 / 60.0 * 0.4f64.tan()).atan();
+    let middle = View { projection: Projection::Perspective { fov_y }, width: 28, height: 28, ..view };
     let exact = ExactField::new(&[cloud.batch()], Kernel::CubicSpline);
     let mut random = Random::new(2, 0);
     let points: Vec<DVec3> = (0..400).map(|_| DVec3::from_array([0; 3].map(|_| 12.0 * random.signed()))).collect();
     let errors = [1.0, 0.5].map(|width| {
-        let field = octree(&view, &cloud, width, 40.0);
+        let mut field = octree::Octree::new(&[cloud.batch()], bounds, Kernel::CubicSpline, 0.0).unwrap();
+        // Nearer by, cells would be many and small.
+        field.prepare(&middle, width, 40.0);
         // In L2 the one point next to the densest particle would be all.
         let (mut amount, mut norm, mut seen) = ([0.0; 2], [0.0; 2], 0);
         for &point in &points {

@@ -59,12 +59,12 @@ fn more_layers_come_to_the_volume() {
     let scenery = scenery(RAMP, [1e-8, 1e-3], 4.0, vec![]);
     let options = VolumeOptions::default();
     let (volume, report) = draw_volume(&view, &[cloud.batch()], &scenery, &options).unwrap();
-    let errors: Vec<f64> = [1, 8, 32, 128, report.grid[2]]
+    let errors: Vec<f64> = [1, 8, 32, report.grid[2]]
         .map(|layers| 255.0 * mean_difference(&layered(&view, &cloud, &scenery, layers, &options), &volume))
         .to_vec();
-    println!("mean difference of channels, of 255, with 1, 8, 32, 128 and {} layers: {errors:.3?}", report.grid[2]);
+    println!("mean difference of channels, of 255, with 1, 8, 32 and {} layers: {errors:.3?}", report.grid[2]);
     assert!(errors.windows(2).all(|pair| pair[1] < 0.75 * pair[0] || pair[1] < 0.4), "{errors:?}");
-    assert!(errors[4] < 0.4, "{errors:?}");
+    assert!(errors[3] < 0.4, "{errors:?}");
 }
 
 #[test]

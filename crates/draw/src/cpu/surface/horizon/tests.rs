@@ -10,12 +10,17 @@ use deepfield_heights::model::HeightGrid;
 fn is_seen(globe: &Globe, place: DVec3, to_eye: DVec3, lowest: f64) -> bool {
     // The height along a line is convex: by thirds to where it is lowest.
     let height = |t: f64| globe.above((place + t * to_eye).to_array()).0;
+    let is_above = |height: f64| height > lowest + 1e-9;
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let thirds = [low + (high - low) / 3.0, high - (high - low) / 3.0];
-        if height(thirds[0]) < height(thirds[1]) { high = thirds[1] } else { low = thirds[0] }
+        let heights = thirds.map(height);
+        if !heights.into_iter().all(is_above) {
+            return false;
+        }
+        if heights[0] < heights[1] { high = thirds[1] } else { low = thirds[0] }
     }
-    height(low).min(height(0.0)).min(height(1.0)) > lowest + 1e-9
+    [low, 0.0, 1.0].map(height).into_iter().all(is_above)
 }
 
 #[test]
