@@ -23,5 +23,6 @@ mod overdraw;
 mod pages;
 mod panoramas;
 mod surfaces;
+mod threads;
 mod times;
 mod volumes;

@@ -222,7 +222,7 @@ fn check_golden(name: &str, out: &Path) {
 fn the_shipped_tour_is_its_golden_frames() {
     let path = in_repository("assets/tours/demo.ron").display().to_string();
     let folder = tempfile::tempdir().unwrap();
-    // One moment of each part, two in cross-fades.
+    // One moment of each part.
     for second in [3, 15, 22, 33, 41, 48, 54, 60] {
         let name = format!("{second}.png");
         let out = folder.path().join(&name);
