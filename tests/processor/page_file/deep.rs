@@ -12,8 +12,30 @@ use deepfield::view::{Projection, View};
 use glam::DVec3;
 use proptest::prelude::*;
 use std::collections::HashSet;
+use std::iter::repeat_n;
 use std::path::Path;
 use std::sync::Arc;
+
+/// Particles at these positions, with one smoothing length.
+fn dataset(positions: Vec<[f64; 3]>, smoothing: f64) -> Dataset {
+    let count = positions.len();
+    let family = Family {
+        name: FamilyName::Dark,
+        positions,
+        mass: (0..count).map(|i| 1.0 + (i % 3) as f32).collect(),
+        smoothing_length: vec![smoothing as f32; count],
+        density: vec![1e6; count],
+        attributes: Vec::new(),
+    };
+    Dataset {
+        families: vec![family],
+        length_unit: Unit::default(),
+        mass_unit: Unit::default(),
+        kernel: Kernel::CubicSpline,
+        skipped: Vec::new(),
+        provenance: Provenance::default(),
+    }
+}
 
 /// Clusters of as many particles each, whose edges are `edge` of the box, all at one position where that is 0.
 struct Clusters {
@@ -30,63 +52,17 @@ impl Clusters {
         let centers: Vec<DVec3> = (0..clusters).map(|_| any()).collect();
         let count = clusters * each;
         let positions = (0..count).map(|i| (centers[i % clusters] + edge * (any() - 0.5)).to_array()).collect();
-        let smoothing = 0.2 * edge.max(1e-8);
-        let family = Family {
-            name: FamilyName::Dark,
-            positions,
-            mass: (0..count).map(|i| 1.0 + (i % 3) as f32).collect(),
-            smoothing_length: vec![smoothing as f32; count],
-            density: vec![1e6; count],
-            attributes: Vec::new(),
-        };
-        let data = Dataset {
-            families: vec![family],
-            length_unit: Unit::default(),
-            mass_unit: Unit::default(),
-            kernel: Kernel::CubicSpline,
-            skipped: Vec::new(),
-            provenance: Provenance::default(),
-        };
+        let data = dataset(positions, 0.2 * edge.max(1e-8));
         Clusters { data, centers, each, edge }
     }
 
-    fn count(&self) -> usize {
-        self.centers.len() * self.each
-    }
-
-    /// Checks that a file has no larger leaves, that every particle is in one of them, and none is anywhere else.
+    /// Checks leaves ([`check_leaves`]), and what is found around every cluster.
     fn check(&self, path: &Path, capacity: usize) -> Arc<PageFile> {
-        let (positions, centers) = (&self.data.families[0].positions, &self.centers);
-        assert_eq!(verify(path, &()).unwrap().particles, self.count() as u64);
-        let file = Arc::new(PageFile::open(path).unwrap());
-        let family = &file.metadata().families[0];
-        assert!(family.levels.len() > 15, "{} levels", family.levels.len());
-        assert_eq!(std::fs::read(path).unwrap()[8], 6);
-        let pages: Vec<Page> = (0..file.page_count()).map(|id| file.read_page(PageId(id)).unwrap()).collect();
-        let nodes = || pages.iter().flat_map(|page| page.nodes.iter().enumerate().map(move |node| (page, node)));
-        let leaves = || nodes().filter(|(_, (_, node))| node.is_leaf());
-        // What is drawn at random differs from leaf to leaf, those of one cell too.
-        assert_eq!(leaves().map(|(_, (_, node))| node.seed).collect::<HashSet<u32>>().len(), leaves().count());
-        let place = |at: &[f64; 3]| -> SourcePlace { family.place(DVec3::from_array(*at)) };
-        let all = Located::new(positions.iter().map(place).collect());
-        let first = Located::new(positions.iter().step_by(centers.len()).map(place).collect());
-        let (mut bits, mut found) = (Vec::new(), 0);
-        for (page, (index, node)) in leaves() {
-            assert!(node.particles as usize <= capacity, "{} particles in a leaf", node.particles);
-            assert_eq!(all.mark(page, index, &mut bits), node.particles);
-            found += first.mark(page, index, &mut bits);
-            let at = NodeRef { page: page.id, node: index as u32 };
-            let told = describe(&*file, ParticleRef { node: at, index: node.particles / 2 }).unwrap();
-            let apart = |source: &[f64; 3]| (DVec3::from_array(*source) - told.position).abs().max_element();
-            let is_found = positions.iter().any(|source| apart(source) <= told.rounding + 1e-12);
-            assert!(is_found, "{}", told.position);
-        }
+        let own: Vec<[f64; 3]> = self.data.families[0].positions.iter().step_by(self.centers.len()).copied().collect();
+        let (file, found) = check_leaves(&self.data, path, capacity, &own);
         assert_eq!(found as usize, self.each);
         for center in &self.centers {
-            let region = Region::sphere(*center, 1e-3);
-            let inside = positions.iter().filter(|at| DVec3::from_array(**at).distance(*center) <= 1e-3).count();
-            let told = probe(Data::Pages(&*file), &region, &ProbeOptions::default(), Work::quiet()).unwrap();
-            assert_eq!(told.count, inside as u64);
+            check_sphere(&file, &self.data, *center, 1e-3);
         }
         file
     }
@@ -110,6 +86,45 @@ impl Clusters {
             assert!(difference <= most * expected.sum(), "{difference} of {}, tau {tau}", expected.sum());
         }
     }
+}
+
+/// Checks that a file has no larger leaves, that every particle is in one of them, and none is anywhere else; and counts some of them in leaves.
+fn check_leaves(data: &Dataset, path: &Path, capacity: usize, some: &[[f64; 3]]) -> (Arc<PageFile>, u32) {
+    let positions = &data.families[0].positions;
+    assert_eq!(verify(path, &()).unwrap().particles, positions.len() as u64);
+    let file = Arc::new(PageFile::open(path).unwrap());
+    let family = &file.metadata().families[0];
+    assert!(family.levels.len() > 15, "{} levels", family.levels.len());
+    assert_eq!(std::fs::read(path).unwrap()[8], 6);
+    let pages: Vec<Page> = (0..file.page_count()).map(|id| file.read_page(PageId(id)).unwrap()).collect();
+    let nodes = || pages.iter().flat_map(|page| page.nodes.iter().enumerate().map(move |node| (page, node)));
+    let leaves = || nodes().filter(|(_, (_, node))| node.is_leaf());
+    // What is drawn at random differs from leaf to leaf, those of one cell too.
+    assert_eq!(leaves().map(|(_, (_, node))| node.seed).collect::<HashSet<u32>>().len(), leaves().count());
+    let place = |at: &[f64; 3]| -> SourcePlace { family.place(DVec3::from_array(*at)) };
+    let all = Located::new(positions.iter().map(place).collect());
+    let some = Located::new(some.iter().map(place).collect());
+    let (mut bits, mut found) = (Vec::new(), 0);
+    for (page, (index, node)) in leaves() {
+        assert!(node.particles as usize <= capacity, "{} particles in a leaf", node.particles);
+        assert_eq!(all.mark(page, index, &mut bits), node.particles);
+        found += some.mark(page, index, &mut bits);
+        let at = NodeRef { page: page.id, node: index as u32 };
+        let told = describe(&*file, ParticleRef { node: at, index: node.particles / 2 }).unwrap();
+        let apart = |source: &[f64; 3]| (DVec3::from_array(*source) - told.position).abs().max_element();
+        let is_found = positions.iter().any(|source| apart(source) <= told.rounding + 1e-12);
+        assert!(is_found, "{}", told.position);
+    }
+    (file, found)
+}
+
+/// Checks how many particles are found in a sphere.
+fn check_sphere(file: &PageFile, data: &Dataset, center: DVec3, radius: f64) {
+    let is_inside = |at: &&[f64; 3]| DVec3::from_array(**at).distance(center) <= radius;
+    let inside = data.families[0].positions.iter().filter(is_inside).count();
+    let region = Region::sphere(center, radius);
+    let told = probe(Data::Pages(file), &region, &ProbeOptions::default(), Work::quiet()).unwrap();
+    assert_eq!(told.count, inside as u64);
 }
 
 proptest! {
@@ -148,6 +163,35 @@ proptest! {
         }
         let file = own.check(&path, capacity);
         own.check_pictures(&file);
+    }
+}
+
+/// Cells of all depths beside each other: a clump in a wider one, and few particles all around.
+#[test]
+fn clumps_within_clumps_are_found_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("nested.df");
+    for seed in 1..=3 {
+        let mut random = Random(seed);
+        let mut any = || DVec3::new(random.next(), random.next(), random.next());
+        let center = any();
+        let widths = [(3000, 1e-5), (400, 2e-3)].into_iter().flat_map(|(count, width)| repeat_n(width, count));
+        let clumps: Vec<DVec3> = widths.map(|width| center + width * (any() - 0.5)).collect();
+        let positions = clumps.into_iter().chain((0..2000).map(|_| any())).map(|at| at.to_array()).collect();
+        let data = dataset(positions, 1e-7);
+        let octree = OctreeOptions {
+            bucket_particles: Some(400),
+            leaf_capacity: 50,
+            root_particles: 1 << 40,
+            volume_levels: seed == 2,
+            ..OctreeOptions::default()
+        };
+        build(data.clone(), &BuildOptions { octree, ..BuildOptions::default() }, &path, &()).unwrap();
+        let (file, _) = check_leaves(&data, &path, 50, &[]);
+        // All of the clump, and of the wider one.
+        for radius in [1e-5, 2e-3] {
+            check_sphere(&file, &data, center, radius);
+        }
     }
 }
 

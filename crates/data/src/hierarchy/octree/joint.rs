@@ -52,12 +52,13 @@ fn join_cell<E>(
                 above.push(open);
                 continue;
             }
-            // Neighbours may share a merging cell, so that they become one run.
+            // Neighbours of one cell may share a merging cell, so that they become one run.
             let mut run = open.block;
-            while let Some(next) = waiting.next_if(|next| next.depth > depth) {
+            let key = cell_of(run.keys[0], depth);
+            let is_beside = |next: &Open| next.depth > depth && cell_of(next.block.keys[0], depth) == key;
+            while let Some(next) = waiting.next_if(is_beside) {
                 run.append(next.block);
             }
-            let key = cell_of(run.keys[0], depth);
             let input = run.len() as u64;
             let block: Block = Merger::new(context, levels, key).merge(&[Content::Block(run)], &nothing);
             sink(Piece::merged(context, levels, key, &block, input, false, false))?;

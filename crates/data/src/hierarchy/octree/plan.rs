@@ -4,7 +4,7 @@
 //! bucket ends where a cell ends; merging at depth `d` works in cells of depth `d + 8`, so a bucket whose ends are those of
 //! cells of depth at most 8 can be merged up to the root by itself. Where more particles than a bucket should hold lie in one
 //! cell of depth 8 (a zoom simulation in its box), buckets are cut inside of it, and the last merging steps join them
-//! ([`super::joint`]).
+//! ([`super::joint`]). What of such a bucket is merged by itself is a part of one cell, that of its [`Plan::closed_depth`].
 
 use crate::codec::coordinates::CELL_BITS;
 use crate::codec::morton::MORTON_BITS;
@@ -42,9 +42,11 @@ impl Plan {
         let (mut units, mut starts) = (Vec::with_capacity(cut.units.len()), Vec::new());
         let (mut held, mut group) = (0, None);
         for (number, unit) in cut.units.iter().enumerate() {
-            // Units below depth 8 share a bucket only with others of their cell of that depth.
-            let shift = 3 * (MORTON_BITS - CELL_BITS);
-            let own = (u32::from(unit.depth) > CELL_BITS).then_some(unit.start >> shift);
+            // Units below depth 8 share a bucket only with others of their cell of that depth, and those below depth 16 only with others of
+            // the cell 8 above them, within which they end.
+            let depth = u32::from(unit.depth);
+            let shared = CELL_BITS.max(depth.saturating_sub(CELL_BITS));
+            let own = (depth > CELL_BITS).then(|| (shared, unit.start >> (3 * (MORTON_BITS - shared))));
             if number == 0 || own != group || held + unit.particles > most {
                 starts.push(unit.start);
                 held = 0;
@@ -102,7 +104,7 @@ impl Plan {
         self.units.get(next).is_some_and(|&start| start < end)
     }
 
-    /// The smallest depth at which a bucket can be merged by itself.
+    /// The smallest depth at which a bucket can be merged by itself. It lies in one cell of that depth.
     pub(super) fn closed_depth(&self, bucket: usize) -> u8 {
         let keys = self.keys(bucket);
         let cut = |key: u64| if key == 0 || key == END { 0 } else { boundary_depth(key - 1, key) };
@@ -171,7 +173,10 @@ mod tests {
     proptest! {
         #[test]
         fn buckets_cover_all_keys_and_hold_few(
-            mut keys in prop::collection::vec(prop_oneof![0..END, (END / 3)..(END / 3 + (1 << 30))], 1..600),
+            mut keys in prop::collection::vec(
+                prop_oneof![0..END, (END / 3)..(END / 3 + (1 << 30)), (END / 7)..(END / 7 + (1 << 14)), (END / 7)..(END / 7 + (1 << 21))],
+                1..600,
+            ),
             most in 1..50_usize,
         ) {
             keys.sort_unstable();
@@ -192,10 +197,9 @@ mod tests {
                 prop_assert!((plan.group(bucket) as usize) < GROUPS.min(bucket + 1));
                 // More only where a smallest cell holds more.
                 prop_assert!(*count <= most || range.end - range.start <= cell_keys(CELL_DEPTH));
-                let depth = plan.closed_depth(bucket);
+                let depth = u32::from(plan.closed_depth(bucket));
                 if depth > 0 {
-                    // Such a bucket lies in one cell of depth 8.
-                    let cell = |key: u64| key >> (3 * (MORTON_BITS - CELL_BITS));
+                    let cell = |key: u64| key >> (3 * (MORTON_BITS - depth.max(CELL_BITS)));
                     prop_assert_eq!(cell(range.start), cell(range.end - 1));
                 }
             }

@@ -7,7 +7,10 @@ use super::super::unpacked::Unpacked;
 use super::CHECKSUM;
 use super::blosc::{Container, Place};
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
+
+/// Unpacked blocks of all files of a snapshot, by their file, their array and their number in it.
+pub(super) type Blocks = Unpacked<(usize, usize, u64)>;
 
 /// Where an array is.
 #[derive(Clone, Copy)]
@@ -34,8 +37,9 @@ pub(super) struct Arrays {
     /// Names of the variables, whose arrays follow each other over and over.
     names: Vec<String>,
     arrays: Vec<Numbered>,
-    /// Blocks by their array and their number in it.
-    blocks: Unpacked<(usize, u64)>,
+    /// What is kept of all files, and this file's number among them.
+    blocks: Arc<Blocks>,
+    number: usize,
 }
 
 struct Numbered {
@@ -47,8 +51,13 @@ struct Numbered {
 }
 
 impl Arrays {
-    /// The arrays of a file of variables, in their order.
-    pub(super) fn new(file: RangeFile, names: Vec<String>, arrays: impl Iterator<Item = Array>) -> Arrays {
+    /// The arrays of a file of variables, in their order. `kept` are unpacked blocks of all files, and the file's number.
+    pub(super) fn new(
+        file: RangeFile,
+        names: Vec<String>,
+        arrays: impl Iterator<Item = Array>,
+        (blocks, number): (&Arc<Blocks>, usize),
+    ) -> Arrays {
         let mut next = 0_u64;
         let numbered = |array: Array| {
             let first = next;
@@ -56,7 +65,8 @@ impl Arrays {
             Numbered { first, array, container: OnceLock::new() }
         };
         let arrays = arrays.map(numbered).collect();
-        Arrays { path: file.path.clone(), file: Storage::File(file), names, arrays, blocks: Unpacked::default() }
+        let (path, blocks) = (file.path.clone(), Arc::clone(blocks));
+        Arrays { path, file: Storage::File(file), names, arrays, blocks, number }
     }
 
     /// Fills the beginning of `out` from byte `at` of an array on, and says how many bytes of it.
@@ -81,7 +91,7 @@ impl Arrays {
             }
         };
         let block = at / container.block;
-        let bytes = self.blocks.get((number, block), || container.unpack(place, block))?;
+        let bytes = self.blocks.get((self.number, number, block), || container.unpack(place, block))?;
         let bytes = &bytes[(at % container.block) as usize..];
         let count = bytes.len().min(out.len());
         out[..count].copy_from_slice(&bytes[..count]);

@@ -7,7 +7,7 @@
 mod arrays;
 mod blosc;
 
-use self::arrays::{Array, Arrays};
+use self::arrays::{Array, Arrays, Blocks};
 use super::bytes::{Order, RangeFile};
 use super::grid::scratch::Storage;
 use super::packed::MOST_EXPANSION;
@@ -16,6 +16,7 @@ use super::{Description, FamilyInfo, FieldKind, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod, SampleType};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The GenericIO format.
 pub(super) struct GenericIo;
@@ -42,8 +43,9 @@ const BLOSC: &[u8] = b"BLOSC";
 const MOST_HEADER: u64 = 1 << 30;
 const MOST_VARIABLES: u64 = 256;
 const MOST_COMPONENTS: u64 = 64;
-/// The most files of one map.
+/// The most files of one map, and the bytes of it that are read at once.
 const MOST_FILES: usize = 1 << 16;
+const PIECE: u64 = 1 << 16;
 
 /// Centres and mean velocities of HACC's groups.
 const OF_GROUPS: [Vector; 2] = [
@@ -64,11 +66,15 @@ impl Format for GenericIo {
     }
 
     fn open(&self, path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let first = Contents::open(path, method)?;
+        let blocks = Arc::default();
+        let first = Contents::open(path, method, (&blocks, 0))?;
         let mut about = Description::unitless(path, "generic-io", first.length);
         let names = first.parts()?;
         let files = match &names {
-            Some(names) => names.iter().map(|name| Contents::open(name, method)).collect::<Result<Vec<_>, _>>()?,
+            Some(names) => {
+                let opened = names.iter().zip(1..).map(|(name, file)| Contents::open(name, method, (&blocks, file)));
+                opened.collect::<Result<Vec<_>, _>>()?
+            }
             None => vec![first],
         };
         // A map says none.
@@ -109,7 +115,8 @@ impl Format for GenericIo {
 
     fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
         let mut files = vec![path.to_owned()];
-        files.extend(Contents::open(path, ReadMethod::Positioned)?.parts()?.into_iter().flatten());
+        let contents = Contents::open(path, ReadMethod::Positioned, (&Arc::default(), 0))?;
+        files.extend(contents.parts()?.into_iter().flatten());
         Ok(files)
     }
 }
@@ -203,7 +210,8 @@ impl Header<'_> {
 }
 
 impl Contents {
-    fn open(path: &Path, method: ReadMethod) -> Result<Contents, ImportError> {
+    /// `kept` is where unpacked blocks of all files are, and the file's number among them.
+    fn open(path: &Path, method: ReadMethod, kept: (&Arc<Blocks>, usize)) -> Result<Contents, ImportError> {
         let file = RangeFile::open_unpacked(path, method)?;
         let mut start = [0; FIRST as usize];
         file.read(0, &mut start, "header")?;
@@ -233,6 +241,9 @@ impl Contents {
         let entries = header.table("variables", variable_count, [size, header.number(64)], VARIABLE)?;
         let variables = entries.into_iter().map(|entry| header.variable(entry, size));
         let variables: Vec<Variable> = variables.collect::<Result<_, _>>()?;
+        if variables.is_empty() && header.number(16) > 0 {
+            return Err(ImportError::missing(path, "positions", "variables x, y and z"));
+        }
         let places = [header.number(80), header.number(88)];
         let entries = header.table("processes", process_count, places, PROCESS)?;
         let blocks = match known >= WITH_BLOCKS && header.number(152) > 0 {
@@ -244,13 +255,19 @@ impl Contents {
             false => Vec::new(),
         };
         let (mut counts, mut arrays) = (Vec::new(), Vec::new());
-        let mut total = 0u64;
+        let (mut total, mut stored) = (0u64, 0u64);
         for (index, entry) in entries.into_iter().enumerate() {
             let (count, start) = (header.number(entry + 24), header.number(entry + 32));
             let blocks = blocks.get(index * variables.len()..).unwrap_or_default();
             total = total.saturating_add(count);
             if count > 0 {
-                arrays.extend(arrays_of(&header, (count, start), &variables, blocks)?);
+                let own = arrays_of(&header, (count, start), &variables, blocks)?;
+                stored = own.iter().map(Array::stored).fold(stored, u64::saturating_add);
+                if stored > file.length {
+                    let expected = format!("no more than the file's {}, as none lies in another", file.length);
+                    return Err(header.wrong("arrays", format!("{stored} bytes"), expected));
+                }
+                arrays.extend(own);
                 counts.push(count);
             }
         }
@@ -258,11 +275,6 @@ impl Contents {
             return Err(header.wrong("particles", header.number(16), format!("{total}, those of all processes")));
         }
         let is_packed = arrays.iter().any(|array| array.packed.is_some());
-        let stored = arrays.iter().map(Array::stored).fold(0, u64::saturating_add);
-        if is_packed && stored > file.length {
-            let expected = format!("no more than the file's {}, as none lies in another", file.length);
-            return Err(header.wrong("arrays", format!("{stored} bytes"), expected));
-        }
         let numbers = |at: u64| [0, 8, 16].map(|axis| f64::from_bits(header.number(at + axis)));
         let [origin, scale] = if known >= WITH_BOX { [numbers(104), numbers(128)] } else { [[0.0; 3]; 2] };
         let is_cube = origin == [0.0; 3] && scale[0] > 0.0 && scale[0].is_finite() && scale == [scale[0]; 3];
@@ -281,7 +293,7 @@ impl Contents {
         let (path, length) = (path.to_owned(), file.length);
         let storage = if is_packed {
             let names = variables.iter().map(|variable| variable.name.clone()).collect();
-            Storage::Pieces(Box::new(Arrays::new(file, names, arrays.into_iter())))
+            Storage::Pieces(Box::new(Arrays::new(file, names, arrays.into_iter(), kept)))
         } else {
             Storage::File(file)
         };
@@ -304,10 +316,11 @@ impl Contents {
             if !whole {
                 return Err(wrong("numbers of another type".into(), "whole numbers of 4 bytes".into()));
             }
-            let mut word = [0; 4];
-            for row in 0..process.count {
-                self.storage.read(&self.path, process.starts[place] + 4 * row, &mut word)?;
-                numbers.insert(self.order.u32(&word, 0));
+            let (start, bytes) = (process.starts[place], 4 * process.count);
+            for at in (0..bytes).step_by(PIECE as usize) {
+                let mut piece = vec![0; (bytes - at).min(PIECE) as usize];
+                self.storage.read(&self.path, start + at, &mut piece)?;
+                numbers.extend(piece.chunks_exact(4).map(|word| self.order.u32(word, 0)));
                 if numbers.len() > MOST_FILES {
                     return Err(wrong(format!("more than {MOST_FILES} files"), "fewer".into()));
                 }

@@ -2,14 +2,13 @@
 
 use super::directory::Directory;
 use super::{lerc, tag};
-use deepfield_data::import::guarded::guarded;
 use deepfield_data::import::{ByteOrder, ImportError};
 use deepfield_data::model::SampleType;
 use flate2::read::ZlibDecoder;
-use ruzstd::decoding::StreamingDecoder;
 use std::io::Read;
 use weezl::BitOrder;
 use weezl::decode::Configuration;
+use zstd::stream::read::Decoder;
 
 /// How bytes are packed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -194,15 +193,11 @@ fn inflated(packed: &[u8], bytes: usize) -> Vec<u8> {
 
 /// The same of Zstandard.
 fn unfolded(packed: &[u8], bytes: usize) -> Vec<u8> {
-    let unpack = || {
-        let mut out = Vec::new();
-        if let Ok(decoder) = StreamingDecoder::new(packed) {
-            let _ = decoder.take(bytes as u64).read_to_end(&mut out);
-        }
-        out
-    };
-    // The library may give up on what is damaged.
-    guarded(unpack).unwrap_or_default()
+    let mut out = Vec::with_capacity(bytes);
+    if let Ok(decoder) = Decoder::with_buffer(packed) {
+        let _ = decoder.take(bytes as u64).read_to_end(&mut out);
+    }
+    out
 }
 
 /// TIFF's LZW, whose codes grow one entry early: the first `bytes` bytes, or as many as there are before damage.

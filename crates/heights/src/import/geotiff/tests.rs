@@ -108,8 +108,7 @@ impl Written {
             packer.write_all(bytes).unwrap();
             packer.finish().unwrap()
         };
-        let folded =
-            |bytes: &[u8]| ruzstd::encoding::compress_to_vec(bytes, ruzstd::encoding::CompressionLevel::Fastest);
+        let folded = |bytes: &[u8]| zstd::encode_all(bytes, 1).unwrap();
         match self.compression {
             8 => deflated(&out),
             50000 => folded(&out),

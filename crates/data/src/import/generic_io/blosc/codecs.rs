@@ -1,8 +1,6 @@
 //! What the streams of Blosc's blocks are compressed with.
 
-use super::super::super::guarded::guarded;
 use flate2::bufread::ZlibDecoder;
-use ruzstd::decoding::StreamingDecoder;
 use std::io::Read;
 
 /// A way to compress.
@@ -43,12 +41,7 @@ impl Codec {
             Codec::Lz4 => (lz4_flex::block::decompress_into(packed, out).ok()? == out.len()).then_some(()),
             Codec::Snappy => (snap::raw::Decoder::new().decompress(packed, out).ok()? == out.len()).then_some(()),
             Codec::Zlib => fill(ZlibDecoder::new(packed), out),
-            Codec::Zstandard => {
-                // The decoder makes room for a frame's window before it reads on.
-                let is_sensible = window(packed)? <= (out.len() as u64).max(LEAST_WINDOW);
-                let unpacked = is_sensible.then(|| guarded(|| fill(StreamingDecoder::new(packed).ok()?, out)));
-                unpacked.flatten().flatten()
-            }
+            Codec::Zstandard => (zstd::bulk::decompress_to_buffer(packed, out).ok()? == out.len()).then_some(()),
         }
     }
 }
@@ -57,27 +50,6 @@ impl Codec {
 fn fill(mut content: impl Read, out: &mut [u8]) -> Option<()> {
     content.read_exact(out).ok()?;
     (content.read(&mut [0]).ok()? == 0).then_some(())
-}
-
-/// The smallest window of Zstandard, bytes.
-const LEAST_WINDOW: u64 = 1 << 10;
-
-/// Bytes that are needed at once to unpack a frame of Zstandard (RFC 8878, 3.1.1.1).
-fn window(frame: &[u8]) -> Option<u64> {
-    let descriptor = *frame.get(4)?;
-    if descriptor & 0x20 == 0 {
-        let window = *frame.get(5)?;
-        let base = 1_u64 << (10 + (window >> 3));
-        return Some(base + base / 8 * u64::from(window & 7));
-    }
-    // All of the frame, whose size is behind the number of its dictionary.
-    let size = frame.get(5 + [0, 1, 2, 4][usize::from(descriptor & 3)]..)?;
-    Some(match descriptor >> 6 {
-        0 => (*size.first()?).into(),
-        1 => 256 + u64::from(u16::from_le_bytes(*size.first_chunk()?)),
-        2 => u32::from_le_bytes(*size.first_chunk()?).into(),
-        _ => u64::from_le_bytes(*size.first_chunk()?),
-    })
 }
 
 /// The distance from which on two further bytes tell it.
