@@ -10,7 +10,8 @@ use crate::import::bytes::Order;
 use crate::model::{Channel, Grid};
 use std::path::Path;
 
-/// Arrays of two axes are images, of three volumes; of four, volumes whose last axis is that of values.
+/// Arrays of two axes are images, as are those whose third axis holds colours; others of three are volumes, and of four volumes whose last axis is
+/// that of values.
 pub(super) const NPY: GridFormat = GridFormat {
     name: "npy",
     extensions: &["npy"],
@@ -20,7 +21,8 @@ pub(super) const NPY: GridFormat = GridFormat {
 };
 
 /// The axes of arrays that are grids.
-const AXES: &str = "2 axes (an image), 3 (a volume), or 4, the last of at most 4096 values";
+const AXES: &str =
+    "2 axes (an image), 3 (a volume, or an image with colours last), or 4, the last of at most 4096 values";
 
 fn open(content: &Content) -> Result<GridSource, ImportError> {
     let array = Array::read(&content.path, &content.head)?;
@@ -57,6 +59,14 @@ impl Array {
         let kind = header.kind;
         let grid = match header.sizes[..] {
             [y, x] => Grid::image([x, y], kind, Channel::numbered(1)),
+            // Colours of pixels, as pictures lie in arrays.
+            [y, x, colors @ 2..=4] if colors < y.min(x) => Grid::image([x, y], kind, Channel::of_picture(colors)),
+            // Nobody can tell planes of colours from three slices.
+            [3, y, x] if y.min(x) > 3 => {
+                let expected =
+                    format!("({y}, {x}, 3) of an image's colours, or (3, {y}, {x}, 1) of a volume's 3 slices");
+                return Err(header.wrong_shape(path, &expected));
+            }
             [z, y, x] => Grid::volume([x, y, z], kind, Channel::numbered(1)),
             [z, y, x, channels @ 1..=4096] => Grid::volume([x, y, z], kind, Channel::numbered(channels)),
             // Vectors in time and space.
@@ -75,9 +85,9 @@ impl Array {
     /// What is wrong with it as a grid.
     pub(super) fn of(path: &Path, header: &NpyHeader, grid: Grid) -> Result<Array, ImportError> {
         let bytes = checked(path, &grid, "shape", "shape")?;
-        let axes = match (header.is_fortran, header.sizes.len()) {
+        let axes = match (header.is_fortran, grid.dimensions) {
             (false, _) => [0, 1, 2, 3],
-            (true, 2) => [2, 1, 3, 0],
+            (true, 2) => [2, 1, 0, 3],
             (true, _) => [3, 2, 1, 0],
         };
         Ok(Array { grid, bytes, start: header.start, axes, order: header.order })

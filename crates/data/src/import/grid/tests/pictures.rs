@@ -1,7 +1,7 @@
-//! OpenEXR, and folders of pictures.
+//! OpenEXR, pictures in NumPy's arrays, and folders of pictures.
 
 use super::exr_files::exr;
-use super::files::png;
+use super::files::{npy, png};
 use super::open;
 use crate::import::grid_format;
 use crate::model::SampleType;
@@ -24,6 +24,45 @@ fn channels_of_exr_have_their_names_and_types() {
     let depth = || FlatSamples::F32(vec![1.5; 30]);
     assert_eq!(opened(vec![("id", whole(u32::MAX - 40)), ("Z", depth())]), ("Z id".into(), SampleType::F64));
     assert_eq!(opened(vec![("A", depth()), ("Y", depth())]), ("value alpha".into(), SampleType::F32));
+}
+
+#[test]
+fn the_last_axis_of_an_array_may_hold_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    let opened = |is_fortran, shape: &str, body: &[u8]| {
+        std::fs::write(&path, npy("|u1", is_fortran, shape, body)).unwrap();
+        open(&path)
+    };
+    let sample = |[row, column, color]: [u8; 3]| 40 * row + 5 * column + color;
+    let [rows, columns]: [u8; 2] = [5, 6];
+    for colors in 2..=4 {
+        let shape = format!("({rows}, {columns}, {colors})");
+        let all: Vec<[u8; 3]> = (0..rows)
+            .flat_map(|y| (0..columns).flat_map(move |x| (0..colors).map(move |color| [y, x, color])))
+            .collect();
+        let body: Vec<u8> = all.iter().map(|&at| sample(at)).collect();
+        let mut transposed = all.clone();
+        transposed.sort_by_key(|&[y, x, color]| [color, x, y]);
+        let fortran: Vec<u8> = transposed.into_iter().map(sample).collect();
+        for (is_fortran, bytes) in [(false, &body), (true, &fortran)] {
+            let source = opened(is_fortran, &shape, bytes).unwrap();
+            let grid = source.grid();
+            assert_eq!((grid.kind(), grid.shape, grid.has_colors()), ("image", [6, 5, 1], colors >= 3), "{shape}");
+            let mut samples = vec![0; body.len()];
+            source.read(&grid.region(), &mut samples).unwrap();
+            assert_eq!(samples, body, "{shape}, {is_fortran}");
+        }
+    }
+    // As few rows as colours: slices, as a cube's are; and more values than a colour has.
+    for shape in ["(4, 5, 4)", "(4, 4, 4)", "(6, 6, 5)", "(4, 5, 6)", "(2, 5, 6)"] {
+        assert_eq!(opened(false, shape, &[0; 180]).unwrap().grid().kind(), "volume", "{shape}");
+    }
+    let text = opened(false, "(3, 4, 5)", &[0; 60]).unwrap_err().to_string();
+    let expected =
+        "shape: found (3, 4, 5), expected (4, 5, 3) of an image's colours, or (3, 4, 5, 1) of a volume's 3 slices";
+    assert!(text.ends_with(expected), "{text}");
+    assert_eq!(opened(false, "(3, 4, 5, 1)", &[0; 60]).unwrap().grid().shape, [5, 4, 3]);
 }
 
 /// Grey pictures of which all have the value of their number.
