@@ -245,11 +245,6 @@ impl Shared {
         })
     }
 
-    /// Number of its batches.
-    pub fn batches(&self) -> usize {
-        self.entries.len()
-    }
-
     /// Copies the quantities of all batches to where the coding will look for them.
     ///
     /// # Errors

@@ -113,15 +113,16 @@ impl Finding for Deriving<'_> {
         buckets: Range<usize>,
         progress: &dyn Progress,
     ) -> Result<Block, BuildError> {
-        let parts = ordered(buckets.clone(), |bucket| partition.read_inputs(bucket), self.root, progress)?;
+        let place = |place: Place| position(place, self.root);
+        let parts = ordered(buckets.clone(), |bucket| partition.read_inputs(bucket), place, progress)?;
         let mut all = Particles::default();
         let mut heat: Vec<f32> = Vec::new();
         let mut orders = Vec::new();
-        for Ordered { order, positions, columns, .. } in parts {
+        for Ordered { order, places, columns } in parts {
             let inputs = &columns.attributes[self.own..];
             all.velocities.extend(derived::velocities(inputs));
             heat.extend(inputs.get(Derivation::COMPONENTS).into_iter().flatten());
-            all.positions.extend(positions);
+            all.positions.extend(places);
             all.mass.extend(columns.mass);
             all.density.extend(columns.density);
             all.smoothing_length.extend(columns.smoothing_length);

@@ -11,7 +11,7 @@ use super::partition::Partition;
 use super::reach::{Reaches, around_ball, beside, position};
 use crate::codec::morton::{self, MORTON_BITS};
 use crate::hierarchy::RootCell;
-use crate::hierarchy::octree::Columns;
+use crate::hierarchy::octree::{Columns, Place};
 use crate::import::neighbours::Neighbours;
 use crate::model::Bounds;
 use crate::model::progress::{Progress, Uncounted};
@@ -23,7 +23,6 @@ use std::ops::Range;
 const MARGIN: f64 = 1.3;
 
 /// Particles with world positions relative to the root cell's corner.
-#[derive(Default)]
 struct Particles {
     positions: Vec<[f64; 3]>,
     mass: Vec<f32>,
@@ -71,22 +70,24 @@ impl Finding for Estimating {
         buckets: Range<usize>,
         progress: &dyn Progress,
     ) -> Result<Block, BuildError> {
-        let parts = ordered(buckets.clone(), |bucket| partition.read(bucket), self.root, progress)?;
+        let place = |place: Place| (place.key, position(place, self.root));
+        let parts = ordered(buckets.clone(), |bucket| partition.read(bucket), place, progress)?;
         let is_usable = |value: f32| value > 0.0 && value.is_finite();
-        let mut own = Particles::default();
-        let (mut orders, mut density, mut smoothing_length) = (Vec::new(), Vec::new(), Vec::new());
-        let mut keys = Vec::new();
+        let mut places: (Vec<u64>, Vec<[f64; 3]>) = Default::default();
+        let (mut orders, mut mass, mut density, mut smoothing_length) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for part in parts {
             progress.go_on();
-            keys.extend(part.keys);
-            own.positions.extend(part.positions);
-            own.mass.extend(part.columns.mass);
+            places.extend(part.places);
+            mass.extend(part.columns.mass);
             density.extend(part.columns.density);
             smoothing_length.extend(part.columns.smoothing_length);
             orders.push(part.order);
         }
         // Particles are counted when all of the block is known.
         let uncounted = Uncounted(progress);
+        let (keys, positions) = places;
+        let own = Particles { positions, mass };
         let search = Search { partition, buckets, estimating: *self, keys, own, progress: &uncounted };
         let wanted: Vec<bool> = smoothing_length.iter().map(|&h| !is_usable(h)).collect();
         if wanted.contains(&true) {

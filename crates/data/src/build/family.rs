@@ -105,8 +105,8 @@ impl Outline {
 
     /// Whether its columns are those of a stream, and neighbours are looked for as there.
     pub fn is_of(&self, stream: &dyn ParticleStream) -> bool {
-        let columns = (stream.attributes().len(), stream.columns(), stream.all_attributes().len());
-        (self.own, self.columns, self.attributes.len()) == columns
+        (self.own, self.columns) == (stream.attributes().len(), stream.columns())
+            && self.attributes == stream.all_attributes()
             && (self.neighbours.is_none() || self.neighbours == stream.neighbours())
             && self.edge == stream.periodic_edge(self.survey.bounds)
     }

@@ -3,8 +3,6 @@
 
 use super::BuildError;
 use super::partition::Partition;
-use super::reach::position;
-use crate::hierarchy::RootCell;
 use crate::hierarchy::attribute_info::{HistogramBins, Range};
 use crate::hierarchy::octree::{Columns, Place};
 use crate::model::portable::{expect, portable};
@@ -48,37 +46,34 @@ impl Seen {
 }
 
 /// The particles of a bucket in an order that depends on them alone.
-pub(super) struct Ordered {
+pub(super) struct Ordered<P> {
     /// Which one of those that are read comes first, and so on.
     pub order: Vec<u32>,
-    /// Morton keys.
-    pub keys: Vec<u64>,
-    /// World positions relative to the root cell's corner.
-    pub positions: Vec<[f64; 3]>,
+    /// What was made of their places.
+    pub places: Vec<P>,
     /// Their quantities.
     pub columns: Columns,
 }
 
-/// The particles of some buckets, which `read` reads.
+/// The particles of some buckets, which `read` reads, with what `of` makes of the place of each.
 ///
 /// # Errors
 /// When particles cannot be read back.
-pub(super) fn ordered(
+pub(super) fn ordered<P: Send>(
     buckets: std::ops::Range<usize>,
     read: impl Fn(usize) -> Result<(Vec<Place>, Columns), BuildError> + Sync,
-    root: RootCell,
+    of: impl Fn(Place) -> P + Sync,
     progress: &dyn Progress,
-) -> Result<Vec<Ordered>, BuildError> {
+) -> Result<Vec<Ordered<P>>, BuildError> {
     buckets
         .into_par_iter()
         .map(|bucket| {
             progress.go_on();
             let (places, columns) = read(bucket)?;
             let order = columns.order(&places);
-            let keys = order.iter().map(|&i| places[i as usize].key).collect();
-            let positions = order.iter().map(|&i| position(places[i as usize], root)).collect();
+            let places = order.iter().map(|&i| of(places[i as usize])).collect();
             let columns = columns.gather(&order);
-            Ok(Ordered { order, keys, positions, columns })
+            Ok(Ordered { order, places, columns })
         })
         .collect()
 }

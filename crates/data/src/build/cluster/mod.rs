@@ -40,7 +40,7 @@ use super::{BuildError, BuildOptions, RunBuild, in_pool, streams_of};
 use crate::hierarchy::kind::PCA;
 use crate::import::{LoadOptions, Run, open_with};
 use crate::model::{ParticleStream, Progress};
-use crate::store::temporary::folder_of;
+use crate::store::temporary::{MARK, folder_of};
 use crate::store::{PageFileWriter, StoreError};
 use parts::{Header, Names};
 pub(super) use parts::{PartError, PartPlace, Parts};
@@ -183,9 +183,9 @@ impl Job {
                 false => Err(job_error(folder, "found another job, expected none or the same one")),
             };
         }
-        let mut entries = std::fs::read_dir(folder).map_err(unwritable)?;
-        if let Some(entry) = entries.find_map(Result::ok) {
-            let found = entry.file_name();
+        // A plan that was killed may have left what it had of its file.
+        let entries = std::fs::read_dir(folder).map_err(unwritable)?.filter_map(Result::ok);
+        if let Some(found) = entries.map(|entry| entry.file_name()).find(|name| !is_begun_plan(name)) {
             let found = found.to_string_lossy();
             return Err(job_error(folder, &format!("found {found}, expected an empty folder for the job")));
         }
@@ -249,8 +249,7 @@ impl Job {
     /// Where there is no such task, the result of one that it needs is missing or damaged, or something cannot be read or written.
     pub fn run(&self, stage: &str, task: u32, memory: Option<u64>, progress: &dyn Progress) -> Result<(), BuildError> {
         let number = self.number(stage, task)?;
-        let names = self.names();
-        if names.done(number).is_some() {
+        if self.done(&self.names(), number).is_some() {
             return Ok(());
         }
         let mut options = self.plan.options().clone();
@@ -270,7 +269,8 @@ impl Job {
         let mut moved = Moved::default();
         let mut stages = Vec::with_capacity(self.stages.len());
         for (index, Stage { name, tasks, after }) in self.stages.iter().enumerate() {
-            let done: Vec<Header> = (0..*tasks).filter_map(|task| names.done(names.number(index, task))).collect();
+            let done = (0..*tasks).filter_map(|task| self.done(&names, names.number(index, task)));
+            let done: Vec<Header> = done.collect();
             // Numbers that were forged do not add up.
             let add =
                 |sum: &mut u64, of: fn(&Header) -> u64| *sum = done.iter().map(of).fold(*sum, u64::saturating_add);
@@ -342,11 +342,11 @@ impl Job {
 
     /// Whether a task's file has this name, or one that it has until it is complete.
     fn is_ours(&self, name: &OsStr) -> bool {
-        let Some(name) = name.to_str() else { return false };
-        let is_temporary = |text: &str| text.starts_with(&crate::store::temporary::MARK[1..]);
-        if name.strip_prefix(settings::FILE).and_then(|rest| rest.strip_prefix('.')).is_some_and(is_temporary) {
+        if is_begun_plan(name) {
             return true;
         }
+        let Some(name) = name.to_str() else { return false };
+        let is_temporary = |text: &str| text.starts_with(&MARK[1..]);
         let Some((stage, rest)) = name.split_once('.') else { return false };
         let is_stage = self.stages.iter().any(|own| own.name == stage) || [stages::SPILL, run::STILL].contains(&stage);
         let (task, temporary) = rest.split_once('.').map_or((rest, None), |(task, rest)| (task, Some(rest)));
@@ -364,6 +364,11 @@ impl Job {
     fn names(&self) -> Names {
         let stages = self.stages.iter().map(|stage| (stage.name.clone(), stage.tasks)).collect();
         Names { folder: self.folder.clone(), job: self.id, stages }
+    }
+
+    /// The header of a task that is done, of the last one while its output is there.
+    fn done(&self, names: &Names, number: u32) -> Option<Header> {
+        names.done(number).filter(|_| number + 1 < names.tasks() || self.output().exists())
     }
 
     /// The number in the job of a task.
@@ -440,6 +445,11 @@ impl Settings {
             None => check_particles(folder, families.iter().map(|family| family.particles)),
         }
     }
+}
+
+/// Whether a plan has this name until it is complete.
+fn is_begun_plan(name: &OsStr) -> bool {
+    name.to_str().and_then(|name| name.strip_prefix(settings::FILE)).is_some_and(|rest| rest.starts_with(MARK))
 }
 
 /// Whether there are no more particles than can be.

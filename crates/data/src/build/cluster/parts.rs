@@ -21,12 +21,14 @@
 //! A file gets its name when it is complete, in one step; so whoever makes one again, at the same time or later, does no harm. What turns
 //! out to be damaged is removed, so that its task is not done any more.
 
+mod opened;
+
 use super::super::BuildError;
 use crate::model::portable::{Portable, portable};
 use crate::model::positioned::{read_exact_at, write_all_at};
 use crate::store::StoreError;
 use crate::store::temporary::Temporary;
-use std::collections::HashMap;
+use opened::{OpenFiles, Opened};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -162,19 +164,26 @@ impl Names {
         PartError { path: self.path(number), what: format!("{what}; run stage {stage}, task {task}") }
     }
 
+    /// An error about a task's file that the system does not read now: it may be as it should.
+    fn unreadable(&self, number: u32, error: &io::Error) -> io::Error {
+        io::Error::other(PartError { path: self.path(number), what: error.to_string() })
+    }
+
     /// Opens a task's file; `None` where there is none.
     fn open(&self, number: u32) -> io::Result<Option<(File, Header)>> {
-        let path = self.path(number);
-        let file = match File::open(&path) {
+        let file = match File::open(self.path(number)) {
             Ok(file) => file,
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(io::Error::other(PartError { path, what: error.to_string() })),
+            Err(error) => return Err(self.unreadable(number, &error)),
         };
         let len = file.metadata()?.len();
         let mut bytes = [0; HEADER];
         let header = match read_exact_at(&file, &mut bytes, 0) {
             Ok(()) => Header::decode(&bytes, self.job, number, len),
-            Err(_) => Err(format!("length: found {len} bytes, expected a header of {HEADER}")),
+            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+                Err(format!("length: found {len} bytes, expected a header of {HEADER}"))
+            }
+            Err(error) => return Err(self.unreadable(number, &error)),
         };
         match header {
             Ok(header) => Ok(Some((file, header))),
@@ -210,22 +219,12 @@ struct Own {
     lanes: Mutex<Vec<(u32, u64)>>,
 }
 
-/// A file that has been opened for reading.
-#[derive(Debug)]
-struct Opened {
-    file: File,
-    header: Header,
-    /// Where lanes begin.
-    lanes: HashMap<u32, u64>,
-}
-
 /// The files of a job as one task knows them: its own, which it writes, and those of others, which it reads.
 #[derive(Debug)]
 pub(in crate::build) struct Parts {
     names: Names,
     own: Option<Own>,
-    /// Opened once, so that index and blobs are of the same file whoever makes it again meanwhile.
-    open: Mutex<HashMap<u32, Arc<Opened>>>,
+    open: Mutex<OpenFiles>,
     /// Bytes that were read of them.
     read: AtomicU64,
 }
@@ -233,7 +232,7 @@ pub(in crate::build) struct Parts {
 impl Parts {
     /// For reading only.
     pub(super) fn reader(names: Names) -> Parts {
-        Parts { names, own: None, open: Mutex::default(), read: AtomicU64::new(0) }
+        Parts { names, own: None, open: Mutex::new(OpenFiles::new()), read: AtomicU64::new(0) }
     }
 
     /// For task `number`, whose file is begun.
@@ -308,10 +307,21 @@ impl Parts {
         let opened = self.file(part)?;
         let start = if lane == NO_LANE { Some(&0) } else { opened.lanes.get(&lane) };
         let at = start.and_then(|start| start.checked_add(offset));
-        let words = at.and_then(|at| words_at(&opened.file, opened.header.bytes(), at, len).ok());
-        let is_sound = |words: &Vec<u64>| crc32c::crc32c(&bytemuck::cast_slice(words)[..len as usize]) == crc;
-        let Some(words) = words.filter(is_sound) else {
-            return Err(self.names.damaged(part, "blob: found other bytes than its checksum is of, or none"));
+        let read = match at {
+            Some(at) => words_at(&opened.file, opened.header.bytes(), at, len),
+            None => Err(io::ErrorKind::UnexpectedEof.into()),
+        };
+        let is_sound = |words: &[u64]| crc32c::crc32c(&bytemuck::cast_slice(words)[..len as usize]) == crc;
+        let words = match read {
+            Ok(words) if is_sound(&words) => words,
+            Err(error) if error.kind() != io::ErrorKind::UnexpectedEof => {
+                return Err(self.names.unreadable(part, &error));
+            }
+            _ if !opened.is_first => {
+                let what = "found another file, expected the one whose index was read; run the same task again";
+                return Err(io::Error::other(PartError { path: self.names.path(part), what: what.into() }));
+            }
+            _ => return Err(self.names.damaged(part, "blob: found other bytes than its checksum is of, or none")),
         };
         self.read.fetch_add(len, Ordering::Relaxed);
         Ok(words)
@@ -326,24 +336,23 @@ impl Parts {
     fn file(&self, number: u32) -> io::Result<Arc<Opened>> {
         // A map is whole before its lock is given back.
         let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(opened) = open.get(&number) {
-            return Ok(Arc::clone(opened));
+        if let Some(opened) = open.get(number) {
+            return Ok(opened);
         }
         let Some((file, header)) = self.names.open(number)? else {
             return Err(io::Error::other(self.names.error(number, "found no file, expected the result of a task")));
         };
         // The file has room for it.
         let mut lanes = vec![0; header.lanes_len as usize];
-        read_exact_at(&file, &mut lanes, header.index_offset - header.lanes_len)?;
+        let read = read_exact_at(&file, &mut lanes, header.index_offset - header.lanes_len);
+        read.map_err(|error| self.names.unreadable(number, &error))?;
         if crc32c::crc32c(&lanes) != header.lanes_crc {
             return Err(self.names.damaged(number, "lanes: found another checksum than the header says"));
         }
         let Some(table) = Vec::<(u32, u64)>::of_bytes(&lanes) else {
             return Err(self.names.damaged(number, "lanes: found other values, expected numbers and places"));
         };
-        let opened = Arc::new(Opened { file, header, lanes: table.into_iter().collect() });
-        open.insert(number, Arc::clone(&opened));
-        Ok(opened)
+        Ok(open.keep(number, file, header, table.into_iter().collect()))
     }
 
     /// The index of a task that is done.
@@ -359,7 +368,7 @@ impl Parts {
         let Opened { file, header, .. } = &*opened;
         // The file has room for it.
         let mut bytes = vec![0; header.index_len as usize];
-        read_exact_at(file, &mut bytes, header.index_offset)?;
+        read_exact_at(file, &mut bytes, header.index_offset).map_err(|error| self.names.unreadable(number, &error))?;
         self.read.fetch_add(header.index_len, Ordering::Relaxed);
         if crc32c::crc32c(&bytes) != header.index_crc {
             return Err(self.names.damaged(number, "index: found another checksum than the header says"));

@@ -16,7 +16,9 @@ use super::super::memory::{Memory, default_memory};
 use super::super::partition::{Partition, Share, histograms};
 use super::super::spill::{Blob, Spill};
 use super::super::survey::Survey;
-use super::super::tree::{Books, Built, CodedTrees, Draft, Grower, NodeSections, check_built, most_in_nodes, scope};
+use super::super::tree::{
+    Books, Built, CodedTree, CodedTrees, Draft, Grower, NodeSections, check_built, most_in_nodes, scope,
+};
 use super::super::{BuildError, BuildOptions, metadata, streams_of};
 use super::parts::Parts;
 use super::settings::{FamilyTasks, Settings, shares};
@@ -116,19 +118,24 @@ struct Unit<'a> {
     spill: &'a Spill,
 }
 
-/// The pages of all families: where those of each task are, where they end, and what of the footer follows their table.
+/// The pages of all families: where those of each task are, and how many; where they end, and what of the footer follows their table.
 struct Pages {
-    tasks: Vec<Blob>,
+    tasks: Vec<(Blob, u64)>,
     /// The entry of each code, by codebook and family.
     numbers: Blob,
     end: u64,
     version: u32,
     about: Vec<u8>,
-    /// Those of the tables that are written behind all.
-    pages: u64,
 }
 
-portable!(Pages { tasks, numbers, end, version, about, pages });
+portable!(Pages { tasks, numbers, end, version, about });
+
+impl Pages {
+    /// Those of all tasks.
+    fn count(&self) -> u64 {
+        total(self.tasks.iter().map(|(_, pages)| *pages))
+    }
+}
 
 /// A page that is to be written.
 struct Page {

@@ -1,11 +1,12 @@
 //! Whether what other tasks have left of trees can be what it is taken for: whatever is used as an index, a length or a summand.
 
-use super::{Built, Draft, Kept, Positions};
+use super::{Built, CodedTree, Draft, Kept, Positions};
 use crate::codec::positions::most_bytes;
-use crate::hierarchy::cell::MAX_DEPTH;
-use crate::hierarchy::octree::{Plan, TreeNode};
-use crate::hierarchy::{Encoding, LevelInfo};
+use crate::hierarchy::cell::{CELL_DEPTH, MAX_DEPTH};
+use crate::hierarchy::octree::{Piece, Plan, TreeNode};
+use crate::hierarchy::{Encoding, LevelInfo, NodeKey};
 use crate::model::portable::{expect, expect_that, expect_within, total};
+use std::ops::Range;
 
 /// Particles that all nodes of a tree with so many sources have together at most: on each depth no more than there are.
 pub(in crate::build) fn most_in_nodes(sources: u64) -> u64 {
@@ -23,16 +24,36 @@ pub(in crate::build) fn check_built(
 ) -> Result<u64, String> {
     expect("kinds of levels", built.len(), kinds)?;
     let mut counts = 0_u64;
-    for (pieces, open) in built {
+    for (kind, (pieces, open)) in built.iter().enumerate() {
         for piece in pieces {
             piece.check(most)?;
+            check_cell(piece, plan.keys(bucket), kind == 0)?;
             let kept = piece.data.as_ref().ok_or("particles of a node: found none, expected where they are")?;
             kept.check(piece.particles, plan.group(bucket), 3 + attributes)?;
             counts = total([counts, piece.input, piece.sources]);
         }
+        // The leaves of the first kind are those of all.
+        let leaves = built[0].0.iter().filter(|piece| kind > 0 && piece.encoding == Encoding::Leaf);
+        let mut cells: Vec<NodeKey> = pieces.iter().chain(leaves).map(|piece| piece.key).collect();
+        cells.sort_unstable();
+        expect_that(cells.is_sorted_by(|a, b| a < b), "cells of nodes", "each of a bucket once")?;
         open.iter().try_for_each(|open| open.check(plan, bucket, attributes))?;
     }
     Ok(counts)
+}
+
+/// Whether a node, or a part of one, is where a bucket with these keys has particles, and is whole where no other bucket has any; leaves are whole,
+/// and only where `has_leaves`. So no leaf meets a node of another bucket, which would be told of all files that have nodes, not of the wrong one.
+fn check_cell<A>(piece: &Piece<A>, own: Range<u64>, has_leaves: bool) -> Result<(), String> {
+    let cell = piece.key.cell();
+    let shift = 3 * (CELL_DEPTH - cell.depth);
+    // Cells as deep as that have the bits of a key.
+    let start = (cell.order() as u64) << shift;
+    let end = start + (1_u64 << shift);
+    expect_that(start < own.end && own.start < end, "cell of a node", "one where its bucket has particles")?;
+    expect("whole node", piece.whole, own.start <= start && end <= own.end)?;
+    let is_leaf = piece.encoding == Encoding::Leaf;
+    expect_that(!is_leaf || has_leaves && piece.whole, "leaf", "a whole one of the tree that has the leaves")
 }
 
 impl Kept {
@@ -53,9 +74,9 @@ impl Kept {
 }
 
 impl Draft {
-    /// Whether all nodes hang below one root, and are as their levels tell; and whether the leaves are those of `shared`, if that is there;
-    /// else what was found and expected. `sources` is the number of particles of the family.
-    pub fn check(&self, shared: Option<&Draft>, sources: u64) -> Result<(), String> {
+    /// Whether all nodes hang below one root, and are as their levels tell; else what was found and expected. `sources` is the number of
+    /// particles of the family.
+    pub fn check(&self, sources: u64) -> Result<(), String> {
         let Draft { nodes, positions, levels } = self;
         expect_within("depths", nodes.len() as u64, 1..=u64::from(MAX_DEPTH) + 1)?;
         expect("depths with positions", positions.len(), nodes.len())?;
@@ -73,19 +94,30 @@ impl Draft {
             check_links(level, nodes.get(depth + 1).map_or(0, Vec::len))?;
             check_level(level, info)?;
         }
-        expect_within("particles of nodes", particles, 0..=most_in_nodes(sources))?;
-        shared.map_or(Ok(()), |shared| self.check_cells(shared))
+        expect_within("particles of nodes", particles, 0..=most_in_nodes(sources))
     }
 
-    /// Whether it has the cells of another tree, and the same of them are leaves.
-    fn check_cells(&self, other: &Draft) -> Result<(), String> {
-        expect("depths", self.nodes.len(), other.nodes.len())?;
-        for (own, other) in self.nodes.iter().zip(&other.nodes) {
-            expect("nodes of a depth", own.len(), other.len())?;
-            let of = |node: &TreeNode<()>| (node.key, node.encoding == Encoding::Leaf);
-            expect_that(own.iter().map(of).eq(other.iter().map(of)), "cells", "those of the tree that has the leaves")?;
-        }
-        Ok(())
+    /// Whether it has the cells of the tree that has the leaves, and the same of them are leaves; else what was found and expected.
+    pub fn check_cells(
+        &self,
+        other: impl ExactSizeIterator<Item = impl Iterator<Item = (NodeKey, bool)>>,
+    ) -> Result<(), String> {
+        expect("depths", self.nodes.len(), other.len())?;
+        let is_same = self.cells().zip(other).all(|(own, other)| own.eq(other));
+        expect_that(is_same, "cells", "those of the tree that has the leaves")
+    }
+
+    /// Its cells by depth, each with whether it is a leaf.
+    pub fn cells(&self) -> impl ExactSizeIterator<Item = impl Iterator<Item = (NodeKey, bool)>> {
+        self.nodes.iter().map(|level| level.iter().map(|node| (node.key, node.encoding == Encoding::Leaf)))
+    }
+}
+
+impl CodedTree {
+    /// Its cells by depth, each with whether it is a leaf.
+    pub fn cells(&self) -> impl ExactSizeIterator<Item = impl Iterator<Item = (NodeKey, bool)>> {
+        let levels = self.nodes.iter();
+        levels.map(|level| level.iter().map(|planned| (planned.node.key, planned.node.encoding == Encoding::Leaf)))
     }
 }
 
@@ -121,7 +153,10 @@ fn check_level(level: &[TreeNode<()>], info: &LevelInfo) -> Result<(), String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hierarchy::NodeKey;
+    use crate::build::coding::Coding;
+    use crate::build::tree::Books;
+    use crate::codec::{CodeBits, VqBits};
+    use crate::hierarchy::Purpose;
     use crate::model::Bounds;
 
     fn node(key: NodeKey, encoding: Encoding, children: [Option<usize>; 8]) -> TreeNode<()> {
@@ -155,7 +190,7 @@ mod tests {
 
     #[test]
     fn forged_trees_are_told() {
-        assert_eq!(draft().check(Some(&draft()), 8), Ok(()));
+        assert_eq!(draft().check(8), Ok(()));
         let forgeries: [(&str, fn(&mut Draft)); 10] = [
             ("roots: found 0", |draft| draft.nodes[0].clear()),
             ("depths with positions: found 1", |draft| draft.positions.truncate(1)),
@@ -171,11 +206,31 @@ mod tests {
         for (told, forge) in forgeries {
             let mut forged = draft();
             forge(&mut forged);
-            let found = forged.check(Some(&draft()), 8).unwrap_err();
+            let found = forged.check(8).unwrap_err();
             assert!(found.starts_with(told), "{told}: {found}");
         }
-        let mut other = draft();
-        other.nodes[1][1].encoding = Encoding::Grid;
-        assert!(draft().check(Some(&other), 8).unwrap_err().starts_with("cells"));
+    }
+
+    /// By those of a tree before it is coded and after.
+    #[test]
+    fn trees_of_other_cells_are_told() {
+        let coded = |draft: Draft| {
+            let coding = Coding::of(&draft.nodes);
+            draft.coded(Purpose::Splats, coding, None, CodeBits::plain(VqBits::Eight), &mut Books::default())
+        };
+        assert_eq!(draft().check_cells(draft().cells()), Ok(()));
+        assert_eq!(draft().check_cells(coded(draft()).cells()), Ok(()));
+        let forgeries: [(&str, fn(&mut Draft)); 4] = [
+            ("cells", |draft| draft.nodes[1][1].encoding = Encoding::Grid),
+            ("cells", |draft| draft.nodes[1][1].key = NodeKey::ROOT.child(6)),
+            ("cells", |draft| drop(draft.nodes[1].pop())),
+            ("depths: found 2, expected 1", |draft| drop(draft.nodes.pop())),
+        ];
+        for (told, forge) in forgeries {
+            let mut other = draft();
+            forge(&mut other);
+            assert!(draft().check_cells(other.cells()).unwrap_err().starts_with(told), "{told}");
+            assert!(draft().check_cells(coded(other).cells()).unwrap_err().starts_with(told), "{told}, coded");
+        }
     }
 }

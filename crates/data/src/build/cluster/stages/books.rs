@@ -91,12 +91,7 @@ impl Task<'_> {
             let picture = scaled.as_ref().and_then(|scaled| scaled.outline.picture(kernel, bits));
             if let Some(((tree, picture), scaled)) = joined.trees.first().zip(picture).zip(scaled.as_ref()) {
                 let draft = self.tree_draft(spill, tree, None, &scaled.outline)?;
-                let leaves = self.leaves(tree, scaled, spill)?;
-                let nodes = &draft.nodes;
-                leaves
-                    .iter()
-                    .try_for_each(|own| own.check_nodes(nodes))
-                    .map_err(|what| self.damaged("join", 0, &what))?;
+                let leaves = self.leaves(tree, scaled, spill, &draft)?;
                 let positions = |depth: usize, index: usize| draft.positions(depth, index);
                 let measured = Measured { picture: &picture, positions: &positions };
                 let draw = |(number, drawn): (usize, &Drawn)| {
@@ -114,10 +109,10 @@ impl Task<'_> {
     }
 
     /// What shares the codebooks of a tree's leaves.
-    fn leaves(&self, tree: &Joined, scaled: &Scaled, spill: &Spill) -> Result<Vec<Shared>, BuildError> {
+    fn leaves(&self, tree: &Joined, scaled: &Scaled, spill: &Spill, draft: &Draft) -> Result<Vec<Shared>, BuildError> {
         let mut leaves = Vec::new();
         for book in &tree.books {
-            let shared = self.shared(spill, scaled, book)?;
+            let shared = self.shared_of(spill, scaled, book, draft)?;
             if !shared.is_of_leaves() {
                 break;
             }
@@ -131,11 +126,13 @@ impl Task<'_> {
         if !self.settings.has_whole_books() {
             return Ok((self.quantized()?, None));
         }
+        let (scaled, books) = (self.scaled()?, self.books()?);
         let (mut all, mut squares) = (Vec::new(), Squares::new());
-        for (task, numbers) in (0..).zip(books_by_task(&self.books()?, self.settings.code)) {
+        for (task, numbers) in (0..).zip(books_by_task(&books, self.settings.code)) {
             let (coded, own) = self.checked("quantize", task, |(coded, _): &CodedBooks| {
                 let own = coded.iter().map(|(number, _)| number);
-                expect_that(own.eq(&numbers), "numbers", "those of the task's codebooks")
+                expect_that(own.eq(&numbers), "numbers", "those of the task's codebooks")?;
+                coded.iter().try_for_each(|(number, coded)| self.check_coded(&scaled, &books[*number], coded))
             })?;
             all.extend(coded);
             squares.extend(own);
@@ -143,6 +140,20 @@ impl Task<'_> {
         // Each is one task's.
         all.sort_by_key(|(number, _)| *number);
         Ok((all.into_iter().map(|(_, coded)| coded).collect(), Some(squares)))
+    }
+
+    /// Whether what is coded is what shares a codebook of a family; else what was found and expected.
+    pub(super) fn check_coded(
+        &self,
+        scaled: &[Option<Scaled>],
+        (family, book): &(usize, Book),
+        coded: &CodedBatches,
+    ) -> Result<(), String> {
+        let scaled = scaled.get(*family).and_then(Option::as_ref);
+        let attributes = scaled.map_or(0, |scaled| scaled.scaling.attributes.len());
+        // Parts follow each other, which is checked where batches are read.
+        let batches = book.parts.last().map_or(0, |part| part.batches.end);
+        coded.check(batches, attributes, self.options.octree.code_bits())
     }
 }
 

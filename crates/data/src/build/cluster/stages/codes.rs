@@ -284,10 +284,12 @@ impl Task<'_> {
             expect("batches of a part", coded.len(), part.batches.len())
         })?;
         let mut settled = settled.into_iter();
-        let of_book = |((_, book), draft): (&(usize, Book), DraftBook)| {
-            let groups = book.parts.iter().map(|part| part.group);
-            draft.finished(groups.zip(settled.by_ref()))
+        let of_book = |(book, draft): (&(usize, Book), DraftBook)| {
+            let groups = book.1.parts.iter().map(|part| part.group);
+            let coded = draft.finished(groups.zip(settled.by_ref()));
+            let checked = self.check_coded(&scaled, book, &coded);
+            checked.map(|()| coded).map_err(|what| self.damaged(self.last_drafts(), 0, &what))
         };
-        Ok(books.iter().zip(drafts).map(of_book).collect())
+        books.iter().zip(drafts).map(of_book).collect()
     }
 }

@@ -53,19 +53,19 @@ impl Task<'_> {
         let tasks = self.settings.write;
         let lengths: Vec<u64> = pages.iter().map(|(len, _)| *len).collect();
         let put = |range: Range<usize>| {
-            let count = range.len().bytes();
-            let mut bytes: Vec<&[u8]> = vec![&count];
+            let count = range.len() as u64;
+            let len = count.bytes();
+            let mut bytes: Vec<&[u8]> = vec![&len];
             bytes.extend(pages[range].iter().map(|(_, page)| &page[..]));
-            spill.put(&bytes)
+            Ok((spill.put(&bytes)?, count))
         };
-        let blobs: io::Result<Vec<Blob>> = runs(&lengths, tasks).into_iter().map(put).collect();
+        let blobs: io::Result<Vec<(Blob, u64)>> = runs(&lengths, tasks).into_iter().map(put).collect();
         let index = Pages {
             tasks: blobs.map_err(temporary)?,
             numbers: spill.put(&[&numbers.bytes()]).map_err(temporary)?,
             end,
             version,
             about,
-            pages: pages.len() as u64,
         };
         drop(spill);
         self.hand_on(&index, 0, 0)
@@ -85,21 +85,14 @@ impl Task<'_> {
         let bits = self.options.octree.code_bits();
         let mut books = Books::default();
         let (mut splats, mut volume) = (None, None);
-        let drafts = self.tree_drafts(&spill, &joined, &scaled.outline)?;
-        for (&kind, (draft, joined)) in self.options.octree.levels().iter().zip(drafts.into_iter().zip(&joined)) {
-            let shared: Vec<Shared> =
-                joined.books.iter().map(|book| self.shared(&spill, scaled, book)).collect::<Result<_, _>>()?;
+        for (&kind, joined) in self.options.octree.levels().iter().zip(&joined) {
+            let draft = self.tree_draft(&spill, joined, splats.as_ref(), &scaled.outline)?;
+            let shared = joined.books.iter().map(|book| self.shared_of(&spill, scaled, book, &draft));
+            let shared: Vec<Shared> = shared.collect::<Result<_, _>>()?;
             let own: Vec<CodedBatches> = coded.by_ref().take(shared.len()).collect();
             if own.len() != shared.len() {
                 return Err(self.unsound("fewer codebooks than stage join has told"));
             }
-            let (attributes, nodes) = (scaled.scaling.attributes.len(), &draft.nodes);
-            let check = |(shared, own): (&Shared, &CodedBatches)| {
-                shared.check_nodes(nodes)?;
-                own.check(shared.batches(), attributes, bits)
-            };
-            let mixed = |what| job_error(self.parts.folder(), &format!("{what}, in what is coded"));
-            shared.iter().zip(&own).try_for_each(check).map_err(mixed)?;
             let mut coding = Coding::of(&draft.nodes);
             let leaves = shared.iter().take_while(|own| own.is_of_leaves()).count();
             match (kind, error, scaled.outline.picture(kernel, bits)) {
@@ -140,16 +133,22 @@ impl Task<'_> {
             let (_, counts) = self.sorted(task, outline)?;
             source = added(source, counts);
         }
-        let ranges = &scaled.outline.survey.ranges;
+        let complete = &scaled.outline;
+        let columns = [Self::found_columns("neighbours", complete), complete.derived_columns()];
+        for (counts, columns) in [estimated.len(), derived.len()].into_iter().zip(columns) {
+            expect("counted columns", counts, columns).map_err(|what| self.damaged("join", 0, &what))?;
+        }
+        let ranges = &complete.survey.ranges;
         let mut all = histograms(&outline.survey.ranges, source);
-        if outline.estimating().is_some() {
+        if complete.estimating().is_some() {
             all.splice(1..3, histograms(&ranges[1..3], estimated));
         }
-        if outline.derived_columns() > 0 {
-            all.truncate(3 + outline.own);
-            all.splice(3..3, histograms(&ranges[3..3 + outline.derived_columns()], derived));
+        if complete.derived_columns() > 0 {
+            all.truncate(3 + complete.own);
+            all.splice(3..3, histograms(&ranges[3..3 + complete.derived_columns()], derived));
         }
-        expect("histograms", all.len(), ranges.len()).map_err(|what| self.damaged("join", 0, &what))?;
+        // What is complete was made of what was planned.
+        expect("histograms", all.len(), ranges.len()).map_err(|what| self.damaged("scale", 0, &what))?;
         Ok(all)
     }
 
@@ -169,8 +168,8 @@ impl Task<'_> {
     }
 
     pub(super) fn write(self, task: u32) -> Result<(), BuildError> {
-        let finish = self.job.names();
-        if finish.done(finish.tasks() - 1).is_some() {
+        let names = self.job.names();
+        if self.job.done(&names, names.tasks() - 1).is_some() {
             // The file is gone to where it belongs; the task's own result has been taken.
             return self.hand_on(&Vec::<PageEntry>::new(), 0, 0);
         }
@@ -212,14 +211,14 @@ impl Task<'_> {
     }
 
     pub(super) fn finish(self) -> Result<(), BuildError> {
-        let Pages { end, version, about, pages, .. } = self.page_plan()?;
-        let tasks = self.settings.write;
+        let index = self.page_plan()?;
+        let pages = index.count();
+        let Pages { tasks, end, version, about, .. } = index;
         let mut table: Vec<(u32, PageEntry)> = Vec::new();
-        for task in 0..tasks {
-            table.extend(self.index::<Vec<PageEntry>>("write", task)?.into_iter().map(|entry| (task, entry)));
-        }
-        if table.len() as u64 != pages {
-            return Err(self.unsound("another number of pages than stage pages has told"));
+        for (task, (_, planned)) in (0..).zip(&tasks) {
+            // One that has run again after the end of the job has told of none.
+            let check = |entries: &Vec<PageEntry>| expect("pages", entries.len() as u64, *planned);
+            table.extend(self.checked("write", task, check)?.into_iter().map(|entry| (task, entry)));
         }
         let mut at = ALIGNMENT;
         for (task, PageEntry { offset, len, .. }) in &table {
@@ -235,9 +234,10 @@ impl Task<'_> {
         head.iter_mut().zip(header.encode()).for_each(|(to, byte)| *to = byte);
         let file = match OpenOptions::new().read(true).write(true).open(&path) {
             Ok(file) => file,
+            Err(source) if source.kind() != io::ErrorKind::NotFound => return Err(io_error(&path, "open", source)),
             // Another try has come to the end, or is about to.
             Err(_) if begins_with(output, &head, header.file_len) => return self.hand_on(&(), 0, 0),
-            Err(_) => return Err(self.write_again(&path, (0..tasks).collect())),
+            Err(_) => return Err(self.write_again(&path, (0..self.settings.write).collect())),
         };
         self.progress.begin("checking pages", pages);
         let len = file.metadata().map_err(|source| io_error(&path, "look at", source))?.len();

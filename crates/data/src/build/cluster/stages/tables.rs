@@ -88,11 +88,8 @@ impl Task<'_> {
     pub(super) fn check_columns(&self, outline: &Outline, stream: &dyn ParticleStream) -> Result<(), BuildError> {
         match outline.is_of(stream) {
             true => Ok(()),
-            false => Err(self.damaged(
-                "plan",
-                0,
-                "family: found other columns, neighbours or edge, expected those of the source",
-            )),
+            // The checksum says that the plan is what was made of the source then.
+            false => Err(self.changed("other columns, neighbours or edge of the periodic box")),
         }
     }
 
@@ -188,35 +185,39 @@ impl Task<'_> {
         most_in_nodes(self.settings.particles()).saturating_mul(self.options.octree.levels().len() as u64)
     }
 
-    /// The nodes of the trees of a family, those for splats first; others have the same leaves.
-    pub(super) fn tree_drafts(
-        &self,
-        spill: &Spill,
-        trees: &[Joined],
-        outline: &Outline,
-    ) -> Result<Vec<Draft>, BuildError> {
-        let mut drafts: Vec<Draft> = Vec::with_capacity(trees.len());
-        for tree in trees {
-            drafts.push(self.tree_draft(spill, tree, drafts.first(), outline)?);
-        }
-        Ok(drafts)
-    }
-
-    /// The nodes of a tree, whose leaves are those of `shared`, if that is there.
+    /// The nodes of a tree, whose leaves are those of `splats`, if that is there.
     pub(super) fn tree_draft(
         &self,
         spill: &Spill,
         tree: &Joined,
-        shared: Option<&Draft>,
+        splats: Option<&CodedTree>,
         outline: &Outline,
     ) -> Result<Draft, BuildError> {
-        self.checked_value(spill, &tree.draft, |draft: &Draft| draft.check(shared, outline.survey.count))
+        self.checked_value(spill, &tree.draft, |draft: &Draft| {
+            draft.check(outline.survey.count)?;
+            splats.map_or(Ok(()), |splats| draft.check_cells(splats.cells()))
+        })
     }
 
     /// What shares a codebook of a family.
     pub(super) fn shared(&self, spill: &Spill, scaled: &Scaled, book: &Book) -> Result<Shared, BuildError> {
         let (columns, most) = (3 + scaled.scaling.attributes.len(), self.most_particles());
         self.checked_value(spill, &book.shared, |shared: &Shared| shared.check(columns, most, &book.parts))
+    }
+
+    /// The same of a tree, which its batches are of.
+    pub(super) fn shared_of(
+        &self,
+        spill: &Spill,
+        scaled: &Scaled,
+        book: &Book,
+        draft: &Draft,
+    ) -> Result<Shared, BuildError> {
+        let shared = self.shared(spill, scaled, book)?;
+        match shared.check_nodes(&draft.nodes) {
+            Ok(()) => Ok(shared),
+            Err(what) => Err(BuildError::temporary(spill, spill.damaged(&book.shared, &what))),
+        }
     }
 
     /// What the tasks of a stage have left for each of so many things, of which `own` are those of each task.
@@ -252,21 +253,24 @@ impl Task<'_> {
     /// Where the pages of each task are, and where they end.
     pub(super) fn page_plan(&self) -> Result<Pages, BuildError> {
         self.checked("pages", 0, |index: &Pages| {
-            let Pages { tasks, end, version, about, pages, .. } = index;
+            let Pages { tasks, end, version, about, .. } = index;
+            let pages = index.count();
             expect("tasks", tasks.len(), self.settings.write as usize)?;
-            expect_within("pages", *pages, 1..=u32::MAX.into())?;
+            expect_within("pages", pages, 1..=u32::MAX.into())?;
             // No page is longer than 4 GiB.
             let most = pages.saturating_mul(u64::from(u32::MAX) + ALIGNMENT).saturating_add(ALIGNMENT);
             expect_within("end of pages", *end, ALIGNMENT..=most)?;
             expect("rest behind the last page", *end % ALIGNMENT, 0)?;
-            expect_that(is_about(*version, about, *pages as usize), "metadata", "those of a file of this version")
+            expect_that(is_about(*version, about, pages as usize), "metadata", "those of a file of this version")
         })
     }
 
     /// The pages that a task writes, where they are to be.
     pub(super) fn own_pages(&self, spill: &Spill, index: &Pages, task: u32) -> Result<Vec<Page>, BuildError> {
-        let blob = index.tasks.get(task as usize).ok_or_else(|| self.unsound("pages of fewer tasks"))?;
+        let own = index.tasks.get(task as usize);
+        let (blob, count) = own.ok_or_else(|| self.unsound("pages of fewer tasks"))?;
         self.checked_value(spill, blob, |pages: &Vec<Page>| {
+            expect("pages", pages.len() as u64, *count)?;
             let offsets = || pages.iter().map(|page| page.offset);
             expect_that(offsets().is_sorted_by(|a, b| a < b), "pages", "one behind the other")?;
             let is_place = |offset: u64| (ALIGNMENT..index.end).contains(&offset) && offset.is_multiple_of(ALIGNMENT);

@@ -83,7 +83,8 @@ impl Task<'_> {
             for (tree, kind) in trees.into_iter().zip(kinds) {
                 let (draft, batches) = Draft::of(tree, &spill, self.progress).map_err(temporary)?;
                 let mixed = |what| job_error(self.parts.folder(), &format!("{what}, of all results of stage grow"));
-                draft.check(first.as_ref(), count).map_err(mixed)?;
+                let check_cells = |first: &Draft| draft.check_cells(first.cells());
+                draft.check(count).and_then(|()| first.as_ref().map_or(Ok(()), check_cells)).map_err(mixed)?;
                 let book = |own: &Shared| Ok(Book { parts: own.parts(), shared: spill.put(&[&own.bytes()])? });
                 let books = shared(&draft.nodes, batches, bits, scope(*kind));
                 let books = books.iter().map(book).collect::<io::Result<Vec<_>>>().map_err(temporary)?;

@@ -66,7 +66,7 @@ impl Task<'_> {
             "pages" => {
                 let Pages { tasks, numbers, .. } = self.index(stage, task)?;
                 self.has_values::<Vec<Vec<Vec<u16>>>>([numbers])?;
-                self.has_values::<Vec<Page>>(tasks)
+                self.has_values::<Vec<Page>>(tasks.into_iter().map(|(pages, _)| pages))
             }
             "write" => self.has_index::<Vec<PageEntry>>(stage, task),
             _ => self.has_index::<()>(stage, task),
