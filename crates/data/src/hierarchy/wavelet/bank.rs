@@ -25,37 +25,85 @@ const NEAR: i32 = 2;
 const END: f64 = 1.0 / 64.0;
 /// How often a Gaussian has halved there.
 const HALVINGS: f64 = 6.0;
+/// Gaussians of a direction and of the opposite one do not meet.
+const _: () = assert!(HALVINGS < (CENTRE / HALF_WIDTH) * (CENTRE / HALF_WIDTH));
 /// What is not worth a multiplication.
 const LEAST: f32 = 1e-4;
+/// Directions at most.
+const MOST: usize = directions(3);
 
 /// The filters of the octave from 1/4 to 1/2 cycles a cell.
 #[derive(Clone, Debug)]
 pub struct Bank {
     /// Unit vectors.
     directions: Vec<[f64; 3]>,
-    /// How many octaves there are above this one.
-    finer: i32,
+    /// The Gaussian of this octave.
+    own: Gaussian,
+    /// Those of all octaves that take part of what a frequency of this one holds.
+    near: Vec<Gaussian>,
+}
+
+/// A Gaussian around a frequency of any direction, whose widths follow that frequency and which ends at [`END`].
+#[derive(Clone, Copy, Debug)]
+struct Gaussian {
+    centre: f64,
+    /// It has half of its height at this distance along its direction.
+    half_along: f64,
+    /// And at the root of this across it.
+    half_across_squared: f64,
+}
+
+impl Gaussian {
+    /// That of an octave so many below the one from 1/4 to 1/2.
+    fn of_octave(octave: i32) -> Gaussian {
+        let centre = CENTRE * libm::exp2(f64::from(-octave));
+        let half_across = centre * libm::sin(std::f64::consts::FRAC_PI_8);
+        Gaussian { centre, half_along: centre * (HALF_WIDTH / CENTRE), half_across_squared: half_across * half_across }
+    }
+
+    /// Its height so far along its direction, the square of the distance across it being `across_squared`.
+    #[inline]
+    fn height(&self, along: f64, across_squared: f64) -> f64 {
+        let along = (along - self.centre) / self.half_along;
+        let halvings = along * along + across_squared / self.half_across_squared;
+        // Most filters are far from a frequency.
+        if halvings >= HALVINGS {
+            return 0.0;
+        }
+        let height = libm::exp(-LN_2 * halvings);
+        ((height - END) / (1.0 - END)).max(0.0)
+    }
 }
 
 impl Bank {
     /// The filters in so many dimensions of an octave below so many others.
     pub fn new(dimensions: usize, finer: usize) -> Bank {
         let directions = (0..directions(dimensions)).map(|n| unit(direction(dimensions, n))).collect();
-        Bank { directions, finer: (finer as i32).min(NEAR) }
+        let finer = (finer as i32).min(NEAR);
+        let near = (-finer..=NEAR).map(Gaussian::of_octave).collect();
+        Bank { directions, own: Gaussian::of_octave(0), near }
     }
 
-    /// The response of each filter to a frequency, cycles a cell: 0 to 1.
-    pub fn responses(&self, frequency: [f64; 3]) -> Vec<f64> {
-        let mut responses: Vec<f64> = self.directions.iter().map(|&along| gaussian(along, CENTRE, frequency)).collect();
+    /// The response of each filter to a frequency, cycles a cell: 0 to 1, and 0 for filters that there are in more dimensions only.
+    pub fn responses(&self, frequency: [f64; 3]) -> [f64; MOST] {
+        let square = frequency.iter().map(|f| f * f).sum::<f64>();
+        let mut responses = [0.0; MOST];
+        // How far along each direction the frequency is, and the square of how far across it.
+        let mut places = [(0.0, 0.0); MOST];
+        let places = &mut places[..self.directions.len()];
+        for ((along, place), own) in self.directions.iter().zip(places.iter_mut()).zip(&mut responses) {
+            let t: f64 = (0..3).map(|k| along[k] * frequency[k]).sum();
+            let across_squared = (square - t * t).max(0.0);
+            (*place, *own) = ((t.abs(), across_squared), self.own.height(t, across_squared));
+        }
         if responses.iter().all(|own| *own <= 0.0) {
             return responses;
         }
-        let opposite = frequency.map(|f| -f);
+        // A frequency and its opposite are one: of both, none but that on a Gaussian's side of 0 is within it.
         let mut sum = 0.0;
-        for octave in -self.finer..=NEAR {
-            let centre = CENTRE * libm::exp2(f64::from(-octave));
-            for &along in &self.directions {
-                sum += gaussian(along, centre, frequency) + gaussian(along, centre, opposite);
+        for gaussian in &self.near {
+            for &(along, across_squared) in places.iter() {
+                sum += gaussian.height(along, across_squared);
             }
         }
         responses.iter_mut().for_each(|own| *own /= sum);
@@ -101,22 +149,6 @@ fn unit(vector: [f32; 3]) -> [f64; 3] {
     vector.map(|v| v / length)
 }
 
-/// A Gaussian around `centre` times a direction, whose widths follow the centre and which ends at [`END`].
-fn gaussian(along: [f64; 3], centre: f64, frequency: [f64; 3]) -> f64 {
-    let t: f64 = (0..3).map(|k| along[k] * frequency[k]).sum();
-    let across = (frequency.iter().map(|f| f * f).sum::<f64>() - t * t).max(0.0);
-    // Half of the height at these distances.
-    let (half_along, half_across) = (centre * (HALF_WIDTH / CENTRE), centre * libm::sin(std::f64::consts::FRAC_PI_8));
-    let along = (t - centre) / half_along;
-    let halvings = along * along + across / (half_across * half_across);
-    // Most filters are far from a frequency.
-    if halvings >= HALVINGS {
-        return 0.0;
-    }
-    let height = libm::exp(-LN_2 * halvings);
-    ((height - END) / (1.0 - END)).max(0.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,6 +182,37 @@ mod tests {
                     }
                 }
                 assert!((sum - 1.0).abs() < 0.05, "{dimensions}: {frequency:?}: {sum}");
+            }
+        }
+    }
+
+    #[test]
+    fn responses_are_the_shares_of_gaussians_in_the_sum_of_all() {
+        let gaussian = |along: [f64; 3], centre: f64, frequency: [f64; 3]| {
+            let t: f64 = (0..3).map(|k| along[k] * frequency[k]).sum();
+            let across_squared = (frequency.iter().map(|f| f * f).sum::<f64>() - t * t).max(0.0);
+            let (half_along, half_across) = (centre / 3.0, centre * (std::f64::consts::PI / 8.0).sin());
+            let distance = ((t - centre) / half_along).powi(2) + across_squared / half_across.powi(2);
+            ((0.5_f64.powf(distance) - END) / (1.0 - END)).max(0.0)
+        };
+        for (dimensions, finer) in [(2, 0), (2, 1), (2, 3), (3, 0), (3, 1), (3, 3)] {
+            let bank = Bank::new(dimensions, finer);
+            for frequency in frequencies(dimensions, 4) {
+                let mut sum = 0.0;
+                for octave in -(finer.min(2) as i32)..=2 {
+                    let centre = CENTRE * 0.5_f64.powi(octave);
+                    for &along in &bank.directions {
+                        sum += gaussian(along, centre, frequency) + gaussian(along, centre, frequency.map(|f| -f));
+                    }
+                }
+                let found = bank.responses(frequency);
+                for (filter, &along) in bank.directions.iter().enumerate() {
+                    let own = gaussian(along, CENTRE, frequency);
+                    let defined = if own > 0.0 { own / sum } else { 0.0 };
+                    let response = found[filter];
+                    assert!((response - defined).abs() < 1e-12, "{frequency:?}, {filter}: {response} {defined}");
+                }
+                assert!(found[bank.directions.len()..].iter().all(|response| *response == 0.0));
             }
         }
     }

@@ -92,29 +92,31 @@ impl Blend<'_> {
     pub fn show(&self, side: usize, at: Shape, scratch: &mut [f32], out: &mut [f32]) {
         let (dimensions, values) = (self.dimensions, self.values);
         // Three values along each axis, those outside as the next one inside.
-        let near = |k: usize, step: usize| {
+        let place = |k: usize, step: usize| {
             if k < dimensions { (at[k] + step).saturating_sub(1).min(self.of[k] - 1) - self.part.min[k] } else { 0 }
         };
-        let weights = |c: usize| {
+        let [near_x, near_y, near_z] = [0, 1, 2].map(|k| [0, 1, 2].map(|step| place(k, step)));
+        // Which neighbour a cell is next to along an axis, and how much that counts.
+        let mut weights = [(0_usize, 0.0_f32); SIDE];
+        let weights = &mut weights[..side];
+        for (c, weight) in weights.iter_mut().enumerate() {
             let d = (c as f32 + 0.5) / side as f32 - 0.5;
-            if d < 0.0 { (0, -d) } else { (2, d) }
-        };
+            *weight = if d < 0.0 { (0, -d) } else { (2, d) };
+        }
         let depth = if dimensions == 2 { 1 } else { 3 };
         // Along x: rows of cells for the nine neighbours in y and z.
         let (rows, planes) = scratch.split_at_mut(9 * side);
         for z in 0..depth {
             for y in 0..3 {
-                let line = index(self.part.shape, [0, near(1, y), if depth == 1 { 0 } else { near(2, z) }]);
-                let v: [f32; 3] = std::array::from_fn(|x| values[line + near(0, x)]);
-                for c in 0..side {
-                    let (other, w) = weights(c);
+                let line = index(self.part.shape, [0, near_y[y], near_z[z]]);
+                let v = near_x.map(|x| values[line + x]);
+                for (c, &(other, w)) in weights.iter().enumerate() {
                     rows[(z * 3 + y) * side + c] = v[1] + w * (v[other] - v[1]);
                 }
             }
         }
         for z in 0..depth {
-            for c in 0..side {
-                let (other, w) = weights(c);
+            for (c, &(other, w)) in weights.iter().enumerate() {
                 for x in 0..side {
                     let (own, next) = (rows[(z * 3 + 1) * side + x], rows[(z * 3 + other) * side + x]);
                     planes[(z * side + c) * side + x] = own + w * (next - own);
@@ -126,8 +128,7 @@ impl Blend<'_> {
             return;
         }
         let area = side * side;
-        for c in 0..side {
-            let (other, w) = weights(c);
+        for (c, &(other, w)) in weights.iter().enumerate() {
             for i in 0..area {
                 let (own, next) = (planes[area + i], planes[other * area + i]);
                 out[c * area + i] = own + w * (next - own);

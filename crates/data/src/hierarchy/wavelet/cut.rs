@@ -39,7 +39,7 @@ pub(super) fn prices(hierarchy: &mut Hierarchy, variation: &[Vec<f32>], mut belo
                 children(d, shape, at).for_each(|child| events.extend_from_slice(&below[child]));
                 events.sort_by(|a, b| a.price.total_cmp(&b.price));
             }
-            let set = Set::of(d, level.set[node]).map(|s| (f64::from(set), s.points as f64));
+            let set = Set::points_of(d, level.set[node]).map(|points| (f64::from(set), points as f64));
             let prices = node_prices(&mut events, f64::from(level.samples[node]), f64::from(large), set);
             if events.len() > MANY {
                 events = merged(&events);
@@ -147,7 +147,7 @@ impl Hierarchy {
     fn points_of(&self, level: &Level, node: usize, drawn: Drawn) -> usize {
         match drawn {
             Drawn::Large => 1,
-            Drawn::Directed => Set::of(self.dimensions, level.set[node]).map_or(1, |set| set.points),
+            Drawn::Directed => Set::points_of(self.dimensions, level.set[node]).unwrap_or(1),
             Drawn::Not | Drawn::Refined => 0,
         }
     }

@@ -81,7 +81,7 @@ impl Hierarchy {
                         }
                         NodeKind::Directed(n) => {
                             all.directed[n] += 1;
-                            all.points += Set::of(self.dimensions, level.set[node]).map_or(1, |set| set.points);
+                            all.points += Set::points_of(self.dimensions, level.set[node]).unwrap_or(1);
                         }
                     }
                     all
@@ -109,9 +109,7 @@ impl Hierarchy {
                 match &below {
                     _ if level.samples[node] == 0 => 0,
                     _ if level.large_max[node] <= most => 1,
-                    _ if level.set_max[node] <= most => {
-                        Set::of(self.dimensions, level.set[node]).map_or(1, |set| set.points)
-                    }
+                    _ if level.set_max[node] <= most => Set::points_of(self.dimensions, level.set[node]).unwrap_or(1),
                     Some(below) => children(self.dimensions, finer, at).map(|child| below[child]).sum(),
                     None => level.samples[node] as usize,
                 }

@@ -54,6 +54,11 @@ pub(super) const fn variants(d: usize) -> usize {
     if d == 2 { VARIANTS + MORE } else { VARIANTS }
 }
 
+/// Whether a direction is an axis: those to faces have two points where they are drawn as published.
+const fn is_axis(d: usize, n: usize) -> bool {
+    if d == 2 { n == 0 || n == 2 } else { n < 3 }
+}
+
 /// The published directions that are nearest to one: itself, or both neighbours of one that is turned.
 pub(super) fn nearest(d: usize, n: usize) -> [usize; 2] {
     if d == 2 && n >= 4 { [n - 4, (n - 3) % 4] } else { [n, n] }
@@ -150,15 +155,24 @@ impl Set {
         let (n, variant) = Set::told(d, code)?;
         let direction = direction(d, n);
         let half = 0.5 * direction.iter().map(|v| v.abs()).sum::<f32>();
-        let is_face = half < 0.501;
         // The first is the published one.
         let (points, middle, apart, width) = match variant.checked_sub(1) {
-            None if is_face => (2, 0.0, 0.5, SIGMA),
+            None if is_axis(d, n) => (2, 0.0, 0.5, SIGMA),
             None => (3, 0.0, -2.0 / 3.0, SIGMA),
             Some(shape) => SHAPES[shape],
         };
         let apart = if apart < 0.0 { -apart * half } else { apart };
         Some(Set { direction, points, middle: middle * half, apart, width })
+    }
+
+    /// The number of points of a byte's set, sooner than [`Set::of`] tells it; `None` where there is no set.
+    pub fn points_of(d: usize, code: u8) -> Option<usize> {
+        let (n, variant) = Set::told(d, code)?;
+        Some(match variant.checked_sub(1) {
+            None if is_axis(d, n) => 2,
+            None => 3,
+            Some(shape) => SHAPES[shape].0,
+        })
     }
 
     /// The byte of the published set of a direction.
@@ -221,7 +235,15 @@ mod tests {
             all.sort_unstable();
             // From 1 on without gaps, and nothing beyond.
             assert!(all.iter().enumerate().all(|(at, code)| usize::from(*code) == at + 1));
-            assert!((0..=u8::MAX).all(|code| Set::of(d, code).is_some() == all.contains(&code)));
+            for code in 0..=u8::MAX {
+                let set = Set::of(d, code);
+                assert_eq!((set.is_some(), Set::points_of(d, code)), (all.contains(&code), set.map(|set| set.points)));
+            }
+            // Those along an axis span half of the node's extent on each side, all others more.
+            for n in 0..turned_directions(d) {
+                let reach = 0.5 * direction(d, n).iter().map(|v| v.abs()).sum::<f32>();
+                assert_eq!(is_axis(d, n), reach < 0.501);
+            }
         }
     }
 

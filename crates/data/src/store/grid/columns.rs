@@ -191,7 +191,7 @@ impl Columns<'_> {
 
     /// Points of a node's directed set.
     fn points(&self, level: &Level, node: usize) -> usize {
-        Set::of(self.dimensions, level.set[node]).map_or(0, |set| set.points)
+        Set::points_of(self.dimensions, level.set[node]).unwrap_or(0)
     }
 
     /// Reads what [`Columns::encode`] has written into a level, and how many bytes that was; `None` where it makes no sense.
@@ -226,7 +226,7 @@ impl Columns<'_> {
         let row = [uneven.len(), 1, 1];
         for (&node, code) in uneven.iter().zip(column(BYTE, row)?) {
             let set = code as u8;
-            if set != NONE && Set::of(self.dimensions, set).is_none() {
+            if set != NONE && Set::direction_of(self.dimensions, set).is_none() {
                 return None;
             }
             level.set[node] = set;
