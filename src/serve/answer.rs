@@ -1,6 +1,7 @@
 //! Answers: status, header fields and content.
 
 use super::content::Content;
+use hyper::body::Bytes;
 use hyper::header::{
     CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE, HeaderName, HeaderValue, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS,
 };
@@ -11,10 +12,10 @@ use serde_json::Value;
 pub(super) type Answer = Response<Content>;
 
 /// An answer with this content.
-pub(super) fn whole(status: StatusCode, kind: &'static str, content: impl Into<Vec<u8>>) -> Answer {
-    let content = content.into();
+pub(super) fn whole(status: StatusCode, kind: &'static str, content: impl Into<Bytes>) -> Answer {
+    let content: Bytes = content.into();
     let length = content.len();
-    let mut answer = Response::new(Content::whole(content));
+    let mut answer = Response::new(Content::Whole(content));
     *answer.status_mut() = status;
     let headers = answer.headers_mut();
     headers.insert(CONTENT_TYPE, HeaderValue::from_static(kind));
@@ -56,5 +57,5 @@ pub(super) fn with(mut answer: Answer, name: HeaderName, value: &str) -> Answer 
 
 /// What an answer to HEAD is: the same without content.
 pub(super) fn without_content(answer: Answer) -> Answer {
-    answer.map(|_| Content::whole(Vec::new()))
+    answer.map(|_| Content::Whole(Bytes::new()))
 }

@@ -28,11 +28,6 @@ pub(super) struct Part {
 }
 
 impl Content {
-    /// Bytes.
-    pub(super) fn whole(bytes: Vec<u8>) -> Content {
-        Content::Whole(bytes.into())
-    }
-
     /// A part of a file.
     pub(super) fn part(file: Arc<ReadFile>, range: Range<u64>) -> Content {
         Content::Part(Part { file, range, reading: None })

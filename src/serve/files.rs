@@ -45,8 +45,12 @@ impl Files {
             return Ok(Files { folder: whole, only: None });
         }
         open(&whole).map_err(failed)?;
-        let (folder, name) = (whole.parent().unwrap_or(Path::new("/")), whole.file_name().map(OsString::from));
-        Ok(Files { folder: folder.to_owned(), only: Some(name.unwrap_or_default()) })
+        let (folder, name) = (whole.parent().unwrap_or(Path::new("/")), whole.file_name().unwrap_or_default());
+        if !name.to_str().is_some_and(is_shown) {
+            let why = "found a name that is not served, expected one in UTF-8 that does not begin with a dot";
+            return Err(failed(std::io::Error::new(std::io::ErrorKind::InvalidInput, why)));
+        }
+        Ok(Files { folder: folder.to_owned(), only: Some(name.to_owned()) })
     }
 
     /// The address of the one file below the server's.
@@ -113,9 +117,11 @@ impl Files {
     }
 }
 
-/// Whether a name is one of a file that is served: not hidden, and nothing but a name on any system.
+/// Whether a name is one of a file that is served: not hidden, and nothing but a name.
 pub(super) fn is_shown(name: &str) -> bool {
-    !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', ':', '\0'])
+    // Elsewhere names may hold a time of day.
+    let apart: &[char] = if cfg!(windows) { &['/', '\\', ':', '\0'] } else { &['/', '\0'] };
+    !name.is_empty() && !name.starts_with('.') && !name.contains(apart)
 }
 
 /// What is answered where the system refuses; nobody is told more than that.
@@ -234,6 +240,13 @@ mod tests {
         ];
         for address in refused {
             assert_eq!(found(&files, address), None, "{address}");
+        }
+        let why = Files::of(&root.join(".hidden")).unwrap_err().to_string();
+        assert!(why.contains(".hidden: found a name that is not served"), "{why}");
+        #[cfg(unix)]
+        {
+            std::fs::write(root.join("12:30\\.df"), "x").unwrap();
+            assert_eq!(found(&files, "/12:30%5C.df"), Some("12:30\\.df".into()));
         }
         let one = Files::of(&root.join("a b.df")).unwrap();
         assert_eq!((found(&one, "/a%20b.df"), one.address()), (Some("a b.df".into()), "a%20b.df".into()));

@@ -17,18 +17,21 @@ const MOST: usize = 2000;
 /// # Errors
 /// Where the folder cannot be read.
 pub(super) fn page(folder: &Path, path: &str, here: &str, only: Option<&OsStr>) -> io::Result<String> {
-    let mut entries: Vec<(bool, String)> = Vec::new();
+    let mut entries: Vec<(bool, bool, String)> = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let entry = entry?;
-        let Ok(name) = entry.file_name().into_string() else { continue };
-        if is_shown(&name) && only.is_none_or(|only| *only == *name) {
-            entries.push((!entry.path().is_dir(), name));
+        let (Ok(name), Ok(kind)) = (entry.file_name().into_string(), entry.file_type()) else { continue };
+        // A link may lead out of what is served, a pipe would be waited for.
+        let is_served = (kind.is_dir() || kind.is_file()) && is_shown(&name);
+        if is_served && only.is_none_or(|only| *only == *name) {
+            entries.push((kind.is_file(), !name.ends_with(".df"), name));
         }
     }
+    // What is named as built files are comes first: no more than so many are looked into.
     entries.sort();
     let left_out = entries.len().saturating_sub(MOST);
     entries.truncate(MOST);
-    let row = |(is_file, name): &(bool, String)| match is_file {
+    let row = |(is_file, _, name): &(bool, bool, String)| match is_file {
         true => file(folder, path, here, name),
         false => Some(inner(name)),
     };
@@ -50,7 +53,6 @@ fn inner(name: &str) -> String {
 /// The row of a built file; none of others.
 fn file(folder: &Path, path: &str, here: &str, name: &str) -> Option<String> {
     let file = folder.join(name);
-    // A link may lead out of what is served, a pipe would be waited for.
     let about = std::fs::symlink_metadata(&file).ok().filter(std::fs::Metadata::is_file)?;
     let kind = DataKind::of(&file).ok().filter(|kind| *kind != DataKind::Source)?;
     let (link, kind) = (encoded(name), kind.described());
@@ -67,5 +69,23 @@ fn size(bytes: u64) -> String {
     match power {
         0 => format!("{bytes} B"),
         _ => format!("{:.1} {}", bytes as f64 / 1000_f64.powi(power as i32), UNITS[power as usize]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_files_are_listed_among_many_others_and_links_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        for number in 0..MOST {
+            std::fs::write(folder.path().join(format!("a{number}.txt")), "").unwrap();
+        }
+        std::fs::write(folder.path().join("z.df"), b"\x89DFP\r\n\x1a\n").unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("/", folder.path().join("out")).unwrap();
+        let page = page(folder.path(), "/", "http://localhost:8080", None).unwrap();
+        assert!(page.contains("./z.df") && page.contains("and 1 more") && !page.contains("./out"), "{page}");
     }
 }

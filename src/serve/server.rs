@@ -6,7 +6,7 @@ use super::content::Content;
 use super::patience::Patient;
 use super::view::Viewing;
 use super::{Certificate, Files, ServeError, ServeOptions};
-use hyper::body::Incoming;
+use hyper::body::{Bytes, Incoming};
 use hyper::header::{
     ACCESS_CONTROL_ALLOW_HEADERS, ACCESS_CONTROL_ALLOW_METHODS, ACCESS_CONTROL_ALLOW_ORIGIN,
     ACCESS_CONTROL_EXPOSE_HEADERS, ACCESS_CONTROL_MAX_AGE, ALLOW, HOST, VARY,
@@ -289,7 +289,7 @@ pub(super) fn not_allowed(methods: &str) -> Answer {
 
 /// What is answered to a browser that asks what scripts of other sites may do: read.
 fn preflight() -> Answer {
-    let mut answer = Response::new(Content::whole(Vec::new()));
+    let mut answer = Response::new(Content::Whole(Bytes::new()));
     *answer.status_mut() = StatusCode::NO_CONTENT;
     let taken = "authorization, if-match, if-modified-since, if-none-match, if-range, if-unmodified-since, range";
     let answer = answer::with(answer, ACCESS_CONTROL_ALLOW_METHODS, "GET, HEAD");

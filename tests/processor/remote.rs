@@ -164,6 +164,43 @@ fn what_may_pass_is_asked_for_again_and_shows_in_no_picture() {
 }
 
 #[test]
+fn what_was_damaged_on_its_way_is_asked_for_once_more() {
+    let (server, local) = (served(), in_memory(sound()));
+    let file = open(&server);
+    let page = some_page(&file);
+    let times = || server.asked().iter().filter(|asked| asked.range == Some(place(page))).count();
+    faulty(&server, page, Fault::Damaged, 1);
+    assert_eq!(file.fetch_page(page).unwrap().bytes(), local.fetch_page(page).unwrap().bytes());
+    assert_eq!(times(), 2);
+    // What lies there damaged is told.
+    faulty(&server, page, Fault::Damaged, usize::MAX);
+    let told = file.read_page(page).unwrap_err().to_string();
+    assert!(told.contains("checksum"), "{told}");
+    assert_eq!(times(), 4);
+    // The last bytes of the file, which hold the footer.
+    let (server, end) = (served(), sound().len() as u64);
+    let last = (end - ENDS[1], end);
+    server.answer(move |asked| if asked.range == Some(last) { Fault::Damaged } else { Fault::Sound });
+    assert_eq!(open(&server).metadata(), local.metadata());
+    assert_eq!(server.asked().len(), 3);
+}
+
+#[test]
+fn a_file_that_is_replaced_while_it_is_opened_is_opened_again() {
+    let (server, times) = (served(), AtomicUsize::new(0));
+    let last = sound().len() as u64 - ENDS[1];
+    server.answer(move |asked| match asked.range {
+        Some((from, _)) if from == last => match times.fetch_add(1, Ordering::Relaxed) {
+            0 => Fault::Cut,
+            1 => Fault::Status(412, None),
+            _ => Fault::Sound,
+        },
+        _ => Fault::Sound,
+    });
+    assert_eq!(open(&server).metadata(), in_memory(sound()).metadata());
+}
+
+#[test]
 fn a_server_that_asks_to_be_left_alone_is() {
     let server = served();
     let file = open(&server);
@@ -194,6 +231,7 @@ fn what_will_not_pass_is_told_once_and_drawn_coarser() {
         (Fault::Status(412, None), "replaced"),
         (Fault::Status(416, None), "(status 416)"),
         (Fault::Whole, "byte ranges"),
+        (Fault::Unsized, "Content-Length"),
     ];
     for (fault, words) in faults {
         let server = served();
@@ -205,7 +243,7 @@ fn what_will_not_pass_is_told_once_and_drawn_coarser() {
         let before = server.asked().len();
         assert!(file.read_page(page).unwrap_err().to_string().contains(words), "{fault:?}");
         assert_eq!(server.asked().len(), before + 1, "{fault:?}");
-        if matches!(fault, Fault::Status(401 | 403 | 416, _) | Fault::Whole) {
+        if matches!(fault, Fault::Status(401 | 403 | 416, _) | Fault::Whole | Fault::Unsized) {
             let (selection, told) = converge(&file);
             assert!(!selection.converged && told.len() == 1, "{fault:?}: {told:?}");
             assert!(told[0].contains(words) && !told[0].contains('\n'), "{told:?}");
@@ -356,6 +394,20 @@ fn what_cannot_be_opened_says_why_in_one_line_without_secrets() {
         assert!(line.contains("found a URL, expected a file") && !told.contains("s3cr3t"), "{arguments:?}: {told}");
     }
     assert_eq!(server.asked().len(), asked);
+}
+
+#[test]
+fn a_token_is_not_shown_where_a_server_sends_on_to_another() {
+    let (folder, first, second) = (tempfile::tempdir().unwrap(), served(), served());
+    let place: &'static str = second.url("b.df").leak();
+    first.answer(move |_| Fault::Elsewhere(place));
+    let mut info = program();
+    info.args(["info", &first.url("a.df")]).env("XDG_CACHE_HOME", folder.path()).env("DEEPFIELD_TOKEN", "t0ken");
+    let output = info.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let [first, second] = [first, second].map(|server| server.asked());
+    assert!(first.iter().all(|asked| asked.authorization.as_deref() == Some("Bearer t0ken")), "{first:?}");
+    assert!(second.len() == first.len() && second.iter().all(|asked| asked.authorization.is_none()), "{second:?}");
 }
 
 #[test]

@@ -27,6 +27,10 @@ pub enum Fault {
     WrongPart,
     /// A body as long as the file where a part was asked for.
     Long,
+    /// The part that was asked for, with other bytes.
+    Damaged,
+    /// The part that was asked for, up to the end of the connection: nothing says how long it is.
+    Unsized,
     /// The end of the connection.
     Cut,
     /// Nothing, as long as that is what is done.
@@ -196,6 +200,7 @@ fn serve(shared: &Shared, stream: &TcpStream) -> std::io::Result<()> {
         }
         let size = bytes.len() as u64;
         let mut head = String::from("HTTP/1.1 ");
+        let damaged: Vec<u8>;
         let mut body: &[u8] = &[];
         let tells = |head: &mut String, name: &str, value: &dyn std::fmt::Display| {
             *head += &format!("{name}: {value}\r\n");
@@ -226,11 +231,17 @@ fn serve(shared: &Shared, stream: &TcpStream) -> std::io::Result<()> {
                 if fault == Fault::Long {
                     body = &bytes;
                 }
+                if fault == Fault::Damaged {
+                    damaged = body.iter().map(|byte| byte ^ 1).collect();
+                    body = &damaged;
+                }
             }
         }
         tag.iter().for_each(|tag| tells(&mut head, "ETag", tag));
         modified.iter().for_each(|modified| tells(&mut head, "Last-Modified", modified));
-        tells(&mut head, "Content-Length", &body.len());
+        if fault != Fault::Unsized {
+            tells(&mut head, "Content-Length", &body.len());
+        }
         head += "\r\n";
         if fault == Fault::Short {
             body = &body[..body.len() / 2];
@@ -252,7 +263,7 @@ fn serve(shared: &Shared, stream: &TcpStream) -> std::io::Result<()> {
             stream.write_all(piece)?;
             shared.state.lock().unwrap().sent += piece.len() as u64;
         }
-        if fault == Fault::Short {
+        if matches!(fault, Fault::Short | Fault::Unsized) {
             return Ok(());
         }
     }

@@ -4,17 +4,20 @@ use super::asked::{FrameAsked, PickAsked};
 use super::shown::Shown;
 use super::studio::Studio;
 use crate::picture::asked::State;
+use hyper::body::Bytes;
 use serde_json::Value;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
-use tokio::sync::oneshot;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
 /// After how long without a request a visitor has gone.
 const IDLE: Duration = Duration::from_secs(120);
 /// The same after hanging up in the middle of a picture: a page that is still there asks for another one at once.
 const AWAY: Duration = Duration::from_secs(10);
+/// Pictures of a visitor that have not been taken, at most: who took none would fill the memory with them.
+const UNTAKEN: usize = 4;
 /// Stack of a thread, bytes: as much as a program's first thread usually has.
 const STACK: usize = 8 << 20;
 
@@ -27,16 +30,31 @@ pub(super) enum Task {
 
 /// What came of it.
 pub(super) enum Outcome {
-    Frame { kind: &'static str, bytes: Vec<u8>, facts: Value },
+    Frame { kind: &'static str, bytes: Bytes, facts: Value },
     Picked(Value),
     Superseded,
+    Untaken,
     Failed(String),
+}
+
+/// A picture until it has been taken, or its connection has ended.
+struct Picture {
+    bytes: Bytes,
+    _place: OwnedSemaphorePermit,
+}
+
+impl AsRef<[u8]> for Picture {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
 }
 
 /// Where a visitor's requests come to.
 pub(super) struct Drawer {
     slot: Mutex<Slot>,
     changed: Condvar,
+    /// Places for pictures that have not been taken.
+    untaken: Arc<Semaphore>,
     /// What tells the picture that is drawn that nobody waits for it.
     state: Arc<State>,
 }
@@ -50,25 +68,48 @@ struct Slot {
     newest: u64,
     /// When there was the last one.
     last: Instant,
+    /// Whether the thread draws, for somebody or for nobody any more.
+    is_drawing: bool,
     is_closed: bool,
 }
 
+impl Slot {
+    /// Nothing is to be done yet.
+    fn new() -> Slot {
+        let last = Instant::now();
+        Slot { waiting: None, drawn: None, newest: 0, last, is_drawing: false, is_closed: false }
+    }
+
+    /// Whether the thread draws nothing more.
+    fn is_ending(&self) -> bool {
+        self.is_closed && !self.is_drawing
+    }
+}
+
 impl Drawer {
-    /// Starts a thread that draws what is shown.
+    /// Starts a thread that draws what is shown. Where the same visitor had one before, what is on its way from there counts as before.
     ///
     /// # Errors
     /// Where the system gives no thread.
-    pub(super) fn start(shown: Arc<Shown>) -> std::io::Result<Arc<Drawer>> {
-        let slot = Slot { waiting: None, drawn: None, newest: 0, last: Instant::now(), is_closed: false };
-        let drawer = Arc::new(Drawer { slot: Mutex::new(slot), changed: Condvar::new(), state: Arc::default() });
+    pub(super) fn start(shown: Arc<Shown>, before: Option<&Arc<Drawer>>) -> std::io::Result<Arc<Drawer>> {
+        let drawer = Arc::new(Drawer::without_thread(before));
         let own = Arc::clone(&drawer);
         let named = std::thread::Builder::new().name("deepfield visitor".into()).stack_size(STACK);
         named.spawn(move || own.work(&shown))?;
         Ok(drawer)
     }
 
+    fn without_thread(before: Option<&Arc<Drawer>>) -> Drawer {
+        let untaken = before.map(|before| Arc::clone(&before.untaken));
+        let untaken = untaken.unwrap_or_else(|| Arc::new(Semaphore::new(UNTAKEN)));
+        Drawer { slot: Mutex::new(Slot::new()), changed: Condvar::new(), untaken, state: Arc::default() }
+    }
+
     /// Has something done. What was asked before is superseded; whoever stops waiting ends it.
     pub(super) async fn ask(&self, task: Task) -> Outcome {
+        if self.untaken.available_permits() == 0 {
+            return Outcome::Untaken;
+        }
         let (sender, receiver) = oneshot::channel();
         let number = {
             let mut slot = self.slot();
@@ -88,7 +129,13 @@ impl Drawer {
         };
         self.changed.notify_all();
         let _waits = Waits { drawer: self, number };
-        receiver.await.unwrap_or(Outcome::Superseded)
+        match receiver.await.unwrap_or(Outcome::Superseded) {
+            Outcome::Frame { kind, bytes, facts } => match Arc::clone(&self.untaken).try_acquire_owned() {
+                Ok(place) => Outcome::Frame { kind, bytes: Bytes::from_owner(Picture { bytes, _place: place }), facts },
+                Err(_) => Outcome::Untaken,
+            },
+            other => other,
+        }
     }
 
     /// Ends the thread, at once or as soon as what is drawn has been given up.
@@ -101,14 +148,19 @@ impl Drawer {
         self.changed.notify_all();
     }
 
-    /// Whether its visitor has gone.
-    pub(super) fn is_closed(&self) -> bool {
-        self.slot().is_closed
+    /// Whether its visitor has gone, and nothing is drawn or on its way any more.
+    pub(super) fn has_ended(&self) -> bool {
+        self.slot().is_ending() && self.untaken.available_permits() == UNTAKEN
     }
 
-    /// Notes that its visitor is there.
-    pub(super) fn keep(&self) {
-        self.slot().last = Instant::now();
+    /// Notes that its visitor is there, or has come back before the thread has ended; whether that is so.
+    pub(super) fn keep(&self) -> bool {
+        let mut slot = self.slot();
+        if slot.is_ending() {
+            return false;
+        }
+        (slot.last, slot.is_closed) = (Instant::now(), false);
+        true
     }
 
     fn slot(&self) -> MutexGuard<'_, Slot> {
@@ -138,6 +190,7 @@ impl Drawer {
             if let Some((number, task, sender)) = slot.waiting.take() {
                 self.state.stop().store(false, Ordering::Relaxed);
                 slot.drawn = Some((number, sender));
+                slot.is_drawing = true;
                 return Some((number, task));
             }
             let Some(left) = IDLE.checked_sub(slot.last.elapsed()) else {
@@ -150,6 +203,7 @@ impl Drawer {
 
     fn finish(&self, number: u64, outcome: Outcome) {
         let mut slot = self.slot();
+        slot.is_drawing = false;
         // Whoever has hung up hears nothing of it.
         if let Some((_, sender)) = slot.drawn.take_if(|(drawn, _)| *drawn == number) {
             slot.last = Instant::now();
@@ -187,9 +241,56 @@ mod tests {
     use std::task::{Context, Poll, Waker};
 
     #[test]
+    fn who_leaves_keeps_the_place_until_the_picture_has_been_given_up() {
+        let drawer = Drawer::without_thread(None);
+        let context = &mut Context::from_waker(Waker::noop());
+        let mut first = Box::pin(drawer.ask(Task::Pick(PickAsked::default())));
+        assert!(first.as_mut().poll(context).is_pending() && drawer.next().is_some());
+        drawer.close();
+        assert!(matches!(first.as_mut().poll(context), Poll::Ready(Outcome::Superseded)) && !drawer.has_ended());
+        // Who comes back meanwhile still has it.
+        assert!(drawer.keep());
+        drawer.finish(1, Outcome::Picked(Value::Null));
+        let mut second = Box::pin(drawer.ask(Task::Pick(PickAsked::default())));
+        assert!(second.as_mut().poll(context).is_pending() && matches!(drawer.next(), Some((2, _))));
+        drawer.close();
+        drawer.finish(2, Outcome::Picked(Value::Null));
+        assert!(drawer.has_ended() && !drawer.keep() && drawer.next().is_none());
+    }
+
+    #[test]
+    fn who_takes_no_pictures_gets_no_more_of_them_and_keeps_the_place() {
+        let drawer = Arc::new(Drawer::without_thread(None));
+        let context = &mut Context::from_waker(Waker::noop());
+        let ask = || Box::pin(drawer.ask(Task::Pick(PickAsked::default())));
+        let mut untaken = Vec::new();
+        for number in 1..=UNTAKEN as u64 {
+            let mut asked = ask();
+            assert!(asked.as_mut().poll(context).is_pending() && drawer.next().is_some());
+            drawer.finish(
+                number,
+                Outcome::Frame { kind: "image/png", bytes: Bytes::from_static(b"PNG"), facts: Value::Null },
+            );
+            match asked.as_mut().poll(context) {
+                Poll::Ready(Outcome::Frame { bytes, .. }) => untaken.push(bytes),
+                _ => panic!("picture {number}: expected it"),
+            }
+        }
+        assert!(untaken.iter().all(|bytes| bytes[..] == *b"PNG"));
+        assert!(matches!(ask().as_mut().poll(context), Poll::Ready(Outcome::Untaken)));
+        untaken.pop();
+        assert!(ask().as_mut().poll(context).is_pending());
+        drawer.close();
+        assert!(!drawer.has_ended() && !drawer.keep());
+        let again = Drawer::without_thread(Some(&drawer));
+        assert_eq!(again.untaken.available_permits(), 1);
+        untaken.clear();
+        assert!(drawer.has_ended() && again.untaken.available_permits() == UNTAKEN);
+    }
+
+    #[test]
     fn the_newest_is_next_and_nothing_is_drawn_for_nobody() {
-        let slot = Slot { waiting: None, drawn: None, newest: 0, last: Instant::now(), is_closed: false };
-        let drawer = Drawer { slot: Mutex::new(slot), changed: Condvar::new(), state: Arc::default() };
+        let drawer = Drawer::without_thread(None);
         let context = &mut Context::from_waker(Waker::noop());
         let ask = || Box::pin(drawer.ask(Task::Pick(PickAsked::default())));
         let is_stopped = || drawer.state.stop().load(Ordering::Relaxed);

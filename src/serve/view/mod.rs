@@ -148,6 +148,7 @@ impl Viewing {
             }
             Outcome::Picked(found) => answer::json(StatusCode::OK, &found),
             Outcome::Superseded => answer::refused(StatusCode::CONFLICT, "something newer was asked for"),
+            Outcome::Untaken => answer::refused(StatusCode::CONFLICT, "pictures before it have not been taken"),
             Outcome::Failed(why) => {
                 answer::refused(StatusCode::UNPROCESSABLE_ENTITY, &self.shown.without_folders(&why))
             }

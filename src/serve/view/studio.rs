@@ -59,7 +59,7 @@ impl Studio {
             FrameFormat::Png => ("image/png", output::png(&image)?),
             FrameFormat::Jpeg => ("image/jpeg", jpeg(&image, QUALITY)?),
         };
-        Ok(Outcome::Frame { kind, bytes, facts })
+        Ok(Outcome::Frame { kind, bytes: bytes.into(), facts })
     }
 
     fn still(&mut self, asked: &FrameAsked) -> Result<(Image, Value), Failure> {

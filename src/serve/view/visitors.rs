@@ -51,29 +51,30 @@ impl Visitors {
     pub(super) fn admit(&self, id: Option<String>) -> Result<(String, Arc<Drawer>), NoPlace> {
         let mut present = self.present();
         let id = id.unwrap_or_else(new_id);
-        if let Some(drawer) = present.get(&id) {
-            drawer.keep();
+        let before = present.get(&id);
+        if let Some(drawer) = before.filter(|drawer| drawer.keep()) {
             return Ok((id, Arc::clone(drawer)));
         }
-        if present.len() >= self.most {
+        if before.is_none() && present.len() >= self.most {
             return Err(NoPlace::Full);
         }
-        let drawer = Drawer::start(Arc::clone(&self.shown)).map_err(|_| NoPlace::NoThread)?;
+        let drawer = Drawer::start(Arc::clone(&self.shown), before).map_err(|_| NoPlace::NoThread)?;
         present.insert(id.clone(), Arc::clone(&drawer));
         Ok((id, drawer))
     }
 
-    /// Takes leave of a visitor.
+    /// Takes leave of a visitor, whose place is free once nothing is drawn or on its way any more: who came and left in turns would have
+    /// threads and pictures without end.
     pub(super) fn leave(&self, id: &str) {
-        if let Some(drawer) = self.present().remove(id) {
+        if let Some(drawer) = self.present().get(id) {
             drawer.close();
         }
     }
 
-    /// Those who are there.
+    /// Those who are there, or for whom something is still drawn or on its way.
     fn present(&self) -> MutexGuard<'_, HashMap<String, Arc<Drawer>>> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        known.retain(|_, drawer| !drawer.is_closed());
+        known.retain(|_, drawer| !drawer.has_ended());
         known
     }
 }

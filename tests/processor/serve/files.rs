@@ -106,8 +106,20 @@ fn a_version_is_told_from_another() {
     write(&bytes);
     let other = get(&server, "/a.df", &meant);
     assert_eq!((other.status, other.header("etag") == tag), (412, false));
+    // So it is of runs, of images and volumes, and of heights.
+    for kind in *b"PSGH" {
+        bytes[3] = kind;
+        write(&bytes);
+        let tag = get(&server, "/a.df", &[]).header("etag").to_owned();
+        assert!(tag.ends_with("-deadbeee\""), "{tag}");
+    }
     let whole = get(&server, "/a.df", &[&format!("If-Range: {tag}"), "Range: bytes=1-2"]);
     assert_eq!((whole.status, whole.body), (200, bytes));
+    // Written by a clock that is ahead: the tag tells.
+    let tomorrow = SystemTime::now() + Duration::from_secs(86_400);
+    File::options().write(true).open(&path).unwrap().set_modified(tomorrow).unwrap();
+    let ahead = get(&server, "/a.df", &[]);
+    assert!(ahead.header("last-modified").is_empty() && ahead.header("etag").ends_with("-deadbeee\""), "{ahead:?}");
 }
 
 #[test]

@@ -187,4 +187,10 @@ fn the_newest_is_drawn_and_who_hangs_up_is_forgotten() {
         pages.into_iter().map(|page| page.join().unwrap()).collect()
     });
     assert!(statuses.contains(&200) && statuses.iter().all(|status| matches!(status, 200 | 409)), "{statuses:?}");
+    // A picture that has been taken is in the way of no other.
+    assert!((0..6).all(|_| house.post("/view/frame", &own, &small).status == 200));
+    // Who leaves in the middle of a picture finds the place again.
+    hang_up();
+    assert_eq!(house.post("/view/leave", &own, &json!({})).status, 200);
+    assert_eq!((house.post("/view/frame", &own, &small).status, house.viewing.visitors()), (200, 1));
 }

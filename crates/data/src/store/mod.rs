@@ -4,6 +4,7 @@
 //! is loaded, by positioned reads or from a mapping ([`ReadMethod`](crate::model::ReadMethod)); the operating system's page cache
 //! serves repeated reads.
 
+pub mod budget;
 pub mod container;
 pub mod disk;
 pub mod error;

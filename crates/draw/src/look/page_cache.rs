@@ -10,6 +10,7 @@ use crate::hierarchy::Kinds;
 use crate::hierarchy::kind::{OCTREE, PCA};
 use crate::import::{LoadOptions, file_of_step, files_of};
 use crate::model::{DerivedQuantity, Progress, ReadMethod};
+use crate::store::budget::{CachedFile, make_room};
 use crate::store::temporary::free_bytes;
 use crate::store::{PageFile, RunFile};
 use std::fs::Metadata;
@@ -162,15 +163,8 @@ pub fn mark_as_used(file: &Path) {
     }
 }
 
-/// A file in the cache folder.
-struct Cached {
-    used: SystemTime,
-    path: PathBuf,
-    bytes: u64,
-}
-
 /// The page files in a folder, finished and unfinished.
-fn page_files(folder: &Path) -> Result<Vec<Cached>, std::io::Error> {
+fn page_files(folder: &Path) -> Result<Vec<CachedFile>, std::io::Error> {
     let name = |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", folder.display()));
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(name)? {
@@ -179,8 +173,7 @@ fn page_files(folder: &Path) -> Result<Vec<Cached>, std::io::Error> {
         let Ok(about) = entry.metadata() else { continue };
         let is_ours = entry.file_name().to_string_lossy().contains(".df");
         if about.is_file() && is_ours {
-            let used = about.modified().unwrap_or(UNIX_EPOCH);
-            files.push(Cached { used, path: entry.path(), bytes: about.len() });
+            files.push(CachedFile::new(entry.path(), &about));
         }
     }
     Ok(files)
@@ -211,26 +204,16 @@ fn held(folder: &Path) -> u64 {
 /// # Errors
 /// When the folder cannot be read.
 pub fn prune(folder: &Path, budget: u64, keep: &Path) -> Result<Option<Removed>, std::io::Error> {
-    let is_finished = |file: &Cached| file.path.extension().is_some_and(|extension| extension == "df");
-    let (mut finished, unfinished): (Vec<Cached>, Vec<Cached>) = page_files(folder)?.into_iter().partition(is_finished);
+    let is_finished = |file: &CachedFile| file.path.extension().is_some_and(|extension| extension == "df");
+    let (finished, unfinished): (Vec<_>, Vec<_>) = page_files(folder)?.into_iter().partition(is_finished);
     for file in unfinished.iter().filter(|file| file.used.elapsed().is_ok_and(|age| age > ABANDONED)) {
         // Whoever else removed it did what was wanted.
         let _ = std::fs::remove_file(&file.path);
     }
-    finished.sort_by(|a, b| a.used.cmp(&b.used).then_with(|| a.path.cmp(&b.path)));
-    let mut held: u64 = finished.iter().map(|file| file.bytes).sum();
-    let mut removed = Removed { files: 0, bytes: 0, budget, folder: folder.to_owned() };
-    for file in finished.iter().filter(|file| file.path != keep) {
-        if held <= budget {
-            break;
-        }
-        if std::fs::remove_file(&file.path).is_ok() {
-            held -= file.bytes;
-            removed.files += 1;
-            removed.bytes += file.bytes;
-        }
-    }
-    Ok((removed.files > 0).then_some(removed))
+    let (kept, others): (Vec<_>, Vec<_>) = finished.into_iter().partition(|file| file.path == keep);
+    let left = kept.iter().fold(budget, |left, file| left.saturating_sub(file.bytes));
+    let (files, bytes) = make_room(others, left);
+    Ok((files > 0).then(|| Removed { files, bytes, budget, folder: folder.to_owned() }))
 }
 
 /// A file name that changes when the source's path, length or time of change does, those of any other file that it is read from, or what is

@@ -24,9 +24,12 @@ pub(super) enum Refusal {
     /// A page for people: the list of a folder, or a form to log in.
     #[error("a web page in place of a part")]
     Page,
-    /// No length, or a greater one than that of the part that was asked for.
+    /// A greater length than that of the part that was asked for.
     #[error("another length than that of the part")]
     Length,
+    /// No length.
+    #[error("no length")]
+    Unsized,
 }
 
 /// Where clients of a server come from.
@@ -114,7 +117,7 @@ fn check(status: u16, is_success: bool, longest: Option<Option<u64>>, length: Op
     if status != 206 {
         return Err(Refusal::Whole);
     }
-    let length = length.and_then(|length| length.trim().parse::<u64>().ok());
+    let length = length.ok_or(Refusal::Unsized)?.trim().parse::<u64>().ok();
     match length.is_some_and(|length| longest.is_some_and(|longest| length <= longest)) {
         true => Ok(()),
         false => Err(Refusal::Length),
@@ -136,9 +139,10 @@ mod tests {
         let part = |status, length| check(status, (200..300).contains(&status), Some(Some(100)), length);
         assert_eq!(part(206, Some("100")), Ok(()));
         assert_eq!(part(206, Some("7")), Ok(()));
-        for wrong in [Some("101"), Some("-1"), Some("x"), None] {
-            assert_eq!(part(206, wrong), Err(Refusal::Length), "{wrong:?}");
+        for wrong in ["101", "-1", "x"] {
+            assert_eq!(part(206, Some(wrong)), Err(Refusal::Length), "{wrong}");
         }
+        assert_eq!(part(206, None), Err(Refusal::Unsized));
         assert_eq!(part(200, Some("100")), Err(Refusal::Whole));
         assert_eq!(part(503, Some("100")), Err(Refusal::Status(503)));
         assert_eq!(check(200, true, None, None), Ok(()));

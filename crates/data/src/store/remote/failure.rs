@@ -76,6 +76,10 @@ fn refused(refusal: Refusal, is_bucket: bool) -> (ErrorKind, String) {
             let what = "shows a web page there, as of a folder or to log in, expected a built file";
             return (ErrorKind::Unsupported, what.into());
         }
+        Refusal::Unsized => {
+            let what = "does not say how long its answers are, expected Content-Length, as `deepfield serve` gives it";
+            return (ErrorKind::Unsupported, what.into());
+        }
         Refusal::Length => return (ErrorKind::Other, "answers with another length than it was asked for".into()),
     };
     let (kind, what) = match status {
@@ -179,7 +183,9 @@ mod tests {
             assert!(text.starts_with("data.example ") && text.contains(&format!("(status {last})")), "{text}");
             assert!(!may_pass(status(last)), "{last}");
         }
-        assert!(!may_pass(of(HttpError::new(HttpErrorKind::Unknown, Refusal::Whole))));
+        for never in [Refusal::Whole, Refusal::Unsized] {
+            assert!(!may_pass(of(HttpError::new(HttpErrorKind::Unknown, never))), "{never}");
+        }
         let timeout = of(HttpError::new(HttpErrorKind::Timeout, io::Error::other("x")));
         assert_eq!(
             (timeout.kind(), timeout.to_string().as_str()),

@@ -27,6 +27,8 @@ const LONGEST: u64 = 1 << 30;
 const PATIENCE: Duration = Duration::from_secs(50);
 /// Pauses between attempts to open a file, as between those to read a page.
 const PAUSES: [Duration; 3] = [Duration::from_millis(100), Duration::from_millis(400), Duration::from_millis(1600)];
+/// How often bytes are asked for that have another checksum than they should: once more, as the link may have damaged them.
+const ATTEMPTS: usize = 2;
 
 /// An open file behind a URL. It holds how the file begins and ends, never pages.
 pub(in crate::store) struct RemoteFile {
@@ -123,6 +125,16 @@ impl RemoteFile {
         found.map(|bytes| buffer.copy_from_slice(bytes)).is_some()
     }
 
+    /// Fills `buffer` with what the server sends.
+    fn receive(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
+        let end = offset.checked_add(buffer.len() as u64).filter(|end| *end <= self.ends.version.size);
+        let end = end.ok_or(ErrorKind::UnexpectedEof)?;
+        if !buffer.is_empty() {
+            buffer.copy_from_slice(&self.ask(offset..end)?);
+        }
+        Ok(())
+    }
+
     /// Asks the server for a part.
     fn ask(&self, range: Range<u64>) -> io::Result<Vec<u8>> {
         let RemoteFile { host, .. } = self;
@@ -173,25 +185,24 @@ impl RemoteFile {
 
 impl Disk for RemoteFile {
     fn read_exact_at(&self, buffer: &mut [u8], offset: u64) -> io::Result<()> {
-        let end = offset.checked_add(buffer.len() as u64).filter(|end| *end <= self.ends.version.size);
-        let end = end.ok_or(ErrorKind::UnexpectedEof)?;
-        if !buffer.is_empty() && !self.read_ends(buffer, offset) {
-            buffer.copy_from_slice(&self.ask(offset..end)?);
+        match self.read_ends(buffer, offset) {
+            true => Ok(()),
+            false => self.receive(buffer, offset),
         }
-        Ok(())
     }
 
     fn read_known_at(&self, buffer: &mut [u8], offset: u64, crc: u32) -> io::Result<()> {
-        if self.read_ends(buffer, offset) {
+        let is_sound = |bytes: &[u8]| crc32c::crc32c(bytes) == crc;
+        let is_here = self.read_ends(buffer, offset) && is_sound(buffer);
+        if is_here || self.kept.as_ref().is_some_and(|kept| kept.read_part(buffer, offset, crc)) {
             return Ok(());
         }
-        let Some(kept) = &self.kept else { return self.read_exact_at(buffer, offset) };
-        if kept.read_part(buffer, offset, crc) {
-            return Ok(());
-        }
-        self.read_exact_at(buffer, offset)?;
-        if crc32c::crc32c(buffer) == crc {
-            kept.keep_part(buffer, offset, crc);
+        for _ in 0..ATTEMPTS {
+            self.receive(buffer, offset)?;
+            if is_sound(buffer) {
+                self.kept.iter().for_each(|kept| kept.keep_part(buffer, offset, crc));
+                break;
+            }
         }
         Ok(())
     }
@@ -264,17 +275,23 @@ fn ends_of(object: &Object, host: &str) -> io::Result<Ends> {
         return Ok(Ends { version, head: head.bytes, tail: Vec::new() });
     }
     let is_tail = |tail: &Answer| !version.is_other(&tail.version) && tail.bytes.len() as u64 == version.size - start;
+    // It may be opened again.
+    let changed = || io::Error::other(format!("{host} has changed it while it was opened"));
     let tail = match outcome(&tail)? {
         Ok(tail) if is_tail(&tail) => tail,
         // A server that counts from the beginning only, or a file that was changed meanwhile.
         _ => {
             object.pause.wait(host, LONG)?;
-            sent(wait(fetch(object.clone(), GetRange::Bounded(start..version.size), version.e_tag.clone()))?)?
+            let range = GetRange::Bounded(start..version.size);
+            match sent(wait(fetch(object.clone(), range, version.e_tag.clone()))?) {
+                Err(error) if error.kind() == ErrorKind::StaleNetworkFileHandle => return Err(changed()),
+                tail => tail?,
+            }
         }
     };
     match is_tail(&tail) {
         true => Ok(Ends { version, head: head.bytes, tail: tail.bytes }),
-        false => Err(io::Error::other(format!("{host} has changed it while it was opened"))),
+        false => Err(changed()),
     }
 }
 

@@ -8,13 +8,14 @@
 
 use super::version::Version;
 use crate::model::new_file::UNFINISHED;
+use crate::store::budget::{CachedFile, make_room};
 use std::fs::File;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::SystemTime;
 
 /// How files of ends begin.
 const MAGIC: &[u8] = b"DFends1\n";
@@ -96,8 +97,12 @@ impl Kept {
     /// How the file begins and ends, as it was last seen.
     pub fn ends(&self) -> Option<Ends> {
         let mut bytes = Vec::new();
-        File::open(self.folder.join("ends")).ok()?.take(LONGEST_ENDS).read_to_end(&mut bytes).ok()?;
-        decode(&bytes, &self.identity)
+        let mut file = open(&self.folder.join("ends")).ok()?;
+        (&mut file).take(LONGEST_ENDS).read_to_end(&mut bytes).ok()?;
+        let ends = decode(&bytes, &self.identity)?;
+        // Without them nothing else of the file is of use.
+        mark_as_used(&file);
+        Some(ends)
     }
 
     /// Keeps how the file begins and ends.
@@ -144,22 +149,31 @@ impl Kept {
         let written = self.written.fetch_add(len, Ordering::Relaxed) + len;
         if written > self.step {
             self.written.store(0, Ordering::Relaxed);
-            make_room(&self.root, self.budget);
+            clean(&self.root, self.budget);
         }
     }
 }
 
 /// Fills `buffer` from a file of that length, if it is there and sound; else it goes.
 fn read(path: &Path, buffer: &mut [u8], is_sound: impl Fn(&[u8]) -> bool) -> bool {
-    let Ok(mut file) = File::options().read(true).write(true).open(path) else { return false };
+    let Ok(mut file) = open(path) else { return false };
     let is_whole = file.metadata().is_ok_and(|about| about.len() == buffer.len() as u64);
     let is_sound = is_whole && file.read_exact(buffer).is_ok() && is_sound(buffer);
     match is_sound {
-        // Nothing depends on whether that works but the order in which files make room.
-        true => drop(file.set_modified(SystemTime::now())),
+        true => mark_as_used(&file),
         false => drop(std::fs::remove_file(path)),
     }
     is_sound
+}
+
+/// Opens a file to be read, and to be marked where that is possible: folders may be for reading alone, as home folders are on some clusters.
+fn open(path: &Path) -> io::Result<File> {
+    File::options().read(true).write(true).open(path).or_else(|_| File::open(path))
+}
+
+/// Nothing depends on whether that works but the order in which files make room.
+fn mark_as_used(file: &File) {
+    let _ = file.set_modified(SystemTime::now());
 }
 
 /// Writes a file whole or not at all, for its owner alone: a server may have asked who reads it.
@@ -172,8 +186,8 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes what was used longest ago until the folder holds at most `budget` bytes of parts. Other programs may do so at the same time.
-fn make_room(root: &Path, budget: u64) {
+/// Removes what was used longest ago until the folder holds at most `budget` bytes of parts.
+fn clean(root: &Path, budget: u64) {
     let entries = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
     let is_ours = |name: &str| name.len() == 16 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
     let folders = entries(root).map(|entry| entry.path());
@@ -188,18 +202,9 @@ fn make_room(root: &Path, budget: u64) {
     let mut files = Vec::new();
     for entry in folders.iter().chain(&versions).flat_map(|folder| entries(folder)) {
         let about = entry.metadata().ok().filter(std::fs::Metadata::is_file);
-        files.extend(about.map(|about| (about.modified().unwrap_or(UNIX_EPOCH), entry.path(), about.len())));
+        files.extend(about.map(|about| CachedFile::new(entry.path(), &about)));
     }
-    files.sort();
-    let mut held: u64 = files.iter().map(|(_, _, bytes)| bytes).sum();
-    for (_, path, bytes) in files {
-        if held <= budget {
-            break;
-        }
-        if std::fs::remove_file(path).is_ok() {
-            held -= bytes;
-        }
-    }
+    make_room(files, budget);
     // Only those that are empty go.
     for folder in versions.iter().chain(&folders) {
         let _ = std::fs::remove_dir(folder);
@@ -273,6 +278,34 @@ mod tests {
     }
 
     #[test]
+    fn ends_are_there_as_long_as_their_file_is_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let kept = Kept::within(folder.path().into(), 10_000, "https://h/a.df", "https://h/a.df");
+        let path = kept.folder.join("ends");
+        let age = |path: &Path, seconds| {
+            let file = File::options().write(true).open(path).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(seconds)).unwrap();
+        };
+        let (part, crc) = ([5; 1000], crc32c::crc32c(&[5; 1000]));
+        kept.keep_ends(&ends());
+        // The file is opened again, with an answer of the server and without.
+        for has_answer in [true, false] {
+            kept.keep_part(&part, 4096, crc);
+            age(&kept.part(4096, crc), 1000);
+            age(&path, 5000);
+            match has_answer {
+                true => kept.keep_ends(&ends()),
+                false => assert!(kept.ends().is_some()),
+            }
+            clean(folder.path(), 500);
+            assert!(path.exists() && !kept.part(4096, crc).exists(), "{has_answer}");
+        }
+        #[cfg(unix)]
+        std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o400)).unwrap();
+        assert_eq!(kept.ends(), Some(ends()), "a folder for reading alone");
+    }
+
+    #[test]
     fn parts_are_kept_by_version_within_the_budget_and_checked() {
         let folder = tempfile::tempdir().unwrap();
         let of = |url: &str| Kept::within(folder.path().into(), 10_000, "https://h/a.df", url);
@@ -310,7 +343,7 @@ mod tests {
             let file = File::options().write(true).open(kept.part(part, crc));
             file.map(|file| file.set_modified(used).unwrap()).unwrap_or_default();
         }
-        make_room(folder.path(), 5_000);
+        clean(folder.path(), 5_000);
         let there: Vec<u64> = (0..20).filter(|part| kept.part(*part, crc).exists()).collect();
         assert!(there.len() <= 5 && there.contains(&19) && !there.contains(&0), "{there:?}");
         assert!(Kept::within(folder.path().join("absent"), 10, "u", "u").ends().is_none());
