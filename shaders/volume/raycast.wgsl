@@ -10,7 +10,8 @@
 // With CENTERED (cells are pixels) rays go through the cells' centres. With EVEN the table's entries lie evenly between 1 and 2: those of a
 // sampled field, whose samples say which way surfaces face. With LIT the volume itself is lit, by differences of cells. With COLUMNS cells are
 // of fields of particles' columns: surfaces may be of numbers of their own, both may have holes, in which there is no value that neighbours may
-// be compared with, and the volume's extinction may be multiplied.
+// be compared with, and the volume's extinction may be multiplied. With FACES a surface is kept for each pixel: the one that adds most, or with
+// COVERING the first one that covers.
 #import deepfield::isosurface::{
     volume, Crossings, NO_CROSSING, crossings_of, is_crossed, shaded, surface_levels, take_nearest,
 }
@@ -22,7 +23,7 @@
 #import deepfield::volume_view::Portion
 #import deepfield::volume_constants::{
     BRICK, BRICK_SHIFT, BRIGHTNESSES, CELLS, HIDDEN_BITS, HUES, SURFACE_BRIGHTNESS, VALUE_ENTRIES,
-    COLUMN_VALUES, DIMMED, EVEN_TABLE, FACE_WORDS, HOLES_OF_SURFACES, HOLES_OF_VOLUME,
+    COLUMN_VALUES, COVERS, DIMMED, EVEN_TABLE, FACE_WORDS, HOLES_OF_SURFACES, HOLES_OF_VOLUME,
 }
 
 @group(0) @binding(1) var<uniform> portion: Portion;
@@ -38,8 +39,8 @@
 /// Light gathered, linear, premultiplied, and opacity.
 @group(0) @binding(7) var<storage, read_write> rays: array<vec4<f32>>;
 /// Share of the present cell that has been drawn; the step in which a ray ended. With FACES, behind those of all pixels of the
-/// window, the surface that adds most to each: its share of the pixel, its depth, where its line of sight is at depth 1 along x and
-/// y, its slope, and its colour as it is before light.
+/// window, the surface of each: its share of the pixel, its depth, where its line of sight is at depth 1 along x and y, its slope, and its
+/// colour as it is before light; with COVERING no slope, and its colour as it is lit.
 @group(0) @binding(8) var<storage, read_write> progress: array<f32>;
 /// For each column of pixels, then for each row, the stored cell before its rays, and the bits of the share of the way to
 /// the next one.
@@ -430,11 +431,17 @@ fn slope_of(place: Place, middle: vec2<f32>, step: u32, at: f32, density: f32) -
 /// Where the pixel's surface is kept.
 var<private> face: u32;
 
-/// Keeps a surface at a place along the slices where it adds more to the pixel than the one before.
+/// Keeps a surface at a place along the slices where it adds more to the pixel than the one before; with COVERING where there is none before.
 fn offer(share: f32, slice: f32, line: vec3<f32>, slope: vec3<f32>, color: vec3<f32>) {
+#ifdef COVERING
+    if progress[face] > 0.0 {
+        return;
+    }
+#else
     if share <= progress[face] {
         return;
     }
+#endif
     let far = slice / volume.slice_rate;
     progress[face] = share;
     progress[face + 1u] = select(volume.near + far, volume.near * exp(far), volume.perspective != 0u);
@@ -464,15 +471,22 @@ fn meet(
         let value = before + at * (now - before);
         color = tinted(value.y / value.x, SURFACE_BRIGHTNESS);
     }
+    let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
+    let line = vec3(middle.x * sigma, -middle.y * sigma, 1.0);
     if volume.lit != 0u {
         let slope = slope_of(place, middle, step, at, surface.x);
-        let sigma = select(0.0, volume.sigma, volume.perspective != 0u);
-        let line = vec3(middle.x * sigma, -middle.y * sigma, 1.0);
 #ifdef FACES
+#ifndef COVERING
         offer((1.0 - (*ray).alpha) * surface.y, f32(step) - 0.5 + at, line, slope, color);
+#endif
 #endif
         color = shaded(color, slope, normalize(line));
     }
+#ifdef COVERING
+    if surface.y >= COVERS {
+        offer((1.0 - (*ray).alpha) * surface.y, f32(step) - 0.5 + at, line, vec3(0.0), color);
+    }
+#endif
     under(ray, color, surface.y);
 }
 #endif

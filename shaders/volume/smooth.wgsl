@@ -9,7 +9,8 @@
 #import deepfield::volume_view::Portion
 
 @group(0) @binding(1) var<uniform> portion: Portion;
-/// As raycast.wgsl has it: a number for each pixel of the window, and behind them their surfaces.
+/// As raycast.wgsl has it: a number for each pixel of the window, and behind them their surfaces. Of those that cover nothing is wanted
+/// but what `place_faces` does, and they are lit already.
 @group(0) @binding(2) var<storage, read> progress: array<f32>;
 /// Where each pixel's surface lies, camera axes, and the cosine by which it was lit.
 @group(0) @binding(3) var<storage, read_write> points: array<vec4<f32>>;

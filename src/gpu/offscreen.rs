@@ -13,6 +13,7 @@ use super::volume::{Shows, VolumeFindings, VolumeJob, VolumeView};
 use super::{device, headless};
 use crate::color::Colors;
 use crate::cpu::overdraw::Overdraw;
+use crate::cpu::shadowing::Covering;
 use crate::cpu::volume::attributes::Column;
 use crate::cpu::volume::range::Sketch;
 use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
@@ -34,6 +35,13 @@ pub struct Offscreen {
     studio: Option<Studio>,
     /// Counts jobs.
     number: u64,
+}
+
+/// What is read back of a picture of light.
+#[derive(Clone, Copy)]
+struct Reads {
+    colors: bool,
+    covering: bool,
 }
 
 /// What is done with the renderer, if one is open.
@@ -88,9 +96,23 @@ impl Adapter for Offscreen {
 
     fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
         match job.light {
-            Some(plan) => self.light(job, &plan.passes),
+            Some(plan) => {
+                self.light(job, &plan.passes, Reads { colors: true, covering: false }).map(|(frame, _)| frame)
+            }
             None => self.sums(job).map_err(device),
         }
+    }
+
+    fn draw_covering(
+        &mut self,
+        job: &AdapterJob<'_>,
+        is_colored: bool,
+    ) -> Result<(AdapterFrame, Covering), VolumeError> {
+        let reads = Reads { colors: is_colored, covering: true };
+        let drawn = job.light.map(|plan| self.light(job, &plan.passes, reads)).transpose()?;
+        let mode = job.depiction.mode.name;
+        let untold = || VolumeError::Device(format!("the adapter does not tell what covers pictures of {mode}"));
+        drawn.and_then(|(frame, covering)| Some((frame, covering?))).ok_or_else(untold)
     }
 
     fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
@@ -132,7 +154,7 @@ impl Adapter for Offscreen {
         let (grid, _) = sketch.grid(within(job, &request))?;
         let Sketch { view, options, stride, .. } = sketch;
         let (number, stride) = (self.next(), stride as u32);
-        let wanted = VolumeJob { number, view, grid, options, stride, shows: Shows::Ranges };
+        let wanted = VolumeJob { number, view, grid, options, stride, shows: Shows::Ranges, covers: false };
         let volume = volume(job, &request, [None, Some(wanted)]);
         let found = self.with(move |slot| loaded(slot, &request)?.ranges(volume));
         let found = found.map_err(device)?;
@@ -209,7 +231,13 @@ impl Offscreen {
         })
     }
 
-    fn light(&mut self, job: &AdapterJob<'_>, passes: &LightPasses) -> Result<AdapterFrame, VolumeError> {
+    /// Draws light, and tells what covers the pixels where it is to and that is known.
+    fn light(
+        &mut self,
+        job: &AdapterJob<'_>,
+        passes: &LightPasses,
+        reads: Reads,
+    ) -> Result<(AdapterFrame, Option<Covering>), VolumeError> {
         // The same particles are there once for each column.
         let (request, columns) = match passes {
             LightPasses::Columns(march) => (request_for(job, job.view, &march.columns), march.columns.len().max(1)),
@@ -220,8 +248,10 @@ impl Offscreen {
         let Some(wanted) = VolumeJob::picture_of(self.next(), passes, job.view, &extents, attribute)? else {
             let found = TilePasses::of(passes, job.view, &extents)?;
             let passes = found.ok_or_else(|| VolumeError::Device("no passes draw this mode".into()))?;
-            return self.tiles(request, passes).map_err(device);
+            return self.tiles(request, passes, reads).map_err(device);
         };
+        let wanted = if reads.covering { wanted.covering() } else { wanted };
+        let keeps_covering = wanted.keeps_covering();
         let (grid, planes) = match wanted.cartesian() {
             Some(picture) => (picture.lattice.cells, picture.planes),
             None => (wanted.grid.size, [wanted.grid.near, wanted.grid.far]),
@@ -234,10 +264,13 @@ impl Offscreen {
         let volume = volume(job, &request, [Some(wanted), None]);
         let drawn = self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
-            let (colors, found, (passes, frame)) = renderer.volume(volume, request.repeat)?;
+            let (found, (passes, frame)) = renderer.draw_volume(volume, request.repeat)?;
+            let colors = if reads.colors { renderer.light()? } else { Colors::default() };
+            let covering = keeps_covering.then(|| renderer.volume_covering()).transpose()?;
             let report = report_of((grid, planes), found, renderer);
             let [particles, raised] = [report.particles, report.raised].map(|all| all / columns as u64);
-            Ok(light_frame(colors, VolumeReport { particles, raised, ..report }, renderer, &passes, frame))
+            let report = VolumeReport { particles, raised, ..report };
+            Ok((light_frame(colors, report, renderer, &passes, frame), covering))
         });
         drawn.map_err(|error| match (error, passes) {
             (GpuError::GridTooLarge { most }, LightPasses::Cartesian(_, _, cartesian)) => VolumeError::Setting {
@@ -250,17 +283,26 @@ impl Offscreen {
     }
 
     /// Draws by passes that complete a picture in one frame.
-    fn tiles(&mut self, request: HeadlessRequest, passes: TilePasses) -> Result<AdapterFrame, GpuError> {
+    fn tiles(
+        &mut self,
+        request: HeadlessRequest,
+        passes: TilePasses,
+        reads: Reads,
+    ) -> Result<(AdapterFrame, Option<Covering>), GpuError> {
         let [width, height] = [request.view.width, request.view.height];
         let planes = passes.planes();
+        let smoothing = passes.spheres().filter(|_| reads.covering).map(|spheres| spheres.smoothing);
         let number = self.next();
         self.with(move |slot| {
             let renderer = loaded(slot, &request)?;
-            let (colors, opaque, (passes, frame)) = renderer.tiles(number, passes, request.repeat)?;
+            let (opaque, (passes, frame)) = renderer.draw_tiles(number, passes, request.repeat)?;
+            let colors = if reads.colors { renderer.light()? } else { Colors::default() };
+            let covering = smoothing.map(|smoothing| Ok::<_, GpuError>(renderer.spheres_shown()?.covering(smoothing)));
+            let covering = covering.transpose()?;
             let particles = renderer.particles();
             let report =
                 VolumeReport { grid: [width, height, 1], planes, particles, opaque, ..VolumeReport::default() };
-            Ok(light_frame(colors, report, renderer, &passes, frame))
+            Ok((light_frame(colors, report, renderer, &passes, frame), covering))
         })
     }
 

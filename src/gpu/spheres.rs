@@ -3,13 +3,14 @@
 
 use super::capabilities::Capabilities;
 use super::matter::map_to_place;
+use super::readback::read_buffer;
 use super::splat::layout::Grids;
 use super::splat::resources::whole;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, portion, queue, read, tile_view, uniform, walk_layout, write};
 use super::tiles::spots::listed_within;
-use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode, TileRequest};
-use crate::cpu::screen_spheres::{ROUNDS, SurfaceColors};
+use super::tiles::{Binding, Canvas, Drawing, TileBindings, TileList, TileMode, TileRequest};
+use crate::cpu::screen_spheres::{Front, Hit, ROUNDS, SurfaceColors};
 use crate::cpu::volume::{Light, OpaqueDepths};
 use crate::view::{Projection, View};
 use bevy::asset::AssetServer;
@@ -18,8 +19,11 @@ use bevy::render::render_resource::{
     BindGroup, BindGroupLayoutDescriptor, Buffer, BufferUsages, CachedComputePipelineId, ComputePassDescriptor,
     PipelineCache,
 };
-use bevy::render::renderer::RenderContext;
+use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
 use bytemuck::{Pod, Zeroable};
+
+/// Behind everything: WGSL `FAR`.
+const FAR: f32 = 3e38;
 
 /// A camera's particles are drawn as spheres. Their table tells densities.
 #[derive(Clone, Debug, PartialEq)]
@@ -196,9 +200,24 @@ impl TileMode for Spheres {
         span.end(encoder);
         Some(())
     }
+
     fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
         // Before they are smoothed: smoothing looks at no more than what each pixel shows.
         let depths = ends.iter().map(|&end| if end == 0.0 { f32::INFINITY } else { end });
         OpaqueDepths::new(view, depths.collect(), 1.0, 0.0).reaching(self.radius)
     }
+}
+
+/// The smoothed surface that a camera's last complete picture shows; `None` where that cannot be read.
+pub fn shown(bindings: &TileBindings<Spheres>, device: &RenderDevice, queue: &RenderQueue) -> Option<Front> {
+    let (groups, view) = bindings.drawn();
+    let bytes = size_of::<Hit>() as u64 * u64::from(view.width) * u64::from(view.height);
+    // Rounds are even, and the last one comes back to the first hits.
+    let found = read_buffer(device, queue, &groups.hits[0], 0, bytes)?;
+    let found: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&found);
+    let hit = |[depth, radius, density, attribute]: [f32; 4]| match depth < FAR && radius > 0.0 {
+        true => Hit { depth, radius, density, attribute },
+        false => Hit::NONE,
+    };
+    Some(Front { width: view.width as usize, hits: found.into_iter().map(hit).collect() })
 }

@@ -92,6 +92,14 @@ impl TilePasses {
         Ok(Some(TilePasses { mode, occlusion }))
     }
 
+    /// The spheres, if they are drawn.
+    pub fn spheres(&self) -> Option<&Spheres> {
+        match &self.mode {
+            TileModes::Spheres(mode) => Some(mode),
+            TileModes::Sorted(_) | TileModes::Over(_) | TileModes::Layered(_) => None,
+        }
+    }
+
     /// Depths of the first and the last particle that is drawn.
     pub fn planes(&self) -> [f64; 2] {
         match &self.mode {

@@ -2,8 +2,10 @@
 //!
 //! While the view moves, as large a sample of the particles is drawn as the preset's time for a picture allows, with fewer
 //! pixels where that is not all of them; volumes have a fixed limit, and as many pixels as there is time for. When the
-//! view rests, the full picture follows. What is given up for that is the preset's [`MotionPreset`].
+//! view rests, the full picture follows. What is given up for that is the preset's [`MotionPreset`]. Where surfaces darken each other, an adapter
+//! beside the window's may draw what the processor then darkens.
 
+mod beside;
 mod drawing;
 
 use super::exposure::Exposure;
@@ -23,6 +25,7 @@ use crate::color::composite::composite_glowing;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::color::{Accumulation, Image as Colors};
 use crate::cpu::volume::OpaqueDepths;
+use crate::hierarchy::Purpose;
 use crate::mode::{Footprint, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::DrawingCost;
@@ -31,6 +34,7 @@ use crate::picture::splat_budget::SplatBudget;
 use crate::picture::stand_in::FADE_SECS;
 use crate::store::Tree;
 use crate::view::View;
+use beside::Beside;
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use drawing::{Limits, Outcome, Source, draw};
@@ -64,6 +68,7 @@ struct Drawn {
     /// For modes that draw colours: these, and the settings they were drawn with.
     painted: Option<Arc<PaintedPicture>>,
     milliseconds: f64,
+    by_adapter: bool,
 }
 
 /// A picture in colours, and what they mean.
@@ -89,6 +94,8 @@ struct Done {
     revisions: [u64; 2],
     /// Whether everything was there that the view needs.
     complete: bool,
+    /// What is to be said.
+    told: Option<String>,
     exposure: Exposure,
     /// The picture in colours, and what they were made with.
     colors: (Colors, Levels, TransferFunction),
@@ -103,6 +110,7 @@ pub struct CpuPicture {
     colored: Option<(DrawKey, Levels, TransferFunction)>,
     drawing_cost: DrawingCost,
     splat_budget: SplatBudget,
+    beside: Beside,
     moved: Option<([u64; 2], Instant)>,
     /// What the task draws, and what could not be drawn.
     tried: Option<(DrawKey, TransferFunction)>,
@@ -166,7 +174,10 @@ pub(super) fn draw_on_cpu(
     if let Some(outcome) = cpu.task.as_mut().and_then(check_ready) {
         cpu.task = None;
         match outcome {
-            Ok(done) => {
+            Ok(mut done) => {
+                if let Some(told) = done.told.take() {
+                    messages.error(told);
+                }
                 let state = done.drawn.key.live;
                 let painted = done.drawn.painted.as_ref();
                 let opaque = painted.and_then(|painted| painted.opaque.clone());
@@ -204,7 +215,7 @@ pub(super) fn draw_on_cpu(
     let size = match painted && moving {
         true => {
             let budget = moving_ms(&preset);
-            let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some());
+            let last = cpu.drawn.as_ref().filter(|drawn| drawn.painted.is_some() && !drawn.by_adapter);
             let in_motion = |drawn: &Drawn| match light.zip(drawn.key.light_samples) {
                 Some((light, samples)) => light.in_motion(drawn.milliseconds, samples),
                 None => drawn.milliseconds,
@@ -259,6 +270,11 @@ pub(super) fn draw_on_cpu(
     let diameter = scene.frame.size().length();
     let (shown, mut depiction) = (scene.tree(), look.depiction.clone());
     LightSamples::set(&mut depiction.settings, key.light_samples);
+    // While the view moves, the processor has pictures of few pixels sooner.
+    let has_particles = live.particles().is_none() && look.depiction.purpose(scene.metadata()) != Purpose::Clusters;
+    let is_darkened = look.depiction.mode.technique.is_darkened(&look.depiction.settings);
+    let adapter = cpu.beside.follow(preset.drawing.backend, is_darkened);
+    let adapter = adapter.filter(|_| !moving && has_particles && among.is_none());
     let source = match live.particles() {
         Some(particles) => {
             let families = scene.metadata().families.iter().zip(&settings.families);
@@ -276,6 +292,7 @@ pub(super) fn draw_on_cpu(
         false => moving.then_some(old_plan),
     };
     cpu.task = Some(AsyncComputeTaskPool::get().spawn(async move {
+        let mut told = None;
         let (drawn, plan, taken, cut) = match reused {
             Some(drawn) => (drawn, old_plan, None, false),
             None => {
@@ -293,15 +310,17 @@ pub(super) fn draw_on_cpu(
                 let share = f64::from(size.y) / f64::from(view.height.max(1));
                 let sized = View { width: size.x, height: size.y, ..view };
                 let among = among.map(|(_, paths)| paths.fragments(&sized, share)).transpose()?;
-                let outcome = draw(&subject, &nodes, (&view, size), &limits, (known, among.as_ref()));
-                let Outcome { values, plan, taken, is_cut } = outcome.map_err(|error| error.to_string())?;
+                let outcome = draw(&subject, &nodes, (&view, size), &limits, (known, among.as_ref()), adapter.as_ref());
+                let Outcome { values, plan, taken, is_cut, by_adapter, told: said } =
+                    outcome.map_err(|error| error.to_string())?;
+                told = said;
                 let milliseconds = 1000.0 * start.elapsed().as_secs_f64();
                 let sampled = is_cut.then_some(taken);
                 let painted = |image, levels, opaque, sampled| {
                     let transfer = transfer.clone();
                     let painted = Arc::new(PaintedPicture { image, levels, transfer, sampled, opaque });
                     (
-                        Drawn { key, picture: Arc::default(), painted: Some(painted), milliseconds },
+                        Drawn { key, picture: Arc::default(), painted: Some(painted), milliseconds, by_adapter },
                         old_plan,
                         None,
                         false,
@@ -310,7 +329,8 @@ pub(super) fn draw_on_cpu(
                 match values {
                     Some(Raw::Sums(sums, _)) => {
                         let picture = Arc::new(sums);
-                        (Drawn { key, picture, painted: None, milliseconds }, plan, Some(taken), is_cut)
+                        let drawn = Drawn { key, picture, painted: None, milliseconds, by_adapter };
+                        (drawn, plan, Some(taken), is_cut)
                     }
                     Some(Raw::Light(light)) => {
                         let found = Levels { p: light.levels.density, s: light.levels.attribute };
@@ -333,7 +353,7 @@ pub(super) fn draw_on_cpu(
             }
         };
         let plan = if stands_in { old_plan } else { plan };
-        Ok(Done { drawn, plan, taken, cut, stands_in, revisions, complete, exposure, colors })
+        Ok(Done { drawn, plan, taken, cut, stands_in, revisions, complete, told, exposure, colors })
     }));
 }
 

@@ -92,7 +92,7 @@ pub(super) fn technique_changed(
 ) -> bool {
     let technique = settings.drawn_mode().technique;
     let is_processors =
-        technique.is_processors(&settings.look.settings) || lacks_columns(&settings, &live, scene.as_deref());
+        technique.is_darkened(&settings.look.settings) || lacks_columns(&settings, &live, scene.as_deref());
     let glows = !settings.bloom.is_off();
     let now = Some((technique.adapter(), [technique.tells_columns(), is_processors, glows]));
     std::mem::replace(&mut *before, now) != now
@@ -134,12 +134,12 @@ pub(super) fn choose_backend(
     let is_surface = is_field && settings.as_ref().is_some_and(drawn);
     let is_left = |settings: &Res<Settings>| {
         let technique = settings.drawn_mode().technique;
-        let is_processors = technique.is_processors(&settings.look.settings);
+        let is_processors = technique.is_darkened(&settings.look.settings);
         !is_field && (is_processors || lacks_columns(settings, &live, scene.as_deref()))
     };
     let is_left = settings.as_ref().is_some_and(is_left);
     let is_processors_field =
-        |settings: &Res<Settings>| is_field && settings.drawn_mode().technique.is_processors(&settings.look.settings);
+        |settings: &Res<Settings>| is_field && settings.drawn_mode().technique.is_darkened(&settings.look.settings);
     let is_processors_field = settings.as_ref().is_some_and(is_processors_field);
     let glows = settings.as_ref().is_some_and(|settings| !settings.bloom.is_off());
     let mode = settings.map_or(modes::first(), |settings| settings.drawn_mode());

@@ -286,6 +286,7 @@ pub(super) fn draw_light_on_gpu(
                         options: sketch.options,
                         stride: sketch.stride as u32,
                         shows: Shows::Ranges,
+                        covers: false,
                     });
                 }
                 Err(_) => pictures.ranges = None,

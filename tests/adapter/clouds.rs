@@ -246,7 +246,8 @@ impl Renderer {
         let extents = self.load(view, cloud);
         let (grid, _) = planes_and_widest(view, extents.iter().copied(), options).unwrap();
         let shows = Shows::Light(Arc::new(scenery.clone()));
-        let job = VolumeJob { number: self.number, view: *view, grid, options: *options, stride: 1, shows };
+        let (number, view, options) = (self.number, *view, *options);
+        let job = VolumeJob { number, view, grid, options, stride: 1, shows, covers: false };
         let volume = self.view(cloud, extents, job);
         let (colors, found, _) = self.renderer.volume(volume, 1).unwrap();
         (colors, found)
@@ -289,7 +290,8 @@ impl Renderer {
         let sketch = Sketch::of(view, cloud.h.len(), options);
         let (grid, _) = sketch.grid(extents.iter().copied()).unwrap();
         let Sketch { view, options, stride } = sketch;
-        let job = VolumeJob { number: self.number, view, grid, options, stride: stride as u32, shows: Shows::Ranges };
+        let (number, stride) = (self.number, stride as u32);
+        let job = VolumeJob { number, view, grid, options, stride, shows: Shows::Ranges, covers: false };
         let volume = self.view(cloud, extents, job);
         self.renderer.ranges(volume).unwrap()
     }

@@ -10,6 +10,7 @@ mod cartesian;
 mod clouds;
 mod columns;
 mod compare;
+mod darkening;
 mod ellipsoids;
 mod fields;
 mod flight;

@@ -401,7 +401,7 @@ fn a_device_that_is_lost_between_slabs_is_an_error_and_the_next_one_draws() {
     let extents = lost.load(&view, &cloud);
     let (grid, _) = planes_and_widest(&view, extents.iter().copied(), &options).unwrap();
     let shows = Shows::Light(Arc::new(cloud.volume()));
-    let job = VolumeJob { number: 1, view, grid, options, stride: 1, shows };
+    let job = VolumeJob { number: 1, view, grid, options, stride: 1, shows, covers: false };
     let volume = VolumeView { slabs: 1, ..lost.view(&cloud, extents, job) };
     lost.renderer.insert((LightView::default(), volume));
     let done = |renderer: &Renderer| renderer.renderer.volume_findings().slabs;

@@ -22,9 +22,22 @@ impl HeadlessRenderer {
     /// [`GpuError`]: a shader does not compile, the driver fails, or nothing fits.
     pub fn volume(
         &mut self,
-        mut volume: VolumeView,
+        volume: VolumeView,
         repeat: u32,
     ) -> Result<(Colors, VolumeFindings, (MeasuredPasses, f64)), GpuError> {
+        let (found, times) = self.draw_volume(volume, repeat)?;
+        Ok((self.light()?, found, times))
+    }
+
+    /// The same without reading its light back.
+    ///
+    /// # Errors
+    /// As [`HeadlessRenderer::volume`].
+    pub fn draw_volume(
+        &mut self,
+        mut volume: VolumeView,
+        repeat: u32,
+    ) -> Result<(VolumeFindings, (MeasuredPasses, f64)), GpuError> {
         let mut frames = Vec::new();
         let mut passes = MeasuredPasses::default();
         self.pass_times();
@@ -50,7 +63,7 @@ impl HeadlessRenderer {
         if frames.len() > 1 {
             frames.remove(0);
         }
-        Ok((self.light()?, found, (passes, median(&mut frames))))
+        Ok((found, (passes, median(&mut frames))))
     }
 
     /// Draws what passes by tiles do, as often as asked: its light, what it hides where that is asked for, and the median milliseconds
@@ -64,6 +77,20 @@ impl HeadlessRenderer {
         passes: TilePasses,
         repeat: u32,
     ) -> Result<(Colors, Option<Arc<OpaqueDepths>>, (MeasuredPasses, f64)), GpuError> {
+        let (opaque, times) = self.draw_tiles(number, passes, repeat)?;
+        Ok((self.light()?, opaque, times))
+    }
+
+    /// The same without reading its light back.
+    ///
+    /// # Errors
+    /// As [`HeadlessRenderer::volume`].
+    pub fn draw_tiles(
+        &mut self,
+        number: u64,
+        passes: TilePasses,
+        repeat: u32,
+    ) -> Result<(Option<Arc<OpaqueDepths>>, (MeasuredPasses, f64)), GpuError> {
         self.insert(LightView::default());
         let world = self.app.world_mut();
         passes.show(number, u64::MAX, &mut world.commands().entity(self.camera));
@@ -85,7 +112,7 @@ impl HeadlessRenderer {
             self.frame()?;
             self.check_shaders(start)?;
         };
-        Ok((self.light()?, opaque, (passes, median(&mut frames))))
+        Ok((opaque, (passes, median(&mut frames))))
     }
 
     /// Draws measured heights: their light, if it is wanted, and the milliseconds of the passes and of a frame.

@@ -5,12 +5,17 @@ use crate::color::composite::Image as Picture;
 use crate::color::transfer::TransferFunction;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::overdraw::{Differences, Overdraw};
+use crate::cpu::screen_spheres::Front;
+use crate::cpu::shadowing::Covering;
 use crate::gpu::device::GpuError;
 use crate::gpu::readback::{read_buffer, read_texture};
+use crate::gpu::spheres::{self, Spheres};
 use crate::gpu::splat::{Bindings, CountOverdraw, OverdrawBuffers, SplatPipelines};
 use crate::gpu::surface::seen;
 use crate::gpu::surface::work::SurfaceWork;
+use crate::gpu::tiles::TileBindings;
 use crate::gpu::view::{Backend, Composite};
+use crate::gpu::volume::{VolumeWork, covering};
 use bevy::render::render_asset::RenderAssets;
 use bevy::render::texture::GpuImage;
 use std::sync::atomic::Ordering;
@@ -150,5 +155,29 @@ impl HeadlessRenderer {
         let mut query = world.query::<&SurfaceWork>();
         let found = query.iter(world).next().and_then(|work| seen::covered(work, &device, &queue));
         found.ok_or_else(|| GpuError::Failed("(reading back what is covered)".into()))
+    }
+
+    /// Reads back the surface of the spheres that were drawn last.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn spheres_shown(&mut self) -> Result<Front, GpuError> {
+        let (device, queue) = self.device();
+        let world = self.render_world();
+        let mut query = world.query::<&TileBindings<Spheres>>();
+        let found = query.iter(world).next().and_then(|bindings| spheres::shown(bindings, &device, &queue));
+        found.ok_or_else(|| GpuError::Failed("(reading back the spheres that are seen)".into()))
+    }
+
+    /// Reads back what covers each pixel of the volume that was drawn last, of one that keeps it.
+    ///
+    /// # Errors
+    /// [`GpuError::Failed`].
+    pub fn volume_covering(&mut self) -> Result<Covering, GpuError> {
+        let (device, queue) = self.device();
+        let world = self.render_world();
+        let mut query = world.query::<&VolumeWork>();
+        let found = query.iter(world).next().and_then(|work| covering::read(work, &device, &queue));
+        found.ok_or_else(|| GpuError::Failed("(reading back what covers the pixels)".into()))
     }
 }

@@ -98,7 +98,7 @@ pub fn variants() -> Vec<Variant> {
     }
     for kind in Kind::ALL {
         let mut built = Vec::new();
-        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..256).map(move |index| (kernel, index)));
+        let choices = Kernel::ALL.into_iter().flat_map(|kernel| (0..512).map(move |index| (kernel, index)));
         for (kernel, index) in choices {
             let variant = volume::Variant {
                 kernel,
@@ -110,9 +110,12 @@ pub fn variants() -> Vec<Variant> {
                 lit: index & 32 > 0,
                 columns: index & 64 > 0,
                 smooth: index & 128 > 0,
+                covering: index & 256 > 0,
             };
-            // Columns have values, and are no samples; surfaces are what is smoothed.
-            if variant.columns && (variant.field || !variant.attribute) || variant.smooth && !variant.surfaces {
+            // Columns have values, and are no samples; surfaces are what is smoothed, or else covers particles' pictures.
+            let keeps_none = variant.keeps_faces() && !variant.surfaces;
+            let keeps_other = variant.covering && (variant.smooth || variant.field);
+            if variant.columns && (variant.field || !variant.attribute) || keeps_none || keeps_other {
                 continue;
             }
             let defs = kind.defs(variant);

@@ -184,7 +184,7 @@ mod tests {
         let samples = NodeSamples {
             rows: 1,
             columns: 2,
-            heights: SampleHeights::of(&[1001.5, f64::NAN]),
+            heights: SampleHeights::of(vec![1001.5, f64::NAN]),
             coverage: vec![7, 0],
             normals: SampleNormals::Parts([[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]].map(MeanNormal::new).to_vec()),
             ranges: Vec::new(),

@@ -26,7 +26,7 @@ mod mode;
 pub mod spots;
 
 pub use list::{Drawing, TileList};
-pub use mode::{Binding, Canvas, TileFindings, TileMode, TileNews, TilePicture, TilePlugin};
+pub use mode::{Binding, Canvas, TileBindings, TileFindings, TileMode, TileNews, TilePicture, TilePlugin};
 pub use spots::SpotList;
 
 /// Layers of depth, equally deep but for the depth itself in perspective.

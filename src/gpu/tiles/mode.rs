@@ -196,6 +196,13 @@ pub struct TileBindings<M: TileMode> {
     answers: Vec<Ends<M>>,
 }
 
+impl<M: TileMode> TileBindings<M> {
+    /// What the picture that was drawn last is bound to, and its view.
+    pub fn drawn(&self) -> (&M::Bound, &View) {
+        (&self.bound, &self.view)
+    }
+}
+
 /// The ends of a complete picture, on their way; the first one alone where nobody asks what the picture hides.
 struct Ends<M> {
     number: u64,

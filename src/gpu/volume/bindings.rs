@@ -60,7 +60,7 @@ pub struct Groups {
     pub slopes: Option<BindGroup>,
     /// [`Kind::March`] and what matter is read from, for pictures of Cartesian grids.
     pub march: Option<[BindGroup; 2]>,
-    /// [`Kind::Smooth`] from the first directions to the others, and back, for pictures whose surfaces are smoothed.
+    /// [`Kind::Smooth`] from the first directions to the others, and back, for pictures that keep a surface for each pixel.
     pub smooth: Option<[BindGroup; 2]>,
     /// [`Kind::Field`] for each level that a field is read from.
     pub field: BTreeMap<usize, BindGroup>,
@@ -116,6 +116,8 @@ pub struct Buffers {
     pub dispatch: Held,
     /// Mass of each class of values.
     pub masses: Held,
+    /// Where the surface of each pixel lies, and its colour, of pictures that keep one.
+    pub faces: [Held; 2],
 }
 
 impl Buffers {
@@ -283,7 +285,7 @@ impl Bindings {
         let masses = make("deepfield volume masses", own, if own == 1 { 8 * range::CLASSES as u64 } else { 0 });
 
         let size = [job.seen_from().width, job.seen_from().height];
-        let all_pixels = if variant.smooth { u64::from(size[0]) * u64::from(size[1]) } else { 0 };
+        let all_pixels = if variant.keeps_faces() { u64::from(size[0]) * u64::from(size[1]) } else { 0 };
         let [points, tints] =
             ["deepfield volume points", "deepfield volume tints"].map(|name| make(name, own, 16 * all_pixels));
         let normals = [0, 1].map(|side| make("deepfield volume normals", 2 * own + side, 16 * all_pixels));
@@ -487,7 +489,7 @@ impl Bindings {
             rays: table.as_ref().filter(|_| march.is_none()).map(rays_groups),
             slopes,
             march: march.as_ref().zip(table.as_ref()).zip(target.as_ref()).map(march_groups),
-            smooth: target.as_ref().filter(|_| variant.smooth).map(smooth_groups),
+            smooth: target.as_ref().filter(|_| variant.keeps_faces()).map(smooth_groups),
             field: of_levels,
         };
         let buffers = Buffers {
@@ -504,6 +506,7 @@ impl Bindings {
             work,
             dispatch,
             masses,
+            faces: [points, tints],
         };
         let answer_bytes = match job.shows {
             Shows::Light(_) | Shows::Columns(_) | Shows::Cartesian(_) | Shows::Field(_) => {

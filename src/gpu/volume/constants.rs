@@ -4,6 +4,7 @@
 use super::column;
 use crate::cpu::cartesian::march;
 use crate::cpu::field;
+use crate::cpu::shadowing::COVERS;
 use crate::cpu::volume::bricks::{self, BORDER};
 use crate::cpu::volume::classify::{BRIGHTNESSES, HIDDEN_BITS, HUES, VALUES};
 use crate::cpu::volume::coarse;
@@ -49,7 +50,7 @@ pub const ALL_PAIRS: u32 = 5;
 /// The number in `work` that is the particles that the grid has enlarged.
 pub const ALL_RAISED: u32 = 6;
 
-/// Numbers that are kept of the surface that adds most to a pixel.
+/// Numbers that are kept of a pixel's surface.
 pub const FACE_WORDS: u32 = 10;
 
 /// The module `deepfield::volume_constants`.
@@ -99,6 +100,7 @@ pub fn wgsl() -> String {
         ("FLOW", smoothing::STEP),
         ("APART", smoothing::APART),
         ("SURFACE_BRIGHTNESS", SURFACE_BRIGHTNESS),
+        ("COVERS", COVERS),
         ("WIDE", coarse::WIDE),
         ("OVERSHOOT", coarse::OVERSHOOT),
     ];

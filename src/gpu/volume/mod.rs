@@ -26,6 +26,8 @@
 //! 8. `find_rooms`: how dense the field is at most in rooms of it and around them.
 //! 9. `march`: rays of the picture's camera go through it ([`march`]).
 //!
+//! What covers each pixel ([`mod@covering`]), or the surface whose light is smoothed, 6 keeps, and further passes take it over with the last slab.
+//!
 //! Of columns of particles ([`Shows::Columns`]) 1 to 5 are done for each by itself, and [`mod@column`] puts together what cells show.
 //!
 //! Of a sampled field ([`Shows::Field`]) two passes of its own ([`field`]) fill the bricks of each slab in place of 1 to 5.
@@ -34,6 +36,7 @@
 
 pub mod column;
 pub mod constants;
+pub mod covering;
 pub mod cut;
 pub mod field;
 pub mod layout;
@@ -50,6 +53,7 @@ mod view;
 mod work;
 
 pub use pass::draw_volumes;
+pub use prepare::VolumeWork;
 pub use room::Room;
 pub use view::{CartesianPicture, FieldPicture, Shows, VolumeFindings, VolumeJob, VolumeNews, VolumeView};
 

@@ -104,7 +104,8 @@ pub fn draw_volumes(
             span.end(encoder);
             if slab.closes {
                 end_pane(work, encoder, slab);
-                if let Some(sides) = work.groups.smooth.as_ref().filter(|_| slab.pane + 1 == work.panes.len()) {
+                let is_whole = slab.pane + 1 == work.panes.len();
+                if let Some(sides) = work.groups.smooth.as_ref().filter(|_| is_whole && work.variant.smooth) {
                     let span = timer.begin("smooth", encoder);
                     smooth((work, sides), encoder, &pipelines, slab);
                     span.end(encoder);

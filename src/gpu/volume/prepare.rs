@@ -3,7 +3,7 @@
 use super::bindings::EFFORT;
 use super::programs::VolumePipelines;
 use super::room::Room;
-use super::store::Store;
+use super::store::{Held, Store};
 use super::view::{Shows, VolumeJob, VolumeNews, VolumeView};
 use super::work::{Means, Work};
 use crate::cpu::volume::range::{CLASSES, Histogram};
@@ -43,6 +43,12 @@ pub struct VolumeWork {
 }
 
 impl VolumeWork {
+    /// Where the surface of each pixel of the picture lies, and its colour, where that keeps one.
+    pub(super) fn faces(&self) -> Option<&[Held; 2]> {
+        let light = self.light.as_ref().filter(|light| light.variant.keeps_faces())?;
+        Some(&light.buffers.faces)
+    }
+
     /// What the frame draws: pictures, and their slabs.
     pub fn planned(&self) -> impl Iterator<Item = (&Work, &Range<usize>)> {
         let work = [&self.ranges, &self.light].into_iter().zip(&self.planned);

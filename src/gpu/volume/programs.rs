@@ -149,12 +149,19 @@ pub struct Variant {
     pub columns: bool,
     /// Whether the light on surfaces is smoothed.
     pub smooth: bool,
+    /// Whether it is kept what covers each pixel, in place of the surface that is smoothed.
+    pub covering: bool,
 }
 
 impl Variant {
     /// Parts of a brick that workgroups gather on their own: `PARTS` in the shaders.
     pub fn parts(self) -> u32 {
         if self.vectors { 4 } else { 1 }
+    }
+
+    /// Whether a surface is kept for each pixel.
+    pub const fn keeps_faces(self) -> bool {
+        self.smooth || self.covering
     }
 
     /// Whether samples say which way surfaces face.
@@ -252,7 +259,8 @@ impl Step {
         match self {
             Step::PlanField | Step::Fill => variant.field,
             Step::ReadColumn => variant.columns,
-            Step::PlaceFaces | Step::Join | Step::Flow | Step::Relight => variant.smooth,
+            Step::PlaceFaces => variant.keeps_faces(),
+            Step::Join | Step::Flow | Step::Relight => variant.smooth,
             Step::DispatchBricks | Step::FindReach | Step::CastRays | Step::Occlude | Step::Pyramid => true,
             _ => !variant.field,
         }
@@ -365,8 +373,11 @@ impl Kind {
         if self == Kind::Raycast && variant.columns {
             defs.push("COLUMNS".into());
         }
-        if self == Kind::Raycast && variant.smooth {
+        if self == Kind::Raycast && variant.keeps_faces() {
             defs.push("FACES".into());
+        }
+        if self == Kind::Raycast && variant.covering {
+            defs.push("COVERING".into());
         }
         defs
     }

@@ -5,8 +5,8 @@ use super::constants::{FACE_WORDS, PARTICLE_BITS};
 use super::layout::MOST_BINS;
 use super::view::VolumeJob;
 
-/// Bytes that smoothing takes for each pixel: places, colours, and directions twice.
-const SMOOTHED_BYTES: u64 = 4 * 16;
+/// Bytes that surfaces take for each pixel: places, colours, and directions twice.
+const FACE_BYTES: u64 = 4 * 16;
 
 /// How much may be used at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,17 +37,17 @@ impl Room {
         }
     }
 
-    /// Bytes that a pixel takes of the ends of rays, with its surface where that is smoothed.
+    /// Bytes that a pixel takes of the ends of rays, with its surface where that is kept.
     pub fn of_progress(job: &VolumeJob) -> u64 {
-        4 * u64::from(1 + if job.smooths() { FACE_WORDS } else { 0 })
+        4 * u64::from(1 + if job.keeps_faces() { FACE_WORDS } else { 0 })
     }
 
-    /// Bytes that pixels take whatever the room: light twice, and slab by slab the ends of rays twice; where surfaces are smoothed these, too.
+    /// Bytes that pixels take whatever the room: light twice, and slab by slab the ends of rays twice; where surfaces are kept these, too.
     pub fn of_pixels(job: &VolumeJob) -> u64 {
         let view = job.seen_from();
         let bytes = if job.cartesian().is_some() { 32 } else { 36 + Room::of_progress(job) };
-        let smoothed = if job.smooths() { SMOOTHED_BYTES } else { 0 };
-        (bytes + smoothed) * u64::from(view.width) * u64::from(view.height)
+        let faces = if job.keeps_faces() { FACE_BYTES } else { 0 };
+        (bytes + faces) * u64::from(view.width) * u64::from(view.height)
     }
 
     /// Shares memory out where cells may take no more than `cells` bytes and one buffer `limit`.

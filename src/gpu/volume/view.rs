@@ -59,6 +59,8 @@ pub struct VolumeJob {
     pub stride: u32,
     /// What is wanted.
     pub shows: Shows,
+    /// Whether it is kept what covers each pixel of a picture: see [`super::covering`].
+    pub covers: bool,
 }
 
 /// What is wanted of a field.
@@ -149,7 +151,7 @@ impl VolumeJob {
             }
             _ => return Ok(None),
         };
-        Ok(Some(VolumeJob { number, view, grid, options, stride: 1, shows }))
+        Ok(Some(VolumeJob { number, view, grid, options, stride: 1, shows, covers: false }))
     }
 
     /// The picture of a field as the processor would march through it, coloured by a channel of its own where one is named.
@@ -157,7 +159,13 @@ impl VolumeJob {
         let FieldMarch { grid, axis, scenery, options, .. } = march;
         let picture = FieldPicture { field: Arc::clone(field), hue, axis: *axis, scenery: scenery.clone() };
         let shows = Shows::Field(Arc::new(picture));
-        VolumeJob { number, view: *view, grid: *grid, options: *options, stride: 1, shows }
+        VolumeJob { number, view: *view, grid: *grid, options: *options, stride: 1, shows, covers: false }
+    }
+
+    /// The same with what covers each pixel, in the light that it has before that is smoothed.
+    #[must_use]
+    pub fn covering(self) -> VolumeJob {
+        VolumeJob { covers: true, options: VolumeOptions { smoothing: 0, ..self.options }, ..self }
     }
 
     /// The camera and the pixels of the picture.
@@ -228,6 +236,17 @@ impl VolumeJob {
         self.is_cast() && self.scenery().is_some_and(has_light)
     }
 
+    /// Whether it is kept what covers each pixel.
+    pub fn keeps_covering(&self) -> bool {
+        let has_surfaces = |scenery: &Scenery| !scenery.surfaces.is_empty();
+        self.covers && self.is_cast() && self.scenery().is_some_and(has_surfaces)
+    }
+
+    /// Whether a surface is kept for each pixel: to be smoothed, or since it covers.
+    pub fn keeps_faces(&self) -> bool {
+        self.smooths() || self.keeps_covering()
+    }
+
     /// Whether the same is wanted.
     pub fn is_same(&self, other: &VolumeJob) -> bool {
         let shows = match (&self.shows, &other.shows) {
@@ -244,6 +263,7 @@ impl VolumeJob {
             && self.grid == other.grid
             && self.options == other.options
             && self.stride == other.stride
+            && self.covers == other.covers
     }
 }
 

@@ -203,9 +203,10 @@ impl Work {
             lit: job.scenery().is_some_and(|scenery| scenery.volume_light.is_some()),
             columns: job.columns().is_some(),
             smooth: job.smooths(),
+            covering: job.keeps_covering(),
         };
         let pixels = panes.iter().map(Pane::len).max().unwrap_or(0);
-        if variant.smooth && pixels * Room::of_progress(job) > room.limit {
+        if variant.keeps_faces() && pixels * Room::of_progress(job) > room.limit {
             return None;
         }
         let uniform = VolumeUniform::new(job, &grids, &cut);

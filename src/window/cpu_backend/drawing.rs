@@ -1,5 +1,6 @@
-//! A picture drawn by the processor: of nodes of the open file, or of live particles.
+//! A picture drawn by the processor, or beside the window's frames: of nodes of the open file, or of live particles.
 
+use super::beside::{self, Shared};
 use crate::color::transfer::Levels;
 use crate::cpu::paths::PathFragments;
 use crate::cpu::volume::VolumeError;
@@ -40,6 +41,9 @@ pub(super) struct Outcome {
     /// How many particles it took, and whether that is less than the plan would.
     pub taken: u64,
     pub is_cut: bool,
+    /// Whether an adapter drew it; and what is to be said of one that did not.
+    pub by_adapter: bool,
+    pub told: Option<String>,
 }
 
 impl Source {
@@ -57,14 +61,15 @@ impl Source {
     }
 }
 
-/// Draws nodes with `size` pixels, with paths among them; blocks for as long as it takes. `known` are ranges of the colours that what
-/// may be left out depends on.
+/// Draws nodes with `size` pixels, with paths among them, where there is an adapter by that; blocks for as long as it takes. `known` are ranges of
+/// the colours that what may be left out depends on.
 pub(super) fn draw(
     subject: &Subject<'_>,
     nodes: &[SceneNode],
     (view, size): (&View, UVec2),
     limits: &Limits,
     (known, paths): (Option<Levels>, Option<&PathFragments>),
+    adapter: Option<&Shared>,
 ) -> Result<Outcome, VolumeError> {
     // What may be left out is decided for the whole picture, also where this one has fewer pixels.
     let plan = match limits.plan {
@@ -72,11 +77,22 @@ pub(super) fn draw(
         None => subject.plan(view, nodes, &limits.lod_budget, known)?,
     };
     let (fitting, taken) = subject.within(limits.particles, plan, view, nodes);
-    let decoded = subject.decode(view, nodes, &fitting);
-    let view = View { width: size.x, height: size.y, ..*view };
-    let values = match subject.draw_with_paths(&view, &decoded, &fitting, paths) {
-        Err(VolumeError::Grid(GridError::NothingInView)) => None,
-        drawn => Some(drawn?),
+    let sized = View { width: size.x, height: size.y, ..*view };
+    let mut told = None;
+    let by_adapter = match adapter {
+        Some(shared) => beside::draw(shared, subject, (&sized, nodes, &fitting), &mut told),
+        None => Ok(None),
     };
-    Ok(Outcome { values, plan, taken, is_cut: fitting != plan })
+    let drawn = by_adapter.and_then(|drawn| match drawn {
+        Some(values) => Ok((values, true)),
+        None => {
+            let decoded = subject.decode(view, nodes, &fitting);
+            Ok((subject.draw_with_paths(&sized, &decoded, &fitting, paths)?, false))
+        }
+    });
+    let (values, by_adapter) = match drawn {
+        Err(VolumeError::Grid(GridError::NothingInView)) => (None, false),
+        drawn => drawn.map(|(values, by_adapter)| (Some(values), by_adapter))?,
+    };
+    Ok(Outcome { values, plan, taken, is_cut: fitting != plan, by_adapter, told })
 }

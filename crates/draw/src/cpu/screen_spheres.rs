@@ -10,6 +10,7 @@ use super::footprint::Lens;
 use super::paths::PathFragments;
 use super::paths::fragments::over;
 use super::screen_tiles::{Reach, Tiles};
+use super::shadowing::Covering;
 use super::volume::particles::{Taken, project};
 use super::volume::{Light, OpaqueDepths, VolumeError, VolumeReport, extents};
 use crate::color::Colors;
@@ -29,6 +30,8 @@ pub const NEIGHBOURHOOD: u32 = (WIDEST as u32 + 1) * ROUNDS as u32;
 pub const ROUNDS: usize = 2;
 /// Neighbours count whose depth differs by less than so many radii.
 pub const NEIGHBOUR: f32 = 2.0;
+/// How far surfaces that are smoothed in two pictures may be apart, radii of spheres.
+const SLACK: f64 = 0.5;
 /// Pairs of a tile and a particle that are held at once.
 const PAIRS: usize = 1 << 22;
 
@@ -47,6 +50,14 @@ pub struct SphereOptions {
     pub far: Option<f64>,
     /// Whether it is told what a picture hides.
     pub occlusion: bool,
+}
+
+impl SphereOptions {
+    /// The same for a lamp: planes are at depths from the eye, and nobody asks what is hidden from it.
+    #[must_use]
+    pub fn for_lamp(self) -> SphereOptions {
+        SphereOptions { near: None, far: None, occlusion: false, ..self }
+    }
 }
 
 /// Colours of a surface by one value.
@@ -85,7 +96,8 @@ pub struct Hit {
 }
 
 impl Hit {
-    const NONE: Hit = Hit { depth: f32::INFINITY, radius: 0.0, density: 0.0, attribute: 0.0 };
+    /// Nothing.
+    pub const NONE: Hit = Hit { depth: f32::INFINITY, radius: 0.0, density: 0.0, attribute: 0.0 };
 }
 
 /// The surface in front of each pixel, row 0 at the top.
@@ -219,10 +231,17 @@ impl Front {
     }
 
     /// The mean radius of what is shown, world units.
-    pub fn mean_radius(&self) -> f64 {
+    fn mean_radius(&self) -> f64 {
         let shown = self.hits.iter().filter(|hit| hit.depth.is_finite());
         let (sum, count) = shown.fold((0.0, 0.0), |(sum, count), hit| (sum + f64::from(hit.radius), count + 1.0));
         if count > 0.0 { sum / count } else { 0.0 }
+    }
+
+    /// What of a picture it covers, smoothed by so many radii.
+    pub fn covering(&self, smoothing: f64) -> Covering {
+        // Of two pictures each is smoothed by itself.
+        let slack = if smoothing > 0.0 { SLACK * self.mean_radius() } else { 0.0 };
+        Covering { depths: self.depths(), light: None, slack }
     }
 
     /// What spheres of a radius (smoothing lengths) hide, before they are smoothed: smoothing looks at no more than what each pixel shows.

@@ -128,10 +128,7 @@ impl Depiction {
 
     /// What draws it on an adapter.
     pub fn adapter(&self) -> Adapter {
-        match self.mode.technique.is_processors(&self.settings) {
-            true => Adapter::None,
-            false => self.mode.technique.adapter(),
-        }
+        self.mode.technique.adapter()
     }
 
     /// Whether it is of fields of columns ([`super::Technique::fields`]).

@@ -12,7 +12,7 @@ pub use splat_sums::{SPLAT_SUMS, SplatSums};
 use super::{FieldJob, FieldPasses, Footprint, InView, Settings};
 use crate::color::transfer::TransferFunction;
 use crate::cpu::paths::PathFragments;
-use crate::cpu::shadowing::Casters;
+use crate::cpu::shadowing::{Casters, Lighting, Shadowing};
 use crate::cpu::volume::{Supply, VolumeError, VolumeLevels};
 use crate::cpu::{Splats, Summation};
 use crate::hierarchy::Purpose;
@@ -118,10 +118,21 @@ pub trait Technique: Sync {
         Vec::new()
     }
 
-    /// Whether nothing but the processor draws it with these settings, whatever [`Technique::adapter`] and
-    /// [`Technique::has_field_passes`] say.
-    fn is_processors(&self, _settings: &Settings) -> bool {
+    /// Whether its opaque surfaces darken each other with these settings, which the processor finds in what has been drawn: an adapter does
+    /// not show such a picture in frames of its own, nor does it draw one of an image or a volume.
+    fn is_darkened(&self, _settings: &Settings) -> bool {
         false
+    }
+
+    /// How they do in a view of particles of this diameter; `None` where they do not.
+    fn shadowing(
+        &self,
+        _settings: &Settings,
+        _view: &View,
+        _lighting: &Lighting<'_>,
+        _diameter: f64,
+    ) -> Option<Shadowing> {
+        None
     }
 
     /// Whether [`Technique::draw`] draws.
@@ -314,7 +325,6 @@ mod tests {
     use super::*;
     use crate::cpu::SplatOptions;
     use crate::cpu::over::Order;
-    use crate::cpu::shadowing::Lighting;
     use crate::mode::Mode;
     use crate::modes::{column_density, grid};
     use crate::view::Projection;

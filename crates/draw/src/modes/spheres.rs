@@ -2,10 +2,9 @@
 
 use super::grid::{self, Look};
 use super::shadowing;
-use crate::color::Colors;
 use crate::color::transfer::Scale;
-use crate::cpu::screen_spheres::{Front, NEIGHBOURHOOD, SphereOptions, SurfaceColors, front};
-use crate::cpu::shadowing::{Casters, Shadowing};
+use crate::cpu::screen_spheres::{NEIGHBOURHOOD, SphereOptions, SurfaceColors, front};
+use crate::cpu::shadowing::{Casters, Lighting, Shadowing};
 use crate::cpu::volume::VolumeError;
 use crate::cpu::volume::classify::BRIGHTNESSES;
 use crate::cpu::volume::raycast::SURFACE_BRIGHTNESS;
@@ -40,9 +39,6 @@ pub static THRESHOLD: Setting = Setting {
     kind: SettingKind::Number { min: 0.0, max: 1e38, default: 0.0 },
     help: "density below which particles are left out, in the data's units; 0: chosen from the data",
 };
-
-/// How far surfaces that are smoothed in two pictures may be apart, radii of spheres.
-const SLACK: f64 = 0.5;
 
 /// Place of the automatic threshold in the range of densities.
 pub const PLACE: f32 = 0.62;
@@ -94,19 +90,10 @@ pub fn surface_colors(look: &Look) -> SurfaceColors {
     SurfaceColors { colors, of_attribute: false, scale: Scale::Log, range: look.levels.density }
 }
 
-/// Darkens the colours of a surface where it hides light from itself.
-fn darken(job: &Job<'_>, surface: &Front, options: &SphereOptions, shadowing: &Shadowing, colors: &mut Colors) {
-    // Of two pictures each is smoothed by itself.
-    let slack = if options.smoothing > 0.0 { SLACK * surface.mean_radius() } else { 0.0 };
-    let shadowing = Shadowing { slack, ..*shadowing };
-    let others = job.lighting.others.as_ref();
-    shadowing.darken(job.view, &surface.depths(), colors, &*casters(job, *options), others);
-}
-
 /// The depths of the surface from any view; planes are at depths from the eye.
 fn casters<'j>(job: &'j Job<'j>, options: SphereOptions) -> Box<Casters<'j>> {
     Box::new(move |from: &View| {
-        let own = if from == job.view { options } else { SphereOptions { near: None, far: None, ..options } };
+        let own = if from == job.view { options } else { options.for_lamp() };
         let (mut seen, _) = front(from, job.batches, job.density_scale, &own).ok()?;
         seen.smooth(from, own.smoothing);
         Some(seen.depths())
@@ -123,8 +110,12 @@ impl Technique for Spheres {
         shadowing::needs(own, settings)
     }
 
-    fn is_processors(&self, settings: &Settings) -> bool {
+    fn is_darkened(&self, settings: &Settings) -> bool {
         shadowing::is_on(settings)
+    }
+
+    fn shadowing(&self, settings: &Settings, view: &View, lighting: &Lighting<'_>, diameter: f64) -> Option<Shadowing> {
+        shadowing::beside_eye(settings, view, lighting, diameter)
     }
 
     fn meets_surfaces(&self) -> bool {
@@ -169,8 +160,9 @@ impl Technique for Spheres {
         };
         let light = grid::light(settings);
         let mut colors = surface.shade(job.view, light.as_ref(), color);
-        if let Some(shadowing) = shadowing::beside_eye(settings, job.view, &job.lighting, job.diameter) {
-            darken(job, &surface, &options, &shadowing, &mut colors);
+        if let Some(shadowing) = self.shadowing(settings, job.view, &job.lighting, job.diameter) {
+            let (covering, others) = (surface.covering(options.smoothing), job.lighting.others.as_ref());
+            shadowing.darken_covering(job.view, &covering, &mut colors, &*casters(job, options), others);
         }
         if let Some(surfaces) = job.paths {
             surface.lie_among(surfaces, &mut colors);

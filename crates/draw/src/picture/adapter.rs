@@ -1,10 +1,12 @@
 //! What a graphics adapter does for pictures that no window shows. Nothing here knows of one: a program that has adapters hands
 //! one to its sessions.
 
+use super::darkening;
 use super::subject::Subject;
 use crate::color::{Accumulation, Colors};
 use crate::cpu::field::Field;
 use crate::cpu::overdraw::Overdraw;
+use crate::cpu::shadowing::Covering;
 use crate::cpu::surface::holes::Holes;
 use crate::cpu::surface::look::Look;
 use crate::cpu::surface::photo::PhotoCut;
@@ -31,6 +33,18 @@ pub trait Adapter: Send + Sync {
     /// # Errors
     /// [`VolumeError::Device`]: what is missing; others as [`crate::mode::Mode::draw`].
     fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError>;
+
+    /// The same of modes with opaque surfaces, with what covers the picture's pixels; without colours where they are not wanted.
+    ///
+    /// # Errors
+    /// As [`Adapter::draw`].
+    fn draw_covering(
+        &mut self,
+        _job: &AdapterJob<'_>,
+        _is_colored: bool,
+    ) -> Result<(AdapterFrame, Covering), VolumeError> {
+        Err(VolumeError::Device("the adapter does not tell what covers its pictures".into()))
+    }
 
     /// Draws a volume of samples.
     ///
@@ -193,7 +207,8 @@ pub enum AdapterValues {
     Light(Colors, VolumeReport),
 }
 
-/// Has an adapter draw a subject's picture: its values, and what else there is to say.
+/// Has an adapter draw a subject's picture: its values, and what else there is to say. Where surfaces darken each other, the processor does that to
+/// what has been drawn.
 ///
 /// # Errors
 /// As [`Adapter::draw`].
@@ -207,7 +222,10 @@ pub fn draw_on(
         true => subject.light(job.view, &mut |options| adapter.ranges(&job, options))?,
         false => None,
     };
-    let mut frame = adapter.draw(&AdapterJob { light: light.as_ref(), ..job })?;
+    let mut frame = match subject.shadowing(job.view).zip(light.as_ref()) {
+        Some((shadowing, plan)) => darkening::draw(adapter, (job, plan), &shadowing, subject.lighting.others.as_ref())?,
+        None => adapter.draw(&AdapterJob { light: light.as_ref(), ..job })?,
+    };
     let values = match (std::mem::replace(&mut frame.values, AdapterValues::Sums(Default::default())), light) {
         (AdapterValues::Light(colors, report), Some(LightPlan { levels, isovalues, .. })) => {
             Raw::Light(LightPicture { colors, report, levels, isovalues })
@@ -231,7 +249,7 @@ pub fn draws_fields(
     backend: Option<Backend>,
     adapter: Option<&mut (dyn Adapter + 'static)>,
 ) -> Result<bool, String> {
-    let has_passes = mode.technique.has_field_passes() && !mode.technique.is_processors(settings);
+    let has_passes = mode.technique.has_field_passes() && !mode.technique.is_darkened(settings);
     match (backend, adapter) {
         (Some(Backend::Compute | Backend::Raster), None) => Err(WITHOUT_ADAPTER.into()),
         (Some(Backend::Raster), Some(_)) if has_passes => {
@@ -268,9 +286,6 @@ pub fn passes(
         (Some(Backend::Raster), Has::Splats) => Ok(Some(Passes::Raster)),
         (Some(_), Has::Plugin) if !on_processor => only("compute draws"),
         (Some(_), Has::Plugin | Has::Light) => only("compute and cpu draw"),
-        (Some(_), _) if mode.technique.is_processors(&depiction.settings) => {
-            Err(format!("--backend: only cpu draws the mode {} with these settings", mode.name))
-        }
         (Some(_), _) => only("cpu draws"),
         (None, Has::Splats) => Ok(adapter.is_card().then_some(Passes::Best)),
         (None, Has::Light) => Ok(adapter.is_card().then_some(Passes::Compute)),

@@ -8,6 +8,7 @@ pub mod annotation;
 mod any_session;
 pub mod around;
 pub mod asked;
+mod darkening;
 pub mod decode;
 pub mod drawing_cost;
 pub mod fade;

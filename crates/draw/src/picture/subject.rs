@@ -11,7 +11,7 @@ use crate::color::Accumulation;
 use crate::color::transfer::{Levels, TransferFunction};
 use crate::cpu::overdraw::{Overdraw, overdraw};
 use crate::cpu::paths::PathFragments;
-use crate::cpu::shadowing::{Lighting, Others};
+use crate::cpu::shadowing::{Lighting, Others, Shadowing};
 use crate::cpu::volume::particles::{density_scale, density_scale_of};
 use crate::cpu::volume::{Supply, VolumeError};
 use crate::cpu::{Counts, Method, SplatError, SplatOptions, Splats, around};
@@ -312,6 +312,12 @@ impl<'a> Subject<'a> {
             }
             _ => self.draw_batches(view, batches, &Plan::default(), surfaces)?.sums(self.depiction.mode),
         }
+    }
+
+    /// How the opaque surfaces of what is drawn darken each other in a view; `None` where they do not.
+    pub(super) fn shadowing(&self, view: &View) -> Option<Shadowing> {
+        let Depiction { mode, settings, .. } = self.depiction;
+        mode.technique.shadowing(settings, view, &self.lighting, self.diameter)
     }
 
     /// What an adapter's passes draw in a view, of modes that draw light; `ranges` finds those of the field.

@@ -62,6 +62,17 @@ pub struct Shadowing {
 /// Draws the depths of what hides light, pixel by pixel, from any view; `None` where there is nothing in it.
 pub type Casters<'a> = dyn Fn(&View) -> Option<Vec<f32>> + Sync + 'a;
 
+/// What covers the pixels of a picture: it is darkened, and hides light.
+#[derive(Clone, Debug, Default)]
+pub struct Covering {
+    /// Its depth in each pixel, row by row; infinite where nothing covers.
+    pub depths: Vec<f32>,
+    /// What it adds to each pixel's colour, linear light; without, pixels that it covers show nothing else.
+    pub light: Option<Vec<[f32; 3]>>,
+    /// How far it may be from that of another picture of the same scene, world units.
+    pub slack: f64,
+}
+
 /// Everything else in a picture that hides light from what is drawn.
 #[derive(Clone, Copy)]
 pub struct Others<'a> {
@@ -168,6 +179,28 @@ impl Shadowing {
         let Some(factors) = self.factors(view, depths, own, others) else { return };
         colors.rgba.par_iter_mut().zip(&factors).for_each(|([r, g, b, _], factor)| {
             [r, g, b].into_iter().for_each(|channel| *channel *= factor);
+        });
+    }
+
+    /// Darkens of the colours of a view's picture what covers its pixels.
+    pub fn darken_covering(
+        &self,
+        view: &View,
+        covering: &Covering,
+        colors: &mut Colors,
+        own: &Casters<'_>,
+        others: Option<&Others<'_>>,
+    ) {
+        let whole = Shadowing { slack: covering.slack, ..*self };
+        let Some(light) = &covering.light else {
+            whole.darken(view, &covering.depths, colors, own, others);
+            return;
+        };
+        let Some(factors) = whole.factors(view, &covering.depths, own, others) else { return };
+        colors.rgba.par_iter_mut().zip(&factors).zip(light).for_each(|((pixel, factor), light)| {
+            for (channel, light) in pixel.iter_mut().zip(light) {
+                *channel = (*channel - (1.0 - factor) * light).max(0.0);
+            }
         });
     }
 

@@ -218,6 +218,7 @@ fn what_is_seen_through_keeps_its_light() {
         own[2 * pixel + 1] = PathFragment { depth: *depth, color: [1.0; 3], alpha: 1.0 };
     }
     let shadowing = occlusion(0.5);
+    let mut told = fragments.colors();
     shadowing.darken_fragments(&view, &mut fragments, &nobody, None);
     let factors = shadowing.factors(&view, &seen, &nobody, None).unwrap();
     assert!(factors.iter().any(|factor| *factor < 0.7));
@@ -226,6 +227,12 @@ fn what_is_seen_through_keeps_its_light() {
         let expected = if depth.is_finite() { factors[pixel] } else { 0.5 };
         assert!(*first == veil && second.color == [expected; 3]);
     }
+    // Who has drawn the picture tells what covers it, and what light that adds behind the veil.
+    let light = seen.iter().map(|depth| [if depth.is_finite() { 1.0 - veil.alpha } else { 0.0 }; 3]).collect();
+    let covering = Covering { depths: seen.clone(), light: Some(light), slack: 0.0 };
+    shadowing.darken_covering(&view, &covering, &mut told, &nobody, None);
+    let mut pairs = told.rgba.iter().flatten().zip(fragments.colors().rgba.into_iter().flatten());
+    assert!(pairs.all(|(told, own)| (told - own).abs() < 1e-6));
     let mut colors = Colors { width: 64, height: 64, rgba: vec![[1.0; 4]; 64 * 64] };
     shadowing.darken(&view, &seen, &mut colors, &nobody, None);
     assert!(colors.rgba.iter().zip(&factors).all(|(color, factor)| *color == [*factor, *factor, *factor, 1.0]));

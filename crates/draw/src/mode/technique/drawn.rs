@@ -97,6 +97,29 @@ pub enum LightPasses {
     },
 }
 
+impl LightPasses {
+    /// What hides light, as a lamp sees it: planes are at depths from the eye. `None` where nothing does.
+    pub fn casting(&self) -> Option<LightPasses> {
+        match self {
+            LightPasses::March(scenery, options) => {
+                Some(LightPasses::March(scenery.casting()?, options.seen_from(false)))
+            }
+            LightPasses::Columns(march) => {
+                let (scenery, options) = (march.scenery.casting()?, march.options.seen_from(false));
+                Some(LightPasses::Columns(Box::new(ColumnMarch { scenery, options, ..ColumnMarch::clone(march) })))
+            }
+            LightPasses::Spheres { options, colors, density_scale, .. } => {
+                let (colors, density_scale) = (colors.clone(), *density_scale);
+                Some(LightPasses::Spheres { options: options.for_lamp(), light: None, colors, density_scale })
+            }
+            LightPasses::Cartesian(..)
+            | LightPasses::Sorted { .. }
+            | LightPasses::Over { .. }
+            | LightPasses::Layered { .. } => None,
+        }
+    }
+}
+
 /// A picture before it is shown.
 #[derive(Clone, Debug)]
 pub enum Raw {

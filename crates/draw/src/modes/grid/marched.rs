@@ -37,17 +37,6 @@ fn sampling(view: &View, settings: &Settings, bounds: Bounds) -> Detail {
 pub struct Marched(pub Layers);
 
 impl Marched {
-    /// How its surfaces darken each other in a view of data of this diameter; `None` where they do not.
-    fn shadowing(&self, settings: &Settings, view: &View, lighting: &Lighting<'_>, diameter: f64) -> Option<Shadowing> {
-        match self.0.surfaces {
-            [] => None,
-            _ => {
-                let own = shadowing::beside_eye(settings, view, lighting, diameter);
-                own.map(|shadowing| Shadowing { is_costly: true, ..shadowing })
-            }
-        }
-    }
-
     fn field_shadowing(&self, job: &FieldJob<'_>) -> Option<Shadowing> {
         self.shadowing(job.settings, job.view, &job.lighting, job.diameter)
     }
@@ -72,8 +61,18 @@ impl Technique for Marched {
         shadowing::needs(own, settings)
     }
 
-    fn is_processors(&self, settings: &Settings) -> bool {
+    fn is_darkened(&self, settings: &Settings) -> bool {
         !self.0.surfaces.is_empty() && shadowing::is_on(settings)
+    }
+
+    fn shadowing(&self, settings: &Settings, view: &View, lighting: &Lighting<'_>, diameter: f64) -> Option<Shadowing> {
+        match self.0.surfaces {
+            [] => None,
+            _ => {
+                let own = shadowing::beside_eye(settings, view, lighting, diameter);
+                own.map(|shadowing| Shadowing { is_costly: true, ..shadowing })
+            }
+        }
     }
 
     fn detail(&self, view: &View, settings: &Settings, bounds: Bounds, _: f64) -> Detail {
