@@ -101,6 +101,9 @@ pub struct Arguments {
     /// The page file to write.
     #[arg(short, long, value_name = "FILE.df", required_unless_present_any = ["status", "cancel"], default_value = "-", hide_default_value = true)]
     pub output: PathBuf,
+    /// What the source is taken for: particles turns a volume's voxels into particles, for the hierarchies of particles.
+    #[arg(long = "as", value_enum, value_name = "WHAT", default_value_t)]
+    pub as_what: As,
     /// Keep only this family (gas, dark, type2, type3, stars, black-holes); may be repeated.
     #[arg(long, value_name = "NAME", value_parser = super::arguments::family_name)]
     pub family: Vec<FamilyName>,
@@ -166,9 +169,6 @@ pub struct Arguments {
     /// How particles are traced through a velocity field.
     #[command(flatten)]
     pub tracing: TraceOptions,
-    /// What the source is taken for: particles turns a volume's voxels into particles, for the hierarchies of particles.
-    #[arg(long = "as", value_enum, value_name = "WHAT", default_value_t)]
-    pub as_what: As,
 }
 
 /// What a source is taken for.
@@ -217,6 +217,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return heights::build::run(arguments, only);
     }
     arguments.texture.refuse()?;
+    heights::refuse_without(&arguments.sources[0], &arguments.heights.given())?;
     if arguments.height_error.is_some() {
         let named = arguments.sources[0].display();
         return Err(format!("{named}: --height-error: found no heights, expected some").into());

@@ -19,12 +19,12 @@ pub struct Arguments {
     /// A height that has a line.
     #[arg(long, value_name = "HEIGHT", default_value_t = 0.0, allow_hyphen_values = true)]
     pub base: f64,
-    /// What is said of heights.
-    #[command(flatten)]
-    pub heights: StatedOptions,
     /// The lines: .geojson, .csv or .svg.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub heights: StatedOptions,
 }
 
 /// Finds and writes the lines.

@@ -17,18 +17,18 @@ pub struct Arguments {
     pub before: PathBuf,
     /// The later heights.
     pub after: PathBuf,
-    /// What is said of both.
-    #[command(flatten)]
-    pub heights: StatedOptions,
-    /// On which body degrees are lengths: globe:BODY such as globe:moon [default: the Earth].
-    #[arg(long, value_name = "MAP")]
-    pub map: Option<String>,
     /// The difference: a page file .df, or .npy, .tif, .asc, .x3p or .csv.
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
     /// Write the numbers as JSON to a file, or to standard output for `-`.
     #[arg(long, value_name = "FILE.json")]
     pub json: Option<PathBuf>,
+    /// What is said of both.
+    #[command(flatten)]
+    pub heights: StatedOptions,
+    /// On which body degrees are lengths: globe:BODY such as globe:moon [default: the Earth].
+    #[arg(long, value_name = "MAP")]
+    pub map: Option<String>,
 }
 
 /// Subtracts, writes and tells.

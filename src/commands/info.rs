@@ -58,6 +58,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         };
         return Ok(std::io::stdout().write_all(text.as_bytes())?);
     }
+    heights::refuse_without(path, &said.given())?;
     let pretty = |value: &serde_json::Value| serde_json::to_string_pretty(value).map(|text| text + "\n");
     // What cannot be read is left to the importer's message.
     let text = match DataKind::of(path).unwrap_or(DataKind::Source) {
@@ -107,7 +108,7 @@ fn write_table(text: &mut String, summary: &Summary) -> std::fmt::Result {
     let files = if about.files == 1 { String::new() } else { format!(" in {} files", about.files) };
     writeln!(text, "{}, {} bytes{files}: {} particles", about.format, about.bytes, summary.particles)?;
     writeln!(text, "length unit: {}, mass unit: {}", about.length_unit, about.mass_unit)?;
-    for (name, value) in [("time", about.time), ("redshift", about.redshift), ("box", about.box_size)] {
+    for (name, value) in [("time", about.time), ("redshift", shown_redshift(about.redshift)), ("box", about.box_size)] {
         if let Some(value) = value {
             writeln!(text, "{name}: {}", short(value))?;
         }
@@ -135,10 +136,21 @@ fn write_family(text: &mut String, family: &FamilySummary) -> std::fmt::Result {
             let Field { name, components, .. } = &field.about;
             let name = if *components == 1 { name.clone() } else { format!("{name}{letter}") };
             let unit = field.about.unit.to_string();
-            writeln!(text, "  {name:<28} {unit:<24} {:>14} {:>14} {:>14}", short(min), short(max), short(mean))?;
+            let [min, max, mean] = statistics([min, max, mean]);
+            writeln!(text, "  {name:<28} {unit:<24} {min:>14} {max:>14} {mean:>14}")?;
         }
     }
     Ok(())
+}
+
+/// Minimum, maximum and mean as they are told; a field without a value has none.
+fn statistics([min, max, mean]: [f64; 3]) -> [String; 3] {
+    if min <= max { [min, max, mean].map(short) } else { ["none"; 3].map(String::from) }
+}
+
+/// A redshift as it is told: what rounding leaves of `1 / a - 1` today is none.
+pub(super) fn shown_redshift(redshift: Option<f64>) -> Option<f64> {
+    redshift.map(|redshift| if redshift.abs() < 1e-12 { 0.0 } else { redshift })
 }
 
 /// Seven digits, as exponent where that is shorter.
@@ -147,5 +159,25 @@ pub(super) fn short(value: f64) -> String {
         0.0 => "0".into(),
         1e-4..1e7 => format!("{value:.6}"),
         _ => format!("{value:.6e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_rounding_leaves_of_a_redshift_is_none() {
+        let told = |redshift: f64| shown_redshift(Some(redshift)).map(short);
+        assert_eq!(told(-f64::EPSILON).as_deref(), Some("0"));
+        assert_eq!(told(0.5).as_deref(), Some("0.500000"));
+        assert_eq!(told(1e-9).as_deref(), Some("1.000000e-9"));
+        assert_eq!(shown_redshift(None), None);
+    }
+
+    #[test]
+    fn a_field_without_a_value_has_no_statistics() {
+        assert_eq!(statistics([f64::INFINITY, f64::NEG_INFINITY, f64::NAN]), ["none"; 3]);
+        assert_eq!(statistics([1.0, 1.0, 1.0]), ["1.000000"; 3]);
     }
 }

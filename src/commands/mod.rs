@@ -23,6 +23,7 @@ pub mod light_options;
 pub mod manual;
 pub mod members_options;
 pub mod modes;
+mod overwriting;
 pub mod page_file_info;
 pub mod paths;
 pub mod plot;

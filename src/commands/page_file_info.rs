@@ -1,6 +1,8 @@
 //! What `deepfield info` says about a page file: the table of F12 4.1 for each family, the quantiser's errors, and all of
 //! it as JSON.
 
+use super::info::shown_redshift;
+use super::probe::short;
 use crate::codec::{CodeBits, Codebook, CodebookScope};
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, Metadata, PageFile};
 use serde_json::{Value, json};
@@ -134,9 +136,10 @@ fn write_table(text: &mut String, file: &PageFile) -> std::fmt::Result {
     writeln!(text, "source: {} ({}, {} bytes)", provenance.path.display(), provenance.format, provenance.bytes)?;
     writeln!(text, "hierarchies: {}", hierarchies(metadata).join(", "))?;
     writeln!(text, "length unit: {}, mass unit: {}", metadata.length_unit, metadata.mass_unit)?;
-    for (name, value) in [("time", provenance.time), ("redshift", provenance.redshift), ("box", provenance.box_size)] {
+    let redshift = shown_redshift(provenance.redshift);
+    for (name, value) in [("time", provenance.time), ("redshift", redshift), ("box", provenance.box_size)] {
         if let Some(value) = value {
-            writeln!(text, "{name}: {value}")?;
+            writeln!(text, "{name}: {}", short(value))?;
         }
     }
     for skipped in &metadata.skipped {

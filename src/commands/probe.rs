@@ -144,6 +144,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         heights::refuse_options(path, &arguments.of_particles(), own)?;
         return heights::probe::run(path, said, asked, out.as_deref(), json.as_deref());
     }
+    let of_heights = [&arguments.said.given()[..], &arguments.heights.given()].concat();
+    heights::refuse_without(&arguments.path, &of_heights)?;
     if arguments.out.is_some() && !arguments.over_time {
         return Err("-o: expected --over-time beside it, or heights".into());
     }

@@ -51,12 +51,12 @@ pub struct Arguments {
     /// Part of the grid: samples along each axis, x first, the last not included.
     #[arg(long, value_name = "X0:X1,Y0:Y1[,Z0:Z1]")]
     pub region: Option<Box3>,
-    /// How points are chosen, of a source: a file was built so.
-    #[command(flatten)]
-    pub wavelet: WaveletOptions,
     /// Write how many points and how wrong as JSON to a file, or to standard output for `-`.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// How points are chosen, of a source: a file was built so.
+    #[command(flatten)]
+    pub wavelet: WaveletOptions,
     /// What a file without a header holds.
     #[command(flatten)]
     pub raw: RawOptions,

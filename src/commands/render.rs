@@ -7,6 +7,7 @@ pub use super::render_arguments::Arguments;
 use super::request::{Request, open_any};
 use super::statistics;
 use crate::color::{Image, output};
+use crate::explore::Catalogue;
 use crate::import::step_at;
 use crate::look::{DataKind, LookPatch, Member, MemberKind, Shot, is_field, one_snapshot};
 use crate::mode::{Mode, Span};
@@ -48,6 +49,8 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
     let has_numbers = shot.stereo.is_none() && (shot.surround.is_flat() || members.len() == 1);
     options.raw |= is_exr && has_numbers && members.iter().any(Member::is_of_heights);
     if !members.iter().any(Member::is_of_heights) {
+        let spacing = ("--spacing", !arguments.spacing.spacing.is_empty());
+        heights::refuse_without(&arguments.path, &[&arguments.heights.given()[..], &[spacing]].concat())?;
         arguments.texture.refuse()?;
         arguments.before.refuse()?;
     }
@@ -77,6 +80,12 @@ fn render(arguments: &Arguments, mut request: Request) -> CommandResult {
             // What a scene says is for data like that which it was saved with.
             None => eprintln!("deepfield: {why}; the scene's time is left out"),
         }
+    }
+    // A mistake in it is told before anything is built and drawn.
+    if let Some(labels) = &shot.labels
+        && Catalogue::in_plane(labels)?.is_none()
+    {
+        Catalogue::read(labels)?;
     }
     let mut session = open_any(&members, options, [&shot])?;
     let picture = session.draw(&shot)?;

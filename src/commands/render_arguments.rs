@@ -13,12 +13,13 @@ use crate::color::composite::Background;
 use crate::color::transfer::TransferFunction;
 use crate::cpu::Method;
 use crate::hierarchy::spacetime::Interpolation;
+use crate::import::file_of_step;
 use crate::look::{
     Attribute, Backend, CameraConfig, LookPatch, Member, MemberKind, PictureConfig, SceneFile, Shot, check_derived,
     data_file, is_scene_file, say,
 };
 use crate::mode::{Mode, PathsOf, SettingValue, Settings, levels, lod_budget};
-use crate::model::{FamilyName, ReadMethod, When};
+use crate::model::{FamilyName, ReadMethod, When, is_url};
 use crate::modes;
 use crate::modes::samples::ERROR_VALUE;
 use crate::picture::SessionOptions;
@@ -107,7 +108,7 @@ pub struct Arguments {
     /// The point looked at [default: the middle of the data, outliers left out].
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub target: Option<DVec3>,
-    /// The direction that points up in the picture [default: 0,1,0].
+    /// The direction that points up in the picture [default: 0,1,0, of heights 0,0,1; for who looks straight along that z, of heights y].
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub up: Option<DVec3>,
     /// Vertical field of view of a perspective camera, degrees [default: 45].
@@ -182,10 +183,19 @@ pub struct Arguments {
     /// What is written into the picture.
     #[command(flatten)]
     pub annotate: AnnotateOptions,
-    /// What colours mean: a preset (density, density-hue, stars, volume, volume-hue, terrain, land, signed) or a RON file like those in
-    /// assets/transfer [default: the mode's].
+    /// What colours mean: a preset (density, density-hue, stars, grey, terrain, land, signed, cyclic, volume, volume-hue, volume-values) or a
+    /// RON file like those in assets/transfer [default: the mode's].
     #[arg(long, value_name = "NAME|FILE.ron", value_parser = transfer_named)]
     pub transfer: Option<TransferFunction>,
+    /// What is derived.
+    #[command(flatten)]
+    pub derive: DeriveOptions,
+    /// What is behind the picture: black, transparent (an alpha channel) or a colour #rrggbb [default: black].
+    #[arg(long, value_name = "COLOUR")]
+    pub background: Option<Background>,
+    /// How light is exposed and spreads.
+    #[command(flatten)]
+    pub light: LightOptions,
     /// What is said of heights.
     #[command(flatten)]
     pub heights: HeightsOptions,
@@ -204,15 +214,6 @@ pub struct Arguments {
     /// The widest hole of heights that --set holes=filled fills, in cells, or with --set gap-unit=lengths in the unit of x and y; 0: any.
     #[arg(long, value_name = "GAP", value_parser = not_negative, allow_hyphen_values = true)]
     pub largest_gap: Option<f64>,
-    /// What is derived.
-    #[command(flatten)]
-    pub derive: DeriveOptions,
-    /// What is behind the picture: black, transparent (an alpha channel) or a colour #rrggbb [default: black].
-    #[arg(long, value_name = "COLOUR")]
-    pub background: Option<Background>,
-    /// How light is exposed and spreads.
-    #[command(flatten)]
-    pub light: LightOptions,
 }
 
 impl Arguments {
@@ -375,9 +376,14 @@ impl Arguments {
             [only] => only.name,
             _ => look.mode.map_or("the data's usual mode", |mode| mode.name),
         };
+        let (is_usual, file) = (look.mode.is_none() && !is_url(&self.path), file_of_step(&self.path));
         let setting_of = |name: &str| {
             let settings = || possible.iter().flat_map(|mode| mode.all_settings());
             settings().find(|setting| setting.name == name).ok_or_else(|| {
+                // What is not there has no usual mode.
+                if let (true, Err(error)) = (is_usual, std::fs::metadata(file)) {
+                    return format!("{}: {error}", file.display()).into();
+                }
                 let mut names: Vec<&str> = settings().map(|own| own.name).collect();
                 names.sort_unstable();
                 names.dedup();

@@ -6,7 +6,7 @@ use super::heights::select::{Corners, rectangle};
 use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, RegionOptions};
-use super::{CommandResult, progress_bar::TerminalProgress, usage};
+use super::{CommandResult, progress_bar::TerminalProgress};
 use crate::explore::{Data, Format, Frame, Members, Opened, Region, Work, export, ids_of};
 use crate::model::ReadMethod;
 use std::path::PathBuf;
@@ -45,16 +45,16 @@ pub struct Arguments {
     /// The frame of lengths, densities and velocities of comoving data; regions are always in the data's own.
     #[arg(long, value_name = "FRAME", value_enum, default_value_t)]
     pub frame: FrameName,
+    /// The table, .csv, .parquet, .ply, .fits, .vtp (VTK) or .hdf5 (a snapshot as Gadget's), or the list of ids, .ids; of heights .npy, .tif,
+    /// .asc, .x3p, .png or .csv.
+    #[arg(short, long, value_name = "OUT")]
+    pub out: PathBuf,
     /// Of heights: the samples between two corners, and on the edge.
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = rectangle, allow_hyphen_values = true)]
     pub rectangle: Option<Corners>,
     /// What is said of heights.
     #[command(flatten)]
     pub heights: StatedOptions,
-    /// The table, .csv, .parquet, .ply, .fits, .vtp (VTK) or .hdf5 (a snapshot as Gadget's), or the list of ids, .ids; of heights .npy, .tif,
-    /// .asc, .x3p, .png or .csv.
-    #[arg(short, long, value_name = "OUT")]
-    pub out: PathBuf,
 }
 
 /// Selects and writes.
@@ -69,9 +69,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         heights::refuse_options(path, &of_particles, "; heights take --rectangle")?;
         return heights::select::run(path, said, *rectangle, out);
     }
-    if rectangle.is_some() {
-        return Err(usage(format!("{}: --rectangle: is for heights", path.display())));
-    }
+    heights::refuse_without(path, &[&said.given()[..], &[("--rectangle", rectangle.is_some())]].concat())?;
     let extension = out.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase();
     let format = Format::of(out);
     if format.is_none() && extension != "ids" {

@@ -10,6 +10,7 @@ use crate::picture::surface::SurfaceShown;
 use crate::picture::{LeftOut, LevelReport, Picture, ShownMoment};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::Path;
 
 /// Statistics of a picture.
@@ -243,7 +244,7 @@ fn values(picture: &Picture) -> Values<'_> {
 pub(super) fn write_json(path: &Path, statistics: &impl Serialize) -> CommandResult {
     let text = serde_json::to_string_pretty(statistics)? + "\n";
     if path == Path::new("-") {
-        print!("{text}");
+        std::io::stdout().write_all(text.as_bytes())?;
     } else {
         output::write_atomically(path, text.as_bytes())?;
     }

@@ -62,6 +62,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         println!("{path}: sound, {pages} pages, {nodes} nodes, {samples} samples, {bytes} bytes");
         return Ok(());
     }
+    if let Ok(DataKind::Source) = DataKind::of(&arguments.path) {
+        let expected = "a page file, a run, or a file of a grid or of heights";
+        return Err(format!("{path}: content: found no file that deepfield has built, expected {expected}").into());
+    }
     let verified = verify(&arguments.path, &TerminalProgress::new())?;
     println!(
         "{path}: sound, {} pages, {} nodes of {}, {} particles, {} bytes",

@@ -5,6 +5,7 @@ use super::cached_run::{CachedRun, Grown};
 use super::derive_options::DeriveOptions;
 use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptions};
 use super::light_options::LightOptions;
+use super::overwriting::is_one_of;
 use super::projection_options::ProjectionOptions;
 use super::{CommandResult, render};
 use crate::import::{file_of_step, sources_of, steps_in};
@@ -135,21 +136,6 @@ pub struct WindowArguments {
     /// For a follower: the output that it displays.
     #[arg(long, value_name = "FILE.ron#NAME", requires = "follow", value_parser = named_output)]
     pub output: Option<(PathBuf, String)>,
-    /// What is said of heights.
-    #[command(flatten)]
-    pub heights: HeightsOptions,
-    /// How far their samples are apart.
-    #[command(flatten)]
-    pub spacing: SpacingOptions,
-    /// A photo over them.
-    #[command(flatten)]
-    pub texture: TextureOptions,
-    /// Earlier heights.
-    #[command(flatten)]
-    pub before: BeforeOptions,
-    /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
-    #[arg(long, value_name = "MAP")]
-    pub map: Option<String>,
     /// What is derived.
     #[command(flatten)]
     pub derive: DeriveOptions,
@@ -171,9 +157,25 @@ pub struct WindowArguments {
     /// A file that is rewritten with the window's state as JSON whenever it changes, for scripts.
     #[arg(long, value_name = "FILE.json")]
     pub status: Option<PathBuf>,
-    /// Where the picture goes when there is no display [default: the source's name with .png].
+    /// Where the picture goes when there is no display [default: the source's name with .png, of an image that has this name itself with
+    /// .picture.png].
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
+    /// What is said of heights.
+    #[command(flatten)]
+    pub heights: HeightsOptions,
+    /// How far their samples are apart.
+    #[command(flatten)]
+    pub spacing: SpacingOptions,
+    /// A photo over them.
+    #[command(flatten)]
+    pub texture: TextureOptions,
+    /// Earlier heights.
+    #[command(flatten)]
+    pub before: BeforeOptions,
+    /// How degrees of heights become places: plate, local, globe or globe:BODY such as globe:moon [default: globe from 20 degrees on].
+    #[arg(long, value_name = "MAP")]
+    pub map: Option<String>,
 }
 
 #[cfg(feature = "viewer")]
@@ -364,8 +366,7 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
     if named.as_os_str().is_empty() {
         return Err(format!("{reason}: name a file to draw its picture, as in deepfield view snapshot.hdf5").into());
     }
-    let name = named.file_stem().unwrap_or_default().to_string_lossy();
-    let output = settings.picture.clone().unwrap_or_else(|| PathBuf::from(format!("{name}.png")));
+    let output = settings.picture.clone().unwrap_or_else(|| picture_of(named));
     render::run(&render::Arguments {
         size: settings.size,
         backend: settings.backend,
@@ -389,6 +390,13 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
     })?;
     println!("{reason}: the picture is in {}", output.display());
     Ok(())
+}
+
+/// Where the picture of a file goes unless that is said: an image that is shown has that name itself, and is not replaced.
+fn picture_of(named: &Path) -> PathBuf {
+    let name = named.file_stem().unwrap_or_default().to_string_lossy();
+    let usual = PathBuf::from(format!("{name}.png"));
+    if is_one_of(&usual, &[named.to_owned()]) { PathBuf::from(format!("{name}.picture.png")) } else { usual }
 }
 
 /// Whether a window can be opened: on Unix without macOS, an X server or a Wayland compositor is named.

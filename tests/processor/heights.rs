@@ -193,6 +193,15 @@ fn what_is_measured_is_what_formulas_say() {
     assert!((ratio("0") - AMPLITUDE).abs() < 0.1 && (ratio("100") + AMPLITUDE).abs() < 0.1, "{table}");
     assert!(ratio("50").abs() < 0.1 && (ratio("25") + ratio("75")).abs() < 0.2, "{table}");
     refused(folder, &["probe", "whole.df", "-o", "ratio.svg"], "ratio.svg: expected a name that ends in .csv or .png");
+    // Numbers that hang on how far samples are apart, and in which unit, come with what is not known of that.
+    let noted = |arguments: &[&str]| String::from_utf8(ok(folder, arguments).stderr).unwrap();
+    let apart = "note: the distance of samples is not stated";
+    assert!(noted(&["probe", "whole.npy"]).starts_with(apart) && noted(&["probe", "whole.df"]).starts_with(apart));
+    assert_eq!(noted(&["probe", "whole.npy", "--spacing", "2,2"]), "");
+    let degrees = noted(&["probe", "whole.npy", "--spacing", "0.001,0.001"]);
+    assert!(degrees.starts_with("note: x and y, without a unit,") && degrees.contains("--xy-unit deg"), "{degrees}");
+    let crossed = "--s-filter: found 80, expected less than --l-filter 25";
+    refused(folder, &["probe", "whole.npy", "--s-filter", "80", "--l-filter", "25"], crossed);
     let few = "whole.df: region: found 1 x 1 samples, expected at least 2 x 2";
     refused(folder, &["probe", "whole.df", "--rectangle=0,0,0.5,0.5"], few);
     // Under the middle of a picture from above lies what is there; beside the field nothing.

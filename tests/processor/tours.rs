@@ -287,10 +287,22 @@ fn mistakes_are_told_in_a_line() {
     std::fs::write(&path, "(version: 1, keyframes: [()])").unwrap();
     let (code, said) = failure(tour(&[&text, "--check"]));
     assert!(code == Some(1) && said.contains("names no dataset"), "{said}");
+    let (code, said) = failure(tour(&[&demo(), "--check"]));
+    assert!(code == Some(1) && said.contains("found no text, expected RON; --around "), "{said}");
     assert_eq!(failure(tour(&[&text, &demo()])).0, Some(2), "nothing to do");
     assert_eq!(failure(tour(&["--record", "x"])).0, Some(2), "no tour");
     let (code, said) = failure(tour(&[&text, &demo(), "--video", "a.gif"]));
     assert!(code == Some(1) && said.contains("a.gif: expected a name that ends in .avi"), "{said}");
     let (code, said) = failure(tour(&[&text, &demo(), "--frame", "7", "a.png"]));
     assert!(code == Some(1) && said.contains("expected a number from 0 to 0"), "{said}");
+    // Before anything is drawn: the end of a long recording is no place to be told.
+    std::fs::write(&path, "(version: 1, keyframes: [(), (after: 9.0, attribute: named(\"beauty\"))])").unwrap();
+    for what in [&["--check"][..], &["--frame", "0", "a.png"]] {
+        let (code, said) = failure(tour(&[&[&text[..], &demo()][..], what].concat()));
+        assert!(code == Some(1) && said.contains("t.ron: keyframe 2: ") && said.contains("beauty"), "{said}");
+    }
+    let video = folder.path().join("a.avi").display().to_string();
+    let (code, said) = failure(tour(&["--around", &demo(), "--video", &video, "--format", "exr"]));
+    assert!(code == Some(1) && said.contains("add png to --format"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was recorded");
 }

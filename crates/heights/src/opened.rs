@@ -2,7 +2,9 @@
 
 use crate::build::{HeightBuildError, HeightBuildOptions, HeightOrigin, build_heights};
 use crate::import::summary::{HeightSummary, PlaneSummary, short_name};
-use crate::import::{HeightOptions, HeightSource, height_format, open_heights, proportions, summarize_heights};
+use crate::import::{
+    HeightOptions, HeightSource, NO_SPACING, height_format, open_heights, proportions, summarize_heights,
+};
 use crate::model::{HeightError, HeightGrid, Heights, Window, facts_of};
 use crate::store::{HeightAbout, HeightFile};
 use deepfield_data::import::ImportError;
@@ -95,6 +97,17 @@ impl OpenHeights {
             OpenHeights::Source(_) => None,
             OpenHeights::Pages(file) => file.about().rounded.map(|rounded| rounded.error),
         }
+    }
+
+    /// Why lengths and slopes on it may be other than they seem, where heights are between these: it does not say how far samples are apart, or in
+    /// which unit.
+    pub fn doubts(&self, range: [f64; 2]) -> Vec<String> {
+        let has_spacing = match self {
+            OpenHeights::Source(source) => source.description().has_spacing,
+            OpenHeights::Pages(file) => file.about().has_spacing,
+        };
+        let apart = (!has_spacing).then(|| NO_SPACING.to_owned());
+        apart.into_iter().chain(proportions::note(self.grid(), range)).collect()
     }
 
     /// What it holds. Of a source all samples are read.

@@ -74,7 +74,8 @@ fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
     if summary.lone > 0 {
         writeln!(text, "  {} measured ones are alone: in no triangle", summary.lone)?;
     }
-    let (min, max, mean) = (short(summary.min), short(summary.max), short(summary.mean));
+    let [min, max, mean] =
+        [summary.min, summary.max, summary.mean].map(|height| told(height, summary.max - summary.min));
     writeln!(text, "heights: min {min}, max {max}, mean {mean}{heights}")?;
     let is_plane = |plane: &&PlaneSummary| plane.photo.is_none();
     let names: Vec<&str> = summary.planes.iter().filter(is_plane).map(|plane| plane.name.as_str()).collect();
@@ -88,4 +89,31 @@ fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
         writeln!(text, "photo (texture): {columns} x {rows} pixels of {source}, from {from} to {to}{places}")?;
     }
     summary.notes.iter().try_for_each(|note| writeln!(text, "note: {note}"))
+}
+
+/// A height, with six digits of how far heights are apart where that is more than other numbers have: those of a microscope may count from far below.
+fn told(height: f64, range: f64) -> String {
+    let text = short(height);
+    let decimals = (5.0 - range.log10().floor()).min(15.0);
+    match range > 0.0 && decimals > 6.0 && !text.contains('e') {
+        true => format!("{height:.*}", decimals as usize),
+        false => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heights_have_the_digits_that_tell_them_apart() {
+        for (height, range, text) in [
+            (0.076_323_271_2, 3.5e-5, "0.0763232712"),
+            (0.076_323_271_2, 0.0, "0.076323"),
+            (-9026.625, 15_255.4, "-9026.625000"),
+            (2.5e-7, 5e-7, "2.500000e-7"),
+        ] {
+            assert_eq!(told(height, range), text, "{range}");
+        }
+    }
 }

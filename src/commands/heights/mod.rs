@@ -17,5 +17,5 @@ pub mod texture;
 
 pub use before::BeforeOptions;
 pub use options::{HeightsOptions, SpacingOptions, StatedOptions};
-pub use refusal::{refuse, refuse_options};
+pub use refusal::{refuse, refuse_options, refuse_without};
 pub use texture::TextureOptions;

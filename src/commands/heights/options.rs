@@ -1,5 +1,6 @@
 //! What the user says of a height field in place of its file, and which files are height fields.
 
+use crate::commands::arguments::Given;
 use crate::heights::model::{HeightError, HeightGrid, Lengths};
 use crate::heights::{OpenHeights, is_heights};
 use crate::look::{HeightsSaid, TakenFor};
@@ -56,6 +57,15 @@ impl HeightsOptions {
         }
     }
 
+    /// What no other data takes, and what of it is given.
+    pub fn given(&self) -> [Given; 3] {
+        [
+            ("--nodata", self.nodata.is_some()),
+            ("--xy-unit", self.xy_unit.is_some()),
+            ("--height-unit", self.height_unit.is_some()),
+        ]
+    }
+
     /// What is said; `spacing` is what `--spacing` says.
     pub fn said(&self, spacing: &[f64]) -> HeightsSaid {
         let unit = |name: &Option<String>| name.clone().map(Unit::new);
@@ -105,6 +115,12 @@ impl StatedOptions {
     /// Whether the file at `path` is taken for heights, built or not.
     pub fn takes(&self, path: &Path) -> bool {
         self.heights.takes(path)
+    }
+
+    /// What no other data takes, and what of it is given.
+    pub fn given(&self) -> [Given; 4] {
+        let [no_data, xy, height] = self.heights.given();
+        [no_data, xy, height, ("--spacing", !self.spacing.spacing.is_empty())]
     }
 
     /// Opens the file.

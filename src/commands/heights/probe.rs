@@ -5,7 +5,7 @@ use super::info::within;
 use super::select::{Corners, numbers, rectangle, window_in};
 use super::{options, pixels, profile, ratio};
 use crate::commands::CommandResult;
-use crate::commands::arguments::{PictureSize, positive, vector};
+use crate::commands::arguments::{Given, PictureSize, positive, vector};
 use crate::commands::probe::short;
 use crate::commands::projection_options::ProjectionOptions;
 use crate::commands::statistics::write_json;
@@ -61,7 +61,7 @@ pub struct HeightsProbe {
     /// The point looked at.
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub target: Option<DVec3>,
-    /// The direction that points up in the picture [default: 0,0,1].
+    /// The direction that points up in the picture [default: 0,0,1; for who looks straight along that y].
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true)]
     pub up: Option<DVec3>,
     /// Vertical field of view, degrees [default: 45].
@@ -83,6 +83,23 @@ pub struct HeightsProbe {
     /// How directions become a picture.
     #[command(flatten)]
     pub projection: ProjectionOptions,
+}
+
+impl HeightsProbe {
+    /// What nothing else is asked, and what of it is given. A camera is that of pixels.
+    pub fn given(&self) -> [Given; 9] {
+        [
+            ("--point", self.point.is_some()),
+            ("--line", self.line.is_some()),
+            ("--rectangle", self.rectangle.is_some()),
+            ("--disc", self.disc.is_some()),
+            ("--form", self.form.is_some()),
+            ("--s-filter", self.s_filter.is_some()),
+            ("--l-filter", self.l_filter.is_some()),
+            ("--pixel", !self.pixel.is_empty() || self.pixels.is_some()),
+            ("--map", self.map.is_some()),
+        ]
+    }
 }
 
 /// Corners of a line.
@@ -149,8 +166,17 @@ pub fn run(
         note.into_iter().for_each(|note| eprintln!("deepfield: {}: {note}", path.display()));
         return pixels::run(path, &seen, asked, json);
     }
+    if let (Some(short), Some(long)) = (asked.s_filter, asked.l_filter)
+        && short >= long
+    {
+        return Err(format!("--s-filter: found {short}, expected less than --l-filter {long}").into());
+    }
     let is_asked = out.map(profile::is_plot).transpose()?.is_some();
     let (region, curve) = numbers_of(path, &open, asked, is_asked)?;
+    if let Roughness { mean: Some(mean), iso: Iso { sp: Some(peak), sv: Some(pit), .. }, .. } = region.roughness {
+        let doubts = open.doubts([mean - pit, mean + peak]);
+        doubts.iter().for_each(|note| eprintln!("note: {note}"));
+    }
     if let Some(out) = out {
         ratio::write(out, path, open.grid(), &curve, asked.size)?;
     }

@@ -1,4 +1,4 @@
-//! What is refused where heights are named: commands that have no use for them, and options of particles.
+//! What is refused where heights are named: commands that have no use for them, and options of particles; and options of heights elsewhere.
 
 use crate::commands::arguments::Given;
 use crate::commands::{CommandResult, usage};
@@ -29,6 +29,20 @@ pub fn refuse_options(path: &Path, options: &[Given], instead: &str) -> CommandR
         None => Ok(()),
         Some((name, _)) => {
             Err(usage(format!("{}: {name}: found heights, expected particles{instead}", path.display())))
+        }
+    }
+}
+
+/// Refuses options of heights where something else is named. What is not there is told where it is opened.
+///
+/// # Errors
+/// Wrong usage, where one of them is given.
+pub fn refuse_without(path: &Path, options: &[Given]) -> CommandResult {
+    match options.iter().find(|(_, is_given)| *is_given && path.exists()) {
+        None => Ok(()),
+        Some((name, _)) => {
+            let instead = "an array or a grey picture is taken for such by --kind heights";
+            Err(usage(format!("{}: {name}: found no heights, expected some; {instead}", path.display())))
         }
     }
 }

@@ -13,16 +13,20 @@ use super::projection_options::ProjectionOptions;
 use super::{CommandResult, request};
 use crate::build::default_memory;
 use crate::look::{Backend, Member, Shot, data_file};
+use crate::model::ron_file::RonError;
 use crate::picture::SessionOptions;
-use crate::tour::{Frames, Pattern, Show, TourFile, around_data};
+use crate::tour::{Frames, Pattern, Show, TourError, TourFile, around_data};
 use crate::view::{CubeLayout, Surround};
-use std::path::PathBuf;
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+type Failure = Box<dyn std::error::Error + Send + Sync>;
 
 /// Renders a tour: pictures, a video, one frame, or its timetable.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield tour --around snapshot_099.hdf5 --seconds 10 --video around.mp4      a video of any data
-  deepfield tour assets/tours/demo.ron --check                                   the timetable, and what is too fast
+  deepfield tour assets/tours/demo.ron --check                                   the timetable, and what is too fast or not there
   deepfield tour assets/tours/demo.ron --record frames --size 1920x1080 --fps 30
   deepfield tour show.ron snapshot_099.hdf5 --record frames --video show.mp4     other data than the tour names
   deepfield tour --around snapshot_099.hdf5 --projection dome --tilt 20 --size 2048x2048 --video dome.avi
@@ -42,7 +46,7 @@ pub struct Arguments {
     /// A tour around this data instead of one from a file.
     #[arg(long, value_name = "DATA")]
     pub around: Option<PathBuf>,
-    /// How long that tour is [default: 10].
+    /// How long that tour is, 2 seconds at least [default: 10].
     #[arg(long, value_name = "SECONDS", value_parser = positive, requires = "around")]
     pub seconds: Option<f64>,
     /// The mode of that tour; `deepfield modes` lists them [default: the data's usual one].
@@ -57,7 +61,7 @@ pub struct Arguments {
     /// Write one frame, counted from 0, to a PNG file.
     #[arg(long, num_args = 2, value_names = ["N", "OUT.png"], conflicts_with_all = ["record", "video"])]
     pub frame: Option<Vec<String>>,
-    /// Print the timetable with speeds, and what is too fast; nothing is drawn.
+    /// Print the timetable with speeds, and what is too fast or not in the data; nothing is drawn.
     #[arg(long, conflicts_with_all = ["record", "video", "frame"])]
     pub check: bool,
     /// Picture size in pixels [default: the tour's; 1280x720 around data].
@@ -133,10 +137,12 @@ pub fn run(arguments: &Arguments) -> CommandResult {
 
 fn render(arguments: &Arguments) -> CommandResult {
     let video = arguments.video.as_deref().map(video::Encoder::of).transpose()?;
+    if video.is_some() && !arguments.format.contains(&Format::Png) {
+        return Err("--video: a video is made of PNG frames, add png to --format".into());
+    }
     let mut show = open(arguments)?;
     if arguments.check {
-        print!("{}", timetable::text(&show));
-        return Ok(());
+        return Ok(std::io::stdout().write_all(timetable::text(&show).as_bytes())?);
     }
     let frames = Frames::new(
         show.duration(),
@@ -155,9 +161,6 @@ fn render(arguments: &Arguments) -> CommandResult {
     let recorded = record::record(&mut show, &frames, arguments, &folder)?;
     eprintln!("deepfield: {recorded}");
     if let (Some(encoder), Some(path)) = (video, arguments.video.as_deref()) {
-        if !arguments.format.contains(&Format::Png) {
-            return Err("--video: a video is made of PNG frames, add png to --format".into());
-        }
         encoder.encode(path, &folder, &frames, arguments)?;
         eprintln!("deepfield: {}", path.display());
         if arguments.record.is_none() {
@@ -168,8 +171,18 @@ fn render(arguments: &Arguments) -> CommandResult {
     Ok(())
 }
 
+/// Why a file is no tour; where it is data, how to name that.
+fn no_tour(path: &Path, error: TourError) -> Failure {
+    match &error {
+        TourError::Ron(RonError::Io { source, .. }) if source.kind() == ErrorKind::InvalidData => {
+            format!("{error}; --around {} makes a tour around data", path.display()).into()
+        }
+        _ => error.into(),
+    }
+}
+
 /// The tour that the arguments name, with its data.
-fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send + Sync>> {
+fn open(arguments: &Arguments) -> Result<Show, Failure> {
     let (mut tour, file, data) = match (&arguments.around, &arguments.tour) {
         (Some(data), _) => {
             let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
@@ -178,7 +191,7 @@ fn open(arguments: &Arguments) -> Result<Show, Box<dyn std::error::Error + Send 
             (tour, None, Member::new(data_file(data)?))
         }
         (None, Some(path)) => {
-            let tour = TourFile::read(path)?;
+            let tour = TourFile::read(path).map_err(|error| no_tour(path, error))?;
             let data = match (&arguments.data, &tour.dataset) {
                 (Some(data), _) => Member::new(data_file(data)?),
                 (None, Some(dataset)) => {

@@ -309,10 +309,11 @@ impl Place {
     }
 }
 
-/// The unit of lengths of the world that a field stands in.
+/// The unit of lengths of the world that a field stands in: degrees become metres where heights have no unit.
 pub fn world_unit<'a>(placed: &Placed, grid: &'a HeightGrid) -> &'a str {
     match placed.map {
         Map::Plate => grid.xy_unit.0.as_str(),
+        _ if grid.height_unit.is_unknown() => "m",
         _ => grid.height_unit.0.as_str(),
     }
 }

@@ -99,7 +99,25 @@ fn options_of_particles_are_refused() {
     let among = ["render", "waves.df", "--with", "stars.csv", "-o", "x.png", "--family", "dark", "--size", "60x40"];
     ok(folder, &among);
     let rectangle = ["select", "stars.csv", "--rectangle", "0,0,9,9", "-o", "x.csv"];
-    misused(folder, &rectangle, "stars.csv: --rectangle: is for heights");
+    misused(folder, &rectangle, "stars.csv: --rectangle: found no heights, expected some");
+    // A name that is mistyped has no settings either, but that is not what is wrong.
+    refused(folder, &["render", "wave.npy", "-o", "x.png", "--set", "contours=5.0"], "wave.npy: No such file");
+    // Nothing that is said or asked of heights is passed over where there are none.
+    for option in [
+        &["--point", "1,2"][..],
+        &["--line", "0,0,1,1"],
+        &["--form", "plane"],
+        &["--l-filter", "2"],
+        &["--nodata", "-1"],
+        &["--spacing", "1,1"],
+    ] {
+        let found = format!("stars.csv: {}: found no heights, expected some", option[0]);
+        misused(folder, &[&["probe", "stars.csv"][..], option].concat(), &found);
+    }
+    for command in [&["info"][..], &["build", "-o", "x.df"], &["render", "-o", "x.png"]] {
+        let found = "stars.csv: --xy-unit: found no heights, expected some";
+        misused(folder, &[command, &["stars.csv", "--xy-unit", "m"]].concat(), found);
+    }
 }
 
 #[test]

@@ -73,6 +73,11 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
         "waves.df: mode volume does not draw heights, expected surface",
     );
     refused(folder, &["render", "waves.df", "-o", "x.png", "--attribute", "mass"], "attribute mass is not in the data");
+    // Names that cannot be read are told before heights are: these are cut short, and others would be built first.
+    let short = std::fs::read(folder.join("waves.npy")).unwrap()[..4000].to_vec();
+    std::fs::write(folder.join("short.npy"), short).unwrap();
+    std::fs::write(folder.join("towns.csv"), "town,east,north\nA,1,2\n").unwrap();
+    refused(folder, &["render", "short.npy", "-o", "x.png", "--labels", "towns.csv"], "towns.csv: ");
 }
 
 /// What has changed since an earlier field is the colour of the later one, and nothing else of it changes.

@@ -169,15 +169,26 @@ fn what_does_not_fit_together_is_told_or_refused() {
     let unscaled = [members[0].clone(), Member { scale: None, ..members[1].clone() }];
     let told = join(&unscaled).unwrap().1;
     assert!(told.iter().any(|note| note.contains("lengths in") && note.contains("a scale says otherwise")), "{told:?}");
-    for (offset, scale, words) in [
-        (DVec3::new(f64::NAN, 0.0, 0.0), 1.0, "offset and scale"),
-        (DVec3::ZERO, -1.0, "offset and scale"),
-        (DVec3::ZERO, 1e-29, "32-bit"),
-    ] {
+    for (offset, scale) in [(DVec3::new(f64::NAN, 0.0, 0.0), 1.0), (DVec3::ZERO, -1.0)] {
         let wrong = [members[0].clone(), Member { offset, scale: Some(scale), ..members[1].clone() }];
         let error = join(&wrong).unwrap_err().to_string();
-        assert!(error.contains("collapse") && error.contains(words), "{error}");
+        assert!(error.contains("collapse") && error.contains("offset and scale"), "{error}");
     }
+    // Densities change by the cube of lengths: where they are no 32-bit numbers any more they are the nearest that are.
+    let mut small = Member { scale: Some(1e-29), ..members[1].clone() };
+    let (whole, told) = join(&[members[0].clone(), small.clone()]).unwrap();
+    assert!(
+        told.iter().any(|note| note.contains("collapse") && note.contains("densities are beyond 32-bit")),
+        "{told:?}"
+    );
+    let densities =
+        whole.metadata().families.iter().flat_map(|family| &family.codebooks).flat_map(|book| &book.density);
+    assert!(
+        densities.clone().all(|density| density.is_normal()) && densities.clone().any(|density| *density == f32::MAX)
+    );
+    small.scale = Some(1e-3);
+    let told = join(&[members[0].clone(), small]).unwrap().1;
+    assert!(told.iter().all(|note| !note.contains("densities")), "{told:?}");
     // Families that are shown are told by dataset: both have gas or dark matter of their own.
     let hidden = Member { families: Some(Vec::new()), ..members[0].clone() };
     let whole = open(&[hidden.clone(), members[1].clone()]);

@@ -1,14 +1,15 @@
 //! One way to a picture: what a session draws of a shot is what a tour blends and what ranges are found for, in every mode, of pages
 //! and of source particles.
 
-use crate::support::{Told, demo, in_repository, write_demo_pages};
+use crate::support::{Random, Told, built_from_dataset, dataset_of, demo, gas, in_repository, write_demo_pages};
+use deepfield::codec::VqBits;
 use deepfield::cpu::Method;
 use deepfield::cpu::overdraw::Overdraw;
 use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::hierarchy::Kinds;
-use deepfield::look::{Camera, Film, LookPatch, Member, SceneFile, Shot};
+use deepfield::look::{Attribute, Camera, Film, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::SettingValue;
-use deepfield::model::FamilyName;
+use deepfield::model::{Family, FamilyName};
 use deepfield::modes;
 use deepfield::picture::adapter::{AdapterField, AdapterSurface};
 use deepfield::picture::level_report::{LevelReport, ROUNDING};
@@ -187,6 +188,38 @@ fn the_processor_draws_and_counts_what_an_adapter_cannot() {
     );
     assert!(picture.left_out.overdraw.is_some() && picture.left_out.overdraw == expected.left_out.overdraw);
     assert!(picture.image(&shot).unwrap() == expected.image(&shot).unwrap());
+}
+
+/// Stars have no temperature: what is drawn as if they had that of gas is told, once, and only where it is drawn.
+#[test]
+fn families_without_the_attribute_are_told() {
+    let mut random = Random(5);
+    let mut family = gas();
+    for _ in 0..500 {
+        family.positions.push([(); 3].map(|()| random.next()));
+        family.mass.push(1.0);
+        family.smoothing_length.push(0.1);
+        family.density.push(500.0);
+        family.attributes[0].values.push(1e4);
+    }
+    let stars = Family { name: FamilyName::Stars, attributes: Vec::new(), ..family.clone() };
+    let mut dataset = dataset_of(family);
+    dataset.families.push(stars);
+    let built = built_from_dataset(dataset, VqBits::Eight);
+    let told = Arc::new(Told::default());
+    let reporter: Arc<dyn Reporter> = told.clone();
+    let mut session = Session::of(Arc::clone(&built.file), u64::MAX).with_reporter(reporter);
+    let (plain, _) = shot(modes::find("density-squared").unwrap(), &mut session);
+    let attribute = Some(Attribute::Named("temperature".into()));
+    let colored = Shot { look: LookPatch { attribute, ..plain.look.clone() }, ..plain.clone() };
+    let families = Some(vec![FamilyName::Gas]);
+    let of_gas = Shot { look: LookPatch { families, ..colored.look.clone() }, ..colored.clone() };
+    for (shot, expected) in [(&plain, 0), (&of_gas, 0), (&colored, 1), (&colored, 1)] {
+        session.draw(shot).unwrap();
+        assert_eq!(told.0.lock().unwrap().len(), expected);
+    }
+    let told = told.0.lock().unwrap().concat();
+    assert!(told.contains("attribute temperature: not in stars, which are coloured as its mean"), "{told}");
 }
 
 #[test]

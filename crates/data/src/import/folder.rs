@@ -75,7 +75,7 @@ pub fn file_in(path: &Path, others: &[OtherKind]) -> Result<PathBuf, ImportError
         ([], Some(error)) => Err(error),
         _ => {
             let texts: Vec<String> = found.into_iter().map(|(_, text)| text).collect();
-            let expected = "one source in it; name one of these files";
+            let expected = "one source in it; name one of these files, or build a run of them";
             Err(ImportError::malformed(path, "folder", listed(&texts, texts.len() + claimants.len()), expected))
         }
     }

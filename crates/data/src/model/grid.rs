@@ -19,6 +19,7 @@ impl Scale {
     pub const NONE: Scale = Scale { slope: 1.0, intercept: 0.0 };
 
     /// The value of a stored sample.
+    #[inline]
     pub fn value(self, stored: f64) -> f64 {
         if self == Scale::NONE { stored } else { self.slope.mul_add(stored, self.intercept) }
     }

@@ -15,13 +15,20 @@ pub fn builder() -> tempfile::Builder<'static, 'static> {
     builder
 }
 
+/// What the system says of a file in the making, without the name that it would have had meanwhile: nobody has named that.
+pub fn without_name(error: &std::io::Error) -> std::io::Error {
+    let text = error.to_string();
+    let said = text.split_once(" at path ").map_or(&*text, |(said, _)| said);
+    std::io::Error::new(error.kind(), said)
+}
+
 /// Writes a file anew: whole under its name, or not at all.
 ///
 /// # Errors
 /// When the folder cannot be written.
 pub fn write(path: &Path, text: &str) -> std::io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = builder().tempfile_in(folder)?;
+    let mut file = builder().tempfile_in(folder).map_err(|error| without_name(&error))?;
     file.write_all(text.as_bytes())?;
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;

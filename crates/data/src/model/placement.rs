@@ -55,6 +55,13 @@ impl Placement {
         self.mass / (self.scale * self.scale * self.scale)
     }
 
+    /// A particle's density there, held at the least or the largest one where that is beyond 32-bit floats: from parsecs to metres densities change by
+    /// 50 decades.
+    pub fn placed_density(&self, own: f32) -> f32 {
+        let placed = f64::from(own) * self.density();
+        if own > 0.0 { placed.clamp(f64::from(f32::MIN_POSITIVE), f64::from(f32::MAX)) as f32 } else { own }
+    }
+
     /// Puts a dataset's particles there.
     pub fn place(&self, dataset: &mut Dataset) {
         if self.is_here() {
@@ -66,8 +73,22 @@ impl Placement {
         for family in &mut dataset.families {
             family.positions.iter_mut().for_each(|at| *at = self.position(DVec3::from(*at)).to_array());
             times(&mut family.mass, self.mass);
-            times(&mut family.density, self.density());
+            family.density.iter_mut().for_each(|density| *density = self.placed_density(*density));
             times(&mut family.smoothing_length, self.scale);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn densities_end_where_32_bits_do() {
+        let scaled = |scale: f64| Placement { scale, ..Placement::HERE };
+        assert_eq!(scaled(10.0).placed_density(3.0), 0.003);
+        let parsecs = scaled(3e16);
+        assert_eq!([1.0, 0.0].map(|own| parsecs.placed_density(own)), [f32::MIN_POSITIVE, 0.0]);
+        assert_eq!(scaled(3e-16).placed_density(1.0), f32::MAX);
     }
 }

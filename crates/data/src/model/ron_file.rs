@@ -3,6 +3,8 @@
 use super::url::{is_url, refused, shown};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 /// A RON file that cannot be used: which file, where in it, which field, and what was expected.
@@ -62,7 +64,13 @@ pub fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, RonError>
         line: error.span.start.line,
         column: error.span.start.col,
         field: field_at(text, error.span.end.line, error.span.end.col).unwrap_or("the text").to_owned(),
-        message: error.code.to_string().replace(['\n', '\r'], " "),
+        message: match error.code {
+            // Who comes from --attribute or from a configuration has a text there.
+            ron::Error::ExpectedIdentifier => {
+                "Expected identifier: a word without quotes, such as flat or named(\"NAME\")".into()
+            }
+            code => code.to_string().replace(['\n', '\r'], " "),
+        },
     })
 }
 
@@ -81,11 +89,27 @@ pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, RonError> {
 /// [`RonError::Io`].
 pub fn read_text(path: &Path) -> Result<(String, String), RonError> {
     let file = shown(path).display().to_string();
-    let text = if is_url(path) { Err(refused("a file")) } else { std::fs::read_to_string(path) };
+    let text = if is_url(path) { Err(refused("a file")) } else { text_of(path) };
     match text {
         Ok(text) => Ok((file, text)),
         Err(source) => Err(RonError::Io { file, source }),
     }
+}
+
+/// Bytes of a file that are looked at before the others are read.
+const HEAD: u64 = 4096;
+
+/// All of a file, which is text. Data that is named in its place may be longer than memory, and is found out by its first bytes.
+fn text_of(path: &Path) -> std::io::Result<String> {
+    let no_text = || std::io::Error::new(ErrorKind::InvalidData, "content: found no text, expected RON");
+    let file = File::open(path)?;
+    let mut bytes = Vec::new();
+    (&file).take(HEAD).read_to_end(&mut bytes)?;
+    if bytes.contains(&0) {
+        return Err(no_text());
+    }
+    (&file).read_to_end(&mut bytes)?;
+    String::from_utf8(bytes).map_err(|_| no_text())
 }
 
 /// The field `version` of RON text where it is above `known`: what a later version has added would be called unknown, so it is
@@ -182,5 +206,18 @@ mod tests {
         assert!(text.starts_with("/nowhere/at.ron: "), "{text}");
         let afar = read::<Example>(Path::new("https://h/at.ron?sig=s3cr3t")).unwrap_err().to_string();
         assert!(afar.starts_with("https://h/at.ron: found a URL, expected a file of this machine"), "{afar}");
+    }
+
+    #[test]
+    fn data_in_the_place_of_text_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("snapshot.hdf5");
+        for data in [&b"\x89HDF\r\n\x1a\n\0\0\0"[..], b"(size: \xff)"] {
+            std::fs::write(&path, data).unwrap();
+            let text = read::<Example>(&path).unwrap_err().to_string();
+            assert_eq!(text, format!("{}: content: found no text, expected RON", path.display()));
+        }
+        std::fs::write(&path, format!("(size: 3)\n{}", " ".repeat(2 * HEAD as usize))).unwrap();
+        assert_eq!(read::<Example>(&path).unwrap().size, 3);
     }
 }

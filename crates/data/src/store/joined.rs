@@ -13,8 +13,8 @@ impl PageFile {
     /// does not fit together, a sentence each.
     ///
     /// # Errors
-    /// [`StoreError::Unjoinable`] where a placement cannot be used, or takes values out of the range of 32-bit floats, or there are
-    /// more pages than page numbers.
+    /// [`StoreError::Unjoinable`] where a placement cannot be used, or takes masses or lengths out of the range of 32-bit floats, or
+    /// there are more pages than page numbers.
     pub fn join(files: Vec<(PageFile, Placement)>) -> Result<(PageFile, Vec<String>), StoreError> {
         let mut joined: Option<(PageFile, Metadata)> = None;
         let mut notes = Vec::new();
@@ -46,10 +46,15 @@ fn add(scene: &mut Option<(PageFile, Metadata)>, part: Part) -> Result<Vec<Strin
     if first_page.checked_add(part.reader.page_count()).is_none() {
         return Err(unjoinable("there are more pages than 32 bits can number"));
     }
-    let families: Option<Vec<FamilyMetadata>> =
+    let families: Option<Vec<(FamilyMetadata, bool)>> =
         own.families.iter().map(|family| placed(family, first_page, &part.placement)).collect();
-    let families = families.ok_or_else(|| unjoinable("scaled as it is asked for, its values are no 32-bit numbers"))?;
-    let notes = scene.as_ref().map_or_else(Vec::new, |(_, whole)| differences(whole, &own, &part));
+    let beyond = "its masses or lengths are beyond 32-bit numbers in the scene's units; a scale says otherwise";
+    let (families, are_held): (Vec<_>, Vec<_>) = families.ok_or_else(|| unjoinable(beyond))?.into_iter().unzip();
+    let mut notes = scene.as_ref().map_or_else(Vec::new, |(_, whole)| differences(whole, &own, &part));
+    if are_held.contains(&true) {
+        let path = part.reader.path().display();
+        notes.push(format!("{path}: densities are beyond 32-bit numbers in the scene's units: modes that show them are wrong, others are not"));
+    }
     let box_size = own.provenance.box_size.filter(|_| part.placement.is_here());
     let part = Part { first_page, first_family, ..part };
     match scene {
@@ -89,8 +94,8 @@ fn differences(whole: &Metadata, own: &Metadata, part: &Part) -> Vec<String> {
     notes
 }
 
-/// A family's metadata in the scene; `None` where values leave the range of 32-bit floats.
-fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Option<FamilyMetadata> {
+/// A family's metadata in the scene, and whether densities are held where 32-bit floats end; `None` where masses or lengths leave their range.
+fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Option<(FamilyMetadata, bool)> {
     let mut placed = family.clone();
     placed.root_page = PageId(family.root_page.0 + first_page);
     if let Some(volume) = &mut placed.volume {
@@ -100,7 +105,7 @@ fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Op
         clusters.root_page = PageId(clusters.root_page.0 + first_page);
     }
     if placement.is_here() {
-        return Some(placed);
+        return Some((placed, false));
     }
     placed.mass *= placement.mass;
     placed.mass_density *= placement.mass * placement.density();
@@ -110,9 +115,10 @@ fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Op
     for (info, factor) in placed.quantities.iter_mut().zip(factors) {
         scale_info(info, factor);
     }
+    let mut is_held = false;
     for codebook in &mut placed.codebooks {
         let Codebook { mass, density, smoothing_length, .. } = codebook;
-        for (column, factor) in [mass, density, smoothing_length].into_iter().zip(factors) {
+        for (column, factor) in [(mass, placement.mass), (smoothing_length, placement.scale)] {
             for value in column {
                 *value = (f64::from(*value) * factor) as f32;
                 if !value.is_normal() {
@@ -120,8 +126,13 @@ fn placed(family: &FamilyMetadata, first_page: u32, placement: &Placement) -> Op
                 }
             }
         }
+        for value in density {
+            let wanted = (f64::from(*value) * placement.density()) as f32;
+            *value = placement.placed_density(*value);
+            is_held |= *value != wanted;
+        }
     }
-    Some(placed)
+    Some((placed, is_held))
 }
 
 fn scale_info(info: &mut AttributeInfo, factor: f64) {

@@ -185,20 +185,13 @@ fn write_with(
 ) -> Result<(), OutputError> {
     let io = |source| OutputError::Io { path: path.to_owned(), source };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = new_file::builder().tempfile_in(folder).map_err(|error| io(without_name(&error)))?;
+    let mut file = new_file::builder().tempfile_in(folder).map_err(|error| io(new_file::without_name(&error)))?;
     let mut out = BufWriter::new(file.as_file_mut());
     content(&mut out)?;
     out.flush().map_err(io)?;
     drop(out);
     file.persist(path).map_err(|error| io(error.error))?;
     Ok(())
-}
-
-/// What the system says of a file in the making, without the name that it would have had meanwhile: nobody has named that.
-fn without_name(error: &std::io::Error) -> std::io::Error {
-    let text = error.to_string();
-    let said = text.split_once(" at path ").map_or(&*text, |(said, _)| said);
-    std::io::Error::new(error.kind(), said)
 }
 
 fn encode<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> OutputError + '_ {

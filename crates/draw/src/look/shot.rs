@@ -78,7 +78,8 @@ impl Shot {
         let (width, height) = self.size();
         let CameraConfig { eye, target, up, fov, ortho } = self.camera;
         let [own_eye, own_target, up] = [eye, target, up].map(|place| place.map(DVec3::from));
-        let (up, cut) = (up.unwrap_or(DVec3::Y), self.look.cut.unwrap_or_default());
+        let up = |along: DVec3| up.unwrap_or_else(|| usual_up(along));
+        let cut = self.look.cut.unwrap_or_default();
         let fov_y = fov.unwrap_or(45.0).to_radians();
         let around = View::around(bounds, fov_y, width, height)?;
         let target = own_target.unwrap_or(bounds.center());
@@ -88,7 +89,8 @@ impl Shot {
             let ahead =
                 if eye == bounds.center() { eye - DVec3::Z * bounds.size().length().max(1e-30) } else { target };
             let projection = Projection::Perspective { fov_y };
-            let view = View::look_at(eye, own_target.unwrap_or(ahead), up, projection, width, height)?;
+            let target = own_target.unwrap_or(ahead);
+            let view = View::look_at(eye, target, up(target - eye), projection, width, height)?;
             return Ok(cut.applied(&view, eye, periodic));
         }
         let eye = own_eye.unwrap_or(around.eye + (target - bounds.center()));
@@ -96,9 +98,14 @@ impl Shot {
             Some(height) => Projection::Orthographic { height },
             None => Projection::Perspective { fov_y },
         };
-        let view = View::look_at(eye, target, up, projection, width, height)?;
+        let view = View::look_at(eye, target, up(target - eye), projection, width, height)?;
         Ok(cut.applied(&view, target, periodic))
     }
+}
+
+/// What points up for who looks along a direction and has not said it: y, and z where that is the direction itself.
+fn usual_up(along: DVec3) -> DVec3 {
+    if along.cross(DVec3::Y).length() <= 1e-6 * along.length() { along.y.signum() * DVec3::Z } else { DVec3::Y }
 }
 
 impl CameraConfig {
@@ -109,5 +116,25 @@ impl CameraConfig {
         let [eye, target, up] =
             [(next.eye, self.eye), (next.target, self.target), (next.up, self.up)].map(|(next, own)| next.or(own));
         CameraConfig { eye, target, up, fov, ortho }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_may_look_along_what_is_up_elsewhere() {
+        let bounds = Bounds { min: DVec3::splat(-1.0), max: DVec3::splat(1.0) };
+        for eye in [[0.0, 5.0, 0.0], [0.0, -5.0, 0.0], [0.0, 0.0, 5.0]] {
+            for surround in [Surround::Flat, Surround::Equirectangular] {
+                let camera = CameraConfig { eye: Some(eye), target: Some([0.0; 3]), ..CameraConfig::default() };
+                let view = Shot { camera, surround, ..Shot::default() }.view(bounds, None).expect("a view");
+                assert!(view.right.distance(DVec3::X) < 1e-12, "{eye:?}: {}", view.right);
+            }
+        }
+        // Who says what is up is taken at their word.
+        let camera = CameraConfig { eye: Some([0.0, 5.0, 0.0]), up: Some([0.0, 1.0, 0.0]), ..CameraConfig::default() };
+        assert_eq!(Shot { camera, ..Shot::default() }.view(bounds, None).err(), Some(ViewError::NoUp));
     }
 }

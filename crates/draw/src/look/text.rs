@@ -21,9 +21,9 @@ pub enum SceneError {
     },
     /// The data is neither where the scene says nor beside it.
     #[error(
-        "{}: the data is not at {}{nor}; put it beside the scene file, correct the path in datasets, or name it: \
-         deepfield view DATA --scene {}",
-        scene.display(), path.display(), scene.display()
+        "{}: the data is not at {}{nor}; put it beside this file, correct its path there, or name it: \
+         deepfield view DATA --scene {}, or of a tour deepfield tour {} DATA",
+        scene.display(), path.display(), scene.display(), scene.display()
     )]
     Missing {
         /// The scene file.

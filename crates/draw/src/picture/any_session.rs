@@ -63,6 +63,23 @@ impl AnySession {
         }
     }
 
+    /// Refuses a look that names what the data does not have, before anything is drawn.
+    ///
+    /// # Errors
+    /// What was found, and what was expected.
+    pub fn check(&self, look: &LookPatch) -> Result<(), PictureError> {
+        match self {
+            AnySession::Particles(session) => session.check(look),
+            AnySession::Field(session) => {
+                let opened = session.opened();
+                let attribute = look.attribute_name().map(|name| opened.attribute(name)).transpose();
+                attribute.map(|_| ()).map_err(|why| PictureError::of(opened.path(), why))
+            }
+            AnySession::Surface(session) => session.prepare(look).map(|_| ()),
+            AnySession::Mixed(_) => Ok(()),
+        }
+    }
+
     /// Draws a shot.
     ///
     /// # Errors

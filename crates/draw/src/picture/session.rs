@@ -115,6 +115,8 @@ pub struct Session {
     paths: Option<PathLayer>,
     /// What was told of paths last.
     told_of_paths: Option<&'static str>,
+    /// Whether it was told that not all that is drawn has the attribute.
+    has_told_of_attribute: bool,
     /// Whether it was told that the file has not got what was asked of its levels.
     has_told_of_levels: bool,
     /// Whether the picture that was drawn last needed more memory than pages may take, and whether that was told.
@@ -206,6 +208,7 @@ impl Session {
             hiding: None,
             paths: None,
             told_of_paths: None,
+            has_told_of_attribute: false,
             has_told_of_levels: false,
             lacks_memory: false,
             has_told_of_memory: false,
@@ -397,8 +400,22 @@ impl Session {
         let depiction = depict(look, tree.metadata()).map_err(|why| PictureError::of(self.path(), why))?;
         self.scene.families = self.families(look)?;
         self.scene.purpose = depiction.purpose(tree.metadata());
+        if let (Some(_), Some(coloring)) = (look.attribute_name(), &depiction.attribute) {
+            self.tell_of_mean_colors(coloring, tree.metadata());
+        }
         let transfer = transfer_of(look, &depiction);
         Ok((tree, depiction, transfer))
+    }
+
+    /// Refuses a look that names what the data does not have, before it is drawn. What a run has depends on the step, and is not looked at.
+    ///
+    /// # Errors
+    /// The names that there are.
+    pub(super) fn check(&self, look: &LookPatch) -> Result<(), PictureError> {
+        if self.run().is_some() {
+            return Ok(());
+        }
+        depict(look, self.tree().metadata()).map(|_| ()).map_err(|why| PictureError::of(self.path(), why))
     }
 
     /// Selects what a view of a picture needs, and waits for it.

@@ -37,7 +37,7 @@ impl Show {
     /// Resolves a tour, of a file or of none, for data that is open; what there is to tell goes to `tell`.
     ///
     /// # Errors
-    /// When the data cannot be read, or a keyframe looks at something that is not there.
+    /// When the data cannot be read, or a keyframe looks at something that is not there, or shows it by what is not in the data.
     pub fn open(
         mut tour: TourFile,
         file: Option<PathBuf>,
@@ -68,6 +68,11 @@ impl Show {
             tell(format!("{}: is one snapshot, so the tour's times are left out", data.path.display()));
         }
         let timeline = Timeline::new(&tour, &surroundings)?;
+        // Not only when the recording comes there.
+        for (number, stop) in timeline.stops().iter().enumerate() {
+            let refused = |error| format!("{}: keyframe {}: {error}", surroundings.file, number + 1);
+            session.check(&stop.look).map_err(refused)?;
+        }
         Ok(Show {
             exposure: Exposure::new(&timeline),
             tour,
@@ -172,12 +177,15 @@ impl Show {
     /// # Errors
     /// As [`Show::take`], and when the file cannot be written.
     pub fn still(&mut self, time: f64, output: &Path) -> Result<(), Failure> {
+        let extension = output.extension().and_then(|extension| extension.to_str());
+        if !matches!(extension, Some("png" | "exr")) {
+            return Err(format!("{}: expected a name that ends in .png or .exr", output.display()).into());
+        }
         let shot = self.shot(time, output)?;
         let take = self.take(&shot, None)?;
-        match output.extension().and_then(|extension| extension.to_str()) {
-            Some("png") => Ok(output::write_png(output, &take.image)?),
+        match extension {
             Some("exr") => Ok(take.picture.write_exr(output)?),
-            _ => Err(format!("{}: expected a name that ends in .png or .exr", output.display()).into()),
+            _ => Ok(output::write_png(output, &take.image)?),
         }
     }
 }

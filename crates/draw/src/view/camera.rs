@@ -34,7 +34,7 @@ pub enum ViewError {
     #[error("camera eye and target are the same point")]
     NoDirection,
     /// Up is zero or along the viewing direction.
-    #[error("camera up is zero or parallel to the viewing direction")]
+    #[error("camera up is zero or parallel to the viewing direction, expected another direction (--up X,Y,Z)")]
     NoUp,
     /// The field of view or height is out of range.
     #[error("camera {name} is {value}, expected {expected}")]
@@ -193,7 +193,11 @@ impl View {
         const MARGIN: f64 = 1.05;
         let center = bounds.center();
         let projection = Projection::Perspective { fov_y };
-        let mut view = View::look_at(center + DIRECTION, center, DVec3::Y, projection, width, height)?;
+        if !center.is_finite() {
+            return Err(ViewError::NotFinite("eye"));
+        }
+        // Far from the origin, as in centimetres from a galaxy's middle, a step of 1 is lost in rounding.
+        let mut view = View::look_at(DIRECTION, DVec3::ZERO, DVec3::Y, projection, width, height)?;
         let tangent_y = (0.5 * fov_y).tan();
         let tangent_x = tangent_y * f64::from(width) / f64::from(height);
         let half = (0.5 * bounds.size()).max(DVec3::splat(center.abs().max_element().max(1e-30) * 1e-9));
@@ -323,5 +327,10 @@ mod tests {
         }
         let point = Bounds { min: DVec3::splat(3.0), max: DVec3::splat(3.0) };
         assert!(View::around(point, 0.8, 64, 64).unwrap().eye.is_finite());
+        // In centimetres, with the origin far from the middle.
+        let galaxy = Bounds { min: DVec3::splat(-1e21), max: DVec3::splat(5e23) };
+        let view = View::around(galaxy, 0.8, 64, 64).unwrap();
+        let [x, y] = view.to_pixels(view.to_camera(galaxy.center())).unwrap();
+        assert!((x - 32.0).abs() < 1e-6 && (y - 32.0).abs() < 1e-6, "{x} {y}");
     }
 }

@@ -40,6 +40,7 @@ pub use options::HeightOptions;
 pub use photo::{Photo, PhotoChoice};
 pub use source::{HeightDescription, HeightSource, NoData, Samples, is_masked};
 pub use summary::{HeightSummary, summarize_heights};
+pub(crate) use told::NO_SPACING;
 
 use content::Content;
 use deepfield_data::import::ImportError;

@@ -3,6 +3,10 @@
 use super::{HeightOptions, HeightSource, NoData};
 use deepfield_data::model::SampleType;
 
+/// What is noted of a source that does not say how far samples are apart.
+pub(crate) const NO_SPACING: &str =
+    "the distance of samples is not stated: it counts as 1, --spacing DX,DY says otherwise";
+
 /// Puts the options in place of what the source says, and notes what is not stated.
 pub(super) fn overrule(source: &mut HeightSource, options: &HeightOptions) {
     if let Some(no_data) = options.no_data {
@@ -25,8 +29,6 @@ pub(super) fn overrule(source: &mut HeightSource, options: &HeightOptions) {
         grid.height_unit = unit.clone();
     }
     if !about.has_spacing {
-        about
-            .notes
-            .push("the distance of samples is not stated: it counts as 1, --spacing DX,DY says otherwise".into());
+        about.notes.push(NO_SPACING.into());
     }
 }

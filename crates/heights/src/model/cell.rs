@@ -22,29 +22,25 @@ pub struct Triangle {
 impl Cell {
     /// Its triangles: two, one or none.
     #[inline]
-    pub fn triangles(&self) -> impl Iterator<Item = Triangle> {
+    pub fn triangles(&self) -> impl Iterator<Item = Triangle> + use<> {
+        let cell = *self;
+        (0..2).map_while(move |slot| cell.triangle(slot))
+    }
+
+    /// One of its triangles; `None` where there are not as many.
+    #[inline]
+    pub fn triangle(&self, slot: usize) -> Option<Triangle> {
         let [a, b, d, e] = self.0;
-        let valid = self.0.map(|height| !height.is_nan());
-        let found: [Option<Triangle>; 2] = match valid {
-            [true, true, true, true] => [
-                Some(Triangle { at: [a, b - a, e - b], edge: [0.0, 1.0, -1.0], corners: [0, 1, 3] }),
-                Some(Triangle { at: [a, e - d, d - a], edge: [0.0, -1.0, 1.0], corners: [0, 2, 3] }),
-            ],
-            [true, true, false, true] => {
-                [Some(Triangle { at: [a, b - a, e - b], edge: [0.0, 1.0, -1.0], corners: [0, 1, 3] }), None]
+        let (at, edge, corners) = match ([!a.is_nan(), !b.is_nan(), !d.is_nan(), !e.is_nan()], slot) {
+            ([true, true, _, true], 0) => ([a, b - a, e - b], [0.0, 1.0, -1.0], [0, 1, 3]),
+            ([true, true, true, true], 1) | ([true, false, true, true], 0) => {
+                ([a, e - d, d - a], [0.0, -1.0, 1.0], [0, 2, 3])
             }
-            [true, false, true, true] => {
-                [Some(Triangle { at: [a, e - d, d - a], edge: [0.0, -1.0, 1.0], corners: [0, 2, 3] }), None]
-            }
-            [false, true, true, true] => {
-                [Some(Triangle { at: [b + d - e, e - d, e - b], edge: [-1.0, 1.0, 1.0], corners: [1, 2, 3] }), None]
-            }
-            [true, true, true, false] => {
-                [Some(Triangle { at: [a, b - a, d - a], edge: [1.0, -1.0, -1.0], corners: [0, 1, 2] }), None]
-            }
-            _ => [None, None],
+            ([false, true, true, true], 0) => ([b + d - e, e - d, e - b], [-1.0, 1.0, 1.0], [1, 2, 3]),
+            ([true, true, true, false], 0) => ([a, b - a, d - a], [1.0, -1.0, -1.0], [0, 1, 2]),
+            _ => return None,
         };
-        found.into_iter().flatten()
+        Some(Triangle { at, edge, corners })
     }
 
     /// How many corners are measured.

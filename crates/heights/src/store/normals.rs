@@ -18,7 +18,8 @@ fn byte(value: f32) -> u8 {
 /// The z of a unit normal with these bytes of x and y.
 #[inline(always)]
 fn height_of([x, y]: [u8; 2]) -> u8 {
-    let [x, y] = [x, y].map(|part| (f32::from(part) - 128.0) / 127.0);
+    let part = |byte: u8| (f32::from(byte) - 128.0) / 127.0;
+    let (x, y) = (part(x), part(y));
     byte(255.0 * (1.0 - x * x - y * y).max(0.0).sqrt())
 }
 
@@ -133,7 +134,8 @@ pub(super) fn put_together(
         }
         for (column, expected) in row_of.iter().enumerate() {
             let part = |axis: usize| parts[axis][row * columns + column];
-            let [x, y] = [0, 1].map(|axis| expected[axis].wrapping_add(part(axis)).wrapping_sub(UP[0]));
+            let whole = |axis: usize| expected[axis].wrapping_add(part(axis)).wrapping_sub(UP[0]);
+            let (x, y) = (whole(0), whole(1));
             let z = if is_rest[1] { height_of([x, y]).wrapping_add(part(2)).wrapping_sub(UP[0]) } else { part(2) };
             out.push([x, y, z]);
         }

@@ -35,7 +35,8 @@ impl Temporary {
 
     fn create_named(output: &Path, folder: &Path) -> io::Result<Temporary> {
         loop {
-            let (file, path) = new_file::builder().prefix(&prefix(output)).suffix("").tempfile_in(folder)?.keep()?;
+            let made = new_file::builder().prefix(&prefix(output)).suffix("").tempfile_in(folder);
+            let (file, path) = made.map_err(|error| new_file::without_name(&error))?.keep()?;
             let own = Temporary::locked(file, Some(path.clone()));
             // Who cleans up may have locked it first, and removes it before the lock is given back.
             if path.try_exists()? {

@@ -27,6 +27,14 @@ fn only_the_files_of_dead_runs_are_removed() {
     assert_eq!(names(folder.path()), ["other.df.tmpDead", "out.df"]);
 }
 
+#[test]
+fn a_folder_that_takes_no_files_is_told_without_a_name_that_nobody_has_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = Temporary::create(&folder.path().join("missing/out.df"), None).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::NotFound);
+    assert!(!error.to_string().contains("out.df"), "{error}");
+}
+
 /// However often others clean up while a file is begun.
 #[test]
 fn the_files_of_living_runs_stay() {

@@ -146,7 +146,7 @@ impl SurfaceNodes for Closed<'_> {
         Some(Arc::new(NodeSamples {
             rows,
             columns: own.columns + 1,
-            heights: SampleHeights::of(&joined([&heights[0], &heights[1]], widths, rows, None)),
+            heights: SampleHeights::of(joined([&heights[0], &heights[1]], widths, rows, None)),
             coverage: joined([&own.coverage, &first.coverage], widths, rows, Some(u8::MAX)),
             normals: SampleNormals::Parts(normals),
             ranges: joined([&own.ranges, &first.ranges], widths, rows, None),

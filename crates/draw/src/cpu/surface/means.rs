@@ -78,7 +78,7 @@ fn halved(fine: &NodeSamples) -> Option<NodeSamples> {
             SampleNormals::Up(_) => SampleNormals::Up(heights.len()),
             SampleNormals::Parts(_) => SampleNormals::Parts(each().map(normal).collect()),
         },
-        heights: SampleHeights::of(&heights),
+        heights: SampleHeights::of(heights),
         ranges: Vec::new(),
         planes: fine.planes.iter().map(singles).collect(),
         changes: singles(&fine.changes),

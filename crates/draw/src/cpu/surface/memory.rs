@@ -315,7 +315,7 @@ impl SurfaceNodes for MemorySurface {
         Some(Arc::new(NodeSamples {
             rows,
             columns,
-            heights: SampleHeights::of(&indices.clone().map(|at| level.heights[at]).collect::<Vec<f64>>()),
+            heights: SampleHeights::of(indices.clone().map(|at| level.heights[at]).collect()),
             coverage: if coverage.iter().all(|share| *share == u8::MAX) { Vec::new() } else { coverage },
             normals: SampleNormals::Parts(indices.clone().map(|at| MeanNormal::new(level.stands[at].normal)).collect()),
             ranges: match key.level {

@@ -51,8 +51,16 @@ const PADDING: u32 = 8;
 struct Corner {
     /// From the eye: right, up, forward.
     camera: DVec3,
-    /// Parts of pixels, and what is interpolated to its depth; makes sense before the near plane only.
+    /// Makes sense before the near plane only.
+    spot: Spot,
+}
+
+/// Where a corner is in the picture.
+#[derive(Clone, Copy)]
+struct Spot {
+    /// Parts of pixels.
     place: [i64; 2],
+    /// What is interpolated to its depth.
     linear: f64,
 }
 
@@ -153,12 +161,12 @@ impl<'a> Raster<'a> {
 
     fn placed(&self, camera: DVec3) -> Corner {
         if camera.z < self.near || camera.z.is_nan() {
-            return Corner { camera, place: [0; 2], linear: 0.0 };
+            return Corner { camera, spot: Spot { place: [0; 2], linear: 0.0 } };
         }
         let scale = if self.is_perspective { self.focal / camera.z } else { self.focal };
         let place = [part(self.middle[0] + camera.x * scale), part(self.middle[1] - camera.y * scale)];
         let linear = if self.is_perspective { 1.0 / camera.z } else { camera.z };
-        Corner { camera, place, linear }
+        Corner { camera, spot: Spot { place, linear } }
     }
 
     /// The columns of a band's samples that may be in the picture.
@@ -284,8 +292,8 @@ impl<'a> Raster<'a> {
         if self.pixels(&places).is_none() {
             return;
         }
-        let [a, b] = [above.corner(index), above.corner(index + 1)];
-        let [d, e] = [below.corner(index), below.corner(index + 1)];
+        let [a, b] = [above.spot(index), above.spot(index + 1)];
+        let [d, e] = [below.spot(index), below.spot(index + 1)];
         self.fill([a, b, e], number);
         self.fill([a, d, e], number + 1);
     }
@@ -341,14 +349,14 @@ impl<'a> Raster<'a> {
         let is_ahead = |k: usize| corners[k].camera.z >= self.near;
         let is_ahead = [is_ahead(0), is_ahead(1), is_ahead(2)];
         match is_ahead {
-            [true, true, true] => self.fill(corners, number),
+            [true, true, true] => self.fill([corners[0].spot, corners[1].spot, corners[2].spot], number),
             [false, false, false] => {}
             _ => {
-                let mut kept: Vec<Corner> = Vec::with_capacity(4);
+                let mut kept: Vec<Spot> = Vec::with_capacity(4);
                 for k in 0..3 {
                     let (a, b) = (k, (k + 1) % 3);
                     if is_ahead[a] {
-                        kept.push(corners[a]);
+                        kept.push(corners[a].spot);
                     }
                     if is_ahead[a] != is_ahead[b] {
                         let (ahead, behind) = if is_ahead[a] { (a, b) } else { (b, a) };
@@ -356,7 +364,7 @@ impl<'a> Raster<'a> {
                         let share = (self.near - ahead.z) / (behind.z - ahead.z);
                         let mut camera = ahead + share * (behind - ahead);
                         camera.z = self.near;
-                        kept.push(self.placed(camera));
+                        kept.push(self.placed(camera).spot);
                     }
                 }
                 for pair in kept[1..].windows(2) {
@@ -381,17 +389,19 @@ impl<'a> Raster<'a> {
         (left <= right && top <= bottom).then_some([left, right, top, bottom])
     }
 
-    fn fill(&self, corners: [Corner; 3], number: u32) {
+    fn fill(&self, corners: [Spot; 3], number: u32) {
         let places = [corners[0].place, corners[1].place, corners[2].place];
         let Some([left, right, top, bottom]) = self.pixels(&places) else { return };
         // Products of differences stay within 63 bits where corners are within 30.
-        if places.iter().flatten().all(|place| place.abs() < 1 << 30) {
+        let bits = places.iter().fold(0_i64, |bits, place| bits | place[0].abs() | place[1].abs());
+        if bits < 1 << 30 {
             self.fill_small(corners, [left, right, top, bottom], number);
         } else {
             self.fill_large(corners, [left, right, top, bottom], number);
         }
     }
 
+    #[inline]
     fn show(&self, [x, y]: [i64; 2], linear: f64, number: u32) {
         let depth = if self.is_perspective { 1.0 / linear } else { linear };
         if self.clips && !self.view.cut.keeps(self.view.at_depth([x as f64 + 0.5, y as f64 + 0.5], depth)) {
@@ -405,9 +415,9 @@ macro_rules! filled {
     ($name:ident, $whole:ty, $help:literal) => {
         impl Raster<'_> {
             #[doc = $help]
-            fn $name(&self, corners: [Corner; 3], [left, last, top, bottom]: [i64; 4], number: u32) {
+            fn $name(&self, corners: [Spot; 3], [left, last, top, bottom]: [i64; 4], number: u32) {
                 let [a, mut b, mut c] = corners;
-                let place = |corner: &Corner| (<$whole>::from(corner.place[0]), <$whole>::from(corner.place[1]));
+                let place = |corner: &Spot| (<$whole>::from(corner.place[0]), <$whole>::from(corner.place[1]));
                 let ((ax, ay), mut second, mut third) = (place(&a), place(&b), place(&c));
                 let mut area = (second.0 - ax) * (third.1 - ay) - (second.1 - ay) * (third.0 - ax);
                 if area == 0 {

@@ -213,13 +213,27 @@ impl<'a> Caster<'a> {
         let span = passing.through(branch.rectangle, branch.range, span)?;
         match &branch.below {
             Below::Mesh(mesh) => {
-                self.cast_square(*mesh, self.pyramids[*mesh].top(), [0, 0], passing, [span, passing.part])
+                let (level, at) = self.around(*mesh, passing, span);
+                self.cast_square(*mesh, level, at, passing, [span, passing.part])
             }
             Below::Parts(parts) => {
                 let mut parts = passing.order.into_iter().filter_map(|[row, column]| parts[2 * row + column]);
                 parts.find_map(|part| self.cast_branch(part, passing, span))
             }
         }
+    }
+
+    /// The level and the place of the smallest square of a chunk's cells that a stretch of a ray over it does not leave: no other one is met.
+    fn around(&self, number: usize, passing: &Passing<'_>, span: [f64; 2]) -> (usize, [usize; 2]) {
+        let mesh = &self.scene.meshes[number];
+        let whole = (1_u64 << mesh.node.key.level) as f64;
+        let cell =
+            |place: f64, places: &[u64]| (((place - places[0] as f64) / whole).max(0.0) as usize).min(places.len() - 2);
+        let ([first, last], [left, right]) = (passing.ends(1, span), passing.ends(0, span));
+        let ends = [cell(first, &mesh.rows), cell(left, &mesh.columns)];
+        let differ = (ends[0] ^ cell(last, &mesh.rows)) | (ends[1] ^ cell(right, &mesh.columns));
+        let level = FIRST.max((usize::BITS - differ.leading_zeros()) as usize);
+        (level, [ends[0] >> level, ends[1] >> level])
     }
 
     /// The first hit in a square of a chunk's cells. `span` is the stretch in which the ray may be in it, `part` the one in the smallest square around
@@ -240,7 +254,7 @@ impl<'a> Caster<'a> {
             let [from, _] = within(passing.ray, square(mesh, level, at), None, part)?;
             return self.cast_cell(number, at, passing.ray, from);
         }
-        let (level, first) = (level - 1, at.map(|at| 2 * at));
+        let (level, first) = (level - 1, [2 * at[0], 2 * at[1]]);
         let places = [&mesh.rows, &mesh.columns];
         let halves = |axis: usize| {
             let middle = places[axis].get((first[axis] + 1) << level);
@@ -454,10 +468,8 @@ impl LocalRay {
 
 /// Between which rows and columns a square of a chunk's cells is.
 fn square(mesh: &Mesh, level: usize, [row, column]: [usize; 2]) -> [[f64; 2]; 2] {
-    let ends = |places: &[u64], index: usize| {
-        let last = places.len() - 1;
-        [index << level, (index + 1) << level].map(|at| places[at.min(last)] as f64)
-    };
+    let end = |places: &[u64], index: usize| places[(index << level).min(places.len() - 1)] as f64;
+    let ends = |places: &[u64], index: usize| [end(places, index), end(places, index + 1)];
     [ends(&mesh.rows, row), ends(&mesh.columns, column)]
 }
 

@@ -211,7 +211,8 @@ impl<'a> Resolver<'a> {
             let first = first[axis];
             let cell = lattice.cell_at(axis, level.into(), at);
             let index = (cell.saturating_sub(first) as usize).min(count.saturating_sub(2));
-            let [from, to] = [0, 1].map(|next| lattice.place(axis, level.into(), first + index as u64 + next));
+            let from = first + index as u64;
+            let (from, to) = (lattice.place(axis, level.into(), from), lattice.place(axis, level.into(), from + 1));
             (index, ((at - from as f64) / (to - from) as f64).clamp(0.0, 1.0), (to - from) as f64)
         };
         let (row, down, height) = place(0, row, samples.rows);
@@ -279,7 +280,7 @@ impl<'a> Resolver<'a> {
         let ray = self.scene.placed.ray(origin, direction)?;
         let mut mesh = self.scene.meshes.get(hit.shown.node)?;
         let mut at = hit.shown.at;
-        let mut triangle = mesh.cell(at[0], at[1]).triangles().nth(hit.shown.slot?)?;
+        let mut triangle = mesh.cell(at[0], at[1]).triangle(hit.shown.slot?)?;
         for _ in 0..STEPS {
             let frame = CellFrame::of(mesh, at);
             let local = frame.ray(&ray);
@@ -347,7 +348,7 @@ impl<'a> Resolver<'a> {
         if slot >= POLE {
             return self.pole(shown, mesh, slot - POLE, origin, direction);
         }
-        let (mut triangle, is_membrane) = mesh.triangles(row, column).nth(slot)?;
+        let (mut triangle, is_membrane) = mesh.triangle(row, column, slot)?;
         let (mut mesh, mut at) = (mesh, shown.at);
         let [u, v] = match self.scene.placed.ray(origin, direction) {
             Some(ray) => self.flat(mesh, at, &triangle, &CellFrame::of(mesh, at), &ray, pixel),

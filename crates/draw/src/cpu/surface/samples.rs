@@ -21,22 +21,14 @@ impl Default for SampleHeights {
 
 impl SampleHeights {
     /// Keeps heights without loss.
-    pub fn of(heights: &[f64]) -> SampleHeights {
-        let shorts: Vec<i16> = heights.iter().map(|height| *height as i16).collect();
-        let is_short = |(short, height): (&i16, &f64)| f64::from(*short).to_bits() == height.to_bits();
-        // What is not short is so at once, mostly.
-        let is_whole = shorts
-            .chunks(64)
-            .zip(heights.chunks(64))
-            .all(|(shorts, heights)| shorts.iter().zip(heights).fold(true, |is_whole, pair| is_whole & is_short(pair)));
-        if is_whole {
-            return SampleHeights::Short(shorts);
+    pub fn of(heights: Vec<f64>) -> SampleHeights {
+        if are_all(&heights, |height| f64::from(height as i16).to_bits() == height.to_bits()) {
+            return SampleHeights::Short(heights.iter().map(|height| *height as i16).collect());
         }
-        let singles: Vec<f32> = heights.iter().map(|height| *height as f32).collect();
-        let pairs = singles.iter().zip(heights);
-        let is_exact = pairs
-            .fold(true, |is_exact, (single, height)| is_exact & ((f64::from(*single) == *height) | height.is_nan()));
-        if is_exact { SampleHeights::Single(singles) } else { SampleHeights::Double(heights.to_vec()) }
+        match are_all(&heights, |height| (f64::from(height as f32) == height) | height.is_nan()) {
+            true => SampleHeights::Single(heights.iter().map(|height| *height as f32).collect()),
+            false => SampleHeights::Double(heights),
+        }
     }
 
     /// How many there are.
@@ -60,6 +52,20 @@ impl SampleHeights {
             SampleHeights::Short(heights) => heights[index].into(),
             SampleHeights::Single(heights) => heights[index].into(),
             SampleHeights::Double(heights) => heights[index],
+        }
+    }
+
+    /// The heights at the corners of a cell, of which the first in either row is told.
+    #[inline(always)]
+    pub fn corners(&self, first: usize, next: usize) -> [f64; 4] {
+        match self {
+            SampleHeights::Short(heights) => {
+                [heights[first].into(), heights[first + 1].into(), heights[next].into(), heights[next + 1].into()]
+            }
+            SampleHeights::Single(heights) => {
+                [heights[first].into(), heights[first + 1].into(), heights[next].into(), heights[next + 1].into()]
+            }
+            SampleHeights::Double(heights) => [heights[first], heights[first + 1], heights[next], heights[next + 1]],
         }
     }
 
@@ -108,6 +114,12 @@ impl SampleHeights {
             SampleHeights::Double(heights) => size_of_val(heights.as_slice()),
         }
     }
+}
+
+/// Whether all heights are something. What is not is found out at once, mostly.
+#[inline]
+fn are_all(heights: &[f64], is_such: impl Fn(f64) -> bool) -> bool {
+    heights.chunks(64).all(|some| some.iter().fold(true, |are_all, height| are_all & is_such(*height)))
 }
 
 /// Means of unit normals, row by row.
@@ -173,16 +185,16 @@ impl MeanNormal {
     /// Of a vector that is at most a unit long.
     #[inline(always)]
     pub fn new(normal: [f32; 3]) -> MeanNormal {
-        MeanNormal(normal.map(|part| {
-            // Rounded to the nearest.
-            (part * PARTS + if part < 0.0 { -0.5 } else { 0.5 }) as i16
-        }))
+        // Rounded to the nearest.
+        let rounded = |part: f32| (part * PARTS + if part < 0.0 { -0.5 } else { 0.5 }) as i16;
+        MeanNormal([rounded(normal[0]), rounded(normal[1]), rounded(normal[2])])
     }
 
     /// The vector.
     #[inline(always)]
     pub fn vector(self) -> [f32; 3] {
-        self.0.map(|part| f32::from(part) * (1.0 / PARTS))
+        let part = |part: i16| f32::from(part) * (1.0 / PARTS);
+        [part(self.0[0]), part(self.0[1]), part(self.0[2])]
     }
 }
 
@@ -199,12 +211,15 @@ mod tests {
             vec![1.0, -0.0],
             Vec::new(),
         ] {
-            let kept = SampleHeights::of(&heights);
+            let kept = SampleHeights::of(heights.clone());
             let mut copied = vec![0.0; heights.len()];
             kept.copy(0..heights.len(), &mut copied);
             for (index, height) in heights.iter().enumerate() {
                 assert!(kept.at(index).to_bits() == height.to_bits() || height.is_nan() && kept.at(index).is_nan());
                 assert!(copied[index].to_bits() == kept.at(index).to_bits());
+            }
+            if heights.len() == 4 {
+                assert_eq!(kept.corners(0, 2).map(f64::to_bits), [0, 1, 2, 3].map(|index| kept.at(index).to_bits()));
             }
         }
     }

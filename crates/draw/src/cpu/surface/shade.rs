@@ -262,7 +262,7 @@ impl<'a> Shader<'a> {
     /// Colour, depth and cover of a pixel.
     fn pixel(&self, seen: &Visibility, pixel: [usize; 2]) -> ([f32; 4], (f32, f32)) {
         let parts = self.parts as usize;
-        let [x, y] = pixel.map(|at| at * parts);
+        let [x, y] = [pixel[0] * parts, pixel[1] * parts];
         let is_end = parts > 1 && self.is_end(seen, [x, y]);
         let (mut color, mut depth, mut covered) = ([0.0_f32; 4], 0.0_f32, 0.0_f32);
         for (x, y) in (y..y + parts).flat_map(|y| (x..x + parts).map(move |x| (x, y))) {
@@ -281,7 +281,8 @@ impl<'a> Shader<'a> {
             return (color, (depth, covered));
         }
         let all = (parts * parts) as f32;
-        (color.map(|sum| sum / all), (depth, covered / all))
+        color.iter_mut().for_each(|sum| *sum /= all);
+        (color, (depth, covered / all))
     }
 
     /// Whether a surface without holes ends in a pixel or next to it.
@@ -289,13 +290,12 @@ impl<'a> Shader<'a> {
         let parts = self.parts as usize;
         let rows = top.saturating_sub(1)..(top + parts + 1).min(seen.height);
         let columns = left.saturating_sub(1)..(left + parts + 1).min(seen.width);
-        let around = || rows.clone().flat_map(|y| columns.clone().map(move |x| y * seen.width + x));
-        let hits = around().filter(|index| seen.is_shown(*index)).count();
-        if hits == 0 || hits == rows.len() * columns.len() || !self.resolver.scene.placed.is_flat() {
+        if seen.is_even(&columns, &rows) || !self.resolver.scene.placed.is_flat() {
             return false;
         }
         let meshes = &self.resolver.scene.meshes;
-        !around().filter_map(|index| seen.at(index)).any(|shown| !meshes[shown.node].samples.coverage.is_empty())
+        let mut around = rows.flat_map(|y| columns.clone().map(move |x| y * seen.width + x));
+        !around.any(|index| seen.at(index).is_some_and(|shown| !meshes[shown.node].samples.coverage.is_empty()))
     }
 
     /// The colour of a pixel by more rays, and how much of it is covered.
@@ -320,13 +320,11 @@ impl<'a> Shader<'a> {
         let placed = &scene.placed;
         let texel = if hit.is_membrane { Texel::default() } else { self.texel(hit) };
         let mesh = &scene.meshes[hit.shown.node];
-        let [x, y, z] = if hit.is_membrane { self.flat_normal(hit) } else { texel.normal.map(f64::from) };
+        let mean = || std::array::from_fn(|k| f64::from(texel.normal[k]));
+        let [x, y, z] = if hit.is_membrane { self.flat_normal(hit) } else { mean() };
         let plain = match self.look.attribute {
             _ if hit.is_membrane => self.hatch(place),
-            Attribute::Height => {
-                let scale = |height: f64| self.place(height);
-                self.ramp.mean(texel.range.map(scale))
-            }
+            Attribute::Height => self.ramp.mean([self.place(texel.range[0]), self.place(texel.range[1])]),
             Attribute::Residual => {
                 let form = self.form.map_or(0.0, |form| form.height(placed.file_place(hit.under[0], hit.under[1])));
                 match form.is_nan() {
@@ -365,7 +363,8 @@ impl<'a> Shader<'a> {
         let facets = Facets::new(DVec3::new(x, y, z), placed.lift / placed.true_lift);
         let lit = facets.lit(self.sun.unwrap_or(toward), toward) as f32;
         let light = self.look.ambient + (1.0 - self.look.ambient) * lit;
-        let mut color = plain.map(|color| color * light);
+        let mut color = plain;
+        color.iter_mut().for_each(|color| *color *= light);
         if let Some(contours) = &self.look.contours
             && !hit.is_membrane
             && !self.is_spared(place)
@@ -537,7 +536,7 @@ impl<'a> Shader<'a> {
         if wanted < level {
             // A sample stands for more than the pixel does.
             let shrunk = (wanted - level).exp2();
-            texel.range = texel.range.map(|end| hit.under[2] + shrunk * (end - hit.under[2]));
+            texel.range.iter_mut().for_each(|end| *end = hit.under[2] + shrunk * (*end - hit.under[2]));
         }
         texel
     }
@@ -552,17 +551,17 @@ impl<'a> Shader<'a> {
         let mut planes = [0.0_f64; PLANES];
         let (mut change, mut known) = (0.0_f64, 0.0_f64);
         let has_range = level > 0 && matches!(self.look.attribute, Attribute::Height | Attribute::Residual);
-        for (index, weight) in between.indices.into_iter().zip(between.weights) {
-            let weight = match samples.coverage.is_empty() {
-                true => weight,
-                false => weight * f64::from(samples.coverage_at(index)) / 255.0,
-            };
+        for corner in 0..4 {
+            let (index, mut weight) = (between.indices[corner], between.weights[corner]);
+            if !samples.coverage.is_empty() {
+                weight = weight * f64::from(samples.coverage_at(index)) / 255.0;
+            }
             if weight <= 0.0 {
                 continue;
             }
-            let found = samples.normals.at(index).map(f64::from);
+            let found = samples.normals.at(index);
             sum += weight;
-            (0..3).for_each(|k| normal[k] += weight * found[k]);
+            (0..3).for_each(|k| normal[k] += weight * f64::from(found[k]));
             if has_range {
                 let range = samples.range_at(index);
                 (0..2).for_each(|k| texel.range[k] += weight * f64::from(range[k]));
@@ -578,13 +577,13 @@ impl<'a> Shader<'a> {
         if sum <= 0.0 {
             return None;
         }
-        texel.normal = normal.map(|value| (value / sum) as f32);
-        texel.planes = planes.map(|value| (value / sum) as f32);
+        (0..3).for_each(|k| texel.normal[k] = (normal[k] / sum) as f32);
+        (0..self.planes.len().min(PLANES)).for_each(|k| texel.planes[k] = (planes[k] / sum) as f32);
         texel.change = if 2.0 * known >= sum { (change / known) as f32 } else { f32::NAN };
-        texel.range = match has_range {
-            false => [hit.under[2]; 2],
-            true => texel.range.map(|end| end / sum),
-        };
+        match has_range {
+            true => texel.range.iter_mut().for_each(|end| *end /= sum),
+            false => texel.range = [hit.under[2]; 2],
+        }
         if self.look.attribute == Attribute::Curvature {
             texel.curvature = self.curvature(&between);
         }

@@ -102,10 +102,9 @@ impl Mesh {
     pub fn cell(&self, row: usize, column: usize) -> Cell {
         let first = row * self.samples.columns + column;
         let next = first + self.samples.columns;
-        let corners = [first, first + 1, next, next + 1];
         match self.border.is_some() && (0..4).any(|side| self.is_along(side, row, column)) {
-            true => Cell(corners.map(|index| self.height(index))),
-            false => Cell(corners.map(|index| self.samples.heights.at(index))),
+            true => Cell([first, first + 1, next, next + 1].map(|index| self.height(index))),
+            false => Cell(self.samples.heights.corners(first, next)),
         }
     }
 
@@ -128,15 +127,7 @@ impl Mesh {
     #[inline]
     pub fn triangles(&self, row: usize, column: usize) -> impl Iterator<Item = (Triangle, bool)> + use<> {
         let cell = self.cell(row, column);
-        let (mut found, mut count) = ([None; 2], 0);
-        let mut add = |cell: &Cell, is_membrane: bool| {
-            for triangle in cell.triangles().take(2 - count) {
-                found[count] = Some((triangle, is_membrane));
-                count += 1;
-            }
-        };
-        add(&cell, false);
-        if self.fill.is_some() && cell.measured() < 4 {
+        let rest = (self.fill.is_some() && cell.measured() < 4).then(|| {
             let mut rest = self.surface_cell(row, column);
             // Opposite to the corner that was not measured is the triangle of those that were.
             if cell.measured() == 3
@@ -144,9 +135,22 @@ impl Mesh {
             {
                 rest.0[3 - open] = f64::NAN;
             }
-            add(&rest, true);
+            rest
+        });
+        let own = if rest.is_some() { cell.triangles().count() } else { 2 };
+        (0..2_usize).map_while(move |slot| match (slot.checked_sub(own), &rest) {
+            (Some(slot), Some(rest)) => rest.triangle(slot).map(|triangle| (triangle, true)),
+            _ => cell.triangle(slot).map(|triangle| (triangle, false)),
+        })
+    }
+
+    /// One of these triangles.
+    #[inline]
+    pub fn triangle(&self, row: usize, column: usize, slot: usize) -> Option<(Triangle, bool)> {
+        match self.fill {
+            None => self.cell(row, column).triangle(slot).map(|triangle| (triangle, false)),
+            Some(_) => self.triangles(row, column).nth(slot),
         }
-        found.into_iter().flatten()
     }
 
     /// The row and the column of its cell that holds a cell of full resolution.

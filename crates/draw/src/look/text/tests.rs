@@ -276,6 +276,8 @@ fn values_out_of_range_are_named_with_their_place() {
         let message = set(old, new);
         assert!(message.starts_with("a.scene.ron") && message.contains(expected), "{new}: {message}");
     }
+    let quoted = parse("(version: 1, datasets: [(path: \"a.df\")], attribute: \"slope\")").unwrap_err();
+    assert!(quoted.contains("attribute: Expected identifier: a word without quotes"), "{quoted}");
     let none = "(version: 1, datasets: [])";
     assert!(parse(none).unwrap_err().contains("datasets: found a list of 0, expected 1 to 64 datasets"));
 }

@@ -179,14 +179,11 @@ impl FieldSession {
         let mut prepared = self.prepare(shot)?;
         let opened = Arc::clone(&self.opened);
         let (grid, bounds) = (opened.grid(), opened.grid().bounds());
-        let projector = match shot.is_projected() {
-            true => Some(Projector::new(shot.view(bounds, None)?, shot.surround, shot.stereo)?),
-            false => None,
-        };
-        let view = match &projector {
-            Some(projector) => projector.base,
-            None => view_of(shot, grid, prepared.mode)?,
-        };
+        // Two eyes before a screen have a perspective, straight in front of an image or not.
+        let is_pair = shot.surround.is_flat() && shot.stereo.is_some();
+        let view = if is_pair { shot.view(bounds, None)? } else { view_of(shot, grid, prepared.mode)? };
+        let projector = shot.is_projected().then(|| Projector::new(view, shot.surround, shot.stereo)).transpose()?;
+        let view = projector.as_ref().map_or(view, |projector| projector.base);
         prepared.camera = projector.as_ref().map(|projector| projector.base);
         let mut times = Times::default();
         for (pass, time) in ["load", "select", "reconstruct"].into_iter().zip(prepared.times) {
@@ -552,6 +549,9 @@ fn view_of(shot: &Shot, grid: &Grid, mode: &Mode) -> Result<View, PictureError> 
         2 => Some(DVec3::Z),
         _ => mode.technique.facing(&shot.look.settings, &grid.to_world),
     };
+    if grid.dimensions == 2 && camera.eye.is_none() && !shot.surround.is_flat() {
+        return Ok(before_image(shot, bounds).view(bounds, None)?);
+    }
     let is_free = camera.eye.is_none() && camera.fov.is_none() && shot.surround.is_flat();
     let Some(toward) = toward.filter(|_| is_free) else { return Ok(shot.view(bounds, None)?) };
     let (width, height) = match shot.size {
@@ -570,6 +570,20 @@ fn view_of(shot: &Shot, grid: &Grid, mode: &Mode) -> Result<View, PictureError> 
     let view = View::look_at(target + toward * size.length().max(1e-30), target, up, projection, width, height)?;
     let cut = shot.look.cut.unwrap_or_default();
     Ok(cut.applied(&view, target, None))
+}
+
+/// A shot around an eye before an image, in whose middle there is nothing to see: the image is where words stand, above the front of a dome.
+fn before_image(shot: &Shot, bounds: Bounds) -> Shot {
+    let size = bounds.size().length().max(1e-30);
+    let eye = bounds.center() + DVec3::Z * size;
+    let (sin, cos) = shot.surround.screen().0.sin_cos();
+    let mut shot = shot.clone();
+    shot.camera.eye = Some(eye.to_array());
+    if shot.camera.target.is_none() {
+        shot.camera.target = Some((eye - size * DVec3::new(0.0, sin, cos)).to_array());
+        shot.camera.up = shot.camera.up.or(Some([0.0, cos, -sin]));
+    }
+    shot
 }
 
 /// As many pixels as an image of pixels of size 1 has, within what a screen shows; else as other pictures, in its proportions.

@@ -102,6 +102,26 @@ fn parts_come_to_the_whole() {
     assert!(prepared.parts(&view, &Lighting::default()).unwrap().colors().rgba.iter().all(|color| *color == [0.0; 4]));
 }
 
+/// An eye in the middle of an image would see it from its edge.
+#[test]
+fn an_image_is_seen_around_an_eye() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = Grid::image([32, 24], SampleType::U8, Channel::numbered(1));
+    let path = stored(folder.path(), &image, |[x, y, _]| if (x / 4 + y / 4) % 2 == 0 { 250.0 } else { 100.0 });
+    let dome = Surround::Dome { aperture: 180.0, tilt: 0.0 };
+    for (surround, (width, height)) in [(dome, (128, 128)), (Surround::Equirectangular, (256, 128))] {
+        let shot = Shot { surround, ..shot("image", "", CameraConfig::default(), (width, height)) };
+        let [mut left, mut right, mut above] = [0; 3];
+        for (at, _) in (0_u32..).zip(pixels(&path, &shot)).filter(|(_, color)| color[1] > 0.1) {
+            *(if at % width < width / 2 { &mut left } else { &mut right }) += 1_u32;
+            above += u32::from(at / width < height / 2);
+        }
+        // To the left and to the right of the middle alike, and in a dome between front and zenith.
+        assert!(left > 100 && left.abs_diff(right) * 4 < left, "{surround:?}: {left} {right}");
+        assert!(if surround == dome { above == 0 } else { above > 100 }, "{surround:?}: {above}");
+    }
+}
+
 #[test]
 fn opacity_is_that_of_the_way_through() {
     let folder = tempfile::tempdir().unwrap();

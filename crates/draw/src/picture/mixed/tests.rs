@@ -112,6 +112,23 @@ fn light_on_the_eyes_side_of_a_plane_is_what_is_drawn() {
 }
 
 #[test]
+fn stars_in_parsecs_are_around_a_globe_whose_heights_have_no_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let globe = field(folder.path(), "globe.asc", [36, 18], [-175.0, -85.0], 10.0, |_, _| 0.0);
+    // One behind the globe, and one to the right of it. Their densities are no 32-bit numbers in metres.
+    let of = [(DVec3::new(-10.0, 0.0, 0.0), 1.0, 1.0), (DVec3::new(-10.0, 5.0, 0.0), 1.0, 1.0)];
+    let stars = particles(folder.path(), "stars.df", &of, "pc", Some(0.0));
+    let mut members = [Member::new(globe), Member::new(stars)];
+    say(&mut members, &HeightsSaid { xy_unit: Some(Unit::new("deg")), ..HeightsSaid::default() });
+    let options = SessionOptions::default();
+    let mut session = MixedSession::open(&members, options, [], |path| Ok(path.to_owned()), Arc::new(())).unwrap();
+    let picture = session.draw(&shot(Some("points"), "{}", [2e7, 0.0, 0.0], None)).unwrap();
+    let Raw::Sums(sums, _) = &picture.values else { panic!("sums") };
+    let columns: Vec<usize> = (0..160 * 120).filter(|at| sums.p[*at] > 0.0).map(|at| at % 160).collect();
+    assert!(!columns.is_empty() && columns.iter().all(|column| *column > 120), "{columns:?}");
+}
+
+#[test]
 fn names_without_heights_stand_on_a_field_among_others() {
     let folder = tempfile::tempdir().unwrap();
     let [plane, cloud] = plane_in_a_cloud(folder.path(), &cloud());

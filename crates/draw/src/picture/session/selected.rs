@@ -5,9 +5,11 @@ use crate::explore::selection::Show;
 use crate::explore::{Members, Places, Work};
 use crate::import::{Source, open};
 use crate::look::{LookPatch, Member, OpenData, shown_families};
+use crate::mode::Coloring;
 use crate::model::FamilyName;
 use crate::picture::annotation::{Annotation, FollowedPlaces};
 use crate::picture::error::PictureError;
+use crate::store::{FamilyMetadata, Metadata};
 use crate::stream::SceneSelection;
 
 impl Session {
@@ -42,6 +44,24 @@ impl Session {
             (true, Some(name)) => Err(PictureError::of(self.path(), format!("no particles of family {name}"))),
             (true, None) => Err(PictureError::of(self.path(), "the scene shows no family")),
         }
+    }
+
+    /// Tells, once, which families that are drawn lack the attribute that was named, and so are coloured as its mean.
+    pub(super) fn tell_of_mean_colors(&mut self, coloring: &Coloring, metadata: &Metadata) {
+        let has = |family: &FamilyMetadata| {
+            family.quantities.iter().chain(&family.attributes).any(|column| column.name == coloring.name)
+        };
+        let drawn = self.scene.families.iter().filter_map(|index| metadata.families.get(*index as usize));
+        let mut lacking: Vec<String> =
+            drawn.filter(|family| !has(family)).map(|family| family.name.to_string()).collect();
+        lacking.dedup();
+        if lacking.is_empty() || self.has_told_of_attribute {
+            return;
+        }
+        self.has_told_of_attribute = true;
+        let (path, lacking, name) = (self.path().display(), lacking.join(", "), &coloring.name);
+        let why = "which are coloured as its mean; --family draws others alone";
+        self.reporter.tell(format!("{path}: attribute {name}: not in {lacking}, {why}"));
     }
 
     /// An annotation with a look's selections.

@@ -12,7 +12,7 @@ use crate::cpu::surface::placed::{Map, Placed};
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::source::{NodeSamples, SurfaceNodes};
 use crate::heights::measure::{FittedForm, FormKind, Pick, Ray, fitted, pick_all};
-use crate::heights::model::{HeightError, units};
+use crate::heights::model::HeightError;
 use crate::heights::store::HeightFile;
 use crate::look::{CameraConfig, Shot};
 use crate::mode::{Coloring, Depiction, LevelChoice, Mode, Settings};
@@ -57,6 +57,17 @@ struct Coarse {
     delta: f64,
 }
 
+impl Coarse {
+    /// The heights of samples around which most is surface, of all where there are none: what lies about singly is no part of T, and a coarse sample
+    /// stands for it as for any other.
+    fn heights(&self) -> Vec<f64> {
+        let known = || self.samples.heights.iter().enumerate().filter(|(_, height)| !height.is_nan());
+        let of_surface = known().filter(|(index, _)| self.samples.coverage_at(*index) > u8::MAX / 2);
+        let heights: Vec<f64> = of_surface.map(|(_, height)| height).collect();
+        if heights.is_empty() { known().map(|(_, height)| height).collect() } else { heights }
+    }
+}
+
 impl OpenSurface {
     /// A page file, of a field that a user calls `path`.
     ///
@@ -72,9 +83,8 @@ impl OpenSurface {
         };
         let positions = [0, 1].map(|axis| nodes.lattice().places(root, axis));
         let coarse = Coarse { samples, positions, delta: facts.delta };
-        let heights = coarse.samples.heights.iter().filter(|height| !height.is_nan());
         Ok(OpenSurface {
-            usual_heights: surface::usual_heights(&file.about().facts, heights),
+            usual_heights: surface::usual_heights(&file.about().facts, coarse.heights().into_iter()),
             path: path.into(),
             file,
             coarse,
@@ -207,10 +217,10 @@ impl OpenSurface {
     /// In words the share of heights that colours are not spread over where nothing else is said; `None` where they are over all.
     pub(super) fn beyond(&self) -> Option<String> {
         let (facts, [low, high]) = (&self.file.about().facts, self.usual_heights);
-        let measured = || self.coarse.samples.heights.iter().filter(|height| !height.is_nan());
-        let beyond = measured().filter(|height| !(low..=high).contains(height)).count();
+        let heights = self.coarse.heights();
+        let beyond = heights.iter().filter(|height| !(low..=high).contains(*height)).count();
         // Of few the coarse samples may have none.
-        let percent = (100.0 * beyond as f64 / measured().count().max(1) as f64).max(0.1);
+        let percent = (100.0 * beyond as f64 / heights.len().max(1) as f64).max(0.1);
         ([low, high] != [facts.min, facts.max]).then(|| format!("{percent:.1} % beyond"))
     }
 
@@ -244,13 +254,7 @@ impl OpenSurface {
             (None, Coloured::Plane(number)) => plane(number),
             (None, _) => Shown::Colors,
         };
-        let length = match (map, self.length_unit(map)) {
-            (Map::Plate, unit) => unit,
-            // Bodies are as large as they are in metres where heights have no unit.
-            (_, unit) if unit == Unit::default() => Unit::new("m"),
-            (_, unit) => unit,
-        };
-        Units { length, value, ..Units::default() }
+        Units { length: self.length_unit(map), value, ..Units::default() }
     }
 
     /// A form that is fitted to its samples, once for all pictures; `reporter` is told where these are not all.
@@ -275,12 +279,13 @@ impl OpenSurface {
         Ok(fitted)
     }
 
-    /// The unit of lengths of the world that a map places it in.
+    /// The unit of lengths of the world that a map places it in. Bodies are as large as they are in metres where heights have no unit.
     pub fn length_unit(&self, map: Map) -> Unit {
         let grid = &self.file.about().grid;
-        match (units::is_degrees(&grid.xy_unit), map) {
-            (true, Map::Globe(_) | Map::Local { .. }) => grid.height_unit.clone(),
-            _ => grid.xy_unit.clone(),
+        match map {
+            Map::Plate => grid.xy_unit.clone(),
+            Map::Globe(_) | Map::Local { .. } if grid.height_unit.is_unknown() => Unit::new("m"),
+            Map::Globe(_) | Map::Local { .. } => grid.height_unit.clone(),
         }
     }
 

@@ -4,7 +4,7 @@ use crate::cpu::surface::placed::{Map, Placed};
 use crate::look::Shot;
 use crate::model::Bounds;
 use crate::picture::PictureError;
-use crate::view::View;
+use crate::view::{Surround, View};
 use glam::DVec3;
 
 /// The box around a surface whose heights are between these.
@@ -83,25 +83,34 @@ pub(super) fn view_of(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Vi
 /// A shot with a camera that stands, unless it says otherwise, above and in front of the surface, with z up.
 pub(in crate::picture) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed) -> Result<Shot, PictureError> {
     let mut shot = shot.clone();
-    let camera = &mut shot.camera;
-    camera.up = Some(camera.up.unwrap_or([0.0, 0.0, 1.0]));
-    if camera.eye.is_none() {
-        let target = camera.target.map_or(bounds.center(), DVec3::from);
+    let said_up = shot.camera.up;
+    shot.camera.up = Some(said_up.unwrap_or([0.0, 0.0, 1.0]));
+    if shot.camera.eye.is_none() {
+        let target = shot.camera.target.map_or(bounds.center(), DVec3::from);
         let mut free = shot.clone();
-        (free.camera.up, free.surround) = (None, crate::view::Surround::Flat);
+        (free.camera.up, free.surround) = (None, Surround::Flat);
         let away = (free.view(bounds, None)?.eye - target).length();
         let from = if placed.is_flat() { DVec3::new(0.0, -1.0, 0.9) } else { DVec3::new(1.0, -0.4, 0.5) };
-        let eye = match shot.surround.is_flat() {
-            true => {
-                let (places, from) = (outermost(bounds, placed), from.normalize());
-                target + nearest(&shot, bounds, &places, target, from, away)? * from
+        let from = from.normalize();
+        let before_it = || -> Result<DVec3, PictureError> {
+            Ok(target + nearest(&shot, bounds, &outermost(bounds, placed), target, from, away)? * from)
+        };
+        let (eye, front, up) = match shot.surround {
+            Surround::Flat => (before_it()?, None, None),
+            // A dome is over its front, and over what lies below the eye there is nothing of it.
+            Surround::Dome { .. } => {
+                let eye = before_it()?;
+                let (sin, cos) = shot.surround.screen().0.sin_cos();
+                let upright = DVec3::Z.reject_from_normalized(from).normalize();
+                (eye, Some(-cos * from - sin * upright), Some(cos * upright - sin * from))
             }
             // Around the eye there is nothing to see from within the surface.
-            false => DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()),
+            _ => (DVec3::new(target.x, target.y, bounds.max.z + 0.05 * bounds.size().length()), Some(DVec3::Y), None),
         };
         shot.camera.eye = Some(eye.to_array());
-        if !shot.surround.is_flat() && shot.camera.target.is_none() {
-            shot.camera.target = Some((eye + DVec3::Y * bounds.size().length().max(1e-30)).to_array());
+        if let Some(front) = front.filter(|_| shot.camera.target.is_none()) {
+            shot.camera.target = Some((eye + front * bounds.size().length().max(1e-30)).to_array());
+            shot.camera.up = said_up.or(up.map(|up| up.to_array())).or(shot.camera.up);
         }
     }
     if shot.camera.target.is_none() {
@@ -110,6 +119,13 @@ pub(in crate::picture) fn standing(shot: &Shot, bounds: Bounds, placed: &Placed)
         let is_there = shot.camera.eye.is_some_and(|eye| DVec3::from(eye) == center);
         let ahead = if is_there { DVec3::Z * bounds.size().length().max(1e-30) } else { DVec3::ZERO };
         shot.camera.target = Some((center - ahead).to_array());
+    }
+    if let (Some(eye), Some(target), None) = (shot.camera.eye, shot.camera.target, said_up) {
+        let along = DVec3::from(target) - DVec3::from(eye);
+        // Straight from above y points up, as on a map.
+        if shot.camera.up == Some([0.0, 0.0, 1.0]) && along.cross(DVec3::Z).length() <= 1e-6 * along.length() {
+            shot.camera.up = Some([0.0, 1.0, 0.0]);
+        }
     }
     Ok(shot)
 }
@@ -134,5 +150,40 @@ mod tests {
             let half = 0.5 * f64::from(size.0.min(size.1));
             assert!((0.88 * half..0.95 * half).contains(&rim), "{size:?}: {rim} of {half}");
         }
+    }
+
+    #[test]
+    fn a_dome_has_the_surface_above_its_front() {
+        let mut field = HeightField::of(36, 19, vec![0.0; 36 * 19]);
+        (field.grid.origin, field.grid.step, field.grid.xy_unit) = ([-180.0, -90.0], [10.0, 10.0], Unit::new("deg"));
+        for map in [Map::Globe(Globe::sphere(1000.0)), Map::Plate] {
+            let placed = Placed::new(&field.grid, map, 1.0, 0.0);
+            let bounds = bounds_of(&placed, [0.0, 10.0]);
+            for tilt in [0.0, 25.0, 90.0] {
+                let surround = Surround::Dome { aperture: 180.0, tilt };
+                let shot = Shot { surround, ..Shot::default() };
+                let view = view_of(&shot, bounds, &placed).unwrap();
+                let toward = (bounds.center() - view.eye).normalize();
+                let elevation = toward.dot(view.up).asin();
+                assert!((elevation - surround.screen().0).abs() < 1e-9, "{tilt}: {}", elevation.to_degrees());
+                assert!(toward.dot(view.right).abs() < 1e-9 && toward.dot(view.forward) > 0.0);
+                // Who says where the front is has it there.
+                let mut told = shot.clone();
+                told.camera.target = Some(bounds.center().to_array());
+                let view = view_of(&told, bounds, &placed).unwrap();
+                assert!((bounds.center() - view.eye).normalize().dot(view.forward) > 1.0 - 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn straight_from_above_y_points_up() {
+        let field = HeightField::of(36, 19, vec![0.0; 36 * 19]);
+        let placed = Placed::new(&field.grid, Map::Plate, 1.0, 0.0);
+        let bounds = bounds_of(&placed, [0.0, 10.0]);
+        let mut shot = Shot::default();
+        shot.camera.eye = Some((bounds.center() + 100.0 * DVec3::Z).to_array());
+        let view = view_of(&shot, bounds, &placed).unwrap();
+        assert!(view.right.distance(DVec3::X) < 1e-12 && view.up.distance(DVec3::Y) < 1e-12, "{view:?}");
     }
 }

@@ -152,9 +152,10 @@ fn mean_normal(sum: &WideSum) -> ([u8; 3], u8) {
         return (UP, 0);
     }
     let share = 1.0 / (sum.area as f64 * f64::from(UNIT));
-    let mean = sum.normal.map(|normal| normal as f64 * share);
+    let mean = [sum.normal[0] as f64 * share, sum.normal[1] as f64 * share, sum.normal[2] as f64 * share];
     let length: f64 = mean.iter().map(|part| part * part).sum();
-    let bytes = [128.0 + 127.0 * mean[0], 128.0 + 127.0 * mean[1], 255.0 * mean[2]].map(|value| (value + 0.5) as u8);
+    let byte = |value: f64| (value + 0.5) as u8;
+    let bytes = [byte(128.0 + 127.0 * mean[0]), byte(128.0 + 127.0 * mean[1]), byte(255.0 * mean[2])];
     // Rounding of the sums' normals alone makes up to 2 / UNIT.
     (bytes, spread_of(1.0 - length - 2.0 / f64::from(UNIT)))
 }

@@ -81,11 +81,13 @@ impl Lattice {
     }
 
     /// Cells along an axis that are there more than chunks are made of.
+    #[inline]
     fn more(&self, axis: usize) -> u64 {
         u64::from(self.is_closed && axis == 1)
     }
 
     /// Cells of a level along an axis that chunks are made of.
+    #[inline]
     fn cells_of(&self, axis: usize, level: u32) -> u64 {
         (self.samples[axis] - self.more(axis) - 1).div_ceil(1 << level)
     }
@@ -121,6 +123,7 @@ impl Lattice {
     }
 
     /// The row (`axis` 0) or column (1) at full resolution of a level's sample.
+    #[inline]
     pub fn place(&self, axis: usize, level: u32, index: u64) -> u64 {
         match index > self.cells_of(axis, level) {
             true => self.samples[axis] - 1,
@@ -129,6 +132,7 @@ impl Lattice {
     }
 
     /// The number of the cell of a level that a place at full resolution is in; places beyond the rim count as in what is next to them.
+    #[inline]
     pub fn cell_at(&self, axis: usize, level: u32, place: f64) -> u64 {
         let cells = self.cells_of(axis, level);
         match self.more(axis) > 0 && place >= (self.samples[axis] - 2) as f64 {

@@ -33,6 +33,7 @@ pub type Light = [u64; 2];
 pub type WideLight = [u128; 2];
 
 impl Sum {
+    #[inline]
     fn add(&mut self, other: &Sum) {
         self.area += other.area;
         self.lone += other.lone;

@@ -18,7 +18,7 @@ fn samples(rows: usize, columns: usize, open: f64, random: &mut Random) -> NodeS
         true => f64::NAN,
         false => random.between(-90.0, 90.0),
     });
-    let heights = SampleHeights::of(&heights.collect::<Vec<f64>>());
+    let heights = SampleHeights::of(heights.collect());
     let normal = |random: &mut Random| MeanNormal::new([random.between(-0.6, 0.6) as f32, 0.3, 0.7]);
     let normals = SampleNormals::Parts((0..count).map(|_| normal(random)).collect());
     let mut singles = || (0..count).map(|_| random.between(0.0, 1.0) as f32).collect::<Vec<f32>>();

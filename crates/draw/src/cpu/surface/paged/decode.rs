@@ -6,6 +6,7 @@ use super::leaf::{self, Held};
 use super::normals::{Ground, of_heights, refined};
 use super::slopes::is_same;
 use crate::color::colors::to_linear;
+use deepfield_data::lanes::in_lanes;
 use deepfield_data::model::Scale;
 use deepfield_heights::hierarchy::chunks::{Lattice, Part};
 use deepfield_heights::store::{Chunk, HeightAbout};
@@ -69,7 +70,7 @@ impl Decoder {
     pub(super) fn samples(&self, chunk: Chunk, lattice: &Lattice) -> NodeSamples {
         let Chunk { key, part, held, mut stored, coverage, normals, planes } = chunk;
         if self.scale != Scale::NONE {
-            stored.iter_mut().for_each(|value| *value = self.scale.value(*value));
+            in_lanes!(scale(&mut stored, self.scale));
         }
         let planes =
             planes.iter().map(|plane| plane.iter().map(|value| self.light[usize::from(*value)]).collect()).collect();
@@ -84,7 +85,7 @@ impl Decoder {
             return NodeSamples {
                 rows,
                 columns,
-                heights: SampleHeights::of(&own(stored, &held, &part)),
+                heights: SampleHeights::of(own(stored, &held, &part)),
                 coverage,
                 normals: SampleNormals::Parts(normals),
                 ranges: Vec::new(),
@@ -104,7 +105,7 @@ impl Decoder {
             true => SampleNormals::Up(part.len()),
             false => SampleNormals::Parts(normals),
         };
-        let heights = SampleHeights::of(&stored);
+        let heights = SampleHeights::of(stored);
         NodeSamples { rows, columns, heights, coverage, normals, ranges: Vec::new(), planes, changes: Vec::new() }
     }
 
@@ -122,6 +123,12 @@ impl Decoder {
             changes: Vec::new(),
         }
     }
+}
+
+/// Makes heights of stored samples, as [`Scale::value`] does.
+#[inline(always)]
+fn scale(samples: &mut [f64], Scale { slope, intercept }: Scale) {
+    samples.iter_mut().for_each(|sample| *sample = slope.mul_add(*sample, intercept));
 }
 
 /// A mean normal where all is so much steeper along columns and rows: turned, and as long as it was.

@@ -5,7 +5,9 @@
 //! angle and a quarter at each other corner. Sums are taken in the same order for all samples.
 
 use super::super::samples::MeanNormal;
+use deepfield_data::lanes::in_lanes;
 use deepfield_heights::model::Cell;
+use std::ops::Range;
 
 /// Heights with as many of those around a leaf as the field has, at most one row and one column on each side.
 pub(super) struct Held<'a> {
@@ -66,8 +68,11 @@ impl CellRow {
             self.is_whole = true;
             self.kinds.fill(WHOLE);
             let (b, e) = (&upper[1..], &lower[1..]);
-            units([b, upper], [e, b], slopes, &mut self.units[0]);
-            units([e, lower], [lower, upper], slopes, &mut self.units[1]);
+            let [first, second] = &mut self.units;
+            in_lanes!({
+                units([b, upper], [e, b], slopes, first);
+                units([e, lower], [lower, upper], slopes, second);
+            });
             return;
         }
         for (at, (up, low)) in upper.windows(2).zip(lower.windows(2)).enumerate() {
@@ -105,6 +110,7 @@ fn unit([along_columns, along_rows]: [f64; 2], slopes: [f64; 2]) -> [f64; 3] {
 }
 
 /// The unit normals of triangles whose heights grow by differences of these rows.
+#[inline(always)]
 fn units(columns: [&[f64]; 2], rows: [&[f64]; 2], slopes: [f64; 2], [x, y, z]: &mut [Vec<f64>; 3]) {
     let count = x.len();
     let [right, left] = columns.map(|row| &row[..count]);
@@ -134,25 +140,36 @@ pub(super) fn about(held: &Held<'_>, slopes: [f64; 2]) -> About {
             true => first_column.max(1)..(first_column + columns).min(cells),
             false => 0..0,
         };
+        let own = first_column..first_column + columns;
+        let (before, after) = match inner.is_empty() {
+            true => (own.clone(), own.end..own.end),
+            false => (own.start..inner.start, inner.end..own.end),
+        };
+        let each = |columns: Range<usize>, out: &mut About| {
+            for column in columns {
+                let is_measured = samples.get(column).is_some_and(|height| !height.is_nan());
+                let (coverage, normal) = about_sample(&above, &below, column, is_measured);
+                out.0.push(coverage);
+                out.1.push(MeanNormal::new(normal));
+            }
+        };
+        each(before, &mut out);
         if !inner.is_empty() {
             for (axis, means) in means.iter_mut().enumerate() {
-                whole_means(&above, &below, axis, inner.start, &mut means[..inner.len()]);
+                in_lanes!(whole_means(&above, &below, axis, inner.start, &mut means[..inner.len()]));
             }
+            out.0.extend(std::iter::repeat_n(u8::MAX, inner.len()));
+            let [x, y, z] = &means;
+            let normals = x.iter().zip(y).zip(z).take(inner.len());
+            out.1.extend(normals.map(|((x, y), z)| MeanNormal::new([*x, *y, *z])));
         }
-        for column in first_column..first_column + columns {
-            let is_measured = samples.get(column).is_some_and(|height| !height.is_nan());
-            let (coverage, normal) = match inner.contains(&column) {
-                true => (u8::MAX, [0, 1, 2].map(|axis| means[axis][column - inner.start])),
-                false => about_sample(&above, &below, column, is_measured),
-            };
-            out.0.push(coverage);
-            out.1.push(MeanNormal::new(normal));
-        }
+        each(after, &mut out);
     }
     out
 }
 
 /// A part of the mean normals of samples from `first` on whose four cells are whole: as [`about_sample`] has it.
+#[inline(always)]
 fn whole_means(above: &CellRow, below: &CellRow, axis: usize, first: usize, out: &mut [f32]) {
     let count = out.len();
     let (before, after) = (first - 1..first - 1 + count, first..first + count);

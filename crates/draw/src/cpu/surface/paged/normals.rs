@@ -102,7 +102,7 @@ pub(super) fn refined(ground: &Ground<'_>, kept: &[[u8; 3]], turned: impl Fn([f3
             let normal = normal_of(kept.get(out.len()).copied().unwrap_or(UP));
             let expected = unit([right as f32, *down as f32]);
             let part = |k: usize| normal[k] + STEPS[k] * taken((expected[k] - normal[k]) / STEPS[k]);
-            out.push(MeanNormal::new(turned([0, 1, 2].map(part))));
+            out.push(MeanNormal::new(turned([part(0), part(1), part(2)])));
         }
     }
     out

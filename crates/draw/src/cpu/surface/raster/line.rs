@@ -2,7 +2,7 @@
 //! [`Vantage::relative`](super::super::placed::Vantage::relative) and in the same order, so that every bit is the same.
 
 use super::super::stitch::Mesh;
-use super::{Corner, FURTHEST, ONE, Raster};
+use super::{Corner, FURTHEST, ONE, Raster, Spot};
 use glam::DVec3;
 use std::ops::Range;
 
@@ -56,10 +56,17 @@ impl Line {
     /// A corner; `index` counts from the line's first column.
     pub(super) fn corner(&self, index: usize) -> Corner {
         let camera = DVec3::new(self.camera[0][index], self.camera[1][index], self.camera[2][index]);
-        Corner { camera, place: self.place_of(index), linear: self.linear[index] }
+        Corner { camera, spot: self.spot(index) }
+    }
+
+    /// Where it is, and how deep.
+    #[inline(always)]
+    pub(super) fn spot(&self, index: usize) -> Spot {
+        Spot { place: self.place_of(index), linear: self.linear[index] }
     }
 
     /// Where it is, parts of pixels.
+    #[inline(always)]
     pub(super) fn place_of(&self, index: usize) -> [i64; 2] {
         [self.place[0][index], self.place[1][index]]
     }

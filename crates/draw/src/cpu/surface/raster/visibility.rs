@@ -2,6 +2,7 @@
 
 use super::{FRACTION, ONE};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Pixels beyond which a place is not in any picture.
@@ -98,6 +99,18 @@ impl Visibility {
         self.cells[index].load(Ordering::Relaxed) != u64::MAX
     }
 
+    /// Whether all pixels of some columns and rows show something, or none of them does.
+    pub(in crate::cpu::surface) fn is_even(&self, columns: &Range<usize>, rows: &Range<usize>) -> bool {
+        let (mut is_any, mut are_all) = (false, true);
+        for row in rows.clone().map(|y| &self.cells[y * self.width..][columns.clone()]) {
+            for cell in row {
+                let is_shown = cell.load(Ordering::Relaxed) != u64::MAX;
+                (is_any, are_all) = (is_any | is_shown, are_all & is_shown);
+            }
+        }
+        !is_any || are_all
+    }
+
     /// Keeps the nearer of what is there and this; `depth` is not negative.
     #[inline]
     pub fn put(&self, index: usize, depth: f64, number: u32) {
@@ -173,4 +186,19 @@ impl Visibility {
 /// A place in parts of pixels.
 pub(super) fn parts_of(place: [f64; 2]) -> [i64; 2] {
     place.map(|pixels| (pixels.clamp(-FAR, FAR) * ONE as f64) as i64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn even_parts_show_all_or_nothing() {
+        let seen = Visibility::new([4, 3]);
+        assert!(seen.is_even(&(0..4), &(0..3)));
+        seen.put(4 + 1, 1.0, 7);
+        seen.put(4 + 2, 1.0, 7);
+        assert!(!seen.is_even(&(0..4), &(0..3)) && !seen.is_even(&(1..2), &(0..2)) && !seen.is_even(&(2..4), &(1..2)));
+        assert!(seen.is_even(&(1..3), &(1..2)) && seen.is_even(&(0..4), &(2..3)) && seen.is_even(&(3..4), &(0..3)));
+    }
 }

@@ -9,6 +9,9 @@ use super::{Range, hair_along, hair_of};
 const HAIRS: f64 = 4.0;
 const ROUNDED: f64 = 1e-14;
 
+/// How far beyond its ends a stretch may meet something, in cells and in parts of the places: by far more than hairs, and what is rounded.
+const WIDER: f64 = 1e-6;
+
 /// No end.
 const ALL: Range = [f64::NEG_INFINITY, f64::INFINITY];
 
@@ -30,8 +33,9 @@ impl<'a> Passing<'a> {
     pub(super) fn new(ray: &'a GridRay, part: [f64; 2], [rows, columns]: [[f64; 2]; 2], range: Range) -> Passing<'a> {
         let most = [columns[1], rows[1], range[0].abs().max(range[1].abs())];
         let hairs = [hair_along(columns[1]), hair_along(rows[1]), hair_of(range)];
-        let (mut ahead, mut back, mut inverse) = (ray.origin, ray.origin, ray.direction.map(f64::recip));
+        let (mut ahead, mut back, mut inverse) = (ray.origin, ray.origin, [0.0; 3]);
         for axis in 0..3 {
+            inverse[axis] = ray.direction[axis].recip();
             // What hardly moves has no inverse that says anything; what does not move has one that says on which side it stays.
             let is_lost = inverse[axis].is_infinite() && ray.direction[axis] != 0.0;
             let wider = HAIRS * hairs[axis] + ROUNDED * (ray.origin[axis].abs() + most[axis]);
@@ -43,7 +47,7 @@ impl<'a> Passing<'a> {
             }
         }
         // 1 where it goes to smaller numbers.
-        let [down, right] = [1, 0].map(|axis| usize::from(ray.direction[axis] < 0.0));
+        let (down, right) = (usize::from(ray.direction[1] < 0.0), usize::from(ray.direction[0] < 0.0));
         let order = [[down, right], [down, 1 - right], [1 - down, right], [1 - down, 1 - right]];
         Passing { ray, part, order, ahead, back, inverse }
     }
@@ -67,6 +71,19 @@ impl<'a> Passing<'a> {
         let a = (low - self.ahead[axis]) * self.inverse[axis];
         let b = (high - self.back[axis]) * self.inverse[axis];
         [from.max(a.min(b)), to.min(a.max(b))]
+    }
+
+    /// The places of an axis that a stretch of the ray is between, farther out than anything that it meets there.
+    #[inline]
+    pub(super) fn ends(&self, axis: usize, [from, to]: [f64; 2]) -> [f64; 2] {
+        let (origin, direction) = (self.ray.origin[axis], self.ray.direction[axis]);
+        // However long it is.
+        if direction == 0.0 {
+            return [origin - WIDER * (1.0 + origin.abs()), origin + WIDER * (1.0 + origin.abs())];
+        }
+        let (a, b) = (from * direction + origin, to * direction + origin);
+        let wider = WIDER * (1.0 + origin.abs() + a.abs().max(b.abs()));
+        [a.min(b) - wider, a.max(b) + wider]
     }
 
     /// The stretches of the ray before and beyond a place of an axis; all of it where there is none.

@@ -40,6 +40,32 @@ fn plain_square(
     })
 }
 
+/// A ray that leaves a square of cells nowhere on its way through all heights is looked for there, and one along a row in the whole chunk.
+#[test]
+fn rays_begin_in_the_smallest_square_that_they_do_not_leave() {
+    let field = hills(300, 300, 0.0, 8);
+    let (source, placed) = (MemorySurface::new(&field, 1.0).unwrap(), placed(&field));
+    let (middle, projection) = (DVec3::new(149.5, 149.5, 0.0), Projection::Orthographic { height: 400.0 });
+    let view = View::look_at(middle + 600.0 * DVec3::Z, middle, DVec3::Y, projection, 64, 64).unwrap();
+    let scene = scene(&source, &placed, &Sight::Flat(view), &SurfaceOptions { tau: 0.0, ..SurfaceOptions::default() });
+    let caster = Caster::new(&scene);
+    let Branch { rectangle, range, .. } = &caster.branches[caster.root.unwrap()];
+    let number = scene.cut.at(0, 0).unwrap();
+    let whole = 1_u64 << scene.meshes[number].node.key.level;
+    let around = |column: f64, direction: [f64; 3]| {
+        let [column, row] = [column, 6.5].map(|at| at * whole as f64);
+        let ray = GridRay { origin: [column, row, 0.5 * (range[0] + range[1])], direction };
+        let passing = Passing::new(&ray, [0.0, f64::INFINITY], *rectangle, *range);
+        let span = passing.through(*rectangle, *range, passing.part).unwrap();
+        caster.around(number, &passing, span)
+    };
+    let down = [0.0, 0.0, -1.0];
+    assert_eq!((around(9.5, down), around(11.9, down)), ((FIRST, [1, 2]), (FIRST, [1, 2])));
+    // Just where two squares meet both are tried: what holds them is twice as wide.
+    assert_eq!(around(4.0, down), (FIRST + 1, [0, 0]));
+    assert_eq!(around(9.5, [1.0, 0.0, -1e-3]), (caster.pyramids[number].top(), [0, 0]));
+}
+
 #[test]
 fn boxes_are_passed_by_only_where_nothing_is_met() {
     let mut random = Random::new(3);

@@ -31,16 +31,16 @@ impl Reach {
         // All four cells are as large.
         let CellFrame { first, size } = CellFrame::of(mesh, [row, column]);
         let (GridRay { origin, direction }, rise) = (ray, high - low);
-        let [across, along, down] = direction.map(f64::abs);
+        let (across, along, down) = (direction[0].abs(), direction[1].abs(), direction[2].abs());
         let is_steep = 2.0 * rise * (across * size[0] + along * size[1]) < down * size[0] * size[1];
         if !is_steep {
             return None;
         }
         // By far more than what is rounded where the ray meets a triangle.
         let wider = 1e-6 * rise + 1e-9 * (low.abs().max(high.abs()) + origin[2].abs());
-        let ends = [low - wider, high + wider].map(|height| (height - origin[2]) / direction[2]);
+        let ends = [(low - wider - origin[2]) / direction[2], (high + wider - origin[2]) / direction[2]];
         let between = |axis: usize, first: f64, size: f64| {
-            let [from, to] = ends.map(|t| t * direction[axis] + origin[axis]);
+            let (from, to) = (ends[0] * direction[axis] + origin[axis], ends[1] * direction[axis] + origin[axis]);
             let wider = 1e-6 * size + 1e-12 * (origin[axis].abs() + first);
             [from.min(to) - wider, from.max(to) + wider]
         };
