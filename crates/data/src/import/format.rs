@@ -77,6 +77,7 @@ static BUILT_IN: &[&dyn Format] = &[
     &super::table::Ecsv,
     &super::table::GeoJson,
     &super::table::KStars,
+    &super::table::Ascii,
     &super::table::Csv,
 ];
 

@@ -1,8 +1,9 @@
-//! Catalogues as FITS tables, VOTable, ECSV and Parquet: files that were written from the standards byte by byte, or by another library, hold what
-//! they should, plain and compressed, alone and as parts of one table, and damaged ones are errors that name the file.
+//! Catalogues as FITS tables, VOTable, ECSV, ASCII tables and Parquet: files that were written from the standards byte by byte, or by another
+//! library, hold what they should, plain and compressed, alone and as parts of one table, and damaged ones are errors that name the file.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod ascii;
 mod damaged;
 mod formats;
 mod ids;

@@ -31,10 +31,7 @@ impl Catalogue {
     /// When it has no positions or no rows, or states a unit that is not known, or cannot be read.
     pub(super) fn new(path: &Path, opened: Opened) -> Result<Catalogue, ImportError> {
         let Opened { table, format, bytes, mut notes } = opened;
-        let Some(positions) = sky::positions(path, &*table)? else {
-            let expected = "columns x, y, z, or ra, dec and possibly dist or parallax";
-            return Err(ImportError::missing(path, "positions", expected));
-        };
+        let positions = sky::positions(path, &*table)?.ok_or_else(|| sky::missing(path))?;
         let count = table.rows();
         if count == 0 {
             return Err(ImportError::NoParticles { path: path.into(), field: "rows".into() });
@@ -110,15 +107,14 @@ impl Catalogue {
     }
 }
 
-/// The columns `vx`, `vy`, `vz` as one field.
+/// The columns `vx`, `vy`, `vz` (`vxc` and so on of AHF) as one field.
 fn velocity(columns: &[Column]) -> Option<(Field, [usize; 3])> {
-    let found =
-        ["vx", "vy", "vz"].map(|name| columns.iter().position(|column| column.key() == name && column.components == 1));
-    let [x, y, z] = found;
+    let find = |name: &str| columns.iter().position(|column| column.key() == name && column.components == 1);
+    let [x, y, z] = [["vx", "vxc"], ["vy", "vyc"], ["vz", "vzc"]].map(|names| names.into_iter().find_map(find));
     let columns_of = [x?, y?, z?];
     let field = Field {
         name: "velocity".into(),
-        stored_as: "vx,vy,vz".into(),
+        stored_as: columns_of.map(|index| &*columns[index].name).join(","),
         unit: Unit::new(&*columns[columns_of[0]].unit),
         components: 3,
         kind: FieldKind::Velocity,

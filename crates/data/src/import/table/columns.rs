@@ -16,9 +16,13 @@ pub(super) struct Column {
 }
 
 impl Column {
-    /// A column of one number per row; `header` is a name such as `x`, `x [kpc]` or `x (kpc)`.
+    /// A column of one number per row; `header` is a name such as `x`, `x [kpc]` or `x (kpc)`, or `x(6)` where columns are numbered.
     pub(super) fn new(header: &str) -> Column {
         let header = header.trim().trim_matches('"').trim();
+        let numbered = header.strip_suffix(')').and_then(|header| header.rsplit_once('('));
+        let numbered =
+            numbered.filter(|(name, number)| !name.is_empty() && number.bytes().all(|digit| digit.is_ascii_digit()));
+        let header = numbered.map_or(header, |(name, _)| name.trim_end());
         let bracket = header.find(['[', '(']).filter(|at| *at > 0 && header.ends_with([']', ')']));
         let (name, unit) = match bracket {
             Some(at) => (header[..at].trim(), header[at..].trim_matches(['[', ']', '(', ')']).trim()),

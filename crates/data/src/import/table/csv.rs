@@ -4,6 +4,7 @@
 
 use super::catalogue::Catalogue;
 use super::columns::{Column, number};
+use super::records::Delimiter;
 use super::separated::{Heading, Separated, header_line, open};
 use super::text;
 use crate::import::{Format, ImportError, Source};
@@ -43,7 +44,7 @@ impl Separated for Csv {
         let header = header_line(path, reader)?;
         let delimiter = delimiter(&header);
         let names = header.trim_start_matches('\u{feff}').trim_start_matches('#').trim_end().split(delimiter);
-        Ok(Heading::of_names(names.map(Column::new).collect(), delimiter as u8))
+        Ok(Heading::of_names(names.map(Column::new).collect(), Delimiter::Each(delimiter as u8)))
     }
 }
 

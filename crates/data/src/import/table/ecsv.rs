@@ -4,6 +4,7 @@
 use super::catalogue::Catalogue;
 use super::columns::Column;
 use super::ecsv_header::{Description, Kind, MARK, described};
+use super::records::Delimiter;
 use super::separated::{Heading, Separated, header_line, open};
 use super::text;
 use crate::import::{Format, ImportError, Source};
@@ -67,8 +68,9 @@ impl Separated for Ecsv {
             is_text: columns.iter().map(|column| column.kind == Kind::Text).collect(),
             is_truth: columns.iter().map(|column| column.kind == Kind::Truth).collect(),
             columns: columns.iter().map(|column| Column::with_unit(&column.name, &column.unit, 1)).collect(),
-            delimiter: delimiter as u8,
+            delimiter: Delimiter::Each(delimiter as u8),
             lines: header.len() as u64 + 1,
+            begun: Vec::new(),
         })
     }
 }

@@ -1,6 +1,7 @@
 //! Tables and catalogues: a row per particle or star. Text is parsed in one pass into numbers, which are kept in memory or a temporary
 //! file; rows of FITS and Parquet files are read in place. Neither is ever held.
 
+mod ascii;
 mod catalogue;
 mod columns;
 mod csv;
@@ -12,12 +13,14 @@ mod ids;
 mod kstars;
 mod parquet;
 mod parts;
+mod records;
 mod separated;
 mod sky;
 mod store;
 mod text;
 mod votable;
 
+pub(super) use ascii::Ascii;
 pub(super) use csv::Csv;
 pub(super) use ecsv::Ecsv;
 pub(super) use fits::FitsTable;

@@ -3,7 +3,7 @@
 use super::catalogue::Catalogue;
 use super::columns::{Column, Opened, Table, shown};
 use super::store::{Store, StoreWriter};
-use super::{Csv, Ecsv, fits, ids, parquet, separated, votable};
+use super::{Ascii, Csv, Ecsv, fits, ids, parquet, separated, votable};
 use crate::import::check::chunks;
 use crate::import::format::{Head, format_of};
 use crate::import::{Format, ImportError, Source, folder};
@@ -32,6 +32,7 @@ static READERS: &[Reader] = &[
     },
     Reader { format: &super::VoTable, open: votable::open, columns: votable::columns, in_place: None },
     Reader { format: &Ecsv, open: separated::open::<Ecsv>, columns: separated::columns::<Ecsv>, in_place: None },
+    Reader { format: &Ascii, open: separated::open::<Ascii>, columns: separated::columns::<Ascii>, in_place: None },
     Reader { format: &Csv, open: separated::open::<Csv>, columns: separated::columns::<Csv>, in_place: None },
 ];
 

@@ -1,12 +1,13 @@
-//! Rows of values that something separates, behind a header: what CSV and ECSV have in common.
+//! Rows of values that something separates, behind a header: what CSV, ECSV and ASCII tables have in common.
 
 use super::columns::{Column, Opened, number, shown};
+use super::records::{Delimiter, Records};
 use super::store::{Store, StoreWriter};
-use super::{ids, text};
+use super::{ids, sky, text};
 use crate::import::ImportError;
 use crate::model::ReadMethod;
-use csv::{ByteRecord, ReaderBuilder};
-use std::io::BufRead;
+use csv::ByteRecord;
+use std::io::{BufRead, Cursor, Read};
 use std::path::Path;
 
 /// The longest line of a header, bytes: a file without line ends is not read as one.
@@ -31,6 +32,10 @@ pub(super) trait Separated {
 pub(super) fn open<F: Separated>(path: &Path, _: ReadMethod) -> Result<Opened, ImportError> {
     let (mut reader, bytes) = text::open(path)?;
     let heading = F::heading(path, &mut *reader)?;
+    // Before rows are read, of which there may be many.
+    if !sky::has_positions(&heading.columns) {
+        return Err(sky::missing(path));
+    }
     let table = Box::new(rows(path, heading, reader)?);
     Ok(Opened { table, format: F::NAME, bytes, notes: Vec::new() })
 }
@@ -52,16 +57,18 @@ pub(super) struct Heading {
     /// Which of them hold `True` and `False`.
     pub is_truth: Vec<bool>,
     /// What separates values.
-    pub delimiter: u8,
+    pub delimiter: Delimiter,
     /// Lines of the header.
     pub lines: u64,
+    /// Rows behind the header that were read along with it.
+    pub begun: Vec<u8>,
 }
 
 impl Heading {
     /// Columns of which nothing is known but their names.
-    pub(super) fn of_names(columns: Vec<Column>, delimiter: u8) -> Heading {
+    pub(super) fn of_names(columns: Vec<Column>, delimiter: Delimiter) -> Heading {
         let nothing = vec![false; columns.len()];
-        Heading { is_text: nothing.clone(), is_truth: nothing, columns, delimiter, lines: 1 }
+        Heading { is_text: nothing.clone(), is_truth: nothing, columns, delimiter, lines: 1, begun: Vec::new() }
     }
 }
 
@@ -81,8 +88,8 @@ pub(super) fn header_line(path: &Path, reader: &mut dyn BufRead) -> Result<Strin
 /// # Errors
 /// When the file cannot be read, a row has too few or too many values, or one of a column that positions need is no number.
 fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store, ImportError> {
-    let Heading { columns, is_text, is_truth, delimiter, lines } = heading;
-    let mut csv = ReaderBuilder::new().has_headers(false).delimiter(delimiter).flexible(true).from_reader(reader);
+    let Heading { columns, is_text, is_truth, delimiter, lines, begun } = heading;
+    let mut records = Records::new(Box::new(Cursor::new(begun).chain(reader)), delimiter, lines);
     let mut record = ByteRecord::new();
     let widths: Vec<usize> = columns.iter().map(Column::width).collect();
     let mut row = Vec::with_capacity(widths.iter().sum());
@@ -90,14 +97,11 @@ fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store
     let mut text: Vec<Option<(u64, String)>> = vec![None; columns.len()];
     let names = columns.clone();
     let mut rows = StoreWriter::new(path, columns);
-    loop {
-        let line = rows.rows() + lines + 1;
-        if !csv.read_byte_record(&mut record).map_err(|error| damaged(path, line, &error))? {
-            break;
-        }
+    while records.read(path, &mut record)? {
+        let line = records.line();
         if record.len() != names.len() {
             if rows.rows() == 0 && lines == 1 && names.len() > 1 {
-                return transposed(path, names, csv, &record);
+                return transposed(path, names, records, &record);
             }
             let found = format!("{} values", record.len());
             let expected = format!("{}, as many as the header has names", names.len());
@@ -123,7 +127,7 @@ fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store
         rows.push(&row)?;
     }
     let first_text = names.iter().zip(&text).filter_map(|(column, text)| Some((column, text.as_ref()?)));
-    if let Some((column, (line, found))) = first_text.into_iter().find(|(column, _)| super::sky::is_needed(column)) {
+    if let Some((column, (line, found))) = first_text.into_iter().find(|(column, _)| sky::is_needed(column)) {
         let field = format!("{} in line {line}", shown(&column.name));
         return Err(ImportError::malformed(path, field, shown(found), "a number"));
     }
@@ -131,12 +135,7 @@ fn rows(path: &Path, heading: Heading, reader: Box<dyn BufRead>) -> Result<Store
 }
 
 /// The rows of a table that has a line for each name; `first` is the first of these lines.
-fn transposed(
-    path: &Path,
-    names: Vec<Column>,
-    mut csv: csv::Reader<Box<dyn BufRead>>,
-    first: &ByteRecord,
-) -> Result<Store, ImportError> {
+fn transposed(path: &Path, names: Vec<Column>, mut records: Records, first: &ByteRecord) -> Result<Store, ImportError> {
     let values_of = |record: &ByteRecord, column: &Column| -> Result<Vec<[f64; 2]>, ImportError> {
         let values = record.iter().map(|field| {
             let field = String::from_utf8_lossy(field);
@@ -148,7 +147,7 @@ fn transposed(
     };
     let mut lines = vec![values_of(first, &names[0])?];
     let mut record = ByteRecord::new();
-    while csv.read_byte_record(&mut record).map_err(|error| damaged(path, lines.len() as u64 + 2, &error))? {
+    while records.read(path, &mut record)? {
         let Some(column) = names.get(lines.len()) else {
             let expected = format!("{} lines, one for each name", names.len());
             return Err(ImportError::malformed(path, "lines", "more lines", expected));
@@ -177,9 +176,4 @@ fn truth(text: &str) -> Option<f64> {
         "False" | "false" => Some(0.0),
         other => number(other),
     }
-}
-
-fn damaged(path: &Path, line: u64, error: &csv::Error) -> ImportError {
-    let found = error.to_string().replace(['\n', '\r'], " ");
-    ImportError::malformed(path, format!("line {line}"), found, "a line of the table")
 }

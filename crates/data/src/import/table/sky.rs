@@ -115,7 +115,8 @@ impl Recipe {
     }
 }
 
-const AXES: [&str; 3] = ["x", "y", "z"];
+/// Places, and how AHF calls those of haloes' centres.
+const AXES: [[&str; 2]; 3] = [["x", "xc"], ["y", "yc"], ["z", "zc"]];
 const RA: [&str; 3] = ["ra", "raj2000", "right_ascension"];
 const DEC: [&str; 4] = ["dec", "dej2000", "decj2000", "declination"];
 const DISTANCE: [&str; 2] = ["dist", "distance"];
@@ -140,7 +141,7 @@ impl Measure {
 /// Whether positions may be made of a column, so that it must hold numbers.
 pub(super) fn is_needed(column: &Column) -> bool {
     let lists: [(&[&str], Measure); 5] = [
-        (&AXES, Measure::Length),
+        (AXES.as_flattened(), Measure::Length),
         (&RA, Measure::Angle),
         (&DEC, Measure::Angle),
         (&DISTANCE, Measure::Length),
@@ -160,10 +161,15 @@ fn unit_of<'a>(column: &'a Column, name: &str, measure: Measure) -> Option<&'a s
     Some(if column.unit.is_empty() { unit } else { &column.unit })
 }
 
+/// The error of a table without them.
+pub(super) fn missing(path: &Path) -> ImportError {
+    ImportError::missing(path, "positions", "columns x, y, z, or ra, dec and possibly dist or parallax")
+}
+
 /// Whether there are columns that positions can be made of.
 pub(super) fn has_positions(columns: &[Column]) -> bool {
     let has = |names: &[&str], measure| find(columns, names, measure).is_some();
-    AXES.iter().all(|name| has(&[*name], Measure::Length)) || has(&RA, Measure::Angle) && has(&DEC, Measure::Angle)
+    AXES.iter().all(|names| has(names, Measure::Length)) || has(&RA, Measure::Angle) && has(&DEC, Measure::Angle)
 }
 
 /// A column that positions are made of.
@@ -196,7 +202,7 @@ pub(super) fn positions(path: &Path, table: &dyn Table) -> Result<Option<Positio
 
 fn cartesian(path: &Path, table: &dyn Table) -> Result<Option<Positions>, ImportError> {
     let columns = table.columns();
-    let [x, y, z] = AXES.map(|name| find(columns, &[name], Measure::Length));
+    let [x, y, z] = AXES.map(|names| find(columns, &names, Measure::Length));
     let (Some(x), Some(y), Some(z)) = (x, y, z) else { return Ok(None) };
     let axes = [x, y, z];
     // Values keep the first unit that is stated; the other axes are brought to it.

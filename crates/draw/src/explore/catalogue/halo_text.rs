@@ -20,6 +20,14 @@ const MOST_TEXT: u64 = 64 << 30;
 const OTHERS: [&str; 11] =
     ["name", "object", "label", "designation", "proper", "step", "snapshot", "snapnum", "snap", "time", "scale_factor"];
 
+/// Whether a file is the list of a halo finder, by what stands before its rows.
+///
+/// # Errors
+/// When it cannot be opened.
+pub(in crate::explore) fn is_list(path: &Path) -> Result<bool, ExploreError> {
+    Ok(Heading::read(&mut Lines::open(path)?).is_some())
+}
+
 /// Reads a catalogue; `None` of what is none of a halo finder.
 pub(super) fn read(path: &Path) -> Result<Option<Catalogue>, ExploreError> {
     let mut lines = Lines::open(path)?;

@@ -7,7 +7,7 @@ mod finder;
 pub(super) mod groups;
 mod halo_records;
 mod halo_tables;
-mod halo_text;
+pub(super) mod halo_text;
 pub(super) mod table;
 mod written;
 

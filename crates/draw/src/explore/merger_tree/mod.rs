@@ -10,7 +10,7 @@ mod table;
 
 pub use history::{HaloAtStep, csv};
 
-use super::catalogue::{Object, is_hdf5};
+use super::catalogue::{Object, halo_text, is_hdf5};
 use super::error::ExploreError;
 use super::followed::nearest;
 use crate::hierarchy::spacetime::{HermiteSpline, chord, difference_at};
@@ -97,6 +97,8 @@ impl MergerTree {
     pub fn of_file(path: &Path) -> Result<Option<MergerTree>, ExploreError> {
         let read = match is_hdf5(path)? {
             true => gadget::trees(path)?,
+            // That of a halo finder is of one step, though its haloes may have descendants.
+            false if halo_text::is_list(path)? => None,
             false => table::read(path)?,
         };
         read.map(MergerTree::linked).transpose()
