@@ -6,8 +6,22 @@ pub mod cached_run;
 pub mod jpeg;
 pub mod progress_bar;
 
+use std::fmt::Arguments;
+use std::io::{ErrorKind, Write};
+
 /// What a command ends with: nothing, or an error whose text names the file and the cause.
 pub type CommandResult = Result<(), Box<dyn std::error::Error + Send + Sync>>;
+
+/// Writes a line to standard output. Who reads that may have seen enough of it, as behind `| head`: the work goes on without them.
+///
+/// # Errors
+/// When it cannot be written for another reason.
+pub fn print_line(line: Arguments<'_>) -> std::io::Result<()> {
+    match writeln!(std::io::stdout(), "{line}") {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        done => done,
+    }
+}
 
 /// Wrong usage that only the files that are named make wrong.
 pub fn usage(message: String) -> Box<dyn std::error::Error + Send + Sync> {

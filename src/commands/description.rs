@@ -44,7 +44,7 @@ pub fn command_line() -> clap::Command {
 }
 
 /// Names, in all commands, of the arguments that are files to write, often at the end of long work.
-const WRITTEN: [&str; 8] = ["output", "out", "raw", "overdraw", "json", "csv", "video", "picture"];
+const WRITTEN: [&str; 9] = ["output", "out", "raw", "overdraw", "json", "csv", "video", "picture", "state"];
 
 /// Looks where a command is to write before it does anything.
 ///
@@ -164,6 +164,7 @@ mod tests {
             (vec!["probe", &a, "--json", &a], &a),
             (vec!["render", &a, "--with", &b, "-o", "picture.png", "--raw", &b], &b),
             (vec!["view", &a, "--picture", &a], &a),
+            (vec!["view", &run, "--status", &run_1], &run_1),
             (vec!["tour", "--around", &a, "--frame", "0", &a], &a),
         ] {
             let why = format!("{over}: cannot be written: found a file that is read, expected another name");
@@ -175,6 +176,8 @@ mod tests {
             vec!["build", &run, "-o", &a],
             vec!["build", &run, "-o", &fresh],
             vec!["probe", &a, "--json", "-"],
+            vec!["view", &run, "--status", &a],
+            vec!["build", "--status", &run],
         ] {
             assert_eq!(said(&arguments), Ok(()), "{arguments:?}");
         }

@@ -1,10 +1,10 @@
 //! `deepfield export`: clusters, or particles, in a form that other programs draw.
 
-use super::CommandResult;
 use super::arguments::{family_name, mode_name, transfer_named};
 use super::heights;
 use super::render_arguments::{Arguments as RenderArguments, setting_value, splat_count};
 use super::request::{Request, open};
+use super::{CommandResult, print_line};
 use crate::color::transfer::TransferFunction;
 use crate::mode::{Mode, SettingValue};
 use crate::model::{FamilyName, When};
@@ -86,6 +86,6 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     members.iter().try_for_each(|member| heights::refuse(&member.path, "particles"))?;
     let mut session = open(&members, options, [&shot])?;
     let count = session.export_gaussian_splats(&shot, out)?;
-    println!("{count} splats in {}", out.display());
+    print_line(format_args!("{count} splats in {}", out.display()))?;
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `deepfield extract`: a step of a run as a page file of its own.
 
-use super::CommandResult;
+use super::{CommandResult, print_line};
 use crate::model::{ReadMethod, When};
 use crate::store::RunFile;
 use crate::store::temporary::Temporary;
@@ -39,6 +39,6 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let bytes = run.copy_still(moment.step, &mut file.file(), output)?;
     file.file().sync_all().and_then(|()| file.persist(output)).map_err(named)?;
     let at = run.times().times[moment.step];
-    println!("step {} at {at} in {}, {bytes} bytes", moment.step, output.display());
+    print_line(format_args!("step {} at {at} in {}, {bytes} bytes", moment.step, output.display()))?;
     Ok(())
 }

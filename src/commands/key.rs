@@ -1,6 +1,6 @@
 //! `deepfield key`: a new key for a show on several machines.
 
-use super::CommandResult;
+use super::{CommandResult, print_line};
 use crate::show::protocol::ShowKey;
 use std::path::PathBuf;
 
@@ -25,6 +25,6 @@ pub struct Arguments {
 /// Where it is there already or cannot be written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     ShowKey::random().write(&arguments.file)?;
-    println!("the show's key is in {}", arguments.file.display());
+    print_line(format_args!("the show's key is in {}", arguments.file.display()))?;
     Ok(())
 }

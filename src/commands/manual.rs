@@ -1,6 +1,6 @@
 //! `deepfield manual`: the manual pages.
 
-use super::{CommandResult, description};
+use super::{CommandResult, description, print_line};
 use crate::color::output::write_atomically;
 use clap_mangen::Man;
 use std::path::PathBuf;
@@ -26,7 +26,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     for (name, page) in &pages {
         write_atomically(&folder.join(name), page)?;
     }
-    println!("{} manual pages are in {}", pages.len(), folder.display());
+    print_line(format_args!("{} manual pages are in {}", pages.len(), folder.display()))?;
     Ok(())
 }
 

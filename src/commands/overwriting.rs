@@ -32,10 +32,9 @@ fn of_type<'a, T: Clone + Send + Sync + 'static>(matches: &'a ArgMatches, id: &s
 
 /// Whether `written` is there already and is one of the files that the names `read` stand for.
 pub(super) fn is_one_of(written: &Path, read: &[PathBuf]) -> bool {
-    // What is not there cannot be lost, and `-` is standard output.
-    let Some(place) = written.canonicalize().ok().filter(|_| written != Path::new("-")) else {
-        return false;
-    };
+    // What is not there cannot be lost, `-` is standard output, and from a pipe or a terminal nothing is read here.
+    let place = written.canonicalize().ok().filter(|place| place.is_file() && written != Path::new("-"));
+    let Some(place) = place else { return false };
     let is_it = |file: &Path| file.canonicalize().is_ok_and(|file| file == place);
     if read.iter().any(|path| is_it(file_of_step(path))) {
         return true;

@@ -3,7 +3,7 @@
 use super::frame_option::{FrameName, unknown};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::RegionOptions;
-use super::{CommandResult, progress_bar::TerminalProgress};
+use super::{CommandResult, print_line, progress_bar::TerminalProgress};
 use crate::explore::{Data, Format, Frame, Members, Region, Work, export};
 use crate::model::{ReadMethod, When};
 use crate::store::run::{PathsOf, RunPaths};
@@ -99,7 +99,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     };
     let rows = export(Data::Source(&paths), &members, format, &frame, out, None, work)?.rows;
     drop(progress);
-    println!("{}: {rows} rows", out.display());
+    print_line(format_args!("{}: {rows} rows", out.display()))?;
     Ok(())
 }
 

@@ -6,7 +6,7 @@ use super::heights;
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
-use super::{CommandResult, progress_bar::TerminalProgress, usage};
+use super::{CommandResult, print_line, progress_bar::TerminalProgress, usage};
 use crate::color::output::{write_atomically, write_png};
 use crate::explore::plot::INNER;
 use crate::explore::plot::settings::DENSITY;
@@ -206,9 +206,9 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     }
     if json.as_deref() != Some(Path::new("-")) {
         for out in out {
-            println!("{} in {}", plot.title(), out.display());
+            print_line(format_args!("{} in {}", plot.title(), out.display()))?;
         }
-        notes.iter().for_each(|note| println!("{note}"));
+        notes.iter().try_for_each(|note| print_line(format_args!("{note}")))?;
     }
     Ok(())
 }

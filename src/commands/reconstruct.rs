@@ -1,11 +1,11 @@
 //! `deepfield reconstruct`: an image or a volume back from the points that stand for it.
 
-use super::CommandResult;
 use super::heights;
 use super::raw_options::RawOptions;
 use super::render_arguments::splat_count;
 use super::statistics::write_json;
 use super::wavelet_options::WaveletOptions;
+use super::{CommandResult, print_line};
 use crate::explore::export::grid::{GridFormat, write_grid};
 use crate::hierarchy::wavelet::{Bricks, Hierarchy, Samples, errors};
 use crate::import::{self, GridOptions, GridSource, ImportError, grid_format, open_grid};
@@ -208,7 +208,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
     }
     let points = if told.points == 1 { "1 point".to_owned() } else { format!("{} points", told.points) };
-    println!("{points}, {} of them samples; off by {rms:.4} (rms), {max:.4} at most", told.leaves);
+    print_line(format_args!("{points}, {} of them samples; off by {rms:.4} (rms), {max:.4} at most", told.leaves))?;
     Ok(())
 }
 

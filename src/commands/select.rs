@@ -6,7 +6,7 @@ use super::heights::select::{Corners, rectangle};
 use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, RegionOptions};
-use super::{CommandResult, progress_bar::TerminalProgress};
+use super::{CommandResult, print_line, progress_bar::TerminalProgress};
 use crate::explore::{Data, Format, Frame, Members, Opened, Region, Work, export, ids_of};
 use crate::model::ReadMethod;
 use std::path::PathBuf;
@@ -125,11 +125,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         (None, Opened::Pages(_)) => return Err(format!("{}: a page file has no ids", path.display()).into()),
     };
     drop(progress);
-    println!("{rows} particles in {}", out.display());
+    print_line(format_args!("{rows} particles in {}", out.display()))?;
     if let Members::Ids(wanted) = &wanted
         && rows < wanted.len()
     {
-        println!("{} of {} ids are not there", wanted.len() - rows, wanted.len());
+        print_line(format_args!("{} of {} ids are not there", wanted.len() - rows, wanted.len()))?;
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! `deepfield serve`: files for those who read them from afar, or pictures for browsers.
 
-use super::CommandResult;
 use super::arguments::{bytes, count};
+use super::{CommandResult, print_line};
 use crate::build::default_memory;
 use crate::model::is_url;
 use crate::serve::view::{ViewOptions, Viewing};
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     };
     let has_token = options.token.is_some();
     let server = Server::bind(options, offer)?;
-    println!("{}", arguments.said(server.url(), &address, has_token));
+    print_line(format_args!("{}", arguments.said(server.url(), &address, has_token)))?;
     server.start()?.wait()?;
     Ok(())
 }

@@ -6,7 +6,7 @@ use super::heights;
 use super::probe::short;
 use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
-use super::{CommandResult, progress_bar::TerminalProgress, usage};
+use super::{CommandResult, print_line, progress_bar::TerminalProgress, usage};
 use crate::explore::{
     Isosurface, IsosurfaceOptions, MeshFormat, Opened, ReadGrid, Work, isosurface, isosurface_of_grid, memory_of_bricks,
 };
@@ -239,9 +239,14 @@ impl Arguments {
         };
         let parts = if mesh.components == 1 { "1 part".to_owned() } else { format!("{} parts", mesh.components) };
         let out = self.output.display();
-        println!("{} triangles, {} vertices in {out}: {closed}, {parts}", mesh.triangles, mesh.vertices);
+        print_line(format_args!(
+            "{} triangles, {} vertices in {out}: {closed}, {parts}",
+            mesh.triangles, mesh.vertices
+        ))?;
         let (volume, area, spacing) = (short(mesh.volume), short(mesh.area), short(*spacing));
-        println!("volume {volume}, area {area}, on a lattice of spacing {spacing}; lengths in {length_unit}");
+        print_line(format_args!(
+            "volume {volume}, area {area}, on a lattice of spacing {spacing}; lengths in {length_unit}"
+        ))?;
         Ok(())
     }
 }

@@ -1,8 +1,8 @@
 //! `deepfield verify`: every checksum and structural promise of a page file or a run.
 
-use super::CommandResult;
 use super::page_file_info::hierarchies;
 use super::progress_bar::TerminalProgress;
+use super::{CommandResult, print_line};
 use crate::build::compare_with_sources;
 use crate::heights::store::{VerifiedHeights, verify_heights};
 use crate::look::DataKind;
@@ -37,13 +37,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if let Ok(DataKind::Run) = DataKind::of(&arguments.path) {
         let VerifiedRun { bytes, steps, stills, tracks } = verify_run(&arguments.path, &TerminalProgress::new())?;
         let Verified { pages, nodes, particles, .. } = stills;
-        println!(
+        print_line(format_args!(
             "{path}: sound, {steps} steps, {pages} pages, {nodes} nodes, {particles} particles, {tracks} tracks, {bytes} bytes"
-        );
+        ))?;
         if arguments.sources {
             let run = Arc::new(RunFile::open(&arguments.path, ReadMethod::default())?);
             let compared = compare_with_sources(&run, &TerminalProgress::new())?;
-            println!("{path}: {compared} particles are where the snapshots have them");
+            print_line(format_args!("{path}: {compared} particles are where the snapshots have them"))?;
         }
         return Ok(());
     }
@@ -54,12 +54,14 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         let VerifiedHeights { bytes, pages, chunks, tiles, valid } =
             verify_heights(&arguments.path, &TerminalProgress::new())?;
         let tiles = if tiles > 0 { format!("{tiles} tiles, ") } else { String::new() };
-        println!("{path}: sound, {pages} pages, {chunks} chunks, {tiles}{valid} measured samples, {bytes} bytes");
+        print_line(format_args!(
+            "{path}: sound, {pages} pages, {chunks} chunks, {tiles}{valid} measured samples, {bytes} bytes"
+        ))?;
         return Ok(());
     }
     if let Ok(DataKind::Grid) = DataKind::of(&arguments.path) {
         let VerifiedGrid { bytes, pages, nodes, samples } = verify_grid(&arguments.path, &TerminalProgress::new())?;
-        println!("{path}: sound, {pages} pages, {nodes} nodes, {samples} samples, {bytes} bytes");
+        print_line(format_args!("{path}: sound, {pages} pages, {nodes} nodes, {samples} samples, {bytes} bytes"))?;
         return Ok(());
     }
     if let Ok(DataKind::Source) = DataKind::of(&arguments.path) {
@@ -67,13 +69,13 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return Err(format!("{path}: content: found no file that deepfield has built, expected {expected}").into());
     }
     let verified = verify(&arguments.path, &TerminalProgress::new())?;
-    println!(
+    print_line(format_args!(
         "{path}: sound, {} pages, {} nodes of {}, {} particles, {} bytes",
         verified.pages,
         verified.nodes,
         hierarchies(PageFile::open(&arguments.path)?.metadata()).join(" and "),
         verified.particles,
         verified.bytes
-    );
+    ))?;
     Ok(())
 }

@@ -7,7 +7,7 @@ use super::heights::{BeforeOptions, HeightsOptions, SpacingOptions, TextureOptio
 use super::light_options::LightOptions;
 use super::overwriting::is_one_of;
 use super::projection_options::ProjectionOptions;
-use super::{CommandResult, render};
+use super::{CommandResult, print_line, render};
 use crate::import::{file_of_step, sources_of, steps_in};
 #[cfg(feature = "viewer")]
 use crate::look::HeightsSaid;
@@ -155,10 +155,10 @@ pub struct WindowArguments {
     #[arg(long, value_name = "NAME", default_value = "desktop")]
     pub preset: String,
     /// A file that is rewritten with the window's state as JSON whenever it changes, for scripts.
-    #[arg(long, value_name = "FILE.json")]
+    #[arg(id = "state", long = "status", value_name = "FILE.json")]
     pub status: Option<PathBuf>,
-    /// Where the picture goes when there is no display [default: the source's name with .png, of an image that has this name itself with
-    /// .picture.png].
+    /// Where the picture goes when there is no display [default: the source's name with .png, or with .picture.png where an image that is
+    /// shown has that name].
     #[arg(long, value_name = "FILE.png")]
     pub picture: Option<PathBuf>,
     /// What is said of heights.
@@ -366,7 +366,7 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
     if named.as_os_str().is_empty() {
         return Err(format!("{reason}: name a file to draw its picture, as in deepfield view snapshot.hdf5").into());
     }
-    let output = settings.picture.clone().unwrap_or_else(|| picture_of(named));
+    let output = settings.picture.clone().unwrap_or_else(|| picture_of(named, settings));
     render::run(&render::Arguments {
         size: settings.size,
         backend: settings.backend,
@@ -388,15 +388,19 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
         output: output.clone(),
         ..Default::default()
     })?;
-    println!("{reason}: the picture is in {}", output.display());
+    print_line(format_args!("{reason}: the picture is in {}", output.display()))?;
     Ok(())
 }
 
-/// Where the picture of a file goes unless that is said: an image that is shown has that name itself, and is not replaced.
-fn picture_of(named: &Path) -> PathBuf {
+/// Where the picture of a file goes unless that is said: an image that is shown, or laid over what is, may have that name itself, and is not
+/// replaced.
+fn picture_of(named: &Path, settings: &WindowArguments) -> PathBuf {
+    let photo = settings.texture.texture.iter().map(|photo| photo.path.clone());
+    let others = settings.with.iter().map(|member| member.path.clone()).chain(settings.before.before.clone());
+    let read: Vec<PathBuf> = std::iter::once(named.to_owned()).chain(photo).chain(others).collect();
     let name = named.file_stem().unwrap_or_default().to_string_lossy();
     let usual = PathBuf::from(format!("{name}.png"));
-    if is_one_of(&usual, &[named.to_owned()]) { PathBuf::from(format!("{name}.picture.png")) } else { usual }
+    if is_one_of(&usual, &read) { PathBuf::from(format!("{name}.picture.png")) } else { usual }
 }
 
 /// Whether a window can be opened: on Unix without macOS, an X server or a Wayland compositor is named.

@@ -187,17 +187,23 @@ fn what_was_damaged_on_its_way_is_asked_for_once_more() {
 
 #[test]
 fn a_file_that_is_replaced_while_it_is_opened_is_opened_again() {
-    let (server, times) = (served(), AtomicUsize::new(0));
+    let (folder, server) = (tempfile::tempdir().unwrap(), served());
     let last = sound().len() as u64 - ENDS[1];
-    server.answer(move |asked| match asked.range {
-        Some((from, _)) if from == last => match times.fetch_add(1, Ordering::Relaxed) {
-            0 => Fault::Cut,
-            1 => Fault::Status(412, None),
+    // What was seen of it before is not shown in its place.
+    for _ in 0..2 {
+        let times = AtomicUsize::new(0);
+        server.answer(move |asked| match asked.range {
+            Some((from, _)) if from == last => match times.fetch_add(1, Ordering::Relaxed) {
+                0 => Fault::Cut,
+                1 => Fault::Status(412, None),
+                _ => Fault::Sound,
+            },
             _ => Fault::Sound,
-        },
-        _ => Fault::Sound,
-    });
-    assert_eq!(open(&server).metadata(), in_memory(sound()).metadata());
+        });
+        let output = run(folder.path(), &["info", &server.url("a.df")]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && !told.contains("was read of it before"), "{told}");
+    }
 }
 
 #[test]

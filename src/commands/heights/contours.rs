@@ -1,7 +1,7 @@
 //! Lines of equal height, written as vectors.
 
-use crate::commands::CommandResult;
 use crate::commands::contours::Arguments;
+use crate::commands::{CommandResult, print_line};
 use crate::heights::measure::{Contour, GeoJson, Part, contours, levels};
 use crate::heights::model::Heights;
 use crate::model::new_file;
@@ -37,7 +37,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         count
     };
     file.persist(output).map_err(|error| named(error.error))?;
-    println!("{count} lines at {} heights in {}", wanted.len(), output.display());
+    print_line(format_args!("{count} lines at {} heights in {}", wanted.len(), output.display()))?;
     Ok(())
 }
 

@@ -1,11 +1,11 @@
 //! The difference of two height fields.
 
 use super::options;
-use crate::commands::CommandResult;
 use crate::commands::difference::Arguments;
 use crate::commands::probe::short;
 use crate::commands::progress_bar::TerminalProgress;
 use crate::commands::statistics::write_json;
+use crate::commands::{CommandResult, print_line};
 use crate::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use crate::heights::export::{ExportOptions, export_heights};
 use crate::heights::measure::{Difference, Volumes, volumes_on};
@@ -52,7 +52,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let length = Lengths::unit(difference.grid());
     let unit = |power: u32| if length.is_unknown() { String::new() } else { format!(" {length}^{power}") };
     let share = short(100.0 * valid_share);
-    println!("{valid} of {samples} samples are known of both ({share} %), over {}{}", short(area), unit(2));
-    println!("above: {}{}, below: {}{}", short(volume_above), unit(3), short(volume_below), unit(3));
+    print_line(format_args!(
+        "{valid} of {samples} samples are known of both ({share} %), over {}{}",
+        short(area),
+        unit(2)
+    ))?;
+    print_line(format_args!("above: {}{}, below: {}{}", short(volume_above), unit(3), short(volume_below), unit(3)))?;
     Ok(())
 }

@@ -2,8 +2,8 @@
 
 use super::StatedOptions;
 use super::info::within;
-use crate::commands::CommandResult;
 use crate::commands::progress_bar::TerminalProgress;
+use crate::commands::{CommandResult, print_line};
 use crate::heights::OpenHeights;
 use crate::heights::export::{ExportOptions, export_heights};
 use crate::heights::measure::{Part, window_of};
@@ -70,6 +70,6 @@ pub fn run(path: &Path, options: &StatedOptions, part: Option<Corners>, out: &Pa
     if matches!(&open, OpenHeights::Pages(file) if file.about().photo.is_some()) {
         eprintln!("note: the photo over the field is left out");
     }
-    println!("{} of {} samples in {} were measured", written.valid, written.samples, out.display());
+    print_line(format_args!("{} of {} samples in {} were measured", written.valid, written.samples, out.display()))?;
     Ok(())
 }

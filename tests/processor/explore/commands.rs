@@ -4,8 +4,6 @@ use super::particles::particles;
 use crate::support::{error, program, run, text};
 use serde_json::Value;
 use std::fmt::Write as _;
-#[cfg(unix)]
-use std::process::Stdio;
 
 /// A snapshot as a table, and its page file beside it.
 fn folder() -> tempfile::TempDir {
@@ -147,33 +145,46 @@ fn a_picture_without_a_name_replaces_no_image() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::write(folder.join("stars.csv"), "x,y,z\n0,0,0\n1,2,3\n").unwrap();
-    let said = |file: &str| {
+    let said = |of: &[&str]| {
         let mut view = program();
-        view.args(["view", file, "--backend", "cpu", "--size", "32x24"]).current_dir(folder);
+        view.arg("view").args(of).args(["--backend", "cpu", "--size", "32x24"]).current_dir(folder);
         view.env("XDG_CACHE_HOME", folder).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
         String::from_utf8(view.output().unwrap().stdout).unwrap()
     };
-    let first = said("stars.csv");
+    let first = said(&["stars.csv"]);
     assert!(first.ends_with(": the picture is in stars.png\n"), "{first}");
     let image = std::fs::read(folder.join("stars.png")).unwrap();
-    let second = said("stars.png");
+    let second = said(&["stars.png"]);
     assert!(second.ends_with(": the picture is in stars.picture.png\n"), "{second}");
     assert!(folder.join("stars.picture.png").is_file());
-    assert_eq!(std::fs::read(folder.join("stars.png")).unwrap(), image);
+    // Nor one that is laid over what is shown.
+    std::fs::write(
+        folder.join("dem.asc"),
+        "ncols 3\nnrows 3\nxllcorner 0\nyllcorner 0\ncellsize 1\n1 2 1\n2 4 3\n1 2 2\n",
+    )
+    .unwrap();
+    std::fs::copy(folder.join("stars.png"), folder.join("dem.png")).unwrap();
+    let over = said(&["dem.asc", "--texture", "dem.png"]);
+    assert!(over.ends_with(": the picture is in dem.picture.png\n"), "{over}");
+    for kept in ["stars.png", "dem.png"] {
+        assert_eq!(std::fs::read(folder.join(kept)).unwrap(), image, "{kept}");
+    }
 }
 
 /// Who reads standard output may have seen enough of it: that is no failure, and no panic.
 #[test]
 #[cfg(unix)]
-fn json_may_be_read_in_part() {
+fn what_is_said_may_be_read_in_part() {
     let folder = tempfile::tempdir().unwrap();
     let mut table = "name,x,y,z\n".to_owned();
     (0..20_000).for_each(|i| _ = writeln!(table, "object {i},{i},0,0"));
     std::fs::write(folder.path().join("named.csv"), table).unwrap();
-    let mut command = program();
-    command.args(["catalogue", "named.csv", "--json", "-"]).current_dir(folder.path());
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    drop(child.stdout.take());
-    let done = child.wait_with_output().unwrap();
-    assert!(done.status.success() && done.stderr.is_empty(), "{}", String::from_utf8_lossy(&done.stderr));
+    for arguments in [&["catalogue", "named.csv", "--json", "-"][..], &["key", "show.key"]] {
+        // Nobody reads from the beginning.
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let done = program().args(arguments).current_dir(folder.path()).stdout(writer).output().unwrap();
+        let said = String::from_utf8_lossy(&done.stderr);
+        assert!(done.status.success() && said.is_empty(), "{arguments:?}: {said}");
+    }
 }

@@ -92,6 +92,17 @@ proptest! {
     }
 }
 
+/// A list of consistent-trees, whose names with brackets are no times.
+#[test]
+fn lists_with_descendants_are_of_one_step() {
+    let names = "#scale(0) id(1) desc_scale(2) desc_id(3) mvir(4) rvir(5) x(6) y(7) z(8) A[x](9)";
+    let text = format!("{names}\n#Omega_M = 0.3\n0.5 7 0.6 9 1e12 300 1 2 3 0.25\n");
+    let (_folder, path) = written("hlist_0.5.list", text.as_bytes());
+    let catalogue = Catalogue::read_at(&path, None, true).unwrap();
+    assert_eq!((catalogue.format, catalogue.tree.is_none()), ("rockstar", true));
+    assert_eq!(catalogue.named("Halo 7").unwrap().position, DVec3::new(1.0, 2.0, 3.0));
+}
+
 #[test]
 fn rows_that_are_wrong_are_named() {
     let rockstar = "#ID Mvir Rvir X Y Z\n";

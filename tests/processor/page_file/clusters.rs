@@ -6,7 +6,7 @@ use deepfield::codec::clusters::cluster_limit;
 use deepfield::hierarchy::kind::PCA;
 use deepfield::hierarchy::pca::SplitRule;
 use deepfield::hierarchy::{ClusterOptions, Kinds, OctreeOptions};
-use deepfield::model::{Family, Kernel};
+use deepfield::model::{Family, Kernel, Placement};
 use deepfield::store::{Encoding, NodeRef, PageFile, PageId, Particles, Representative, verify};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
@@ -185,6 +185,26 @@ fn an_octree_is_the_same_with_clusters() {
         let (with, without) = (&with.families[0], &without.families[0]);
         assert_eq!((&with.levels, &with.codebooks), (&without.levels, &without.codebooks));
         assert_eq!((&with.refinements, with.column_error), (&without.refinements, without.column_error));
+    }
+}
+
+/// Where a scene's units take densities beyond 32-bit numbers, clusters have the nearest that are, as leaves do.
+#[test]
+fn densities_of_clusters_end_where_32_bits_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = built(folder.path(), particles(2000, 7, false), &options(Kinds::of([&PCA]), SplitRule::Relative));
+    for (scale, expected) in [(1e-20, f32::MAX), (1e20, f32::MIN_POSITIVE)] {
+        let placement = Placement { scale, ..Placement::HERE };
+        let (file, _) = PageFile::join(vec![(PageFile::open(&path).unwrap(), placement)]).unwrap();
+        let mut nodes = 0;
+        for page in (0..file.page_count()).map(|id| file.read_page(PageId(id)).unwrap()) {
+            for i in (0..page.nodes.len()).filter(|i| page.nodes[*i].encoding.is_clusters()) {
+                nodes += 1;
+                let drawn = page.content(i).unwrap().clusters(Some(40), Representative::Ellipsoid).unwrap();
+                assert!(drawn.values.density.iter().all(|density| *density == expected), "{:?}", drawn.values.density);
+            }
+        }
+        assert!(nodes > 0);
     }
 }
 

@@ -169,6 +169,19 @@ fn what_does_not_fit_together_is_told_or_refused() {
     let unscaled = [members[0].clone(), Member { scale: None, ..members[1].clone() }];
     let told = join(&unscaled).unwrap().1;
     assert!(told.iter().any(|note| note.contains("lengths in") && note.contains("a scale says otherwise")), "{told:?}");
+    // By the name that its user has given, and not by that of the file in the cache.
+    let mine = Member { path: "mine.hdf5".into(), ..unscaled[1].clone() };
+    let of_mine = |mine: Member| {
+        let built = |path: &Path| {
+            let is_mine = path == mine.path;
+            Ok::<_, StoreError>(if is_mine { members[1].path.clone() } else { path.to_owned() })
+        };
+        OpenData::open(&[members[0].clone(), mine.clone()], ReadMethod::default(), built)?.at(Moment::default())
+    };
+    let told = of_mine(mine.clone()).unwrap().1;
+    assert!(!told.is_empty() && told.iter().all(|note| note.starts_with("mine.hdf5: ")), "{told:?}");
+    let refused = of_mine(Member { scale: Some(-1.0), ..mine }).unwrap_err().to_string();
+    assert!(refused.starts_with("mine.hdf5: cannot be shown"), "{refused}");
     for (offset, scale) in [(DVec3::new(f64::NAN, 0.0, 0.0), 1.0), (DVec3::ZERO, -1.0)] {
         let wrong = [members[0].clone(), Member { offset, scale: Some(scale), ..members[1].clone() }];
         let error = join(&wrong).unwrap_err().to_string();

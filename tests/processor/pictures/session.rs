@@ -8,7 +8,7 @@ use deepfield::cpu::overdraw::Overdraw;
 use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::hierarchy::Kinds;
 use deepfield::look::{Attribute, Camera, Film, LookPatch, Member, SceneFile, Shot};
-use deepfield::mode::SettingValue;
+use deepfield::mode::{PathSettings, PathsOf, SettingValue};
 use deepfield::model::{Family, FamilyName};
 use deepfield::modes;
 use deepfield::picture::adapter::{AdapterField, AdapterSurface};
@@ -190,9 +190,8 @@ fn the_processor_draws_and_counts_what_an_adapter_cannot() {
     assert!(picture.image(&shot).unwrap() == expected.image(&shot).unwrap());
 }
 
-/// Stars have no temperature: what is drawn as if they had that of gas is told, once, and only where it is drawn.
-#[test]
-fn families_without_the_attribute_are_told() {
+/// Gas of one temperature that lies about.
+fn some_gas() -> Family {
     let mut random = Random(5);
     let mut family = gas();
     for _ in 0..500 {
@@ -202,6 +201,46 @@ fn families_without_the_attribute_are_told() {
         family.density.push(500.0);
         family.attributes[0].values.push(1e4);
     }
+    family
+}
+
+#[test]
+fn points_without_magnitudes_show_mass() {
+    for (attribute, expected) in [("magnitude", ["Flux", ""]), ("temperature", ["Mass per pixel", "Msun"])] {
+        let mut family = some_gas();
+        family.attributes[0].name = attribute.into();
+        family.attributes[0].values.fill(4.0);
+        let built = built_from_dataset(dataset_of(family), VqBits::Eight);
+        let mut session = Session::of(Arc::clone(&built.file), u64::MAX);
+        let (shot, _) = shot(modes::find("points").unwrap(), &mut session);
+        let shown = session.draw(&shot).unwrap().legend().unwrap().p;
+        assert_eq!([shown.title, shown.unit], expected);
+    }
+}
+
+#[test]
+fn that_there_are_no_paths_is_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = Arc::new(Told::default());
+    let reporter: Arc<dyn Reporter> = told.clone();
+    let mut session = session(folder.path(), None).with_reporter(reporter);
+    let of_paths = || told.0.lock().unwrap().iter().filter(|message| message.contains("paths")).count();
+    let (alone, _) = shot(modes::find("paths").unwrap(), &mut session);
+    let why = session.draw(&alone).err().unwrap().to_string();
+    assert!(why.contains("mode paths: the data is no run: paths are left out") && of_paths() == 0, "{why}");
+    let (plain, _) = shot(modes::find("column-density").unwrap(), &mut session);
+    let paths = Some(PathSettings { of: Some(PathsOf::All), ..PathSettings::default() });
+    let among = Shot { look: LookPatch { paths, ..plain.look.clone() }, ..plain };
+    for _ in 0..2 {
+        session.draw(&among).unwrap();
+        assert_eq!(of_paths(), 1);
+    }
+}
+
+/// Stars have no temperature: what is drawn as if they had that of gas is told, once, and only where it is drawn.
+#[test]
+fn families_without_the_attribute_are_told() {
+    let family = some_gas();
     let stars = Family { name: FamilyName::Stars, attributes: Vec::new(), ..family.clone() };
     let mut dataset = dataset_of(family);
     dataset.families.push(stars);

@@ -200,7 +200,7 @@ impl NodeClusters {
                 covariances.push(Covariance(covariance.map(|value| value as f32)));
             }
             out.mass.push((sum.mass * self.placement.mass) as f32);
-            out.density.push((sum.presence / sum.mass * self.placement.density()) as f32);
+            out.density.push(self.placement.placed_density((sum.presence / sum.mass) as f32));
             let h = match (&self.packed.published, representative) {
                 (Some((ladder, steps)), Representative::Published) => {
                     let away = |place: [f64; 3]| (0..3).map(|k| (place[k] - middle[k]).powi(2)).sum::<f64>().sqrt();

@@ -81,10 +81,17 @@ impl Units {
             let mut columns = families.flat_map(|family| family.attributes.iter().chain(&family.quantities));
             columns.find(|info| info.name == name).map(|info| info.unit.clone()).unwrap_or_default()
         };
+        let has = |name: &&str| {
+            metadata.families.iter().any(|family| family.attributes.iter().any(|info| info.name == **name))
+        };
+        let weight = depiction.mode.weight_attributes;
         // Colours are the first field's, where they are not the mode's own quantity.
         let field = depiction.mode.technique.fields(&depiction.settings).into_iter().next();
         let value = match field.filter(|name| *name != DENSITY) {
             Some(name) => Shown::Named(name.replace('-', " "), unit(&name)),
+            None if !weight.is_empty() && !weight.iter().any(has) => {
+                Shown::Named("mass per pixel".into(), metadata.mass_unit.clone())
+            }
             None => Shown::Mode,
         };
         Units {

@@ -236,6 +236,8 @@ impl OpenData {
             Data::Run(run) => run.placed_still(step_at(run, time)),
         };
         let files = self.members.iter().map(|(_, data)| file(data)).collect::<Result<Vec<_>, _>>()?;
+        let named = files.iter().zip(&self.members).map(|(file, (member, _))| (file.path().to_owned(), &*member.path));
+        let named: Vec<(PathBuf, &Path)> = named.collect();
         let units = |file: &PageFile| (file.metadata().length_unit.clone(), file.metadata().mass_unit.clone());
         // A run's units are its first step's, whichever step is shown.
         let first_run = self.members.first().and_then(|(_, data)| match data {
@@ -250,8 +252,24 @@ impl OpenData {
             };
             (file, member.placement((&length, &mass), (&scene.0, &scene.1)))
         });
-        PageFile::join(placed.collect())
+        match PageFile::join(placed.collect()) {
+            Ok((file, notes)) => Ok((file, notes.into_iter().map(|note| by_name(note, &named)).collect())),
+            Err(StoreError::Unjoinable { path, reason }) => {
+                let name = named.iter().find(|(built, _)| *built == path).map(|(_, name)| name.to_path_buf());
+                Err(StoreError::Unjoinable { path: name.unwrap_or(path), reason })
+            }
+            Err(error) => Err(error),
+        }
     }
+}
+
+/// What is said of a file, by the name that its user has given: what is built of a source lies in the cache.
+fn by_name(note: String, named: &[(PathBuf, &Path)]) -> String {
+    let renamed = named.iter().find_map(|(built, name)| {
+        let rest = note.strip_prefix(&*built.to_string_lossy())?.strip_prefix(": ")?;
+        Some(format!("{}: {rest}", name.display()))
+    });
+    renamed.unwrap_or(note)
 }
 
 /// The step of another run that is shown at a time of the scene's clock: its last one that is not later, else its first.

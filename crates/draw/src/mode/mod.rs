@@ -52,7 +52,7 @@ pub struct Mode {
     /// Names of attributes that colour the picture when the user names none: the first that the data has is used.
     /// Without any, the picture has no `S` and its colour follows `P`.
     pub usual_attributes: &'static [&'static str],
-    /// Attributes that the weight itself uses.
+    /// Attributes that the weight itself uses; of data without them it is the mass.
     pub weight_attributes: &'static [&'static str],
     /// Name of the transfer function to begin with, in `assets/transfer/`: without colour channel, and with one.
     pub transfer: [&'static str; 2],

@@ -15,7 +15,7 @@ pub static RADIUS: Setting = Setting {
 /// magnitudes, the mass elsewhere.
 pub static MODE: Mode = Mode {
     name: "points",
-    help: "stars as discs of fixed size, as bright as their magnitude says, coloured by their colour index",
+    help: "stars as discs of fixed size, as bright as their magnitude says, or their mass without one, coloured by their colour index",
     settings: &[&[&RADIUS]],
     technique: &SplatSums { footprint: |settings| Footprint::Pixels(settings.number(&RADIUS) as f32) },
     quantity: "flux",

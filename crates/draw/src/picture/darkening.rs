@@ -6,7 +6,6 @@ use crate::cpu::shadowing::{Others, Shadowing};
 use crate::cpu::volume::VolumeError;
 use crate::mode::LightPlan;
 use crate::view::View;
-use crate::view::perspective_grid::GridError;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -24,19 +23,23 @@ pub(super) fn draw(
     let AdapterValues::Light(colors, _) = &mut frame.values else { return Ok(frame) };
     let start = Instant::now();
     let casting = plan.passes.casting().map(|passes| LightPlan { passes, ..plan.clone() });
-    // What failed first: a picture without some of its shadows is none.
+    // How it failed: a picture without some of its shadows is none.
     let painter = Mutex::new((adapter, None));
     let casters = |from: &View| {
         let light = Some(casting.as_ref()?);
         let mut painter = painter.lock().unwrap_or_else(PoisonError::into_inner);
         let (adapter, failure) = &mut *painter;
+        if failure.is_some() {
+            return None;
+        }
         match adapter.draw_covering(&AdapterJob { view: from, light, repeat: 1, ..job }, false) {
             Ok((_, seen)) => Some(seen.depths),
-            Err(VolumeError::Grid(GridError::NothingInView)) => None,
-            Err(error) => {
-                failure.get_or_insert(error);
+            Err(error @ VolumeError::Device(_)) => {
+                *failure = Some(error);
                 None
             }
+            // As on the processor, what is not there for a lamp casts no shadow: close up its grid may have too many slices.
+            Err(_) => None,
         }
     };
     shadowing.darken_covering(job.view, &covering, colors, &casters, others);
@@ -71,6 +74,7 @@ mod tests {
     use crate::store::{InMemory, Tree as _};
     use crate::stream::first_nodes;
     use crate::view::Projection;
+    use crate::view::perspective_grid::GridError;
     use glam::DVec3;
     use std::sync::Arc;
 
@@ -115,8 +119,10 @@ mod tests {
 
     /// Draws spheres as the processor does and darkens nothing, until it fails.
     struct Mirror {
-        pictures: usize,
+        /// How often it was asked.
+        asked: usize,
         most: usize,
+        fails: fn() -> VolumeError,
     }
 
     fn nothing<T>() -> Result<T, VolumeError> {
@@ -140,10 +146,10 @@ mod tests {
             let Some(LightPlan { passes: LightPasses::Spheres { options, .. }, .. }) = job.light else {
                 return nothing();
             };
-            if self.pictures == self.most {
-                return nothing();
+            self.asked += 1;
+            if self.asked > self.most {
+                return Err((self.fails)());
             }
-            self.pictures += 1;
             let depiction = Depiction { settings: settings(&[]), ..job.depiction.clone() };
             let transfer = transfer();
             let subject = Subject::new(job.metadata, &depiction, &transfer, 1.0);
@@ -203,29 +209,35 @@ mod tests {
             let drawn = subject(depiction).draw_nodes(&view, &nodes, &plan).unwrap();
             drawn.light(&spheres::MODE).unwrap().colors
         };
-        let by_adapter = |most: usize| {
-            let mut adapter = Mirror { pictures: 0, most };
+        let by_adapter = |most: usize, fails: fn() -> VolumeError| {
+            let mut adapter = Mirror { asked: 0, most, fails };
             let passes = Passes::Compute;
             let (view, nodes, plan, depiction) = (&view, &nodes[..], &plan, &dark);
             let job = AdapterJob { view, depiction, metadata, nodes, plan, passes, light: None, repeat: 1 };
-            (draw_on(&mut adapter, &subject(&dark), job), adapter.pictures)
+            (draw_on(&mut adapter, &subject(&dark), job), adapter.asked)
         };
         let apart = |a: &Colors, b: &Colors| {
             let pairs = a.rgba.as_flattened().iter().zip(b.rgba.as_flattened());
             pairs.filter(|(a, b)| (*a - *b).abs() > 1e-6).count()
         };
-        let (drawn, pictures) = by_adapter(usize::MAX);
+        let is_lost = || VolumeError::Device("lost".into());
+        let (drawn, asked) = by_adapter(usize::MAX, is_lost);
         let (values, frame) = drawn.unwrap();
         let (found, expected) = (values.light(&spheres::MODE).unwrap().colors, by_processor(&dark));
-        assert_eq!(pictures, 5, "the eye, and four places of the lamp");
+        assert_eq!(asked, 5, "the eye, and four places of the lamp");
         assert_eq!(apart(&found, &expected), 0);
         assert!(apart(&by_processor(&plain), &expected) > 300, "nothing is dark");
         assert!(frame.milliseconds.contains_key("darken"));
-        // A picture lacks none of its shadows.
+        // A picture lacks none of its shadows, and what is lost is not asked again.
         for most in [0, 1, 3] {
-            let (drawn, pictures) = by_adapter(most);
+            let (drawn, asked) = by_adapter(most, is_lost);
             assert!(matches!(drawn, Err(VolumeError::Device(_))), "{most}");
-            assert!(pictures == most);
+            assert_eq!(asked, most + 1);
         }
+        // Where there is no picture for a lamp, nothing is in its way.
+        let (drawn, asked) = by_adapter(1, || GridError::TooManySlices { near: 0.0, far: 1.0, slices: 1e9 }.into());
+        let lit = drawn.unwrap().0.light(&spheres::MODE).unwrap().colors;
+        let mut pairs = lit.rgba.as_flattened().iter().zip(expected.rgba.as_flattened());
+        assert!(asked == 5 && apart(&lit, &expected) > 0 && pairs.all(|(lit, dark)| *lit >= *dark - 1e-6));
     }
 }

@@ -113,8 +113,8 @@ pub struct Session {
     hiding: Option<Hiding>,
     /// The paths of the run, where they were drawn.
     paths: Option<PathLayer>,
-    /// What was told of paths last.
-    told_of_paths: Option<&'static str>,
+    /// What was told of that is left out or drawn otherwise.
+    told_once: Vec<&'static str>,
     /// Whether it was told that not all that is drawn has the attribute.
     has_told_of_attribute: bool,
     /// Whether it was told that the file has not got what was asked of its levels.
@@ -207,7 +207,7 @@ impl Session {
             adapter: None,
             hiding: None,
             paths: None,
-            told_of_paths: None,
+            told_once: Vec::new(),
             has_told_of_attribute: false,
             has_told_of_levels: false,
             lacks_memory: false,

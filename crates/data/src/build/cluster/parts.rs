@@ -29,6 +29,7 @@ use crate::model::positioned::{read_exact_at, write_all_at};
 use crate::store::StoreError;
 use crate::store::temporary::Temporary;
 use opened::{OpenFiles, Opened};
+use std::collections::HashMap;
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -342,17 +343,26 @@ impl Parts {
         let Some((file, header)) = self.names.open(number)? else {
             return Err(io::Error::other(self.names.error(number, "found no file, expected the result of a task")));
         };
+        let lanes = match open.lanes(number, &header) {
+            Some(lanes) => lanes,
+            None => Arc::new(self.read_lanes(number, &file, &header)?),
+        };
+        Ok(open.keep(number, file, header, lanes))
+    }
+
+    /// Where the lanes of a task's file begin.
+    fn read_lanes(&self, number: u32, file: &File, header: &Header) -> io::Result<HashMap<u32, u64>> {
         // The file has room for it.
         let mut lanes = vec![0; header.lanes_len as usize];
-        let read = read_exact_at(&file, &mut lanes, header.index_offset - header.lanes_len);
+        let read = read_exact_at(file, &mut lanes, header.index_offset - header.lanes_len);
         read.map_err(|error| self.names.unreadable(number, &error))?;
         if crc32c::crc32c(&lanes) != header.lanes_crc {
             return Err(self.names.damaged(number, "lanes: found another checksum than the header says"));
         }
-        let Some(table) = Vec::<(u32, u64)>::of_bytes(&lanes) else {
-            return Err(self.names.damaged(number, "lanes: found other values, expected numbers and places"));
-        };
-        Ok(open.keep(number, file, header, table.into_iter().collect()))
+        match Vec::<(u32, u64)>::of_bytes(&lanes) {
+            Some(table) => Ok(table.into_iter().collect()),
+            None => Err(self.names.damaged(number, "lanes: found other values, expected numbers and places")),
+        }
     }
 
     /// The index of a task that is done.

@@ -29,6 +29,8 @@ const PATIENCE: Duration = Duration::from_secs(50);
 const PAUSES: [Duration; 3] = [Duration::from_millis(100), Duration::from_millis(400), Duration::from_millis(1600)];
 /// How often bytes are asked for that have another checksum than they should: once more, as the link may have damaged them.
 const ATTEMPTS: usize = 2;
+/// A file was changed between the two requests that open it, which is done again.
+const CHANGED: ErrorKind = ErrorKind::Interrupted;
 
 /// An open file behind a URL. It holds how the file begins and ends, never pages.
 pub(in crate::store) struct RemoteFile {
@@ -72,7 +74,9 @@ impl RemoteFile {
             if !may_pass(error.kind()) {
                 return Err(error);
             }
-            if let Some(ends) = kept.as_ref().and_then(Kept::ends) {
+            // A server that answers has the last word.
+            let is_away = error.kind() != CHANGED;
+            if is_away && let Some(ends) = kept.as_ref().and_then(Kept::ends) {
                 note(format!("{}: {error}; what was read of it before is shown", address.shown));
                 is_from_before = true;
                 break ends;
@@ -275,8 +279,7 @@ fn ends_of(object: &Object, host: &str) -> io::Result<Ends> {
         return Ok(Ends { version, head: head.bytes, tail: Vec::new() });
     }
     let is_tail = |tail: &Answer| !version.is_other(&tail.version) && tail.bytes.len() as u64 == version.size - start;
-    // It may be opened again.
-    let changed = || io::Error::other(format!("{host} has changed it while it was opened"));
+    let changed = || io::Error::new(CHANGED, format!("{host} has changed it while it was opened"));
     let tail = match outcome(&tail)? {
         Ok(tail) if is_tail(&tail) => tail,
         // A server that counts from the beginning only, or a file that was changed meanwhile.

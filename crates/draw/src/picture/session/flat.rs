@@ -266,12 +266,12 @@ impl Session {
         let mode = shown.depiction.mode;
         let passes = self.passes(shown.depiction)?.filter(|_| shown.ground.is_none());
         if passes.is_some() && mode.technique.takes_paths() && self.has_paths(&shown.shot.look) {
-            self.tell_of_paths("volumes with paths are drawn by the processor");
+            self.tell_once("volumes with paths are drawn by the processor");
             return Ok(None);
         }
         let sums = mode.technique.adapter() == Adapter::Splats;
         if passes.is_some() && self.scene.purpose == Purpose::Clusters && !sums {
-            self.tell_of_paths("clusters in this mode are drawn by the processor");
+            self.tell_once("clusters in this mode are drawn by the processor");
             return Ok(None);
         }
         Ok(passes)

@@ -5,7 +5,7 @@ use crate::cpu::paths::PathFragments;
 use crate::cpu::paths::fragments::lay_over_colors;
 use crate::cpu::shadowing::Lighting;
 use crate::look::LookPatch;
-use crate::mode::PathsOf;
+use crate::mode::{Mode, PathsOf};
 use crate::model::FamilyName;
 use crate::modes;
 use crate::picture::paths::{ChosenPaths, KEPT_BYTES, PathCounts, PathLayer, PathRequest, Sight};
@@ -16,34 +16,41 @@ use std::sync::Arc;
 use std::time::Instant;
 
 impl Session {
-    /// Tells something about paths that are left out or drawn otherwise, once.
-    pub(super) fn tell_of_paths(&mut self, what: &'static str) {
-        if self.told_of_paths != Some(what) {
-            self.told_of_paths = Some(what);
+    /// Tells once, however many pictures are drawn, that something is left out or drawn otherwise.
+    pub(super) fn tell_once(&mut self, what: &'static str) {
+        if !self.told_once.contains(&what) {
+            self.told_once.push(what);
             self.reporter.tell(what.into());
         }
     }
 
-    /// Whether paths are drawn in a picture; says why not where they are wanted all the same.
-    pub(super) fn has_paths(&mut self, look: &LookPatch) -> bool {
-        if look.paths_of() == PathsOf::None {
-            return false;
-        }
-        let why_not = match self.run() {
-            None => "the data is no run: paths are left out",
-            Some(run) if run.tracks().is_err() => "the run has no tracks: paths are left out",
+    /// Why a look's paths are not drawn; `None` where they are, or nobody's are asked for.
+    fn why_no_paths(&self, look: &LookPatch) -> Option<&'static str> {
+        match self.run() {
+            _ if look.paths_of() == PathsOf::None => None,
+            None => Some("the data is no run: paths are left out"),
+            Some(run) if run.tracks().is_err() => Some("the run has no tracks: paths are left out"),
             Some(_) if !matches!(&self.members[..], [only] if only.offset == DVec3::ZERO && only.scale.is_none()) => {
-                "paths are drawn of one run alone, where it lies: they are left out"
+                Some("paths are drawn of one run alone, where it lies: they are left out")
             }
-            Some(_) => return true,
-        };
-        self.tell_of_paths(why_not);
-        false
+            Some(_) => None,
+        }
+    }
+
+    /// Whether paths are drawn in a picture; says why not where they are wanted all the same, unless the picture is of nothing else and fails by it.
+    pub(super) fn has_paths(&mut self, look: &LookPatch) -> bool {
+        let why_not = self.why_no_paths(look);
+        if let Some(why) = why_not
+            && !look.mode.is_some_and(Mode::is_of_paths)
+        {
+            self.tell_once(why);
+        }
+        why_not.is_none() && look.paths_of() != PathsOf::None
     }
 
     /// That paths are all that is asked for, and there are none.
-    pub(super) fn no_paths(&self) -> PictureError {
-        let why = self.told_of_paths.unwrap_or("nobody's paths are asked for");
+    pub(super) fn no_paths(&self, look: &LookPatch) -> PictureError {
+        let why = self.why_no_paths(look).unwrap_or("nobody's paths are asked for");
         PictureError::of(self.path(), format!("mode paths: {why}"))
     }
 
@@ -96,7 +103,7 @@ impl Session {
     pub(super) fn draw_paths_alone(&mut self, shown: &Shown<'_>) -> Result<Picture, PictureError> {
         let mut times = Times::default();
         if !self.has_paths(&shown.shot.look) {
-            return Err(self.no_paths());
+            return Err(self.no_paths(&shown.shot.look));
         }
         let blank = self.blank(shown, shown.view)?;
         let (mut values, mut counts) = (blank.values, PathCounts::default());

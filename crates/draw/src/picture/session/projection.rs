@@ -28,17 +28,17 @@ impl Session {
         let Shown { shot, view, depiction, .. } = *shown;
         let lod_budget = shot.look.budget.file_budget();
         if lod_budget.presence > 0.0 || lod_budget.thinning > 0.0 {
-            self.reporter.tell("presence and thinning are for flat pictures; nothing is left out".into());
+            self.tell_once("presence and thinning are for flat pictures; nothing is left out");
         }
         let is_shown = |set: &SelectionSet| set.show != Show::Hidden;
         if shot.look.selections.as_ref().is_some_and(|sets| sets.iter().any(is_shown)) {
-            self.reporter.tell("selections are shown in flat pictures only".into());
+            self.tell_once("selections are shown in flat pictures only");
         }
         let mode = depiction.mode;
         let projector = Projector::new(view, shot.surround, shot.stereo)?;
         let mut paths = match self.has_paths(&shot.look) {
             true => self.choose_paths(shown, &projector.sight()?)?,
-            false if mode.is_of_paths() => return Err(self.no_paths()),
+            false if mode.is_of_paths() => return Err(self.no_paths(&shot.look)),
             false => None,
         };
         if mode.is_of_paths() {
@@ -168,7 +168,7 @@ impl Session {
     ) -> Result<Picture, PictureError> {
         let mut times = Times::default();
         let blank = self.blank(shown, projector.base)?;
-        let mut paths = paths.ok_or_else(|| self.no_paths())?;
+        let mut paths = paths.ok_or_else(|| self.no_paths(&shown.shot.look))?;
         let layer = self.paths.as_mut().map(|layer| (layer, &mut paths));
         let (scene, ground) = (&mut self.scene, shown.ground);
         let mut means = Means { scene, lists: false, adapter: None, reporter: &*self.reporter, paths: layer, ground };

@@ -48,6 +48,9 @@ impl Session {
 
     /// Tells, once, which families that are drawn lack the attribute that was named, and so are coloured as its mean.
     pub(super) fn tell_of_mean_colors(&mut self, coloring: &Coloring, metadata: &Metadata) {
+        if self.has_told_of_attribute {
+            return;
+        }
         let has = |family: &FamilyMetadata| {
             family.quantities.iter().chain(&family.attributes).any(|column| column.name == coloring.name)
         };
@@ -55,7 +58,7 @@ impl Session {
         let mut lacking: Vec<String> =
             drawn.filter(|family| !has(family)).map(|family| family.name.to_string()).collect();
         lacking.dedup();
-        if lacking.is_empty() || self.has_told_of_attribute {
+        if lacking.is_empty() {
             return;
         }
         self.has_told_of_attribute = true;

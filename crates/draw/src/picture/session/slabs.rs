@@ -36,7 +36,7 @@ impl Session {
         if self.options.backend.is_some() {
             return Ok(false);
         }
-        self.tell_of_paths("volumes whose pages do not fit into memory together are drawn by the processor");
+        self.tell_once("volumes whose pages do not fit into memory together are drawn by the processor");
         Ok(true)
     }
 

@@ -13,13 +13,15 @@ const MOST: usize = 128;
 /// How many these tasks are.
 static TASKS: AtomicUsize = AtomicUsize::new(0);
 
+/// Where lanes begin, by their numbers.
+pub(super) type Lanes = Arc<HashMap<u32, u64>>;
+
 /// A file that has been opened for reading.
 #[derive(Debug)]
 pub(super) struct Opened {
     pub file: File,
     pub header: Header,
-    /// Where lanes begin.
-    pub lanes: HashMap<u32, u64>,
+    pub lanes: Lanes,
     /// Whether it is the one that was opened first: else another has taken its place since.
     pub is_first: bool,
 }
@@ -30,8 +32,8 @@ pub(super) struct OpenFiles {
     /// By the numbers of the tasks that have written them, each with when it was last asked for.
     files: HashMap<u32, (u64, Arc<Opened>)>,
     asked: u64,
-    /// What each began with when it was first opened.
-    first: HashMap<u32, Header>,
+    /// What each began with when it was first opened, and its lanes: there are as many as buckets, which is a lot to read at each opening.
+    first: HashMap<u32, (Header, Lanes)>,
 }
 
 impl OpenFiles {
@@ -49,15 +51,21 @@ impl OpenFiles {
         Some(Arc::clone(opened))
     }
 
+    /// The lanes of the file of a task, if one that begins so has been open.
+    pub fn lanes(&self, number: u32, header: &Header) -> Option<Lanes> {
+        self.first.get(&number).filter(|(first, _)| first == header).map(|(_, lanes)| Arc::clone(lanes))
+    }
+
     /// Keeps a file open that was asked for; those that were asked for longest ago are closed where there are too many.
-    pub fn keep(&mut self, number: u32, file: File, header: Header, lanes: HashMap<u32, u64>) -> Arc<Opened> {
+    pub fn keep(&mut self, number: u32, file: File, header: Header, lanes: Lanes) -> Arc<Opened> {
         let most = (MOST / TASKS.load(Ordering::Relaxed).max(1)).max(1);
         while self.files.len() >= most
             && let Some(oldest) = self.files.iter().min_by_key(|(_, (last, _))| *last).map(|(number, _)| *number)
         {
             self.files.remove(&oldest);
         }
-        let is_first = *self.first.entry(number).or_insert(header) == header;
+        let (first, _) = self.first.entry(number).or_insert_with(|| (header, Arc::clone(&lanes)));
+        let is_first = *first == header;
         let opened = Arc::new(Opened { file, header, lanes, is_first });
         self.files.insert(number, (self.asked, Arc::clone(&opened)));
         opened
@@ -76,6 +84,7 @@ mod tests {
     use super::*;
     use crate::build::BuildError;
     use crate::build::spill::{Blob, Spill};
+    use crate::model::positioned::write_all_at;
     use std::path::Path;
 
     fn names(folder: &Path, tasks: u32) -> Names {
@@ -125,5 +134,27 @@ mod tests {
         assert!(told.contains("survey.0: found another file"), "{told}");
         assert!(names.done(0).is_some());
         assert_eq!(*spill.get(&blobs[1]).unwrap(), 1_u32.to_le_bytes());
+    }
+
+    /// What was read of them is damaged meanwhile: it is not read again.
+    #[test]
+    fn lanes_of_files_that_were_closed_are_known() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = names(folder.path(), MOST as u32 + 1);
+        let parts = Arc::new(Parts::of_task(names.clone(), 0).unwrap());
+        let spill = Spill::of_parts(Arc::clone(&parts));
+        let lane = spill.lane(3);
+        let blob = lane.put(&[b"lane"]).unwrap();
+        lane.close().unwrap();
+        drop(spill);
+        Arc::into_inner(parts).unwrap().finish(&blob, 0, 0).unwrap();
+        (1..=MOST as u32).for_each(|task| write(names.clone(), task, task));
+        let parts = Arc::new(Parts::reader(names.clone()));
+        let blobs: Vec<Blob> = (0..=MOST as u32).map(|task| parts.index(task).unwrap()).collect();
+        assert!(!parts.open.lock().unwrap().files.contains_key(&0));
+        let Header { lanes_len, index_offset, .. } = names.done(0).unwrap();
+        let file = File::options().write(true).open(names.path(0)).unwrap();
+        write_all_at(&file, &vec![7; lanes_len as usize], index_offset - lanes_len).unwrap();
+        assert_eq!(*Spill::of_parts(Arc::clone(&parts)).get(&blobs[0]).unwrap(), *b"lane");
     }
 }
