@@ -7,6 +7,7 @@ use crate::build::cluster::{Job, Split, StageStatus, Status};
 use crate::build::{BuildOptions, RunBuild};
 use crate::import::{LoadOptions, Run};
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// A build by many processes, of one machine or of several.
@@ -91,7 +92,7 @@ impl JobOptions {
         }
         let mut out = std::io::stdout().lock();
         for stage in job.stages() {
-            writeln!(out, "deepfield stage {} {} 0..{}", job.folder().display(), stage.name, stage.tasks)?;
+            writeln!(out, "deepfield stage {} {} 0..{}", slurm::shown(job.folder()), stage.name, stage.tasks)?;
         }
         Ok(())
     }
@@ -99,9 +100,7 @@ impl JobOptions {
 
 /// Removes a job.
 fn cancel(folder: &Path) -> CommandResult {
-    let job = Job::open(folder)?;
-    slurm::remove(folder)?;
-    Ok(job.remove()?)
+    Ok(Job::open(folder)?.remove()?)
 }
 
 /// Tells how far a job is.
@@ -124,12 +123,13 @@ fn tell(folder: &Path, as_json: bool) -> CommandResult {
     Ok(())
 }
 
-/// Runs one task of a build that `deepfield build --plan` has cut into tasks; one that has been run already is not run again. A stage's tasks
+/// Runs tasks of a build that `deepfield build --plan` has cut into tasks; one that has been run already is not run again. A stage's tasks
 /// run in any order and at the same time, once those of the stage before are done.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = "Examples:
   deepfield build snapshot_099.hdf5 -o galaxy.df --plan galaxy.job
   deepfield stage galaxy.job survey 0
+  deepfield stage galaxy.job partition 0..8
   deepfield stage galaxy.job grow 17 --memory 8GiB
   printf 'grow 0\\ngrow 1\\n' | deepfield stage galaxy.job
   deepfield build --status galaxy.job")]
@@ -140,8 +140,9 @@ pub struct StageArguments {
     /// such a line is written to standard output when its task is done].
     #[arg(requires = "task")]
     pub stage: Option<String>,
-    /// The task, from 0.
-    pub task: Option<u32>,
+    /// The task, from 0, or several, one after the other: 0..8 for those from 0 to 7.
+    #[arg(value_name = "TASK", value_parser = tasks)]
+    pub task: Option<Range<u32>>,
     /// Memory that the task may take, such as 8GiB [default: as the job was planned, or half of what is free].
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub memory: Option<u64>,
@@ -154,18 +155,31 @@ pub struct StageArguments {
 pub fn run_stage(arguments: &StageArguments) -> CommandResult {
     let StageArguments { job, stage, task, memory } = arguments;
     let job = Job::open(job)?;
-    let run = |stage: &str, task: u32| job.run(stage, task, *memory, &TerminalProgress::new());
-    if let Some((stage, task)) = stage.as_deref().zip(*task) {
-        return Ok(run(stage, task)?);
+    let run = |stage: &str, mut range: Range<u32>| {
+        range.try_for_each(|task| job.run(stage, task, *memory, &TerminalProgress::new()))
+    };
+    if let Some((stage, range)) = stage.as_deref().zip(task.clone()) {
+        return Ok(run(stage, range)?);
     }
     for line in std::io::stdin().lines() {
         let line = line.map_err(|error| format!("standard input: {error}"))?;
-        let words = line.split_once(' ').and_then(|(stage, task)| Some((stage, task.parse().ok()?)));
-        let (stage, task) =
+        let words = line.split_once(' ').and_then(|(stage, task)| Some((stage, tasks(task).ok()?)));
+        let (stage, range) =
             words.ok_or_else(|| format!("standard input: line: found {line:?}, expected a stage and a task"))?;
-        run(stage, task)?;
+        run(stage, range)?;
         // Whoever waits for it reads it at once: standard output is written line by line.
         writeln!(std::io::stdout(), "{line}")?;
     }
     Ok(())
+}
+
+/// Reads which tasks to run: `17`, or `0..8` for those from 0 to 7.
+fn tasks(text: &str) -> Result<Range<u32>, String> {
+    let number = |text: &str| text.parse::<u32>().ok();
+    let range = match text.split_once("..") {
+        Some((first, end)) => number(first).zip(number(end)).map(|(first, end)| first..end),
+        None => number(text).and_then(|task| Some(task..task.checked_add(1)?)),
+    };
+    let range = range.filter(|range| !range.is_empty());
+    range.ok_or_else(|| format!("found {text:?}, expected a task such as 17, or several such as 0..8"))
 }

@@ -2,7 +2,7 @@
 
 use super::CommandResult;
 use crate::build::cluster::{Job, Stage};
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::Path;
 
 /// Tasks of an array at most: SLURM takes indices below `MaxArraySize`, which is 1001 where nobody has set it.
@@ -58,26 +58,6 @@ pub fn write(job: &Job, folder: &Path) -> CommandResult {
     Ok(())
 }
 
-/// Removes the script and what tasks have said from the folder of a job.
-///
-/// # Errors
-/// When something cannot be removed.
-pub fn remove(folder: &Path) -> CommandResult {
-    let logs = folder.join("logs");
-    let said = std::fs::read_dir(&logs).into_iter().flatten().filter_map(Result::ok).map(|entry| entry.path());
-    for path in said.filter(|path| path.extension().is_some_and(|end| end == "log")).chain([folder.join("submit.sh")]) {
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != ErrorKind::NotFound => {
-                return Err(format!("{}: {error}", path.display()).into());
-            }
-            _ => {}
-        }
-    }
-    // Whatever others keep there stays.
-    let _ = std::fs::remove_dir(&logs);
-    Ok(())
-}
-
 /// The script. All options that it is called with are options of `sbatch`.
 fn script(program: &Path, folder: &Path, stages: &[Stage]) -> Vec<u8> {
     let mut text = b"#!/bin/sh\n# Gives the tasks of a build to SLURM: sh submit.sh [OPTIONS OF sbatch]; what is done is not done again.\n".to_vec();
@@ -116,7 +96,7 @@ fn quoted(word: &[u8]) -> Vec<u8> {
 }
 
 /// A path as a word of a shell, to be read and copied.
-fn shown(path: &Path) -> String {
+pub fn shown(path: &Path) -> String {
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+:,@%".contains(c);
     match path.to_str() {
         Some(text) if text.chars().all(is_plain) => text.to_owned(),

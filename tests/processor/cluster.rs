@@ -1,6 +1,6 @@
 //! Worker processes that are told one task after the other, and what is measured of builds by them, some of which are killed.
 
-use crate::support::{program, run};
+use crate::support::{error, program, run, text};
 use std::io::Write;
 use std::process::{Output, Stdio};
 
@@ -40,9 +40,31 @@ fn a_worker_runs_the_tasks_that_it_is_told() {
     };
     let (_, said) = refused("grow\n");
     assert!(said.contains("standard input: line: found \"grow\", expected a stage and a task"), "{said}");
-    let (done, said) = refused("finish 0\nbake 0\n");
-    assert_eq!(done, "finish 0\n");
+    let (done, said) = refused("finish 0..1\nbake 0\n");
+    assert_eq!(done, "finish 0..1\n");
     assert!(said.contains("stage: found \"bake\""), "{said}");
+}
+
+#[test]
+fn what_a_plan_prints_can_be_typed() {
+    let folder = tempfile::tempdir().unwrap();
+    let succeeds = |arguments: &[&str]| text(folder.path(), arguments);
+    succeeds(&["synth", "clusters", "-n", "3000", "-o", "snapshot"]);
+    succeeds(&["build", "snapshot", "-o", "alone.df"]);
+    let planned = succeeds(&["build", "snapshot", "-o", "out.df", "--plan", "job", "--tasks", "2"]);
+    for line in planned.lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        assert_eq!(words[0], "deepfield", "{line}");
+        succeeds(&words[1..]);
+    }
+    let built = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(built("out.df") == built("alone.df"));
+    let beyond = error(folder.path(), &["stage", "job", "plan", "0..3"]);
+    assert!(beyond.contains("task: found 1 of stage plan, expected 0 to 0"), "{beyond}");
+    for wrong in ["0..0", "2..1", "..2", "0..", "0...2", "-1", "4294967295"] {
+        let refused = run(folder.path(), &["stage", "job", "plan", wrong]);
+        assert_eq!(refused.status.code(), Some(2), "{wrong}");
+    }
 }
 
 #[test]

@@ -1,6 +1,10 @@
 //! Page files behind a URL, from servers that answer well and badly: nothing wrong is ever shown, what cannot be read is drawn coarser
 //! and told, and nothing is read twice.
 
+#[cfg(unix)]
+mod cache;
+#[cfg(target_os = "linux")]
+mod certificates;
 mod index;
 mod requests;
 mod servers;

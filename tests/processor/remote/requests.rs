@@ -1,7 +1,7 @@
 //! Requests as pages are asked for: one follows another as soon as that is answered, whatever frames do meanwhile, and none is sent for what is
 //! no longer wanted.
 
-use super::{open, pages_apart, place, served};
+use super::{open, pages_apart, place, served, some_page};
 use crate::support::fault_server::{Fault, FaultServer};
 use deepfield::store::{NodeRef, PageFile, PageId};
 use deepfield::stream::{StreamOptions, Streamer};
@@ -74,4 +74,19 @@ fn what_is_no_longer_wanted_is_not_asked_for() {
     }
     assert_eq!(asked(&server, &pages, under_way.len()), under_way);
     assert!(under_way.iter().all(|page| streamer.residency.page(*page).is_some()));
+}
+
+#[test]
+fn a_server_that_is_busy_or_fails_is_asked_for_less_at_a_time() {
+    for (status, is_less) in
+        [(404, false), (408, true), (429, true), (500, true), (502, true), (503, true), (504, true)]
+    {
+        let server = served();
+        let file = open(&server);
+        let (page, before) = (some_page(&file), file.reads_at_once().unwrap());
+        server.answer(move |_| Fault::Status(status, None));
+        assert!(file.read_page(page).is_err(), "{status}");
+        let after = file.reads_at_once().unwrap();
+        assert_eq!(after < before, is_less, "{status}: {before}, then {after}");
+    }
 }

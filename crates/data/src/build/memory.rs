@@ -1,7 +1,10 @@
 //! How much memory each part of a build may take.
 
 use super::partition::particle_bytes;
+use super::survey::Survey;
 use super::{BuildError, BuildOptions};
+use crate::codec::VqBits;
+use crate::model::ParticleStream;
 use crate::store::temporary::{folder_of, free_bytes};
 use std::path::{Path, PathBuf};
 
@@ -21,6 +24,17 @@ pub(super) const OUTPUT_PARTICLE: u64 = 12;
 const NODE_PARTICLES: f64 = 2.4;
 /// The same for the levels for volumes, whose leaves are those of the tree.
 const VOLUME_PARTICLES: f64 = 1.4;
+
+/// Bytes by which a task of a job that reads particles tells of those of a bucket.
+const JOB_SHARE: u64 = 80;
+/// Bytes of the sample of a column that is found for the particles of a bucket.
+const JOB_FOUND: u64 = 4 << 10;
+/// Bytes of what a job's tasks hand on whatever they read: codebooks, histograms, metadata.
+const JOB_TABLES: u64 = 4 << 20;
+/// Codebooks of a family at most, about.
+const JOB_BOOKS: u64 = 64;
+/// Parts that what shares a codebook is coded in: so many, and one for each group of buckets, of which there are so many at most.
+const JOB_PARTS: (u64, u64) = (16, 64);
 
 /// The shares of a build's memory, bytes.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,12 +107,27 @@ impl Memory {
         }
     }
 
-    /// Bytes that the files of a job's tasks take for `count` particles of a family with so many attributes, about.
-    pub fn of_job(options: &BuildOptions, count: u64, attributes: usize) -> u64 {
+    /// Bytes that the files of a job's tasks take at most, about, for a family with so many columns that so many tasks read; `in_parts` where
+    /// what shares a codebook is coded in parts. What a task puts away while it works comes on top.
+    pub fn of_job(
+        options: &BuildOptions,
+        stream: &dyn ParticleStream,
+        columns: usize,
+        tasks: u32,
+        in_parts: bool,
+    ) -> u64 {
+        let count = stream.particles();
         // Positions and codes, which are put away twice where they are refined, beside quantities; estimates beside particles.
-        let node_particle = 4.0 * (3 + attributes) as f64 + 6.0 + 4.0;
+        let node_particle = 4.0 * (3 + columns) as f64 + 6.0 + 4.0;
         let for_nodes = (count as f64 * node_particles(options) * node_particle) as u64;
-        count.saturating_mul(particle_bytes(attributes) + 8).saturating_add(for_nodes)
+        let for_particles = count.saturating_mul(particle_bytes(columns) + 8);
+        let sampled = Survey::bytes_of_parts(stream, columns, &options.octree);
+        // Where particles lie close together there are more than the fewest that hold them all.
+        let buckets = (count / options.octree.bucket_size(count).max(1) as u64).saturating_mul(2).saturating_add(2);
+        let of_bucket = u64::from(tasks) * JOB_SHARE + (2 + columns as u64) * JOB_FOUND;
+        let tables = buckets.saturating_mul(of_bucket);
+        let coded = if in_parts { coded_in_parts(options, count, columns, buckets) } else { 0 };
+        [for_particles, for_nodes, sampled, tables, coded].into_iter().fold(JOB_TABLES, u64::saturating_add)
     }
 
     /// Particles whose neighbours may be found at a time: in the memory that nodes and buckets take later.
@@ -129,6 +158,19 @@ impl Memory {
 /// Particles that the nodes of all trees draw for each source particle, about.
 fn node_particles(options: &BuildOptions) -> f64 {
     NODE_PARTICLES + if options.octree.volume_levels { VOLUME_PARTICLES } else { 0.0 }
+}
+
+/// Bytes that tasks hand on, beside codes, where they code what shares a codebook in parts, for `count` particles with so many columns in so
+/// many buckets: quantisers, and of each part sums for each code.
+fn coded_in_parts(options: &BuildOptions, count: u64, columns: usize, buckets: u64) -> u64 {
+    let bits = options.octree.code_bits();
+    let drawn = (count as f64 * node_particles(options)) as u64;
+    // A code is that of one particle at least.
+    let of_all = |bits: VqBits| (JOB_BOOKS * bits.entries() as u64).min(drawn);
+    let parts = JOB_PARTS.0 + buckets.min(JOB_PARTS.1);
+    let columns = 3 + columns as u64;
+    let refined = if bits.is_refined() { of_all(bits.leaves) * (64 + parts * 16) } else { 0 };
+    of_all(bits.entries) * (256 + 16 * columns + parts * (16 + 8 * columns)) + refined
 }
 
 /// Whether the disk of a folder has room for so many bytes more that help to build `out`, as far as the system says.

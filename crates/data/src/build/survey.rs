@@ -104,6 +104,18 @@ impl Survey {
         Ok(all)
     }
 
+    /// Bytes that the surveys of the parts of a family with so many columns take at most, about, and the sampled columns of all once more.
+    pub fn bytes_of_parts(stream: &dyn ParticleStream, columns: usize, options: &OctreeOptions) -> u64 {
+        let (particles, chunks) = (stream.particles(), stream.chunks() as u64);
+        let Strides { positions, columns: stride } = Strides::of(particles, options);
+        let (position, column) = (size_of::<[f64; 3]>() as u64, size_of::<f32>() as u64 * (3 + columns as u64));
+        let sampled = |stride: u64| particles / stride + chunks;
+        // Where tasks end within blocks each chunk has numbers of its own.
+        let numbers = 128 + (3 + columns as u64) * size_of::<Range>() as u64;
+        let parts = [(position, sampled(positions)), (2 * column, sampled(stride)), (numbers, chunks)];
+        parts.into_iter().fold(0, |bytes: u64, (each, count)| bytes.saturating_add(each.saturating_mul(count)))
+    }
+
     /// The survey of a family of which all chunks have been surveyed, in their order.
     pub fn joined(
         stream: &dyn ParticleStream,

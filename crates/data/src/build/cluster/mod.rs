@@ -100,7 +100,7 @@ pub struct Status {
     pub bytes: Moved,
     /// Particles of the source.
     pub particles: u64,
-    /// Bytes that its folder takes, about; of a run without what tasks put away while they work.
+    /// Bytes that its folder takes at most, about, without what tasks put away while they work.
     pub temporary_bytes_needed: u64,
 }
 
@@ -513,10 +513,9 @@ fn settings(
             }
         })
         .collect();
-    let temporary = streams.families.iter().map(|stream| Memory::of_job(&options, stream.particles(), columns(stream)));
-    Ok(Settings {
+    let mut settings = Settings {
         source_bytes: opened.description().bytes,
-        temporary_bytes: temporary.sum(),
+        temporary_bytes: 0,
         train: (tasks as u32).min(BOOKS * families.len().max(1) as u32),
         code: tasks as u32,
         write: tasks as u32,
@@ -526,5 +525,13 @@ fn settings(
         load: load.clone(),
         families,
         options,
-    })
+    };
+    let in_parts = !settings.has_whole_books();
+    let of_family = streams
+        .families
+        .iter()
+        .zip(&settings.families)
+        .map(|(stream, own)| Memory::of_job(&settings.options, stream, columns(stream), own.input, in_parts));
+    settings.temporary_bytes = of_family.fold(0, u64::saturating_add);
+    Ok(settings)
 }

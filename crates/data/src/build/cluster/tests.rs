@@ -327,6 +327,29 @@ fn codebooks_are_coded_as_a_whole_or_in_parts() {
     }
 }
 
+/// Also where samples, and sums for each of many codes, outweigh the particles.
+#[test]
+fn a_job_takes_no_more_than_is_said_of_it() {
+    let of = |bits, bucket, gas| {
+        let made_up = MadeUp { seed: 4, gas, dark: 0, is_lacking: true };
+        Case::new(&made_up, LoadOptions::default(), options(bits, bucket, 500, true))
+    };
+    let cases = [
+        (Case::small(), 3),
+        (of(VqBits::Sixteen, 20_000, 12_000), 3),
+        (of(VqBits::Eight, 8000, 40_000), 3),
+        (of(VqBits::Eight, 8000, 40_000), 2),
+    ];
+    for (case, tasks) in cases {
+        let job = case.plan(tasks).unwrap();
+        run_all(&job);
+        let files = std::fs::read_dir(case.path("job")).unwrap();
+        let held: u64 = files.map(|file| file.unwrap().metadata().unwrap().len()).sum();
+        let said = job.status().unwrap().temporary_bytes_needed;
+        assert!(held <= said, "{tasks} tasks: {held} bytes, said to be up to {said}");
+    }
+}
+
 /// Each value of a plan, with another one in its place, or none.
 #[test]
 fn every_field_of_a_plan_is_checked() {

@@ -55,12 +55,17 @@ impl Address {
     /// # Errors
     /// Where the URL is wrong, or names what is not read from.
     pub fn of(url: &str) -> io::Result<Address> {
+        Address::within(url, TIMEOUT)
+    }
+
+    /// The same, of a server that is given so long for an answer, and for more of it.
+    pub fn within(url: &str, timeout: Duration) -> io::Result<Address> {
         // Whoever makes a client first chooses for the process, and all choose the same.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let shown = shown(Path::new(url)).to_string_lossy().into_owned();
         let (host, object) = match url.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("s3://")) {
-            Some(scheme) => of_bucket(&url[scheme.len()..])?,
-            None => of_web(url)?,
+            Some(scheme) => of_bucket(&url[scheme.len()..], timeout)?,
+            None => of_web(url, timeout)?,
         };
         Ok(Address { url: url.into(), shown, host, object })
     }
@@ -81,14 +86,14 @@ fn is_set(variable: &str) -> bool {
 }
 
 /// A file on a server of the web.
-fn of_web(url: &str) -> io::Result<(String, Object)> {
+fn of_web(url: &str, timeout: Duration) -> io::Result<(String, Object)> {
     let parsed = Url::parse(url).map_err(|error| refused(format!("URL: {error}")))?;
     let host = parsed.host_str().ok_or_else(|| refused("URL: found no host"))?.to_owned();
     if !parsed.username().is_empty() || parsed.password().is_some() {
         return Err(refused(format!("URL: found a user before the host, expected none: {TOKEN} takes a token")));
     }
     check_encrypted("URL", &parsed)?;
-    let mut client = client(is_plain(&parsed), is_here(&parsed));
+    let mut client = client(is_plain(&parsed), is_here(&parsed), timeout);
     // A bucket refuses whoever shows a token beside a signature.
     let is_signed = parsed.query().is_some_and(|query| query.contains("X-Amz-Signature="));
     let may_see = !is_signed && (!is_plain(&parsed) || is_here(&parsed));
@@ -104,7 +109,7 @@ fn of_web(url: &str) -> io::Result<(String, Object)> {
 }
 
 /// A client of a server that is asked without TLS, or lies on this machine.
-fn client(is_plain: bool, is_here: bool) -> reqwest::ClientBuilder {
+fn client(is_plain: bool, is_here: bool, timeout: Duration) -> reqwest::ClientBuilder {
     // Wherever a server sends a request on, it does not leave the machine unencrypted.
     let on = Policy::custom(|attempt| match is_let(attempt.url()) {
         true => Policy::default().redirect(attempt),
@@ -112,8 +117,8 @@ fn client(is_plain: bool, is_here: bool) -> reqwest::ClientBuilder {
     });
     let client = reqwest::Client::builder()
         .user_agent(concat!("deepfield/", env!("CARGO_PKG_VERSION")))
-        .connect_timeout(TIMEOUT)
-        .read_timeout(TIMEOUT)
+        .connect_timeout(timeout)
+        .read_timeout(timeout)
         .https_only(!is_plain)
         .referer(false)
         .redirect(on)
@@ -184,7 +189,7 @@ fn header(token: &str) -> Option<HeaderValue> {
 }
 
 /// A file in a bucket: `bucket/key`, of Amazon or of the server that `AWS_ENDPOINT_URL` names.
-fn of_bucket(name: &str) -> io::Result<(String, Object)> {
+fn of_bucket(name: &str, timeout: Duration) -> io::Result<(String, Object)> {
     // What else stood in the name of a bucket might name another server.
     let is_bucket = |name: &str| {
         !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte))
@@ -195,12 +200,12 @@ fn of_bucket(name: &str) -> io::Result<(String, Object)> {
         .ok_or_else(|| refused("URL: found no file in a bucket, expected s3://BUCKET/KEY"))?;
     let host = format!("{BUCKET}{bucket}");
     let key = Key::parse(key).map_err(|error| refused(format!("URL: {error}")))?;
-    let seconds = format!("{}s", TIMEOUT.as_secs());
+    let milliseconds = format!("{}ms", timeout.as_millis());
     let mut store = AmazonS3Builder::from_env()
         .with_bucket_name(bucket)
         .with_retry(once())
-        .with_config(Client(ClientConfigKey::ConnectTimeout), seconds.as_str())
-        .with_config(Client(ClientConfigKey::ReadTimeout), seconds.as_str())
+        .with_config(Client(ClientConfigKey::ConnectTimeout), milliseconds.as_str())
+        .with_config(Client(ClientConfigKey::ReadTimeout), milliseconds.as_str())
         // A page may take as long as it comes.
         .with_config(Client(ClientConfigKey::Timeout), "1day");
     let endpoint =
@@ -211,7 +216,7 @@ fn of_bucket(name: &str) -> io::Result<(String, Object)> {
         check_encrypted("AWS_ENDPOINT_URL", &url)?;
         is_plainly = is_plain(&url);
         if is_plainly && is_here(&url) {
-            own = Some(built(&host, client(true, true))?);
+            own = Some(built(&host, client(true, true, timeout))?);
         }
         store = store.with_config(S3Endpoint, endpoint.as_str());
     }
@@ -220,7 +225,7 @@ fn of_bucket(name: &str) -> io::Result<(String, Object)> {
     store = store.with_http_connector(Connector { client: own, pause: pause.clone() });
     if endpoint.is_none() && !is_set("AWS_REGION") && !is_set("AWS_DEFAULT_REGION") {
         let bucket = bucket.to_owned();
-        let options = ClientOptions::new().with_connect_timeout(TIMEOUT).with_timeout(TIMEOUT);
+        let options = ClientOptions::new().with_connect_timeout(timeout).with_timeout(timeout);
         // Where that is not told, the request itself says why.
         if let Ok(region) = wait(async move { resolve_bucket_region(&bucket, &options).await })? {
             store = store.with_region(region);

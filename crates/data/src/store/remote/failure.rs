@@ -1,6 +1,7 @@
 //! Why a request has failed, in a person's words: the server and the cause, never a URL, which may hold a secret.
 //!
-//! The kinds of error tell what may pass (the link, a server that is busy or broken) from what will not (who asks, what is asked for).
+//! The kinds of error tell what may pass (the link, a server that is busy or broken) from what will not (who asks, what is asked for), and
+//! [`ErrorKind::ResourceBusy`] and [`ErrorKind::TimedOut`] that fewer requests at a time may help.
 
 use super::client::Refusal;
 use super::pause::in_seconds;
@@ -90,8 +91,9 @@ fn refused(refusal: Refusal, is_bucket: bool) -> (ErrorKind, String) {
         416 => (ErrorKind::InvalidInput, "does not have the bytes that are asked for"),
         408 => (ErrorKind::TimedOut, "gave up waiting"),
         429 | 503 => (ErrorKind::ResourceBusy, "asks for fewer requests"),
-        502 | 504 => (ErrorKind::Other, "gets no answer from the server behind it"),
-        500.. => (ErrorKind::Other, "has a fault of its own"),
+        // A server may fail because it is asked for too much.
+        502 | 504 => (ErrorKind::ResourceBusy, "gets no answer from the server behind it"),
+        500.. => (ErrorKind::ResourceBusy, "has a fault of its own"),
         300..=399 => (ErrorKind::InvalidInput, "says that this is elsewhere"),
         _ => (ErrorKind::InvalidInput, "refuses"),
     };
@@ -176,7 +178,8 @@ mod tests {
     fn what_may_pass_is_told_from_what_will_not() {
         let status = |status| of(HttpError::new(HttpErrorKind::Unknown, Refusal::Status(status)));
         for passing in [408, 429, 500, 502, 503, 504] {
-            assert!(may_pass(status(passing)), "{passing}");
+            let is_of_load = matches!(status(passing).kind(), ErrorKind::ResourceBusy | ErrorKind::TimedOut);
+            assert!(is_of_load && may_pass(status(passing)), "{passing}");
         }
         for last in [301, 400, 401, 403, 404, 410, 412, 416, 451] {
             let text = status(last).to_string();

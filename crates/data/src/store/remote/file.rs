@@ -304,7 +304,10 @@ mod tests {
     use super::*;
     use object_store::ObjectStoreExt;
     use object_store::memory::InMemory;
+    use std::io::{BufRead, BufReader, Write};
+    use std::net::{TcpListener, TcpStream};
     use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     fn object(bytes: Vec<u8>) -> Object {
         let object = Object { store: Arc::new(InMemory::new()), key: "a.df".into(), pause: Pause::default() };
@@ -399,5 +402,66 @@ mod tests {
             (error.kind(), error.to_string().as_str()),
             (ErrorKind::NotFound, "memory has no such file (status 404)")
         );
+    }
+
+    /// Answers one request after the other with parts of [`bytes`]; of an answer that stalls the first half comes, and no end.
+    fn serve(stream: &TcpStream, length: usize, stalls: &AtomicBool) -> io::Result<()> {
+        let mut lines = BufReader::new(stream).lines();
+        while let Some(line) = lines.next().transpose()? {
+            let line = line.to_ascii_lowercase();
+            let Some((first, last)) = line.strip_prefix("range: bytes=").and_then(|range| range.split_once('-')) else {
+                continue;
+            };
+            let number = |text: &str| text.trim().parse::<usize>().ok();
+            let (start, end) = match (number(first), number(last)) {
+                (Some(first), Some(last)) => (first, length.min(last + 1)),
+                (_, count) => (length.saturating_sub(count.unwrap_or(0)), length),
+            };
+            // The rest of the head.
+            lines.by_ref().map_while(Result::ok).find(String::is_empty);
+            let (all, mut stream) = (bytes(length), stream);
+            let body = &all[start..end];
+            write!(
+                stream,
+                "HTTP/1.1 206 Part\r\nContent-Range: bytes {start}-{}/{length}\r\nContent-Length: {}\r\n\
+                 ETag: \"a\"\r\nLast-Modified: Sun, 06 Nov 1994 08:49:37 GMT\r\n\r\n",
+                end - 1,
+                body.len()
+            )?;
+            if stalls.load(Ordering::Relaxed) {
+                stream.write_all(&body[..body.len() / 2])?;
+                // Until the other end closes.
+                return lines.next().transpose().map(drop);
+            }
+            stream.write_all(body)?;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn an_answer_that_stalls_midway_is_given_up_and_asked_for_again() {
+        let length = (HEAD + TAIL) as usize + 1000;
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/a.df", listener.local_addr().unwrap());
+        let stalls = Arc::new(AtomicBool::new(false));
+        let own = Arc::clone(&stalls);
+        std::thread::spawn(move || {
+            for stream in listener.incoming().map_while(Result::ok) {
+                let own = Arc::clone(&own);
+                // A client that goes away is no fault of the server's.
+                std::thread::spawn(move || drop(serve(&stream, length, &own)));
+            }
+        });
+        let file = RemoteFile::open(Address::within(&url, Duration::from_secs(1)).unwrap()).unwrap();
+        let (before, mut part) = (file.reads_at_once().unwrap(), [0; 100]);
+        stalls.store(true, Ordering::Relaxed);
+        let asked = Instant::now();
+        let error = file.read_exact_at(&mut part, HEAD + 100).unwrap_err();
+        assert_eq!((error.kind(), part), (ErrorKind::TimedOut, [0; 100]), "{error}");
+        assert!(may_pass(error.kind()) && asked.elapsed() < Duration::from_secs(8), "{:?}", asked.elapsed());
+        assert!(file.reads_at_once().unwrap() < before);
+        stalls.store(false, Ordering::Relaxed);
+        file.read_exact_at(&mut part, HEAD + 100).unwrap();
+        assert!(is_sound(&part));
     }
 }

@@ -21,7 +21,7 @@ const TOGETHER: Duration = Duration::from_millis(250);
 pub(super) enum Outcome {
     /// So many bytes, the first after so long.
     Came(u64, Duration),
-    /// The server wants fewer requests.
+    /// The server wants fewer requests, or may do better with them.
     TooMany,
     /// Nothing, for another reason.
     Failed,
