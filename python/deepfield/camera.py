@@ -16,6 +16,12 @@ class Camera:
 
     ``fov`` is the vertical field of view of a perspective camera, degrees [45]; ``ortho`` the height of a picture with parallel lines of
     sight. The text of :meth:`to_ron` is that of the field ``camera`` in scenes and configurations.
+
+    >>> camera = deepfield.Camera(eye=(0, 0, 9), target=(0, 0, 0), ortho=2)
+    >>> camera.to_ron()
+    '(eye: (0.0, 0.0, 9.0), target: (0.0, 0.0, 0.0), ortho: Some(2.0))'
+    >>> deepfield.Camera.from_ron(camera.to_ron()) == camera
+    True
     """
 
     eye: tuple | None = None

@@ -9,7 +9,11 @@ def color_maps():
 
 
 def color_map(name, count=256):
-    """Colours of a map at evenly spaced places from 0 to 1: float32 (count, 3), gamma-encoded."""
+    """Colours of a map at evenly spaced places from 0 to 1: float32 (count, 3), gamma-encoded.
+
+    >>> deepfield.color_map("viridis", 5).shape
+    (5, 3)
+    """
     return _deepfield.color_map(name, int(count))
 
 

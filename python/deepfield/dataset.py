@@ -50,14 +50,20 @@ def paths_of(path):
     return [os.fspath(path)] if isinstance(path, (str, os.PathLike)) else [os.fspath(one) for one in path]
 
 
-def open(path, progress=None):
-    """Opens a source, a page file or a run; or a list of them, to be shown together.
+def open(path, progress=None, *, threads=None):
+    """Opens a source, a page file or a run; or a list of them, to be shown together. A folder is the one of them that lies in it.
 
-    A source of particles is built into the user's cache first, where the program finds it, too, unless it is there already. ``progress`` is
-    called with the stage, the steps done and their number; True shows a bar.
+    A source of particles is built into the user's cache first, where the program finds it, too, unless it is there already: on so many
+    ``threads`` [all], in half of the free memory, where :func:`build` takes another amount. ``progress`` is called with the stage, the steps
+    done and their number; True shows a bar.
+
+    >>> box = deepfield.open("box.df")
+    >>> box.kind, box.count, box.unit
+    ('particles', 200, 'kpc')
     """
+    threads = asked.threads(threads)
     with progresses.teller(progress) as tell:
-        native, told = _deepfield.open(paths_of(path), tell)
+        native, told = _deepfield.open(paths_of(path), threads, tell)
     notes.tell(told)
     return Data(native)
 
@@ -151,6 +157,12 @@ class Data:
         "z:1.5", "last"). ``memory`` is what pages may take, in bytes or as "2GiB", ``threads`` how many draw [all]. ``config`` is a file or a text in RON, as ``deepfield render --config`` reads it, and ``scene`` a Scene, a mapping of its fields or a file: what is said
         beside it holds, then it does. All other names are settings of the mode, with underscores for
         hyphens; ``deepfield modes`` lists them.
+
+        >>> camera = {"eye": (0.5, 0.5, 9.0), "target": (0.5, 0.5, 0.5), "ortho": 2.0}
+        >>> picture = data.render(camera, size=(60, 40), mode="column-density")
+        >>> mass = picture.channels["P"].sum(dtype=float) * picture.pixel_area
+        >>> bool(abs(mass - 200.0) < 2.0)
+        True
         """
         wanted = {
             "camera": Camera.of(camera).asked(),
@@ -274,6 +286,10 @@ class Data:
         ``velocity`` and such being their components, and ``id``; all of them without it. Rows are read from the source at its own precision, also
         of a page file whose source is still there; else from the page file, which has no ids (``exact=True`` refuses that). ``memory`` is what they
         may take, in bytes or as "2GiB" [half of what is free], ``threads`` how many read [all].
+
+        >>> warm = data.select(where={"temperature": (0.5, None)}, fields=["x", "temperature"])
+        >>> warm.columns, warm.units["x"], bool(warm["temperature"].min() > 0.49)
+        (['family', 'x', 'temperature'], 'kpc', True)
         """
         of = questions.of(sphere, box, where, families, exact, wrap, time)
         wanted = {"of": of, "fields": None if fields is None else list(fields)}
@@ -330,6 +346,10 @@ class Data:
         ``weight`` is what particles count for: "mass", "count" or their value of a field. ``range`` is from where to where [all values], ``log``
         whether bins are equal in the logarithm [as values ask for]. Of a page file ``error`` is the relative error that is enough, such as
         0.01: a part of it is read then, and ``about`` tells the error. The region is that of :meth:`probe`.
+
+        >>> found = data.histogram("temperature", bins=4, weight="count", range=(0.0, 1.0), log=False)
+        >>> len(found.edges), int(found.counts.sum())
+        (5, 200)
         """
         wanted = {
             "of": questions.of(sphere, box, where, families, exact, wrap, time),
@@ -359,7 +379,12 @@ class Data:
         threads=None,
         progress=None,
     ):
-        """A PhaseDiagram of two fields, as ``deepfield plot --phase`` finds it; arguments are those of :meth:`histogram`, a pair of each."""
+        """A PhaseDiagram of two fields, as ``deepfield plot --phase`` finds it; arguments are those of :meth:`histogram`, a pair of each.
+
+        >>> found = data.phase("temperature", "mass", (8, 4), "count", ((0.0, 1.0), (0.0, 2.0)), log=False)
+        >>> found.counts.shape, int(found.counts.sum()), found.fields
+        ((4, 8), 200, ('temperature', 'mass'))
+        """
         pair = lambda value: tuple(value) if isinstance(value, (tuple, list)) else (value, value)
         axes = [_axis(*axis) for axis in zip((x, y), pair(bins), tuple(ranges), pair(log))]
         wanted = {
@@ -392,6 +417,10 @@ class Data:
         There are the shells' radii, counts, masses and densities, and of each of ``fields`` mean and dispersion, plain and weighted with mass.
         ``log`` makes shells equal in the logarithm over two decades, else they are of equal width. ``error`` is that of :meth:`histogram`.
         ``about["fields"]`` tells by name how far off the values of each field may be.
+
+        >>> shells = data.profile((0.5, 0.5, 0.5, 0.4), shells=4, fields="temperature")
+        >>> len(shells), shells.units["radius_to"], "mean_temperature" in shells
+        (4, 'kpc', True)
         """
         fields = [fields] if isinstance(fields, str) else list(fields) or [None]
         wanted = {
@@ -406,6 +435,11 @@ class Data:
 
         ``level`` leaves every 2^level-th sample along each axis. Values are as they are stored, in the type of the file, unless that scales
         them or marks missing ones: then they are float64 with NaN, or as stored with ``stored=True``. ``memory`` is what they may take.
+
+        >>> np.save("cube.npy", np.arange(210, dtype=np.int16).reshape(6, 5, 7))
+        >>> volume = deepfield.open("cube.npy")
+        >>> volume.shape, volume.array().shape, volume.array(level=1).shape
+        ((7, 5, 6), (6, 5, 7), (3, 3, 4))
         """
         wanted = {"level": _whole("level", level), "stored": bool(stored), "memory": asked.memory(memory)}
         with progresses.teller(progress) as tell:
@@ -432,6 +466,11 @@ class Data:
 
         ``rows`` and ``columns`` are slices or pairs of the first one and the one after the last. With ``coordinates`` come x of the columns and
         y of the rows, too: (heights, x, y).
+
+        >>> np.save("slope.npy", np.add.outer(np.arange(6.0), np.arange(9.0)))
+        >>> deepfield.open("slope.npy").heights(rows=(4, 6), columns=slice(0, 3))
+        array([[4., 5., 6.],
+               [5., 6., 7.]])
         """
         width, height = self.shape if self.kind == "heights" else (0, 0)
         wanted = {

@@ -82,6 +82,10 @@ class TransferFunction(_Text):
 
     Its fields are those of the files in assets/transfer. A ``range`` is "auto" or two numbers, a ``color_map`` a name of :func:`color_maps` or a
     list of stops ``[(0.0, "#000000"), (1.0, "#ffffff")]``.
+
+    >>> colors = deepfield.TransferFunction(color_map="viridis", range=(0.25, 8.0))
+    >>> colors.range, colors.replace(gamma=2.0).gamma
+    ({'fixed': [0.25, 8.0]}, 2.0)
     """
 
     _kind = "transfer"
@@ -116,6 +120,10 @@ class Scene(_Text):
 
     ``Scene(data, camera=camera, mode="points", settings={"radius": 3.0}, size=(800, 600))`` is of open data or of paths. A time is a number or
     "step:12", "z:1.5", "a:0.4", "last". ``data.render(scene=scene)`` draws it.
+
+    >>> scene = deepfield.Scene(data, mode="points", settings={"radius": 3.0}, size=(60, 40))
+    >>> data.render(scene=scene).size, scene.replace(mode="column-density", settings={}).mode
+    ((60, 40), 'column-density')
     """
 
     _kind = "scene"
@@ -132,7 +140,11 @@ class Scene(_Text):
 
 
 class Tour(_Text):
-    """Keyframes in time: a tour file. ``Tour(keyframes=[{...}, ...], size=(1280, 720), rate=30)`` has the fields of docs/tours.md."""
+    """Keyframes in time: a tour file. ``Tour(keyframes=[{...}, ...], size=(1280, 720), rate=30)`` has the fields of docs/tours.md.
+
+    >>> deepfield.Tour.around(seconds=2.0).picture(data, 0.5, size=(24, 16)).size
+    (24, 16)
+    """
 
     _kind = "tour"
     _seconds = None

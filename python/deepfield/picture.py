@@ -3,7 +3,6 @@
 import functools
 import json
 import os
-import tempfile
 
 import numpy as np
 
@@ -16,9 +15,14 @@ class Picture:
     ``rgba`` are its colours, uint8 (height, width, 4), gamma-encoded, row 0 at the top; ``channels`` its numbers by name: ``P`` and, where an
     attribute gives the hue, ``S`` (NaN where nothing was drawn) of modes that add up, linear premultiplied ``R``, ``G``, ``B``, ``A`` of the
     others, and of heights also ``depth``, ``x``, ``y``, ``height``, ``row``, ``column`` and ``coverage``. ``units`` are those of P and S.
+    The arrays are the memory that it was drawn into, so that files have what is written into ``rgba``.
 
     ``extent`` is (left, right, lower, upper) of a picture with parallel lines of sight, from its middle along its own right and up, in
     ``unit``: what matplotlib's ``imshow`` takes. It is None of a perspective picture, whose pixels have no size of their own.
+
+    >>> picture = data.render(size=(60, 40), mode="column-density")
+    >>> picture.rgba.shape, picture.png()[1:4]
+    ((40, 60, 4), b'PNG')
     """
 
     def __init__(self, native, notes=()):
@@ -61,11 +65,7 @@ class Picture:
 
     def png(self):
         """The bytes of its PNG, those of the program's file."""
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "picture.png")
-            self._native.write_png(path)
-            with open(path, "rb") as file:
-                return file.read()
+        return self._native.png()
 
     def save(self, path):
         """Writes a file: its colours as .png, its channels as .npz."""

@@ -14,7 +14,8 @@ class _Bar:
         if stage != self._stage:
             self.close()
             self._stage, self._bar = stage, self._tqdm(total=total or None, desc=stage, leave=False)
-        self._bar.n = done
+        # How many there are may become known on the way.
+        self._bar.n, self._bar.total = done, total or None
         self._bar.refresh()
 
     def close(self):

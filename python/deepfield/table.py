@@ -15,6 +15,10 @@ class Table:
 
     ``pandas.DataFrame`` comes from :meth:`to_pandas`; pyarrow, polars, DuckDB and others read it by ``__arrow_c_stream__``:
     ``pyarrow.table(table)``, ``polars.DataFrame(table)``.
+
+    >>> table = deepfield.Table({"x": np.arange(4.0), "id": np.arange(4)}, {"x": "kpc"})
+    >>> table[table["x"] > 1.0]
+    <table of 2 rows: x [kpc], id>
     """
 
     def __init__(self, columns, units=None, words=None, about=None):

@@ -3,7 +3,7 @@
 use crate::cache;
 use crate::error::{Failure, told};
 use crate::grids::{AskedSamples, Samples};
-use crate::picture::Picture;
+use crate::picture::{Drawn, Picture};
 use crate::plots::AskedPlot;
 use crate::table::{AskedRows, arrays};
 use crate::tours::AskedTour;
@@ -29,18 +29,26 @@ pub struct Dataset {
     about: String,
 }
 
-/// Opens what `paths` name; sources of particles are built into the cache first, unless they are there. Also gives what there was to tell.
+/// Opens what `paths` name; sources of particles are built into the cache first, on so many threads, unless they are there. Also gives what there
+/// was to tell.
 ///
 /// # Errors
 /// As [`work::run`].
 #[pyfunction]
-pub fn open(py: Python<'_>, paths: Vec<PathBuf>, progress: Option<Py<PyAny>>) -> PyResult<(Dataset, Vec<String>)> {
+pub fn open(
+    py: Python<'_>,
+    paths: Vec<PathBuf>,
+    threads: Option<usize>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Dataset, Vec<String>)> {
     let job = |state: &Arc<State>| -> Result<Dataset, Failure> {
         keep_pages_from_afar(cache::for_pages_from_afar);
-        let paths = paths.iter().map(|path| data_file(path)).collect::<Result<Vec<_>, _>>()?;
-        let members = members(&paths);
-        let about = about(&members, |path| Ok(cache::page_file(&members, path, state)?), &**state)?.to_string();
-        Ok(Dataset { paths: paths.into(), about })
+        on_threads(threads, || {
+            let paths = paths.iter().map(|path| data_file(path)).collect::<Result<Vec<_>, _>>()?;
+            let members = members(&paths);
+            let about = about(&members, |path| Ok(cache::page_file(&members, path, state)?), &**state)?.to_string();
+            Ok(Dataset { paths: paths.into(), about })
+        })
     };
     work::run(py, progress, job)
 }
@@ -93,7 +101,7 @@ impl Dataset {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Picture, Vec<String>)> {
         let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
-        let job = move |state: &Arc<State>| -> Result<Picture, Failure> {
+        let job = move |state: &Arc<State>| -> Result<Drawn, Failure> {
             on_threads(threads, || {
                 let asked: Asked = serde_json::from_str(&asked)?;
                 let mut members = members(&paths);
@@ -101,10 +109,11 @@ impl Dataset {
                 let mut session = session(&members, options, [&shot], state)?;
                 let drawn = session.draw(&shot)?;
                 let image = session.finished(&shot, &drawn)?;
-                Ok(Picture::new(&mut session, &shot, image, drawn))
+                Ok(Drawn::new(&mut session, &shot, image, drawn))
             })
         };
-        work::run_alone(py, progress, job)
+        let (drawn, told) = work::run_alone(py, progress, job)?;
+        Ok((drawn.into_picture(py)?, told))
     }
 
     /// What is in a region, as JSON, and what there was to tell.

@@ -8,26 +8,59 @@ use deepfield_draw::picture::asked::{ChannelValues, channels, facts};
 use deepfield_draw::picture::{self, AnySession};
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 
-/// A picture.
-#[pyclass(frozen, module = "deepfield._deepfield")]
-pub struct Picture {
+/// A picture as it was drawn, away from the interpreter.
+pub struct Drawn {
     image: Image,
     channels: Vec<(&'static str, ChannelValues)>,
     /// What it shows, as JSON.
     about: String,
 }
 
-impl Picture {
+impl Drawn {
     /// A picture that was drawn of a shot, and its colours.
-    pub fn new(session: &mut AnySession, shot: &Shot, image: Image, drawn: picture::Picture) -> Picture {
+    pub fn new(session: &mut AnySession, shot: &Shot, image: Image, drawn: picture::Picture) -> Drawn {
         let units =
             session.particles().map(|session| Units::of(session.tree().metadata(), &drawn.annotation.depiction));
         let about = facts(&drawn, shot, units.as_ref()).to_string();
-        Picture { image, channels: channels(drawn), about }
+        Drawn { image, channels: channels(drawn), about }
     }
+
+    /// The picture for Python, whose arrays take its memory over.
+    ///
+    /// # Errors
+    /// When Python has no room for it.
+    pub fn into_picture(self, py: Python<'_>) -> PyResult<Picture> {
+        let Image { width, height, rgba } = self.image;
+        let shape = [height as usize, width as usize];
+        let channels = PyDict::new(py);
+        for (name, values) in self.channels {
+            match values {
+                ChannelValues::Single(values) => {
+                    channels.set_item(name, PyArray1::from_vec(py, values).reshape(shape)?)?;
+                }
+                ChannelValues::Double(values) => {
+                    channels.set_item(name, PyArray1::from_vec(py, values).reshape(shape)?)?;
+                }
+            }
+        }
+        let rgba = PyArray1::from_vec(py, rgba.into_flattened()).unbind();
+        Ok(Picture { width, height, rgba, channels: channels.unbind(), about: self.about })
+    }
+}
+
+/// A picture.
+#[pyclass(frozen, module = "deepfield._deepfield")]
+pub struct Picture {
+    width: u32,
+    height: u32,
+    /// Red, green, blue and opacity of each pixel, one after the other; Python gets views of them, and may give those another shape.
+    rgba: Py<PyArray1<u8>>,
+    channels: Py<PyDict>,
+    /// What it shows, as JSON.
+    about: String,
 }
 
 #[pymethods]
@@ -40,38 +73,33 @@ impl Picture {
 
     /// Its colours: height, width, and red, green, blue and opacity.
     fn rgba<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        PyArray1::from_slice(py, self.image.rgba.as_flattened()).reshape([self.rows(), self.columns(), 4])
+        self.rgba.bind(py).reshape([self.height as usize, self.width as usize, 4])
     }
 
     /// Its numbers by the channels' names: height and width each.
-    fn channels<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let found = PyDict::new(py);
-        let shape = [self.rows(), self.columns()];
-        for (name, values) in &self.channels {
-            match values {
-                ChannelValues::Single(values) => {
-                    found.set_item(*name, PyArray1::from_slice(py, values).reshape(shape)?)?
-                }
-                ChannelValues::Double(values) => {
-                    found.set_item(*name, PyArray1::from_slice(py, values).reshape(shape)?)?
-                }
-            }
-        }
-        Ok(found)
+    fn channels(&self, py: Python<'_>) -> Py<PyDict> {
+        self.channels.clone_ref(py)
+    }
+
+    /// Its colours as the bytes of a PNG.
+    fn png<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let image = self.image(py)?;
+        let bytes = py.detach(|| output::png(&image)).map_err(|error| told(error.into()))?;
+        Ok(PyBytes::new(py, &bytes))
     }
 
     /// Writes its colours as PNG.
     fn write_png(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| output::write_png(&path, &self.image)).map_err(|error| told(error.into()))
+        let image = self.image(py)?;
+        py.detach(|| output::write_png(&path, &image)).map_err(|error| told(error.into()))
     }
 }
 
 impl Picture {
-    fn rows(&self) -> usize {
-        self.image.height as usize
-    }
-
-    fn columns(&self) -> usize {
-        self.image.width as usize
+    /// A copy of its colours as they are now: other threads may write to them while a file is made.
+    fn image(&self, py: Python<'_>) -> PyResult<Image> {
+        let rgba = self.rgba.bind(py).try_readonly().map_err(|error| told(format!("rgba: {error}").into()))?;
+        let bytes = rgba.as_slice().map_err(|error| told(format!("rgba: {error}").into()))?;
+        Ok(Image { width: self.width, height: self.height, rgba: bytes.as_chunks::<4>().0.to_vec() })
     }
 }

@@ -11,7 +11,9 @@ import subprocess
 import tempfile
 import threading
 import time
+import tracemalloc
 import unittest
+import unittest.mock
 import warnings
 
 import numpy as np
@@ -134,6 +136,49 @@ class OfArrays(WithFolder):
         text = '(mode: "points", settings: {"radius": 3.0}, size: (80, 50), background: "transparent")'
         np.testing.assert_array_equal(self.data.render(config=text).rgba, picture.rgba)
 
+    def test_pictures_are_handed_over_without_a_copy(self):
+        # What is loaded for the first one is not the picture's.
+        self.data.render(ABOVE, (16, 16), "column-density", attribute="temperature").png()
+        tracemalloc.start()
+        self.addCleanup(tracemalloc.stop)
+        picture = self.data.render(ABOVE, (512, 512), "column-density", attribute="temperature")
+        arrays = [picture.rgba, *picture.channels.values()]
+        _, peak = tracemalloc.get_traced_memory()
+        self.assertEqual([array.shape[:2] for array in arrays], [(512, 512)] * 3)
+        # NumPy's own memory is traced, what the picture was drawn into is not.
+        self.assertLess(peak, picture.rgba.nbytes // 2)
+        again = [picture._native.rgba(), *picture._native.channels().values()]
+        self.assertTrue(all(np.shares_memory(*pair) for pair in zip(arrays, again, strict=True)))
+        # Files have what is written into it, and arrays outlive their picture.
+        before = picture.png()
+        picture.rgba[...] = 255
+        self.assertNotEqual(picture.png(), before)
+        picture.save(self.folder / "white.png")
+        self.assertEqual((self.folder / "white.png").read_bytes(), picture.png())
+        column, mass = picture.channels["P"], picture.channels["P"].sum()
+        del picture, arrays, again
+        self.assertEqual(column.sum(), mass)
+
+    def test_a_list_is_shown_together_and_a_folder_is_what_lies_in_it(self):
+        alone, gas = self.folder / "alone", self.folder / "box.df"
+        alone.mkdir()
+        others, units = particles(100, 8), {"positions": "kpc", "mass": "Msun", "temperature": "K"}
+        stars = deepfield.build(others, alone / "stars.df", family="stars", units=units)
+        both = deepfield.open([gas, str(alone / "stars.df")])
+        self.assertEqual((both.kind, both.count, both.paths), ("particles", 3100, [str(gas), str(alone / "stars.df")]))
+        self.assertEqual({name: family.count for name, family in both.families.items()}, {"gas": 3000, "stars": 100})
+        np.testing.assert_allclose(both.bounds[1], np.maximum(self.data.bounds[1], stars.bounds[1]))
+        picture = both.render(ABOVE, (96, 96), "column-density")
+        mass = self.arrays["mass"].sum() + others["mass"].sum()
+        found = picture.channels["P"].sum(dtype=np.float64) * picture.pixel_area
+        self.assertLess(abs(found / mass - 1.0), 1e-3)
+        self.refused("probe: found 2 datasets, expected one", both.probe)
+        self.refused("open: found no path, expected at least one", deepfield.open, [])
+        found = deepfield.open(alone)
+        self.assertEqual((found.count, found.paths), (100, [str(alone / "stars.df")]))
+        deepfield.build(others, alone / "again.df", units=units)
+        self.refused("alone: folder: .*stars.df.*expected one source in it", deepfield.open, alone)
+
     def test_mistakes_are_told(self):
         render = self.data.render
         self.refused("no such|os error", deepfield.open, self.folder / "absent.df")
@@ -179,6 +224,7 @@ class OfArrays(WithFolder):
             for work in (alone.render, alone.probe, alone.select):
                 self.refused("threads: found", work, threads=wrong)
             self.refused("threads: found", deepfield.build, self.arrays, self.folder / "no.df", threads=wrong)
+            self.refused("threads: found", deepfield.open, self.folder / "alone.df", threads=wrong)
 
     def test_builds_take_what_the_program_takes_and_refuse_it_in_its_words(self):
         moving = {**self.arrays, "velocities": np.random.default_rng(8).normal(size=(3000, 3))}
@@ -205,6 +251,11 @@ class OfArrays(WithFolder):
             rows = np.random.default_rng(number).random((40, 3))
             np.savetxt(parts / f"part_{number}.csv", rows, delimiter=",", header="x,y,z", comments="")
         self.assertEqual(deepfield.build(parts, self.folder / "parts.df").count, 120)
+        cache = self.folder / "cache"
+        with unittest.mock.patch.dict(os.environ, {"XDG_CACHE_HOME": str(cache), "LOCALAPPDATA": str(cache)}):
+            data = deepfield.open(parts, threads=1)
+            self.assertEqual((data.count, data.paths), (120, [str(parts)]))
+            self.assertEqual(data.render(size=(20, 10), mode="points").size, (20, 10))
 
     def test_what_progress_raises_and_ctrl_c_end_a_build_and_nothing_is_left(self):
         class Enough(Exception):
@@ -251,16 +302,57 @@ class OfArrays(WithFolder):
         class Quantity(np.ndarray):
             units = "Mpc"
 
+        class OfAstropy(np.ndarray):
+            unit = "Gyr"
+
         random = np.random.default_rng(5)
-        stars = {"positions": random.random((50, 3)).view(Quantity), "mass": 2, "velocities": random.random((50, 3)), "age": np.arange(50)}
+        stars = {"positions": random.random((50, 3)).view(Quantity), "mass": 2, "velocities": random.random((50, 3))}
+        stars["age"] = np.arange(50.0).view(OfAstropy)
         dark = {"positions": np.asfortranarray(random.random((70, 3))), "mass": np.full(70, 3, dtype=np.int32)}
         data = deepfield.build({"stars": stars, "dark": dark}, self.folder / "two.df")
         self.assertEqual({name: family.count for name, family in data.families.items()}, {"dark": 70, "stars": 50})
-        self.assertEqual(data.unit, "Mpc")
+        self.assertEqual((data.unit, data.families["stars"].fields["age"].unit), ("Mpc", "Gyr"))
         speed = np.linalg.norm(stars["velocities"], axis=1)
         field = data.families["stars"].fields["speed"]
         np.testing.assert_allclose([field.min, field.max], [speed.min(), speed.max()], rtol=1e-6)
         self.assertAlmostEqual(data.families["stars"].mass + data.families["dark"].mass, 2 * 50 + 3 * 70, places=3)
+
+
+class OfRuns(WithFolder):
+    """Particles that go along x, by 1 in each step."""
+
+    def setUp(self):
+        super().setUp()
+        self.places = particles(60)["positions"]
+        frames = []
+        for step in range(3):
+            places = self.places + [step, 0.0, 0.0]
+            rows = (f"H {x:.6f} {y:.6f} {z:.6f} {100 + row}" for row, (x, y, z) in enumerate(places))
+            frames += ["60", f"Properties=species:S:1:pos:R:3:id:I:1 Time={step:.1f}", *rows]
+        movie = self.folder / "movie.xyz"
+        movie.write_text("\n".join([*frames, ""]))
+        self.run_of = deepfield.build(movie, self.folder / "run.df")
+
+    def test_a_picture_is_that_of_its_time(self):
+        self.assertEqual((self.run_of.kind, self.run_of.steps.tolist()), ("run", [0.0, 1.0, 2.0]))
+        camera = {"eye": (1.5, 0.5, 9.0), "target": (1.5, 0.5, 0.5), "up": (0.0, 1.0, 0.0), "ortho": 6.0}
+        for time, moved in [(None, 0.0), (0.5, 0.5), ("step:1", 1.0), (1.25, 1.25), ("last", 2.0)]:
+            picture = self.run_of.render(camera, (64, 64), "column-density", time=time)
+            columns = picture.channels["P"].sum(axis=0, dtype=np.float64)
+            x = 1.5 + picture.extent[0] + (np.arange(64) + 0.5) * math.sqrt(picture.pixel_area)
+            # What particles weigh is the same for all.
+            self.assertLess(abs(np.average(x, weights=columns) - self.places[:, 0].mean() - moved), 0.05, time)
+        self.refused("--time 5: ", self.run_of.render, camera, (64, 64), time=5)
+        self.refused("expected a time", self.run_of.render, camera, (64, 64), time="soon")
+
+    def test_tracks_have_a_row_at_each_end(self):
+        found = self.run_of.tracks(ids=[103, 107])
+        self.assertEqual((len(found), sorted(set(found["id"].tolist()))), (8, [103, 107]))
+        for row in (3, 7):
+            own = np.sort(found["x"][found["id"] == 100 + row])
+            np.testing.assert_allclose(own, self.places[row, 0] + [0.0, 1.0, 1.0, 2.0], atol=0.02)
+        self.assertEqual(len(self.run_of.tracks(ids=[103], end=1.0)), 2)
+        self.assertEqual(len(self.run_of.tracks()), 4 * 60)
 
 
 @unittest.skipUnless(PROGRAM, "DEEPFIELD_PROGRAM names no program")

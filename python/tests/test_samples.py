@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+import types
 import unittest
 import unittest.mock
 
@@ -102,6 +103,36 @@ class Shown(WithFolder):
                 tell("drawing", 3, 0)
             self.assertIn("reading: 25 %", line.getvalue())
             self.assertTrue(line.getvalue().endswith("\r"))
+
+    def test_progress_is_a_bar_of_tqdm_for_each_stage(self):
+        bars = []
+
+        class Bar:
+            """What is used of tqdm."""
+
+            def __init__(self, total=None, desc=None, leave=True):
+                self.total, self.desc, self.leave, self.n, self.shown, self.is_closed = total, desc, leave, 0, [], False
+                bars.append(self)
+
+            def refresh(self):
+                self.shown.append((self.n, self.total))
+
+            def close(self):
+                self.is_closed = True
+
+        auto = types.ModuleType("tqdm.auto")
+        auto.tqdm = Bar
+        with unittest.mock.patch.dict(sys.modules, {"tqdm": types.ModuleType("tqdm"), "tqdm.auto": auto}):
+            with progress.teller(True) as tell:
+                for told in [("reading", 0, 0), ("reading", 1, 4), ("reading", 4, 4), ("drawing", 3, 0)]:
+                    tell(*told)
+                self.assertEqual([bar.is_closed for bar in bars], [True, False])
+            self.assertEqual([(bar.desc, bar.leave) for bar in bars], [("reading", False), ("drawing", False)])
+            self.assertEqual([bar.shown for bar in bars], [[(0, None), (1, 4), (4, 4)], [(3, None)]])
+            self.data.histogram("mass", progress=True)
+            with self.assertRaises(deepfield.Error):
+                self.data.histogram("nothing", progress=True)
+        self.assertTrue(all(bar.is_closed for bar in bars))
 
     @unittest.skipUnless(hasattr(signal, "SIGALRM"), "signals end pictures elsewhere in other ways")
     def test_a_picture_is_given_up_at_once(self):
