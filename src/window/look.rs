@@ -400,6 +400,39 @@ mod tests {
         assert_eq!([70.0, 90.0].map(|high| shown(&mut window, high)), [70.0; 2]);
     }
 
+    /// An eye goes the same way on the scale's logarithm in frames of any length, towards bright and dark with a time of its own; ranges of each
+    /// picture are there at once.
+    #[test]
+    fn an_eye_adapts_in_its_own_time_and_ranges_of_each_picture_in_none() {
+        let mut window = Window::new();
+        let app = &mut window.app;
+        app.init_resource::<TransferPresets>().init_resource::<Exposure>().init_resource::<Held>();
+        app.add_systems(Last, (follow_settings, glide_levels).chain());
+        // The logarithm of the range's end after so many frames that take half a second together.
+        let shown = |window: &mut Window, exposure: ExposureMode, wanted: f64, frames: u32| {
+            let mut settings = window.app.world_mut().resource_mut::<Settings>();
+            settings.exposure = exposure;
+            settings.transfer.scale = Scale::Log;
+            let levels = Levels { p: [1.0, wanted], s: [0.0, 1.0] };
+            window.app.world_mut().resource_mut::<Exposure>().levels = Some(levels);
+            (0..frames).for_each(|_| window.frame(0.5 / f64::from(frames)));
+            window.app.world().resource::<Look>().levels.p[1].ln()
+        };
+        let [dim, bright]: [f64; 2] = [10.0, 1000.0];
+        let eye = ExposureMode::Adaptive { bright: 0.5, dark: 2.0 };
+        let way = f64::ln(bright / dim);
+        // Settings are those of the mode after the first frame.
+        shown(&mut window, ExposureMode::Auto, dim, 1);
+        for frames in [1, 5] {
+            assert_eq!(shown(&mut window, ExposureMode::Auto, dim, 1), dim.ln());
+            let brighter = shown(&mut window, eye, bright, frames);
+            assert!((brighter - (bright.ln() - way * f64::exp(-1.0))).abs() < 1e-6, "{frames}: {brighter}");
+            assert_eq!(shown(&mut window, ExposureMode::Auto, bright, 1), bright.ln());
+            let darker = shown(&mut window, eye, dim, frames);
+            assert!((darker - (dim.ln() + way * f64::exp(-0.25))).abs() < 1e-6, "{frames}: {darker}");
+        }
+    }
+
     #[test]
     fn ranges_glide_and_arrive_exactly() {
         for scale in [Scale::Log, Scale::Linear] {

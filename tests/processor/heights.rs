@@ -3,6 +3,7 @@
 mod commands;
 mod pictures;
 
+use crate::support::golden::picture_at;
 use crate::support::run;
 use serde_json::Value;
 use std::f64::consts::PI;
@@ -233,6 +234,111 @@ fn what_is_measured_is_what_formulas_say() {
         "{told:#}"
     );
     assert_eq!(answer(folder, &["info", "change.df", "--json"])["max"], 7.0);
+}
+
+/// The lines of an SVG picture: the height, the points, and whether it is closed.
+fn paths(picture: &str) -> Vec<(f64, Vec<[f64; 2]>, bool)> {
+    let path = |line: &str| {
+        let (course, level) = line.strip_prefix("<path d=\"M")?.split_once("\"><title>")?;
+        let level = level.strip_suffix("</title></path>")?.parse::<f64>().ok()?;
+        let place = |place: &str| {
+            let (x, y) = place.split_once(' ')?;
+            Some([x.parse::<f64>().ok()?, y.parse::<f64>().ok()?])
+        };
+        let points = course.trim_end_matches('Z').split('L').map(place).collect::<Option<Vec<_>>>()?;
+        Some((level, points, course.ends_with('Z')))
+    };
+    picture.lines().filter_map(path).collect()
+}
+
+/// Lines of equal height are tables and pictures as well, profiles are plots in which gaps are seen, and discs leave out the corners around them.
+#[test]
+fn lines_are_written_and_plotted_and_discs_are_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // A ramp that is not there between x = 30 and x = 60.
+    written(&folder.join("ramp.npy"), [101, 41], |column, _| match column {
+        31..60 => f64::NAN,
+        _ => column as f64,
+    });
+    let ramp = ["contours", "ramp.npy", "--interval", "10", "--base", "5.5", "-o"];
+    let text = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap();
+    let sorted = |one: f64, other: f64| [one.min(other), one.max(other)];
+    let told = ok(folder, &[&ramp[..], &["lines.csv"]].concat());
+    assert!(String::from_utf8_lossy(&told.stdout).starts_with("7 lines at 10 heights"), "{told:?}");
+    let table = text("lines.csv");
+    let row = |line: &str| -> [f64; 4] {
+        let parts: Vec<f64> = line.split(',').map(|part| part.parse().unwrap()).collect();
+        parts.try_into().unwrap()
+    };
+    let rows: Vec<[f64; 4]> = table.lines().skip(1).map(row).collect();
+    assert!(table.starts_with("line,level,x,y\n"), "{table}");
+    let mut levels = Vec::new();
+    for number in 1..=7 {
+        let own: Vec<[f64; 4]> = rows.iter().copied().filter(|row| row[0] == f64::from(number)).collect();
+        let ([_, level, _, first], [.., last]) = (own[0], own[own.len() - 1]);
+        assert!(own.iter().all(|row| row[1] == level && (row[2] - level).abs() < 1e-12), "{own:?}");
+        assert_eq!(sorted(first, last), [0.0, 40.0]);
+        levels.push(level);
+    }
+    levels.sort_by(f64::total_cmp);
+    assert_eq!(levels, [5.5, 15.5, 25.5, 65.5, 75.5, 85.5, 95.5]);
+    // The longer side is 1000 wide.
+    ok(folder, &[&ramp[..], &["lines.svg"]].concat());
+    let picture = text("lines.svg");
+    let lines = paths(&picture);
+    assert!(picture.contains("viewBox=\"0 0 1000.00 400.00\"") && lines.len() == 7, "{picture}");
+    for (level, points, is_closed) in lines {
+        let ends = sorted(points[0][1], points[points.len() - 1][1]);
+        assert!(!is_closed && ends == [0.0, 400.0], "{points:?}");
+        assert!(points.iter().all(|point| (point[0] - 10.0 * level).abs() < 0.006), "{level}: {points:?}");
+    }
+    // A pyramid about x = 6 and y = 12: up in the picture is up in y.
+    written(&folder.join("hill.npy"), [21, 21], |column, row| 10.0 - column.abs_diff(6).max(row.abs_diff(12)) as f64);
+    ok(folder, &["contours", "hill.npy", "--interval", "100", "--base", "5.5", "-o", "hill.svg"]);
+    let lines = paths(&text("hill.svg"));
+    let [(level, points, is_closed)] = &lines[..] else { panic!("{lines:?}") };
+    let reach = |axis: usize| {
+        let places = points.iter().map(|point| point[axis]);
+        places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+    };
+    assert!(*level == 5.5 && *is_closed);
+    assert_eq!([reach(0), reach(1)], [[75.0, 525.0], [175.0, 625.0]]);
+    let ending = "lines.txt: expected a name that ends in .geojson, .csv or .svg";
+    refused(folder, &[&ramp[..], &["lines.txt"]].concat(), ending);
+    // The frame is 492 pixels wide for 100, and 214 high for heights from -6 to 106.
+    let line = ["probe", "ramp.npy", "--line=0,20.25,100,20.25", "-o", "line.png", "--size", "600x300", "--json", "-"];
+    let told = answer(folder, &line);
+    let is_near = |told: &Value, expected: f64| (told.as_f64().unwrap() - expected).abs() < 1e-9;
+    assert!(is_near(&told["length"], 100.0) && is_near(&told["valid_length"], 70.0), "{told:#}");
+    let plot = picture_at(&folder.join("line.png"));
+    assert_eq!((plot.width, plot.height), (600, 300));
+    let at = |x: usize, y: usize| plot.rgba[y * 600 + x];
+    let grey = |x: &usize| at(*x, 60) == [205, 207, 211, 255];
+    let (within, beside) = ((235..375).filter(grey).count(), (86..228).chain(383..574).filter(grey).count());
+    assert!(within > 120 && beside == 0, "{within} {beside}");
+    let curve = |x: usize| -> Vec<usize> {
+        let is_blue = |y: &usize| {
+            let [red, _, blue, _] = at(x, *y);
+            red < 128 && blue > red.saturating_add(40)
+        };
+        (36..246).filter(is_blue).collect()
+    };
+    for (x, expected) in [(157, 208.0), (477, 83.7)] {
+        let rows = curve(x);
+        let is_there = rows.iter().all(|row| (*row as f64 + 0.5 - expected).abs() < 2.5);
+        assert!(is_there && !rows.is_empty(), "{x}: {rows:?}");
+    }
+    assert!(curve(305).is_empty());
+    let disc = ["probe", "ramp.npy", "--disc", "80,20,7.5", "--json", "-"];
+    let told = answer(folder, &disc);
+    let squares = (-7..=7_i32).flat_map(|x| (-7..=7_i32).map(move |y| x * x + y * y));
+    let inside = squares.filter(|square| *square <= 56).count();
+    assert_eq!((&told["samples"], &told["valid"]), (&225.into(), &inside.into()));
+    let iso = &told["iso"];
+    assert!(is_near(&told["mean"], 80.0) && is_near(&iso["Sp"], 7.0) && is_near(&iso["Sv"], 7.0), "{told:#}");
+    let told = answer(folder, &[&disc[..], &["--form", "plane"]].concat());
+    assert!(is_near(&told["iso"]["Sq"], 0.0), "{told:#}");
 }
 
 /// A globe without its first column once more is closed: regions, profiles and lines go over its seam.

@@ -24,6 +24,7 @@ mod out_of_core;
 
 /// From source to picture, across the rooms: the screen-space guarantee, conservation, colour errors, golden images.
 mod pictures {
+    mod bloom;
     mod clusters;
     mod clusters_around;
     mod codes;
@@ -37,6 +38,8 @@ mod pictures {
     mod hue;
     mod joined;
     mod lod_budget;
+    #[cfg(target_os = "linux")]
+    mod memory;
     mod one_range;
     mod passes;
     mod paths;
@@ -52,6 +55,7 @@ mod projections;
 mod raster;
 mod runs;
 mod volume {
+    mod fields;
     mod levels;
     mod occlusion;
     mod settings;

@@ -1,6 +1,8 @@
 //! Builds of what does not fit in the memory they may take: the same bytes for any memory and any number of threads, peak memory,
 //! builds killed at any moment, and disks that take no more.
 
+#[cfg(target_os = "linux")]
+use crate::support::peak_memory;
 use crate::support::{Random, dataset_of, gas, program};
 use deepfield::build::{BuildOptions, build, build_source};
 use deepfield::hierarchy::OctreeOptions;
@@ -142,10 +144,10 @@ fn builds_killed_at_any_moment_leave_the_old_file_and_the_next_one_cleans_up() {
 fn builds_of_heights_killed_at_any_moment_leave_the_old_file_and_the_next_one_cleans_up() {
     let folder = tempfile::tempdir().unwrap();
     let source = folder.path().join("hills.npy");
-    // Five by four chunks and what is above them: small, for there are many moments.
-    let hills = ["synth", "surface", "--shape", "fbm", "--type", "i16", "--size", "1100,900", "-o"];
+    // Four by three chunks and what is above them: small, for there are many moments.
+    let hills = ["synth", "surface", "--shape", "fbm", "--type", "i16", "--size", "900,660", "-o"];
     assert!(deepfield().args(hills).arg(&source).status().unwrap().success());
-    let moments: Vec<f64> = (0..30).map(|k| (f64::from(k) + 0.5) / 30.0).collect();
+    let moments: Vec<f64> = (0..50).map(|k| (f64::from(k) + 0.5) / 50.0).collect();
     kill_builds(|out| build_command(&source, out, "100MiB"), &moments);
 }
 
@@ -209,13 +211,9 @@ fn a_build_stays_within_its_memory() {
         let allowed = mebibytes << 20;
         let mut command = build_command(&source, &out, &format!("{mebibytes}MiB"));
         let mut child = command.args(["--smoothing", smoothing]).stderr(Stdio::piped()).spawn().unwrap();
-        let status = PathBuf::from(format!("/proc/{}/status", child.id()));
         let (mut peak, mut temporary) = (0, 0);
         let done = loop {
-            let text = std::fs::read_to_string(&status).unwrap_or_default();
-            let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-            let kibibytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
-            peak = peak.max(kibibytes.unwrap_or(0) * 1024);
+            peak = peak.max(peak_memory(child.id()).unwrap_or(0));
             temporary = temporary.max(unfinished(child.id(), results.path()));
             if let Some(done) = child.try_wait().unwrap() {
                 break done;

@@ -21,6 +21,8 @@ pub use pages::{
     Built, built, built_from, built_from_dataset, built_plainly, core, draw_nodes, draw_pages, draw_source,
     paint_pages, sum_nodes, view_from, view_of, write_demo_pages,
 };
+#[cfg(target_os = "linux")]
+pub use program::peak_memory;
 pub use program::{alone, error, program, run, text};
 pub use random::Random;
 pub use told::Told;

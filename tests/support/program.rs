@@ -32,6 +32,15 @@ pub fn error(folder: &Path, arguments: &[&str]) -> String {
     message
 }
 
+/// The most memory that a process has taken so far, bytes, as Linux counts it; `None` once it has ended.
+#[cfg(target_os = "linux")]
+pub fn peak_memory(process: u32) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kibibytes << 10)
+}
+
 /// Runs a test in a process of its own, for what it measures of its process. `name` is that of the test with its modules.
 pub fn alone(name: &str, test: fn()) {
     const MARK: &str = "DEEPFIELD_TEST_ALONE";

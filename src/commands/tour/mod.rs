@@ -41,9 +41,9 @@ pub struct Arguments {
     /// The tour file.
     #[arg(required_unless_present = "around", conflicts_with = "around")]
     pub tour: Option<PathBuf>,
-    /// The data, instead of what the tour names.
+    /// The data, instead of what the tour names: a file, or the URL of a built one.
     pub data: Option<PathBuf>,
-    /// A tour around this data instead of one from a file.
+    /// A tour around this data, a file or the URL of a built one, instead of one from a file.
     #[arg(long, value_name = "DATA")]
     pub around: Option<PathBuf>,
     /// How long that tour is, 2 seconds at least [default: 10].

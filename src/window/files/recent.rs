@@ -238,7 +238,8 @@ mod tests {
             ("(version: 2, files: [], more: 1)", "version is 2, expected 1"),
             ("(version: 1, files: [\"a.df\"])", "files[0] is a.df, expected a whole path"),
             ("(version: 1, files: 7)", "recent.ron:1:"),
-            ("\u{0}\u{7f}(((", "recent.ron:1:"),
+            ("(((", "recent.ron:1:"),
+            ("\u{0}\u{7f}(((", "recent.ron: content: found no text, expected RON"),
         ] {
             std::fs::write(&list, text).unwrap();
             let told = add(&list, &folder.path().join("b.df")).unwrap_err();

@@ -151,7 +151,7 @@ fn commands_that_have_no_use_for_heights_name_them() {
     let as_heights = [&["render", "waves.npy", "--kind", "heights"], &sums[..]].concat();
     refused(folder, &as_heights, &format!("waves.npy: {no_sums}"));
     // What is no heights is named as what it is; what could be some says how.
-    array(&folder.join("three.npy"), "<f4", "6, 5, 4", &[0; 480]);
+    array(&folder.join("three.npy"), "<f4", "6, 5, 5", &[0; 600]);
     array(&folder.join("grey.npy"), "|u1", "16, 9", &[7; 144]);
     let drawn = |name: &str| {
         let output = run(folder, &["render", name, "-o", "x.png", "--mode", "surface"]);

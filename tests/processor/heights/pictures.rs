@@ -80,6 +80,41 @@ fn pictures_show_the_surface_and_what_was_not_measured_stays_open() {
     refused(folder, &["render", "short.npy", "-o", "x.png", "--labels", "towns.csv"], "towns.csv: ");
 }
 
+/// A slab leaves out what lies beside it, and what is far fades, in each pixel, whatever is drawn.
+#[test]
+fn slabs_cut_surfaces_and_surfaces_fade() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // As high as it is far to the right: from 400 above, depth is 400 - x.
+    written(&folder.join("ramp.npy"), [81, 61], |column, _| column as f64);
+    ok(folder, &["build", "ramp.npy", "-o", "ramp.df", "--spacing", "1,1"]);
+    let camera = ["--eye", "40,30,400", "--target", "40,30,0", "--up", "0,1,0", "--ortho", "60", "--size", "80x60"];
+    for (axis, low, high) in [("x", 20.0, 40.0), ("y", 6.0, 14.0), ("z", 40.0, 70.0)] {
+        let (middle, thickness): (f64, f64) = (0.5 * (low + high), high - low);
+        let slab = format!("slab: (axis: {axis}, middle: {middle:?}, thickness: {thickness:?})");
+        let config = format!("(mode: \"surface\", cut: ({slab}, fade: (start: 340.0, length: 40.0)))");
+        std::fs::write(folder.join("cut.ron"), config).unwrap();
+        for technique in ["hybrid", "triangles", "rays"] {
+            let setting = format!("technique={technique}");
+            let arguments = ["render", "ramp.df", "--config", "cut.ron", "--set", &setting, "--backend", "cpu"];
+            let files = ["-o", "top.png", "--raw", "top.npy", "--background", "transparent"];
+            ok(folder, &[&arguments[..], &files, &camera].concat());
+            let (picture, raw) = (picture_at(&folder.join("top.png")), doubles(&folder.join("top.npy")));
+            // Not at the border, where other samples of a pixel may be beside the field.
+            for (i, j) in (1..59).flat_map(|j| (1..79).map(move |i| (i, j))) {
+                let (x, y) = (i as f64 + 0.5, 59.5 - j as f64);
+                let is_kept = (low..=high).contains(if axis == "y" { &y } else { &x });
+                let fades = (-(400.0 - x - 340.0).max(0.0) / 40.0).exp();
+                let expected = if is_kept { 255.0 * fades } else { 0.0 };
+                let (alpha, depth) = (f64::from(picture.rgba[j * 80 + i][3]), raw[7 * (j * 80 + i)]);
+                assert!((alpha - expected).abs() < 1.0, "{technique}, {axis}: {alpha}, not {expected}, at {x}, {y}");
+                assert_eq!(depth.is_nan(), !is_kept, "{technique}, {axis}: {depth} at {x}, {y}");
+                assert!(!is_kept || (depth + x - 400.0).abs() < 0.01, "{technique}, {axis}: {depth} at {x}, {y}");
+            }
+        }
+    }
+}
+
 /// What has changed since an earlier field is the colour of the later one, and nothing else of it changes.
 #[test]
 fn differences_lie_over_the_later_surface() {

@@ -1,6 +1,6 @@
 //! What the codes of leaves do to a picture of column density: its distance from the source's, and what the file says of that.
 
-use crate::support::{draw_pages, draw_source};
+use crate::support::{draw_pages, draw_source, text};
 use deepfield::build::{BuildOptions, build};
 use deepfield::color::Accumulation;
 use deepfield::cpu::Method;
@@ -8,6 +8,7 @@ use deepfield::store::PageFile;
 use deepfield::synth::{clusters::Clusters, dataset};
 use deepfield::view::{Projection, View};
 use glam::DVec3;
+use serde_json::Value;
 use std::sync::Arc;
 
 /// Root of the mean square of the difference over that of the picture.
@@ -46,4 +47,17 @@ fn codes_of_leaves_hardly_change_column_densities() {
     println!("told {:.3} %", 100.0 * told);
     assert!((0.4..2.5).contains(&(told / refined.1)), "{told} told, {} found", refined.1);
     assert_eq!(plain.0.metadata().families[0].column_error, None);
+    // What `info` says of a file: a percentage in its table, a number in its JSON, and nothing that was not measured.
+    let said = |name: &str| {
+        let table = text(folder.path(), &["info", name]);
+        let line = table.lines().find(|line| line.contains("column density of the box at 1024 pixels"));
+        let after = line.map(|line| line.split("about ").nth(1).unwrap());
+        let percentage: Option<f64> = after.map(|after| after.split(" %").next().unwrap().parse().unwrap());
+        let json: Value = serde_json::from_str(&text(folder.path(), &["info", name, "--json"])).unwrap();
+        (percentage, json["families"][0]["column_error"].clone())
+    };
+    let (percentage, number) = said("true.df");
+    assert!((percentage.unwrap() - 100.0 * told).abs() < 0.0051, "{percentage:?} % printed, {told} told");
+    assert!((number.as_f64().unwrap() / told - 1.0).abs() < 1e-12, "{number} as JSON, {told} told");
+    assert_eq!(said("false.df"), (None, Value::Null));
 }

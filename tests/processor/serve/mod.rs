@@ -1,5 +1,5 @@
 //! A server and those at the other end of it, over the loopback.
 
-mod client;
+pub mod client;
 mod files;
 mod view;

@@ -398,7 +398,7 @@ mod tests {
         std::fs::remove_file(&file).unwrap();
         std::fs::remove_file(&moved).unwrap();
         let message = named.locate(&scene).unwrap_err().to_string();
-        for part in ["a.scene.ron", "data/box.df", "scenes/box.df", "datasets"] {
+        for part in ["a.scene.ron", "data/box.df", "scenes/box.df", "deepfield tour"] {
             assert!(message.contains(part), "{message}");
         }
     }

@@ -123,7 +123,7 @@ mod tests {
         ] {
             let path = folder.path().join(name);
             let format = GridFormat::of(&path).unwrap();
-            let mut grid = Grid::volume([5, 4, 3], sample_type, Channel::of_picture(channels));
+            let mut grid = Grid::volume([5, 4, 6], sample_type, Channel::of_picture(channels));
             if format == GridFormat::Nrrd {
                 grid.to_world = DAffine3::from_mat3_translation(turned, DVec3::new(1.0, -2.0, 0.25));
             }
