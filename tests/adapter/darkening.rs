@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// The sky near by, and a lamp of several places.
 const BOTH: &[(&str, f64)] =
-    &[("ambient-occlusion", 0.8), ("shadows", 0.7), ("light-size", 8.0), ("light-samples", 4.0)];
+    &[("ambient-occlusion", 0.8), ("shadows", 0.7), ("light-size", 8.0), ("light-samples", 3.0)];
 /// A lamp that is a point.
 const POINT: &[(&str, f64)] = &[("shadows", 0.8), ("light-size", 0.0)];
 
@@ -68,12 +68,10 @@ fn what_an_adapter_draws_is_as_dark_as_on_the_processor() {
     let dome = Surround::Dome { aperture: 210.0, tilt: 20.0 };
     for (what, plain, set) in [
         ("spheres", shot("spheres", &[]), BOTH),
-        ("balls", shot("spheres", &[("smoothing", number(0.0))]), POINT),
         ("spheres all around", Shot { surround: dome, ..within(shot("spheres", &[])) }, POINT),
         ("a surface", surface(&[]), BOTH),
         // Where surfaces keep light from each other, that is not smoothed.
         ("bumps", surface(&[("surface-smoothing", number(4.0))]), POINT),
-        ("a surface that is not lit", surface(&[("lighting", SettingValue::Flag(false))]), BOTH),
         (
             "a surface of another column",
             surface(&[("surface-field", SettingValue::Name("smoothing-length".into()))]),
@@ -89,9 +87,9 @@ fn what_an_adapter_draws_is_as_dark_as_on_the_processor() {
         let (_, dark) = relative_error(&undarkened, &expected);
         let (l1, l2) = relative_error(&light(&found), &expected);
         println!("{what}: L1 {l1:.2e}, L2 {l2:.2e}; undarkened {dark:.2e}");
-        assert!(dark > 0.02, "{what}: nothing is dark, {dark}");
-        // Where a silhouette is another pixel's, so is its shadow.
-        assert!(l1 < 1e-2 && l2 < 3e-2 && 5.0 * l2 < dark, "{what}: L1 {l1}, L2 {l2}, undarkened {dark}");
+        assert!(dark > 0.01, "{what}: nothing is dark, {dark}");
+        // In software 5e-6 and 1e-5: no silhouette is another pixel's, and no shadow.
+        assert!(l1 < 1e-4 && l2 < 3e-4, "{what}: L1 {l1}, L2 {l2}, undarkened {dark}");
     }
 }
 
