@@ -2,7 +2,6 @@
 //! and told, and nothing is read twice.
 
 #[cfg(unix)]
-mod cache;
 #[cfg(target_os = "linux")]
 mod certificates;
 mod index;
