@@ -89,7 +89,7 @@ fn slabs_cut_surfaces_and_surfaces_fade() {
     written(&folder.join("ramp.npy"), [81, 61], |column, _| column as f64);
     ok(folder, &["build", "ramp.npy", "-o", "ramp.df", "--spacing", "1,1"]);
     let camera = ["--eye", "40,30,400", "--target", "40,30,0", "--up", "0,1,0", "--ortho", "60", "--size", "80x60"];
-    for (axis, low, high) in [("x", 20.0, 40.0), ("y", 6.0, 14.0)] {
+    for (axis, low, high) in [("x", 20.0, 40.0), ("y", 6.0, 14.0), ("z", 40.0, 70.0)] {
         let (middle, thickness): (f64, f64) = (0.5 * (low + high), high - low);
         let slab = format!("slab: (axis: {axis}, middle: {middle:?}, thickness: {thickness:?})");
         let config = format!("(mode: \"surface\", cut: ({slab}, fade: (start: 340.0, length: 40.0)))");

@@ -1,13 +1,12 @@
+mod told;
+
 use super::*;
 use crate::build::build_source;
-use crate::build::coding::CodedBatches;
-use crate::build::tree::Built;
 use crate::codec::VqBits;
-use crate::hierarchy::{Encoding, Kinds, OctreeOptions};
+use crate::hierarchy::{Kinds, OctreeOptions};
 use crate::import::{
     AttributeChoice, Description, FamilyInfo, Field, FieldKind, Format, ImportError, Source, register,
 };
-use crate::model::portable::Portable;
 use crate::model::{DerivedQuantity, FamilyName, ReadMethod, Unit};
 use proptest::prelude::*;
 use rayon::prelude::*;
@@ -447,142 +446,6 @@ fn what_is_missing_is_named_and_tasks_that_are_none_too() {
     assert!(told("survey", 0).contains("as it was when the job was planned"));
     job.remove().unwrap();
     assert_eq!(case.names(), ["source"]);
-}
-
-/// With all checksums right: whoever puts results together says that they do not fit, and what tells of them counts them.
-#[test]
-fn results_of_other_numbers_are_told() {
-    type CodedBooks = (Vec<(usize, CodedBatches)>, Vec<((usize, usize), [f64; 2])>);
-    let case = Case::small();
-    let job = case.plan(1).unwrap();
-    for Stage { name, tasks, .. } in job.stages().iter().take_while(|stage| stage.name != "pages") {
-        (0..*tasks).for_each(|task| job.run(name, task, None, &()).unwrap());
-    }
-    let number = job.number("quantize", 0).unwrap();
-    let mut coded: CodedBooks = Parts::reader(job.names()).index(number).unwrap();
-    let write = |coded: &CodedBooks| {
-        Parts::of_task(job.names(), number).unwrap().finish(coded, u64::MAX, u64::MAX).unwrap();
-        let Moved { read, written, .. } = job.status().unwrap().bytes;
-        assert_eq!([read, written], [u64::MAX; 2]);
-        job.run("pages", 0, None, &()).unwrap_err().to_string()
-    };
-    coded.0[0].0 += 1;
-    let told = write(&coded);
-    assert!(told.contains("those of the task's codebooks; run stage quantize, task 0"), "{told}");
-    coded.0[0].0 -= 1;
-    coded.0[0].1.batches.pop();
-    let told = write(&coded);
-    assert!(told.contains("batches: found ") && told.ends_with("run stage quantize, task 0"), "{told}");
-}
-
-/// A task's file with another index of the same length, and the checksums that it has then.
-fn with_index(sound: &[u8], start: usize, index: &impl Portable) -> Vec<u8> {
-    let mut bytes = sound[..start].to_vec();
-    index.put(&mut bytes);
-    assert_eq!(bytes.len(), sound.len());
-    let crc = crc32c::crc32c(&bytes[start..]);
-    bytes[64..68].copy_from_slice(&crc.to_le_bytes());
-    let crc = crc32c::crc32c(&bytes[..76]);
-    bytes[76..80].copy_from_slice(&crc.to_le_bytes());
-    bytes
-}
-
-/// With all checksums right: of the files that do not fit together the wrong one is told, and made again.
-#[test]
-fn nodes_where_they_cannot_be_are_told_of_their_task() {
-    type Grown = (Vec<Built>, (Vec<Vec<u64>>, Vec<Vec<u64>>));
-    let case = Case::small();
-    let job = case.plan(2).unwrap();
-    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
-    job.stages().iter().take_while(|stage| stage.name != "join").for_each(run);
-    let path = job.names().path(job.number("grow", 1).unwrap());
-    let read = || {
-        let sound = std::fs::read(&path).unwrap();
-        let start = u64::from_le_bytes(sound[24..32].try_into().unwrap()) as usize;
-        let grown = Grown::of_bytes(&sound[start..]).unwrap();
-        (sound, start, grown)
-    };
-    let (_, _, (built, _)) = read();
-    let leaves = |bucket: usize| -> Vec<usize> {
-        let pieces = &built[bucket][0].0;
-        (0..pieces.len()).filter(|piece| pieces[*piece].encoding == Encoding::Leaf).collect()
-    };
-    let bucket = (0..built.len()).find(|bucket| leaves(*bucket).len() > 1).unwrap();
-    let [one, two] = [0, 1].map(|leaf| leaves(bucket)[leaf]);
-    let mut others =
-        (bucket + 1..built.len()).flat_map(|bucket| leaves(bucket).into_iter().map(move |leaf| (bucket, leaf)));
-    let (other, elsewhere) = others.next().unwrap();
-    let forgeries: [(&str, &dyn Fn(&mut Vec<Built>)); 4] = [
-        ("cells of nodes: ", &|built| built[bucket][0].0[one].key = built[bucket][0].0[two].key),
-        ("cell of a node: ", &|built| built[bucket][0].0[one].key = built[other][0].0[elsewhere].key),
-        ("whole node: found false, expected true", &|built| built[bucket][0].0[one].whole = false),
-        ("leaf: found something else, expected a whole one", &|built| {
-            let node = &mut built[bucket][1].0[0];
-            (node.encoding, node.input, node.merged, node.sources) =
-                (Encoding::Leaf, 0, node.particles, node.particles);
-        }),
-    ];
-    for (what, forge) in forgeries {
-        let (sound, start, (mut built, counts)) = read();
-        forge(&mut built);
-        std::fs::write(&path, with_index(&sound, start, &(built, counts))).unwrap();
-        let told = job.run("join", 0, None, &()).unwrap_err().to_string();
-        assert!(told.contains(what) && told.ends_with("run stage grow, task 1"), "{what}: {told}");
-        assert!(!path.exists(), "{what}");
-        job.run("grow", 1, None, &()).unwrap();
-    }
-    run_all(&job);
-    assert!(case.built() == case.expected());
-}
-
-/// Tasks that write pages have nothing to do once the job has come to its end. Where that is lost they write them again.
-#[test]
-fn pages_are_written_again_where_the_end_is_lost() {
-    let case = Case::small();
-    let job = case.plan(2).unwrap();
-    run_all(&job);
-    let forget = |stage: &str| std::fs::remove_file(case.path("job").join(stage)).unwrap();
-    forget("write.0");
-    job.run("write", 0, None, &()).unwrap();
-    forget("finish.0");
-    for task in 0..2 {
-        let told = job.run("finish", 0, None, &()).unwrap_err().to_string();
-        assert!(told.ends_with(&format!("run stage write, task {task}")), "{told}");
-        job.run("write", task, None, &()).unwrap();
-    }
-    job.run("finish", 0, None, &()).unwrap();
-    assert!(case.built() == case.expected());
-    // The end is lost with the output.
-    std::fs::remove_file(case.path("out.df")).unwrap();
-    assert!(!job.status().unwrap().finished);
-    let told = job.run("finish", 0, None, &()).unwrap_err().to_string();
-    assert!(told.ends_with("run stage write, task 0, 1"), "{told}");
-    run_all(&job);
-    assert!(job.status().unwrap().finished && case.built() == case.expected());
-}
-
-/// Of the same length and as many particles: no result of a task is to blame.
-#[test]
-fn sources_with_other_columns_are_told() {
-    let case = Case::small();
-    let path = case.path("source.csv");
-    let write = |column: &str| {
-        let rows: String = (0..50).map(|i| format!("{i},{},{},{}\n", i * i % 7, i * i % 11, i + 1)).collect();
-        std::fs::write(&path, format!("x,y,z,{column}\n{rows}")).unwrap();
-    };
-    write("temp");
-    let load = LoadOptions { attributes: AttributeChoice::All, ..LoadOptions::default() };
-    let split = Split { tasks: Some(1) };
-    let job = Job::plan(&case.path("job"), &path, &load, &case.options, split, &case.path("out.df"), &()).unwrap();
-    ["survey", "plan"].into_iter().for_each(|stage| job.run(stage, 0, None, &()).unwrap());
-    for column in ["mass", "ages"] {
-        write(column);
-        let told = job.run("partition", 0, None, &()).unwrap_err().to_string();
-        assert!(told.contains("source.csv: found other columns"), "{column}: {told}");
-        assert!(told.ends_with("expected the source as it was when the job was planned"), "{column}: {told}");
-    }
-    write("temp");
-    run_all(&job);
 }
 
 /// Whenever it is given up.

@@ -252,7 +252,7 @@ impl<'a> Caster<'a> {
             span = part;
         } else if level == 0 {
             let [from, _] = within(passing.ray, square(mesh, level, at), None, part)?;
-            return self.cast_cell(number, at, passing.ray, from);
+            return self.cast_cell(number, at, passing, from);
         }
         let (level, first) = (level - 1, [2 * at[0], 2 * at[1]]);
         let places = [&mesh.rows, &mesh.columns];
@@ -276,17 +276,19 @@ impl<'a> Caster<'a> {
         })
     }
 
-    fn cast_cell(&self, number: usize, [row, column]: [usize; 2], ray: &GridRay, from: f64) -> Option<RayHit> {
+    /// The first hit in a cell, from so far on to the end of the stretch that is looked at: part of the cell may be beyond.
+    fn cast_cell(&self, number: usize, [row, column]: [usize; 2], passing: &Passing<'_>, from: f64) -> Option<RayHit> {
         let mesh = &self.scene.meshes[number];
         let frame = CellFrame::of(mesh, [row, column]);
-        let local = frame.ray(ray);
+        let local = frame.ray(passing.ray);
+        let stretch = from - HAIR * from.abs()..=passing.part[1];
         let mut best: Option<RayHit> = None;
         for (slot, (triangle, _)) in mesh.triangles(row, column).enumerate() {
             let Some(t) = local.meets(&triangle) else { continue };
             let [u, v, _] = local.0.at(t);
             let [k, m, n] = triangle.edge;
             let is_in = u.min(v) >= -HAIR && u.max(v) <= 1.0 + HAIR && k + m * u + n * v >= -HAIR;
-            if is_in && t >= from - HAIR * from.abs() && best.is_none_or(|best| t < best.t) {
+            if is_in && stretch.contains(&t) && best.is_none_or(|best| t < best.t) {
                 best = Some(RayHit { t, shown: Shown { node: number, at: [row, column], slot: Some(slot) } });
             }
         }

@@ -33,7 +33,7 @@ fn plain_square(
     let range = caster.pyramids[number].range_of(level, at);
     let span = within(passing.ray, square(mesh, level, at), range, span)?;
     if level == 0 {
-        return caster.cast_cell(number, at, passing.ray, span[0]);
+        return caster.cast_cell(number, at, passing, span[0]);
     }
     passing.order.into_iter().find_map(|[down, right]| {
         plain_square(caster, (number, level - 1), [2 * at[0] + down, 2 * at[1] + right], passing, span)
