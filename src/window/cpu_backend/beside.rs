@@ -69,12 +69,11 @@ mod tests {
     use super::super::drawing::{self, Limits, Outcome};
     use super::*;
     use crate::color::Colors;
-    use crate::cpu::overdraw::Overdraw;
     use crate::cpu::shadowing::Covering;
     use crate::cpu::volume::{FieldRange, VolumeOptions, VolumeReport};
     use crate::mode::{Depiction, LodBudget, SettingValue, Settings};
     use crate::modes::spheres;
-    use crate::picture::adapter::{AdapterField, AdapterFrame, AdapterSurface, AdapterValues};
+    use crate::picture::adapter::{AdapterFrame, AdapterValues};
     use crate::picture::look::transfer_of;
     use crate::store::{InMemory, Tree as _};
     use crate::stream::first_nodes;
@@ -101,22 +100,14 @@ mod tests {
     /// A card that draws every pixel white, or nothing.
     struct White(bool);
 
-    fn nothing<T>() -> Result<T, VolumeError> {
-        Err(VolumeError::Device("no card".into()))
-    }
-
     impl Adapter for White {
         fn is_card(&mut self) -> bool {
             true
         }
 
-        fn draw(&mut self, _: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
-            nothing()
-        }
-
         fn draw_covering(&mut self, job: &AdapterJob<'_>, _: bool) -> Result<(AdapterFrame, Covering), VolumeError> {
             if !self.0 {
-                return nothing();
+                return Err(VolumeError::Device("no card".into()));
             }
             let (width, height) = (job.view.width, job.view.height);
             let pixels = width as usize * height as usize;
@@ -133,24 +124,8 @@ mod tests {
             Ok((frame, Covering { depths: vec![f32::INFINITY; pixels], light: None, slack: 0.0 }))
         }
 
-        fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
-            nothing()
-        }
-
-        fn surface(&mut self, _: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
-            nothing()
-        }
-
-        fn surface_seen(&mut self, _: Arc<AdapterSurface>, _: bool) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
-            nothing()
-        }
-
         fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
             Ok(FieldRange { density: [1e-3, 1e3], attribute: [0.0, 1.0] })
-        }
-
-        fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
-            nothing()
         }
     }
 

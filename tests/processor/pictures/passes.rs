@@ -5,13 +5,12 @@ use crate::support::Told;
 use deepfield::build::{self, BuildOptions};
 use deepfield::color::Accumulation;
 use deepfield::color::transfer::TransferFunction;
-use deepfield::cpu::overdraw::Overdraw;
-use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
+use deepfield::cpu::volume::VolumeError;
 use deepfield::hierarchy::{Kinds, OctreeOptions};
 use deepfield::look::{Attribute, Camera, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::{Raw, SettingValue};
 use deepfield::modes;
-use deepfield::picture::adapter::{AdapterField, AdapterSurface, AdapterValues};
+use deepfield::picture::adapter::AdapterValues;
 use deepfield::picture::ranges::Format;
 use deepfield::picture::{
     Adapter, AdapterFrame, AdapterJob, Picture, PictureError, Reporter, Session, SessionOptions, Subject,
@@ -252,26 +251,6 @@ impl Adapter for Counting {
             covered: None,
             note: None,
         })
-    }
-
-    fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
-        Err(VolumeError::Device("no volume".into()))
-    }
-
-    fn surface(&mut self, _: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
-        Err(VolumeError::Device("no surface".into()))
-    }
-
-    fn surface_seen(&mut self, _: Arc<AdapterSurface>, _: bool) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
-        Err(VolumeError::Device("no surface".into()))
-    }
-
-    fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
-        Err(VolumeError::Device("no ranges".into()))
-    }
-
-    fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
-        Err(VolumeError::Device("no overdraw".into()))
     }
 }
 

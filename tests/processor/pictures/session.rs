@@ -4,17 +4,14 @@
 use crate::support::{Random, Told, built_from_dataset, dataset_of, demo, gas, in_repository, write_demo_pages};
 use deepfield::codec::VqBits;
 use deepfield::cpu::Method;
-use deepfield::cpu::overdraw::Overdraw;
-use deepfield::cpu::volume::{FieldRange, VolumeError, VolumeOptions};
 use deepfield::hierarchy::Kinds;
 use deepfield::look::{Attribute, Camera, Film, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::{PathSettings, PathsOf, SettingValue};
 use deepfield::model::{Family, FamilyName};
 use deepfield::modes;
-use deepfield::picture::adapter::{AdapterField, AdapterSurface};
 use deepfield::picture::level_report::{LevelReport, ROUNDING};
 use deepfield::picture::ranges::Format;
-use deepfield::picture::{Adapter, AdapterFrame, AdapterJob, PictureError, Reporter, Session, SessionOptions};
+use deepfield::picture::{Adapter, PictureError, Reporter, Session, SessionOptions};
 use deepfield::view::Surround;
 use std::path::Path;
 use std::sync::Arc;
@@ -131,39 +128,9 @@ fn a_film_between_clusters_shows_both() {
 /// A card that can do nothing.
 struct Broken;
 
-impl Broken {
-    fn fails<T>(what: &str) -> Result<T, VolumeError> {
-        Err(VolumeError::Device(format!("no {what} by a broken card")))
-    }
-}
-
 impl Adapter for Broken {
     fn is_card(&mut self) -> bool {
         true
-    }
-
-    fn draw(&mut self, _: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
-        Broken::fails("picture")
-    }
-
-    fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
-        Broken::fails("volume")
-    }
-
-    fn surface(&mut self, _: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
-        Broken::fails("surface")
-    }
-
-    fn surface_seen(&mut self, _: Arc<AdapterSurface>, _: bool) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
-        Broken::fails("surface")
-    }
-
-    fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
-        Broken::fails("ranges")
-    }
-
-    fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
-        Broken::fails("overdraw")
     }
 }
 
@@ -182,8 +149,8 @@ fn the_processor_draws_and_counts_what_an_adapter_cannot() {
     assert_eq!(
         *told.0.lock().unwrap(),
         [
-            "no overdraw by a broken card; counting the overdraw with the CPU instead",
-            "no picture by a broken card; drawing with the CPU instead"
+            "the adapter does not count the splats of pixels; counting the overdraw with the CPU instead",
+            "the adapter does not draw particles; drawing with the CPU instead"
         ]
     );
     assert!(picture.left_out.overdraw.is_some() && picture.left_out.overdraw == expected.left_out.overdraw);

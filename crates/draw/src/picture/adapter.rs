@@ -23,7 +23,7 @@ use deepfield_heights::measure::Form;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A graphics adapter.
+/// A graphics adapter. What one does not do the processor does.
 pub trait Adapter: Send + Sync {
     /// Whether it is a graphics card. A driver without one draws on the processor too, and slower than our own renderer.
     fn is_card(&mut self) -> bool;
@@ -32,7 +32,9 @@ pub trait Adapter: Send + Sync {
     ///
     /// # Errors
     /// [`VolumeError::Device`]: what is missing; others as [`crate::mode::Mode::draw`].
-    fn draw(&mut self, job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError>;
+    fn draw(&mut self, _job: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
+        lacks("draw particles")
+    }
 
     /// The same of modes with opaque surfaces, with what covers the picture's pixels; without colours where they are not wanted.
     ///
@@ -43,20 +45,24 @@ pub trait Adapter: Send + Sync {
         _job: &AdapterJob<'_>,
         _is_colored: bool,
     ) -> Result<(AdapterFrame, Covering), VolumeError> {
-        Err(VolumeError::Device("the adapter does not tell what covers its pictures".into()))
+        lacks("tell what covers its pictures")
     }
 
     /// Draws a volume of samples.
     ///
     /// # Errors
     /// As [`Adapter::draw`].
-    fn field(&mut self, job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError>;
+    fn field(&mut self, _job: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
+        lacks("draw volumes of samples")
+    }
 
     /// Draws measured heights, seen by a camera that stands in a flat world.
     ///
     /// # Errors
     /// [`VolumeError::Device`]: what is missing.
-    fn surface(&mut self, job: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError>;
+    fn surface(&mut self, _job: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
+        lacks("draw heights")
+    }
 
     /// The same, with the number of what each of the picture's samples shows ([`Shown::pack`](crate::cpu::surface::raster::Shown::pack)), row by
     /// row, and [`NO_NUMBER`](crate::cpu::surface::raster::NO_NUMBER) where nothing is; without colours where they are not wanted.
@@ -65,21 +71,32 @@ pub trait Adapter: Send + Sync {
     /// As [`Adapter::surface`].
     fn surface_seen(
         &mut self,
-        job: Arc<AdapterSurface>,
-        is_colored: bool,
-    ) -> Result<(AdapterFrame, Vec<u32>), VolumeError>;
+        _job: Arc<AdapterSurface>,
+        _is_colored: bool,
+    ) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
+        lacks("tell what its pictures of heights show")
+    }
 
     /// Between which values the mass of the nodes' field lies.
     ///
     /// # Errors
     /// [`VolumeError::Device`]: what is missing; [`VolumeError::Grid`] where nothing is in view.
-    fn ranges(&mut self, job: &AdapterJob<'_>, options: &VolumeOptions) -> Result<FieldRange, VolumeError>;
+    fn ranges(&mut self, _job: &AdapterJob<'_>, _options: &VolumeOptions) -> Result<FieldRange, VolumeError> {
+        lacks("find the range of a field")
+    }
 
     /// How many of the nodes' splats lie over each pixel: what [`crate::cpu::overdraw`] counts, but for rounding.
     ///
     /// # Errors
     /// [`VolumeError::Device`]: what is missing.
-    fn overdraw(&mut self, job: &AdapterJob<'_>) -> Result<Overdraw, VolumeError>;
+    fn overdraw(&mut self, _job: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
+        lacks("count the splats of pixels")
+    }
+}
+
+/// The error of an adapter that does not do what it is asked for.
+fn lacks<T>(what: &str) -> Result<T, VolumeError> {
+    Err(VolumeError::Device(format!("the adapter does not {what}")))
 }
 
 /// What an adapter draws.

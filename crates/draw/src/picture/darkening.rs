@@ -61,14 +61,12 @@ mod tests {
     use super::*;
     use crate::color::Colors;
     use crate::color::transfer::{Range, TransferFunction};
-    use crate::cpu::overdraw::Overdraw;
     use crate::cpu::screen_spheres::front;
     use crate::cpu::shadowing::Covering;
-    use crate::cpu::volume::{FieldRange, VolumeOptions};
     use crate::mode::{Depiction, LightPasses, Plan, SettingValue, Settings};
     use crate::model::{Dataset, Family, FamilyName, Kernel, Provenance, Unit};
     use crate::modes::spheres;
-    use crate::picture::adapter::{AdapterField, AdapterSurface, Passes, draw_on};
+    use crate::picture::adapter::{Passes, draw_on};
     use crate::picture::decode::batches;
     use crate::picture::subject::Subject;
     use crate::store::{InMemory, Tree as _};
@@ -76,7 +74,6 @@ mod tests {
     use crate::view::Projection;
     use crate::view::perspective_grid::GridError;
     use glam::DVec3;
-    use std::sync::Arc;
 
     const SMOOTHING_LENGTH: f32 = 0.2;
 
@@ -125,17 +122,9 @@ mod tests {
         fails: fn() -> VolumeError,
     }
 
-    fn nothing<T>() -> Result<T, VolumeError> {
-        Err(VolumeError::Device("a mirror".into()))
-    }
-
     impl Adapter for Mirror {
         fn is_card(&mut self) -> bool {
             true
-        }
-
-        fn draw(&mut self, _: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
-            nothing()
         }
 
         fn draw_covering(
@@ -144,7 +133,7 @@ mod tests {
             is_colored: bool,
         ) -> Result<(AdapterFrame, Covering), VolumeError> {
             let Some(LightPlan { passes: LightPasses::Spheres { options, .. }, .. }) = job.light else {
-                return nothing();
+                panic!("a mirror of spheres");
             };
             self.asked += 1;
             if self.asked > self.most {
@@ -170,26 +159,6 @@ mod tests {
                 note: None,
             };
             Ok((frame, seen.covering(options.smoothing)))
-        }
-
-        fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
-            nothing()
-        }
-
-        fn surface(&mut self, _: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
-            nothing()
-        }
-
-        fn surface_seen(&mut self, _: Arc<AdapterSurface>, _: bool) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
-            nothing()
-        }
-
-        fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
-            nothing()
-        }
-
-        fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
-            nothing()
         }
     }
 

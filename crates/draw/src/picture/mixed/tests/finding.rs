@@ -1,11 +1,10 @@
 //! An adapter that finds what is seen of heights among other data.
 
 use super::*;
-use crate::cpu::overdraw::Overdraw;
 use crate::cpu::surface::picture::{SurfaceOptions, visible};
 use crate::cpu::surface::raster::{NO_NUMBER, Shown};
-use crate::cpu::volume::{FieldRange, VolumeError, VolumeOptions, VolumeReport};
-use crate::picture::adapter::{AdapterField, AdapterFrame, AdapterJob, AdapterSurface, AdapterValues};
+use crate::cpu::volume::{VolumeError, VolumeReport};
+use crate::picture::adapter::{AdapterFrame, AdapterSurface, AdapterValues};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A card that finds what the processor finds, as often as it is good for; it counts how often it is asked.
@@ -14,26 +13,9 @@ struct Finding {
     most: usize,
 }
 
-/// All else that it is asked for.
-fn nothing<T>() -> Result<T, VolumeError> {
-    Err(VolumeError::Device("a card that finds".into()))
-}
-
 impl Adapter for Finding {
     fn is_card(&mut self) -> bool {
         true
-    }
-
-    fn draw(&mut self, _: &AdapterJob<'_>) -> Result<AdapterFrame, VolumeError> {
-        nothing()
-    }
-
-    fn field(&mut self, _: &AdapterField<'_>) -> Result<AdapterFrame, VolumeError> {
-        nothing()
-    }
-
-    fn surface(&mut self, _: Arc<AdapterSurface>) -> Result<AdapterFrame, VolumeError> {
-        nothing()
     }
 
     fn surface_seen(
@@ -43,7 +25,7 @@ impl Adapter for Finding {
     ) -> Result<(AdapterFrame, Vec<u32>), VolumeError> {
         assert!(!is_colored);
         if self.asked.fetch_add(1, Ordering::Relaxed) >= self.most {
-            return nothing();
+            return Err(VolumeError::Device("a card that is lost".into()));
         }
         let options = SurfaceOptions { technique: job.technique, point: job.point, ..SurfaceOptions::default() };
         let (seen, _) = visible(&job.scene, &Sight::Flat(job.view), &options, job.parts);
@@ -58,14 +40,6 @@ impl Adapter for Finding {
             note: None,
         };
         Ok((frame, numbers.collect()))
-    }
-
-    fn ranges(&mut self, _: &AdapterJob<'_>, _: &VolumeOptions) -> Result<FieldRange, VolumeError> {
-        nothing()
-    }
-
-    fn overdraw(&mut self, _: &AdapterJob<'_>) -> Result<Overdraw, VolumeError> {
-        nothing()
     }
 }
 
