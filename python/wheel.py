@@ -4,10 +4,11 @@
     python3 python/wheel.py                      # compiles, and writes python/dist/deepfield-VERSION-cp311-abi3-PLATFORM.whl
     python3 python/wheel.py --library PATH       # of a library that is compiled already
     python3 python/wheel.py --program PATH       # with the program, which pip puts beside Python as `deepfield`
+    python3 python/wheel.py --glibc 2.28         # for Linux with a glibc as old as that, by cargo-zigbuild (pip install cargo-zigbuild)
     python3 python/wheel.py --profile dev        # of the library that belongs to `cargo test-all`, and of what that has compiled
 
 One wheel does for every CPython from 3.11 on: it has the stable interface alone. On Linux its name says which glibc it needs, by the newest
-symbols that the library and the program ask for; built on an old distribution it runs on more. The licences of all that is linked into them are in it.
+symbols that the library and the program ask for; built on an old distribution, or with `--glibc`, it runs on more. The licences of all that is linked into them are in it.
 """
 
 import argparse
@@ -39,20 +40,42 @@ def cargo(*arguments):
     return done.stdout
 
 
-def output_folder(metadata, profile):
-    """Where cargo puts what it compiles."""
-    return pathlib.Path(metadata["target_directory"]) / ("debug" if profile == "dev" else profile)
+def output_folder(metadata, profile, glibc=None):
+    """Where cargo puts what it compiles, for a glibc 2 of its own where its minor version is given."""
+    folder = pathlib.Path(metadata["target_directory"])
+    return (folder if glibc is None else folder / linux()) / ("debug" if profile == "dev" else profile)
 
 
-def compiled(metadata, profile):
+def linux():
+    """The target of a Linux on this machine."""
+    return f"{platform.machine()}-unknown-linux-gnu"
+
+
+def minor_of_glibc(text):
+    """The minor version of a glibc 2 that is asked for: 28 of `2.28`."""
+    if sys.platform != "linux":
+        raise argparse.ArgumentTypeError(f"found {sys.platform}, expected linux")
+    if not (minor := re.fullmatch(r"2\.(\d{1,3})", text)):
+        raise argparse.ArgumentTypeError(f"found {text}, expected 2 and a minor version, as in 2.28")
+    return int(minor[1])
+
+
+def built(metadata, profile, *chosen, glibc=None):
+    """Compiles what is chosen; returns the folder of what cargo makes."""
+    # Zig brings the symbols of every glibc to link with, and a compiler of C for what C there is.
+    command = ["build"] if glibc is None else ["zigbuild", "--target", f"{linux()}.2.{glibc}"]
+    cargo(*command, "--locked", *chosen, "--profile", profile)
+    return output_folder(metadata, profile, glibc)
+
+
+def compiled(metadata, profile, glibc=None):
     """Compiles the library."""
     # Features of dependencies are united over the packages that cargo builds, those that only tests ask for where it builds a test
     # (resolver 3). With all packages and one test of theirs they are those of `cargo test --workspace`, so that nothing but this library and
     # what it alone depends on is compiled anew. A release needs no Bevy.
     chosen = ("--workspace", "--lib", "--test", "processor") if profile == "dev" else ("--package", "deepfield-python")
-    cargo("build", "--locked", *chosen, "--profile", profile)
     names = {"darwin": "lib_deepfield.dylib", "win32": "_deepfield.dll"}
-    return output_folder(metadata, profile) / names.get(sys.platform, "lib_deepfield.so")
+    return built(metadata, profile, *chosen, glibc=glibc) / names.get(sys.platform, "lib_deepfield.so")
 
 
 def described():
@@ -125,9 +148,9 @@ def metadata_text(package, licences):
     return "\n".join(lines)
 
 
-def wheel(package, library, folder, *, program=None, linked=None):
+def wheel(package, library, folder, *, program=None, linked=None, is_packed=True):
     """Writes the wheel of a library, with a program and the licences of what is `linked` into them where they are given (the binary
-    distribution format, https://packaging.python.org/specifications/binary-distribution-format)."""
+    distribution format, https://packaging.python.org/specifications/binary-distribution-format). Packing takes longer than all else."""
     version = package["version"].replace("-", "_")
     tag = f"cp311-abi3-{platform_tag(library, program or b'')}"
     about, scripts = f"deepfield-{version}.dist-info", f"deepfield-{version}.data/scripts/"
@@ -153,10 +176,10 @@ def wheel(package, library, folder, *, program=None, linked=None):
     files[f"{about}/RECORD"] = f"{record}{about}/RECORD,,\n".encode()
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"deepfield-{version}-{tag}.whl"
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(path, "w") as archive:
         for name, content in files.items():
             entry = zipfile.ZipInfo(name, DATE)
-            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.compress_type = zipfile.ZIP_DEFLATED if is_packed else zipfile.ZIP_STORED
             # Of what is no regular file pip makes no program.
             entry.external_attr = (stat.S_IFREG | (0o755 if name.endswith(".so") or name.startswith(scripts) else 0o644)) << 16
             archive.writestr(entry, content)
@@ -168,10 +191,11 @@ def main():
     parser.add_argument("--library", type=pathlib.Path, help="the compiled library [default: it is compiled]")
     parser.add_argument("--program", type=pathlib.Path, help="the compiled program, to be in the wheel, too [default: it is not]")
     parser.add_argument("--profile", default="release", help="cargo's profile [default: release]")
+    parser.add_argument("--glibc", type=minor_of_glibc, metavar="2.MINOR", help="the glibc to compile for [default: this machine's]")
     parser.add_argument("--out", type=pathlib.Path, default=HERE / "dist", help="folder of the wheel [default: python/dist]")
     arguments = parser.parse_args()
     metadata, package = described()
-    library = arguments.library or compiled(metadata, arguments.profile)
+    library = arguments.library or compiled(metadata, arguments.profile, arguments.glibc)
     program = arguments.program and arguments.program.read_bytes()
     linked = notices(package["name"], *(["deepfield"] if arguments.program else []))
     print(wheel(package, library.read_bytes(), arguments.out, program=program, linked=linked))

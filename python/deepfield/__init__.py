@@ -16,7 +16,7 @@ from .dataset import Data, Family, Field, open
 from .notes import Note
 from .objects import Scene, Tour, TransferFunction
 from .picture import Picture
-from .questions import Histogram, PhaseDiagram
+from .questions import Histogram, PhaseDiagram, Probe
 from .table import Table
 
 
@@ -43,6 +43,7 @@ __all__ = [
     "Note",
     "PhaseDiagram",
     "Picture",
+    "Probe",
     "Scene",
     "Table",
     "Tour",

@@ -24,6 +24,7 @@ __all__ = [
     "Note",
     "PhaseDiagram",
     "Picture",
+    "Probe",
     "Scene",
     "Table",
     "Tour",
@@ -98,6 +99,10 @@ class Table:
     def __getitem__(self, which: int | slice | NDArray[Any]) -> Table: ...
     def to_pandas(self) -> Any: ...
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object: ...
+
+class Probe(dict[str, Any]):
+    @property
+    def table(self) -> Table: ...
 
 class _Text:
     path: str | None
@@ -259,7 +264,7 @@ class Data:
         time: float | str | None = None,
         threads: int | None = None,
         progress: _Progress | None = None,
-    ) -> dict[str, Any]: ...
+    ) -> Probe: ...
     def select(
         self,
         sphere: Sequence[float] | None = None,

@@ -47,10 +47,10 @@ def size(sides):
     return [width, height]
 
 
-def whole(name, count, most):
-    """A whole number from 1 on; None is not asked."""
-    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= most):
-        raise Error(f"{name}: found {count!r}, expected a whole number from 1 to {most}")
+def whole(name, count, most, least=1):
+    """A whole number from ``least`` on; None is not asked."""
+    if count is not None and (isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not least <= count <= most):
+        raise Error(f"{name}: found {count!r}, expected a whole number from {least} to {most}")
     return None if count is None else int(count)
 
 

@@ -14,10 +14,12 @@ import uuid
 
 from . import _deepfield, asked, building, dataset, notes, others, progress as progresses
 
-__all__ = ["build", "status"]
+__all__ = ["build", "cancel", "plan", "run", "status"]
 
 # Clusters of Dask have lost their workers over more.
 _MOST_TASKS = 50_000
+# Numbers of tasks are those of 32 bits.
+_LAST_TASK = 2**32 - 1
 # How much of a worker's memory its tasks take together: Dask gives a worker no further tasks beyond 80 %, and the interpreter needs some.
 _SHARE = 0.65
 # How long tasks that are given up are waited for, seconds.
@@ -68,18 +70,14 @@ def build(
     ``progress`` is called with the stage, its tasks that are done and their number, or True for a bar. What it raises, Ctrl-C and what fails end the
     build: its tasks are cancelled, and the job is removed, unless ``keep`` is true. It is removed, too, when the file is there.
     """
-    if isinstance(sources, collections.abc.Mapping) or others.package_of(sources):
-        raise _deepfield.Error("sources: found arrays, expected files, which workers can read")
-    out = os.path.abspath(out)
-    job = os.path.abspath(f"{out}.job" if job is None else job)
-    wanted = asked.text(building.kept(attributes, families, derive, hierarchy, smoothing))
-    plan = (job, [_absolute(path) for path in dataset.paths_of(sources)], out, wanted, asked.whole("tasks", tasks, _MOST_TASKS))
+    wanted = _asked(sources, out, job, building.kept(attributes, families, derive, hierarchy, smoothing), tasks)
+    job, _, out, *_ = wanted
     share = (asked.memory(memory), asked.threads(threads))
     is_new, is_planned = not os.path.lexists(job), False
     with _client(client) as client, progresses.teller(progress) as tell:
         runner = _Here(job, share, tell) if client is None else _Workers(client, job, share, tell, {"retries": retries, "resources": resources})
         try:
-            stages = runner.plan(plan)
+            stages = runner.plan(wanted)
             is_planned = True
             runner.run(stages)
         except BaseException:
@@ -94,10 +92,66 @@ def build(
     return dataset.open(out)
 
 
+def plan(
+    sources,
+    out,
+    job=None,
+    *,
+    attributes=None,
+    families=None,
+    derive=None,
+    hierarchy=None,
+    smoothing=None,
+    tasks=None,
+):
+    """Plans the job of a build, all of which is said as to ``build``, for those who start its tasks by other means. Gives what ``status`` does.
+
+    Its ``stages`` come one after the other. The tasks of one may run in any order and at the same time, by all processes that see the files.
+
+    >>> import deepfield.cluster
+    >>> chance = np.random.default_rng(2)
+    >>> np.savetxt("points.csv", chance.random((500, 3)), delimiter=",", header="x,y,z", comments="")
+    >>> job = deepfield.cluster.plan("points.csv", "points.df", tasks=2)
+    >>> for stage in job["stages"]:
+    ...     for task in range(stage["tasks"]):
+    ...         deepfield.cluster.run(job["job"], stage["name"], task)
+    >>> deepfield.cluster.cancel(job["job"])
+    >>> deepfield.open("points.df").count
+    500
+    """
+    wanted = _asked(sources, out, job, building.kept(attributes, families, derive, hierarchy, smoothing), tasks)
+    about, told = _deepfield.cluster_plan(*wanted, None)
+    notes.tell(dict.fromkeys(told))
+    return json.loads(about)
+
+
+def run(job, stage, task, *, memory=None, threads=None):
+    """Runs a task, counted from 0, of a stage of the job in a folder, as ``deepfield stage`` does; one that is done returns at once. ``memory`` is
+    what it may take, in bytes or as "2GiB" [half of what is free], ``threads`` how many work at it [all]."""
+    task = asked.whole("task", task, _LAST_TASK, least=0)
+    told = _deepfield.cluster_run(os.path.abspath(job), stage, task, asked.memory(memory), asked.threads(threads), None)
+    notes.tell(dict.fromkeys(told))
+
+
+def cancel(job):
+    """Removes the job in a folder, finished or not, as ``deepfield build --cancel`` does. The file that it has built stays."""
+    _deepfield.cluster_remove(os.path.abspath(job))
+
+
 def status(job):
     """How far the job in a folder has come, as ``deepfield build --status`` tells it: ``finished``, ``stages`` with their ``tasks`` and those ``done``,
     ``bytes`` that were ``read``, ``shuffled`` and ``written``, and the rest of what docs/cluster.md lists."""
     return json.loads(_deepfield.cluster_status(os.path.abspath(job)))
+
+
+def _asked(sources, out, job, wanted, tasks):
+    """What a job is planned from, as the native part takes it: its folder, the sources, the output, what that holds, and the number of tasks."""
+    if isinstance(sources, collections.abc.Mapping) or others.package_of(sources):
+        raise _deepfield.Error("sources: found arrays, expected files, which workers can read")
+    out = os.path.abspath(out)
+    job = os.path.abspath(f"{out}.job" if job is None else job)
+    sources = [_absolute(path) for path in dataset.paths_of(sources)]
+    return job, sources, out, asked.text(wanted), asked.whole("tasks", tasks, _MOST_TASKS)
 
 
 def _absolute(path):

@@ -238,7 +238,7 @@ class Data:
         ``sphere`` is (x, y, z, radius), ``box`` (x0, y0, z0, x1, y1, z1), ``where`` a mapping of fields to (least, largest), either of which
         may be None; ``families`` names some. With several a particle has to be within all of them. ``shells`` are those of a radial profile
         in the sphere. Of a page file the answer says how far off it may be; ``exact`` asks the source that it was built from. ``threads`` is how
-        many answer [all].
+        many answer [all]. ``table`` of the answer is a Table with a row for each family.
 
         >>> data.probe(box=(0.0, 0.0, 0.0, 1.0, 1.0, 1.0), threads=1)["count"]
         200
@@ -249,7 +249,7 @@ class Data:
             "shells": shells,
             "shell_field": shell_field,
         }
-        return self._asked(self._native.probe, wanted, threads, progress)
+        return questions.Probe(self._asked(self._native.probe, wanted, threads, progress))
 
     def _asked(self, question, wanted, threads, progress):
         with progresses.teller(progress) as tell:

@@ -96,6 +96,42 @@ class PhaseDiagram:
     about: dict
 
 
+_MEANS = ("mean", "dispersion", "mass_weighted_mean", "mass_weighted_dispersion")
+
+
+class Probe(dict):
+    """What is in a region, as ``deepfield probe --json`` tells it; ``table`` is a :class:`Table` of it with a row for each family.
+
+    >>> found = data.probe(where={"temperature": (0.5, None)}, fields=["temperature"])
+    >>> found.table.columns[:5], found.table["family"], found.table.units["center_x"]
+    (['family', 'count', 'mass', 'center_x', 'center_y'], array(['gas'], dtype='<U3'), 'kpc')
+    """
+
+    @property
+    def table(self):
+        """Of each family the number of particles, their mass and its centre; and of each field mean and dispersion, plain and weighted with
+        mass, and the least and the largest value. What there is none of is NaN. ``about`` tells what may be in or out (``uncertain``)."""
+        families, length = self["families"], self["length_unit"]
+        numbers = lambda values: np.array(list(values), dtype=np.float64)
+        columns = {
+            "family": np.arange(len(families), dtype=np.uint16),
+            "count": np.array([family["count"] for family in families], dtype=np.uint64),
+            "mass": numbers(family["mass"] for family in families),
+        }
+        units = {"mass": self["mass_unit"]}
+        for axis, name in enumerate(("center_x", "center_y", "center_z")):
+            columns[name] = numbers((family["center_of_mass"] or (None,) * 3)[axis] for family in families)
+            units[name] = length
+        fields = [{field["name"]: field for field in family["fields"]} for family in families]
+        for field, unit in {name: about["unit"] for own in fields for name, about in own.items()}.items():
+            for name in (*_MEANS, "min", "max"):
+                own = f"{name}_{field}".replace("-", "_")
+                columns[own] = numbers(known.get(field, {}).get(name) for known in fields)
+                units[own] = unit
+        about = {"exact": self["exact"], "uncertain": {family["name"]: family["uncertain"] for family in families}}
+        return Table(columns, units, {"family": [family["name"] for family in families]}, about)
+
+
 # What is neither an axis nor in its bins.
 _REST = ("total", "count", "not_positive", "outside", "missing", "exact", "error", "estimate")
 
@@ -122,9 +158,6 @@ def phase_diagram(found):
     return PhaseDiagram(
         counts, weights, edges(x), edges(y), each("field"), each("unit"), each("logarithmic"), found["weight"], found["weight_unit"], about
     )
-
-
-_MEANS = ("mean", "dispersion", "mass_weighted_mean", "mass_weighted_dispersion")
 
 
 def profile(found):

@@ -43,10 +43,12 @@ impl Column {
 
     /// Copies the values of some particles.
     fn read(&self, rows: Range<usize>, out: &mut [f64]) -> Result<(), String> {
-        Python::attach(|py| match self {
+        let read = Python::try_attach(|py| match self {
             Column::Single(array) => copy(array.bind(py), rows, out),
             Column::Double(array) => copy(array.bind(py), rows, out),
-        })
+        });
+        // A build that was given up may outlive the interpreter.
+        read.unwrap_or_else(|| Err("no interpreter that has it".into()))
     }
 }
 
@@ -179,6 +181,13 @@ impl ArraySource {
         let mut known = std::collections::HashSet::new();
         names.retain(|name| known.insert(name.clone()));
         names
+    }
+}
+
+/// Lets go of the arrays at once, on whatever thread a build ends: else they would stay until Python next calls this library.
+impl Drop for ArraySource {
+    fn drop(&mut self) {
+        Python::try_attach(|_| self.columns.clear());
     }
 }
 

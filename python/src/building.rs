@@ -246,7 +246,7 @@ pub fn build_arrays<'py>(
     let mut asked: Asked = serde_json::from_str(asked).map_err(|error| told(error.into()))?;
     let source = ArraySource::new(columns, &asked.said).map_err(told)?;
     asked.attributes.get_or_insert_with(|| source.attributes());
-    let job = |state: &Arc<State>| -> Result<(), Failure> {
+    let job = move |state: &Arc<State>| -> Result<(), Failure> {
         let (load, options) = asked.options(&source.description().path)?;
         on_threads(asked.threads, || {
             let built = build_opened(&source, &load, &options, &out, &**state)?;
@@ -254,5 +254,5 @@ pub fn build_arrays<'py>(
             Ok(())
         })
     };
-    Ok(work::run(py, progress, job)?.1)
+    Ok(work::run_writing(py, progress, job)?.1)
 }

@@ -28,8 +28,10 @@ pub fn cluster_plan(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Vec<String>)> {
     let asked: Asked = serde_json::from_str(asked).map_err(|error| told(error.into()))?;
-    let split = Split { tasks };
-    work::run(py, progress, |state: &Arc<State>| described(&planned(&job, &sources, &out, &asked, split, state)?))
+    let plan = move |state: &Arc<State>| -> Result<String, Failure> {
+        described(&planned(&job, &sources, &out, &asked, Split { tasks }, state)?)
+    };
+    work::run(py, progress, plan)
 }
 
 fn planned(
@@ -84,8 +86,9 @@ pub fn cluster_run(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let run = |state: &Arc<State>| -> Result<(), Failure> {
-        on_threads(threads, || Ok(Job::open(&job)?.run(stage, task, memory, &**state)?))
+    let stage = stage.to_owned();
+    let run = move |state: &Arc<State>| -> Result<(), Failure> {
+        on_threads(threads, || Ok(Job::open(&job)?.run(&stage, task, memory, &**state)?))
     };
     Ok(work::run(py, progress, run)?.1)
 }

@@ -41,7 +41,7 @@ pub fn open(
     threads: Option<usize>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(Dataset, Vec<String>)> {
-    let job = |state: &Arc<State>| -> Result<Dataset, Failure> {
+    let job = move |state: &Arc<State>| -> Result<Dataset, Failure> {
         keep_pages_from_afar(cache::for_pages_from_afar);
         on_threads(threads, || {
             let paths = paths.iter().map(|path| data_file(path)).collect::<Result<Vec<_>, _>>()?;
@@ -50,7 +50,7 @@ pub fn open(
             Ok(Dataset { paths: paths.into(), about })
         })
     };
-    work::run(py, progress, job)
+    work::run_writing(py, progress, job)
 }
 
 fn members(paths: &[PathBuf]) -> Vec<Member> {
@@ -226,15 +226,16 @@ impl Dataset {
         folder: PathBuf,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<(Vec<PathBuf>, Vec<String>)> {
-        let job = |state: &Arc<State>| -> Result<Vec<PathBuf>, Failure> {
-            let asked: AskedTour = serde_json::from_str(asked)?;
+        let (paths, asked) = (Arc::clone(&self.paths), asked.to_owned());
+        let job = move |state: &Arc<State>| -> Result<Vec<PathBuf>, Failure> {
+            let asked: AskedTour = serde_json::from_str(&asked)?;
             let open = |members: &[Member], options: SessionOptions| session(members, options, [], state);
             on_threads(asked.threads, || {
-                let mut show = asked.open(only("tour", &self.paths)?, open, state)?;
+                let mut show = asked.open(only("tour", &paths)?, open, state)?;
                 asked.record(&mut show, &folder, state)
             })
         };
-        work::run(py, progress, job)
+        work::run_writing(py, progress, job)
     }
 
     /// The text of the scene that a tour shows at a time, in seconds, and what there was to tell.

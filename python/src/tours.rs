@@ -93,6 +93,8 @@ impl AskedTour {
                 Some((before, image)) if before == shot => image,
                 _ => show.take(&shot, None)?.image,
             };
+            // Whoever has given up may look at what is there meanwhile: no more frames come.
+            state.go_on();
             let file = pattern.file(folder, u64::from(frame), "png");
             output::write_png(&file, &image)?;
             files.push(file);

@@ -1,6 +1,6 @@
 //! Long work away from the interpreter, which meanwhile runs other threads, hears Ctrl-C and is told how far the work has come.
 //!
-//! The work has a thread of its own; the thread that called attends to the interpreter until it ends.
+//! The work has a thread of its own; the thread that called attends to the interpreter until the work ends, or is left to end by itself.
 
 use crate::error::{Failure, told};
 use deepfield_draw::picture::asked::State;
@@ -36,23 +36,17 @@ fn attend(state: &State, py: Python<'_>, progress: Option<&Py<PyAny>>, last: &mu
 }
 
 /// Does the work, and gives what came of it with what there was to tell. `progress` is called with the stage, the steps done and their
-/// number, some times a second; what it raises ends the work, as Ctrl-C does.
+/// number, some times a second; what it raises ends the work, as Ctrl-C does. Interrupted, it is waited for until it has ended: who called
+/// removes what it leaves.
 ///
 /// # Errors
 /// [`crate::error::Error`] where the work fails; else what a signal handler or `progress` raises.
-pub fn run<T: Send>(
+pub fn run<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
-    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send,
+    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<(T, Vec<String>)> {
-    let state = Arc::new(State::default());
-    let (ended, interruption) = py.detach(|| attended(&state, progress.as_ref(), job));
-    match (ended, interruption) {
-        (_, Some(interruption)) => Err(interruption),
-        (Ok(Ok(found)), None) => Ok((found, state.take_notes())),
-        (Ok(Err(failure)), None) => Err(told(failure)),
-        (Err(panic), None) => resume_unwind(panic),
-    }
+    run_beside(py, progress, Duration::MAX, job)
 }
 
 /// Does work that writes nothing, as [`run`] does; interrupted, it is not waited for: it ends by itself where it next asks whether anybody waits.
@@ -67,7 +61,8 @@ pub fn run_alone<T: Send + 'static>(
     run_beside(py, progress, Duration::ZERO, job)
 }
 
-/// Does work that writes, as [`run_alone`] does; interrupted, it is waited for a little: it ends at once but where it opens a source of text.
+/// Does work that writes, as [`run_alone`] does; interrupted, it is waited for a little, within which it ends as a rule. Where it has ended,
+/// nothing that is not whole is left of it.
 ///
 /// # Errors
 /// As [`run`].
@@ -121,35 +116,3 @@ fn run_beside<T: Send + 'static>(
 
 /// How work ended: what came of it, or with what it was unwound.
 type Ended<T> = Result<Result<T, Failure>, Box<dyn Any + Send>>;
-
-/// Does the work on a thread, and attends to the interpreter until it ends; also says what interrupted it.
-fn attended<T: Send>(
-    state: &Arc<State>,
-    progress: Option<&Py<PyAny>>,
-    job: impl FnOnce(&Arc<State>) -> Result<T, Failure> + Send,
-) -> (Ended<T>, Option<PyErr>) {
-    std::thread::scope(|scope| {
-        let (ends, ended) = channel::<()>();
-        let work = move || {
-            // Goes when the work has ended, however it does.
-            let _ends = ends;
-            catch_unwind(AssertUnwindSafe(|| job(state)))
-        };
-        let named = std::thread::Builder::new().name("deepfield".into()).stack_size(STACK);
-        let worker = match named.spawn_scoped(scope, work) {
-            Ok(worker) => worker,
-            Err(error) => return (Ok(Err(format!("starting a thread: {error}").into())), None),
-        };
-        let (mut interruption, mut last) = (None, Instant::now());
-        while ended.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-            if interruption.is_some() {
-                continue;
-            }
-            if let Err(error) = Python::attach(|py| attend(state, py, progress, &mut last)) {
-                state.stop().store(true, Ordering::Relaxed);
-                interruption = Some(error);
-            }
-        }
-        (worker.join().flatten(), interruption)
-    })
-}

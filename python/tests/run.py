@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Tries the package as it is installed: builds its wheel of the library that `cargo test-all` compiles, installs it into an empty environment,
-and there runs the tests of this folder and compares the stubs with what they describe.
+"""Tries the package as it is installed: builds its wheel of the library and the program that `cargo test-all` compiles, installs it into an empty
+environment, and there runs the tests of this folder and compares the stubs with what they describe.
 
     python3 python/tests/run.py                  # `cargo test-all` ends with it
 
@@ -23,6 +23,9 @@ OPTIONAL = {
     "matplotlib": "figures of the notebook",
     "anywidget": "the widget's own messages",
     "pyarrow": "tables that Arrow reads",
+    "h5py": "snapshots that HDF5's own library reads",
+    "astropy": "tables that astropy reads",
+    "plyfile": "points that plyfile reads",
     "distributed": "builds by the workers of Dask",
     "mypy": "the stubs",
 }
@@ -92,21 +95,22 @@ def tested(folder):
     environment = Environment(folder / "environment")
     metadata, package = wheel.described()
     library = wheel.compiled(metadata, "dev")
-    built = wheel.wheel(package, library.read_bytes(), folder)
+    compiled = wheel.output_folder(metadata, "dev")
+    program = compiled / ("deepfield.exe" if sys.platform == "win32" else "deepfield")
+    # It is installed once.
+    built = wheel.wheel(package, library.read_bytes(), folder, program=program.read_bytes(), is_packed=False)
     # What else an interpreter has, whose packages are shared, may be broken as it likes.
     is_complete = environment.installs("--no-index", built) and (
         not environment.is_online or runs(environment.python, "-m", "pip", "check")
     )
     if not is_complete:
         raise SystemExit(f"{built.name}: not installed")
-    compiled = wheel.output_folder(metadata, "dev")
     kept = compiled / "python" / sys.implementation.cache_tag
     absent = environment.lacks(OPTIONAL, kept)
     passed = [not leave_out(f"Not tested, for lack of {package}: {OPTIONAL[package]}") for package in absent]
 
-    program = compiled / ("deepfield.exe" if sys.platform == "win32" else "deepfield")
     own = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")}
-    own.setdefault("DEEPFIELD_PROGRAM", str(program))
+    own.setdefault("DEEPFIELD_PROGRAM", str(environment.python.with_name(program.name)))
     # Nothing is found in the user's cache, nor left there; matplotlib looks for fonts once.
     own |= {"XDG_CACHE_HOME": str(folder / "cache"), "LOCALAPPDATA": str(folder / "cache")}
     own |= {"MPLBACKEND": "agg", "MPLCONFIGDIR": str(kept / "matplotlib-fonts")}

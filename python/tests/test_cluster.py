@@ -12,7 +12,6 @@ import numpy as np
 
 import deepfield
 import deepfield.cluster
-from deepfield import _deepfield
 from test_deepfield import WithFolder, particles
 
 
@@ -73,12 +72,33 @@ class Here(OfTasks):
         self.assertEqual(sum(count for _, count, _ in done), 4)
         # The job is that of these options alone.
         self.refused("box.df.job", self.build, smoothing="knn:20")
-        _deepfield.cluster_run(str(self.job), done[0][0], 0, None, 1, None)
+        deepfield.cluster.run(self.job, done[0][0], 0, threads=1)
         self.assertEqual(self.done(), done)
         self.assertFalse(deepfield.cluster.status(self.job)["finished"])
         reached = []
         self.is_as_of_one_process(self.build(memory="1GiB", threads=1, progress=lambda *what: reached.append(what)))
         self.assertTrue({(name, tasks, tasks) for name, _, tasks in done} <= set(reached), reached)
+
+    def test_tasks_that_others_start_build_the_same_file(self):
+        options = {"smoothing": "knn:16", "tasks": 3}
+        planned = deepfield.cluster.plan(self.source, self.out, **options)
+        self.assertEqual((planned["job"], planned["finished"]), (str(self.job), False))
+        self.assertEqual(planned, deepfield.cluster.status(self.job))
+        for stage in planned["stages"]:
+            # In any order, and one of them twice.
+            for task in [0, *reversed(range(stage["tasks"]))]:
+                deepfield.cluster.run(self.job, stage["name"], task, memory="1GiB", threads=1)
+        # The plan is there, and so is what was done.
+        self.assertTrue(deepfield.cluster.plan(self.source, self.out, **options)["finished"])
+        self.refused("box.df.job", deepfield.cluster.plan, self.source, self.out, tasks=4)
+        stages = [stage["name"] for stage in planned["stages"]]
+        self.refused("absent", deepfield.cluster.run, self.job, "absent", 0)
+        self.refused("1000000", deepfield.cluster.run, self.job, stages[0], 1_000_000)
+        self.refused("task: found -1, expected a whole number from 0", deepfield.cluster.run, self.job, stages[0], -1)
+        deepfield.cluster.cancel(self.job)
+        self.refused("box.df.job", deepfield.cluster.cancel, self.job)
+        self.refused("box.df.job", deepfield.cluster.run, self.job, stages[0], 0)
+        self.is_as_of_one_process(deepfield.open(self.out))
 
     def test_a_run_is_that_of_one_process(self):
         movie, out, alone = (self.folder / name for name in ("movie.xyz", "movie.df", "alone.df"))
@@ -137,9 +157,9 @@ class ByWorkers(OfTasks):
         # Both workers run the tasks of the stage that comes next.
         stage, count = next((name, tasks) for name, done, tasks in self.done() if done < tasks)
         for task in range(count):
-            run = (_deepfield.cluster_run, str(self.job), stage, task, None, 1, None)
+            run = (deepfield.cluster.run, str(self.job), stage, task)
             workers = self.client.nthreads()
-            self.client.gather([self.client.submit(*run, workers=[worker], pure=False) for worker in workers])
+            self.client.gather([self.client.submit(*run, threads=1, workers=[worker], pure=False) for worker in workers])
         self.assertIn((stage, count, count), self.done())
         killed = []
 

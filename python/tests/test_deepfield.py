@@ -6,11 +6,8 @@ DEEPFIELD_PROGRAM names the program that pictures and files are compared with; w
 import math
 import os
 import pathlib
-import signal
 import subprocess
 import tempfile
-import threading
-import time
 import tracemalloc
 import unittest
 import unittest.mock
@@ -35,6 +32,15 @@ def particles(count=3000, seed=7):
         "smoothing_length": (0.02 + 0.06 * interleaved[:, 1]).astype(np.float32),
         "temperature": np.exp(random.normal(8.0, 1.0, count)),
     }
+
+
+def write_movie(path, places):
+    """Three snapshots of particles that go along x, by 1 in each step."""
+    frames = []
+    for step in range(3):
+        rows = (f"H {x + step:.6f} {y:.6f} {z:.6f} {100 + row}" for row, (x, y, z) in enumerate(places))
+        frames += [str(len(places)), f"Properties=species:S:1:pos:R:3:id:I:1 Time={step:.1f}", *rows]
+    path.write_text("\n".join([*frames, ""]))
 
 
 class WithFolder(unittest.TestCase):
@@ -257,47 +263,6 @@ class OfArrays(WithFolder):
             self.assertEqual((data.count, data.paths), (120, [str(parts)]))
             self.assertEqual(data.render(size=(20, 10), mode="points").size, (20, 10))
 
-    def test_what_progress_raises_and_ctrl_c_end_a_build_and_nothing_is_left(self):
-        class Enough(Exception):
-            pass
-
-        stages = []
-
-        def enough(stage, done, total):
-            stages.append(stage)
-            self.assertTrue(0 <= done and (done <= total or total == 0))
-            if not stage.startswith("reading"):
-                raise Enough
-
-        # Nothing is estimated, so that the file is being built for most of the time.
-        random = np.random.default_rng(3)
-        count = 1_000_000
-        arrays = {"positions": random.random((count, 3)), "mass": 1.0, "density": random.random(count), "smoothing_length": 0.01}
-        folder = self.folder / "stopped"
-        folder.mkdir()
-        with self.assertRaises(Enough):
-            deepfield.build(arrays, folder / "box.df", progress=enough)
-        self.assertFalse(stages[-1].startswith("reading"))
-        self.assertEqual(list(folder.iterdir()), [])
-        # That the timer's thread runs at all says that others do meanwhile. Neighbours are looked for in the second build, buckets merged
-        # and codes found in the others.
-        waits = []
-
-        def interrupt():
-            waits.append(-time.perf_counter())
-            os.kill(os.getpid(), signal.SIGINT)
-
-        # A shell has its background jobs ignore it.
-        self.addCleanup(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, signal.default_int_handler))
-        for without, after in (((), 0.1), (("density", "smoothing_length"), 0.4), ((), 0.2)):
-            threading.Timer(after, interrupt).start()
-            with self.assertRaises(KeyboardInterrupt):
-                deepfield.build({name: values for name, values in arrays.items() if name not in without}, folder / "box.df")
-            waits[-1] += time.perf_counter()
-            self.assertEqual(list(folder.iterdir()), [])
-        # A tenth of a second on a machine that does nothing else; the shortest of several says most.
-        self.assertLess(min(waits), 0.3, waits)
-
     def test_several_families_and_units_of_arrays(self):
         class Quantity(np.ndarray):
             units = "Mpc"
@@ -319,18 +284,11 @@ class OfArrays(WithFolder):
 
 
 class OfRuns(WithFolder):
-    """Particles that go along x, by 1 in each step."""
-
     def setUp(self):
         super().setUp()
         self.places = particles(60)["positions"]
-        frames = []
-        for step in range(3):
-            places = self.places + [step, 0.0, 0.0]
-            rows = (f"H {x:.6f} {y:.6f} {z:.6f} {100 + row}" for row, (x, y, z) in enumerate(places))
-            frames += ["60", f"Properties=species:S:1:pos:R:3:id:I:1 Time={step:.1f}", *rows]
         movie = self.folder / "movie.xyz"
-        movie.write_text("\n".join([*frames, ""]))
+        write_movie(movie, self.places)
         self.run_of = deepfield.build(movie, self.folder / "run.df")
 
     def test_a_picture_is_that_of_its_time(self):

@@ -5,12 +5,18 @@ import csv
 import hashlib
 import importlib.util
 import io
+import os
 import pathlib
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import unittest
+import unittest.mock
 import zipfile
+
+import deepfield
+from deepfield import window
 
 HERE = pathlib.Path(__file__).resolve().parent
 LIBRARY = b"\0GLIBC_2.17\0GLIBC_2.28\0GLIBC_2.4\0"
@@ -37,6 +43,8 @@ class Wheels(unittest.TestCase):
             self.assertEqual(self.built(folder, **more).read_bytes(), first)
             with zipfile.ZipFile(path) as archive:
                 files = {name: archive.read(name) for name in archive.namelist()}
+            with zipfile.ZipFile(self.built(folder, **more, is_packed=False)) as archive:
+                self.assertEqual({name: archive.read(name) for name in archive.namelist()}, files)
         about = "deepfield-1.2.3.dist-info"
         self.assertEqual(files["deepfield-1.2.3.data/scripts/deepfield"], more["program"])
         named = [line.split(": ")[1] for line in files[f"{about}/METADATA"].decode().splitlines() if line.startswith("License-File: ")]
@@ -65,6 +73,19 @@ class Wheels(unittest.TestCase):
     def test_a_library_that_needs_libpython_is_refused(self):
         with self.assertRaisesRegex(SystemExit, "PYO3_BUILD_EXTENSION_MODULE"):
             self.wheel.platform_tag(b"\0libpython3.11.so.1.0\0GLIBC_2.17\0")
+
+
+PROGRAM = pathlib.Path(sysconfig.get_path("scripts"), "deepfield.exe" if sys.platform == "win32" else "deepfield")
+
+
+@unittest.skipUnless(PROGRAM.is_file(), "the package was installed without the program")
+class Installed(unittest.TestCase):
+    def test_the_program_that_the_wheel_brought_is_found_and_runs(self):
+        with unittest.mock.patch.dict(os.environ):
+            os.environ.pop("DEEPFIELD_PROGRAM", None)
+            self.assertEqual(window.program(), str(PROGRAM))
+        said = subprocess.run([PROGRAM, "--version"], check=True, stdout=subprocess.PIPE, text=True).stdout
+        self.assertEqual(said, f"deepfield {deepfield.__version__}\n")
 
 
 if __name__ == "__main__":

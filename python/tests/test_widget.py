@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import pathlib
 import queue
 import random
 import struct
@@ -14,8 +15,8 @@ import numpy as np
 
 import deepfield
 from deepfield.widget import Pace, Viewer
+from test_deepfield import ABOVE, write_movie
 
-ABOVE = {"eye": (0.5, 0.5, 9.0), "target": (0.5, 0.5, 0.5), "up": (0.0, 1.0, 0.0), "ortho": 1.5}
 # How long anything may take that is waited for.
 LONG = 20.0
 
@@ -97,6 +98,25 @@ class Frames(unittest.TestCase):
         self.assertEqual(error["kind"], "error")
         self.assertIn("pionts", error["text"])
         self.assertTrue(self.answers(viewer, {"do": "choose", "mode": None})[-1][0]["finished"])
+
+    def test_a_time_of_a_run_is_chosen(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        movie = pathlib.Path(folder.name, "movie.xyz")
+        write_movie(movie, np.random.default_rng(3).random((60, 3)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", deepfield.Note)
+            data = deepfield.build(movie, movie.with_suffix(".df"))
+        camera = {**ABOVE, "ortho": 6.0}
+        viewer = self.viewer(data, camera=camera, mode="column-density")
+        self.assertEqual(viewer.about()["times"], [0.0, 1.0, 2.0])
+        self.answers(viewer, {"do": "begin"})
+        drawn = {}
+        for time in (None, 1.0):
+            last, (drawn[time],) = self.answers(viewer, {"do": "choose", "time": time})[-1]
+            self.assertTrue(last["finished"])
+            self.assertEqual(drawn[time], data.render(camera, (96, 64), "column-density", time=time).png())
+        self.assertNotEqual(drawn[None], drawn[1.0])
 
     def test_what_is_at_a_pixel_is_told(self):
         viewer = self.viewer(camera=ABOVE, mode="column-density")

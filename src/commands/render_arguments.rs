@@ -120,7 +120,8 @@ pub struct Arguments {
     /// How directions become a picture, and for which eyes.
     #[command(flatten)]
     pub projection: ProjectionOptions,
-    /// Largest displacement of a particle on screen, pixels [default: 0.8].
+    /// Largest displacement of a particle on screen, pixels; a quarter of it where an attribute colours density-squared
+    /// [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = positive)]
     pub error_px: Option<f64>,
     /// Levels of detail that are drawn: merged particles (splats), or clusters with a shape of a file built with --hierarchy pca

@@ -92,7 +92,8 @@ pub struct WindowArguments {
     /// Visualization mode; `deepfield modes` lists them.
     #[arg(long, value_name = "NAME", value_parser = super::arguments::mode_name)]
     pub mode: Option<&'static crate::mode::Mode>,
-    /// Largest displacement of a particle on screen, pixels [default: 0.8].
+    /// Largest displacement of a particle on screen, pixels; a quarter of it where an attribute colours density-squared
+    /// [default: 0.8].
     #[arg(long, value_name = "TAU", value_parser = super::arguments::positive)]
     pub error_px: Option<f64>,
     /// Milliseconds that a picture may take to draw while the view moves: a sample of the particles is drawn then, and all of

@@ -21,7 +21,7 @@ use super::state::notices::Notices;
 use super::statistics::{ActiveBackend, Statistics};
 use super::streaming::{Present, Streaming};
 use crate::hierarchy::Purpose;
-use crate::picture::stand_in::{Chosen, Limit, Wanted};
+use crate::picture::stand_in::{Chosen, Wanted};
 use crate::store::PageId;
 use crate::stream::{PageState, SceneNode};
 use crate::view::View;
@@ -36,7 +36,7 @@ pub struct ViewSelection {
     pub view: Option<View>,
     /// The nodes; none is an ancestor of another.
     pub nodes: Arc<[SceneNode]>,
-    /// Whether everything that the view needs at its error bound is there.
+    /// Whether everything that the view needs at its error bound, at rest, is there.
     pub complete: bool,
     /// Whether clusters stand in for what the view shows at rest.
     pub stands_in: bool,
@@ -207,16 +207,16 @@ pub fn traverse(
     streaming.streamer.upcoming = times.iter().map(comes).collect();
     let moves_now = selection.view != Some(view);
     let has_rested = selection.moved.is_none_or(|at| at.elapsed().as_millis() >= u128::from(preset.motion.rest_ms));
-    let limit = in_time.0.map(|splats| Limit { splats, moves: moves_now || !has_rested });
-    let Chosen { selection: chosen, purpose, stands_in, .. } = match depiction {
+    let (moves, splats) = (moves_now || !has_rested, in_time.0);
+    let Chosen { selection: chosen, purpose, stands_in, at_rest, .. } = match depiction {
         Some(depiction) => {
-            let wanted = Wanted { depiction, tau, families: &families, limit };
+            let wanted = Wanted { depiction, tau, families: &families, moves, splats };
             streaming.stand_in.select(&mut streaming.streamer, &view, &wanted)
         }
         None => {
             let roots = streaming.streamer.roots(families.iter().copied(), levels, view.time);
             let selection = streaming.streamer.select(&view, tau, &roots);
-            Chosen { selection, detail: tau.into(), purpose: levels, stands_in: false }
+            Chosen { selection, detail: tau.into(), purpose: levels, stands_in: false, at_rest: true }
         }
     };
     // The interval before is shown until something of this one is there.
@@ -263,7 +263,7 @@ pub fn traverse(
         selection.nodes = nodes.into();
     }
     selection.stands_in = stands_in;
-    selection.complete = chosen.is_converged() && !stands_in;
+    selection.complete = chosen.is_converged() && at_rest;
     selection.occlusion = occlusion.revision;
 }
 

@@ -1,11 +1,16 @@
 //! Page files behind a URL, from servers that answer well and badly: nothing wrong is ever shown, what cannot be read is drawn coarser
 //! and told, and nothing is read twice.
 
+mod buckets;
 #[cfg(unix)]
+mod cache;
 #[cfg(target_os = "linux")]
 mod certificates;
+mod commands;
 mod index;
 mod requests;
+#[cfg(unix)]
+mod secrets;
 mod servers;
 
 use super::stream::disk::{in_memory, kept, offset_of};
@@ -503,37 +508,6 @@ fn a_run_that_was_seen_is_there_without_a_network() {
     server.replace(other, Some("\"second\""), None);
     server.answer(|_| Fault::Sound);
     assert_eq!(picture(&url, "step:1").0, picture("other.df", "step:1").0);
-}
-
-#[test]
-fn a_bucket_is_read_signed_and_unsigned() {
-    let folder = tempfile::tempdir().unwrap();
-    for (variables, signature) in [
-        (&[("AWS_SKIP_SIGNATURE", "true")][..], None),
-        (
-            &[("AWS_ACCESS_KEY_ID", "me"), ("AWS_SECRET_ACCESS_KEY", "s3cr3t")][..],
-            Some("AWS4-HMAC-SHA256 Credential=me/"),
-        ),
-    ] {
-        let server = served();
-        let mut info = program();
-        info.args(["info", "s3://bucket/runs/a b.df"]).env("XDG_CACHE_HOME", folder.path());
-        without_keys(&mut info);
-        let endpoint = server.url("").trim_end_matches('/').to_owned();
-        let output = info.env("AWS_ENDPOINT_URL", endpoint).envs(variables.iter().copied()).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let asked = server.asked();
-        assert_eq!(asked.len(), 2);
-        for asked in asked {
-            assert_eq!(asked.target, "/bucket/runs/a%20b.df");
-            let authorization = asked.authorization.as_deref();
-            assert_eq!(authorization.is_some(), signature.is_some());
-            assert!(
-                authorization.zip(signature).is_none_or(|(own, begin)| own.starts_with(begin)),
-                "{authorization:?}"
-            );
-        }
-    }
 }
 
 #[test]

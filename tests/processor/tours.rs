@@ -3,6 +3,9 @@
 
 use crate::support::{in_repository, program};
 use deepfield::annotate::overlay::read_png;
+use deepfield::build::{BuildOptions, build};
+use deepfield::hierarchy::OctreeOptions;
+use deepfield::synth::{dataset, merger::Merger};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -203,6 +206,51 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
     let one = at("one.png").display().to_string();
     run(tour(&[&path, &demo(), "--frame", "9", &one]));
     assert!(read_png(Path::new(&one)).unwrap() == read_png(&at("once").join("frame-00009.png")).unwrap());
+}
+
+/// Half a turn of which no frame fits into a mebibyte.
+const WIDE: &str = r#"(
+    version: 1,
+    size: (48, 32),
+    rate: 4.0,
+    keyframes: [(mode: "sorted-splats", error_px: 0.005), (after: 1.0, orbit: 40.0)],
+)"#;
+
+/// Frames that need more memory than there is are coarser, the same in whichever part of the tour they are drawn, and told once.
+#[test]
+fn frames_that_do_not_fit_into_memory_are_the_same_in_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("wide.ron"), WIDE).unwrap();
+    // Many small pages.
+    let octree = OctreeOptions { leaf_capacity: 3000, ..OctreeOptions::default() };
+    let options = BuildOptions { octree, page_bytes: 32 << 10, ..BuildOptions::default() };
+    build(dataset(&Merger::new(3, 150_000)), &options, Path::new(&at("merger.df")), &()).unwrap();
+    let of_tour = |arguments: &[&str]| {
+        let mut command = tour(&[&at("wide.ron"), &at("merger.df")]);
+        command.args(arguments);
+        command
+    };
+    let said = |output: Output| String::from_utf8(output.stderr).unwrap();
+    let told = said(run(of_tour(&["--record", &at("whole"), "--memory", "1MiB"])));
+    let messages: Vec<&str> = told.lines().filter(|line| line.contains("is drawn coarser")).collect();
+    assert!(matches!(&messages[..], [only] if only.contains("--memory") && only.contains("merger.df")), "{told}");
+    let whole = contents(Path::new(&at("whole")));
+    assert_eq!(whole.len(), 2 * 5 + 2);
+    // One frame by itself, on one thread.
+    run(of_tour(&["--frame", "3", &at("still.png"), "--memory", "1MiB", "--threads", "1"]));
+    let still = std::fs::read(at("still.png")).unwrap();
+    assert!(still == whole[Path::new("frame-00003.png")]);
+    // A recording goes on in the memory that it began with, and in no other.
+    run(of_tour(&["--record", &at("parts"), "--memory", "1MiB", "--end", "0.5"]));
+    let (_, refused) = failure(of_tour(&["--record", &at("parts"), "--memory", "2MiB"]));
+    assert!(refused.contains("--memory") && refused.contains("was 1048576 bytes, now 2097152 bytes"), "{refused}");
+    run(of_tour(&["--record", &at("parts")]));
+    assert!(contents(Path::new(&at("parts"))) == whole);
+    // With enough of it nothing is told, and frames are finer.
+    let silent = said(run(of_tour(&["--frame", "3", &at("fine.png"), "--memory", "1GiB"])));
+    assert!(!silent.contains("coarser"), "{silent}");
+    assert!(read_png(Path::new(&at("fine.png"))).unwrap() != read_png(Path::new(&at("still.png"))).unwrap());
 }
 
 /// Compares a frame with its golden one.

@@ -19,6 +19,8 @@ pub enum Fault {
     Status(u16, Option<u32>),
     /// Another place to ask.
     Elsewhere(&'static str),
+    /// This text, whatever was asked for.
+    Text(&'static str),
     /// The whole file, as servers send it that know no ranges.
     Whole,
     /// Half of what the header promises, then the end of the connection.
@@ -40,11 +42,13 @@ pub enum Fault {
 /// A request.
 #[derive(Clone, Debug, Default)]
 pub struct Asked {
-    /// What stands between `GET` and `HTTP/1.1`.
+    /// What stands between the method and `HTTP/1.1`.
     pub target: String,
     /// First byte and the one after the last.
     pub range: Option<(u64, u64)>,
     pub authorization: Option<String>,
+    /// What whoever has a role for a while shows beside a signature.
+    pub session_token: Option<String>,
     if_match: Option<String>,
 }
 
@@ -171,6 +175,7 @@ fn serve(shared: &Shared, stream: &TcpStream) -> std::io::Result<()> {
                 "range" => range = Some(value.trim().to_owned()),
                 "if-match" => asked.if_match = Some(value.trim().into()),
                 "authorization" => asked.authorization = Some(value.trim().into()),
+                "x-amz-security-token" => asked.session_token = Some(value.trim().into()),
                 _ => {}
             }
         }
@@ -214,6 +219,10 @@ fn serve(shared: &Shared, stream: &TcpStream) -> std::io::Result<()> {
             (Fault::Elsewhere(place), _) => {
                 status(&mut head, 302);
                 tells(&mut head, "Location", &place);
+            }
+            (Fault::Text(text), _) => {
+                status(&mut head, 200);
+                body = text.as_bytes();
             }
             _ if asked.if_match.as_ref().is_some_and(|expected| tag.as_ref() != Some(expected)) => {
                 status(&mut head, 412);

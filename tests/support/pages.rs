@@ -167,3 +167,14 @@ pub fn view_of(bounds: Bounds, direction: DVec3, distance: f64, width: u32, heig
     let projection = Projection::Perspective { fov_y: 0.8 };
     View::look_at(eye, bounds.center(), DVec3::new(0.1, 1.0, 0.2), projection, width, height).unwrap()
 }
+
+/// A view along z that holds everything, kernels included; and the area of a pixel.
+pub fn whole(dataset: &Dataset, pixels: u32) -> (View, f64) {
+    let bounds = dataset.bounds();
+    let reach = dataset.families.iter().flat_map(|family| &family.smoothing_length).fold(0.0f32, |a, &b| a.max(b));
+    let height = 1.02 * bounds.size().max_element() + 2.0 * f64::from(reach);
+    let eye = bounds.center() + DVec3::Z * 2.0 * height;
+    let projection = Projection::Orthographic { height };
+    let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, pixels, pixels).unwrap();
+    (view, (height / f64::from(pixels)).powi(2))
+}

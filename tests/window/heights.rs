@@ -141,17 +141,59 @@ fn heights_are_read_and_measured_with_the_mouse() {
     let region = &region["looking"]["heights"]["region"];
     assert!(region[0].as_u64() > Some(100) && number(&region[3]) > 0.1, "{region:#}");
     keep(&desktop, "heights-region.png");
-    key('i');
+}
 
-    // However far one turns, the eye stays above the ground.
-    for _ in 0..3 {
-        desktop.drag(at, [at[0], at[1] - 260]);
+/// A click into a hole says so, and which sample is nearest; however far one turns, the eye stays above the ground.
+#[test]
+fn holes_are_told_and_the_eye_stays_above_ground() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    slope(&folder.join("slope.npy"));
+    let scene = folder.join("slope.scene.ron");
+    // The hole is behind what is looked at, and an eye that turns down stays over the field.
+    let text = "(version: 2, datasets: [(path: \"slope.npy\")], mode: \"surface\", \
+         camera: (eye: (65.0, 85.0, 48.0), target: (90.0, 60.0, 18.0), up: (0.0, 0.0, 1.0), fov: 60.0))";
+    std::fs::write(&scene, text).unwrap();
+    let desktop = Desktop::with_screen([1280, 720]);
+    let mut program = Program::open(&desktop, folder, &scene, [1280, 720], &[]);
+    let first = program.wait("a converged picture", |status| status["converged"] == true);
+    desktop.focus(desktop.window().expect("a window of the size that was asked for"));
+    let (at, number) = (middle(&first), |value: &Value| value.as_f64().unwrap());
+    // The hole is straight behind the target: 40.3 degrees below the eye are in the middle of the picture, and the hole from 13.5 to 27.9.
+    let high = number(&first["picture"][3]) - number(&first["picture"][1]);
+    let above = 0.5 * high * (40.3_f64 - 22.5).to_radians().tan() / 30.0_f64.to_radians().tan();
+    let hole = [at[0], at[1] - above as i16];
+    let heights = |status: &Value| status["looking"]["heights"].clone();
+    let read = repeat(&program, "a hole", || desktop.click(hole), |s| heights(s)["found"].is_array());
+    let read = heights(&read);
+    let [row, column, x, y] = [0, 1, 2, 3].map(|k| number(&read["found"][0][k]));
+    assert!(read["found"][1].is_null() && read["found"][2].is_null() && [row, column] == [y, x], "{read:#}");
+    // Cells that have a corner in it are open, too.
+    assert!((99.0..=120.0).contains(&x) && (29.0..=50.0).contains(&y), "{read:#}");
+    let [row, column, told] = [0, 1, 2].map(|k| number(&read["nearest"][k]));
+    let is_open = |row: usize, column: usize| HOLE[0].contains(&column) && HOLE[1].contains(&row);
+    assert!(told == height(column, row) && !is_open(row as usize, column as usize), "{read:#}");
+    let measured = (0..SAMPLES[1]).flat_map(|row| (0..SAMPLES[0]).map(move |column| (row, column)));
+    let measured = measured.filter(|(row, column)| !is_open(*row, *column));
+    let least = measured.map(|(row, column)| (row as f64 - y).hypot(column as f64 - x)).fold(f64::INFINITY, f64::min);
+    assert!(((row - y).hypot(column - x) - least).abs() < 1e-9, "{least}: {read:#}");
+    keep(&desktop, "heights-hole.png");
+
+    // How high the eye stands above the field, and whether it is over it.
+    let over = |status: &Value| {
+        let [x, y, z] = point(status, "eye");
+        let [columns, rows] = SAMPLES.map(|count| (count - 1) as f64);
+        ((0.0..=columns).contains(&x) && (0.0..=rows).contains(&y)).then(|| z - height(x, y))
+    };
+    let turn = || desktop.drag(at, [at[0], at[1] - 260]);
+    repeat(&program, "an eye at the ground", turn, |s| over(s).is_some_and(|over| over < 1.0));
+    for _ in 0..2 {
+        turn();
+        program.settle();
+        let status = program.status();
+        let over = over(&status);
+        assert!(over.is_some_and(|over| over > 0.0), "{over:?} above ground: {status:#}");
     }
-    let low = repeat(&program, "a low eye", || desktop.drag(at, [at[0], at[1] - 60]), |s| point(s, "eye") != eye);
-    let low = point(&low, "eye");
-    let [x, y] = [low[0].clamp(0.0, 160.0), low[1].clamp(0.0, 120.0)];
-    let is_over = (x, y) == (low[0], low[1]);
-    assert!(!is_over || low[2] > height(x, y), "{low:?}");
 }
 
 #[test]

@@ -75,12 +75,11 @@ pub fn check(
     let difference = differences.fold(0.0, f64::max) / f64::from(brightest.max(f32::MIN_POSITIVE));
 
     let everything = engine.everything();
-    let (governed, in_motion) = match stands_in {
-        true => ((everything, in_motion.particles), &in_motion.nodes),
-        false => (engine.governed(&view, &streamed.selection, engine.frame_ms), &streamed.selection.nodes),
+    let (governed, taken) = match stands_in {
+        true => (everything, in_motion.particles),
+        false => engine.governed(&view, &in_motion, engine.frame_ms),
     };
-    let (governed, taken) = governed;
-    let drawn = [(governed, in_motion, ""), (everything, &streamed.selection.nodes, "-whole")];
+    let drawn = [(governed, &in_motion.nodes, ""), (everything, &streamed.selection.nodes, "-whole")];
     let name = |what: &str, kind: &str| options.folder().join(format!("{what}-{backend}-{seconds:.0}s{kind}.png"));
     let preset = options.mode().transfer[usize::from(engine.depiction.attribute.is_some())];
     let transfer = TransferFunction::preset(preset).unwrap_or_default();

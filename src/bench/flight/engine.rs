@@ -9,7 +9,7 @@ use crate::mode::{Depiction, LodBudget, Plan, Raw};
 use crate::picture::Subject;
 use crate::picture::drawing_cost::{self, DrawingCost, SampleSizes};
 use crate::picture::splat_budget::SplatBudget;
-use crate::picture::stand_in::{Limit, StandIn, Wanted};
+use crate::picture::stand_in::{StandIn, Wanted};
 use crate::store::Tree;
 use crate::stream::{Scene, SceneSelection, StreamOptions, Streamer};
 use crate::view::View;
@@ -149,11 +149,9 @@ impl Engine<'_> {
     /// What a frame draws, and whether that is clusters in place of what there is no time for.
     pub fn select(&mut self, streamer: &mut Streamer, view: &View, haste: Haste) -> (SceneSelection, bool) {
         let families: Vec<u32> = (0..self.tree.metadata().families.len() as u32).collect();
-        let limit = haste.frame_ms().map(|frame_ms| Limit {
-            splats: self.splat_budget.limit((frame_ms - self.selecting_ms).max(0.1 * frame_ms)),
-            moves: matches!(haste, Haste::Moves(_)),
-        });
-        let wanted = Wanted { depiction: &self.depiction, tau: self.tau, families: &families, limit };
+        let in_time = |frame_ms: f64| self.splat_budget.limit((frame_ms - self.selecting_ms).max(0.1 * frame_ms));
+        let (moves, splats) = (matches!(haste, Haste::Moves(_)), haste.frame_ms().map(in_time));
+        let wanted = Wanted { depiction: &self.depiction, tau: self.tau, families: &families, moves, splats };
         let chosen = self.stand_in.select(streamer, view, &wanted);
         (SceneSelection::of(streamer, view, chosen.detail, &chosen.selection), chosen.stands_in)
     }
@@ -265,7 +263,10 @@ impl Engine<'_> {
     /// A root that cannot be read; what the canvas reports.
     pub fn waited(&mut self, view: &View) -> Result<Raw, Failure> {
         let mut scene = Scene::new(Arc::clone(&self.tree), u64::MAX);
-        scene.converge(&self.depiction.selection_view(view), self.tau, &mut |_| {})?;
+        let metadata = self.tree.metadata();
+        scene.purpose = self.depiction.purpose(metadata);
+        let detail = self.depiction.detail(view, self.tau, metadata);
+        scene.converge(&self.depiction.selection_view(view), detail, &mut |_| {})?;
         // The canvas may need copies, so frames are drawn until it has them.
         let mut streamer = scene.streamer;
         streamer.keep_copies(self.canvas.copies());

@@ -34,10 +34,13 @@ pub(super) struct Manifest {
     scenes: bool,
     /// What draws.
     backend: String,
+    /// What `--memory` was, bytes, where frames are coarser since they do not fit into it; others do not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub memory: Option<u64>,
 }
 
 impl Manifest {
-    /// What is to be recorded.
+    /// What is to be recorded; no frame is coarser yet.
     ///
     /// # Errors
     /// When the data cannot be read.
@@ -55,6 +58,7 @@ impl Manifest {
             formats: arguments.format.iter().map(|format| format!("{format:?}").to_lowercase()).collect(),
             scenes: !arguments.no_scenes,
             backend: format!("{:?}", arguments.backend.unwrap_or(super::Backend::Cpu)).to_lowercase(),
+            memory: None,
         })
     }
 
@@ -84,8 +88,8 @@ impl Manifest {
         Ok(path)
     }
 
-    /// What differs from another one, with both values; `None` where nothing does.
-    pub fn difference(&self, other: &Manifest) -> Option<String> {
+    /// What differs from another one, for which there is so much memory, with both values; `None` where nothing does.
+    pub fn difference(&self, other: &Manifest, memory: u64) -> Option<String> {
         let data = |data: &Fingerprint| format!("{} bytes with checksum {:08x}", data.bytes, data.crc32c);
         let pairs = [
             ("the program's version", self.deepfield.clone(), other.deepfield.clone()),
@@ -98,6 +102,11 @@ impl Manifest {
             ("scene files", self.scenes.to_string(), other.scenes.to_string()),
             ("--backend", self.backend.clone(), other.backend.clone()),
             ("the tour", format!("checksum {:08x}", self.tour), format!("checksum {:08x}", other.tour)),
+            (
+                "--memory, which some of its frames are coarser for,",
+                format!("{} bytes", self.memory.unwrap_or(memory)),
+                format!("{memory} bytes"),
+            ),
         ];
         let differing = pairs.into_iter().filter(|(_, own, others)| own != others);
         let texts: Vec<String> =

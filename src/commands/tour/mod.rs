@@ -97,15 +97,17 @@ pub struct Arguments {
     /// How light is exposed and spreads.
     #[command(flatten)]
     pub light: LightOptions,
-    /// Largest displacement of a particle on screen, pixels [default: the tour's, else 0.8].
+    /// Largest displacement of a particle on screen, pixels; a quarter of it where an attribute colours density-squared
+    /// [default: the tour's, else 0.8].
     #[arg(long, value_name = "TAU", value_parser = positive)]
     pub error_px: Option<f64>,
     /// What draws: cpu, or compute or raster (an adapter, opened anew for each frame) [default: cpu].
     #[arg(long)]
     pub backend: Option<Backend>,
     /// Memory that pages of particles may take, with what is drawn of them at a time: they stay from frame to frame, and those of the
-    /// next frame are read ahead. Sums that need more are drawn in passes, volumes in slabs [default: half of what is free]. And
-    /// what chunks of heights may take [default: 1GiB].
+    /// next frame are read ahead. Sums that need more are drawn in passes, volumes in slabs, and all else is drawn coarser, the same
+    /// however often with as much [default: half of what is free; what coarser frames of the recording were drawn in]. And what chunks
+    /// of heights may take [default: 1GiB].
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
     /// Threads that draw [default: all].
@@ -124,7 +126,7 @@ pub enum Format {
 /// Does what the arguments say.
 ///
 /// # Errors
-/// When the tour, its data or a setting cannot be used, when a frame cannot be drawn completely, or when a file cannot be
+/// When the tour, its data or a setting cannot be used, when pages that a frame needs cannot be read, or when a file cannot be
 /// written.
 pub fn run(arguments: &Arguments) -> CommandResult {
     match arguments.threads {
@@ -140,7 +142,9 @@ fn render(arguments: &Arguments) -> CommandResult {
     if video.is_some() && !arguments.format.contains(&Format::Png) {
         return Err("--video: a video is made of PNG frames, add png to --format".into());
     }
-    let mut show = open(arguments)?;
+    let folder = arguments.record.clone().or_else(|| arguments.video.as_deref().map(video::frames_folder));
+    let memory = memory(arguments, folder.as_deref())?;
+    let mut show = open(arguments, memory)?;
     if arguments.check {
         return Ok(std::io::stdout().write_all(timetable::text(&show).as_bytes())?);
     }
@@ -155,10 +159,8 @@ fn render(arguments: &Arguments) -> CommandResult {
         let number = number.parse().ok().filter(|number| *number <= frames.last()).ok_or_else(expected)?;
         return show.still(frames.time(number), output.as_ref());
     }
-    let Some(folder) = arguments.record.clone().or_else(|| arguments.video.as_deref().map(video::frames_folder)) else {
-        return Ok(());
-    };
-    let recorded = record::record(&mut show, &frames, arguments, &folder)?;
+    let Some(folder) = folder else { return Ok(()) };
+    let recorded = record::record(&mut show, &frames, (arguments, memory), &folder)?;
     eprintln!("deepfield: {recorded}");
     if let (Some(encoder), Some(path)) = (video, arguments.video.as_deref()) {
         encoder.encode(path, &folder, &frames, arguments)?;
@@ -181,8 +183,14 @@ fn no_tour(path: &Path, error: TourError) -> Failure {
     }
 }
 
-/// The tour that the arguments name, with its data.
-fn open(arguments: &Arguments) -> Result<Show, Failure> {
+/// Memory that pages may take, bytes. A recording that goes on has what its coarser frames were drawn in: what is free now may be another amount.
+fn memory(arguments: &Arguments, folder: Option<&Path>) -> Result<u64, String> {
+    let before = folder.filter(|_| !arguments.restart).map(manifest::Manifest::read).transpose()?.flatten();
+    Ok(arguments.memory.or(before.and_then(|before| before.memory)).unwrap_or_else(default_memory))
+}
+
+/// The tour that the arguments name, with its data, of which pages may take so much memory.
+fn open(arguments: &Arguments, memory: u64) -> Result<Show, Failure> {
     let (mut tour, file, data) = match (&arguments.around, &arguments.tour) {
         (Some(data), _) => {
             let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
@@ -227,7 +235,7 @@ fn open(arguments: &Arguments) -> Result<Show, Failure> {
     }
     let options = SessionOptions {
         backend: Some(arguments.backend.unwrap_or(Backend::Cpu)),
-        page_memory: Some(arguments.memory.unwrap_or_else(default_memory)),
+        page_memory: Some(memory),
         chunk_memory: arguments.memory,
         ..SessionOptions::default()
     };

@@ -65,14 +65,14 @@ impl Files {
     }
 }
 
-/// Records the frames that are not finished.
+/// Records the frames that are not finished, in so much memory.
 ///
 /// # Errors
 /// When the folder holds another recording, a frame cannot be drawn, or a file cannot be written. What is finished stays.
 pub(super) fn record(
     show: &mut Show,
     frames: &Frames,
-    arguments: &Arguments,
+    (arguments, memory): (&Arguments, u64),
     folder: &Path,
 ) -> Result<Recorded, Error> {
     let create =
@@ -82,7 +82,7 @@ pub(super) fn record(
         create(&folder.join(SCENES))?;
     }
     let mut journal = Journal::open(folder)?;
-    begin(show, frames, arguments, folder, &mut journal)?;
+    let mut manifest = begin(show, frames, (arguments, memory), folder, &mut journal)?;
     let (finished, open): (Vec<u32>, Vec<u32>) = frames
         .range
         .clone()
@@ -98,6 +98,10 @@ pub(super) fn record(
             let next = open.get(i + 1).map(|&next| frames.time(next));
             let take = show.take(&shot, next)?;
             last = Some((shot.clone(), take));
+        }
+        if show.is_coarser() && manifest.memory.is_none() {
+            manifest.memory = Some(memory);
+            manifest.write(folder)?;
         }
         if let Some((_, take)) = &last {
             if let Some(scene) = &files.scene {
@@ -118,31 +122,34 @@ pub(super) fn record(
     Ok(Recorded { folder: folder.to_owned(), drawn: open.len(), found: finished.len(), took: begun.elapsed() })
 }
 
-/// Sees to it that the folder holds this recording and no other.
+/// Sees to it that the folder holds this recording and no other: what it is of.
 fn begin(
     show: &Show,
     frames: &Frames,
-    arguments: &Arguments,
+    (arguments, memory): (&Arguments, u64),
     folder: &Path,
     journal: &mut Journal,
-) -> Result<(), Error> {
+) -> Result<Manifest, Error> {
     let now = Manifest::new(show, frames, arguments)?;
     // A folder that is to be begun anew may hold anything.
     let before = if arguments.restart { None } else { Manifest::read(folder)? };
-    match before.as_ref().map(|before| before.difference(&now)) {
-        Some(None) => {}
-        Some(Some(difference)) => {
-            let folder = folder.display();
-            return Err(format!(
-                "{folder}: it holds another recording: {difference}; choose another folder, or --restart to overwrite it"
-            )
-            .into());
+    let manifest = match before {
+        Some(before) => {
+            if let Some(difference) = before.difference(&now, memory) {
+                let folder = folder.display();
+                return Err(format!(
+                    "{folder}: it holds another recording: {difference}; choose another folder, or --restart to overwrite it"
+                )
+                .into());
+            }
+            before
         }
         None => {
             journal.clear()?;
             now.write(folder)?;
+            now
         }
-    }
+    };
     for folder in [folder.to_owned(), folder.join(SCENES)] {
         for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
             if entry.file_name().to_string_lossy().starts_with(new_file::UNFINISHED) {
@@ -150,7 +157,7 @@ fn begin(
             }
         }
     }
-    Ok(())
+    Ok(manifest)
 }
 
 /// Removes a recording: the files that its journal names, and the folders where nothing else is in them.

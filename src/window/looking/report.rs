@@ -51,6 +51,8 @@ struct Inspected<'a> {
 struct OnHeightsReport {
     /// Row, column, x and y, height and slope of what was clicked.
     found: Option<([f64; 4], Option<f64>, Option<f64>)>,
+    /// Row, column and height of the nearest sample where nothing was measured.
+    nearest: Option<(u64, u64, f64)>,
     /// Which of the datasets that is of.
     field: Option<usize>,
     /// Distance in space and in plan, difference of heights, angle.
@@ -68,6 +70,11 @@ impl OnHeightsReport {
                 let probe = &found.probe;
                 ([probe.row, probe.column, probe.x, probe.y], probe.height, probe.slope)
             }),
+            nearest: heights
+                .found
+                .here()
+                .and_then(|found| found.probe.nearest)
+                .map(|near| (near.row, near.column, near.height)),
             field: heights.found.here().map(|found| found.field),
             apart: heights.apart().and_then(|apart| Some([apart.space, apart.plan?, apart.rise?, apart.angle?])),
             profile: heights.profile.here().map(|line| (line.points.len(), line.lengths)),

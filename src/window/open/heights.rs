@@ -180,3 +180,46 @@ fn opened(path: &Path, members: &[Member], seen: &Seen, surface: OpenSurface) ->
         has_more: false,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Not measured in one place; no two neighbours have the same height, and single precision holds all of them.
+    fn height(row: usize, column: usize) -> f32 {
+        let is_open = (700..760).contains(&row) && (300..341).contains(&column);
+        if is_open { f32::NAN } else { 8.0 * (row as f32).mul_add(0.5, column as f32) }
+    }
+
+    /// What stands in for a field that is read goes from its first sample to its last ones, and is its own samples.
+    #[test]
+    fn few_samples_are_the_whole_extent_and_every_so_many() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("large.npy");
+        let [columns, rows] = [2200, 2000];
+        let head = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
+        let mut bytes = [&b"\x93NUMPY\x01\x00\x76\x00"[..], format!("{head:<117}\n").as_bytes()].concat();
+        for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+            bytes.extend(height(row, column).to_le_bytes());
+        }
+        std::fs::write(&path, bytes).unwrap();
+        let options = HeightOptions { spacing: Some([0.5, 2.0]), ..HeightOptions::default() };
+        let source = crate::heights::import::open_heights(&path, &options).unwrap();
+        assert!(source.grid().samples() > AT_ONCE);
+
+        let few = few_of(&path, &source, || false).unwrap();
+        assert!(few.path() == path && few.is_temporary());
+        let grid = few.file().grid();
+        let (width, every) = (grid.columns as usize, 5);
+        assert_eq!(([grid.columns, grid.rows], grid.origin, grid.step), ([440, 400], [0.0; 2], [2.5, 10.0]));
+        let mut heights = vec![0.0; grid.samples() as usize];
+        few.file().heights(Window::all(grid), &mut heights).unwrap();
+        for (index, found) in heights.iter().enumerate() {
+            let (row, column) = (every * (index / width), every * (index % width));
+            let expected = f64::from(height(row, column));
+            assert!(*found == expected || found.is_nan() && expected.is_nan(), "{found} at {row}, {column}");
+        }
+        // Nobody waits for it any more.
+        assert!(few_of(&path, &source, || true).is_none());
+    }
+}

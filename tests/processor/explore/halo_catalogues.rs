@@ -2,8 +2,10 @@
 
 use crate::support::in_repository;
 use deepfield::explore::{Catalogue, Object};
+use flate2::{Compression, write::GzEncoder};
 use glam::DVec3;
 use proptest::prelude::*;
+use std::io::Write;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
@@ -147,4 +149,25 @@ fn haloes_in_hdf5_are_read() {
         };
         assert_eq!(catalogue.objects, (0..5).rev().map(of).collect::<Vec<_>>());
     }
+}
+
+#[test]
+fn compressed_haloes_in_hdf5_are_those_of_the_files_without() {
+    const FILES: [&str; 3] = ["hbt.0.hdf5", "hbt.1.hdf5", "velociraptor.hdf5"];
+    let folder = tempfile::tempdir().unwrap();
+    let plain = |name: &str| in_repository("tests/data").join(name);
+    let packed = |name: &str| folder.path().join(format!("{name}.gz"));
+    for name in FILES {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+        encoder.write_all(&std::fs::read(plain(name)).unwrap()).unwrap();
+        std::fs::write(packed(name), encoder.finish().unwrap()).unwrap();
+    }
+    for name in FILES {
+        let expected = Catalogue { path: packed(name), ..Catalogue::read(&plain(name)).unwrap() };
+        assert_eq!(Catalogue::read(&packed(name)).unwrap(), expected);
+    }
+    // Haloes of a part alone would pass for all.
+    std::fs::remove_file(packed("hbt.0.hdf5")).unwrap();
+    let told = Catalogue::read(&packed("hbt.1.hdf5")).unwrap_err().to_string();
+    assert!(told.contains("hbt.0.hdf5.gz: file 0: missing"), "{told}");
 }

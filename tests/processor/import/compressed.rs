@@ -2,8 +2,8 @@
 
 use super::hostile::{gadget, tipsy};
 use super::writers::file;
-use super::{data, las, message, phantom, ply};
-use deepfield::import::{LoadOptions, load, open};
+use super::{data, las, message, phantom, ply, read_all, vtk_points};
+use deepfield::import::{LoadOptions, files_of, load, open};
 use flate2::{Compression, write::GzEncoder};
 use std::io::Write;
 
@@ -11,6 +11,11 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     encoder.write_all(bytes).unwrap();
     encoder.finish().unwrap()
+}
+
+/// The bytes of a file of `tests/data`.
+fn stored(name: &str) -> Vec<u8> {
+    std::fs::read(data(name)).unwrap()
 }
 
 /// A frame of a block that is stored as it is, and of others that are a run of zeros each (RFC 8878, 3.1.1).
@@ -41,7 +46,14 @@ fn what_is_compressed_is_what_is_in_it() {
         gadget(1),
         gadget(2),
         tipsy(),
-        std::fs::read(data("trajectory.gsd")).unwrap(),
+        vtk_points::sample(vtk_points::Coding::LegacyBinary),
+        vtk_points::sample(vtk_points::Coding::XmlBase64),
+        stored("trajectory.gsd"),
+        stored("others/genericio.gio"),
+        stored("others/genericio-blocks.gio"),
+        stored("gas_sphere_collapse_025.hdf5"),
+        stored("others/openpmd.h5"),
+        stored("table.parquet"),
     ];
     for (index, bytes) in samples.iter().enumerate() {
         let read = |name: &str, bytes: &[u8]| {
@@ -58,14 +70,60 @@ fn what_is_compressed_is_what_is_in_it() {
         let cut = file(folder.path(), "cut", &cut[..cut.len() * 9 / 10]);
         message(&open(&cut).err().unwrap(), &cut);
     }
-    // What a library reads by itself is unpacked by its user.
-    let hdf5 = std::fs::read(data("gas_sphere_collapse_025.hdf5")).unwrap();
-    let path = file(folder.path(), "hdf5", &gzip(&hdf5));
+    // A field of many that belong together is unpacked by its user.
+    let path = file(folder.path(), "pos", &gzip(&stored("others/tipsy2salsa/dark/pos")));
     let told = message(&open(&path).err().unwrap(), &path);
-    assert!(told.contains("found HDF5 snapshot in gzip, expected it unpacked first: gunzip -k "), "{told}");
-    let path = file(folder.path(), "parquet", &zstandard(&std::fs::read(data("table.parquet")).unwrap(), 0));
-    let told = message(&open(&path).err().unwrap(), &path);
-    assert!(told.contains("found Parquet table in Zstandard, expected it unpacked first: zstd -d "), "{told}");
-    let path = file(folder.path(), "bomb", &zstandard(&tipsy(), 64));
-    assert!(message(&open(&path).err().unwrap(), &path).contains("at most 1040 times"));
+    assert!(told.contains("found nchilada snapshot in gzip, expected it unpacked first: gunzip -k "), "{told}");
+    for (name, bytes) in
+        [("bomb", tipsy()), ("bomb.hdf5", stored("units.hdf5")), ("bomb.parquet", stored("table.parquet"))]
+    {
+        let path = file(folder.path(), name, &zstandard(&bytes, 128));
+        assert!(message(&open(&path).err().unwrap(), &path).contains("at most 1040 times"), "{name}");
+    }
+}
+
+#[test]
+fn tables_are_read_by_many_threads_from_what_was_unpacked() {
+    let folder = tempfile::tempdir().unwrap();
+    let plain = open(&data("table.parquet")).unwrap();
+    let packed = open(&file(folder.path(), "table", &gzip(&stored("table.parquet")))).unwrap();
+    let fields = &plain.description().families[0].fields;
+    assert_eq!(&packed.description().families[0].fields, fields);
+    std::thread::scope(|scope| {
+        for field in fields {
+            let (plain, packed) = (&*plain, &*packed);
+            scope.spawn(move || {
+                let bits = |source| -> Vec<u64> {
+                    read_all(source, 0, &field.name, 7).into_iter().map(f64::to_bits).collect()
+                };
+                assert!(bits(plain) == bits(packed), "{}", field.name);
+            });
+        }
+    });
+}
+
+#[test]
+fn compressed_files_of_one_snapshot_are_found_by_their_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut whole = stored("arepo.0.hdf5");
+    // An attribute of a number becomes the flag of a file without particles, which stands for the others.
+    let places: Vec<usize> = (0..whole.len() - 7).filter(|&at| &whole[at..at + 7] == b"BoxSize").collect();
+    places.iter().for_each(|&at| whole[at..at + 7].copy_from_slice(b"Virtual"));
+    let paths = [
+        ("snap.hdf5.gz", whole),
+        ("snap.0.hdf5.gz", stored("arepo.0.hdf5")),
+        ("snap.1.hdf5.gz", stored("arepo.1.hdf5")),
+    ]
+    .map(|(name, bytes)| file(folder.path(), name, &gzip(&bytes)));
+    let plain = open(&data("arepo.0.hdf5")).unwrap();
+    let expected = read_all(&*plain, 0, "position", 11);
+    for path in paths.iter().chain([&folder.path().to_path_buf()]) {
+        let source = open(path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(source.description().files, 2, "{}", path.display());
+        assert_eq!(read_all(&*source, 0, "position", 11), expected, "{}", path.display());
+        assert!(paths[1..].iter().all(|part| files_of(path).unwrap().contains(part)), "{}", path.display());
+    }
+    std::fs::remove_file(&paths[2]).unwrap();
+    let told = message(&open(&paths[1]).err().unwrap(), &paths[1]);
+    assert!(told.contains("snap.1.hdf5.gz: file 1: missing"), "{told}");
 }

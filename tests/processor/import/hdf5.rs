@@ -363,3 +363,51 @@ fn particles_that_gizmo_splits_stay_who_they_are() {
     let file = Arc::new(RunFile::open(&out, ReadMethod::default()).unwrap());
     assert_eq!(compare_with_sources(&file, &()).unwrap(), 40 + 50 + 70);
 }
+
+#[test]
+fn columns_at_the_root_are_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("columns.hdf5");
+    let ids = vec![7, (1 << 60) + 1, u64::MAX];
+    let mut file = Hdf5::default();
+    for (name, first) in [("x", 0.0), ("y", 10.0), ("z", 20.0), ("vx", 1.0), ("vy", 2.0), ("vz", 3.0), ("mass", 5.0)] {
+        file.dataset("", name, 1, Values::F64((0..3).map(|row| first + f64::from(row)).collect()));
+    }
+    file.dataset("", "ID", 1, Values::U64(ids.clone()));
+    file.dataset("", "Num_of_groups", 1, Values::U64(vec![3]));
+    file.dataset("Info", "x", 1, Values::F64(vec![0.0; 9]));
+    file.write(&path);
+    let source = open(&path).unwrap();
+    let about = source.description();
+    assert_eq!((&*about.format, about.particles(), about.families[0].named("Num_of_groups")), ("hdf5", 3, None));
+    assert_eq!(read_all(&*source, 0, "position", 2), [0.0, 10.0, 20.0, 1.0, 11.0, 21.0, 2.0, 12.0, 22.0]);
+    assert_eq!(read_all(&*source, 0, "velocity", 2), [1.0, 2.0, 3.0, 2.0, 3.0, 4.0, 3.0, 4.0, 5.0]);
+    assert_eq!(read_all(&*source, 0, "mass", 2), [5.0, 6.0, 7.0]);
+    let mut found = vec![0; 3];
+    source.read_ids(0, about.families[0].find(FieldKind::Id).unwrap(), 0..3, &mut found).unwrap();
+    assert_eq!(found, ids);
+    // Places of samples along the axes of an array are none of particles.
+    let mut axes = file.clone();
+    axes.attribute("z", "CLASS", Values::Text("DIMENSION_SCALE"));
+    axes.write(&path);
+    let told = message(&open(&path).err().unwrap(), &path);
+    assert!(told.contains("Coordinates: no particles"), "{told}");
+    let mut uneven = Hdf5::default();
+    for (name, rows) in [("x", 3), ("y", 3), ("z", 2)] {
+        uneven.dataset("", name, 1, Values::F64(vec![1.0; rows]));
+    }
+    uneven.write(&path);
+    let told = message(&open(&path).err().unwrap(), &path);
+    assert!(told.contains("z: found 2 rows, expected 3, as x has"), "{told}");
+}
+
+/// Haloes that h5py wrote in the layout of VELOCIraptor.
+#[test]
+fn haloes_of_velociraptor_are_particles() {
+    let source = open(&data("velociraptor.hdf5")).unwrap();
+    let places: Vec<f64> = (0..5).map(f64::from).flat_map(|k| [k + 0.5, 2.0 * k, 10.0 - k]).collect();
+    assert_eq!(read_all(&*source, 0, "position", 2), places);
+    assert_eq!(read_all(&*source, 0, "Mass_200crit", 2), [2.0, 3.0, 4.0, 5.0, 6.0]);
+    assert_eq!(read_all(&*source, 0, "id", 2), [1.0, 2.0, 3.0, 4.0, 5.0]);
+    assert_eq!(load(&data("velociraptor.hdf5"), &LoadOptions::default(), &()).unwrap().len(), 5);
+}

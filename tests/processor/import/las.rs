@@ -3,6 +3,7 @@
 use super::writers::file;
 use super::{message, read_all};
 use deepfield::import::{open, summarize};
+use laz::laszip::ChunkTable;
 use laz::{LasZipCompressor, LazVlr, LazVlrBuilder};
 use proptest::prelude::*;
 use std::io::Cursor;
@@ -123,8 +124,16 @@ fn a_shortened_file_is_an_error_that_names_it() {
     }
 }
 
+/// A record between header and points: who has given it its number, the number, and what is in it.
+type Record<'a> = (&'a [u8], u16, &'a [u8]);
+
 /// The same points packed by another library, in chunks of so many points; 0: of different numbers.
 fn packed(plain: &[u8], format: usize, extra: usize, chunk: u32) -> Vec<u8> {
+    packed_behind(plain, format, extra, chunk, (b"another", 1, &[7; 3]))
+}
+
+/// The same with this record before LASzip's.
+fn packed_behind(plain: &[u8], format: usize, extra: usize, chunk: u32, other: Record<'_>) -> Vec<u8> {
     let builder = LazVlrBuilder::default().with_point_format(format as u8, extra as u16).unwrap();
     let vlr = match chunk {
         0 => builder.with_variable_chunk_size(),
@@ -136,10 +145,7 @@ fn packed(plain: &[u8], format: usize, extra: usize, chunk: u32) -> Vec<u8> {
     let (header, points) = (&plain[..375], &plain[380..]);
     let mut bytes = header.to_vec();
     bytes[104] |= 0x80;
-    // Another record before LASzip's.
-    for (user, number, content) in
-        [(&b"another"[..], 1, &[7; 3][..]), (LazVlr::USER_ID.as_bytes(), LazVlr::RECORD_ID, &record)]
-    {
+    for (user, number, content) in [other, (LazVlr::USER_ID.as_bytes(), LazVlr::RECORD_ID, &*record)] {
         let mut about = [0; 54];
         about[2..2 + user.len()].copy_from_slice(user);
         about[18..20].copy_from_slice(&number.to_le_bytes());
@@ -172,6 +178,36 @@ fn packed(plain: &[u8], format: usize, extra: usize, chunk: u32) -> Vec<u8> {
     out.into_inner()
 }
 
+/// A COPC file (<https://copc.io>): its record before all others, a chunk for each node of its octree, and behind the points a record of which node is
+/// where.
+fn copc(plain: &[u8], format: usize) -> Vec<u8> {
+    // Whole numbers of 8 bytes follow the middle, half the edge and the spacing of the octree.
+    const TREE: usize = 375 + 54 + 40;
+    let mut bytes = packed_behind(plain, format, 0, 0, (b"copc", 1, &[0; 160]));
+    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+    let start = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+    let table = ChunkTable::read(&mut Cursor::new(&bytes[word(start) as usize..]), true).unwrap();
+    let mut nodes = Vec::new();
+    let mut at = start as u64 + 8;
+    for (level, chunk) in table.as_ref().iter().enumerate() {
+        nodes.extend([level as u32, 0, 0, 0].into_iter().flat_map(u32::to_le_bytes));
+        nodes.extend(at.to_le_bytes());
+        nodes.extend([chunk.byte_count as u32, chunk.point_count as u32].into_iter().flat_map(u32::to_le_bytes));
+        at += chunk.byte_count;
+    }
+    let mut about = [0; 60];
+    about[2..6].copy_from_slice(b"copc");
+    about[18..20].copy_from_slice(&1000_u16.to_le_bytes());
+    about[20..28].copy_from_slice(&(nodes.len() as u64).to_le_bytes());
+    let behind = bytes.len() as u64;
+    bytes.extend(about.into_iter().chain(nodes.iter().copied()));
+    bytes[235..243].copy_from_slice(&behind.to_le_bytes());
+    bytes[243..247].copy_from_slice(&1_u32.to_le_bytes());
+    bytes[TREE..TREE + 8].copy_from_slice(&(behind + 60).to_le_bytes());
+    bytes[TREE + 8..TREE + 16].copy_from_slice(&(nodes.len() as u64).to_le_bytes());
+    bytes
+}
+
 /// Points that are much alike, as those of a scan.
 fn scan(count: i32) -> Vec<Point> {
     let point =
@@ -183,19 +219,26 @@ fn scan(count: i32) -> Vec<Point> {
 fn packed_points_are_those_that_were_packed() {
     let folder = tempfile::tempdir().unwrap();
     let points = scan(1000);
+    let are_the_same = |plain: &[u8], packed: &[u8], what: &str| {
+        let one = file(folder.path(), "plain.las", plain);
+        let other = file(folder.path(), "packed.laz", packed);
+        let [one, other] = [one, other].map(|path| open(&path).unwrap());
+        let fields = &one.description().families[0].fields;
+        assert_eq!(fields.len(), other.description().families[0].fields.len(), "{what}");
+        for field in fields {
+            let [plain, unpacked] = [&one, &other].map(|source| read_all(source.as_ref(), 0, &field.name, 177));
+            assert!(plain == unpacked, "{what}: {}", field.name);
+        }
+    };
     for (format, extra, chunk) in
         [(0, 0, 100), (1, 2, 50_000), (2, 0, 333), (3, 1, 0), (6, 0, 100), (7, 3, 0), (8, 1, 999), (8, 0, 1000)]
     {
         let plain = las(format, extra, &points);
-        let one = file(folder.path(), "plain.las", &plain);
-        let other = file(folder.path(), "packed.laz", &packed(&plain, format, extra, chunk));
-        let [one, other] = [one, other].map(|path| open(&path).unwrap());
-        let fields = &one.description().families[0].fields;
-        assert_eq!(fields.len(), other.description().families[0].fields.len(), "{format}");
-        for field in fields {
-            let [plain, unpacked] = [&one, &other].map(|source| read_all(source.as_ref(), 0, &field.name, 177));
-            assert!(plain == unpacked, "format {format}, chunks of {chunk}: {}", field.name);
-        }
+        are_the_same(&plain, &packed(&plain, format, extra, chunk), &format!("format {format}, chunks of {chunk}"));
+    }
+    for format in 6..9 {
+        let plain = las(format, 0, &points);
+        are_the_same(&plain, &copc(&plain, format), &format!("COPC of format {format}"));
     }
 }
 

@@ -1,7 +1,10 @@
 //! Files that libraries of other authors wrote, the same particles in each: they hold what the formulas of `tests/data/make_others.py` say.
 
 use super::{data, read_all};
+use crate::support::{built_from, draw_pages, whole};
+use deepfield::codec::VqBits;
 use deepfield::import::{FieldKind, LoadOptions, load, open};
+use glam::DVec3;
 use std::collections::BTreeSet;
 
 /// Particles of a file.
@@ -332,4 +335,51 @@ fn files_of_other_libraries_hold_what_was_written() {
     let files = SAMPLES.iter().flat_map(|sample| sample.files);
     let listed: BTreeSet<Option<&str>> = files.map(|file| file.split('/').next()).collect();
     assert_eq!(std::fs::read_dir(data("others")).unwrap().count(), listed.len());
+}
+
+/// Other files, in formats or layouts that those have not.
+const MORE: &[&str] = &[
+    "../arepo.0.hdf5",
+    "../blosc/little.gio",
+    "../catalogue.ecsv.zst",
+    "../catalogue.fits",
+    "../catalogue.vot",
+    "../eagle.hdf5",
+    "../gizmo.hdf5",
+    "../groups.0.hdf5",
+    "../hats",
+    "../swift.hdf5",
+    "../table.parquet",
+    "../trajectory.gsd",
+];
+
+/// Pictures of page files, seen along z, have all of the mass, about its middle.
+#[test]
+fn files_of_every_format_are_drawn() {
+    const PIXELS: u32 = 64;
+    for file in SAMPLES.iter().flat_map(|sample| sample.files).chain(MORE) {
+        let built = built_from(&data("others").join(file), &LoadOptions::default(), VqBits::Eight);
+        let (view, area) = whole(&built.dataset, PIXELS);
+        let picture = draw_pages(&built.file, "column-density", &view, 0.8);
+        let (mut mass, mut moment) = (0.0, DVec3::ZERO);
+        for family in &built.dataset.families {
+            for (at, own) in family.positions.iter().zip(&family.mass) {
+                mass += f64::from(*own);
+                moment += f64::from(*own) * (DVec3::from(*at) - built.dataset.bounds().center());
+            }
+        }
+        let (mut seen, mut across, mut down) = (0.0, 0.0, 0.0);
+        for (index, &p) in (0..PIXELS * PIXELS).zip(&picture.p) {
+            let p = f64::from(p);
+            seen += p;
+            across += p * (f64::from(index % PIXELS) + 0.5);
+            down += p * (f64::from(index / PIXELS) + 0.5);
+        }
+        assert!((seen * area / mass - 1.0).abs() < 0.02, "{file}: {} of the mass {mass}", seen * area);
+        let middle = f64::from(PIXELS) / 2.0;
+        let expected = [middle + moment.x / mass / area.sqrt(), middle - moment.y / mass / area.sqrt()];
+        let found = [across / seen, down / seen];
+        let is_near = found.iter().zip(&expected).all(|(found, expected)| (found - expected).abs() < 1.0);
+        assert!(is_near, "{file}: the middle is at {found:?}, not {expected:?}");
+    }
 }

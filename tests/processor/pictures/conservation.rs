@@ -1,6 +1,6 @@
 //! Energy is conserved: the integral of a column-density picture is the mass in view.
 
-use crate::support::{built, demo, draw_pages, draw_source, in_reference_data, in_repository, sum_nodes};
+use crate::support::{built, demo, draw_pages, draw_source, in_reference_data, in_repository, sum_nodes, whole};
 use deepfield::codec::VqBits;
 use deepfield::cpu::Method;
 use deepfield::mode::{Depiction, SettingValue, Settings};
@@ -11,17 +11,6 @@ use deepfield::view::{Projection, View};
 use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// A view along z that holds everything, kernels included; and the area of a pixel.
-fn whole(dataset: &Dataset, pixels: u32) -> (View, f64) {
-    let bounds = dataset.bounds();
-    let reach = dataset.families.iter().flat_map(|family| &family.smoothing_length).fold(0.0f32, |a, &b| a.max(b));
-    let height = 1.02 * bounds.size().max_element() + 2.0 * f64::from(reach);
-    let eye = bounds.center() + DVec3::Z * 2.0 * height;
-    let projection = Projection::Orthographic { height };
-    let view = View::look_at(eye, bounds.center(), DVec3::Y, projection, pixels, pixels).unwrap();
-    (view, (height / f64::from(pixels)).powi(2))
-}
 
 fn mass(dataset: &Dataset) -> f64 {
     dataset.families.iter().flat_map(|family| &family.mass).map(|&m| f64::from(m)).sum()

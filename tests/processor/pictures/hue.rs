@@ -3,14 +3,17 @@
 use crate::support::{Random, dataset_of, gas, sum_nodes};
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
-use deepfield::mode::{Depiction, Settings};
+use deepfield::look::{Attribute, CameraConfig, LookPatch, Shot};
+use deepfield::mode::{Depiction, Mode, Raw, Settings};
 use deepfield::model::Dataset;
-use deepfield::modes;
+use deepfield::modes::{column_density, density_squared};
+use deepfield::picture::{Picture, Session};
 use deepfield::store::PageFile;
 use deepfield::stream::Scene;
-use deepfield::view::{Projection, View};
+use deepfield::view::{Projection, Surround, View};
 use glam::DVec3;
 use std::sync::Arc;
+use tempfile::TempDir;
 
 const EDGE: f64 = 100.0;
 const CLUMPS: usize = 1200;
@@ -34,26 +37,35 @@ fn clumps() -> Dataset {
     dataset_of(family)
 }
 
-#[test]
-fn means_of_an_attribute_are_those_of_the_source_in_merged_particles() {
-    let dataset = clumps();
+/// The mean temperature, weighted with masses and this power of densities.
+fn mean(dataset: &Dataset, power: i32) -> f64 {
     let gas = &dataset.families[0];
-    let own =
-        gas.mass.iter().zip(&gas.attributes[0].values).map(|(&m, &t)| [f64::from(m), f64::from(m) * f64::from(t)]);
-    let [mass, hot] = own.fold([0.0; 2], |[mass, hot], [m, t]| [mass + m, hot + t]);
-    let expected = hot / mass;
+    let weights = gas.mass.iter().zip(&gas.density).map(|(&m, &rho)| f64::from(m) * f64::from(rho).powi(power));
+    let add = |[sum, hot]: [f64; 2], (weight, &t): (f64, &f32)| [sum + weight, hot + weight * f64::from(t)];
+    let [sum, hot] = weights.zip(&gas.attributes[0].values).fold([0.0; 2], add);
+    hot / sum
+}
+
+/// A page file with so many particles in a leaf at most.
+fn built(dataset: Dataset, leaf_capacity: usize) -> (Arc<PageFile>, TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clumps.df");
     let mut options = BuildOptions::with_vq_bits(VqBits::Sixteen);
-    options.octree.leaf_capacity = 64;
+    options.octree.leaf_capacity = leaf_capacity;
     build(dataset, &options, &path, &()).unwrap();
-    let file = Arc::new(PageFile::open(&path).unwrap());
+    (Arc::new(PageFile::open(&path).unwrap()), folder)
+}
+
+#[test]
+fn means_of_an_attribute_are_those_of_the_source_in_merged_particles() {
+    let dataset = clumps();
+    let expected = mean(&dataset, 0);
+    let (file, _folder) = built(dataset, 64);
     let middle = DVec3::splat(0.5 * EDGE);
     let projection = Projection::Orthographic { height: 1.2 * EDGE };
     let view = View::look_at(middle + DVec3::Z * 2.0 * EDGE, middle, DVec3::Y, projection, 48, 48).unwrap();
     let metadata = file.metadata();
-    let mode = modes::find("column-density").unwrap();
-    let depiction = Depiction::new(mode, Settings::default(), Some("temperature"), metadata).unwrap();
+    let depiction = Depiction::new(&column_density::MODE, Settings::default(), Some("temperature"), metadata).unwrap();
     let pictures = [1e-6, 4.0].map(|tau| {
         let selection = Scene::new(Arc::clone(&file), u64::MAX).converge_blocking(&view, tau).unwrap();
         sum_nodes(&view, &depiction, metadata, &selection.nodes)
@@ -66,4 +78,49 @@ fn means_of_an_attribute_are_those_of_the_source_in_merged_particles() {
     }
     // Other particles were drawn, by their places.
     assert!(pictures[0].p != pictures[1].p);
+}
+
+/// Merged particles have means by mass, so that a mode that weighs otherwise draws what is not merged, within the same error.
+#[test]
+fn squared_densities_have_the_hue_of_the_source_where_others_draw_merged_particles() {
+    let dataset = clumps();
+    let [by_mass, expected] = [0, 1].map(|power| mean(&dataset, power));
+    // Leaves right below the first node.
+    let (file, _folder) = built(dataset, 2000);
+    let mut session = Session::of(file, u64::MAX);
+    let hue = |picture: &Picture| {
+        let Raw::Sums(sums, _) = &picture.values else { panic!("colours") };
+        sums.ps.iter().map(|&ps| f64::from(ps)).sum::<f64>() / sums.sum()
+    };
+    for (surround, ortho) in [(Surround::Flat, Some(1.2 * EDGE)), (Surround::Equirectangular, None)] {
+        let mut draw = |mode: &'static Mode, is_colored: bool, error_px: f64| {
+            let attribute = if is_colored { Attribute::Named("temperature".into()) } else { Attribute::None };
+            let (mode, attribute, error_px) = (Some(mode), Some(attribute), Some(error_px));
+            let look = LookPatch { mode, attribute, error_px, ..LookPatch::default() };
+            let middle = 0.5 * EDGE;
+            let (eye, target) = (Some([middle, middle, 3.0 * EDGE]), Some([middle; 3]));
+            let camera = CameraConfig { eye, target, ortho, ..CameraConfig::default() };
+            let picture =
+                session.draw(&Shot { look, camera, size: Some((64, 32)), surround, ..Shot::default() }).unwrap();
+            assert!(picture.converged);
+            picture
+        };
+        let merged = draw(&density_squared::MODE, false, 64.0);
+        let tau = 1.25 * merged.error_px;
+        let plain = draw(&density_squared::MODE, false, tau);
+        let mass = draw(&column_density::MODE, true, tau);
+        assert_eq!([plain.particles, mass.particles], [merged.particles; 2], "{surround:?}");
+        assert!((hue(&mass) / by_mass - 1.0).abs() < 0.02, "{surround:?}: {} {by_mass}", hue(&mass));
+        let squared = draw(&density_squared::MODE, true, tau);
+        assert!(squared.particles > 4 * merged.particles, "{surround:?}: {} {}", squared.particles, merged.particles);
+        assert!(squared.error_px <= 0.25 * tau, "{surround:?}: {} of {tau}", squared.error_px);
+        assert!((hue(&squared) / expected - 1.0).abs() < 0.01, "{surround:?}: {} {expected}", hue(&squared));
+        // What it is of merged particles.
+        let coarse = draw(&density_squared::MODE, true, 4.0 * tau);
+        assert!(
+            coarse.particles == merged.particles && hue(&coarse) < 0.3 * expected,
+            "{surround:?}: {}",
+            hue(&coarse)
+        );
+    }
 }

@@ -4,10 +4,10 @@
 use crate::support::Told;
 use deepfield::build::{self, BuildOptions};
 use deepfield::color::Accumulation;
-use deepfield::color::transfer::TransferFunction;
+use deepfield::color::transfer::{Range, TransferFunction};
 use deepfield::cpu::volume::VolumeError;
 use deepfield::hierarchy::{Kinds, OctreeOptions};
-use deepfield::look::{Attribute, Camera, LookPatch, Member, SceneFile, Shot};
+use deepfield::look::{Attribute, Backend, Camera, LookPatch, Member, SceneFile, Shot};
 use deepfield::mode::{Raw, SettingValue};
 use deepfield::modes;
 use deepfield::picture::adapter::AdapterValues;
@@ -56,7 +56,10 @@ impl Told {
 impl Data {
     /// Pages may take the half of `memory`.
     fn session(&self, memory: Option<u64>, told: &Arc<Told>) -> Session {
-        let options = SessionOptions { page_memory: memory, ..SessionOptions::default() };
+        self.open(SessionOptions { page_memory: memory, ..SessionOptions::default() }, told)
+    }
+
+    fn open(&self, options: SessionOptions, told: &Arc<Told>) -> Session {
         let told: Arc<dyn Reporter> = told.clone();
         let page_file = |path: &Path| -> Result<_, PictureError> { Ok(path.to_owned()) };
         Session::open(&[Member::new(&self.path)], options, [&Shot::default()], page_file, told).unwrap()
@@ -218,7 +221,7 @@ fn what_needs_everything_at_once_is_drawn_coarser_and_told() {
     let mut session = data.session(Some(2 * BUDGETS[0]), &told);
     let (shot, _) = shot("sorted-splats", Surround::Flat, &mut session);
     let picture = session.draw(&shot).unwrap();
-    assert!(!picture.converged && session.lacks_memory());
+    assert!(!picture.converged && picture.is_coarser && session.lacks_memory());
     let messages = told.0.lock().unwrap().clone();
     assert!(matches!(&messages[..], [only] if only.contains("--memory") && only.contains("merger.df")), "{messages:?}");
     let held = session.residency();
@@ -227,6 +230,80 @@ fn what_needs_everything_at_once_is_drawn_coarser_and_told() {
     let mut session = data.session(Some(1 << 30), &told);
     assert!(session.draw(&shot).unwrap().converged && !session.lacks_memory());
     assert_eq!(told.0.lock().unwrap().len(), 1);
+}
+
+/// How coarse a picture is depends on the memory alone: not on what was drawn before and is still there, nor on threads, nor on what pictures before it
+/// hide.
+#[test]
+fn what_is_drawn_coarser_is_the_same_whatever_was_drawn_before() {
+    let data = data(150_000, Kinds::default());
+    let drawn = |picture: &Picture| {
+        let Raw::Light(light) = &picture.values else { panic!("sums") };
+        let bits: Vec<u32> = light.colors.rgba.as_flattened().iter().map(|channel| channel.to_bits()).collect();
+        (bits, picture.nodes, picture.particles, picture.error_px, picture.is_coarser)
+    };
+    for (mode, range) in
+        [("sorted-splats", Range::Auto), ("sorted-splats", Range::Fixed(1.0, 1e6)), ("layered", Range::Auto)]
+    {
+        let mut whole = data.session(None, &Arc::default());
+        let (mut shot, _) = shot(mode, Surround::Flat, &mut whole);
+        shot.look.transfer = Some(TransferFunction { range, ..TransferFunction::of_volumes(false) });
+        let all = whole.draw(&shot).unwrap();
+        assert!(all.converged && !all.is_coarser, "{mode}");
+        let mut finer = (0, f64::INFINITY);
+        for budget in BUDGETS {
+            let alone = data.session(Some(2 * budget), &Arc::default()).draw(&shot).unwrap();
+            let about = format!("{mode}, {range:?}, {budget}: {} nodes of {}", alone.nodes, all.nodes);
+            assert!(!alone.converged && alone.is_coarser || budget > BUDGETS[0], "{about}");
+            assert!(alone.nodes > finer.0 && alone.error_px <= finer.1, "{about}");
+            assert!(alone.nodes < all.nodes && alone.error_px >= all.error_px || !alone.is_coarser, "{about}");
+            finer = (alone.nodes, alone.error_px);
+            let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+            let flown = threads.install(|| {
+                let mut session = data.session(Some(2 * budget), &Arc::default());
+                for fov in [2.0, 20.0, 44.0] {
+                    let mut before = shot.clone();
+                    before.camera.fov = Some(fov);
+                    session.draw(&before).unwrap();
+                }
+                session.draw(&shot).unwrap()
+            });
+            assert!(drawn(&flown) == drawn(&alone), "{about}, {} after others", flown.nodes);
+        }
+    }
+}
+
+/// A list that is too long is coarser, the same whatever was listed before; what else was listed is no reason.
+#[test]
+fn lists_that_do_not_fit_are_coarser_by_the_memory_alone() {
+    let data = data(60_000, Kinds::default());
+    let file = Arc::new(PageFile::open(&data.path).unwrap());
+    let (_, camera) = shot("column-density", Surround::Flat, &mut data.session(None, &Arc::default()));
+    let view = |fov: f64| -> View { Camera { fov, ..camera }.view(SIZE.0, SIZE.1).unwrap() };
+    let list = |scene: &mut Scene, fov: f64| {
+        let listing = scene.list(&view(fov), 0.02, &mut |_| {}).unwrap();
+        (listing.nodes, listing.converged, scene.take_coarser())
+    };
+    let all = list(&mut Scene::new(Arc::clone(&file), u64::MAX), 45.0);
+    assert!(all.1 && !all.2 && all.0.len() > 20, "{} nodes", all.0.len());
+    let [mut fits, mut are_coarser] = [0, 0];
+    // From next to nothing on.
+    for budget in [4 << 10, 8 << 10, 16 << 10, 256 << 10] {
+        let alone = list(&mut Scene::new(Arc::clone(&file), budget), 45.0);
+        let mut scene = Scene::new(Arc::clone(&file), budget);
+        for fov in [1.0, 10.0, 30.0] {
+            list(&mut scene, fov);
+        }
+        let about = format!("{budget}: {} nodes of {}", alone.0.len(), all.0.len());
+        assert!(list(&mut scene, 45.0) == alone, "{about}");
+        match alone.2 {
+            true => assert!(alone.0.len() < all.0.len(), "{about}"),
+            false => assert!(alone == all, "{about}"),
+        }
+        fits += usize::from(!alone.2);
+        are_coarser += usize::from(alone.2);
+    }
+    assert!(fits > 0 && are_coarser > 0, "{fits} fit, {are_coarser} are coarser");
 }
 
 /// A card that draws with the processor, and counts how often.
@@ -277,6 +354,36 @@ fn an_adapter_draws_the_parts_and_they_are_added_up() {
     assert!(
         picture.nodes == 0 && self::sums(&picture).p.iter().all(|p| *p == 0.0) && picture.drawn_by[1] == "counting"
     );
+}
+
+#[test]
+fn volumes_that_do_not_fit_are_drawn_in_slabs_where_an_adapter_is_asked_for() {
+    let data = data(60_000, Kinds::default());
+    let told = Arc::default();
+    let draws = Arc::new(AtomicUsize::new(0));
+    let little = Some(2 * BUDGETS[0]);
+    let mut alone = data.session(little, &Arc::default());
+    let open = |page_memory: Option<u64>| {
+        let options = SessionOptions { page_memory, backend: Some(Backend::Compute), ..SessionOptions::default() };
+        data.open(options, &told).with_adapter(Some(Box::new(Counting(draws.clone()))))
+    };
+    let mut session = open(little);
+    for mode in ["volume", "isosurface"] {
+        let (mut shot, _) = shot(mode, Surround::Flat, &mut alone);
+        shot.size = Some((90, 60));
+        let (picture, expected) = (session.draw(&shot).unwrap(), alone.draw(&shot).unwrap());
+        assert!(picture.converged && expected.converged && picture.drawn_by[0] == "cpu", "{mode}");
+        let (Raw::Light(own), Raw::Light(expected)) = (&picture.values, &expected.values) else {
+            panic!("{mode}: sums")
+        };
+        assert!(own.report.slabs > 1 && own.colors.rgba == expected.colors.rgba, "{mode}: {:?}", own.report);
+        // With enough memory it is the adapter's, which does not do this one.
+        assert!(open(None).draw(&shot).is_err_and(|error| error.to_string().contains("the adapter")), "{mode}");
+    }
+    assert_eq!(draws.load(Ordering::Relaxed), 0);
+    let messages = told.0.lock().unwrap();
+    let of_it = messages.iter().filter(|message| message.contains("are drawn by the processor")).count();
+    assert_eq!(of_it, 1, "{messages:?}");
 }
 
 /// What comes next is read as far as there is room, and what is drawn stays.

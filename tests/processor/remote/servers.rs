@@ -1,5 +1,5 @@
-//! Servers of others, where they are installed: nginx, Caddy, and Moto, which speaks S3. Where one is not, that is told and nothing is
-//! tested (docs/developing.md).
+//! Servers of others, where they are installed: nginx, Caddy, and Moto, which speaks S3. Where one is not, standard error says how to install
+//! it, and it is not tried (docs/developing.md).
 
 use super::{in_memory, some_page, sound, without_keys};
 use crate::support::program;
@@ -12,6 +12,11 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, UNIX_EPOCH};
 use tempfile::TempDir;
 
+/// Tells of a server that is not installed.
+fn not_tried(server: &str, install: &str) {
+    eprintln!("skipped: {server} is not installed, and not tried: {install}");
+}
+
 /// A server of a folder of its own; it ends when it is dropped.
 struct Server {
     child: Child,
@@ -20,14 +25,15 @@ struct Server {
 }
 
 impl Server {
-    /// Starts the first of these programs that is there, as `command` has it for a folder and an address; none where none is, which is told.
-    fn start(programs: &[&str], command: impl Fn(&str, &Path, SocketAddr) -> Command) -> Option<Server> {
+    /// Starts the first of these programs that is there, as `command` has it for a folder and an address; none where none is, which is told
+    /// with what installs it.
+    fn start(programs: &[&str], install: &str, command: impl Fn(&str, &Path, SocketAddr) -> Command) -> Option<Server> {
         let program = programs.iter().find(|program| {
             let asked = Command::new(program).arg("-h").stdin(Stdio::null()).output();
             !asked.is_err_and(|error| error.kind() == ErrorKind::NotFound)
         });
         let Some(program) = program else {
-            println!("{} is not installed: it is not tried", programs[0]);
+            not_tried(programs[0], install);
             return None;
         };
         // Somebody else may take the port before the server does.
@@ -42,7 +48,7 @@ impl Server {
             if server.listens() {
                 return Some(server);
             }
-            println!("{program}: {}", std::fs::read_to_string(server.folder.path().join("log")).unwrap_or_default());
+            eprintln!("{program}: {}", std::fs::read_to_string(server.folder.path().join("log")).unwrap_or_default());
         }
         panic!("{program} does not start");
     }
@@ -73,7 +79,7 @@ impl Drop for Server {
 
 /// nginx, which compresses what it sends to whoever takes that.
 fn nginx() -> Option<Server> {
-    Server::start(&["nginx", "/usr/sbin/nginx"], |program, folder, address| {
+    Server::start(&["nginx", "/usr/sbin/nginx"], "apt-get install nginx-light", |program, folder, address| {
         let paths: String = ["client_body", "proxy", "fastcgi", "uwsgi", "scgi"]
             .iter()
             .map(|name| format!("    {name}_temp_path {name};\n"))
@@ -94,7 +100,7 @@ fn nginx() -> Option<Server> {
 
 /// Caddy's server of files, which does the same.
 fn caddy() -> Option<Server> {
-    Server::start(&["caddy"], |program, folder, address| {
+    Server::start(&["caddy"], "apt-get install caddy", |program, folder, address| {
         let (host, files) = (address.ip(), folder.join("files"));
         let text = format!(
             "{{\n    admin off\n    auto_https off\n}}\nhttp://{address} {{\n    bind {host}\n    root * {files:?}\n    encode gzip\n    \
@@ -118,11 +124,12 @@ fn python() -> PathBuf {
 fn moto() -> Option<Server> {
     let python = python();
     let asked = Command::new(&python).args(["-c", "import boto3, moto.server"]).stdin(Stdio::null()).output();
+    let install = format!("{} -m pip install 'moto[server]' boto3", python.display());
     if !asked.is_ok_and(|output| output.status.success()) {
-        println!("{} has no moto[server]: it is not tried", python.display());
+        not_tried("moto[server]", &install);
         return None;
     }
-    Server::start(&[python.to_str().unwrap()], |program, _, address| {
+    Server::start(&[python.to_str().unwrap()], &install, |program, _, address| {
         let mut command = Command::new(program);
         let (host, port) = (address.ip().to_string(), address.port().to_string());
         command.args(["-m", "moto.server", "-H", &host, "-p", &port]).env("INITIAL_NO_AUTH_ACTION_COUNT", "1000000");

@@ -2,23 +2,25 @@
 
 use super::client::{Answer, asked, connected, serving};
 use crate::support::golden::picture_at;
-use crate::support::{Built, built_from_dataset, eclipse, run};
+use crate::support::{built_from_dataset, eclipse, run, text};
 use deepfield::codec::VqBits;
 use deepfield::serve::view::{ViewOptions, Viewing};
 use deepfield::serve::{Offer, Running, ServeOptions};
 use deepfield::store::Tree;
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::sync::Arc;
+use tempfile::TempDir;
 
-/// A server that shows a small dataset with a scene to two visitors.
+/// A server that shows a file of a folder to two visitors.
 struct House {
     server: Running,
     viewing: Arc<Viewing>,
-    built: Built,
-    folder: tempfile::TempDir,
+    folder: TempDir,
 }
 
+/// One that shows a small dataset with a scene.
 fn house() -> House {
     let folder = tempfile::tempdir().unwrap();
     let mut dataset = eclipse();
@@ -29,23 +31,23 @@ fn house() -> House {
         }
     }
     let built = built_from_dataset(dataset, VqBits::Eight);
-    let scene = folder.path().join("a.scene.ron");
+    std::fs::copy(built.file.path(), folder.path().join("built.df")).unwrap();
     let text = "(version: 1, datasets: [(path: \"built.df\")], mode: \"column-density\", camera: Some((eye: (0.1, 0.2, 4.0), target: (0.0, 0.0, 0.0))), \
                 bookmarks: [(key: 1, name: \"near\", camera: (eye: (0.0, 0.0, 2.0), target: (0.0, 0.0, 0.0)))])";
-    std::fs::write(&scene, text).unwrap();
-    let options = ViewOptions {
-        path: built.file.path().to_owned(),
-        scene: Some(scene),
-        tour: None,
-        visitors: 2,
-        memory: 1 << 30,
-    };
-    let viewing = Arc::new(Viewing::open(&options).unwrap());
-    let server = serving(ServeOptions::default(), Offer::View(Arc::clone(&viewing)));
-    House { server, viewing, built, folder }
+    std::fs::write(folder.path().join("a.scene.ron"), text).unwrap();
+    House::of(folder, "built.df", Some("a.scene.ron"), None)
 }
 
 impl House {
+    fn of(folder: TempDir, data: &str, scene: Option<&str>, tour: Option<&str>) -> House {
+        let place = |name: &str| folder.path().join(name);
+        let (path, scene, tour) = (place(data), scene.map(place), tour.map(place));
+        let viewing =
+            Arc::new(Viewing::open(&ViewOptions { path, scene, tour, visitors: 2, memory: 1 << 30 }).unwrap());
+        let server = serving(ServeOptions::default(), Offer::View(Arc::clone(&viewing)));
+        House { server, viewing, folder }
+    }
+
     fn get(&self, path: &str, cookie: &str) -> Answer {
         asked(self.server.address(), &format!("GET {path}"), &[&format!("Cookie: deepfield-visitor={cookie}")], b"")
     }
@@ -93,10 +95,8 @@ fn visitors_get_the_pictures_that_files_have() {
     assert_eq!((&facts["mode"], &facts["converged"]), (&json!("column-density"), &json!(true)));
     let [browser, file] = ["browser.png", "file.png"].map(|name| house.folder.path().join(name));
     std::fs::write(&browser, &frame.body).unwrap();
-    let path = house.built.file.path().to_str().unwrap();
-    let file_name = file.to_str().unwrap();
     let arguments =
-        ["render", path, "-o", file_name, "--size", "90x60", "--mode", "column-density", "--backend", "cpu"];
+        ["render", "built.df", "-o", "file.png", "--size", "90x60", "--mode", "column-density", "--backend", "cpu"];
     let camera = ["--eye", "0.1,0.2,4", "--target", "0.1,0,0"];
     let rendered = run(house.folder.path(), &[&arguments[..], &camera[..]].concat());
     assert!(rendered.status.success(), "{}", String::from_utf8_lossy(&rendered.stderr));
@@ -110,6 +110,42 @@ fn visitors_get_the_pictures_that_files_have() {
     );
     let coarse = house.post("/view/frame", &own, &json!({ "size": [90, 60], "format": "jpeg", "colors": "grey" }));
     assert_eq!((coarse.header("content-type"), &coarse.body[..2]), ("image/jpeg", &[0xff, 0xd8][..]));
+}
+
+#[test]
+fn visitors_get_the_times_and_the_tours_that_files_have() {
+    let folder = tempfile::tempdir().unwrap();
+    text(folder.path(), &["synth", "orbits", "-n", "2000", "--steps", "3", "-o", "run"]);
+    text(folder.path(), &["build", "run_000", "run_001", "run_002", "-o", "run.df"]);
+    // Four frames a second.
+    let tour = "(version: 2, rate: 4.0, keyframes: [(mode: \"column-density\"), \
+                (after: 1.0, orbit: 40.0, time: last, caption: \"turned\")])";
+    std::fs::write(folder.path().join("a.tour.ron"), tour).unwrap();
+    let house = House::of(folder, "run.df", None, Some("a.tour.ron"));
+    let own = visitor(1);
+    let about: Value = serde_json::from_slice(&house.get("/view/about", &own).body).unwrap();
+    assert_eq!((&about["kind"], &about["tour"], &about["time"]), (&json!("run"), &json!(1.0), &json!(0.0)));
+    assert_eq!(about["steps"].as_array().map(Vec::len), Some(3));
+
+    let of_time = |time: f64| json!({ "size": [64, 48], "mode": "column-density", "time": time });
+    let of_tour = |seconds: f64| json!({ "size": [64, 48], "tour": seconds });
+    let drawn = ["--size", "64x48", "--backend", "cpu"];
+    let mut pictures = BTreeSet::new();
+    // From the one to the other and back; what is asked for after a tour's end is its end.
+    for (asked, command) in [
+        (of_time(0.2), ["render", "run.df", "--time=0.2", "--mode=column-density", "--output=file.png"]),
+        (of_tour(0.75), ["tour", "a.tour.ron", "--frame", "3", "file.png"]),
+        (of_time(0.7), ["render", "run.df", "--time=0.7", "--mode=column-density", "--output=file.png"]),
+        (of_tour(0.25), ["tour", "a.tour.ron", "--frame", "1", "file.png"]),
+        (of_tour(99.0), ["tour", "a.tour.ron", "--frame", "4", "file.png"]),
+    ] {
+        let frame = house.post("/view/frame", &own, &asked);
+        assert_eq!(frame.status, 200, "{asked}: {}", frame.text());
+        let data: &[&str] = if command[0] == "tour" { &["run.df"] } else { &[] };
+        text(house.folder.path(), &[&command[..2], data, &command[2..], &drawn[..]].concat());
+        assert!(frame.body == std::fs::read(house.folder.path().join("file.png")).unwrap(), "{asked}");
+        assert!(pictures.insert(frame.body), "{asked}: a picture of another moment");
+    }
 }
 
 #[test]

@@ -7,14 +7,12 @@
 use super::BuildError;
 use super::found::{self, Block, Finding, Ordered, Seen, ordered};
 use super::partition::Partition;
-use super::reach::{Reaches, around_ball, beside, position};
-use crate::hierarchy::RootCell;
+use super::reach::{Reaches, Surroundings, around_ball, position};
 use crate::hierarchy::octree::{Columns, Place};
 use crate::import::derived;
 use crate::import::neighbours::Moving;
 use crate::model::progress::{Progress, Uncounted};
 use crate::model::{Bounds, Derivation, Kernel};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Particles with world positions relative to the root cell's corner.
@@ -27,14 +25,13 @@ struct Particles {
     velocities: Vec<[f64; 3]>,
 }
 
-/// How columns are derived: what, with which kernel, below which root cell, beside how many attributes, in a periodic box of which edge.
+/// How columns are derived: what, with which kernel, beside how many attributes, among which particles.
 #[derive(Clone, Copy)]
 pub(super) struct Deriving<'a> {
     pub derivation: &'a Derivation,
     pub kernel: Kernel,
-    pub root: RootCell,
     pub own: usize,
-    pub edge: Option<f64>,
+    pub surroundings: Surroundings<'a>,
 }
 
 impl Deriving<'_> {
@@ -49,7 +46,7 @@ impl Deriving<'_> {
         block: usize,
         progress: &dyn Progress,
     ) -> Result<(Seen, Vec<Vec<u64>>), BuildError> {
-        let all = 0..partition.buckets();
+        let all = partition.numbers();
         let found = found::sum(self.of_buckets(partition, all.clone(), block, progress)?, self.number());
         partition.derived(found.means());
         let counts = found::counts(partition, all, &found.ranges, |columns| columns.attributes, progress)?;
@@ -69,12 +66,10 @@ impl Deriving<'_> {
         reaches: &Reaches,
         all: &mut Particles,
     ) -> Result<(), BuildError> {
-        let parts: Vec<Particles> = beside(&buckets, partition, self.root, Some(reaches))
-            .map(|bucket| {
-                let (places, columns) = partition.read_inputs(bucket)?;
-                Ok(self.within(reaches, &places, &columns))
-            })
-            .collect::<Result<_, BuildError>>()?;
+        let parts = self.surroundings.beside(&buckets, partition, Some(reaches), |partition, bucket| {
+            let (places, columns) = partition.read_inputs(bucket)?;
+            Ok(self.within(reaches, &places, &columns))
+        })?;
         for part in parts {
             all.positions.extend(part.positions);
             all.mass.extend(part.mass);
@@ -87,11 +82,12 @@ impl Deriving<'_> {
 
     /// Those particles of a bucket that are within reach.
     fn within(&self, reaches: &Reaches, places: &[Place], columns: &Columns) -> Particles {
-        let is_near = |&i: &u32| reaches.contains(position(places[i as usize], self.root));
+        let root = self.surroundings.root;
+        let is_near = |&i: &u32| reaches.contains(position(places[i as usize], root));
         let near: Vec<u32> = (0..places.len() as u32).filter(is_near).collect();
         let columns = columns.gather(&near);
         Particles {
-            positions: near.iter().map(|&i| position(places[i as usize], self.root)).collect(),
+            positions: near.iter().map(|&i| position(places[i as usize], root)).collect(),
             velocities: derived::velocities(&columns.attributes[self.own..]),
             mass: columns.mass,
             density: columns.density,
@@ -113,7 +109,8 @@ impl Finding for Deriving<'_> {
         buckets: Range<usize>,
         progress: &dyn Progress,
     ) -> Result<Block, BuildError> {
-        let place = |place: Place| position(place, self.root);
+        let Surroundings { root, edge, plan, .. } = self.surroundings;
+        let place = |place: Place| position(place, root);
         let parts = ordered(buckets.clone(), |bucket| partition.read_inputs(bucket), place, progress)?;
         let mut all = Particles::default();
         let mut heat: Vec<f32> = Vec::new();
@@ -129,10 +126,10 @@ impl Finding for Deriving<'_> {
             orders.push(order);
         }
         let count = all.positions.len();
-        if self.derivation.needs_neighbours() && buckets.len() < partition.buckets() {
+        if self.derivation.needs_neighbours() && buckets.len() < plan.len() {
             let balls = all.positions.iter().zip(&all.smoothing_length);
-            let balls: Vec<Bounds> = balls.map(|(at, &h)| around_ball(*at, Moving::reach(h, self.edge))).collect();
-            let reaches = Reaches::of(balls, partition, self.root, self.edge);
+            let balls: Vec<Bounds> = balls.map(|(at, &h)| around_ball(*at, Moving::reach(h, edge))).collect();
+            let reaches = Reaches::of(balls, &self.surroundings);
             self.add_others(partition, buckets, &reaches, &mut all)?;
         }
         let moving = Moving {
@@ -141,7 +138,7 @@ impl Finding for Deriving<'_> {
             density: &all.density,
             smoothing_length: &all.smoothing_length,
             velocities: &all.velocities,
-            edge: self.edge,
+            edge,
         };
         let wanted = (count, Some(&heat[..]));
         let columns = derived::columns(self.derivation, self.kernel, &moving, wanted, &Uncounted(progress));

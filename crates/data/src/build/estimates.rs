@@ -8,15 +8,13 @@
 use super::BuildError;
 use super::found::{self, Block, Finding, Seen, ordered};
 use super::partition::Partition;
-use super::reach::{Reaches, around_ball, beside, position};
+use super::reach::{Reaches, Surroundings, around_ball, position};
 use crate::codec::morton::{self, MORTON_BITS};
-use crate::hierarchy::RootCell;
 use crate::hierarchy::octree::{Columns, Place};
 use crate::import::neighbours::Neighbours;
 use crate::model::Bounds;
 use crate::model::progress::{Progress, Uncounted};
 use glam::DVec3;
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// How far around each cell of a block is looked at first, in distances to the k-th neighbour if the cell were filled evenly.
@@ -28,15 +26,14 @@ struct Particles {
     mass: Vec<f32>,
 }
 
-/// How columns are estimated: from how many neighbours, below which root cell, in a periodic box of which edge.
+/// How columns are estimated: from how many neighbours, among which particles.
 #[derive(Clone, Copy)]
-pub(super) struct Estimating {
+pub(super) struct Estimating<'a> {
     pub k: usize,
-    pub root: RootCell,
-    pub edge: Option<f64>,
+    pub surroundings: Surroundings<'a>,
 }
 
-impl Estimating {
+impl Estimating<'_> {
     /// Fills in the densities and smoothing lengths of a partition that are not positive, for buckets of about `block` particles at a
     /// time; what is found does not depend on that number.
     ///
@@ -48,7 +45,7 @@ impl Estimating {
         block: usize,
         progress: &dyn Progress,
     ) -> Result<(Seen, Vec<Vec<u64>>), BuildError> {
-        let all = 0..partition.buckets();
+        let all = partition.numbers();
         let found = found::sum(self.of_buckets(partition, all.clone(), block, progress)?, 2);
         let columns = |columns: Columns| vec![columns.density, columns.smoothing_length];
         let counts = found::counts(partition, all, &found.ranges, columns, progress)?;
@@ -57,7 +54,7 @@ impl Estimating {
 }
 
 /// Densities, and then smoothing lengths.
-impl Finding for Estimating {
+impl Finding for Estimating<'_> {
     const STAGE: &'static str = "finding neighbours";
 
     fn put(partition: &mut Partition, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError> {
@@ -70,7 +67,7 @@ impl Finding for Estimating {
         buckets: Range<usize>,
         progress: &dyn Progress,
     ) -> Result<Block, BuildError> {
-        let place = |place: Place| (place.key, position(place, self.root));
+        let place = |place: Place| (place.key, position(place, self.surroundings.root));
         let parts = ordered(buckets.clone(), |bucket| partition.read(bucket), place, progress)?;
         let is_usable = |value: f32| value > 0.0 && value.is_finite();
         let mut places: (Vec<u64>, Vec<[f64; 3]>) = Default::default();
@@ -106,7 +103,7 @@ impl Finding for Estimating {
 struct Search<'a> {
     partition: &'a Partition,
     buckets: Range<usize>,
-    estimating: Estimating,
+    estimating: Estimating<'a>,
     /// Morton keys of the own particles, in order.
     keys: Vec<u64>,
     own: Particles,
@@ -119,7 +116,7 @@ impl Search<'_> {
         let count = self.own.positions.len();
         let covered = self.reaches(self.cells());
         let around = self.others(Some(&covered))?;
-        let everything = count + around.positions.len() == self.partition.particles();
+        let everything = (count + around.positions.len()) as u64 == self.estimating.surroundings.count;
         let mut left: Vec<bool> = wanted.to_vec();
         let mut radii = vec![0.0; if everything { 0 } else { count }];
         self.search(&self.own, around, wanted, |i, h, rho| {
@@ -170,7 +167,7 @@ impl Search<'_> {
         all.resize(positions.len(), 0.0);
         let mut all_wanted = wanted.to_vec();
         all_wanted.resize(positions.len(), false);
-        if let Some(tree) = Neighbours::of(&positions, self.estimating.edge, self.progress) {
+        if let Some(tree) = Neighbours::of(&positions, self.estimating.surroundings.edge, self.progress) {
             let sums = tree.density(&all, &mass, Some(&all_wanted), self.progress);
             for (i, sum) in sums.into_iter().take(count).enumerate().filter(|(i, _)| wanted[*i]) {
                 density[i] = positive(sum);
@@ -182,17 +179,18 @@ impl Search<'_> {
     /// Whether the own particles are not all in one place, of a periodic box.
     fn are_apart(&self) -> bool {
         let size = Bounds::of(self.own.positions.iter().copied()).size().to_array();
-        let is_edge = |size: f64| self.estimating.edge.is_some_and(|edge| (size - edge).abs() <= 1e-9 * edge);
+        let edge = self.estimating.surroundings.edge;
+        let is_edge = |size: f64| edge.is_some_and(|edge| (size - edge).abs() <= 1e-9 * edge);
         size.into_iter().any(|size| size > 0.0 && !is_edge(size))
     }
 
     fn reaches(&self, boxes: Vec<Bounds>) -> Reaches {
-        Reaches::of(boxes, self.partition, self.estimating.root, self.estimating.edge)
+        Reaches::of(boxes, &self.estimating.surroundings)
     }
 
     /// Boxes in which most of the neighbours of the own particles lie: around cells with a few times `k` of them at most.
     fn cells(&self) -> Vec<Bounds> {
-        let Estimating { k, root, .. } = self.estimating;
+        let Estimating { k, surroundings: Surroundings { root, .. } } = self.estimating;
         let most = 2 * k.max(8);
         let mut boxes = Vec::new();
         let mut waiting = vec![(0, 0..self.keys.len())];
@@ -219,23 +217,21 @@ impl Search<'_> {
 
     /// The particles of other buckets that are within reach; all of them without.
     fn others(&self, reaches: Option<&Reaches>) -> Result<Particles, BuildError> {
-        let root = self.estimating.root;
+        let surroundings = &self.estimating.surroundings;
         let is_near = |place: [f64; 3]| reaches.is_none_or(|reaches| reaches.contains(place));
-        let parts: Vec<Vec<([f64; 3], f32)>> = beside(&self.buckets, self.partition, root, reaches)
-            .map(|bucket| {
-                self.progress.go_on();
-                let (places, masses) = self.partition.read_masses(bucket)?;
-                let positions = places.into_iter().map(|place| position(place, root));
-                Ok(positions.zip(masses).filter(|(place, _)| is_near(*place)).collect())
-            })
-            .collect::<Result<_, BuildError>>()?;
+        let parts = surroundings.beside(&self.buckets, self.partition, reaches, |partition, bucket| {
+            self.progress.go_on();
+            let (places, masses) = partition.read_masses(bucket)?;
+            let positions = places.into_iter().map(|place| position(place, surroundings.root));
+            Ok(positions.zip(masses).filter(|(place, _)| is_near(*place)).collect::<Vec<_>>())
+        })?;
         let (positions, mass) = parts.into_iter().flatten().unzip();
         Ok(Particles { positions, mass })
     }
 
     /// Calls `found` with distance to the `k`-th neighbour and density of every wanted particle of `own`, among those and others.
     fn search(&self, own: &Particles, around: Particles, wanted: &[bool], mut found: impl FnMut(usize, f64, f64)) {
-        let Estimating { k, edge, .. } = self.estimating;
+        let Estimating { k, surroundings: Surroundings { edge, .. } } = self.estimating;
         let (positions, mass, count) = joined(own, around);
         let mut all_wanted = wanted.to_vec();
         all_wanted.resize(positions.len(), false);

@@ -5,6 +5,7 @@ use super::column_error::Picture;
 use super::derive::Deriving;
 use super::estimates::Estimating;
 use super::found::Seen;
+use super::reach::Surroundings;
 use super::survey::{Survey, column_error};
 use super::tree::CodedTrees;
 use super::{BuildError, BuildOptions};
@@ -126,14 +127,20 @@ impl Outline {
         self.neighbours.is_some() || self.attributes.len() > self.own
     }
 
+    /// All particles, for who has all buckets.
+    fn surroundings(&self) -> Surroundings<'_> {
+        let Outline { plan, root, edge, survey: Survey { bounds, count, .. }, .. } = self;
+        Surroundings { plan, root: *root, edge: *edge, bounds: *bounds, count: *count, others: None }
+    }
+
     /// How densities and smoothing lengths are estimated, where some are missing.
-    pub fn estimating(&self) -> Option<Estimating> {
-        self.neighbours.map(|k| Estimating { k, root: self.root, edge: self.edge })
+    pub fn estimating(&self) -> Option<Estimating<'_>> {
+        self.neighbours.map(|k| Estimating { k, surroundings: self.surroundings() })
     }
 
     /// How attributes are derived.
-    pub fn deriving<'a>(&self, derivation: &'a Derivation, kernel: Kernel) -> Deriving<'a> {
-        Deriving { derivation, kernel, root: self.root, own: self.own, edge: self.edge }
+    pub fn deriving<'a>(&'a self, derivation: &'a Derivation, kernel: Kernel) -> Deriving<'a> {
+        Deriving { derivation, kernel, own: self.own, surroundings: self.surroundings() }
     }
 
     /// What is to be told of densities that are not the source's, before they are estimated.

@@ -1,6 +1,7 @@
 //! How much memory each part of a build may take.
 
 use super::partition::particle_bytes;
+use super::spill::Blob;
 use super::survey::Survey;
 use super::{BuildError, BuildOptions};
 use crate::codec::VqBits;
@@ -25,8 +26,12 @@ const NODE_PARTICLES: f64 = 2.4;
 /// The same for the levels for volumes, whose leaves are those of the tree.
 const VOLUME_PARTICLES: f64 = 1.4;
 
-/// Bytes by which a task of a job that reads particles tells of those of a bucket.
-const JOB_SHARE: u64 = 80;
+/// Bytes by which a task of a job that reads particles tells of those of a bucket, and of those of a group of buckets beside that.
+const JOB_SHARE: u64 = 1 + Blob::TOLD;
+const JOB_SHARES: u64 = 16 + Blob::TOLD;
+/// Bytes by which a task knows of a bucket, and of what each task that has read particles has of it: in a list that has just grown.
+const HELD_BUCKET: u64 = 512;
+const HELD_SHARE: u64 = 2 * size_of::<Blob>() as u64;
 /// Bytes of the sample of a column that is found for the particles of a bucket.
 const JOB_FOUND: u64 = 4 << 10;
 /// Bytes of what a job's tasks hand on whatever they read: codebooks, histograms, metadata.
@@ -90,12 +95,10 @@ impl Memory {
         Ok(Memory { folder, particles, nodes, on_disk, buckets: rest, bucket_particle, allowed })
     }
 
-    /// Shares out what a task of a job may take for a family with so many attributes in `buckets` buckets, of `particles` that it reads. What
-    /// it hands on goes to its file; what it cannot hold goes to the disk in `folder`.
-    pub fn of_task(allowed: u64, folder: &Path, attributes: usize, buckets: usize, particles: u64) -> Memory {
-        let particle = particle_bytes(attributes);
-        let waiting = (1024 * buckets as u64).min(particles).saturating_mul(particle);
-        let rest = allowed.saturating_sub(BASE.min(allowed / 3) + waiting);
+    /// Shares out what a task of a job may take for a family with so many attributes, beside bytes that it holds whatever that is. What it hands
+    /// on goes to its file; what it cannot hold goes to the disk in `folder`.
+    pub fn of_task(allowed: u64, folder: &Path, attributes: usize, held: u64) -> Memory {
+        let rest = allowed.saturating_sub(BASE.min(allowed / 3).saturating_add(held));
         Memory {
             folder: folder.to_owned(),
             particles: rest / 5 * 4,
@@ -107,13 +110,23 @@ impl Memory {
         }
     }
 
-    /// Bytes that the files of a job's tasks take at most, about, for a family with so many columns that so many tasks read; `in_parts` where
-    /// what shares a codebook is coded in parts. What a task puts away while it works comes on top.
+    /// Bytes that a task holds which sorts so many particles with so many attributes into buckets: those that wait for company.
+    pub fn waiting(attributes: usize, buckets: usize, particles: u64) -> u64 {
+        (1024 * buckets as u64).min(particles).saturating_mul(particle_bytes(attributes))
+    }
+
+    /// Bytes that a task holds which reads the particles of so many buckets: where each of `tasks` has put some of them.
+    pub fn shares(buckets: usize, tasks: u32) -> u64 {
+        (buckets as u64).saturating_mul(HELD_BUCKET + u64::from(tasks) * HELD_SHARE)
+    }
+
+    /// Bytes that the files of a job's tasks take at most, about, for a family with so many columns that `input` tasks read, and whose buckets
+    /// are in so many groups; `in_parts` where what shares a codebook is coded in parts. What a task puts away while it works comes on top.
     pub fn of_job(
         options: &BuildOptions,
         stream: &dyn ParticleStream,
         columns: usize,
-        tasks: u32,
+        (input, groups): (u32, u32),
         in_parts: bool,
     ) -> u64 {
         let count = stream.particles();
@@ -124,8 +137,9 @@ impl Memory {
         let sampled = Survey::bytes_of_parts(stream, columns, &options.octree);
         // Where particles lie close together there are more than the fewest that hold them all.
         let buckets = (count / options.octree.bucket_size(count).max(1) as u64).saturating_mul(2).saturating_add(2);
-        let of_bucket = u64::from(tasks) * JOB_SHARE + (2 + columns as u64) * JOB_FOUND;
-        let tables = buckets.saturating_mul(of_bucket);
+        let of_bucket = u64::from(input) * JOB_SHARE + (2 + columns as u64) * JOB_FOUND;
+        let of_groups = u64::from(input) * u64::from(groups) * JOB_SHARES;
+        let tables = buckets.saturating_mul(of_bucket).saturating_add(of_groups);
         let coded = if in_parts { coded_in_parts(options, count, columns, buckets) } else { 0 };
         [for_particles, for_nodes, sampled, tables, coded].into_iter().fold(JOB_TABLES, u64::saturating_add)
     }
@@ -192,4 +206,22 @@ pub fn default_memory() -> u64 {
     let available = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kibibytes = available.and_then(|text| text.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
     kibibytes.map_or(UNKNOWN, |kibibytes| kibibytes.saturating_mul(1024)) / 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 10^12 particles in buckets of 2^20, sorted by 4096 tasks, for as many groups.
+    #[test]
+    fn tasks_hold_what_is_known_of_their_group_and_not_of_all_buckets() {
+        let (buckets, tasks) = (953_674, 4096_u32);
+        let block = |buckets: usize| {
+            Memory::of_task(2 << 30, Path::new(""), 1, Memory::shares(buckets, tasks)).neighbour_block()
+        };
+        let of_group = buckets / tasks as usize + 1;
+        assert_eq!(block(buckets), 0);
+        assert!(10 * block(of_group) > 9 * block(0), "{} of {}", block(of_group), block(0));
+        assert!(block(2 * of_group) < block(of_group));
+    }
 }

@@ -244,9 +244,8 @@ impl<'a> Build<'a> {
             progress.say(&format!("{family}: up to {size} MiB of temporary files in {}", memory.folder.display()));
         }
         let particles = Spill::new(out, &memory.folder, memory.particles, options.read);
-        let extents = outline.has_neighbours();
         let (mut partition, mut histograms) =
-            Partition::of(stream, &outline.survey.ranges, &outline.plan, root, extents, particles, progress)?;
+            Partition::of(stream, &outline.survey.ranges, &outline.plan, root, particles, progress)?;
         if let Some(estimating) = outline.estimating() {
             self.notes.extend(outline.note());
             let (found, counts) = estimating.estimate(&mut partition, memory.neighbour_block(), progress)?;

@@ -5,16 +5,17 @@ use super::spill::{Blob, Spill};
 use crate::hierarchy::attribute_info::{HistogramBins, Range, missing_replaced};
 use crate::hierarchy::octree::{Columns, Place, Plan};
 use crate::hierarchy::{Histogram, RootCell};
-use crate::model::portable::{expect_that, portable};
+use crate::model::portable::{Portable, expect, expect_that, expect_within, portable, total};
 use crate::model::progress::Progress;
 use crate::model::{Chunk, ParticleStream};
 use rayon::prelude::*;
+use std::io;
 use std::sync::Mutex;
 
 /// Particles of a bucket that are put away together while a family is read.
 const RUN: usize = 1024;
 
-/// The particles of all buckets.
+/// The particles of all buckets, or of some that follow each other.
 pub(super) struct Partition {
     spill: Spill,
     /// Attributes, and then the columns that others are derived from.
@@ -23,11 +24,10 @@ pub(super) struct Partition {
     own: usize,
     /// What stands for missing values of each derived attribute.
     means: Vec<f32>,
+    /// The number of the first bucket.
+    first: usize,
     buckets: Vec<Bucket>,
 }
-
-/// Smallest and largest coordinates, fractions of the root cell.
-type Extent = ([f64; 3], [f64; 3]);
 
 /// One bucket: runs that have been put away, and the particles that still wait for enough company.
 #[derive(Default)]
@@ -35,7 +35,6 @@ struct Bucket {
     runs: Vec<Blob>,
     places: Vec<Place>,
     columns: Columns,
-    extent: Option<Extent>,
     /// Keys that its particles must have, where others have sorted them.
     keys: Option<std::ops::Range<u64>>,
     /// Densities, then smoothing lengths, in the order of reading, where they had to be estimated.
@@ -44,26 +43,26 @@ struct Bucket {
     derived: Option<Blob>,
 }
 
-/// What an input block has of a bucket, where it is not the only one: the particles as one run, and their extent.
-#[derive(Debug, Default)]
-pub(super) struct Share {
-    run: Option<Blob>,
-    extent: Option<Extent>,
+/// What an input block has of the buckets of a group, where it is not the only one.
+#[derive(Debug)]
+pub(super) struct Shares {
+    /// Particles that the block has, in the buckets of all groups.
+    pub all: u64,
+    /// Those of each bucket, as one run; `None` where there are none.
+    runs: Vec<Option<Blob>>,
 }
 
-portable!(Share { run, extent });
+portable!(Shares { all, runs });
 
-impl Share {
-    /// Number of its particles, which have so many attributes; what was expected where it cannot be such a share.
-    pub fn particles(&self, attributes: usize) -> Result<u64, String> {
-        let Share { run, extent } = self;
-        let is_inside = |at: &[f64; 3]| at.iter().all(|x| (0.0..=1.0).contains(x));
-        let is_extent = extent.is_none_or(|(low, high)| is_inside(&low) && is_inside(&high));
-        expect_that(is_extent, "extent", "a part of the root cell")?;
-        let Some(run) = run else { return Ok(0) };
-        let (bytes, each) = (run.len() as u64, particle_bytes(attributes));
-        expect_that(bytes > 0 && bytes.is_multiple_of(each), "run of particles", "whole ones")?;
-        Ok(bytes / each)
+impl Shares {
+    /// Whether they are those of so many buckets, of at most `most` particles with so many attributes; else what was found and expected.
+    pub fn check(&self, buckets: usize, attributes: usize, most: u64) -> Result<(), String> {
+        expect("buckets", self.runs.len(), buckets)?;
+        expect_within("particles", self.all, 0..=most)?;
+        let each = particle_bytes(attributes);
+        let bytes = || self.runs.iter().flatten().map(|run| run.len() as u64);
+        expect_that(bytes().all(|bytes| bytes > 0 && bytes.is_multiple_of(each)), "run of particles", "whole ones")?;
+        expect_within("particles of a group", total(bytes()) / each, 0..=self.all)
     }
 }
 
@@ -73,7 +72,7 @@ pub(super) fn particle_bytes(attributes: usize) -> u64 {
 }
 
 impl Partition {
-    /// Reads the whole family; `extents` says whether [`Partition::extent`] will be asked for.
+    /// Reads the whole family.
     ///
     /// # Errors
     /// When it cannot be read, or its particles not be put away.
@@ -82,12 +81,11 @@ impl Partition {
         ranges: &[Range],
         plan: &Plan,
         root: RootCell,
-        extents: bool,
         spill: Spill,
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Histogram>), BuildError> {
         let chunks = 0..stream.chunks();
-        let (partition, counts) = Partition::of_chunks(stream, chunks, ranges, plan, root, extents, spill, progress)?;
+        let (partition, counts) = Partition::of_chunks(stream, chunks, ranges, plan, root, spill, progress)?;
         Ok((partition, histograms(ranges, counts)))
     }
 
@@ -101,7 +99,6 @@ impl Partition {
         ranges: &[Range],
         plan: &Plan,
         root: RootCell,
-        extents: bool,
         spill: Spill,
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Vec<u64>>), BuildError> {
@@ -122,7 +119,7 @@ impl Partition {
                 let columns: Vec<&Vec<f32>> = quantities.into_iter().chain(&chunk.attributes).collect();
                 let counts: Vec<Vec<u64>> =
                     columns.iter().zip(&bins).map(|(column, bins)| bins.count(column)).collect();
-                let to = Buckets { plan, root, extents, buckets: &buckets, spill: &spill };
+                let to = Buckets { plan, root, buckets: &buckets, spill: &spill };
                 to.distribute(&chunk.positions, &columns, scratch)?;
                 progress.advance(chunk.positions.len() as u64);
                 Ok(counts)
@@ -134,73 +131,82 @@ impl Partition {
             .unwrap_or_else(|| Ok(bins.iter().map(|bins| bins.count(&[])).collect()))?;
         let buckets =
             buckets.into_iter().map(|bucket| bucket.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
-        Ok((Partition { spill, columns, own, means: Vec::new(), buckets }, counts))
+        Ok((Partition { spill, columns, own, means: Vec::new(), first: 0, buckets }, counts))
     }
 
-    /// Puts the particles of each bucket away elsewhere, as one run. Where extents are known the runs are sorted, so that what is found for
-    /// their particles stays theirs when the chunks are read again.
+    /// Puts the particles of each bucket away in the file of the task at hand, as one run, bucket after bucket; and behind them what tells of
+    /// the runs of each group of buckets. So whoever wants one group reads nothing of others, and everything is where it was when the chunks are
+    /// read again. Runs that are sorted have the same order then, too, so that what is found for their particles stays theirs.
     ///
     /// # Errors
     /// When they cannot be read back or put away.
-    pub fn hand_on(&self, to: &Spill) -> Result<Vec<Share>, BuildError> {
-        let hand_on = |bucket: usize| {
+    pub fn hand_on(
+        &self,
+        groups: impl Iterator<Item = std::ops::Range<usize>>,
+        are_sorted: bool,
+        to: &Spill,
+    ) -> Result<Vec<Blob>, BuildError> {
+        let temporary = |error| BuildError::temporary(to, error);
+        let mut all = 0_u64;
+        let mut starts = Vec::with_capacity(self.buckets.len());
+        for bucket in self.numbers() {
+            starts.push(all * particle_bytes(self.columns));
+            all += self.len(bucket) as u64;
+        }
+        let first = to.reserve(all * particle_bytes(self.columns)).map_err(temporary)?;
+        let hand_on = |(bucket, start): (usize, u64)| {
             let (mut places, mut columns) = self.read_inputs(bucket)?;
-            let extent = self.extent(bucket);
             if places.is_empty() {
-                return Ok(Share::default());
+                return Ok(None);
             }
-            if extent.is_some() {
+            if are_sorted {
                 let order = columns.order(&places);
                 places = order.iter().map(|&i| places[i as usize]).collect();
                 columns = columns.gather(&order);
             }
-            let lane = to.lane(bucket);
-            let run = Some(run(&places, &columns, &lane)?);
-            lane.close().map_err(|error| BuildError::temporary(to, error))?;
-            Ok(Share { run, extent })
+            let run = run(&places, &columns, |parts| to.put_at(first + start, &parts.concat()));
+            run.map(Some).map_err(temporary)
         };
-        (0..self.buckets()).into_par_iter().map(hand_on).collect()
+        let runs = self.numbers().into_par_iter().zip(starts).map(hand_on);
+        let mut runs = runs.collect::<Result<Vec<_>, BuildError>>()?.into_iter();
+        let shares = |group: std::ops::Range<usize>| Shares { all, runs: runs.by_ref().take(group.len()).collect() };
+        groups.map(shares).map(|shares| to.put(&[&shares.bytes()]).map_err(temporary)).collect()
     }
 
-    /// The particles that input blocks have handed on to each bucket of a plan, with so many attributes among so many columns.
-    pub fn handed_on(spill: Spill, (own, columns): (usize, usize), plan: &Plan, blocks: Vec<Vec<Share>>) -> Partition {
+    /// Some buckets of a plan, with so many attributes among so many columns, to which nobody has handed anything on yet.
+    pub fn of_group(
+        spill: Spill,
+        (own, columns): (usize, usize),
+        plan: &Plan,
+        buckets: std::ops::Range<usize>,
+    ) -> Partition {
+        let first = buckets.start;
         let bucket = |number: usize| Bucket { keys: Some(plan.keys(number)), ..Bucket::default() };
-        let mut buckets: Vec<Bucket> = (0..plan.len()).map(bucket).collect();
-        for (bucket, Share { run, extent }) in blocks.into_iter().flat_map(|shares| (0..).zip(shares)) {
-            let bucket: &mut Bucket = &mut buckets[bucket];
-            bucket.runs.extend(run);
-            extent.into_iter().flat_map(|(low, high)| [low, high]).for_each(|at| bucket.reach(at));
-        }
-        Partition { spill, columns, own, means: Vec::new(), buckets }
+        Partition { spill, columns, own, means: Vec::new(), first, buckets: buckets.map(bucket).collect() }
+    }
+
+    /// Adds the particles that an input block has handed on to the buckets.
+    pub fn add(&mut self, shares: Shares) {
+        self.buckets.iter_mut().zip(shares.runs).for_each(|(bucket, run)| bucket.runs.extend(run));
     }
 
     /// Where estimated densities and smoothing lengths of a bucket are, and derived attributes; nowhere any more, as far as this partition
     /// knows.
     pub fn take_found(&mut self, bucket: usize) -> [Option<Blob>; 2] {
-        let Bucket { estimates, derived, .. } = &mut self.buckets[bucket];
+        let Bucket { estimates, derived, .. } = &mut self.buckets[bucket - self.first];
         [estimates.take(), derived.take()]
     }
 
     /// Takes note of where estimated densities and smoothing lengths of a bucket are, and derived attributes.
     pub fn found(&mut self, bucket: usize, [estimates, derived]: [Option<Blob>; 2]) {
-        let own = &mut self.buckets[bucket];
+        let own = &mut self.buckets[bucket - self.first];
         own.estimates = estimates.or(own.estimates.take());
         own.derived = derived.or(own.derived.take());
     }
 
-    /// Number of buckets.
-    pub fn buckets(&self) -> usize {
-        self.buckets.len()
-    }
-
-    /// Number of particles.
-    pub fn particles(&self) -> usize {
-        (0..self.buckets()).map(|bucket| self.len(bucket)).sum()
-    }
-
-    /// Smallest and largest coordinates of a bucket's particles, fractions of the root cell; `None` if it is empty.
-    pub fn extent(&self, bucket: usize) -> Option<([f64; 3], [f64; 3])> {
-        self.buckets[bucket].extent
+    /// The numbers of its buckets.
+    pub fn numbers(&self) -> std::ops::Range<usize> {
+        self.first..self.first + self.buckets.len()
     }
 
     /// Replaces densities and smoothing lengths of a bucket, two columns in the order of reading.
@@ -208,7 +214,7 @@ impl Partition {
     /// # Errors
     /// When they cannot be put away.
     pub fn put_estimates(&mut self, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError> {
-        self.buckets[bucket].estimates = Some(self.put(columns)?);
+        self.buckets[bucket - self.first].estimates = Some(self.put(columns)?);
         Ok(())
     }
 
@@ -217,7 +223,7 @@ impl Partition {
     /// # Errors
     /// When they cannot be put away.
     pub fn put_derived(&mut self, bucket: usize, columns: &[Vec<f32>]) -> Result<(), BuildError> {
-        self.buckets[bucket].derived = Some(self.put(columns)?);
+        self.buckets[bucket - self.first].derived = Some(self.put(columns)?);
         Ok(())
     }
 
@@ -232,9 +238,13 @@ impl Partition {
         self.means = means;
     }
 
+    fn bucket(&self, number: usize) -> &Bucket {
+        &self.buckets[number - self.first]
+    }
+
     /// Number of particles in a bucket.
     pub fn len(&self, bucket: usize) -> usize {
-        let Bucket { runs, places, .. } = &self.buckets[bucket];
+        let Bucket { runs, places, .. } = self.bucket(bucket);
         runs.iter().map(|run| self.run_len(run)).sum::<usize>() + places.len()
     }
 
@@ -273,7 +283,7 @@ impl Partition {
         let (places, mut columns) = self.read_columns(bucket, 3 + self.own)?;
         columns.attributes.truncate(self.own);
         let mut derived: Vec<Vec<f32>> = vec![Vec::new(); self.means.len()];
-        if let Some(blob) = self.buckets[bucket].derived.as_ref().filter(|_| !places.is_empty()) {
+        if let Some(blob) = self.bucket(bucket).derived.as_ref().filter(|_| !places.is_empty()) {
             let bytes = self.spill.get(blob).map_err(|error| BuildError::temporary(&self.spill, error))?;
             let all = bytes.chunks_exact(places.len() * size_of::<f32>());
             for ((values, bytes), &mean) in derived.iter_mut().zip(all).zip(&self.means) {
@@ -304,7 +314,7 @@ impl Partition {
 
     /// The first `wanted` columns of a bucket; the others stay empty.
     fn read_columns(&self, bucket: usize, wanted: usize) -> Result<(Vec<Place>, Columns), BuildError> {
-        let Bucket { runs, places: waiting, columns: rest, keys: own_keys, estimates, .. } = &self.buckets[bucket];
+        let Bucket { runs, places: waiting, columns: rest, keys: own_keys, estimates, .. } = self.bucket(bucket);
         let len = self.len(bucket);
         let mut places = Vec::with_capacity(len);
         let mut columns = Columns::with_capacity(self.columns, 0);
@@ -347,13 +357,13 @@ pub(super) fn histograms(ranges: &[Range], counts: Vec<Vec<u64>>) -> Vec<Histogr
     ranges.iter().zip(counts).map(finish).collect()
 }
 
-/// Puts a run of particles away: keys, the rest of their places, columns.
-fn run(places: &[Place], columns: &Columns, spill: &Spill) -> Result<Blob, BuildError> {
+/// Has a run of particles put away: keys, the rest of their places, columns.
+fn run(places: &[Place], columns: &Columns, put: impl FnOnce(&[&[u8]]) -> io::Result<Blob>) -> io::Result<Blob> {
     let keys: Vec<u64> = places.iter().map(|place| place.key).collect();
     let rests: Vec<u64> = places.iter().map(|place| place.rest).collect();
     let mut parts: Vec<&[u8]> = vec![bytemuck::cast_slice(&keys), bytemuck::cast_slice(&rests)];
     parts.extend(columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)));
-    spill.put(&parts).map_err(|error| BuildError::temporary(spill, error))
+    put(&parts)
 }
 
 /// Memory for distributing chunks.
@@ -372,7 +382,6 @@ struct Scratch {
 struct Buckets<'a> {
     plan: &'a Plan,
     root: RootCell,
-    extents: bool,
     buckets: &'a [Mutex<Bucket>],
     spill: &'a Spill,
 }
@@ -417,9 +426,6 @@ impl Buckets<'_> {
                 for (own, column) in bucket.columns.iter_mut().zip(columns) {
                     own.extend(now.iter().map(|&i| column[i as usize]));
                 }
-                if self.extents {
-                    now.iter().for_each(|&i| bucket.reach(places[i as usize].unit()));
-                }
                 rest = after;
                 if bucket.places.len() == RUN {
                     bucket.put_away(self.spill)?;
@@ -431,14 +437,9 @@ impl Buckets<'_> {
 }
 
 impl Bucket {
-    fn reach(&mut self, at: [f64; 3]) {
-        let (low, high) = self.extent.get_or_insert((at, at));
-        low.iter_mut().zip(at).for_each(|(low, x)| *low = low.min(x));
-        high.iter_mut().zip(at).for_each(|(high, x)| *high = high.max(x));
-    }
-
     fn put_away(&mut self, spill: &Spill) -> Result<(), BuildError> {
-        self.runs.push(run(&self.places, &self.columns, spill)?);
+        let run = run(&self.places, &self.columns, |parts| spill.put(parts));
+        self.runs.push(run.map_err(|error| BuildError::temporary(spill, error))?);
         self.places.clear();
         self.columns.iter_mut().for_each(Vec::clear);
         Ok(())

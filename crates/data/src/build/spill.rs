@@ -85,6 +85,9 @@ enum Place {
 }
 
 impl Blob {
+    /// Bytes by which others are told where a blob is.
+    pub const TOLD: u64 = 29;
+
     /// Number of bytes.
     pub fn len(&self) -> usize {
         self.len as usize
@@ -198,6 +201,43 @@ impl Spill {
         Ok(Blob { len: len as u64, place: Place::Disk(offset) })
     }
 
+    /// Keeps room for so many bytes in the file of the task at hand, for [`Spill::put_at`]: where it begins.
+    ///
+    /// # Errors
+    /// Where no such file is being written.
+    pub fn reserve(&self, len: u64) -> io::Result<u64> {
+        self.files()?.reserve(len)
+    }
+
+    /// Puts bytes where room was kept for them.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    pub fn put_at(&self, offset: u64, bytes: &[u8]) -> io::Result<Blob> {
+        let place = self.files()?.put_at(offset, &[bytes])?;
+        Ok(Blob { len: bytes.len() as u64, place: Place::Part(place) })
+    }
+
+    /// A blob of those in the file of a task whose index is a list of them. Nothing else of that list is read.
+    ///
+    /// # Errors
+    /// Where the task is not done, or its file damaged.
+    pub fn listed(&self, part: u32, number: u32) -> io::Result<Blob> {
+        let files = self.files()?;
+        // Behind the length of the list.
+        let at = size_of::<u64>() as u64 + Blob::TOLD * u64::from(number);
+        let blob: Blob = files.index_at(part, at, Blob::TOLD)?;
+        match blob.place {
+            Place::Part(place) if place.part() == part => Ok(blob),
+            _ => Err(files.damaged(part, "index: found a place in another file, expected one in the same")),
+        }
+    }
+
+    /// The files of a job's tasks.
+    fn files(&self) -> io::Result<&Arc<Parts>> {
+        self.parts.as_ref().ok_or_else(|| io::Error::other("no files of tasks"))
+    }
+
     /// Gives a blob of this spill back.
     ///
     /// # Errors
@@ -205,10 +245,7 @@ impl Spill {
     pub fn get<'a>(&self, blob: &'a Blob) -> io::Result<Bytes<'a>> {
         let words = match &blob.place {
             Place::Memory(words) => Cow::Borrowed(&words[..]),
-            Place::Part(place) => {
-                let parts = self.parts.as_ref().ok_or_else(|| io::Error::other("no files of tasks"))?;
-                Cow::Owned(parts.get(*place, blob.len)?)
-            }
+            Place::Part(place) => Cow::Owned(self.files()?.get(*place, blob.len)?),
             Place::Disk(offset) => {
                 let mut words = vec![0_u64; blob.len().div_ceil(8)];
                 let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut words);

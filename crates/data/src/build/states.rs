@@ -4,6 +4,7 @@ use super::derive::Deriving;
 use super::estimates::Estimating;
 use super::memory::{Memory, default_memory};
 use super::partition::Partition;
+use super::reach::Surroundings;
 use super::shuffle::Shuffle;
 use super::spill::Spill;
 use super::survey::Survey;
@@ -276,18 +277,20 @@ impl Sender<'_> {
             BuildOptions { memory: Some(options.memory.unwrap_or_else(default_memory) / 2), ..options.clone() };
         let memory = Memory::plan(&halved, out, survey.count, columns, most, plan.len())?;
         let spill = Spill::new(out, &memory.folder, memory.particles, options.read);
-        let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, true, spill, progress)?;
-        let edge = stream.periodic_edge(survey.bounds);
+        let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, spill, progress)?;
+        let Survey { bounds, count, .. } = survey;
+        let edge = stream.periodic_edge(bounds);
+        let surroundings = Surroundings { plan: &plan, root, edge, bounds, count, others: None };
         if let Some(k) = stream.neighbours().filter(|_| survey.is_lacking()) {
-            Estimating { k, root, edge }.estimate(&mut partition, memory.neighbour_block(), progress)?;
+            Estimating { k, surroundings }.estimate(&mut partition, memory.neighbour_block(), progress)?;
         }
         if let Some(derivation) = derivation {
             let own = carrier.attributes.len();
-            let deriving = Deriving { derivation, kernel: stream.kernel(), root, own, edge };
+            let deriving = Deriving { derivation, kernel: stream.kernel(), own, surroundings };
             deriving.derive(&mut partition, memory.motion_block(), progress)?;
         }
         let own = derived + stream.attributes().len();
-        let all = (0..partition.buckets()).into_par_iter().map(|bucket| {
+        let all = partition.numbers().into_par_iter().map(|bucket| {
             let (places, columns) = partition.read(bucket)?;
             let corner = root.min.to_array();
             let positions: Vec<[f64; 3]> = places

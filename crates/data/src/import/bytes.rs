@@ -8,6 +8,24 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
+/// The file, or where it is compressed what is in it, as a temporary file without a name; whether it is compressed.
+pub(super) fn unpacked(path: &Path) -> Result<(File, bool), ImportError> {
+    let io = |source| ImportError::io(path, "file", source);
+    let mut packed = BufReader::new(File::open(path).map_err(io)?);
+    let Some(packing) = Packing::of(packed.fill_buf().map_err(io)?) else {
+        return Ok((packed.into_inner(), false));
+    };
+    let most = packed.get_ref().metadata().map_err(io)?.len().saturating_mul(MOST_EXPANSION);
+    let unpacking = |source| ImportError::io(path, "unpacking", source);
+    let mut unpacked = tempfile::tempfile().map_err(unpacking)?;
+    let mut content = packing.unpacked(packed).take(most.saturating_add(1));
+    if std::io::copy(&mut content, &mut unpacked).map_err(unpacking)? > most {
+        let expected = format!("at most {MOST_EXPANSION} times the file");
+        return Err(ImportError::malformed(path, "unpacking", format!("more than {most} bytes"), expected));
+    }
+    Ok((unpacked, true))
+}
+
 /// A file that several threads read at once by offset. One that shrinks meanwhile gives an error.
 pub(super) struct RangeFile {
     /// The file's name.
@@ -24,22 +42,9 @@ impl RangeFile {
         RangeFile::of(path, File::open(path).map_err(io)?, method)
     }
 
-    /// The same of what is in the file: what is compressed is unpacked first, into a temporary file without a name.
+    /// The same of [what is in](unpacked) the file.
     pub(super) fn open_unpacked(path: &Path, method: ReadMethod) -> Result<RangeFile, ImportError> {
-        let io = |source| ImportError::io(path, "file", source);
-        let mut packed = BufReader::new(File::open(path).map_err(io)?);
-        let Some(packing) = Packing::of(packed.fill_buf().map_err(io)?) else {
-            return RangeFile::of(path, packed.into_inner(), method);
-        };
-        let most = packed.get_ref().metadata().map_err(io)?.len().saturating_mul(MOST_EXPANSION);
-        let unpacking = |source| ImportError::io(path, "unpacking", source);
-        let mut unpacked = tempfile::tempfile().map_err(unpacking)?;
-        let mut content = packing.unpacked(packed).take(most.saturating_add(1));
-        if std::io::copy(&mut content, &mut unpacked).map_err(unpacking)? > most {
-            let expected = format!("at most {MOST_EXPANSION} times the file");
-            return Err(ImportError::malformed(path, "unpacking", format!("more than {most} bytes"), expected));
-        }
-        RangeFile::of(path, unpacked, method)
+        RangeFile::of(path, unpacked(path)?.0, method)
     }
 
     /// The same of an open file, which is called `path`.

@@ -147,9 +147,8 @@ impl Head {
             let mut unpacked = Vec::with_capacity(HEAD);
             // What is damaged shows what came before the damage.
             let _ = packing.unpacked(BufReader::new(file)).take(HEAD as u64).read_to_end(&mut unpacked);
-            // Libraries, and formats of several files that lie together, read what is on the disk.
-            let as_they_are: [&dyn Format; 4] =
-                [&super::hdf5::Hdf5, &super::table::Parquet, &super::nchilada::Nchilada, &super::ramses::Ramses];
+            // Formats of several files that lie together read what is on the disk.
+            let as_they_are: [&dyn Format; 2] = [&super::nchilada::Nchilada, &super::ramses::Ramses];
             match as_they_are.into_iter().find(|format| format.recognise(&unpacked, length)) {
                 Some(format) => to_unpack = Some((packing, format.name())),
                 None => bytes = unpacked,

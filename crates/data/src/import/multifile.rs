@@ -4,7 +4,7 @@ use super::ImportError;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// The names of all files of the snapshot that `path` is one of: `x.0.hdf5`, `x.1.hdf5`, ... or `x.0`, `x.1`, ...
+/// The names of all files of the snapshot that `path` is one of: `x.0.hdf5`, `x.1.hdf5`, ... or `x.0`, `x.1`, ..., or `x.0.hdf5.gz`, ...
 ///
 /// # Errors
 /// [`ImportError`] when a file of several has no number in its name, or one of them is not there.
@@ -37,8 +37,8 @@ pub(super) fn names(path: &Path, files: u64) -> Result<Vec<PathBuf>, ImportError
 fn around_number(name: &str) -> Option<(String, String)> {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let parts: Vec<&str> = name.split('.').collect();
-    // The last part but one of NAME.N.EXTENSION, else the last of NAME.N.
-    let place = [parts.len().checked_sub(2), parts.len().checked_sub(1)].into_iter().flatten();
+    // The last part but one of NAME.N.EXTENSION, else the last of NAME.N, else of a compressed file the one before both of its endings.
+    let place = [2, 1, 3].into_iter().filter_map(|from_end| parts.len().checked_sub(from_end));
     let place = place.into_iter().find(|place| *place > 0 && is_number(parts[*place]))?;
     let before = parts[..place].join(".") + ".";
     let after = parts[place + 1..].iter().map(|part| format!(".{part}")).collect();

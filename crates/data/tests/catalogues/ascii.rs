@@ -123,6 +123,17 @@ fn tables_of_others_are_read() {
             [4.0, 5.0, 6.0],
             ("Mvir", 1e9),
         ),
+        // Two lines of counts before names, which are more than are looked at to tell the format.
+        (
+            "velociraptor",
+            format!(
+                "0\t1\n1\t1\nID(1) Mvir(2) Xc(3) Yc(4) Zc(5) {}\n7 1e12 1 2 3 {}\n",
+                (6..506).map(|number| format!("other{number}({number}) ")).collect::<String>(),
+                "0.5 ".repeat(500)
+            ),
+            [1.0, 2.0, 3.0],
+            ("Mvir", 1e12),
+        ),
         (
             "numpy",
             format!("# x, y, z, mass\n{} {} {} {}\n", numpy(1.0), numpy(-2e-300), numpy(3e10), numpy(5.0)),
@@ -166,6 +177,7 @@ fn what_is_wrong_with_a_table_is_said() {
         ("# x y z\n1 2 3 4\n", "names of columns: missing"),
         ("# t px py\n1 2 3\n", "positions: missing, expected columns x, y, z"),
         ("# x y z\n", "no particles"),
+        ("0 1\n2 2\nID(1) Xc(2) Yc(3) Zc(4)\n7 1 2 3\n8 4 5 z\n", "Zc in line 5: found z, expected a number"),
         (
             "# x y z m\n1 2 3 4\n\n# a comment\n1 2 3\n",
             "line 5: found 3 values, expected 4, as many as the header has names",

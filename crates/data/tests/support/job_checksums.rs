@@ -6,8 +6,8 @@ const BEGINNING: usize = 24;
 /// In place of the number of a lane: none.
 const NO_LANE: u32 = u32::MAX;
 
-/// Gives a changed file of a task the beginning that it had, and header, index, lanes and whatever of the file the index names the checksums
-/// that their bytes have, as somebody who means harm would.
+/// Gives a changed file of a task the beginning that it had, and header, index, lanes and whatever of the file is named in it the checksums that
+/// their bytes have, as somebody who means harm would.
 pub fn correct(bytes: &mut [u8], sound: &[u8]) {
     if bytes.len() < HEADER || sound.len() < BEGINNING {
         return;
@@ -27,18 +27,20 @@ pub fn correct(bytes: &mut [u8], sound: &[u8]) {
     put(bytes, 76, crc);
 }
 
-/// The same for what is named in the index: 8 bytes of length, a 1, the numbers of task and lane, the place and the checksum.
+/// The same for what is named in the index, or before it and is in no lane: 8 bytes of length, a 1, the numbers of task and lane, the place and
+/// the checksum. What names something comes behind it.
 fn correct_blobs(bytes: &mut [u8], lanes: usize, index: usize) {
     let table = bytes[lanes..index].get(8..).unwrap_or_default();
     let lanes: Vec<(u32, usize)> =
         table.chunks_exact(12).filter_map(|lane| Some((word(lane, 0)?, number(lane, 4)?))).collect();
     let own = word(bytes, 12);
-    for at in index..bytes.len().saturating_sub(28) {
+    for at in HEADER..bytes.len().saturating_sub(28) {
         if bytes[at + 8] != 1 || word(bytes, at + 9) != own {
             continue;
         }
         let start = match word(bytes, at + 13) {
             Some(NO_LANE) => Some(0),
+            _ if at < index => None,
             lane => lanes.iter().find(|(number, _)| Some(*number) == lane).map(|(_, start)| *start),
         };
         let start = start.zip(number(bytes, at + 17)).and_then(|(start, offset)| start.checked_add(offset));

@@ -189,8 +189,16 @@ impl Depiction {
         self.mode.technique.takes_clusters()
     }
 
-    /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels.
+    /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels: where an attribute gives the hue, by
+    /// the share of that which its mode tolerates.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
+        let share = if self.attribute.is_some() { self.mode.hue_tolerance } else { 1.0 };
+        self.detail_in_motion(view, share * tau, metadata)
+    }
+
+    /// The same of a view that moves: its hue waits until it rests. A sample of finer particles would be less of the picture in the same time,
+    /// and pages that serve hue alone would come before those of the way ahead.
+    pub fn detail_in_motion(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
         match (self.choice.splats, self.purpose(metadata)) {
             (Some(splats), _) if self.takes_clusters() => Detail::Budget { splats, scope: Scope::Picture },
             (_, Purpose::Samples) => self.mode.technique.detail(view, &self.settings, metadata.bounds(), tau),

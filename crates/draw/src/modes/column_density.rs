@@ -16,6 +16,7 @@ pub static MODE: Mode = Mode {
     },
     weight: |columns| columns.mass.to_vec(),
     conserves: Conserved::Mass,
+    hue_tolerance: 1.0,
     usual_attributes: &[],
     weight_attributes: &[],
     transfer: ["density", "density-hue"],

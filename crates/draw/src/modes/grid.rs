@@ -26,6 +26,7 @@ pub const MODE: Mode = Mode {
     unit: density_unit,
     weight: masses,
     conserves: Conserved::Mass,
+    hue_tolerance: 1.0,
     usual_attributes: &[],
     weight_attributes: &[],
     transfer: ["volume", "volume-hue"],

@@ -57,7 +57,7 @@ static REGISTERED: RwLock<Vec<&'static Mode>> = RwLock::new(Vec::new());
 ///
 /// # Errors
 /// What is wrong with the mode: a name that another one has, or a setting that is called as one of the budget's, or whose
-/// default it does not take, or a transfer function that does not exist.
+/// default it does not take, or a tolerance that is no share, or a transfer function that does not exist.
 pub fn register(mode: &'static Mode) -> Result<(), String> {
     if find(mode.name).is_some() {
         return Err(format!("mode {}: expected a name that no other mode has", mode.name));
@@ -71,6 +71,10 @@ pub fn register(mode: &'static Mode) -> Result<(), String> {
     }
     for setting in mode.all_settings() {
         setting.check(&setting.default()).map_err(|error| format!("mode {}, default of {error}", mode.name))?;
+    }
+    if !(f64::MIN_POSITIVE..=1.0).contains(&mode.hue_tolerance) {
+        let found = mode.hue_tolerance;
+        return Err(format!("mode {}, hue_tolerance: found {found}, expected a number above 0, at most 1", mode.name));
     }
     for name in mode.transfer {
         TransferFunction::preset(name).ok_or_else(|| format!("mode {}: no transfer function {name}", mode.name))?;
@@ -157,6 +161,14 @@ mod tests {
         let wrong = register(&MODE).unwrap_err();
         assert!(wrong.starts_with("mode with-presence, setting presence: expected another name"), "{wrong}");
         assert!(wrong.contains("(culling, presence, thinning, ") && find(MODE.name).is_none(), "{wrong}");
+    }
+
+    #[test]
+    fn a_tolerance_is_a_share() {
+        static MODE: Mode = Mode { name: "tolerates-nothing", hue_tolerance: 0.0, ..grid::MODE };
+        let expected = "mode tolerates-nothing, hue_tolerance: found 0, expected a number above 0, at most 1";
+        assert_eq!(register(&MODE), Err(expected.to_owned()));
+        assert!(BUILT_IN.iter().all(|mode| mode.hue_tolerance > 0.0 && mode.hue_tolerance <= 1.0));
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub static MODE: Mode = Mode {
         None => columns.mass.to_vec(),
     },
     conserves: Conserved::Neither,
+    hue_tolerance: 1.0,
     usual_attributes: &["color-index", "temperature", "speed"],
     weight_attributes: &["magnitude"],
     transfer: ["density", "stars"],

@@ -37,6 +37,9 @@ pub struct Picture {
     pub transfer: TransferFunction,
     /// Whether everything that the view needs at its error bound was drawn.
     pub converged: bool,
+    /// Whether it is not converged since there is no memory for what is asked for, and is whole in the finest detail that there is memory for: then
+    /// it is the same whenever it is drawn with as much.
+    pub is_coarser: bool,
     /// Largest displacement of a drawn particle, pixels.
     pub error_px: f64,
     /// Particles of what was selected.

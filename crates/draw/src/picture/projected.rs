@@ -66,7 +66,7 @@ impl Means<'_> {
     }
 
     /// Waits until what a view needs is there.
-    fn converge(&mut self, view: &View, detail: impl Into<Detail>) -> Result<SceneSelection, PictureError> {
+    fn converge(&mut self, view: &View, detail: Detail) -> Result<SceneSelection, PictureError> {
         Ok(self.scene.converge(view, detail, &mut |why| self.reporter.tell(why))?)
     }
 
@@ -348,16 +348,17 @@ impl Projector {
                 tally.counts += counts;
                 return Ok(sums.into());
             }
+            let detail = depiction.detail(face.view, tau * face.scale(), subject.metadata);
             if whole.is_none()
                 && means.lists
                 && surfaces.is_none()
-                && let Some(sums) = listed::sums(means, subject, face, (&seen, tau), tally)?
+                && let Some(sums) = listed::sums(means, subject, face, (&seen, detail), tally)?
             {
                 return Ok(sums.into());
             }
             let own = match &whole {
                 Some(_) => None,
-                None => Some(means.converge(&seen, tau * face.scale())?),
+                None => Some(means.converge(&seen, detail)?),
             };
             if let Some(own) = &own {
                 tally.add(own, face.scale());
@@ -499,8 +500,7 @@ impl Projector {
     fn select_all(&self, means: &mut Means<'_>, subject: &Subject<'_>) -> Result<SceneSelection, PictureError> {
         let all = sketch(&self.base, with_images(&self.base, subject.metadata.bounds()))?;
         let detail = match (subject.depiction.detail(&all, 1.0, subject.metadata), means.scene.purpose) {
-            (Detail::Budget { splats, scope }, _) => Detail::Budget { splats, scope },
-            (_, Purpose::Splats | Purpose::Clusters) => Detail::Error { tau: 1.0 },
+            (detail @ Detail::Budget { .. }, _) | (detail, Purpose::Splats | Purpose::Clusters) => detail,
             (_, Purpose::Samples) => Detail::Sampling { sigma: 1.0 / all.focal_pixels(), near: 0.0 },
         };
         means.converge(&all, detail)

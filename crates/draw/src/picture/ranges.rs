@@ -87,6 +87,8 @@ impl Session {
                 projector.levels(&mut self.means(), &subject, tau)?
             }
         };
+        self.note_memory(true);
+        self.tell_of_memory();
         let attribute = depiction.attribute.map(|coloring| coloring.name);
         Ok(Measured { mode: depiction.mode, attribute, transfer, levels })
     }

@@ -61,7 +61,7 @@ pub struct SessionOptions {
     /// Bytes that the samples of an image or a volume may take; more are thinned.
     pub memory: Option<u64>,
     /// Bytes that pages of particles may take, with what is drawn of them at a time: sums whose pages do not fit are drawn in passes, flat pictures of
-    /// volumes in slabs, and all else is drawn coarser then. `None`: whatever a picture needs is held at once.
+    /// volumes in slabs, and all else is drawn coarser then, by these bytes alone. `None`: whatever a picture needs is held at once.
     pub page_memory: Option<u64>,
     /// Bytes that decoded chunks of heights may take.
     pub chunk_memory: Option<u64>,
@@ -119,8 +119,8 @@ pub struct Session {
     has_told_of_attribute: bool,
     /// Whether it was told that the file has not got what was asked of its levels.
     has_told_of_levels: bool,
-    /// Whether the picture that was drawn last needed more memory than pages may take, and whether that was told.
-    lacks_memory: bool,
+    /// What the picture that was drawn last had no memory for, and whether that was told of any.
+    shortage: Shortage,
     has_told_of_memory: bool,
     reporter: Arc<dyn Reporter>,
 }
@@ -210,7 +210,7 @@ impl Session {
             told_once: Vec::new(),
             has_told_of_attribute: false,
             has_told_of_levels: false,
-            lacks_memory: false,
+            shortage: Shortage::default(),
             has_told_of_memory: false,
             reporter: Arc::new(()),
         }
@@ -288,7 +288,9 @@ impl Session {
     /// # Errors
     /// As [`Session::draw`], and for modes and adapters that draw nothing among surfaces.
     pub fn draw_among(&mut self, shot: &Shot, ground: Option<&dyn Ground>) -> Result<Picture, PictureError> {
-        self.lacks_memory = false;
+        // What was found of earlier views is not about this picture.
+        self.note_memory(true);
+        self.shortage = Shortage::default();
         let framed = self.framed(&shot.look)?;
         let (tree, depiction, transfer) = self.show(&shot.look)?;
         if ground.is_some() {
@@ -318,7 +320,10 @@ impl Session {
                 picture.unfiltered = Some(Arc::new(whole));
             }
         }
-        if let Ok(picture) = &drawn {
+        self.tell_of_memory();
+        if let Ok(picture) = &mut drawn {
+            picture.is_coarser = self.shortage.is_coarser && picture.converged;
+            picture.converged &= !self.shortage.is_coarser;
             self.tell_of_levels(picture, &depiction, tree.metadata());
         }
         // Settings come from the file that the user wrote, if there is one.
@@ -428,7 +433,7 @@ impl Session {
         let detail = depiction.detail(view, tau, self.tree().metadata());
         let reporter = &*self.reporter;
         let selection = self.scene.converge(&depiction.selection_view(view), detail, &mut |why| reporter.tell(why))?;
-        self.tell_of_memory(selection.converged);
+        self.note_memory(selection.converged);
         Ok(selection)
     }
 
@@ -457,6 +462,7 @@ impl Session {
             },
             transfer: transfer.clone(),
             converged: true,
+            is_coarser: false,
             error_px: 0.0,
             particles: 0,
             nodes: 0,
@@ -501,6 +507,15 @@ impl Session {
         };
         adapter::passes(depiction, backend, self.adapter.as_deref_mut()).map_err(PictureError::Asked)
     }
+}
+
+/// What a picture has no memory for.
+#[derive(Clone, Copy, Default)]
+struct Shortage {
+    /// It is in less detail than was asked for.
+    is_coarser: bool,
+    /// Some of what it needs in that detail is missing.
+    is_missing: bool,
 }
 
 /// A shot on the open data.

@@ -1,7 +1,8 @@
 //! What stands in for a view's splats while there is no time for all of them: clusters, within a number of splats.
 //!
 //! A view that moves shows clusters alone. One that rests shows them until all that its own detail asks for is there, and asks for
-//! that as soon as it has the clusters: something that deserves the name of a picture comes first, and the picture after it.
+//! that as soon as it has the clusters: something that deserves the name of a picture comes first, and the picture after it. Where no
+//! clusters stand in, a view that moves is as fine as its mode is in motion ([`Depiction::detail_in_motion`]).
 
 use crate::hierarchy::Purpose;
 use crate::mode::{Conserved, Depiction, LevelChoice, Levels, Output};
@@ -13,15 +14,6 @@ use std::sync::Arc;
 /// How long a picture at rest fades in over the clusters that stood in for it, seconds.
 pub const FADE_SECS: f32 = 0.2;
 
-/// What may be drawn while there is no time for all of a view.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limit {
-    /// Splats at most.
-    pub splats: u64,
-    /// Whether the view moves: then what it would show at rest is not looked for.
-    pub moves: bool,
-}
-
 /// What is wanted of a view.
 #[derive(Clone, Copy)]
 pub struct Wanted<'a> {
@@ -31,8 +23,10 @@ pub struct Wanted<'a> {
     pub tau: f64,
     /// Indices of the families in the file's metadata.
     pub families: &'a [u32],
-    /// What there is time for; `None`: all of it.
-    pub limit: Option<Limit>,
+    /// Whether the view moves: then what it would show at rest is not looked for.
+    pub moves: bool,
+    /// How many splats there is time for; `None`: all of them.
+    pub splats: Option<u64>,
 }
 
 /// What a frame draws.
@@ -46,6 +40,8 @@ pub struct Chosen {
     pub purpose: Purpose,
     /// Whether they stand in for what was wanted: then the picture is not the view's own, converged or not.
     pub stands_in: bool,
+    /// Whether it is as fine as what the view shows at rest.
+    pub at_rest: bool,
 }
 
 /// Whether clusters of a file may stand in for what a depiction draws of it. Their shapes are those of their mass: where density counts
@@ -81,30 +77,32 @@ impl StandIn {
     /// Starts a frame: chooses what a view draws from what is in memory, and asks for what it lacks. What cannot be had is not waited for:
     /// then the view's own detail is shown as far as it is there.
     pub fn select(&mut self, streamer: &mut Streamer, view: &View, wanted: &Wanted<'_>) -> Chosen {
-        let Wanted { depiction, tau, families, limit } = *wanted;
+        let Wanted { depiction, tau, families, moves, splats } = *wanted;
         let tree = Arc::clone(streamer.residency.tree());
         let metadata = tree.metadata();
         let seen = depiction.selection_view(view);
         let (purpose, detail) = (depiction.purpose(metadata), depiction.detail(view, tau, metadata));
         let roots = streamer.roots(families.iter().copied(), purpose, view.time);
-        let own = |selection| Chosen { selection, detail, purpose, stands_in: false };
-        let limit = limit.filter(|_| has_stand_in(depiction, metadata));
+        let own = |selection| Chosen { selection, detail, purpose, stands_in: false, at_rest: true };
+        let splats = splats.filter(|_| has_stand_in(depiction, metadata));
         // What comes next is read ahead for a view that rests there.
-        streamer.goal = limit.map(|_| (detail, roots.clone()));
-        let Some(limit) = limit else {
+        streamer.goal = splats.map(|_| (detail, roots.clone()));
+        let Some(splats) = splats else {
             self.asked = Asked::Nothing;
-            return own(streamer.select(&seen, detail, &roots));
+            let shown = if moves { depiction.detail_in_motion(view, tau, metadata) } else { detail };
+            let selection = streamer.select(&seen, shown, &roots);
+            return Chosen { detail: shown, at_rest: shown == detail, ..own(selection) };
         };
         // Nothing comes any more of what was asked for.
         let is_over = !streamer.is_busy();
-        let at_rest = (!limit.moves).then(|| streamer.select(&seen, detail, &roots));
+        let at_rest = (!moves).then(|| streamer.select(&seen, detail, &roots));
         let is_best = |own: &&Selection<NodeRef>| {
             is_over && self.asked == Asked::Own && !own.draw.is_empty() || own.is_converged()
         };
         if let Some(selection) = at_rest.as_ref().filter(is_best) {
             return own(selection.clone());
         }
-        let few = within(depiction, limit.splats);
+        let few = within(depiction, splats);
         let (purpose, detail) = (few.purpose(metadata), few.detail(view, tau, metadata));
         let roots = streamer.roots(families.iter().copied(), purpose, view.time);
         let selection = streamer.select(&seen, detail, &roots);
@@ -120,7 +118,7 @@ impl StandIn {
             }
             None => Asked::Clusters,
         };
-        Chosen { selection, detail, purpose, stands_in: true }
+        Chosen { selection, detail, purpose, stands_in: true, at_rest: false }
     }
 }
 

@@ -3,6 +3,7 @@
 //!
 //! [`Outline`]: super::outline::Outline
 
+use super::outline::Held;
 use super::{Scene, SceneNode};
 use crate::model::spare_memory;
 use crate::store::{NodeRef, PageId, StoreError};
@@ -49,8 +50,9 @@ const GROUP_BYTES: u64 = 64 << 20;
 const GROUP_SHARE: u64 = 4;
 
 impl Scene {
-    /// Selects what a view draws in this detail, waiting for the disk: looks at every page that it needs, and holds none of them. What there is
-    /// to tell about that is handed to `tell`, a sentence at a time.
+    /// Selects what a view draws in this detail, waiting for the disk: looks at every page that it needs, and holds none of them. Where even what
+    /// they tell of their nodes is too much, it is selected coarser ([`Scene::take_coarser`]). What there is to tell about that is handed to `tell`, a
+    /// sentence at a time.
     ///
     /// # Errors
     /// [`StoreError`] if a root page cannot be read, since then nothing can be drawn.
@@ -60,44 +62,22 @@ impl Scene {
         detail: impl Into<Detail>,
         tell: &mut dyn FnMut(String),
     ) -> Result<Listing, StoreError> {
-        let (view, detail) = (self.timed(view), detail.into());
-        let roots = self.roots(&view);
-        loop {
-            let selection = select(&view, detail, &self.outline, &roots);
-            let known = self.outline.len();
-            let wanted: Vec<NodeRef> = selection.missing.iter().map(|missing| missing.id).collect();
-            self.look_at(wanted.iter().map(|node| node.page));
-            if self.outline.len() > known {
-                continue;
-            }
-            self.streamer.read_ahead([]);
-            self.streamer.begin();
-            self.streamer.hold(wanted);
-            self.make_room();
-            if !self.streamer.is_busy() {
-                if !self.has_roots(&roots, |scene, page| scene.outline.has(page))? {
-                    continue;
-                }
-                let has_steps = |drawn: &Drawn<NodeRef>| self.outline.has_steps(drawn.id);
-                return Ok(Listing {
-                    converged: selection.is_converged(),
-                    particles: selection.particles(),
-                    has_clusters: selection.draw.iter().any(has_steps),
-                    nodes: selection.draw,
-                    tau: detail.tolerance(&view),
-                    view,
-                });
-            }
-            // Everything that was asked for is looked at before the view is selected again.
-            while self.streamer.is_busy() && !self.streamer.is_retry_due() {
-                let (arrived, of_roots) = self.wait(tell);
-                // Those that are known are no error.
-                let of_known = of_roots.into_iter().filter(|(page, _)| self.outline.has(*page));
-                of_known.for_each(|(_, message)| tell(message));
-                self.look_at(arrived);
-                self.make_room();
-            }
+        let (view, asked) = (self.timed(view), detail.into());
+        let (mut detail, mut selection) = (asked, self.outlined(&view, asked, &|_, _| false, tell)?.0);
+        if self.is_full(&selection) {
+            detail = self.fitted(&view, asked, Held::Outlines, tell)?;
+            selection = self.outlined(&view, detail, &|_, _| false, tell)?.0;
         }
+        self.is_coarser |= detail != asked;
+        let has_steps = |drawn: &Drawn<NodeRef>| self.outline.has_steps(drawn.id);
+        Ok(Listing {
+            converged: selection.is_converged(),
+            particles: selection.particles(),
+            has_clusters: selection.draw.iter().any(has_steps),
+            nodes: selection.draw,
+            tau: detail.tolerance(&view),
+            view,
+        })
     }
 
     /// The nodes that a view draws in this detail, as far as is known from the views that were listed before.
@@ -112,7 +92,7 @@ impl Scene {
     }
 
     /// Keeps what pages tell of their nodes, of those that are in memory: they may make room then.
-    fn look_at(&mut self, pages: impl IntoIterator<Item = PageId>) {
+    pub(super) fn look_at(&mut self, pages: impl IntoIterator<Item = PageId>) {
         for page in pages {
             if let Some(page) = self.streamer.residency.page(page) {
                 self.outline.add(page);
@@ -161,7 +141,7 @@ impl Scene {
     }
 
     /// Begins to read what is missing, in the place of pages that are freed before it comes.
-    fn make_room(&mut self) {
+    pub(super) fn make_room(&mut self) {
         self.streamer.serve();
         self.freed_bytes += self.streamer.free_evicted();
         if self.freed_bytes >= GROUP_BYTES {

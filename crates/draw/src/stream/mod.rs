@@ -5,6 +5,7 @@
 
 pub mod ahead;
 pub mod copies;
+pub mod fitting;
 pub mod frame;
 pub mod listing;
 pub mod loader;

@@ -5,8 +5,17 @@ use super::residency::info_of;
 use crate::hierarchy::pca::Step;
 use crate::store::{NodeRef, Page, PageId};
 use crate::view::{Extent, NodeInfo, NodeTree};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
+
+/// What of pages has to be in memory at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Held {
+    /// They themselves.
+    Pages,
+    /// What they tell of their nodes.
+    Outlines,
+}
 
 /// The nodes of a page.
 #[derive(Clone, Debug)]
@@ -14,6 +23,9 @@ struct OutlinedPage {
     nodes: Vec<OutlinedNode>,
     children: Vec<NodeRef>,
     steps: Vec<Step>,
+    /// Memory that the page takes, bytes, and what is kept of it here.
+    page_bytes: u64,
+    own_bytes: u64,
 }
 
 /// A node, and which of its page's children and steps are its own.
@@ -57,8 +69,10 @@ impl Outline {
             children.len() * size_of::<NodeRef>(),
             steps.len() * size_of::<Step>(),
         ];
-        self.bytes += sizes.iter().map(|size| *size as u64).sum::<u64>();
-        self.pages.insert(page.id, OutlinedPage { nodes, children, steps });
+        let page_bytes = page.memory();
+        let own_bytes: u64 = sizes.iter().map(|size| *size as u64).sum();
+        self.bytes += own_bytes;
+        self.pages.insert(page.id, OutlinedPage { nodes, children, steps, page_bytes, own_bytes });
     }
 
     /// Whether a page has been looked at.
@@ -89,6 +103,16 @@ impl Outline {
     /// Memory that it takes, bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
+    }
+
+    /// What is held of these nodes' pages, bytes, as far as they have been looked at.
+    pub fn bytes_of(&self, held: Held, nodes: &[NodeRef]) -> u64 {
+        let pages: HashSet<PageId> = nodes.iter().map(|node| node.page).collect();
+        let bytes = |page: &OutlinedPage| match held {
+            Held::Pages => page.page_bytes,
+            Held::Outlines => page.own_bytes,
+        };
+        pages.iter().filter_map(|page| self.pages.get(page)).map(bytes).sum()
     }
 
     fn found(&self, id: NodeRef) -> Option<(&OutlinedPage, &OutlinedNode)> {

@@ -143,7 +143,8 @@ impl Residency {
     /// Whether the budget has room for all pages of the tree at once.
     pub fn has_room_for_all(&self) -> bool {
         let pages = (0..self.tree.page_count()).map(PageId);
-        pages.map(|page| self.tree.page_memory(page)).fold(0, u64::saturating_add) <= self.budget_bytes
+        let all = || pages.map(|page| self.tree.page_memory(page)).fold(0, u64::saturating_add);
+        self.budget_bytes == u64::MAX || all() <= self.budget_bytes
     }
 
     /// The tree.

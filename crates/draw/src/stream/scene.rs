@@ -24,6 +24,8 @@ pub struct Scene {
     pub(super) outline: Outline,
     /// Bytes of pages that were freed and not given back to the system yet.
     pub(super) freed_bytes: u64,
+    /// Whether a view was selected in less detail than was asked for.
+    pub(super) is_coarser: bool,
 }
 
 /// A node to draw, with the page that holds it.
@@ -58,6 +60,8 @@ pub struct SceneSelection {
     pub particles: u64,
     /// The nodes that the streamer's occluder hides.
     pub hidden: Vec<Hidden<NodeRef>>,
+    /// In what detail it was selected in place of the one that was asked for, where that needs more memory than there is.
+    pub coarser: Option<Detail>,
 }
 
 impl SceneNode {
@@ -102,6 +106,7 @@ impl SceneSelection {
             missing: selection.missing.len(),
             particles: selection.particles(),
             hidden: selection.hidden.clone(),
+            coarser: None,
         }
     }
 }
@@ -118,8 +123,15 @@ impl Scene {
     /// The same with all options.
     pub fn with_options(tree: impl Tree + 'static, options: StreamOptions) -> Scene {
         let families = (0..tree.metadata().families.len() as u32).collect();
-        let (purpose, outline) = (Purpose::Splats, Outline::default());
-        Scene { streamer: Streamer::new(tree, options), families, purpose, time: None, outline, freed_bytes: 0 }
+        Scene {
+            streamer: Streamer::new(tree, options),
+            families,
+            purpose: Purpose::Splats,
+            time: None,
+            outline: Outline::default(),
+            freed_bytes: 0,
+            is_coarser: false,
+        }
     }
 
     pub(super) fn timed(&self, view: &View) -> View {
@@ -135,8 +147,8 @@ impl Scene {
     }
 
     /// Selects and loads, waiting for the disk, until the view is converged or nothing more can be had: pages that
-    /// cannot be read, a disk that does not answer, or a budget that the view exceeds, leave `converged` false. What
-    /// there is to tell about that is handed to `tell`, a sentence at a time.
+    /// cannot be read, or a disk that does not answer, leave `converged` false. A view that exceeds the budget is selected in less detail
+    /// ([`SceneSelection::coarser`]). What there is to tell is handed to `tell`, a sentence at a time.
     ///
     /// # Errors
     /// [`StoreError`] if a root page cannot be read, since then nothing can be drawn.
@@ -146,7 +158,10 @@ impl Scene {
         detail: impl Into<Detail>,
         tell: &mut dyn FnMut(String),
     ) -> Result<SceneSelection, StoreError> {
-        let (view, detail) = (&self.timed(view), detail.into());
+        let (view, asked) = (&self.timed(view), detail.into());
+        let detail = self.held_detail(view, asked, tell)?;
+        let coarser = (detail != asked).then_some(detail);
+        self.is_coarser |= coarser.is_some();
         let roots = self.roots(view);
         loop {
             let selection = self.streamer.select(view, detail, &roots);
@@ -155,7 +170,7 @@ impl Scene {
             if self.streamer.is_busy() {
                 self.wait(tell);
             } else if self.has_roots(&roots, |_, _| false)? {
-                return Ok(SceneSelection::of(&self.streamer, view, detail, &selection));
+                return Ok(SceneSelection { coarser, ..SceneSelection::of(&self.streamer, view, detail, &selection) });
             }
         }
     }

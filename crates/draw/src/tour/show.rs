@@ -23,6 +23,8 @@ pub struct Show {
     exposure: Exposure,
     /// The tour's folder.
     folder: PathBuf,
+    /// Whether anything was drawn coarser than the tour asks for.
+    is_coarser: bool,
 }
 
 /// A drawn frame.
@@ -80,6 +82,7 @@ impl Show {
             timeline,
             session,
             folder: folder.canonicalize().unwrap_or(folder),
+            is_coarser: false,
         })
     }
 
@@ -91,6 +94,16 @@ impl Show {
     /// Whether it begins again at its end.
     pub fn repeats(&self) -> bool {
         self.timeline.repeats()
+    }
+
+    /// Whether a frame so far, or a picture that ranges were found from, was drawn coarser than the tour asks for, since memory has no room for more:
+    /// then frames are the same only with as much.
+    pub fn is_coarser(&self) -> bool {
+        self.is_coarser
+    }
+
+    fn note_memory(&mut self) {
+        self.is_coarser |= self.session.particles().is_some_and(|session| session.lacks_memory());
     }
 
     /// The scene of a look from a camera, as a file in `place` names the data.
@@ -136,6 +149,7 @@ impl Show {
                 let state = self.timeline.state(self.exposure.time(moment));
                 let format = Format { size: self.tour.size, surround: self.tour.projection };
                 let measured = self.session.ranges(&state.look, &state.camera, format)?;
+                self.note_memory();
                 self.exposure.take(moment, measured);
             }
             // Moments long past are not needed again by one who goes on.
@@ -144,10 +158,10 @@ impl Show {
         Ok(self.exposure.exposed(keyframe, time, look).unwrap_or_else(|| look.clone()))
     }
 
-    /// Draws a shot; what the shot at `next` will need is read meanwhile.
+    /// Draws a shot; what the shot at `next` will need is read meanwhile. What there is no memory for is drawn coarser.
     ///
     /// # Errors
-    /// When it cannot be drawn, or not completely.
+    /// When it cannot be drawn, or some of it cannot be read.
     pub fn take(&mut self, shot: &SceneFile, next: Option<f64>) -> Result<Take, Failure> {
         if let Some(session) = self.session.particles() {
             let (width, height) = self.tour.size;
@@ -160,15 +174,18 @@ impl Show {
         }
         let shot = Shot::of_scene(shot.clone(), Path::new(""));
         let picture = self.session.draw(&shot)?;
-        if !picture.converged {
+        self.note_memory();
+        if !picture.converged && !picture.is_coarser {
             let lacks_memory = self.session.particles().is_some_and(|session| session.lacks_memory());
             let why = match lacks_memory {
-                true => "pages that the frame needs do not fit into memory together; --memory sets how much there is",
+                true => "a page that the frame needs does not fit into memory; --memory sets how much there is",
                 false => "pages that the frame needs cannot be read",
             };
             return Err(format!("{}: {why}", self.data.path.display()).into());
         }
         let image = self.session.finished(&shot, &picture)?;
+        // The picture that it is blended with was drawn just now.
+        self.note_memory();
         Ok(Take { image, picture })
     }
 

@@ -7,6 +7,12 @@
 
 use super::selection::NodeInfo;
 use super::{Projection, Scope, View};
+use std::f64::consts::SQRT_2;
+
+/// What errors are larger by after so many steps of [`Detail::coarser`], up to the four that double them: the same numbers on every machine.
+const STEPS: [f64; 4] = [1.0, 1.189_207_115_002_721, SQRT_2, 1.681_792_830_507_429];
+/// Pixels that the row of steps begins with where less is asked for: zero has no multiples.
+const FINEST: f64 = 1.0 / 64.0;
 
 /// What decides how far the tree is refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,6 +46,27 @@ impl From<f64> for Detail {
 }
 
 impl Detail {
+    /// The last of the steps of [`Detail::coarser`], after which most views show no more than the first nodes.
+    pub const COARSEST: u32 = 96;
+
+    /// The same so many steps coarser: with each, errors may be larger by a fifth, or there are fewer splats by a sixth.
+    #[must_use]
+    pub fn coarser(self, view: &View, steps: u32) -> Detail {
+        if steps == 0 {
+            return self;
+        }
+        let factor = 2.0_f64.powi((steps / 4) as i32) * STEPS[(steps % 4) as usize];
+        match self {
+            Detail::Error { tau } => Detail::Error { tau: factor * tau.max(FINEST) },
+            Detail::Sampling { sigma, near } => {
+                Detail::Sampling { sigma: factor * sigma.max(FINEST / view.focal_pixels()), near }
+            }
+            Detail::Budget { splats, scope } => {
+                Detail::Budget { splats: ((splats as f64 / factor) as u64).max(1), scope }
+            }
+        }
+    }
+
     /// Whether a node with particles of its own may be drawn as it is; `error_pixels` is its screen-space error.
     pub fn suffices(&self, view: &View, info: &NodeInfo, error_pixels: f64) -> bool {
         match *self {
@@ -132,6 +159,32 @@ mod tests {
             if after.sees(&node.extent) && !detail.suffices(&after, &node, 0.0) {
                 prop_assert!(detail.travel(&before, &node) <= after.eye.distance(before.eye) + slack + 1e-9);
             }
+        }
+    }
+
+    #[test]
+    fn steps_are_coarser_one_by_one_and_four_are_twice_as_coarse() {
+        let projection = Projection::Perspective { fov_y: 0.8 };
+        let view = View::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection, 64, 64).unwrap();
+        // The finer, the larger.
+        let fineness = |detail: Detail| match detail {
+            Detail::Error { tau } => 1.0 / tau,
+            Detail::Sampling { sigma, .. } => 1.0 / sigma,
+            Detail::Budget { splats, .. } => splats as f64,
+        };
+        for detail in [
+            Detail::Error { tau: 0.8 },
+            Detail::Error { tau: 0.0 },
+            Detail::Sampling { sigma: 0.0, near: 1.0 },
+            Detail::Budget { splats: 1 << 40, scope: Scope::Picture },
+        ] {
+            assert_eq!(detail.coarser(&view, 0), detail);
+            for steps in 0..Detail::COARSEST {
+                let [own, next] = [steps, steps + 1].map(|steps| fineness(detail.coarser(&view, steps)));
+                assert!(next < own && next > 0.0, "{detail:?}, {steps} steps: {own} {next}");
+            }
+            let [own, fourth] = [1, 5].map(|steps| fineness(detail.coarser(&view, steps)));
+            assert!((own / fourth - 2.0).abs() < 1e-9, "{detail:?}: {own} {fourth}");
         }
     }
 

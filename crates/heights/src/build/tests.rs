@@ -8,6 +8,7 @@ use crate::model::{Cell, HeightField, Plane, facts_of};
 use crate::store::{Chunk, HeightFile, verify_heights};
 use deepfield_data::model::{ReadMethod, SampleType, Scale};
 use proptest::prelude::*;
+use std::io::{Seek, SeekFrom, Write};
 
 /// Numbers of a seed.
 pub(super) struct Noise(pub(super) u64);
@@ -469,18 +470,25 @@ fn every_flipped_bit_is_found() {
     let (file, _) = built(&field, 4, rounded, folder.path());
     let bytes = std::fs::read(file.path()).unwrap();
     let path = folder.path().join("damaged.df");
+    std::fs::write(&path, &bytes).unwrap();
+    let mut damaged = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    let mut put = |at: usize, byte: u8| {
+        damaged.seek(SeekFrom::Start(at as u64)).unwrap();
+        damaged.write_all(&[byte]).unwrap();
+    };
     let mut noise = Noise(9);
-    // Every byte of what the file says, and some of the zeros between.
-    for at in 0..bytes.len() {
+    // Two or three bits of every byte of what the file says, each of the eight as often, and some of the zeros between.
+    for flip in (0..8 * bytes.len()).step_by(3) {
+        let (at, bit) = (flip / 8, flip % 8);
         let is_zero = bytes[at.saturating_sub(8)..(at + 8).min(bytes.len())].iter().all(|byte| *byte == 0);
         if is_zero && !noise.next().is_multiple_of(64) {
             continue;
         }
-        let mut damaged = bytes.clone();
-        damaged[at] ^= 1 << (noise.next() % 8);
-        std::fs::write(&path, &damaged).unwrap();
-        assert!(verify_heights(&path, &()).is_err(), "byte {at} of {}", bytes.len());
+        put(at, bytes[at] ^ 1 << bit);
+        assert!(verify_heights(&path, &()).is_err(), "bit {bit} of byte {at} of {}", bytes.len());
+        put(at, bytes[at]);
     }
+    assert!(verify_heights(&path, &()).is_ok());
     for len in [0, 1, 63, 64, 4096, bytes.len() / 2, bytes.len() - 1] {
         std::fs::write(&path, &bytes[..len]).unwrap();
         assert!(HeightFile::open(&path, ReadMethod::default()).is_err());

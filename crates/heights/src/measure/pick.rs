@@ -2,12 +2,16 @@
 
 use super::ray::{Hit, MinMax, Ray, Rise, cast};
 
+/// Most steps from the middle height of a field to a hole.
+const STEPS: u32 = 8;
+
 /// What a ray finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pick {
     /// It passes beside the field.
     Beside,
-    /// It passes over the field, through a hole or above it: where it has the middle height of the field, or where it comes nearest to that.
+    /// It passes over the field, through a hole or above it: a place in that hole where one is found, else where it has the middle height of the
+    /// field, or comes nearest to that.
     NotMeasured {
         /// Row, with fraction.
         row: f64,
@@ -50,10 +54,28 @@ pub fn pick<M: MinMax>(field: &mut M, rise: Rise, ray: &Ray) -> Result<Pick, M::
     if !(part[0] <= part[1] && part[0] < f64::INFINITY) {
         return Ok(Pick::Beside);
     }
-    let t = middle.unwrap_or(part[0]).clamp(part[0], part[1]);
-    let moved = |from: f64, way: f64| if way == 0.0 { from } else { from + t * way };
-    let (row, column) = (moved(row, down).clamp(0.0, last_row), moved(column, right).clamp(0.0, last_column));
-    let [x, y] = grid.place(row, column);
+    let mut t = middle.unwrap_or(part[0]).clamp(part[0], part[1]);
+    let place = |t: f64| {
+        let moved = |from: f64, way: f64| if way == 0.0 { from } else { from + t * way };
+        [moved(row, down).clamp(0.0, last_row), moved(column, right).clamp(0.0, last_column)]
+    };
+    // Where the field slopes that may be beside the hole: where the ray is as high as what was measured there is nearer to it.
+    let mut next = t;
+    for _ in 0..STEPS {
+        let [row, column] = place(next);
+        let first = [row.min(last_row - 1.0), column.min(last_column - 1.0)].map(|at| at as u64);
+        let height = field.cell(first[0], first[1])?.height(column - first[1] as f64, row - first[0] as f64);
+        if height.is_nan() {
+            t = next;
+            break;
+        }
+        next = ((rise.world(height) - ray.origin[2]) / ray.direction[2]).clamp(part[0], part[1]);
+        if !next.is_finite() {
+            break;
+        }
+    }
+    let [row, column] = place(t);
+    let [x, y] = field.grid().place(row, column);
     Ok(Pick::NotMeasured { row, column, x, y })
 }
 

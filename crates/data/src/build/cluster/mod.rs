@@ -527,11 +527,10 @@ fn settings(
         options,
     };
     let in_parts = !settings.has_whole_books();
-    let of_family = streams
-        .families
-        .iter()
-        .zip(&settings.families)
-        .map(|(stream, own)| Memory::of_job(&settings.options, stream, columns(stream), own.input, in_parts));
+    let of_family = streams.families.iter().zip(&settings.families).map(|(stream, own)| {
+        let tasks = (own.input, own.groups);
+        Memory::of_job(&settings.options, stream, columns(stream), tasks, in_parts)
+    });
     settings.temporary_bytes = of_family.fold(0, u64::saturating_add);
     Ok(settings)
 }

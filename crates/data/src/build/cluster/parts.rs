@@ -15,8 +15,9 @@
 //! | 72 to 76 | zeros |
 //! | 76 to 80 | CRC-32C of the header before |
 //!
-//! Whatever several threads write at a time goes to lanes, one for each bucket or the like, which come to the file as they are ready: a blob is
-//! named by its lane and its place there. So what was named of a file is found in the one that replaces it, too.
+//! Whatever several threads write at a time goes where room was kept for it, if its length is known before; else to lanes, one for each bucket or
+//! the like, which come to the file as they are ready: a blob is named by its lane and its place there. So what was named of a file is found in
+//! the one that replaces it, too.
 //!
 //! A file gets its name when it is complete, in one step; so whoever makes one again, at the same time or later, does no harm. What turns
 //! out to be damaged is removed, so that its task is not done any more.
@@ -39,9 +40,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// First bytes of a task's file.
 const MAGIC: [u8; 8] = *b"\x89DFT\r\n\x1a\n";
 /// What is written and read; processes of a job are of one version of the program.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes of a header.
 const HEADER: usize = 80;
+/// What is wrong with an index that is of something else.
+const OTHER_INDEX: &str = "index: found other values, expected those of this stage";
 /// In place of a lane's number: the blob's place is that in the file.
 const NO_LANE: u32 = u32::MAX;
 
@@ -262,8 +265,23 @@ impl Parts {
     /// # Errors
     /// When the disk takes no more.
     pub fn put(&self, parts: &[&[u8]], len: usize) -> io::Result<PartPlace> {
+        self.put_at(self.reserve(len as u64)?, parts)
+    }
+
+    /// Keeps room for so many bytes in the task's own file: where it begins.
+    ///
+    /// # Errors
+    /// When no file is being written.
+    pub fn reserve(&self, len: u64) -> io::Result<u64> {
+        Ok(self.own()?.end.fetch_add(len, Ordering::Relaxed))
+    }
+
+    /// Writes a blob, its parts one after the other, where room was kept for it in the task's own file.
+    ///
+    /// # Errors
+    /// When the disk takes no more.
+    pub fn put_at(&self, offset: u64, parts: &[&[u8]]) -> io::Result<PartPlace> {
         let own = self.own()?;
-        let offset = own.end.fetch_add(len as u64, Ordering::Relaxed);
         let (mut crc, mut at) = (0, offset);
         for part in parts {
             crc = crc32c::crc32c_append(crc, part);
@@ -383,8 +401,27 @@ impl Parts {
         if crc32c::crc32c(&bytes) != header.index_crc {
             return Err(self.names.damaged(number, "index: found another checksum than the header says"));
         }
-        T::of_bytes(&bytes)
-            .ok_or_else(|| self.names.damaged(number, "index: found other values, expected those of this stage"))
+        T::of_bytes(&bytes).ok_or_else(|| self.names.damaged(number, OTHER_INDEX))
+    }
+
+    /// A value in some bytes of the index of a task. The others are not read, so that no checksum says that these are right: they are to name
+    /// what has one.
+    ///
+    /// # Errors
+    /// Where the task is not done, or its file damaged.
+    pub fn index_at<T: Portable>(&self, number: u32, at: u64, len: u64) -> io::Result<T> {
+        let opened = self.file(number)?;
+        let Opened { file, header, .. } = &*opened;
+        if at.checked_add(len).is_none_or(|end| end > header.index_len) {
+            let what = format!("index: found {} bytes, expected {len} more behind {at}", header.index_len);
+            return Err(self.names.damaged(number, &what));
+        }
+        // The file has room for it.
+        let mut bytes = vec![0; len as usize];
+        let read = read_exact_at(file, &mut bytes, header.index_offset + at);
+        read.map_err(|error| self.names.unreadable(number, &error))?;
+        self.read.fetch_add(len, Ordering::Relaxed);
+        T::of_bytes(&bytes).ok_or_else(|| self.names.damaged(number, OTHER_INDEX))
     }
 
     /// Ends the task's own file with an index and gives it its name. The task has read about so many bytes of the source, and written some

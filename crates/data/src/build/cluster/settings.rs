@@ -141,6 +141,11 @@ pub(super) fn shares(things: usize, tasks: u32, task: u32) -> Range<usize> {
     start(task)..start(task + 1)
 }
 
+/// The task of `tasks` that has one of so many things.
+pub(super) fn sharer(thing: usize, things: usize, tasks: u32) -> u32 {
+    (((thing as u128 + 1) * u128::from(tasks)).saturating_sub(1) / (things as u128).max(1)) as u32
+}
+
 /// The file as it is written.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -225,6 +230,19 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        /// Whatever a task has is its own.
+        #[test]
+        fn things_are_those_of_one_task(things in 1..5000_usize, tasks in 1..300_u32) {
+            let mut all = 0;
+            for task in 0..tasks {
+                let own = shares(things, tasks, task);
+                prop_assert_eq!(own.start, all);
+                prop_assert!(own.clone().all(|thing| sharer(thing, things, tasks) == task));
+                all = own.end;
+            }
+            prop_assert_eq!(all, things);
+        }
+
         /// Every chunk is read by one task, in order; and by whole blocks where there are enough of them.
         #[test]
         fn tasks_read_all_chunks_once(chunks in 1..10_000_usize, input in 1..50_u32) {

@@ -10,10 +10,13 @@ mod trees;
 mod verify;
 
 use super::super::coding::{CodedBatches, Coding, Drawn, Group, Measured, Part, Shared, picture_error, shared};
+use super::super::derive::Deriving;
+use super::super::estimates::Estimating;
 use super::super::family::{self, Outline};
 use super::super::found::{self, Finding, Seen, added};
 use super::super::memory::{Memory, default_memory};
-use super::super::partition::{Partition, Share, histograms};
+use super::super::partition::{Partition, Shares, histograms};
+use super::super::reach::Surroundings;
 use super::super::spill::{Blob, Spill};
 use super::super::survey::Survey;
 use super::super::tree::{
@@ -21,7 +24,7 @@ use super::super::tree::{
 };
 use super::super::{BuildError, BuildOptions, metadata, streams_of};
 use super::parts::Parts;
-use super::settings::{FamilyTasks, Settings, shares};
+use super::settings::{FamilyTasks, Settings, sharer, shares};
 use super::{Job, job_error};
 use crate::codec::Scaling;
 use crate::codec::quantize::{Draft as DraftBook, SettledPart, Sums, Trained};
@@ -153,8 +156,9 @@ type Surveyed = (Vec<(usize, Survey)>, LeftOut);
 /// The index of the task that plans: what was seen of each family, with where its sampled columns are, and what is left out.
 type Planned = (Vec<Option<(Outline, Blob)>>, LeftOut);
 
-/// The index of a task that has sorted chunks of a family by bucket: what each bucket has, and counts of the columns.
-type Sorted = (Vec<Share>, Vec<Vec<u64>>);
+/// The index of a task that has sorted chunks of a family by bucket: where the counts of the columns are, and then the [`Shares`] of each group
+/// of buckets.
+type Sorted = Vec<Blob>;
 
 /// The index of a task that has found columns for the buckets of a group.
 type Found = Vec<(Seen, Option<Blob>)>;
@@ -238,10 +242,10 @@ impl<'a> Task<'a> {
         job_error(self.parts.folder(), &format!("found {found}, expected results of one job"))
     }
 
-    /// What a task may take that looks after a family, and reads so many of its particles.
-    fn memory(&self, outline: &Outline, particles: u64) -> Memory {
+    /// What a task may take that looks after a family, beside bytes that it holds whatever that is.
+    fn memory(&self, outline: &Outline, held: u64) -> Memory {
         let allowed = self.options.memory.unwrap_or_else(default_memory);
-        Memory::of_task(allowed, self.parts.folder(), outline.most_columns(), outline.plan.len(), particles)
+        Memory::of_task(allowed, self.parts.folder(), outline.most_columns(), held)
     }
 
     /// Where blobs are, and where the task puts its own.

@@ -97,6 +97,19 @@ impl Plan {
         start(bucket)..start(bucket + 1)
     }
 
+    /// The largest cells that a bucket is made of, in order: depth and first key of each.
+    pub fn cells(&self, bucket: usize) -> impl Iterator<Item = (u32, u64)> {
+        let Range { start: mut key, end } = self.keys(bucket);
+        std::iter::from_fn(move || {
+            let left = end.checked_sub(key).filter(|left| *left > 0)?;
+            // As large as its first key and what is left of the bucket allow; key 0 is the first one of all cells.
+            let height = key.trailing_zeros().min(left.ilog2()) / 3;
+            let cell = (MORTON_BITS - height, key);
+            key += 1 << (3 * height);
+            Some(cell)
+        })
+    }
+
     /// Whether a cell was cut in making the plan: then it is an inner node, however many particles it has.
     pub(super) fn is_cut(&self, depth: u8, first: u64) -> bool {
         let end = first + cell_keys(depth);
@@ -195,6 +208,12 @@ mod tests {
                 // Groups follow each other.
                 prop_assert!(bucket == 0 || plan.group(bucket) - plan.group(bucket - 1) <= 1);
                 prop_assert!((plan.group(bucket) as usize) < GROUPS.min(bucket + 1));
+                let mut next = range.start;
+                for (depth, key) in plan.cells(bucket) {
+                    prop_assert!(key == next && key.is_multiple_of(cell_keys(depth as u8)));
+                    next += cell_keys(depth as u8);
+                }
+                prop_assert_eq!(next, range.end);
                 // More only where a smallest cell holds more.
                 prop_assert!(*count <= most || range.end - range.start <= cell_keys(CELL_DEPTH));
                 let depth = u32::from(plan.closed_depth(bucket));

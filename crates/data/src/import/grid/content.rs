@@ -1,7 +1,7 @@
 //! What is in a file, unpacked where it is compressed with gzip or Zstandard, whatever its name says.
 
 use super::super::ImportError;
-use super::super::bytes::RangeFile;
+use super::super::bytes::{RangeFile, unpacked};
 pub(super) use super::super::packed::MOST_EXPANSION;
 use super::super::packed::Packing;
 use super::part_name;
@@ -108,13 +108,7 @@ impl Content {
     /// # Errors
     /// When it cannot be read, or is damaged.
     pub(in crate::import) fn file(&self) -> Result<File, ImportError> {
-        if !self.is_packed {
-            return File::open(&self.path).map_err(|source| ImportError::io(&self.path, "file", source));
-        }
-        let io = |source| ImportError::io(&self.path, "unpacking", source);
-        let mut file = tempfile::tempfile().map_err(io)?;
-        std::io::copy(&mut self.reader(0)?, &mut file).map_err(io)?;
-        Ok(file)
+        Ok(unpacked(&self.path)?.0)
     }
 
     /// All of it, where that is at most `most` bytes.

@@ -2,6 +2,7 @@
 //! [`ImportError`], and sizes are held against the file before anything is allocated.
 
 use crate::import::ImportError;
+use crate::import::bytes::unpacked;
 use crate::import::guarded::guarded;
 use crate::import::source::exact_id;
 use crate::model::{ReadFile, ReadMethod};
@@ -30,10 +31,9 @@ pub(in crate::import) struct H5 {
 }
 
 impl H5 {
-    /// Opens the file, to be read in the way `method`, and reads its superblock.
+    /// Opens the file, unpacked where it is compressed as a whole, to be read in the way `method`, and reads its superblock.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<H5, ImportError> {
-        let file = File::open(path).map_err(|source| ImportError::io(path, "file", source))?;
-        H5::of(path, file, method)
+        H5::of(path, unpacked(path)?.0, method)
     }
 
     /// The same of an open file, which is called `path`.
@@ -98,7 +98,7 @@ impl<'a> H5Group<'a> {
 
     /// The numeric data set `name` in this group as a column; `None` if it is not numeric, or not one or two-dimensional
     /// with a handful of components.
-    pub(super) fn column(&self, name: &str) -> Result<Option<Column>, ImportError> {
+    pub(in crate::import) fn column(&self, name: &str) -> Result<Option<Column>, ImportError> {
         let path = &self.file.path;
         let label = self.child(name);
         let dataset = guard(path, &label, "a readable data set", || self.group.dataset(name))?;
@@ -224,7 +224,7 @@ enum Number {
 }
 
 /// A numeric data set of one row per particle.
-pub(super) struct Column {
+pub(in crate::import) struct Column {
     path: PathBuf,
     /// Path inside the file, without a leading slash.
     pub label: String,
@@ -245,7 +245,7 @@ impl Column {
     }
 
     /// Whether its numbers are stored as whole ones.
-    pub(super) fn is_whole(&self) -> bool {
+    pub(in crate::import) fn is_whole(&self) -> bool {
         !matches!(self.number, Number::F32 | Number::F64)
     }
 
@@ -257,7 +257,7 @@ impl Column {
 
     /// Reads rows of one whole number each, exactly. Negative numbers become what their bits mean without a sign: ids that were
     /// written with the wrong one come out right.
-    pub(super) fn read_whole(&self, rows: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
+    pub(in crate::import) fn read_whole(&self, rows: Range<u64>, out: &mut [u64]) -> Result<(), ImportError> {
         macro_rules! read {
             ($number:ty, $unsigned:ty) => {
                 guard(&self.path, &self.label, "readable values", || {
@@ -303,7 +303,7 @@ impl Column {
     }
 
     /// Reads rows into `out`, row by row.
-    pub(super) fn read(&self, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+    pub(in crate::import) fn read(&self, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
         let slice = self.slice(rows);
         macro_rules! read {
             ($number:ty) => {

@@ -4,6 +4,7 @@ use super::expansion::Expansion;
 use super::file::{Attributes, H5Group};
 use super::units::System;
 use crate::import::ImportError;
+use crate::model::Kernel;
 
 /// What one file of a snapshot says about itself and the whole.
 pub(super) struct Header {
@@ -133,4 +134,29 @@ impl Header {
             expansion,
         })
     }
+}
+
+/// A part of the name that codes give a kernel, which that is, and its support radius over SWIFT's smoothing length, in three
+/// dimensions (Dehnen and Aly 2012, table 1).
+pub(super) type Named = (&'static str, Kernel, f64);
+
+const KERNELS: [Named; 6] = [
+    ("cubic", Kernel::CubicSpline, 1.825742),
+    ("quartic", Kernel::QuarticSpline, 2.018932),
+    ("quintic", Kernel::QuinticSpline, 2.195775),
+    ("wendland c2", Kernel::WendlandC2, 1.936492),
+    ("wendland c4", Kernel::WendlandC4, 2.207940),
+    ("wendland c6", Kernel::WendlandC6, 2.449490),
+];
+
+/// The kernel, where it is named and known.
+pub(super) fn named_kernel(header: &Header) -> Option<&'static Named> {
+    let name = header.kernel.as_deref()?.to_lowercase().replace(['-', '_'], " ");
+    KERNELS.iter().find(|(kernel, ..)| name.contains(kernel))
+}
+
+/// The support radius of SWIFT's kernel over its smoothing length: of the cubic spline where no kernel is told.
+pub(super) fn kernel_gamma(header: &Header) -> f64 {
+    let stated = header.gamma.filter(|gamma| (1.0..=4.0).contains(gamma));
+    stated.or_else(|| named_kernel(header).map(|(.., gamma)| *gamma)).unwrap_or(KERNELS[0].2)
 }

@@ -1,5 +1,5 @@
 //! HDF5: snapshots of Gadget-2, -3 and -4, AREPO, GIZMO, EAGLE and SWIFT, particles of openPMD, and bare files with coordinates. Data sets that are images or
-//! volumes are opened by [`super::grid`], through [`Array`].
+//! volumes are opened by [`super::grid`], through [`Array`], those that are columns of a table by [`super::table`].
 
 mod array;
 mod expansion;
@@ -13,10 +13,11 @@ mod tables;
 mod units;
 
 pub(super) use array::Array;
-pub(super) use file::{Attributes, H5};
+pub(super) use file::{Attributes, Column, H5};
 pub use tables::{Hdf5Column, Hdf5Tables};
 pub(super) use units::{length_name, mass_name};
 
+use super::table::in_root;
 use super::{FieldKind, Format, ImportError, Source};
 use crate::model::{FamilyName, ReadMethod};
 use std::path::{Path, PathBuf};
@@ -63,8 +64,9 @@ impl Format for Hdf5 {
     }
 
     fn files(&self, path: &Path) -> Result<Vec<PathBuf>, ImportError> {
-        match openpmd::iterations(&H5::open(path, ReadMethod::Positioned)?)?.is_empty() {
-            true => snapshot::files(path),
+        let file = H5::open(path, ReadMethod::Positioned)?;
+        match openpmd::iterations(&file)?.is_empty() {
+            true => snapshot::files(file),
             false => Ok(vec![path.to_owned()]),
         }
     }
@@ -82,10 +84,17 @@ impl Format for Hdf5 {
 impl Hdf5 {
     /// Opens the source, or a step of it.
     fn opened(&self, path: &Path, step: Option<u64>, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
-        let iterations = openpmd::iterations(&H5::open(path, method)?)?;
+        let file = H5::open(path, method)?;
+        let iterations = openpmd::iterations(&file)?;
         match step {
-            _ if !iterations.is_empty() => Ok(Box::new(openpmd::OpenPmd::open(path, method, &iterations, step)?)),
-            None | Some(0) => Ok(Box::new(snapshot::Snapshot::open(path, method)?)),
+            _ if !iterations.is_empty() => Ok(Box::new(openpmd::OpenPmd::open(&file, &iterations, step)?)),
+            None | Some(0) => {
+                let table = if is_of_particles(&file)? { None } else { in_root(&file)? };
+                Ok(match table {
+                    Some(table) => table,
+                    None => Box::new(snapshot::Snapshot::open(file, method)?),
+                })
+            }
             Some(step) => Err(ImportError::malformed(path, "step", step, "0, as the file holds one snapshot")),
         }
     }

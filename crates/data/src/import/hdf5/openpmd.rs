@@ -3,9 +3,8 @@
 
 use super::file::{Attributes, Column, H5, H5Group};
 use crate::import::{Description, FamilyInfo, Field, FieldKind, ImportError, Source, step_name};
-use crate::model::{FamilyName, Motion, ReadMethod, Unit};
+use crate::model::{FamilyName, Motion, Unit};
 use std::ops::Range;
-use std::path::Path;
 
 /// The most species, and records of one.
 const MOST_SPECIES: usize = 256;
@@ -102,21 +101,16 @@ impl OpenPmd {
     ///
     /// # Errors
     /// When there is no such iteration, or it is damaged or has no particles.
-    pub(super) fn open(
-        path: &Path,
-        method: ReadMethod,
-        iterations: &[String],
-        step: Option<u64>,
-    ) -> Result<OpenPmd, ImportError> {
+    pub(super) fn open(file: &H5, iterations: &[String], step: Option<u64>) -> Result<OpenPmd, ImportError> {
+        let path = &*file.path;
         let number = step.unwrap_or(0);
         let name = usize::try_from(number).ok().and_then(|number| iterations.get(number));
         let Some(name) = name else {
             let expected = format!("a number below {}, the number of iterations with particles", iterations.len());
             return Err(ImportError::malformed(path, "iteration", number, expected));
         };
-        let file = H5::open(path, method)?;
         let missing = |what: &str| ImportError::missing(path, what, "a group of the file");
-        let places = Places::of(&file)?.ok_or_else(|| missing("particlesPath"))?;
+        let places = Places::of(file)?.ok_or_else(|| missing("particlesPath"))?;
         let iteration = format!("{}/{name}", places.base);
         let group = file.group_at(&iteration)?.ok_or_else(|| missing(&iteration))?;
         let is_named = iterations.len() > 1 || step.is_some();

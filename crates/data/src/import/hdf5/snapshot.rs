@@ -1,13 +1,13 @@
 //! An HDF5 snapshot of one or several files as a [`Source`].
 
 use super::file::{Column, H5, H5Group};
-use super::header::Header;
+use super::header::{Header, kernel_gamma, named_kernel};
 use super::names::{self, Quantity};
 use super::units;
 use crate::import::multifile;
 use crate::import::units::conversion;
 use crate::import::{DEFAULT_NEIGHBOURS, Description, FamilyInfo, Field, FieldKind, ImportError, Source};
-use crate::model::{FamilyName, Kernel, ReadMethod, Unit};
+use crate::model::{FamilyName, ReadMethod, Unit};
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -51,15 +51,17 @@ struct Planned {
 }
 
 impl Snapshot {
-    /// Opens the snapshot that the file belongs to.
-    pub(super) fn open(path: &Path, method: ReadMethod) -> Result<Snapshot, ImportError> {
-        let (first, names) = parts(path, method)?;
-        let path = first.h5.path.clone();
+    /// Opens the snapshot that the file belongs to, with its other files in the way `method`.
+    pub(super) fn open(file: H5, method: ReadMethod) -> Result<Snapshot, ImportError> {
+        let (named, names) = parts(file, method)?;
+        let path = named.h5.path.clone();
         let path = &*path;
-        let files: Vec<File> = match names.as_slice() {
-            [_] => vec![first],
-            names => names.iter().map(|name| File::open(name, method)).collect::<Result<_, _>>()?,
-        };
+        let mut named = Some(named);
+        let files = names.iter().map(|name| match named.take_if(|file| file.h5.path == *name) {
+            Some(file) => Ok(file),
+            None => File::open(name, method),
+        });
+        let files: Vec<File> = files.collect::<Result<_, ImportError>>()?;
         let mut description = describe(path, &files);
         let mut families = Vec::new();
         for (number, name) in FamilyName::GADGET.into_iter().enumerate() {
@@ -170,35 +172,40 @@ fn cell_size(mass: f64, density: f64) -> f64 {
 }
 
 /// The files of the snapshot that a file belongs to, and the one that is named or, where that has no particles of its own, the first.
-fn parts(path: &Path, method: ReadMethod) -> Result<(File, Vec<PathBuf>), ImportError> {
-    let mut first = File::open(path, method)?;
-    if first.header.is_virtual {
-        first = File::open(&first_part(path)?, method)?;
+fn parts(file: H5, method: ReadMethod) -> Result<(File, Vec<PathBuf>), ImportError> {
+    let mut named = File::of(file)?;
+    if named.header.is_virtual {
+        named = File::open(&first_part(&named.h5.path)?, method)?;
     }
-    let names = multifile::names(&first.h5.path, first.header.files)?;
-    Ok((first, names))
+    let names = multifile::names(&named.h5.path, named.header.files)?;
+    Ok((named, names))
 }
 
 /// The files that are read of the snapshot that a file belongs to, itself among them.
 ///
 /// # Errors
 /// When its header cannot be read, or one of the files is not there.
-pub(super) fn files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
-    let (_, mut files) = parts(path, ReadMethod::Positioned)?;
-    if !files.iter().any(|file| file == path) {
-        files.push(path.to_owned());
+pub(super) fn files(file: H5) -> Result<Vec<PathBuf>, ImportError> {
+    let path = file.path.clone();
+    let (_, mut files) = parts(file, ReadMethod::Positioned)?;
+    if !files.contains(&path) {
+        files.push(path);
     }
     Ok(files)
 }
 
 /// The first of the files that a file without particles stands for: beside it, or in a folder of its name.
 fn first_part(path: &Path) -> Result<PathBuf, ImportError> {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = path.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
-    let part = format!("{name}.0{ending}");
-    let places = [path.with_file_name(&part), path.with_extension("").join(&part)];
-    places.into_iter().find(|place| place.is_file()).ok_or_else(|| {
-        ImportError::missing(path, part, "the first of the files that have the particles, beside this one")
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    // That of a compressed file has another ending behind the format's.
+    let ends = name.rmatch_indices('.').map(|(end, _)| end).filter(|end| *end > 0).take(2).chain([name.len()]);
+    let parts: Vec<(&str, String)> =
+        ends.map(|end| (&name[..end], format!("{}.0{}", &name[..end], &name[end..]))).collect();
+    let mut places =
+        parts.iter().flat_map(|(name, part)| [path.with_file_name(part), path.with_file_name(name).join(part)]);
+    places.find(|place| place.is_file()).ok_or_else(|| {
+        let expected = "the first of the files that have the particles, beside this one";
+        ImportError::missing(path, &*parts[0].1, expected)
     })
 }
 
@@ -212,7 +219,10 @@ struct File {
 
 impl File {
     fn open(path: &Path, method: ReadMethod) -> Result<File, ImportError> {
-        let h5 = H5::open(path, method)?;
+        File::of(H5::open(path, method)?)
+    }
+
+    fn of(h5: H5) -> Result<File, ImportError> {
         let root = h5.root()?;
         let (groups, datasets) = root.members()?;
         let header = Header::read(&root, &groups)?;
@@ -569,29 +579,4 @@ impl Planned {
         }
         Ok(())
     }
-}
-
-/// A part of the name that codes give a kernel, which that is, and its support radius over SWIFT's smoothing length, in three
-/// dimensions (Dehnen and Aly 2012, table 1).
-type Named = (&'static str, Kernel, f64);
-
-const KERNELS: [Named; 6] = [
-    ("cubic", Kernel::CubicSpline, 1.825742),
-    ("quartic", Kernel::QuarticSpline, 2.018932),
-    ("quintic", Kernel::QuinticSpline, 2.195775),
-    ("wendland c2", Kernel::WendlandC2, 1.936492),
-    ("wendland c4", Kernel::WendlandC4, 2.207940),
-    ("wendland c6", Kernel::WendlandC6, 2.449490),
-];
-
-/// The kernel, where it is named and known.
-fn named_kernel(header: &Header) -> Option<&'static Named> {
-    let name = header.kernel.as_deref()?.to_lowercase().replace(['-', '_'], " ");
-    KERNELS.iter().find(|(kernel, ..)| name.contains(kernel))
-}
-
-/// The support radius of SWIFT's kernel over its smoothing length: of the cubic spline where no kernel is told.
-fn kernel_gamma(header: &Header) -> f64 {
-    let stated = header.gamma.filter(|gamma| (1.0..=4.0).contains(gamma));
-    stated.or_else(|| named_kernel(header).map(|(.., gamma)| *gamma)).unwrap_or(KERNELS[0].2)
 }

@@ -2,8 +2,9 @@
 
 use super::file::H5;
 use super::header::Header;
-use super::names;
 use super::records::Member;
+use super::{is_hdf5, names};
+use crate::import::format::Head;
 use crate::import::{ImportError, multifile};
 use crate::model::{FamilyName, ReadMethod, Unit};
 use std::path::{Path, PathBuf};
@@ -26,6 +27,14 @@ pub struct Hdf5Column {
 }
 
 impl Hdf5Tables {
+    /// Whether a file is HDF5, unpacked where it is compressed as a whole.
+    ///
+    /// # Errors
+    /// [`ImportError`] when it cannot be read.
+    pub fn are_in(path: &Path) -> Result<bool, ImportError> {
+        Ok(is_hdf5(&Head::read(path)?.bytes))
+    }
+
     /// Opens the file, with all others where its header says that it is one of several.
     ///
     /// # Errors
@@ -43,6 +52,14 @@ impl Hdf5Tables {
             names => names.iter().map(|name| open(name)).collect::<Result<_, _>>()?,
         };
         Ok(Hdf5Tables { files, header })
+    }
+
+    /// The names of the files of which `path` is one, by the numbers in them.
+    ///
+    /// # Errors
+    /// [`ImportError`] when there is none in its name, or one of several files is not there.
+    pub fn parts(path: &Path, files: u64) -> Result<Vec<PathBuf>, ImportError> {
+        multifile::names(path, files)
     }
 
     /// The file that is named in messages: the first one.

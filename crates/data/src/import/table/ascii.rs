@@ -1,5 +1,5 @@
 //! Tables of numbers between blanks or tabs, plain or compressed, behind a line of names, which may be a comment (`# x y z mass`), as
-//! numpy, TOPCAT and halo finders write them. Other comments may be before and between the rows.
+//! numpy, TOPCAT and halo finders write them. Other comments may be before and between the rows, and before the names two lines of VELOCIraptor.
 
 use super::catalogue::Catalogue;
 use super::columns::{Column, number};
@@ -27,6 +27,9 @@ impl Format for Ascii {
 
     fn recognise(&self, head: &[u8], _length: u64) -> bool {
         let text = text::head(head).unwrap_or_default();
+        if begins_as_velociraptor(&text) {
+            return true;
+        }
         // Where the head ends in a row; a mark of byte order and a letter that is cut are not among the text.
         let is_cut = text.len() + 8 > HEAD;
         let whole = if is_cut { text.rfind('\n').map_or("", |end| &text[..=end]) } else { text.as_str() };
@@ -69,6 +72,14 @@ impl Beginning {
         let (mut candidates, mut lines, mut bytes, mut is_named) = (Vec::new(), 0, 0, false);
         loop {
             let row = header_line(path, reader)?;
+            if lines == 0 && are_counts(&row) {
+                let [counts, names] = [header_line(path, reader)?, header_line(path, reader)?];
+                if begins_as_velociraptor(&[&row, &counts, &names].map(String::as_str).concat()) {
+                    let row = header_line(path, reader)?;
+                    return Ok(Beginning { candidates: vec![names.trim().to_owned()], lines: 3, row });
+                }
+                return Ok(Beginning { candidates, lines, row });
+            }
             let text = row.trim_start_matches('\u{feff}').trim();
             // One line without a mark may be names, too.
             let is_plain = !text.is_empty() && !text.starts_with('#');
@@ -112,6 +123,19 @@ impl Beginning {
         // Places without names are told, too, so that it is said what they lack.
         !is_csv && numbers >= if self.columns().is_some() { 2 } else { values.max(3) }
     }
+}
+
+/// Whether a text begins as a list of haloes of VELOCIraptor does: with two lines of two whole numbers, and one of names.
+fn begins_as_velociraptor(text: &str) -> bool {
+    let mut lines = text.lines();
+    let are_both = [lines.next(), lines.next()].into_iter().all(|line| line.is_some_and(are_counts));
+    are_both && lines.next().is_some_and(|names| sky::has_positions(&columns_of(names)))
+}
+
+/// Whether a line is two whole numbers and nothing else.
+fn are_counts(line: &str) -> bool {
+    let words: Vec<&str> = line.split_whitespace().take(3).collect();
+    words.len() == 2 && words.iter().all(|word| word.parse::<u64>().is_ok())
 }
 
 /// The columns that a line would name; what is in brackets is a part of the name before it.

@@ -1,5 +1,5 @@
 //! Tables and catalogues: a row per particle or star. Text is parsed in one pass into numbers, which are kept in memory or a temporary
-//! file; rows of FITS and Parquet files are read in place. Neither is ever held.
+//! file; rows of FITS, HDF5 and Parquet files are read in place. Neither is ever held.
 
 mod ascii;
 mod catalogue;
@@ -9,6 +9,7 @@ mod ecsv;
 mod ecsv_header;
 mod fits;
 mod geojson;
+mod hdf5;
 mod ids;
 mod kstars;
 mod parquet;
@@ -25,6 +26,7 @@ pub(super) use csv::Csv;
 pub(super) use ecsv::Ecsv;
 pub(super) use fits::FitsTable;
 pub(super) use geojson::GeoJson;
+pub(super) use hdf5::in_root;
 pub(super) use kstars::KStars;
 pub(super) use parquet::{Hats, Parquet, catalogue_in, is_partitioned};
 pub(super) use parts::{Parts, same_columns};

@@ -5,6 +5,7 @@ use super::failure::{BUCKET, TIMEOUT, innermost, told};
 use super::pause::Pause;
 use super::runtime::wait;
 use crate::model::url::shown;
+use crate::store::error::may_pass;
 use object_store::aws::AmazonS3ConfigKey::{Client, S3Endpoint};
 use object_store::aws::{AmazonS3Builder, resolve_bucket_region};
 use object_store::http::HttpBuilder;
@@ -25,6 +26,14 @@ const ALLOW_HTTP: &str = "DEEPFIELD_ALLOW_HTTP";
 const TOKEN: &str = "DEEPFIELD_TOKEN";
 /// How long a machine of a cloud is given to tell who it is.
 const WHO_AM_I: Duration = Duration::from_secs(2);
+/// The environment variables that say who asks a bucket, or that nobody does.
+const KEYS: [&str; 3] = ["AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SKIP_SIGNATURE"];
+/// Those that name services which tell who asks, each with what it takes besides.
+const SERVICES: [(&str, Option<&str>); 3] = [
+    ("AWS_WEB_IDENTITY_TOKEN_FILE", Some("AWS_ROLE_ARN")),
+    ("AWS_CONTAINER_CREDENTIALS_RELATIVE_URI", None),
+    ("AWS_CONTAINER_CREDENTIALS_FULL_URI", Some("AWS_CONTAINER_AUTHORIZATION_TOKEN_FILE")),
+];
 
 /// A file of a store.
 #[derive(Clone, Debug)]
@@ -231,22 +240,25 @@ fn of_bucket(name: &str, timeout: Duration) -> io::Result<(String, Object)> {
             store = store.with_region(region);
         }
     }
-    let credentials = [
-        "AWS_ACCESS_KEY_ID",
-        "AWS_SECRET_ACCESS_KEY",
-        "AWS_WEB_IDENTITY_TOKEN_FILE",
-        "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI",
-        "AWS_CONTAINER_CREDENTIALS_FULL_URI",
-        "AWS_SKIP_SIGNATURE",
-    ];
     let build = |store: AmazonS3Builder| store.build().map_err(|error| told(&host, &error));
     let mut made = build(store.clone())?;
-    if !credentials.into_iter().any(is_set) {
-        // A machine of a cloud may have a role; anybody else reads what is public.
+    if !KEYS.into_iter().any(is_set) {
+        let service = SERVICES.into_iter().find(|(name, other)| is_set(name) && other.is_none_or(is_set));
+        let limit = if service.is_some() { timeout } else { WHO_AM_I };
         let role = Arc::clone(made.credentials());
-        let found = wait(async move { tokio::time::timeout(WHO_AM_I, role.get_credential()).await })?;
-        if !matches!(found, Ok(Ok(_))) {
-            made = build(store.with_skip_signature(true))?;
+        let found = wait(async move { tokio::time::timeout(limit, role.get_credential()).await })?;
+        match (service, found) {
+            (_, Ok(Ok(_))) => {}
+            // A machine of a cloud may have a role; anybody else reads what is public.
+            (None, _) => made = build(store.with_skip_signature(true))?,
+            (Some((name, _)), Ok(Err(error))) => {
+                let error = told(&format!("{host}: the service of {name}"), &error);
+                // What may pass is told by requests for the file, unless what is kept of it does.
+                if !may_pass(error.kind()) {
+                    return Err(error);
+                }
+            }
+            (Some(_), Err(_)) => {}
         }
     }
     Ok((host, Object { store: Arc::new(made), key, pause }))

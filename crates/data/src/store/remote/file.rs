@@ -307,7 +307,7 @@ mod tests {
     use std::io::{BufRead, BufReader, Write};
     use std::net::{TcpListener, TcpStream};
     use std::sync::Arc;
-    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     fn object(bytes: Vec<u8>) -> Object {
         let object = Object { store: Arc::new(InMemory::new()), key: "a.df".into(), pause: Pause::default() };
@@ -404,8 +404,8 @@ mod tests {
         );
     }
 
-    /// Answers one request after the other with parts of [`bytes`]; of an answer that stalls the first half comes, and no end.
-    fn serve(stream: &TcpStream, length: usize, stalls: &AtomicBool) -> io::Result<()> {
+    /// Answers one request after the other with parts of [`bytes`]; of an answer so many halves come, and without both no end.
+    fn serve(stream: &TcpStream, length: usize, halves: &AtomicUsize) -> io::Result<()> {
         let mut lines = BufReader::new(stream).lines();
         while let Some(line) = lines.next().transpose()? {
             let line = line.to_ascii_lowercase();
@@ -419,6 +419,11 @@ mod tests {
             };
             // The rest of the head.
             lines.by_ref().map_while(Result::ok).find(String::is_empty);
+            let halves = halves.load(Ordering::Relaxed);
+            if halves == 0 {
+                // Until the other end closes.
+                return lines.next().transpose().map(drop);
+            }
             let (all, mut stream) = (bytes(length), stream);
             let body = &all[start..end];
             write!(
@@ -428,23 +433,30 @@ mod tests {
                 end - 1,
                 body.len()
             )?;
-            if stalls.load(Ordering::Relaxed) {
-                stream.write_all(&body[..body.len() / 2])?;
-                // Until the other end closes.
+            stream.write_all(&body[..body.len() * halves / 2])?;
+            if halves < 2 {
                 return lines.next().transpose().map(drop);
             }
-            stream.write_all(body)?;
         }
         Ok(())
     }
 
     #[test]
-    fn an_answer_that_stalls_midway_is_given_up_and_asked_for_again() {
+    fn an_answer_that_does_not_come_or_stalls_midway_is_given_up_and_asked_for_again() {
+        std::thread::scope(|scope| {
+            for halves in [0, 1] {
+                scope.spawn(move || stalls_and_goes_on(halves));
+            }
+        });
+    }
+
+    /// Reads a part of which so many halves come, and then again.
+    fn stalls_and_goes_on(come: usize) {
         let length = (HEAD + TAIL) as usize + 1000;
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let url = format!("http://{}/a.df", listener.local_addr().unwrap());
-        let stalls = Arc::new(AtomicBool::new(false));
-        let own = Arc::clone(&stalls);
+        let halves = Arc::new(AtomicUsize::new(2));
+        let own = Arc::clone(&halves);
         std::thread::spawn(move || {
             for stream in listener.incoming().map_while(Result::ok) {
                 let own = Arc::clone(&own);
@@ -454,13 +466,13 @@ mod tests {
         });
         let file = RemoteFile::open(Address::within(&url, Duration::from_secs(1)).unwrap()).unwrap();
         let (before, mut part) = (file.reads_at_once().unwrap(), [0; 100]);
-        stalls.store(true, Ordering::Relaxed);
+        halves.store(come, Ordering::Relaxed);
         let asked = Instant::now();
         let error = file.read_exact_at(&mut part, HEAD + 100).unwrap_err();
         assert_eq!((error.kind(), part), (ErrorKind::TimedOut, [0; 100]), "{error}");
         assert!(may_pass(error.kind()) && asked.elapsed() < Duration::from_secs(8), "{:?}", asked.elapsed());
         assert!(file.reads_at_once().unwrap() < before);
-        stalls.store(false, Ordering::Relaxed);
+        halves.store(2, Ordering::Relaxed);
         file.read_exact_at(&mut part, HEAD + 100).unwrap();
         assert!(is_sound(&part));
     }

@@ -9,13 +9,13 @@
 use super::version::Version;
 use crate::model::new_file::UNFINISHED;
 use crate::store::budget::{CachedFile, make_room};
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::SystemTime;
+use std::time::{Duration, SystemTime};
 
 /// How files of ends begin.
 const MAGIC: &[u8] = b"DFends1\n";
@@ -186,23 +186,30 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes what was used longest ago until the folder holds at most `budget` bytes of parts.
+/// Removes what was used longest ago until the folder holds at most `budget` bytes, of each file its ends last.
 fn clean(root: &Path, budget: u64) {
     let entries = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
     let is_ours = |name: &str| name.len() == 16 && name.bytes().all(|byte| byte.is_ascii_hexdigit());
     let folders = entries(root).map(|entry| entry.path());
     let folders: Vec<PathBuf> =
         folders.filter(|path| path.file_name().and_then(|name| name.to_str()).is_some_and(is_ours)).collect();
-    let versions: Vec<PathBuf> = folders
-        .iter()
-        .flat_map(|folder| entries(folder))
-        .map(|entry| entry.path())
-        .filter(|path| path.is_dir())
-        .collect();
-    let mut files = Vec::new();
-    for entry in folders.iter().chain(&versions).flat_map(|folder| entries(folder)) {
-        let about = entry.metadata().ok().filter(std::fs::Metadata::is_file);
-        files.extend(about.map(|about| CachedFile::new(entry.path(), &about)));
+    let files_of = |folder: &Path| -> Vec<CachedFile> {
+        let files = entries(folder).filter_map(|entry| {
+            let about = entry.metadata().ok().filter(Metadata::is_file)?;
+            Some(CachedFile::new(entry.path(), &about))
+        });
+        files.collect()
+    };
+    let (mut files, mut versions) = (Vec::new(), Vec::new());
+    for folder in &folders {
+        let own: Vec<PathBuf> = entries(folder).map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+        let parts: Vec<CachedFile> = own.iter().flat_map(|version| files_of(version)).collect();
+        // Ends are marked when their file is opened, parts from then on, which are of no use without ends where there is no network.
+        let last = parts.iter().map(|part| part.used).max().and_then(|used| used.checked_add(Duration::from_nanos(1)));
+        let mut ends = files_of(folder);
+        ends.iter_mut().for_each(|file| file.used = last.map_or(file.used, |last| last.max(file.used)));
+        files.extend(ends.into_iter().chain(parts));
+        versions.extend(own);
     }
     make_room(files, budget);
     // Only those that are empty go.
@@ -254,7 +261,6 @@ fn chunk<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8; 8]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
 
     fn ends() -> Ends {
         let version = Version { size: 1000, e_tag: Some("\"a\"".into()), modified_secs: -7 };
@@ -300,6 +306,11 @@ mod tests {
             clean(folder.path(), 500);
             assert!(path.exists() && !kept.part(4096, crc).exists(), "{has_answer}");
         }
+        // Parts that were used since go first.
+        kept.keep_part(&part, 4096, crc);
+        age(&path, 5000);
+        clean(folder.path(), path.metadata().unwrap().len());
+        assert!(path.exists() && !kept.part(4096, crc).exists());
         #[cfg(unix)]
         std::fs::set_permissions(&path, std::os::unix::fs::PermissionsExt::from_mode(0o400)).unwrap();
         assert_eq!(kept.ends(), Some(ends()), "a folder for reading alone");

@@ -404,7 +404,9 @@ impl Chooser<'_> {
                     let beside = cut.nodes[other];
                     let added = beside.facts.delta + beside.added;
                     let extent = self.extent(strip, &node.facts, node.key.level);
-                    let error = self.sight.error_pixels(&extent, self.world_delta(&node.facts, node.key.level, added));
+                    // On a globe the coarser one's chords sink deeper, too.
+                    let error =
+                        self.sight.error_pixels(&extent, self.world_delta(&node.facts, beside.key.level, added));
                     if error > self.choice.tau && added > 0.0 && self.padded.sees(&extent) {
                         coarse.push(beside.key);
                     }

@@ -1,5 +1,6 @@
 //! The bounds that the surface is drawn within, against brute force.
 
+mod adversarial;
 mod area;
 mod cracks;
 mod globes;

@@ -5,7 +5,7 @@ use crate::explore::ExploreError;
 use crate::import::Hdf5Tables;
 use crate::model::{ReadMethod, Unit};
 use glam::DVec3;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const RECORDS: &str = "Subhalos";
 
@@ -39,7 +39,7 @@ pub(super) fn read(path: &Path) -> Result<Option<Catalogue>, ExploreError> {
     }
     if files > 1.0 {
         objects.clear();
-        for part in parts(path, files as usize) {
+        for part in Hdf5Tables::parts(path, files as u64)? {
             if !push(&part, &Hdf5Tables::open(&part, ReadMethod::default())?, &mut objects)? {
                 return Err(ExploreError::missing(&part, RECORDS, "records of subhaloes as in other files"));
             }
@@ -91,16 +91,4 @@ fn push(path: &Path, tables: &Hdf5Tables, objects: &mut Vec<Object>) -> Result<b
         mass: of(mass, row),
     }));
     Ok(true)
-}
-
-/// The files of a catalogue of which one is called `NAME.K.hdf5`.
-fn parts(path: &Path, files: usize) -> Vec<PathBuf> {
-    let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-    let numbered = name.rsplit_once('.').and_then(|(stem, ending)| Some((stem.rsplit_once('.')?, ending)));
-    match numbered {
-        Some(((stem, number), ending)) if number.bytes().all(|digit| digit.is_ascii_digit()) => {
-            (0..files).map(|part| path.with_file_name(format!("{stem}.{part}.{ending}"))).collect()
-        }
-        _ => vec![path.into()],
-    }
 }

@@ -14,6 +14,7 @@ mod written;
 use super::error::ExploreError;
 use super::merger_tree::MergerTree;
 use crate::annotate::Label;
+use crate::import::Hdf5Tables;
 use crate::model::Unit;
 use glam::DVec3;
 use serde::Serialize;
@@ -62,15 +63,6 @@ pub struct Catalogue {
     pub tree: Option<Arc<MergerTree>>,
 }
 
-/// Whether a file is HDF5.
-///
-/// # Errors
-/// When it cannot be read.
-pub(super) fn is_hdf5(path: &Path) -> Result<bool, ExploreError> {
-    let head = head_of(path)?;
-    Ok([0, 512, 1024, 2048].iter().any(|&at| head.get(at..).is_some_and(|h| h.starts_with(b"\x89HDF"))))
-}
-
 /// The beginning of a file.
 fn head_of(path: &Path) -> Result<Vec<u8>, ExploreError> {
     let mut head = Vec::new();
@@ -90,7 +82,7 @@ impl Catalogue {
         let text = std::str::from_utf8(&head).unwrap_or_default().trim_start_matches('\u{feff}').trim_start();
         let is_ron =
             text.starts_with(['(', '[']) || text.starts_with("//") || text.starts_with("/*") || text.starts_with("#!");
-        let is_hdf5 = is_hdf5(path)?;
+        let is_hdf5 = Hdf5Tables::are_in(path)?;
         let catalogue = match () {
             () if is_ron => written::read(path)?,
             () => {

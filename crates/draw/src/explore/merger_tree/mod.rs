@@ -10,10 +10,11 @@ mod table;
 
 pub use history::{HaloAtStep, csv};
 
-use super::catalogue::{Object, halo_text, is_hdf5};
+use super::catalogue::{Object, halo_text};
 use super::error::ExploreError;
 use super::followed::nearest;
 use crate::hierarchy::spacetime::{HermiteSpline, chord, difference_at};
+use crate::import::Hdf5Tables;
 use crate::model::{StepTimes, Unit};
 use glam::DVec3;
 use std::ops::Range;
@@ -95,7 +96,7 @@ impl MergerTree {
     /// # Errors
     /// [`ExploreError`] with file and field when it cannot be read or is damaged, or a link leads to no halo of a later step.
     pub fn of_file(path: &Path) -> Result<Option<MergerTree>, ExploreError> {
-        let read = match is_hdf5(path)? {
+        let read = match Hdf5Tables::are_in(path)? {
             true => gadget::trees(path)?,
             // That of a halo finder is of one step, though its haloes may have descendants.
             false if halo_text::is_list(path)? => None,
@@ -110,7 +111,7 @@ impl MergerTree {
     /// As [`MergerTree::of_file`], of any of the files.
     pub fn of_series(path: &Path) -> Result<Option<MergerTree>, ExploreError> {
         match MergerTree::of_file(path)? {
-            None if is_hdf5(path)? => gadget::series(path)?.map(MergerTree::linked).transpose(),
+            None if Hdf5Tables::are_in(path)? => gadget::series(path)?.map(MergerTree::linked).transpose(),
             tree => Ok(tree),
         }
     }

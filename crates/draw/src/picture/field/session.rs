@@ -257,6 +257,7 @@ impl FieldSession {
             annotation,
             transfer: transfer.clone(),
             converged: choice.frame_ms.is_none(),
+            is_coarser: false,
             error_px: 0.0,
             particles: 0,
             nodes: report.nodes as usize,

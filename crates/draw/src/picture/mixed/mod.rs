@@ -412,6 +412,7 @@ impl MixedSession {
         };
         Ok(Picture {
             converged: picture.converged && is_whole,
+            is_coarser: picture.is_coarser && is_whole,
             error_px: picture.error_px.max(report.error_px),
             annotation: picture.annotation.telling(depiction, Units { length: unit, ..units }).naming(names),
             told,

@@ -9,10 +9,9 @@ use crate::picture::adapter_faces;
 use crate::picture::error::PictureError;
 use crate::picture::subject::Subject;
 use crate::stream::SceneNode;
-use crate::view::View;
+use crate::view::{Detail, View};
 
-/// The sums of a face, for which nodes are selected by `seen` with splats displaced by `tau` of the picture's pixels at most; `None` of a mode
-/// whose pictures need all nodes at once.
+/// The sums of a face, for which nodes are selected by `seen` in this detail; `None` of a mode whose pictures need all nodes at once.
 ///
 /// # Errors
 /// As [`super::Projector::draw`].
@@ -20,7 +19,7 @@ pub(super) fn sums(
     means: &mut Means<'_>,
     subject: &Subject<'_>,
     face: &Face<'_>,
-    (seen, tau): (&View, f64),
+    (seen, detail): (&View, Detail),
     tally: &mut Tally,
 ) -> Result<Option<Accumulation>, PictureError> {
     let technique = subject.depiction.mode.technique;
@@ -31,7 +30,7 @@ pub(super) fn sums(
     }
     let (reporter, scene) = (means.reporter, &mut *means.scene);
     let mut tell = |why: String| reporter.tell(why);
-    let listing = scene.list(seen, tau * face.scale(), &mut tell)?;
+    let listing = scene.list(seen, detail, &mut tell)?;
     let (sums, counts, visited) = match (&mut means.adapter, summing) {
         (None, Some(mut summing)) => {
             let mut part = |nodes: &[SceneNode]| -> Result<(), PictureError> { Ok(summing.add(nodes)?) };

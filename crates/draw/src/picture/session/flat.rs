@@ -1,6 +1,6 @@
 //! Flat pictures.
 
-use super::{Data, Session, Shown};
+use super::{Data, Session, Shortage, Shown};
 use crate::color::output;
 use crate::color::transfer::Levels;
 use crate::cpu::overdraw::Overdraw;
@@ -77,8 +77,11 @@ impl Session {
         }
         let is_sure =
             shown.ground.is_none() && matches!(self.data, Data::Pages(_)) && hiding::is_sure(depiction, transfer);
+        let fits = self.scene.streamer.residency.has_room_for_all();
         let mut known = match self.hiding.take() {
             _ if !is_sure => None,
+            // How coarse a picture is that does not fit depends on what it is known to hide: that has to be known of itself.
+            _ if !fits => self.sketch(tree, shown)?,
             Some(hiding) if hiding.is_of(depiction) => Some(hiding),
             // The processor decodes nothing for an adapter's picture.
             _ if self.passes_without_paths(shown)?.is_some() => None,
@@ -88,6 +91,8 @@ impl Session {
         loop {
             // The last one hides nothing.
             known = known.filter(|_| attempts.next().is_some());
+            // What a sketch, or an attempt that hides less, lacks may not be lacked here.
+            self.shortage = Shortage::default();
             let mut times = Times::default();
             if is_sure {
                 times.note("hide", start.elapsed());
@@ -134,6 +139,7 @@ impl Session {
         let (seen, detail) = (depiction.selection_view(&view), depiction.detail(&view, tau, metadata));
         let start = Instant::now();
         let selection = self.select(depiction, &view, tau)?;
+        let detail = selection.coarser.unwrap_or(detail);
         times.note("load", start.elapsed() + self.loading.take().unwrap_or_default());
         if let Some(ahead) = self.ahead.take() {
             let from_there = known.and_then(|known| known.opaque.occluder(&ahead));

@@ -79,6 +79,7 @@ impl Session {
         match depiction.choice.splats {
             Some(_) => {
                 let selection = self.select(&depiction, &whole_view(bounds)?, shot.look.error_px())?;
+                self.tell_of_memory();
                 let progress = self.reporter.progress();
                 progress.begin("writing splats", selection.particles);
                 for nodes in selection.nodes.chunks(NODES) {

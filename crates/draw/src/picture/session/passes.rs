@@ -70,7 +70,7 @@ impl Session {
         let reporter = &*self.reporter;
         let seen = depiction.selection_view(view);
         let listing = self.scene.list(&seen, detail, &mut |why| reporter.tell(why))?;
-        self.tell_of_memory(listing.converged);
+        self.note_memory(listing.converged);
         Ok(listing)
     }
 
@@ -331,17 +331,20 @@ impl Session {
             false => each(nodes),
         };
         let visited = self.scene.visit::<PictureError>(listing, next, &mut |why| reporter.tell(why), &mut go_on)?;
-        self.tell_of_memory(visited.is_complete);
+        self.note_memory(visited.is_complete);
         Ok(visited)
     }
 
-    /// Notes whether an incomplete picture needs more memory than pages may take, and tells it once.
-    pub(super) fn tell_of_memory(&mut self, is_complete: bool) {
-        if !self.scene.streamer.residency.take_over_budget() || is_complete || !self.draws_in_passes {
-            return;
-        }
-        self.lacks_memory = true;
-        if std::mem::replace(&mut self.has_told_of_memory, true) {
+    /// Notes whether a picture is coarser than asked for, or not complete, since that needs more memory than pages may take.
+    pub(in crate::picture) fn note_memory(&mut self, is_complete: bool) {
+        let is_over = self.scene.streamer.residency.take_over_budget();
+        self.shortage.is_coarser |= self.scene.take_coarser();
+        self.shortage.is_missing |= is_over && !is_complete;
+    }
+
+    /// Tells, once, that pictures are drawn without what they have no memory for.
+    pub(in crate::picture) fn tell_of_memory(&mut self) {
+        if !self.lacks_memory() || !self.draws_in_passes || std::mem::replace(&mut self.has_told_of_memory, true) {
             return;
         }
         let megabytes = self.budget_bytes >> 20;
@@ -351,9 +354,9 @@ impl Session {
         ));
     }
 
-    /// Whether the picture that was drawn last needed more memory than pages may take, and is not complete.
+    /// Whether the picture that was drawn last, or what was found of a view since, needed more memory than pages may take.
     pub fn lacks_memory(&self) -> bool {
-        self.lacks_memory
+        self.shortage.is_coarser || self.shortage.is_missing
     }
 }
 

@@ -90,7 +90,7 @@ impl Session {
             true => None,
             false => times.measure("surfaces", || projector.ground(&means))?.map(Arc::new),
         };
-        self.tell_of_memory(tally.converged);
+        self.note_memory(tally.converged);
         let on_processor = tally.drawn_by.is_none();
         let (outside, splats) = match depiction.mode.is_light() {
             true => (None, None),

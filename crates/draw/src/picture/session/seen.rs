@@ -78,6 +78,7 @@ impl Session {
             transfer = transfer.with_levels(&levels);
         }
         let selection = self.select(&depiction, view, look.error_px())?;
+        self.tell_of_memory();
         let subject = Subject {
             mean_mass: self.mean_mass(&*tree),
             ..Subject::new(tree.metadata(), &depiction, &transfer, diameter)

@@ -24,19 +24,16 @@ struct Filled {
 }
 
 impl Session {
-    /// Whether a flat picture is drawn in slabs where views are listed. The processor draws it then, unless an adapter was asked for.
+    /// Whether a flat picture is drawn in slabs where views are listed. The processor draws it then, also where an adapter was asked for: that would
+    /// need all nodes at once, and draws the same picture of them but for rounding.
     pub(super) fn fills_slabs(&mut self, subject: &Subject<'_>, shown: &Shown<'_>) -> Result<bool, PictureError> {
         let takes_paths = shown.depiction.mode.technique.takes_paths();
         if !subject.takes_supply() || takes_paths && self.has_paths(&shown.shot.look) {
             return Ok(false);
         }
-        if self.passes_without_paths(shown)?.is_none() {
-            return Ok(true);
+        if self.passes_without_paths(shown)?.is_some() {
+            self.tell_once("volumes whose pages do not fit into memory together are drawn by the processor");
         }
-        if self.options.backend.is_some() {
-            return Ok(false);
-        }
-        self.tell_once("volumes whose pages do not fit into memory together are drawn by the processor");
         Ok(true)
     }
 
@@ -89,7 +86,7 @@ impl Session {
         let levels = subject.supplied_levels(view, &mut supplied);
         // Where it has ended early, ranges are of a part.
         let visited = supplied.finish()?;
-        self.tell_of_memory(visited.is_complete);
+        self.note_memory(visited.is_complete);
         Ok(levels?)
     }
 
@@ -105,7 +102,7 @@ impl Session {
         let drawn = subject.draw_supplied(view, &mut supplied);
         // Where it has ended early, there is a part of a picture.
         let visited = supplied.finish()?;
-        self.tell_of_memory(visited.is_complete);
+        self.note_memory(visited.is_complete);
         let values = drawn?;
         if let Raw::Light(light) = &values {
             times.note("resample", light.report.resampling);

@@ -365,6 +365,7 @@ impl SurfaceSession {
             annotation,
             transfer: prepared.look.transfer,
             converged: report.is_converged,
+            is_coarser: false,
             error_px: report.error_px,
             particles: 0,
             nodes: report.nodes_drawn as usize,

@@ -1,5 +1,6 @@
 //! Every format against what was written, against real files, and against damage.
 
+mod files;
 pub(super) mod hostile;
 mod more_written;
 mod raw;

@@ -1,34 +1,12 @@
-//! Grids of other programs, written here byte by byte.
+//! Grids of other programs.
 
+use super::files::{DSAA, INDEX, PLUX, dsbb, dsrb, gwy, plu, plux};
 use super::hostile::{hostile, hostile_beside};
 use super::{file_of, heights, open, plane, refusal, same};
 use crate::import::{HeightOptions, open_heights};
 use crate::model::Heights;
-use std::io::Write;
 
 const NAN: f64 = f64::NAN;
-
-/// A grid of 3 x 2 of text.
-const DSAA: &str = "DSAA\n3 2\n10 12\r\n-1 1\n0 6\n1 2.5 1.70141e+38\n\n4\n5 6e0\n";
-
-/// The same in single precision.
-fn dsbb() -> Vec<u8> {
-    let mut file = b"DSBB".to_vec();
-    file.extend([3_i16, 2].iter().flat_map(|count| count.to_le_bytes()));
-    file.extend([10.0_f64, 12.0, -1.0, 1.0, 0.0, 6.0].iter().flat_map(|place| place.to_le_bytes()));
-    file.extend([1.0_f32, 2.5, 1.70141e38, 4.0, 5.0, 6.0].iter().flat_map(|height| height.to_le_bytes()));
-    file
-}
-
-/// The same in blocks.
-fn dsrb() -> Vec<u8> {
-    let mut file = b"DSRB\x04\0\0\0\x01\0\0\0GRID\x48\0\0\0\x02\0\0\0\x03\0\0\0".to_vec();
-    let numbers = [10.0, -1.0, 1.0, 2.0, 0.0, 6.0, 0.0, 1.70141e38];
-    file.extend(numbers.iter().flat_map(|number: &f64| number.to_le_bytes()));
-    file.extend(b"DATA\x30\0\0\0");
-    file.extend([1.0, 2.5, 1.70141e38, 4.0, 5.0, 6.0].iter().flat_map(|height: &f64| height.to_le_bytes()));
-    file
-}
 
 #[test]
 fn surfer_grids_of_all_kinds_are_the_same() {
@@ -70,38 +48,6 @@ fn floats_are_described_by_the_file_beside_them() {
     assert!(said().ends_with("a.flt: description: missing, expected a file with .hdr in place of .flt"), "{}", said());
 }
 
-/// A container of a field of 3 x 2.
-fn gwy() -> Vec<u8> {
-    let object = |name: &str, values: &[Vec<u8>]| {
-        let values = values.concat();
-        [name.as_bytes(), b"\0", &(values.len() as u32).to_le_bytes(), &values].concat()
-    };
-    let value = |name: &str, kind: u8, bytes: &[u8]| [name.as_bytes(), &[0, kind], bytes].concat();
-    let unit = |name: &str| value(name, b'o', &object("GwySIUnit", &[value("unitstr", b's', b"m\0")]));
-    let heights: Vec<u8> = (1..7).flat_map(|height| f64::from(height).to_le_bytes()).collect();
-    let field = object(
-        "GwyDataField",
-        &[
-            value("xres", b'i', &3_i32.to_le_bytes()),
-            value("yres", b'i', &2_i32.to_le_bytes()),
-            value("xreal", b'd', &6_f64.to_le_bytes()),
-            value("yreal", b'd', &3_f64.to_le_bytes()),
-            value("xoff", b'd', &10_f64.to_le_bytes()),
-            unit("si_unit_xy"),
-            unit("si_unit_z"),
-            value("data", b'D', &[&6_u32.to_le_bytes()[..], &heights].concat()),
-        ],
-    );
-    let all = [
-        value("/0/data/title", b's', b"Heights\0"),
-        value("/0/base/range-type", b'i', &1_i32.to_le_bytes()),
-        value("names", b'S', b"\x02\0\0\0a\0b\0"),
-        value("/0/data", b'o', &field),
-        value("/0/show", b'b', &[1]),
-    ];
-    [b"GWYP".to_vec(), object("GwyContainer", &all)].concat()
-}
-
 #[test]
 fn gwyddion_fields_are_read() {
     let (_folder, path) = file_of("a.gwy", &gwy());
@@ -111,39 +57,6 @@ fn gwyddion_fields_are_read() {
     assert_eq!((&*grid.xy_unit.0, &*grid.height_unit.0), ("m", "m"));
     assert_eq!(heights(&source), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
 }
-
-/// A topography of 3 x 2 with a picture.
-fn plu() -> Vec<u8> {
-    let mut file = vec![0; 508];
-    let mut put = |at: usize, bytes: &[u8]| file[at..at + bytes.len()].copy_from_slice(bytes);
-    put(0, b"Thu Oct 11 07:59:01 2007");
-    for (at, number) in [(388, 2_u32), (392, 3), (428, 3), (500, 2), (504, 3)] {
-        put(at, &number.to_le_bytes());
-    }
-    for (at, step) in [(404, 0.5_f32), (408, 0.25)] {
-        put(at, &step.to_le_bytes());
-    }
-    put(492, &[1]);
-    file.extend([1.0_f32, 2.0, 1_000_001.0, 4.0, 5.0, 6.5].iter().flat_map(|height| height.to_le_bytes()));
-    file.extend([6.5_f32, 1.0].iter().flat_map(|height| height.to_le_bytes()));
-    file.extend(0..18);
-    file
-}
-
-/// The same as a newer file.
-fn plux(index: &str, heights: &[f32]) -> Vec<u8> {
-    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
-    let bytes: Vec<u8> = heights.iter().flat_map(|height| height.to_le_bytes()).collect();
-    for (name, bytes) in [("index.xml", index.as_bytes()), ("LAYER_0.raw", &bytes), ("LAYER_0.stack.raw", &[7; 18])] {
-        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
-        archive.write_all(bytes).unwrap();
-    }
-    archive.finish().unwrap().into_inner()
-}
-
-const INDEX: &str = "<xml><GENERAL><IMAGE_SIZE_X>3</IMAGE_SIZE_X><IMAGE_SIZE_Y>2</IMAGE_SIZE_Y><FOV_X>0.5</FOV_X>\
-     <FOV_Y>0.25</FOV_Y></GENERAL><LAYER_0><FILENAME_Z>LAYER_0.raw</FILENAME_Z></LAYER_0></xml>";
-const PLUX: [f32; 6] = [1.0, 2.0, f32::NAN, 4.0, 5.0, 6.5];
 
 #[test]
 fn files_of_sensofar_are_read() {

@@ -310,6 +310,30 @@ fn picks_tell_holes_from_what_is_beside() {
     assert!(matches!(found, Pick::NotMeasured { .. }));
 }
 
+/// From aside as from above, also where the field is far from level.
+#[test]
+fn picks_through_a_hole_are_in_it() {
+    let (columns, rows) = (161, 121);
+    let height = |x: f64, y: f64| 0.25 * x - 0.125 * y + 3.0;
+    let is_open = |row: u64, column: u64| (30..50).contains(&row) && (100..120).contains(&column);
+    let sample =
+        |row: u64, column: u64| if is_open(row, column) { f64::NAN } else { height(column as f64, row as f64) };
+    let heights = (0..rows).flat_map(|row| (0..columns).map(move |column| sample(row, column))).collect();
+    let field = HeightField::of(columns, rows, heights);
+    let pyramid = Pyramid::read(&field).unwrap();
+    let rise = Rise::new(&field.grid, 1.0, 0.0);
+    for eye in [[80.0, -90.0, 120.0], [110.0, -200.0, 150.0], [80.0, -60.0, 60.0], [80.0, 60.0, 200.0]] {
+        for (x, y) in (32..48).flat_map(|y| (102..118).map(move |x| (f64::from(x), f64::from(y)))) {
+            let ray = Ray::new(eye, minus([x, y, height(x, y)], eye));
+            let Pick::NotMeasured { x: right, y: up, .. } = pick(&mut &pyramid, rise, &ray).unwrap() else {
+                panic!("a hit from {eye:?} at {x}, {y}")
+            };
+            let is_in = (99.0..=120.0).contains(&right) && (29.0..=50.0).contains(&up);
+            assert!(is_in, "{right}, {up} from {eye:?} at {x}, {y}");
+        }
+    }
+}
+
 #[test]
 fn many_rays_are_those_cast_one_by_one() {
     let field = noisy(50, 40, 0.1, 7);

@@ -32,7 +32,8 @@ pub(super) struct OpenFiles {
     /// By the numbers of the tasks that have written them, each with when it was last asked for.
     files: HashMap<u32, (u64, Arc<Opened>)>,
     asked: u64,
-    /// What each began with when it was first opened, and its lanes: there are as many as buckets, which is a lot to read at each opening.
+    /// What each began with when it was first opened, and its lanes: there may be as many as buckets of a group, which is a lot to read at each
+    /// opening.
     first: HashMap<u32, (Header, Lanes)>,
 }
 

@@ -129,9 +129,9 @@ impl Task<'_> {
         derived: Vec<Vec<u64>>,
     ) -> Result<Vec<Histogram>, BuildError> {
         let mut source: Vec<Vec<u64>> = Vec::new();
+        let spill = self.spill();
         for task in self.settings.inputs().nth(family).into_iter().flatten() {
-            let (_, counts) = self.sorted(task, outline)?;
-            source = added(source, counts);
+            source = added(source, self.counted(&spill, task, outline)?);
         }
         let complete = &scaled.outline;
         let columns = [Self::found_columns("neighbours", complete), complete.derived_columns()];

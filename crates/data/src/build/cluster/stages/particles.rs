@@ -71,7 +71,7 @@ impl Task<'_> {
         self.check_columns(&outline, &streams.families[number])?;
         let chunks = own.input(input);
         let particles = (own.particles as f64 * chunks.len() as f64 / own.chunks.max(1) as f64) as u64;
-        let memory = self.memory(&outline, particles);
+        let memory = self.memory(&outline, Memory::waiting(outline.most_columns(), outline.plan.len(), particles));
         let folder = self.parts.folder();
         let spill = Spill::new(&folder.join(format!("{SPILL}.{task}")), folder, memory.particles, self.options.read);
         let (partition, counts) = Partition::of_chunks(
@@ -80,33 +80,45 @@ impl Task<'_> {
             &outline.survey.ranges,
             &outline.plan,
             outline.root,
-            outline.has_neighbours(),
             spill,
             self.progress,
         )?;
-        let sorted: Sorted = (partition.hand_on(&self.spill())?, counts);
+        let spill = self.spill();
+        let groups = (0..own.groups).map(|group| shares(outline.plan.len(), own.groups, group));
+        let shares = partition.hand_on(groups, outline.has_neighbours(), &spill)?;
+        let counted = spill.put(&[&counts.bytes()]).map_err(|error| BuildError::temporary(&spill, error))?;
+        let sorted: Sorted = std::iter::once(counted).chain(shares).collect();
+        drop(spill);
         let bytes = self.settings.source_bytes(own, &chunks);
         self.hand_on(&sorted, bytes, 0)
     }
 
-    /// The particles of all buckets of a family, with what was found for them in the stages of these names.
-    pub(super) fn particles(&self, family: usize, outline: &Outline, stages: &[&str]) -> Result<Partition, BuildError> {
-        let mut blocks = Vec::new();
+    /// The particles of a group of a family's buckets, with what was found for them in the stages of these names. Of other groups nothing is
+    /// read.
+    pub(super) fn particles(
+        &self,
+        family: usize,
+        group: u32,
+        outline: &Outline,
+        stages: &[&str],
+    ) -> Result<Partition, BuildError> {
+        let buckets = shares(outline.plan.len(), self.settings.families[family].groups, group);
+        let columns = (outline.own, outline.columns);
+        let spill = self.spill();
+        let mut partition = Partition::of_group(self.spill(), columns, &outline.plan, buckets.clone());
+        let (mut found, count) = (0, outline.survey.count);
         for task in self.settings.inputs().nth(family).into_iter().flatten() {
-            let (shares, _) = self.sorted(task, outline)?;
-            blocks.push(shares);
+            let shares = self.sorted(&spill, task, group, (buckets.len(), outline))?;
+            found = total([found, shares.all]);
+            partition.add(shares);
         }
-        let count = outline.survey.count;
-        let found = total(blocks.iter().flatten().filter_map(|share| share.particles(outline.columns).ok()));
         if found != count {
             return Err(self.mixed("partition", "particles", found, count));
         }
-        let spill = self.spill();
-        let columns = (outline.own, outline.columns);
-        let mut partition = Partition::handed_on(self.spill(), columns, &outline.plan, blocks);
+        let task = self.settings.groups().nth(family).map_or(group, |tasks| tasks.start + group);
         for stage in stages {
             let bytes = Self::found_columns(stage, outline) * size_of::<f32>();
-            for (bucket, (_, blob)) in self.found(stage, family, outline)?.into_iter().enumerate() {
+            for (bucket, (_, blob)) in buckets.clone().zip(self.found_of(stage, task, outline)?) {
                 let expected = bytes * partition.len(bucket);
                 match &blob {
                     Some(blob) if blob.len() != expected => {
@@ -125,14 +137,25 @@ impl Task<'_> {
         Ok(partition)
     }
 
+    /// What a task may take that finds columns for a group of so many buckets: it holds what is known of them, and of one more group around them.
+    fn memory_of_finding(&self, outline: &Outline, own: &FamilyTasks, buckets: usize) -> Memory {
+        self.memory(outline, Memory::shares(2 * buckets + 1, own.input))
+    }
+
     pub(super) fn neighbours(self, task: u32) -> Result<(), BuildError> {
         let (number, own, group) = self.settings.group(task);
         let outline = self.outline(number)?;
         let estimating = outline.as_ref().and_then(Outline::estimating);
-        let Some((outline, estimating)) = outline.zip(estimating) else { return self.hand_on(&Found::new(), 0, 0) };
-        let mut partition = self.particles(number, &outline, &[])?;
-        let buckets = shares(outline.plan.len(), own.groups, group);
-        let block = self.memory(&outline, 0).neighbour_block();
+        let Some((outline, estimating)) = outline.as_ref().zip(estimating) else {
+            return self.hand_on(&Found::new(), 0, 0);
+        };
+        let of_group = |group: u32| self.particles(number, group, outline, &[]);
+        let others = |bucket: usize| of_group(sharer(bucket, outline.plan.len(), own.groups));
+        let surroundings = Surroundings { others: Some(&others), ..estimating.surroundings };
+        let mut partition = of_group(group)?;
+        let buckets = partition.numbers();
+        let block = self.memory_of_finding(outline, own, buckets.len()).neighbour_block();
+        let estimating = Estimating { surroundings, ..estimating };
         let seen = estimating.of_buckets(&mut partition, buckets.clone(), block, self.progress)?;
         let of_bucket = |(bucket, seen)| {
             let [estimates, _] = partition.take_found(bucket);
@@ -152,10 +175,14 @@ impl Task<'_> {
             return self.hand_on(&Found::new(), 0, 0);
         };
         self.check_columns(&outline, &streams.families[number])?;
-        let mut partition = self.particles(number, &outline, &["neighbours"])?;
-        let buckets = shares(outline.plan.len(), own.groups, group);
-        let block = self.memory(&outline, 0).motion_block();
+        let of_group = |group: u32| self.particles(number, group, &outline, &["neighbours"]);
+        let others = |bucket: usize| of_group(sharer(bucket, outline.plan.len(), own.groups));
         let deriving = outline.deriving(derivation, streams.about.kernel);
+        let surroundings = Surroundings { others: Some(&others), ..deriving.surroundings };
+        let mut partition = of_group(group)?;
+        let buckets = partition.numbers();
+        let block = self.memory_of_finding(&outline, own, buckets.len()).motion_block();
+        let deriving = Deriving { surroundings, ..deriving };
         let seen = deriving.of_buckets(&mut partition, buckets.clone(), block, self.progress)?;
         let of_bucket = |(bucket, seen)| {
             let [_, derived] = partition.take_found(bucket);

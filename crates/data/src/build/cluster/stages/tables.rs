@@ -93,17 +93,28 @@ impl Task<'_> {
         }
     }
 
-    /// The particles of its chunks that a task has sorted by bucket, and how often which values are in their columns.
-    pub(super) fn sorted(&self, task: u32, outline: &Outline) -> Result<Sorted, BuildError> {
-        self.checked("partition", task, |(shares, counts): &Sorted| {
-            expect("buckets", shares.len(), outline.plan.len())?;
-            let particles: Vec<u64> =
-                shares.iter().map(|share| share.particles(outline.columns)).collect::<Result<_, _>>()?;
-            let particles = total(particles);
-            expect_within("particles", particles, 0..=outline.survey.count)?;
-            expect("columns", counts.len(), 3 + outline.columns)?;
-            counts.iter().try_for_each(|counts| check_counts(counts, particles))
-        })
+    /// What a task that has sorted chunks has of the buckets of a group, of which there are so many.
+    pub(super) fn sorted(
+        &self,
+        spill: &Spill,
+        task: u32,
+        group: u32,
+        (buckets, outline): (usize, &Outline),
+    ) -> Result<Shares, BuildError> {
+        let check = |shares: &Shares| shares.check(buckets, outline.columns, outline.survey.count);
+        self.checked_value(spill, &self.of_sorted(spill, task, 1 + group)?, check)
+    }
+
+    /// How often which values are in the columns of the chunks that a task has sorted.
+    pub(super) fn counted(&self, spill: &Spill, task: u32, outline: &Outline) -> Result<Vec<Vec<u64>>, BuildError> {
+        let check = |counts: &Vec<Vec<u64>>| check_columns_counted(counts, 3 + outline.columns, outline.survey.count);
+        self.checked_value(spill, &self.of_sorted(spill, task, 0)?, check)
+    }
+
+    /// A blob of [`Sorted`]. Of the others nothing is read: there is one for each group, and each group's task reads of all these lists.
+    fn of_sorted(&self, spill: &Spill, task: u32, number: u32) -> Result<Blob, BuildError> {
+        let part = self.job.number("partition", task)?;
+        spill.listed(part, number).map_err(|error| BuildError::temporary(spill, error))
     }
 
     /// Columns that a stage finds for the particles of a family.
@@ -115,16 +126,22 @@ impl Task<'_> {
         }
     }
 
+    /// What a task has found for the buckets of a family that it has, in their order.
+    pub(super) fn found_of(&self, stage: &str, task: u32, outline: &Outline) -> Result<Found, BuildError> {
+        let columns = Self::found_columns(stage, outline);
+        let buckets = if columns > 0 { self.buckets(task, outline).len() } else { 0 };
+        self.checked(stage, task, |found: &Found| {
+            expect("buckets", found.len(), buckets)?;
+            found.iter().try_for_each(|(seen, _)| seen.check(columns))
+        })
+    }
+
     /// What was found for the buckets of a family, in their order.
     pub(super) fn found(&self, stage: &str, family: usize, outline: &Outline) -> Result<Found, BuildError> {
         let columns = Self::found_columns(stage, outline);
         let mut all = Found::new();
         for task in self.settings.groups().nth(family).into_iter().flatten() {
-            let buckets = if columns > 0 { self.buckets(task, outline).len() } else { 0 };
-            all.extend(self.checked(stage, task, |found: &Found| {
-                expect("buckets", found.len(), buckets)?;
-                found.iter().try_for_each(|(seen, _)| seen.check(columns))
-            })?);
+            all.extend(self.found_of(stage, task, outline)?);
         }
         let values = |column: usize| total(all.iter().map(|(seen, _)| seen.ranges[column].values()));
         let wrong = (0..columns).map(values).find(|found| *found != outline.survey.count);

@@ -12,9 +12,9 @@ impl Task<'_> {
         let (has_estimates, derived) = (outline.estimating().is_some(), outline.derived_columns());
         let stages = [has_estimates.then_some("neighbours"), (derived > 0).then_some("motion")];
         let stages: Vec<&str> = stages.into_iter().flatten().collect();
-        let mut partition = self.particles(number, &outline, &stages)?;
+        let mut partition = self.particles(number, group, &outline, &stages)?;
         partition.derived(means);
-        let buckets = shares(outline.plan.len(), own.groups, group);
+        let buckets = partition.numbers();
         let ranges = &outline.survey.ranges;
         let count = |ranges, columns: fn(Columns) -> Vec<Vec<f32>>| {
             found::counts(&partition, buckets.clone(), ranges, columns, self.progress)
@@ -27,7 +27,8 @@ impl Task<'_> {
             counts[1] = count(&ranges[3..3 + derived], |columns| columns.attributes)?;
         }
         let largest = buckets.clone().map(|bucket| partition.len(bucket)).max().unwrap_or(0);
-        let workers = self.memory(&outline, 0).workers(largest, self.job.output())?;
+        let held = Memory::shares(buckets.len(), own.input);
+        let workers = self.memory(&outline, held).workers(largest, self.job.output())?;
         let spill = self.spill();
         let built =
             self.grown(&outline, &scaling, &spill, |grower| grower.grow(&partition, buckets.clone(), workers))?;

@@ -33,7 +33,11 @@ impl Task<'_> {
                 let (outlines, _): Planned = self.index(stage, task)?;
                 self.has_values::<Columns>(outlines.into_iter().flatten().map(|(_, samples)| samples))
             }
-            "partition" => self.has_index::<Sorted>(stage, task),
+            "partition" => {
+                let mut sorted = self.index::<Sorted>(stage, task)?.into_iter();
+                self.has_values::<Vec<Vec<u64>>>(sorted.next())?;
+                self.has_values::<Shares>(sorted)
+            }
             "neighbours" | "motion" => self.has_index::<Found>(stage, task),
             "scale" => self.has_index::<Vec<Option<Scaled>>>(stage, task),
             "grow" => self.has_index::<Grown>(stage, task),

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::build::coding::CodedBatches;
+use crate::build::spill::Blob;
 use crate::build::tree::Built;
 use crate::hierarchy::Encoding;
 use crate::model::portable::Portable;
@@ -87,6 +88,35 @@ fn nodes_where_they_cannot_be_are_told_of_their_task() {
         assert!(told.contains(what) && told.ends_with("run stage grow, task 1"), "{what}: {told}");
         assert!(!path.exists(), "{what}");
         job.run("grow", 1, None, &()).unwrap();
+    }
+    run_all(&job);
+    assert!(case.built() == case.expected());
+}
+
+/// Of shares that are another group's or another task's the task is told that has left them, and its file made again.
+#[test]
+fn shares_of_others_are_told_of_their_task() {
+    let case = Case::small();
+    let job = case.plan(2).unwrap();
+    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
+    job.stages().iter().take_while(|stage| stage.name != "grow").for_each(run);
+    let path = job.names().path(job.number("partition", 0).unwrap());
+    let sound = std::fs::read(&path).unwrap();
+    let start = u64::from_le_bytes(sound[24..32].try_into().unwrap()) as usize;
+    let mut sorted = Vec::<Blob>::of_bytes(&sound[start..]).unwrap();
+    sorted.swap(1, 2);
+    let swapped = with_index(&sound, start, &sorted);
+    // Behind the length of the list, the first blob, and the length of the second one with the 1 that says that its place follows.
+    let mut elsewhere = sound.clone();
+    elsewhere[start + 8 + Blob::TOLD as usize + 9] ^= 1;
+    let mut longer = sound.clone();
+    longer[start + 8 + Blob::TOLD as usize] ^= 1;
+    for (what, forged) in [("", swapped), ("index: found a place in another file", elsewhere), ("blob: ", longer)] {
+        std::fs::write(&path, forged).unwrap();
+        let told = job.run("grow", 0, None, &()).unwrap_err().to_string();
+        assert!(told.contains("partition.0: ") && told.contains(what), "{what}: {told}");
+        assert!(told.ends_with("run stage partition, task 0") && !path.exists(), "{what}: {told}");
+        job.run("partition", 0, None, &()).unwrap();
     }
     run_all(&job);
     assert!(case.built() == case.expected());

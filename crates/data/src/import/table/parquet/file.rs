@@ -6,10 +6,11 @@ use super::pages::Chunk;
 use super::units::units;
 use super::values::StoredColumn;
 use crate::import::ImportError;
-use crate::import::bytes::RangeFile;
+use crate::import::bytes::{RangeFile, unpacked};
 use crate::import::table::columns::{Column, shown};
 use crate::model::ReadMethod;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData, ParquetMetaDataReader};
+use std::fs::File;
 use std::path::Path;
 
 /// What a file begins and ends with.
@@ -28,6 +29,8 @@ const MOST_ROWS_PER_BYTE: u64 = 1024;
 pub(super) struct Contents {
     /// Its length, bytes.
     pub length: u64,
+    /// What is in it, where it is compressed as a whole.
+    pub unpacked: Option<File>,
     /// Its columns of numbers.
     pub columns: Vec<Column>,
     /// How it stores each of them.
@@ -52,7 +55,10 @@ impl Contents {
     /// # Errors
     /// When the file cannot be read, or is damaged.
     pub(super) fn read(path: &Path) -> Result<Contents, ImportError> {
-        let file = RangeFile::open(path, ReadMethod::Positioned)?;
+        let (file, is_packed) = unpacked(path)?;
+        let kept = is_packed.then(|| file.try_clone()).transpose();
+        let unpacked = kept.map_err(|source| ImportError::io(path, "unpacking", source))?;
+        let file = RangeFile::of(path, file, ReadMethod::Positioned)?;
         let length = file.length;
         let Some(most) = length.checked_sub(FRAME) else {
             return Err(ImportError::malformed(path, "length", format!("{length} bytes"), format!("at least {FRAME}")));
@@ -77,7 +83,7 @@ impl Contents {
         }
         let footer =
             guard(path, "footer".into(), "what the file holds", || ParquetMetaDataReader::decode_metadata(&footer))?;
-        Contents::of(path, length, start, &footer)
+        Ok(Contents { unpacked, ..Contents::of(path, length, start, &footer)? })
     }
 
     /// `end` is the byte behind the rows.
@@ -99,7 +105,7 @@ impl Contents {
                 None => left_out.push(name.to_owned()),
             }
         }
-        let mut contents = Contents { length, columns, stored, left_out, groups: Vec::new() };
+        let mut contents = Contents { length, unpacked: None, columns, stored, left_out, groups: Vec::new() };
         let mut total = 0_u64;
         for (number, group) in footer.row_groups().iter().enumerate() {
             let rows = u64::try_from(group.num_rows()).unwrap_or(u64::MAX);

@@ -19,8 +19,10 @@ use file::{Contents, ENCRYPTED, Group, MAGIC};
 pub(in crate::import) use hats::{Hats, catalogue_in, is_partitioned};
 use pages::{Chunk, Reading};
 use rayon::prelude::*;
+use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use values::StoredColumn;
 
 /// Parquet files.
@@ -122,6 +124,8 @@ struct Rows {
 /// A file of a table.
 struct PartFile {
     path: PathBuf,
+    /// What is in it, where it is compressed as a whole.
+    unpacked: Option<Mutex<File>>,
     length: u64,
     /// The table's columns as the file stores them.
     stored: Vec<Option<StoredColumn>>,
@@ -140,7 +144,7 @@ struct Placed {
 impl Rows {
     /// Adds a file; `places` are where the table's columns are in it.
     fn push(&mut self, path: &Path, contents: Contents, places: &[Option<usize>]) {
-        let Contents { length, stored, groups, .. } = contents;
+        let Contents { length, unpacked, stored, groups, .. } = contents;
         let own = |place: &Option<usize>| place.and_then(|place| stored.get(place).cloned());
         let mut stored: Vec<Option<StoredColumn>> = places.iter().map(own).collect();
         // Descriptions that are the same in every file are held once.
@@ -159,7 +163,7 @@ impl Rows {
             self.groups.push(Placed { file: self.files.len(), first: self.rows, rows, chunks });
             self.rows += rows;
         }
-        self.files.push(PartFile { path: path.into(), length, stored });
+        self.files.push(PartFile { path: path.into(), unpacked: unpacked.map(Mutex::new), length, stored });
     }
 
     /// Leaves out columns that some file lacks.
@@ -185,10 +189,11 @@ impl Rows {
             let own = rows.start.max(group.first) - group.first..rows.end.min(group.first + group.rows) - group.first;
             let start = (group.first + own.start - rows.start) as usize;
             let part = start..start + (own.end - own.start) as usize;
-            let PartFile { path, length, stored } = &self.files[group.file];
+            let PartFile { path, unpacked, length, stored } = &self.files[group.file];
             // Every file has the columns that are kept.
             let (Some(chunk), Some(stored)) = (group.chunks[column], &stored[column]) else { continue };
-            read(Reading { path, length: *length, column: stored, chunk, rows: group.rows }, own, part)?;
+            let (unpacked, length) = (unpacked.as_ref(), *length);
+            read(Reading { path, unpacked, length, column: stored, chunk, rows: group.rows }, own, part)?;
         }
         Ok(())
     }

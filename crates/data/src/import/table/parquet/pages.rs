@@ -19,7 +19,7 @@ use parquet::file::serialized_reader::SerializedPageReader;
 use std::fs::File;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes of headers as a rule, and the most.
 const HEADER: u64 = 256;
@@ -49,6 +49,8 @@ pub(super) struct Chunk {
 pub(super) struct Reading<'a> {
     /// The file.
     pub path: &'a Path,
+    /// What is in it, where it is compressed as a whole. The library moves the one position that all who read such a file share.
+    pub unpacked: Option<&'a Mutex<File>>,
     /// Its length when it was opened, bytes.
     pub length: u64,
     /// The column.
@@ -72,7 +74,12 @@ impl Reading<'_> {
         decode: impl FnOnce(&StoredColumn, ColumnReader, usize, &mut [V]) -> Decoded<usize>,
     ) -> Result<(), ImportError> {
         let io = |source| ImportError::io(self.path, "file", source);
-        let file = File::open(self.path).map_err(io)?;
+        let unpacked = self.unpacked.map(|file| file.lock().unwrap_or_else(PoisonError::into_inner));
+        let file = match &unpacked {
+            Some(unpacked) => unpacked.try_clone(),
+            None => File::open(self.path),
+        };
+        let file = file.map_err(io)?;
         let headers = RangeFile::of(self.path, file.try_clone().map_err(io)?, ReadMethod::Positioned)?;
         if headers.length != self.length {
             let expected = format!("{}, as when it was opened", self.length);

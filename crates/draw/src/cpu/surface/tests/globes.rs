@@ -9,6 +9,7 @@ use super::super::select::Technique;
 use super::super::sight::Sight;
 use super::super::stitch::{Mesh, Scene};
 use super::super::{SurfaceOptions, SurfacePicture, draw};
+use super::techniques::{TECHNIQUES, check_places};
 use super::{Random, hills, random_cut};
 use crate::color::transfer::TransferFunction;
 use crate::model::Unit;
@@ -93,6 +94,82 @@ fn rays_and_triangles_find_t_everywhere() {
         // They differ at the limb alone, and where a pole is open.
         let differ = rays.raw.iter().zip(&triangles.raw).filter(|(a, b)| a[0].is_nan() != b[0].is_nan()).count();
         assert!(differ < 40, "{differ} of {hits} in round {round}");
+    }
+}
+
+/// A part of a globe, with its middle at longitude and latitude 0.
+fn part_of_globe(mut field: HeightField, step: f64, middle: f64) -> HeightField {
+    field.grid.step = [step, -step];
+    field.grid.origin = [-middle * step, middle * step];
+    (field.grid.xy_unit, field.grid.height_unit) = (Unit::new("deg"), Unit::new("m"));
+    field
+}
+
+/// Where an error is allowed, T at the place that a pixel tells appears within it, as on flat fields.
+#[test]
+fn places_on_globes_are_within_the_error() {
+    let field = part_of_globe(hills(1000, 1000, 0.0, 9), 0.05, 499.5);
+    let source = MemorySurface::new(&field, 1.0).unwrap();
+    let up = |longitude: f64, latitude: f64| DVec3::from(Globe::up(longitude, latitude));
+    for globe in globes() {
+        let placed = Placed::new(&field.grid, Map::Globe(globe), 5.0, 0.0);
+        let mut coarse = 0;
+        for (eye, target, fov_y) in [
+            (1.3 * up(3.0, -2.0), up(0.0, 0.0), 0.1),
+            (1.12 * up(-6.0, 5.0), up(4.0, 0.0), 0.1),
+            (3.0 * up(10.0, -20.0), DVec3::ZERO, 0.4),
+        ] {
+            let projection = Projection::Perspective { fov_y };
+            let [eye, target] = [eye, target].map(|place| globe.equator * place);
+            let sight = Sight::Flat(View::look_at(eye, target, DVec3::Z, projection, 90, 70).unwrap());
+            for (technique, tau) in TECHNIQUES.into_iter().flat_map(|one| [0.3, 2.0].map(|tau| (one, tau))) {
+                let options = SurfaceOptions { technique, tau, raw: true, ..SurfaceOptions::default() };
+                let picture = draw(&source, &placed, &sight, &options);
+                let hits = check_places(&field, &placed, &sight, &picture, (technique, 1), tau);
+                assert!(hits > 500, "{hits} hits");
+                coarse += usize::from(picture.report.levels[1] > 0);
+            }
+        }
+        assert!(coarse > 3, "{coarse}");
+    }
+}
+
+/// What a level's flat triangles leave of a globe without heights is its outline to within the error: chords are below their arcs.
+#[test]
+fn outlines_are_within_the_error() {
+    let side = 1024;
+    // The middle is in the middle of a cell, and inside of one in each coarser level.
+    let step = 1.0 / 15.0;
+    let field = part_of_globe(HeightField::of(side, side, vec![0.0; (side * side) as usize]), step, 513.5);
+    let source = MemorySurface::new(&field, 1.0).unwrap();
+    for globe in globes() {
+        let placed = Placed::new(&field.grid, Map::Globe(globe), 1.0, 0.0);
+        // Along the ground at the middle; the coarsest level sinks by five pixels at most.
+        let pixel = placed.sag(4.0, 4.0) / 5.0;
+        let target = globe.equator * DVec3::X;
+        let eye = target - 3.0 * globe.equator * DVec3::Y;
+        let projection = Projection::Orthographic { height: 80.0 * pixel };
+        let view = View::look_at(eye, target, DVec3::new(1.0, 0.0, 0.4), projection, 100, 80).unwrap();
+        let sight = Sight::Flat(view);
+        for (tau, level) in [(0.8, 0), (2.0, 1), (8.0, 2)] {
+            for technique in TECHNIQUES {
+                let options = SurfaceOptions { technique, tau, raw: true, ..SurfaceOptions::default() };
+                let picture = draw(&source, &placed, &sight, &options);
+                let mut worst = 0.0_f64;
+                for (index, raw) in picture.raw.iter().enumerate() {
+                    let (origin, _) = sight.ray([(index % 100) as f64 + 0.5, (index / 100) as f64 + 0.5]).unwrap();
+                    // How far the ray passes above the ground, in pixels.
+                    let above = (origin.x.hypot(origin.z * globe.equator / globe.pole) - globe.equator) / pixel;
+                    if raw[0].is_nan() == (above < 0.0) {
+                        worst = worst.max(above.abs());
+                    }
+                }
+                let told = picture.report.error_px;
+                assert_eq!(picture.report.levels, [level; 2], "{technique:?}, tau {tau}");
+                assert!(told <= tau && worst <= told + 0.01, "{technique:?}, tau {tau}: {worst} px, told {told}");
+                assert!(technique == Technique::Rays || worst > 0.3 * told, "{technique:?}: {worst} px of {told}");
+            }
+        }
     }
 }
 

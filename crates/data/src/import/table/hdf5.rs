@@ -1,0 +1,91 @@
+//! HDF5 files without particles under names of theirs, whose data sets at the root are columns of a table, as VELOCIraptor's of haloes. Rows are
+//! read in place.
+
+use super::catalogue::Catalogue;
+use super::columns::{Column, Opened, Table, left_out_note, shown};
+use super::sky;
+use crate::import::hdf5::{Column as Stored, H5};
+use crate::import::{ImportError, Source};
+use std::ops::Range;
+
+/// Opens such a table; `None` where positions cannot be made of its columns. Data sets with other numbers of rows are about the table.
+///
+/// # Errors
+/// When the file cannot be read, or is damaged, or columns that positions need have different numbers of rows.
+pub(in crate::import) fn in_root(file: &H5) -> Result<Option<Box<dyn Source>>, ImportError> {
+    let root = file.root()?;
+    let (_, names) = root.members()?;
+    let named: Vec<Column> = names.iter().map(|name| Column::new(name)).collect();
+    if !sky::has_positions(&named) {
+        return Ok(None);
+    }
+    let (mut table, mut left_out) = (Columns { columns: Vec::new(), stored: Vec::new(), rows: 0 }, Vec::new());
+    let mut first: Option<(String, u64)> = None;
+    let mut others = Vec::new();
+    for (name, column) in names.into_iter().zip(named) {
+        let Some(stored) = root.column(&name)? else {
+            left_out.push(name);
+            continue;
+        };
+        let column = Column { components: stored.components, ..column };
+        if !sky::is_needed(&column) {
+            others.push((column, stored));
+            continue;
+        }
+        // The places of samples along an axis of an array are no places of particles.
+        if stored.attributes()?.text("CLASS").is_some_and(|class| class == "DIMENSION_SCALE") {
+            return Ok(None);
+        }
+        let (other, rows) = first.get_or_insert_with(|| (name.clone(), stored.rows));
+        if stored.rows != *rows {
+            let expected = format!("{rows}, as {} has", shown(other));
+            return Err(ImportError::malformed(&file.path, shown(&name), format!("{} rows", stored.rows), expected));
+        }
+        table.push(column, stored);
+    }
+    table.rows = first.map_or(0, |(_, rows)| rows);
+    others.retain(|(_, stored)| stored.rows == table.rows);
+    others.into_iter().for_each(|(column, stored)| table.push(column, stored));
+    let notes = left_out_note(&left_out).into_iter().collect();
+    let opened = Opened { table: Box::new(table), format: "hdf5", bytes: file.bytes, notes };
+    Ok(Some(Box::new(Catalogue::new(&file.path, opened)?)))
+}
+
+/// Data sets of one number of rows.
+struct Columns {
+    columns: Vec<Column>,
+    stored: Vec<Stored>,
+    rows: u64,
+}
+
+impl Columns {
+    fn push(&mut self, column: Column, stored: Stored) {
+        self.columns.push(column);
+        self.stored.push(stored);
+    }
+}
+
+impl Table for Columns {
+    fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    fn read(&self, column: usize, rows: Range<u64>, out: &mut [f64]) -> Result<(), ImportError> {
+        self.stored[column].read(rows, out)
+    }
+
+    fn read_whole(&self, column: usize, rows: Range<u64>, out: &mut [Option<u64>]) -> Result<bool, ImportError> {
+        let stored = &self.stored[column];
+        if !stored.is_whole() {
+            return Ok(false);
+        }
+        let mut numbers = vec![0; out.len()];
+        stored.read_whole(rows, &mut numbers)?;
+        out.iter_mut().zip(numbers).for_each(|(out, number)| *out = Some(number));
+        Ok(true)
+    }
+}
