@@ -8,7 +8,9 @@
 docs/python.md in the project has a worked example.
 """
 
-from ._deepfield import Error
+import atexit
+
+from ._deepfield import Error, wait_for_writers
 from .building import build
 from .camera import Camera
 from .colors import color_map, color_maps, modes, transfer_functions
@@ -18,6 +20,9 @@ from .objects import Scene, Tour, TransferFunction
 from .picture import Picture
 from .questions import Histogram, PhaseDiagram, Probe
 from .table import Table
+
+# A script that ends right after Ctrl-C leaves nothing half-written.
+atexit.register(wait_for_writers)
 
 
 def __getattr__(name):

@@ -64,4 +64,6 @@ mod _deepfield {
     use crate::ron::transfer_function;
     #[pymodule_export]
     use crate::ron::transfer_functions;
+    #[pymodule_export]
+    use crate::work::wait_for_writers;
 }

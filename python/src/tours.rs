@@ -32,7 +32,7 @@ pub struct AskedTour {
     pattern: Option<String>,
     /// Largest displacement of a particle on screen, pixels.
     error_px: Option<f64>,
-    /// Bytes that pages may take.
+    /// Bytes that pages, or chunks of heights, may take.
     memory: Option<u64>,
     /// Threads that draw; all where nothing is said.
     pub threads: Option<usize>,
@@ -66,6 +66,7 @@ impl AskedTour {
         let options = SessionOptions {
             backend: Some(Backend::Cpu),
             page_memory: Some(self.memory.unwrap_or_else(default_memory)),
+            chunk_memory: self.memory,
             ..SessionOptions::default()
         };
         let session = open(std::slice::from_ref(&data), options)?;

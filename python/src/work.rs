@@ -7,9 +7,10 @@ use deepfield_draw::picture::asked::State;
 use pyo3::prelude::*;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How often signals are looked for.
@@ -20,6 +21,12 @@ const TELLING: Duration = Duration::from_millis(50);
 
 /// How long interrupted work that writes is waited for, so that it leaves nothing behind: as long as interrupted work is to take.
 const GRACE: Duration = Duration::from_millis(70);
+
+/// How long Python's end waits at most for what was still writing after that.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Threads of interrupted work that writes, which had not ended in time.
+static LEFT: Mutex<Vec<JoinHandle<()>>> = Mutex::new(Vec::new());
 
 /// Stack of the work's thread, bytes: as much as a program's first thread usually has.
 const STACK: usize = 8 << 20;
@@ -61,8 +68,8 @@ pub fn run_alone<T: Send + 'static>(
     run_beside(py, progress, Duration::ZERO, job)
 }
 
-/// Does work that writes, as [`run_alone`] does; interrupted, it is waited for a little, within which it ends as a rule. Where it has ended,
-/// nothing that is not whole is left of it.
+/// Does work that writes, as [`run_alone`] does; interrupted, it is waited for a little, within which it ends as a rule, and else by
+/// [`wait_for_writers`]. Where it has ended, nothing that is not whole is left of it.
 ///
 /// # Errors
 /// As [`run`].
@@ -89,7 +96,7 @@ fn run_beside<T: Send + 'static>(
         let _ = ends.send(catch_unwind(AssertUnwindSafe(|| job(&own))));
     };
     let named = std::thread::Builder::new().name("deepfield".into()).stack_size(STACK);
-    named.spawn(work).map_err(|error| told(format!("starting a thread: {error}").into()))?;
+    let thread = named.spawn(work).map_err(|error| told(format!("starting a thread: {error}").into()))?;
     let (waiting, progress) = (&*state, progress.as_ref());
     let ended = py.detach(move || {
         let mut last = Instant::now();
@@ -102,7 +109,10 @@ fn run_beside<T: Send + 'static>(
             if let Err(interruption) = Python::attach(|py| attend(waiting, py, progress, &mut last)) {
                 waiting.stop().store(true, Ordering::Relaxed);
                 // However it ends.
-                let _ = ended.recv_timeout(grace);
+                let is_left = matches!(ended.recv_timeout(grace), Err(RecvTimeoutError::Timeout));
+                if is_left && !grace.is_zero() {
+                    leave(thread);
+                }
                 return Err(interruption);
             }
         }
@@ -112,6 +122,25 @@ fn run_beside<T: Send + 'static>(
         Ok(Err(failure)) => Err(told(failure)),
         Err(panic) => resume_unwind(panic),
     }
+}
+
+/// Leaves a thread to [`wait_for_writers`].
+fn leave(thread: JoinHandle<()>) {
+    let mut left = LEFT.lock().unwrap_or_else(PoisonError::into_inner);
+    left.retain(|other| !other.is_finished());
+    left.push(thread);
+}
+
+/// Waits a little for interrupted work that writes: Python calls it as it ends, which ends all threads in the middle of what they do.
+#[pyfunction]
+pub fn wait_for_writers(py: Python<'_>) {
+    let left = std::mem::take(&mut *LEFT.lock().unwrap_or_else(PoisonError::into_inner));
+    py.detach(move || {
+        let end = Instant::now() + PATIENCE;
+        while left.iter().any(|thread| !thread.is_finished()) && Instant::now() < end {
+            std::thread::sleep(PERIOD);
+        }
+    });
 }
 
 /// How work ended: what came of it, or with what it was unwound.

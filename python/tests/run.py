@@ -23,6 +23,7 @@ OPTIONAL = {
     "matplotlib": "figures of the notebook",
     "anywidget": "the widget's own messages",
     "pyarrow": "tables that Arrow reads",
+    "pandas": "data frames",
     "h5py": "snapshots that HDF5's own library reads",
     "astropy": "tables that astropy reads",
     "plyfile": "points that plyfile reads",

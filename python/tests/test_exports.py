@@ -102,26 +102,6 @@ class Exports(WithFolder):
         self.compare(low | high << np.uint64(32), lambda name: points[name.replace("_", "-")])
         self.assertEqual(set(points["family"]), {1})
 
-    @has("vtk")
-    def test_vtk_reads_points(self):
-        import vtk
-        from vtk.util.numpy_support import vtk_to_numpy
-
-        reader = vtk.vtkXMLPolyDataReader()
-        reader.SetFileName(str(self.written("box.vtp")))
-        reader.Update()
-        points = reader.GetOutput()
-        self.assertEqual((points.GetNumberOfPoints(), points.GetNumberOfVerts()), (500, 500))
-        arrays = points.GetPointData()
-        vectors = {"x": vtk_to_numpy(points.GetPoints().GetData()), "vx": vtk_to_numpy(arrays.GetArray("velocity"))}
-
-        def column(name):
-            if name in ("mass", "smoothing_length", "temperature"):
-                return vtk_to_numpy(arrays.GetArray(name.replace("_", "-")))
-            return vectors["v" * (len(name) - 1) + "x"][:, "xyz".index(name[-1])]
-
-        self.compare(vtk_to_numpy(arrays.GetArray("id")), column)
-
 
 if __name__ == "__main__":
     unittest.main()

@@ -28,9 +28,30 @@ import deepfield
 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 arrays = {"positions": np.random.default_rng(3).random((1_000_000, 3))}
-threading.Timer(0.2, _thread.interrupt_main).start()
 try:
+    threading.Timer(0.2, _thread.interrupt_main).start()
     deepfield.build(arrays, sys.argv[1])
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+
+# A program that ends while a frame is being written, which takes longer than Ctrl-C waits.
+WRITES = """
+import _thread, pathlib, signal, sys, threading, time
+import deepfield
+
+frames = pathlib.Path(sys.argv[2])
+
+def interrupt():
+    while not any(frames.glob(".deepfield-*")):
+        time.sleep(0.001)
+    _thread.interrupt_main()
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+data = deepfield.open(sys.argv[1])
+try:
+    threading.Thread(target=interrupt, daemon=True).start()
+    deepfield.Tour.around(seconds=60.0).render(data, frames, (3200, 3200), 30)
 except KeyboardInterrupt:
     print("interrupted")
 """
@@ -62,10 +83,13 @@ class Interrupted(WithFolder):
 
     def ends_soon(self, work, after=None):
         """How long work goes on that is interrupted after so many seconds, or interrupts itself."""
-        if after is not None:
-            # That the timer's thread runs at all says that others do meanwhile.
-            threading.Timer(after, self.interrupt).start()
         with self.assertRaises(KeyboardInterrupt):
+            if after is not None:
+                timer = threading.Timer(after, self.interrupt)
+                # Where work fails before, no other test is interrupted.
+                self.addCleanup(timer.cancel)
+                # That the timer's thread runs at all says that others do meanwhile.
+                timer.start()
             # A machine may be fast.
             while True:
                 work()
@@ -153,10 +177,20 @@ class Interrupted(WithFolder):
         self.assertLessEqual(len(names()), len(found) + 1)
 
     def test_a_program_that_is_interrupted_ends(self):
-        command = [sys.executable, "-W", "ignore", "-c", ENDS, self.out / "box.df"]
+        self.is_interrupted(ENDS, self.out / "box.df")
+        self.assertEqual(list(self.out.iterdir()), [])
+
+    def test_a_program_that_is_interrupted_ends_what_it_writes(self):
+        deepfield.build(particles(500), self.folder / "box.df")
+        self.is_interrupted(WRITES, self.folder / "box.df", self.out)
+        names = sorted(path.name for path in self.out.iterdir())
+        self.assertTrue(all(name.startswith("frame-") for name in names), names)
+
+    def is_interrupted(self, program, *arguments):
+        """Whether a program hears of Ctrl-C and ends by itself."""
+        command = [sys.executable, "-W", "ignore", "-c", program, *arguments]
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=60)
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "interrupted\n", ""))
-        self.assertFalse((self.out / "box.df").exists())
 
 
 if __name__ == "__main__":

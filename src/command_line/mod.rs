@@ -23,6 +23,14 @@ pub fn print_line(line: Arguments<'_>) -> std::io::Result<()> {
     }
 }
 
+/// The text that is written.
+pub fn text_of(write: impl FnOnce(&mut String) -> std::fmt::Result) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write(&mut text);
+    text
+}
+
 /// Wrong usage that only the files that are named make wrong.
 pub fn usage(message: String) -> Box<dyn std::error::Error + Send + Sync> {
     Box::new(clap::Error::raw(clap::error::ErrorKind::InvalidValue, message + "\n"))

@@ -1,8 +1,8 @@
 //! `deepfield probe` of an image or a volume: what its samples hold in a region.
 
-use super::CommandResult;
 use super::probe::{Arguments, short};
 use super::statistics::write_json;
+use super::{CommandResult, text_of};
 use crate::explore::Region;
 use crate::explore::field_probe::{ChannelProbe, FieldProbe, probe_field};
 use crate::model::Unit;
@@ -53,9 +53,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if let Some(out) = &arguments.json {
         return write_json(out, &Answer { path, region: &region, length_unit: &unit, probe: &probe });
     }
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write_tables(&mut text, path, &unit, field.dimensions, &probe);
+    let text = text_of(|text| write_tables(text, path, &unit, field.dimensions, &probe));
     Ok(std::io::stdout().write_all(text.as_bytes())?)
 }
 

@@ -1,6 +1,7 @@
 //! What `deepfield info` prints of images and volumes.
 
 use super::info::short;
+use super::text_of;
 use crate::hierarchy::kind::WAVELET;
 use crate::hierarchy::wavelet::sets::{direction, directions};
 use crate::import::grid::{ChannelSummary, GridSummary};
@@ -12,10 +13,7 @@ use std::fmt::Write as _;
 
 /// The human table.
 pub(super) fn table(summary: &GridSummary) -> String {
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write_table(&mut text, summary);
-    text
+    text_of(|text| write_table(text, summary))
 }
 
 fn write_table(text: &mut String, summary: &GridSummary) -> std::fmt::Result {

@@ -2,7 +2,7 @@
 
 use super::heights::{self, HeightsOptions};
 use super::raw_options::RawOptions;
-use super::{CommandResult, grid_info, page_file_info, run_info};
+use super::{CommandResult, grid_info, page_file_info, run_info, text_of};
 use crate::import::vector_field::velocities_in;
 use crate::import::{
     FamilySummary, Field, GridOptions, Statistic, Summary, grid_format, open_grid, summarize, summarize_grid,
@@ -88,7 +88,11 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
         DataKind::Source => {
             let summary = summarize(path)?;
-            if *json { serde_json::to_string_pretty(&summary)? + "\n" } else { table(&summary) }
+            if *json {
+                serde_json::to_string_pretty(&summary)? + "\n"
+            } else {
+                text_of(|text| write_table(text, &summary))
+            }
         }
     };
     std::io::stdout().write_all(text.as_bytes())?;
@@ -96,13 +100,6 @@ pub fn run(arguments: &Arguments) -> CommandResult {
 }
 
 /// The human table.
-fn table(summary: &Summary) -> String {
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write_table(&mut text, summary);
-    text
-}
-
 fn write_table(text: &mut String, summary: &Summary) -> std::fmt::Result {
     let about = &summary.about;
     let files = if about.files == 1 { String::new() } else { format!(" in {} files", about.files) };

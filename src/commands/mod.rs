@@ -51,7 +51,7 @@ pub mod verify;
 pub mod view;
 pub mod wavelet_options;
 
-pub use crate::command_line::{CommandResult, arguments, cache, cached_run, print_line, progress_bar, usage};
+pub use crate::command_line::{CommandResult, arguments, cache, cached_run, print_line, progress_bar, text_of, usage};
 
 /// The subcommands.
 #[derive(clap::Subcommand, Debug)]

@@ -3,6 +3,7 @@
 
 use super::info::shown_redshift;
 use super::probe::short;
+use super::text_of;
 use crate::codec::{CodeBits, Codebook, CodebookScope};
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, LevelInfo, Metadata, PageFile};
 use serde_json::{Value, json};
@@ -115,10 +116,7 @@ fn codebook_json(family: &FamilyMetadata, codebook: &Codebook) -> Value {
 
 /// The facts as a table for people.
 pub fn table(file: &PageFile) -> String {
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write_table(&mut text, file);
-    text
+    text_of(|text| write_table(text, file))
 }
 
 fn write_table(text: &mut String, file: &PageFile) -> std::fmt::Result {

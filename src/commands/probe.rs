@@ -8,7 +8,7 @@ use super::heights::{self, StatedOptions};
 use super::members_options::{MembersOptions, OpenRun};
 use super::region_options::{At, RegionOptions};
 use super::statistics::write_json;
-use super::{CommandResult, progress_bar::TerminalProgress};
+use super::{CommandResult, progress_bar::TerminalProgress, text_of};
 pub(super) use crate::annotate::number::short;
 use crate::color::output::write_atomically;
 use crate::explore::probe::{FamilyProbe, FieldStatistics, Probe, Profile};
@@ -222,9 +222,10 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         let path = if arguments.derive.is_empty() { data.path() } else { &arguments.path };
         return write_json(out, &Answer { path, region: &region, tracked_at, probe: &found, histograms });
     }
-    let mut text = tables(data, &region, &found);
-    // Writing to a string cannot fail.
-    let _ = histograms.iter().try_for_each(|histogram| write_histogram(&mut text, histogram));
+    let text = text_of(|text| {
+        write_tables(text, data, &region, &found)?;
+        histograms.iter().try_for_each(|histogram| write_histogram(text, histogram))
+    });
     Ok(std::io::stdout().write_all(text.as_bytes())?)
 }
 
@@ -282,13 +283,6 @@ struct AnswerOverTime<'a> {
 }
 
 /// The tables for people.
-fn tables(data: Data, region: &Region, probe: &Probe) -> String {
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write_tables(&mut text, data, region, probe);
-    text
-}
-
 fn write_tables(text: &mut String, data: Data, region: &Region, probe: &Probe) -> std::fmt::Result {
     let length = &probe.length_unit;
     writeln!(text, "{}: {} particles {}", data.path().display(), probe.count, described(region, data))?;

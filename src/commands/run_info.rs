@@ -1,5 +1,6 @@
 //! What `deepfield info` says about a run: its steps, as a table for people or as JSON for programs.
 
+use super::text_of;
 use crate::hierarchy::spacetime::{Stretch, recorded_error};
 use crate::model::ClockVariable;
 use crate::store::RunFile;
@@ -158,10 +159,7 @@ fn scale_json(run: &RunFile, level: usize, level_error: f64, own: &LongTracks) -
 
 /// The facts as a table for people.
 pub fn table(run: &RunFile) -> String {
-    let mut text = String::new();
-    // Writing to a string cannot fail.
-    let _ = write_table(&mut text, run);
-    text
+    text_of(|text| write_table(text, run))
 }
 
 fn write_table(text: &mut String, run: &RunFile) -> std::fmt::Result {

@@ -18,6 +18,7 @@
 
 pub mod answer;
 pub mod arena;
+pub mod blending;
 pub mod bloom;
 pub mod capabilities;
 pub mod clusters;
@@ -36,6 +37,7 @@ pub mod matter;
 pub mod measure;
 pub mod mode_view;
 pub mod moving;
+pub mod news;
 pub mod offscreen;
 pub mod over_splats;
 pub mod page_copies;

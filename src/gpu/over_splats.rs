@@ -4,26 +4,20 @@
 //! Particles are blurred and get their own columns where they are listed (`shaders/tiles/gather.wgsl`). What is equally far away has the order
 //! of the draw list.
 
+use super::blending::{self, BlendGroups, BlendPipelines};
 use super::capabilities::Capabilities;
 use super::matter::map_to_place;
-use super::sorted_splats::{SortedUniform, blend_defs};
 use super::splat::layout::Grids;
-use super::splat::resources::whole;
-use super::tiles::pipelines::{arrange_layout, layout, queue, read, uniform, walk_layout, write};
 use super::tiles::spots::listed_within;
-use super::tiles::{Binding, Canvas, Drawing, OverRequest, TileList, TileMode, TileRequest};
+use super::tiles::{Binding, Canvas, OverRequest, TileList, TileMode, TileRequest};
 use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::Scale;
 use crate::cpu::over::{LOW_PASS, TERMINATION};
 use crate::cpu::volume::OpaqueDepths;
-use crate::model::Kernel;
 use crate::view::{Extent, View};
 use bevy::asset::AssetServer;
-use bevy::platform::collections::HashMap;
-use bevy::prelude::*;
-use bevy::render::render_resource::{
-    BindGroup, BindGroupLayoutDescriptor, Buffer, BufferUsages, CachedComputePipelineId, PipelineCache,
-};
+use bevy::prelude::Resource;
+use bevy::render::render_resource::{BufferUsages, PipelineCache};
 use bevy::render::renderer::RenderContext;
 use bytemuck::{Pod, Zeroable};
 use std::f64::consts::TAU;
@@ -111,37 +105,15 @@ impl SplatLookUniform {
 
 /// Layouts and pipelines.
 #[derive(Resource)]
-pub struct OverPipelines {
-    look: BindGroupLayoutDescriptor,
-    light: BindGroupLayoutDescriptor,
-    arrange: CachedComputePipelineId,
-    blend: HashMap<Kernel, CachedComputePipelineId>,
-}
-
-/// What the passes of a camera bind.
-pub struct OverGroups {
-    list: TileList,
-    table: Buffer,
-    arrange: BindGroup,
-    blend: BindGroup,
-}
+pub struct OverPipelines(BlendPipelines);
 
 impl TileMode for OverSplats {
     type Pipelines = OverPipelines;
-    type Bound = OverGroups;
+    type Bound = BlendGroups;
 
     fn pipelines(server: &AssetServer, cache: &PipelineCache, on: &Capabilities) -> OverPipelines {
-        let look = layout("deepfield splats' look", vec![uniform(size_of::<SplatLookUniform>(), false), read()]);
-        let light = layout("deepfield blend", vec![uniform(size_of::<SortedUniform>(), false), write(), write()]);
-        let arrange_layouts = vec![arrange_layout(), look.clone()];
-        let arrange = queue(cache, server, ("over/arrange.wgsl", "arrange"), arrange_layouts, vec![]);
-        let of_kernel = |kernel| {
-            let layouts = vec![walk_layout(), light.clone()];
-            let defs = blend_defs(kernel, on.is_software);
-            (kernel, queue(cache, server, ("sorted/blend.wgsl", "blend"), layouts, defs))
-        };
-        let blend = Kernel::ALL.into_iter().map(of_kernel).collect();
-        OverPipelines { look, light, arrange, blend }
+        let bytes = size_of::<SplatLookUniform>();
+        OverPipelines(BlendPipelines::new((server, cache, on), "deepfield splats' look", bytes, "over/arrange.wgsl"))
     }
 
     fn request(&self, _: &View, _: &Grids, memory: u64) -> TileRequest {
@@ -164,9 +136,9 @@ impl TileMode for OverSplats {
         }
     }
 
-    fn bind(&self, before: Option<(&Self, &OverGroups)>, to: &Binding<'_, Self>) -> OverGroups {
+    fn bind(&self, before: Option<(&Self, &BlendGroups)>, to: &Binding<'_, Self>) -> BlendGroups {
         let table = match before {
-            Some((before, groups)) if Arc::ptr_eq(&before.colors, &self.colors) => groups.table.clone(),
+            Some((before, groups)) if Arc::ptr_eq(&before.colors, &self.colors) => groups.table(),
             _ => {
                 let (colors, _) = self.colors.table();
                 let entries: Vec<[f32; 4]> = colors.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
@@ -174,38 +146,19 @@ impl TileMode for OverSplats {
             }
         };
         let look = SplatLookUniform::new(&self.colors, self.attribute);
-        let look = to.buffer(bytemuck::bytes_of(&look), BufferUsages::UNIFORM);
-        let light = SortedUniform { termination: TERMINATION, unused: [0; 3] };
-        let light = to.buffer(bytemuck::bytes_of(&light), BufferUsages::UNIFORM);
-        let arrange = to.group(&to.pipelines.look, &[look.as_entire_binding(), table.as_entire_binding()]);
-        let blend = to.group(&to.pipelines.light, &[&light, &to.cells.buffer, to.ends].map(whole));
-        let list = to.tiles(before.map(|(_, groups)| &groups.list));
-        OverGroups { list, table, arrange, blend }
+        let before = before.map(|(_, groups)| groups);
+        BlendGroups::new(&to.pipelines.0, (bytemuck::bytes_of(&look), table), TERMINATION, before, to)
     }
 
-    fn bytes(bound: &OverGroups) -> u64 {
-        bound.list.bytes()
+    fn bytes(bound: &BlendGroups) -> u64 {
+        bound.bytes()
     }
 
-    fn draw(&self, bound: &OverGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
-        let get = |id| on.cache.get_compute_pipeline(id);
-        let walk = get(*on.pipelines.blend.get(&on.particles.grids.shape.kernel)?)?;
-        let arrange = get(on.pipelines.arrange)?;
-        context.command_encoder().clear_buffer(&on.cells.buffer, 0, None);
-        let drawing = Drawing {
-            arrange,
-            arrange_group: Some(&bound.arrange),
-            walk,
-            walk_group: &bound.blend,
-            name: "blend",
-            timer: on.timer,
-        };
-        bound.list.draw(on.spots, on.particles, &on.steps, &drawing, context);
-        Some(())
+    fn draw(&self, bound: &BlendGroups, on: &Canvas<'_, Self>, context: &mut RenderContext) -> Option<()> {
+        bound.draw(&on.pipelines.0, on, context)
     }
 
     fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
-        let depths = ends.iter().map(|&end| if end == 0.0 { f32::INFINITY } else { end });
-        OpaqueDepths::new(view, depths.collect(), 1.0, 0.0)
+        blending::opaque(view, ends, 0.0)
     }
 }

@@ -77,6 +77,7 @@ pub const SHADERS: &[(&str, &str)] = &[
     ("volume/interpolate.wgsl", include_str!("../../shaders/volume/interpolate.wgsl")),
     ("volume/measure.wgsl", include_str!("../../shaders/volume/measure.wgsl")),
     ("volume/occlusion.wgsl", include_str!("../../shaders/volume/occlusion.wgsl")),
+    ("lib/volume_cells.wgsl", include_str!("../../shaders/lib/volume_cells.wgsl")),
     ("volume/raycast.wgsl", include_str!("../../shaders/volume/raycast.wgsl")),
     ("volume/smooth.wgsl", include_str!("../../shaders/volume/smooth.wgsl")),
     ("lib/isosurface.wgsl", include_str!("../../shaders/lib/isosurface.wgsl")),

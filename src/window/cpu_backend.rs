@@ -436,3 +436,90 @@ pub(super) fn show_on_cpu(
     letterbox.set_if_neq(Letterbox(None));
     cpu.shown = Some(wanted);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{BuildOptions, build};
+    use crate::mode::SettingValue;
+    use crate::modes::shadowing::{LIGHT_SAMPLES, LIGHT_SIZE, SHADOWS};
+    use crate::modes::spheres;
+    use crate::store::PageFile;
+    use crate::stream::first_nodes;
+    use crate::synth::{self, merger::Merger};
+    use crate::view::Projection;
+    use crate::window::look::{follow_settings, glide_levels};
+    use crate::window::preset::Backend;
+    use crate::window::touring::player::tests::Window;
+    use crate::window::transfer_presets::TransferPresets;
+    use bevy::math::DVec3;
+    use bevy::tasks::TaskPool;
+    use std::time::Duration;
+
+    #[test]
+    fn shadows_have_few_samples_in_motion_and_ever_more_at_rest() {
+        AsyncComputeTaskPool::get_or_init(TaskPool::new);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("merger.df");
+        build(synth::dataset(&Merger::new(1, 3000)), &BuildOptions::default(), &path, &()).unwrap();
+        let file = Arc::new(PageFile::open(&path).unwrap());
+        let (eye, full) = (DVec3::new(70.0, 35.0, 150.0), UVec2::new(96, 60));
+        let projection = Projection::Perspective { fov_y: 0.5 };
+        let view = View::look_at(eye, DVec3::ZERO, DVec3::Y, projection, full.x, full.y).unwrap();
+        let nodes = first_nodes(&*file, &view).unwrap().into();
+        let mut window = Window::new();
+        let app = &mut window.app;
+        app.world_mut().resource_mut::<Picture>().rect = Rect::new(0.0, 0.0, 96.0, 60.0);
+        let mut settings = app.world_mut().resource_mut::<Settings>();
+        settings.choose_mode(&spheres::MODE);
+        for (setting, number) in [(&SHADOWS, 0.7), (&LIGHT_SIZE, 12.0), (&LIGHT_SAMPLES, 20.0)] {
+            settings.look.settings.set(setting, SettingValue::Number(number));
+        }
+        let mut preset = app.world_mut().resource_mut::<Preset>();
+        (preset.drawing.backend, preset.motion.rest_ms) = (Backend::Cpu, u64::MAX);
+        let budget = moving_ms(&preset);
+        app.insert_resource(Scene::of_file(file, Vec::new()))
+            .insert_resource(ViewSelection { view: Some(view), nodes, complete: true, ..default() })
+            .init_resource::<CpuPicture>()
+            .init_resource::<ActiveBackend>()
+            .init_resource::<Exposure>()
+            .init_resource::<Statistics>()
+            .init_resource::<Converged>()
+            .init_resource::<Occlusion>()
+            .init_resource::<LiveParticles>()
+            .init_resource::<Held>()
+            .init_resource::<Paths>()
+            .init_resource::<SplatsInTime>()
+            .init_resource::<TransferPresets>()
+            .add_systems(Last, (follow_settings, glide_levels, draw_on_cpu).chain());
+        let latest = |app: &App| app.world().resource::<CpuPicture>().drawn.clone();
+        window.wait("a picture in motion", |app| latest(app).is_some());
+        // Others of more pixels follow.
+        for _ in 0..30 {
+            assert_eq!(latest(&window.app).unwrap().key.light_samples, Some(4));
+            window.frame(0.0);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        window.app.world_mut().resource_mut::<Preset>().motion.rest_ms = 0;
+        let mut found = Vec::new();
+        window.wait("all samples", |app| {
+            let whole = latest(app).filter(|drawn| drawn.key.size == full);
+            found.extend(whole.and_then(|drawn| drawn.key.light_samples.zip(drawn.painted)));
+            app.world().resource::<Converged>().0
+        });
+        found.dedup_by_key(|(samples, _)| *samples);
+        let samples: Vec<u32> = found.iter().map(|(samples, _)| *samples).collect();
+        assert_eq!(samples, [4, 16, 20]);
+        assert!(found[0].1.image != found[2].1.image, "each is drawn from its own samples");
+        // What moves next is as large as there is time for with few pictures of what the lamp sees.
+        let world = window.app.world_mut();
+        let took = 0.9 * budget * f64::from(1 + 20) / f64::from(1 + 4);
+        world.resource_mut::<CpuPicture>().drawn.as_mut().unwrap().milliseconds = took;
+        let mut selection = world.resource_mut::<ViewSelection>();
+        (selection.revision, selection.motion) = (1, 1);
+        world.resource_mut::<Preset>().motion.rest_ms = u64::MAX;
+        window.wait("another view", |app| latest(app).is_some_and(|drawn| drawn.key.selection == 1));
+        let key = latest(&window.app).unwrap().key;
+        assert_eq!((key.size, key.light_samples), (full, Some(4)));
+    }
+}

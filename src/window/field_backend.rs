@@ -457,3 +457,86 @@ pub(super) fn show_field(
     letterbox.set_if_neq(Letterbox(None));
     field.shown = Some(wanted);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::HeightsSaid;
+    use crate::mode::SettingValue;
+    use crate::model::Unit;
+    use crate::modes::shadowing::{LIGHT_SAMPLES, LIGHT_SIZE, SHADOWS};
+    use crate::modes::surface;
+    use crate::picture::SessionOptions;
+    use crate::window::look::{follow_settings, glide_levels};
+    use crate::window::sampled::Sampled;
+    use crate::window::scene::SceneField;
+    use crate::window::touring::player::tests::Window;
+    use crate::window::transfer_presets::TransferPresets;
+    use bevy::tasks::TaskPool;
+    use std::time::Duration;
+
+    #[test]
+    fn shadows_of_heights_have_few_samples_in_motion_and_at_rest_those_of_a_file() {
+        AsyncComputeTaskPool::get_or_init(TaskPool::new);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cliff.asc");
+        let row = [["8"; 12], ["0"; 12]].concat().join(" ") + "\n";
+        let head = "ncols 24\nnrows 16\nxllcenter 0\nyllcenter 0\ncellsize 1\n";
+        std::fs::write(&path, head.to_owned() + &row.repeat(16)).unwrap();
+        let metre = Some(Unit::new("m"));
+        let said = HeightsSaid { xy_unit: metre.clone(), height_unit: metre, ..HeightsSaid::default() };
+        let mut session = SurfaceSession::open(&path, &said, SessionOptions::default(), Arc::new(())).unwrap();
+        let opened = Arc::clone(session.opened());
+        let full = UVec2::new(60, 40);
+        let mut window = Window::new();
+        let app = &mut window.app;
+        app.world_mut().resource_mut::<Picture>().rect = Rect::new(0.0, 0.0, 60.0, 40.0);
+        app.world_mut().resource_mut::<Preset>().motion.rest_ms = u64::MAX;
+        let mut settings = app.world_mut().resource_mut::<Settings>();
+        settings.choose_mode(&surface::MODE);
+        for (setting, number) in [(&SHADOWS, 0.7), (&LIGHT_SIZE, 20.0), (&LIGHT_SAMPLES, 20.0)] {
+            settings.look.settings.set(setting, SettingValue::Number(number));
+        }
+        let look = settings.look.patch();
+        let view = opened.home(&settings.look.settings, 40.0, (full.x, full.y)).unwrap();
+        app.world_mut().resource_mut::<Scene>().field = Some(SceneField::new(Sampled::Heights(opened)));
+        app.insert_resource(ViewSelection { view: Some(view), ..default() })
+            .insert_resource(ActiveBackend::Field)
+            .init_resource::<FieldPicture>()
+            .init_resource::<Exposure>()
+            .init_resource::<Statistics>()
+            .init_resource::<Hiding>()
+            .init_resource::<Converged>()
+            .init_resource::<Held>()
+            .init_resource::<TransferPresets>()
+            .add_systems(Last, (follow_settings, glide_levels, draw_field).chain());
+        let latest = |app: &App| {
+            let drawn = app.world().resource::<FieldPicture>().drawn.as_ref()?;
+            Some((drawn.key.light_samples?, drawn.key.size, Arc::clone(&drawn.image)))
+        };
+        window.wait("a picture in motion", |app| latest(app).is_some());
+        // Others of more pixels follow.
+        for _ in 0..30 {
+            assert_eq!(latest(&window.app).unwrap().0, 4);
+            window.frame(0.0);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        window.app.world_mut().resource_mut::<Preset>().motion.rest_ms = 0;
+        let mut found = Vec::new();
+        window.wait("all samples", |app| {
+            found.extend(latest(app).filter(|(_, size, _)| *size == full));
+            app.world().resource::<Converged>().0
+        });
+        found.dedup_by_key(|(samples, ..)| *samples);
+        let samples: Vec<u32> = found.iter().map(|(samples, ..)| *samples).collect();
+        assert_eq!(samples, [4, 16, 20]);
+        let transfer = window.app.world().resource::<Look>().chosen.clone();
+        let expected = session.image(&LookPatch { transfer: Some(transfer), ..look }, &view, None).unwrap();
+        assert!(*found[2].2 == expected, "at rest it is the picture of a file");
+        assert!(*found[0].2 != expected, "each is drawn from its own samples");
+        // What it takes in motion is with few pictures of what the sun sees.
+        let field = window.app.world().resource::<FieldPicture>();
+        let took = field.drawn.as_ref().and_then(|drawn| drawn.milliseconds).unwrap();
+        assert_eq!(field.wanted.milliseconds(), Some(took * f64::from(1 + 4) / f64::from(1 + 20)));
+    }
+}

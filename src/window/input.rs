@@ -193,6 +193,7 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
             ("Drag an end", "move one end of the range"),
             ("Drag between", "move both"),
             ("Double-click", "automatic range"),
+            ("Arrows  Delete", "move, remove a handle that Tab has reached"),
             ("Drag in a plot", "select those particles; a click lets go"),
         ],
     ),
@@ -201,7 +202,7 @@ pub const HELP: [(&str, &[(&str, &str)]); 6] = [
         &[
             ("Tab", "show or hide the panels"),
             ("F2  F3", "those at the left, at the right"),
-            ("F6", "to the controls and back; Tab goes on, Space presses"),
+            ("F6", "to the next dock's controls; Tab goes on, Space presses"),
             ("Ctrl+O", "open a file"),
             ("Ctrl+Z  Ctrl+Y", "undo, redo settings"),
             ("Ctrl+S", "save the scene; with Shift under another name"),

@@ -13,6 +13,7 @@ use crate::gpu::{Composite, Fading};
 use crate::look::Attribute;
 use crate::mode::{Depiction, LevelChoice, LodBudget, Mode, over};
 use crate::modes::volume_fields::DENSITY;
+use crate::picture::ranges::Measured;
 use bevy::prelude::*;
 use bevy_egui::egui::Color32;
 use std::sync::Arc;
@@ -56,6 +57,15 @@ impl Look {
         }
         let units = scene.units(&self.depiction);
         Legend::told(&self.depiction, &self.transfer, Arc::clone(&self.lut), &self.levels, &units)
+    }
+
+    /// Whether it shows what was measured: the same mode and attribute, by the same scales.
+    pub fn shows(&self, measured: &Measured) -> bool {
+        let scales = |transfer: &TransferFunction| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale));
+        let attribute = self.depiction.attribute.as_ref().map(|coloring| &coloring.name);
+        measured.mode == self.depiction.mode
+            && measured.attribute.as_ref() == attribute
+            && scales(&measured.transfer) == scales(&self.transfer)
     }
 
     /// What the transfer function's colours mean.

@@ -40,6 +40,7 @@ pub mod pacing;
 pub mod page_entities;
 pub mod pages;
 pub mod panel;
+mod panes;
 mod pass_times;
 mod paths;
 pub mod pick;

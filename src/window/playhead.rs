@@ -235,7 +235,8 @@ impl Playhead {
         Some(MovingRun { time, next, tree })
     }
 
-    fn ends(&self) -> [f64; 2] {
+    /// The times of the first and the last step.
+    pub fn ends(&self) -> [f64; 2] {
         [self.times.times.first(), self.times.times.last()].map(|end| end.copied().unwrap_or(0.0))
     }
 
@@ -450,7 +451,7 @@ pub(crate) mod tests {
         out
     }
 
-    fn playhead(folder: &std::path::Path) -> Playhead {
+    pub fn playhead(folder: &std::path::Path) -> Playhead {
         let out = run_file(folder);
         let built = |path: &std::path::Path| Ok::<_, StoreError>(path.to_owned());
         let data = OpenData::open(&[Member::new(out)], ReadMethod::default(), built).unwrap();

@@ -11,7 +11,7 @@ use super::scene_io::camera_of;
 use super::state::answer::Answer;
 use super::statistics::Converged;
 use crate::color::ExposureMode;
-use crate::color::transfer::{Levels, Range, TransferFunction};
+use crate::color::transfer::{Levels, Range};
 use crate::look::{Camera, LookPatch};
 use crate::model::{FamilyName, When};
 use crate::picture::ranges::{Format, Measured};
@@ -54,18 +54,13 @@ impl RunRanges {
     pub fn levels(&self, look: &Look) -> Option<Levels> {
         self.wanted.as_ref()?;
         let (_, measured) = self.found.as_ref()?;
-        let scales = |transfer: &TransferFunction| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale));
-        let attribute = look.depiction.attribute.as_ref().map(|coloring| &coloring.name);
-        let same = measured.mode == look.depiction.mode
-            && measured.attribute.as_ref() == attribute
-            && scales(&measured.transfer) == scales(&look.transfer);
         // What the user has set stays.
         let set = |range: Range, found: [f64; 2]| match range {
             Range::Fixed(low, high) => [low, high],
             Range::Auto => found,
         };
         let s = look.transfer.hue.as_ref().map_or(measured.levels.s, |hue| set(hue.range, measured.levels.s));
-        same.then(|| Levels { p: set(look.transfer.range, measured.levels.p), s })
+        look.shows(measured).then(|| Levels { p: set(look.transfer.range, measured.levels.p), s })
     }
 
     /// Whether what is wanted is not known yet.

@@ -28,6 +28,7 @@ use crate::annotate::overlay::Overlay;
 use crate::color::transfer::Levels;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
+use crate::mode::Depiction;
 use crate::picture::{AnySession, PictureError, Session};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -76,6 +77,17 @@ impl Wanted {
     fn fix_ranges(&mut self, found: &Levels) {
         for look in [&mut self.shot.look, &mut self.content.shot.look] {
             look.transfer = look.transfer.take().map(|transfer| transfer.with_levels(found));
+        }
+    }
+
+    /// Leaves what hue alone asks for to the picture at rest, as flat views do ([`Depiction::detail_in_motion`]).
+    fn leave_hue(&mut self, depiction: &Depiction) {
+        let share = depiction.tolerance();
+        // Else it stays what is wanted at rest, too, and need not be drawn again.
+        if share < 1.0 {
+            for look in [&mut self.shot.look, &mut self.content.shot.look] {
+                look.error_px = Some(look.error_px() / share);
+            }
         }
     }
 
@@ -389,6 +401,7 @@ pub(super) fn draw_surround(
             if let Some(found) = exposure.levels.filter(|_| is_light && surround.has_shown(&wanted)) {
                 small.fix_ranges(&found);
             }
+            small.leave_hue(&look.depiction);
             small
         }
         false => wanted,

@@ -1,9 +1,12 @@
 //! Colours, sizes and the few widgets that give the panel and the overlays one look.
 
+mod handle;
+
 use bevy_egui::egui::{
     self, Align, Align2, Color32, CornerRadius, FontFamily, FontId, Layout, Margin, Response, RichText, Sense, Stroke,
     StrokeKind, TextStyle, Ui, Vec2, WidgetInfo, WidgetType, vec2,
 };
+pub use handle::{Asked, Handle, Ways};
 
 /// Background of the panel.
 pub const PANEL: Color32 = Color32::from_rgb(0x14, 0x17, 0x1c);

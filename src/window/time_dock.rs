@@ -2,7 +2,7 @@
 
 use super::playhead::Playhead;
 use super::preset::{Along, Over, PlayingPreset, Repeat};
-use super::theme;
+use super::theme::{self, Asked, Handle, Ways};
 use bevy_egui::egui::{self, Align2, FontId, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 /// Height of the dock, logical pixels.
@@ -113,11 +113,12 @@ fn options(ui: &mut Ui, how: &mut PlayingPreset) {
     }
 }
 
-/// The line of time: a mark for each step, and the playhead, which is dragged; beside it `words` are left for what is said.
+/// The line of time: a mark for each step, and the playhead, which is dragged or moved with arrow keys; beside it `words` are left for what is said.
 fn line(ui: &mut Ui, playhead: &mut Playhead, marks: Along, words: f32) {
     let width = (ui.available_width() - words).max(40.0);
     let (rect, response) = ui.allocate_exact_size(vec2(width, LINE_PX), Sense::click_and_drag());
-    theme::call(&response, "Time of the run");
+    let (now, number, range) = (playhead.times().words(playhead.time()), playhead.time(), playhead.ends());
+    let asked = Handle { name: "Time of the run", place: &now, number, range, ways: Ways::Across }.asked(ui, &response);
     theme::register(ui, "time:line", rect);
     let times = &playhead.times().times;
     let inner = rect.shrink2(vec2(6.0, 0.0));
@@ -160,5 +161,51 @@ fn line(ui: &mut Ui, playhead: &mut Playhead, marks: Along, words: f32) {
             FontId::proportional(theme::SMALL),
             theme::TEXT,
         );
+    }
+    match asked {
+        Some(Asked::Move((right, _))) => {
+            let time = playhead.time_at(playhead.share(number, marks) + f64::from(right), marks);
+            playhead.seek(time);
+        }
+        Some(Asked::Number(time)) if time.is_finite() => playhead.seek(time),
+        Some(Asked::Number(_) | Asked::Remove) | None => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::window::playhead::tests::playhead;
+    use bevy_egui::egui::accesskit::{Action, ActionData, ActionRequest, TreeId};
+    use bevy_egui::egui::{Context, Event, Key, Modifiers, RawInput};
+
+    #[test]
+    fn keys_and_screen_readers_go_through_time() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut playhead = playhead(folder.path());
+        let ctx = Context::default();
+        ctx.enable_accesskit();
+        let mut frame = |events: Vec<Event>| {
+            let mut output = ctx.run_ui(RawInput { events, ..RawInput::default() }, |ui| {
+                ui.set_max_width(600.0);
+                line(ui, &mut playhead, Along::Time, TIME_PX[0]);
+            });
+            // Nobody draws them.
+            output.textures_delta.clear();
+            let nodes = output.platform_output.accesskit_update.unwrap().nodes;
+            let (id, node) = nodes.into_iter().find(|(_, node)| node.label() == Some("Time of the run")).unwrap();
+            (playhead.time(), id, node.value().map(str::to_owned))
+        };
+        let press = |key: Key| {
+            vec![Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers: Modifiers::NONE }]
+        };
+        let (time, target_node, said) = frame(press(Key::Tab));
+        assert_eq!((time, said.as_deref()), (0.0, Some("t = 0")));
+        frame(Vec::new());
+        assert!((frame(press(Key::ArrowRight)).0 - 0.04).abs() < 1e-6, "a hundredth of the run, which ends at 4");
+        let (action, data) = (Action::SetValue, Some(ActionData::NumericValue(3.0)));
+        let request = ActionRequest { action, target_tree: TreeId::ROOT, target_node, data };
+        assert_eq!(frame(vec![Event::AccessKitActionRequest(request)]).0, 3.0);
+        assert_eq!(frame(Vec::new()).2.as_deref(), Some("t = 3"));
     }
 }

@@ -10,6 +10,7 @@ use super::looking::marks::MarkLayer;
 use super::looking::pointer::PicturePointer;
 use super::overlay::{self, annotations, help};
 use super::panel::PanelState;
+use super::panes;
 use super::picture::{DataCamera, Letterbox, Picture};
 use super::playhead::Playhead;
 use super::preset::Preset;
@@ -63,12 +64,7 @@ pub(super) fn draw_window(
         *styled = true;
     }
     let had_keyboard = !owner.keyboard_is_free();
-    if ctx.input(|input| input.key_pressed(egui::Key::F6)) && !owner.is_locked() {
-        ctx.memory_mut(|memory| match memory.focused() {
-            Some(focused) => memory.surrender_focus(focused),
-            None => memory.move_focus(egui::FocusDirection::Next),
-        });
-    }
+    let step = if owner.is_locked() { panes::Step::default() } else { panes::Step::begin(&ctx) };
     // Where no control has the keyboard, Tab belongs to the panels' visibility, not to egui's focus.
     if !had_keyboard && ctx.input(|input| input.key_pressed(egui::Key::Tab)) {
         ctx.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
@@ -104,10 +100,12 @@ pub(super) fn draw_window(
             Dock::Left => rect.min.x += width,
             Dock::Right => rect.max.x -= width,
         }
-        docks.push(match dock {
+        let room = match dock {
             Dock::Left => window.with_max_x(rect.min.x),
             Dock::Right => window.with_min_x(rect.max.x),
-        });
+        };
+        step.leave(&ctx, room.x_range());
+        docks.push(room);
     }
     if let Some(playhead) = playhead.as_mut().filter(|_| shown.panel && !owner.is_locked()) {
         egui::Panel::bottom("time")

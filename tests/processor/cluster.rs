@@ -1,17 +1,13 @@
 //! Worker processes that are told one task after the other, and what is measured of builds by them, some of which are killed.
 
-use crate::support::{error, program, run, text};
+use crate::support::{error, json, program, run, text};
 use std::io::Write;
 use std::process::{Output, Stdio};
 
 #[test]
 fn a_worker_runs_the_tasks_that_it_is_told() {
     let folder = tempfile::tempdir().unwrap();
-    let succeeds = |arguments: &[&str]| {
-        let output = run(folder.path(), arguments);
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
-    };
+    let succeeds = |arguments: &[&str]| text(folder.path(), arguments);
     succeeds(&["synth", "clusters", "-n", "3000", "-o", "snapshot"]);
     succeeds(&["build", "snapshot", "-o", "alone.df"]);
     let planned = succeeds(&["build", "snapshot", "-o", "out.df", "--plan", "job", "--tasks", "2"]);
@@ -72,9 +68,7 @@ fn builds_by_workers_are_measured_and_the_same_whichever_are_killed() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["bench", "cluster", "--sizes", "20000", "--repeat", "1", "--json", "-"];
     let killed = ["--kills", "5", "--builds", "2", "--memory", "1GiB"];
-    let output = run(folder.path(), &[&arguments[..], &killed[..]].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let outcomes: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let outcomes = json(folder.path(), &[&arguments[..], &killed[..]].concat());
     let outcome = &outcomes[0];
     assert_eq!(outcome["killed"], 5, "{outcome}");
     // A moment that met no process is made up for by one more build.

@@ -1,6 +1,6 @@
 //! Attributes that are derived from velocities, against sums over all pairs in double precision that are written down here once more.
 
-use crate::support::{in_reference_data, in_repository, program, run};
+use crate::support::{in_reference_data, in_repository, ok, program, run};
 use deepfield::build::{BuildOptions, build_source};
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::import::{AttributeChoice, LoadOptions, Smoothing, load};
@@ -279,11 +279,7 @@ fn what_is_derived_unbuilt_is_what_a_build_derives() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     std::fs::copy(gas_sphere(), folder.join("gas.hdf5")).unwrap();
-    let succeed = |arguments: &[&str]| {
-        let output = run(folder, arguments);
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-        output.stdout
-    };
+    let succeed = |arguments: &[&str]| ok(folder, arguments).stdout;
     let picture = |more: &[&str]| {
         let own = ["--attribute", "vorticity", "--backend", "cpu", "--size", "64x48", "-o", "picture.png"];
         succeed(&[&["render"][..], more, &own].concat());

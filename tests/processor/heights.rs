@@ -4,7 +4,7 @@ mod commands;
 mod pictures;
 
 use crate::support::golden::picture_at;
-use crate::support::run;
+use crate::support::{json, ok, run};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::path::Path;
@@ -51,16 +51,6 @@ fn waves(folder: &Path) {
     });
 }
 
-fn ok(folder: &Path, arguments: &[&str]) -> Output {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output
-}
-
-fn answer(folder: &Path, arguments: &[&str]) -> Value {
-    serde_json::from_slice(&ok(folder, arguments).stdout).unwrap()
-}
-
 fn refused(folder: &Path, arguments: &[&str], expected: &str) {
     ends(folder, arguments, 1, expected);
 }
@@ -101,7 +91,7 @@ fn a_field_is_built_verified_and_selected_bit_for_bit() {
         if is_measured(column, row) { *value == height(column, row) } else { value.is_nan() }
     });
     assert!(same && back.len() == SIZE[0] * SIZE[1]);
-    let [source, built] = ["waves.npy", "waves.df"].map(|name| answer(folder, &["info", name, "--json"]));
+    let [source, built] = ["waves.npy", "waves.df"].map(|name| json(folder, &["info", name, "--json"]));
     let measured = (0..SIZE[0] * SIZE[1]).filter(|i| is_measured(i % SIZE[0], i / SIZE[0])).count();
     assert_eq!((&source["kind"], &source["valid"]), (&"heights".into(), &measured.into()));
     for field in ["valid", "lone", "min", "max", "invalid"] {
@@ -113,7 +103,7 @@ fn a_field_is_built_verified_and_selected_bit_for_bit() {
     assert!(source["lone"].as_u64().unwrap() > 10 && built["spacing"][1] == 2.0);
     // What ends with what is asked for by coordinates, as a file of another kind.
     ok(folder, &["select", "waves.df", "--rectangle=10,20,30,60", "-o", "part.asc", "--kind", "heights"]);
-    let part = answer(folder, &["info", "part.asc", "--json"]);
+    let part = json(folder, &["info", "part.asc", "--json"]);
     assert_eq!((&part["columns"], &part["rows"]), (&41.into(), &21.into()));
     refused(
         folder,
@@ -141,7 +131,7 @@ fn heights_within_a_bound_make_a_smaller_file() {
         assert!(value.is_nan() || (value - height(column, row)).abs() <= 0.05);
         (low, high) = (low.min(*value), high.max(*value));
     }
-    let [exact, told] = ["waves.df", "within.df"].map(|name| answer(folder, &["info", name, "--json"]));
+    let [exact, told] = ["waves.df", "within.df"].map(|name| json(folder, &["info", name, "--json"]));
     assert_eq!((&exact["height_error"], &told["height_error"]), (&Value::Null, &0.05.into()));
     assert_eq!((&told["min"], &told["max"]), (&low.into(), &high.into()));
     assert_eq!((&told["valid"], &told["lone"]), (&exact["valid"], &exact["lone"]));
@@ -154,7 +144,7 @@ fn heights_within_a_bound_make_a_smaller_file() {
     assert!(said(&["info", "within.df"]) && said(&["select", "within.df", "-o", "within.npy"]));
     assert!(said(&["probe", "within.df", "--point=20,30"]) && said(&["probe", "within.df", "--pixel", "600,400"]));
     assert!(!said(&["info", "waves.df"]) && !said(&["probe", "waves.df", "--point=20,30"]));
-    let point = answer(folder, &["probe", "within.df", "--point=20,30", "--json", "-"]);
+    let point = json(folder, &["probe", "within.df", "--point=20,30", "--json", "-"]);
     assert_eq!(point["height_error"], 0.05);
     for (error, found) in [("0", "0"), ("-1", "-1"), ("nan", "NaN"), ("1e4", "10000")] {
         refused(folder, &build(error), &format!("waves.npy: --height-error: found {found}, expected "));
@@ -171,16 +161,16 @@ fn what_is_measured_is_what_formulas_say() {
     });
     ok(folder, &["build", "whole.npy", "-o", "whole.df"]);
     for name in ["whole.npy", "whole.df"] {
-        let told = answer(folder, &["probe", name, "--form", "plane", "--json", "-"]);
+        let told = json(folder, &["probe", name, "--form", "plane", "--json", "-"]);
         let number = |name: &str| told["iso"][name].as_f64().unwrap();
         assert!((number("Sq") - AMPLITUDE / 2.0).abs() < 0.02 && (number("Sku") - 2.25).abs() < 0.01, "{told:#}");
         let form: Vec<f64> = serde_json::from_value(told["form"]["coefficients"].clone()).unwrap();
         assert!(form.iter().zip([3.0, 0.01, -0.02]).all(|(own, wanted)| (own - wanted).abs() < 0.02), "{form:?}");
         let profile = ["probe", name, "--line=10.5,20.25,200.5,77", "-o", "profile.csv", "--json", "-"];
-        let told = answer(folder, &profile);
+        let told = json(folder, &profile);
         assert!((told["length"].as_f64().unwrap() - 190.0_f64.hypot(56.75)).abs() < 1e-9);
         assert!(std::fs::read_to_string(folder.join("profile.csv")).unwrap().lines().count() > 300);
-        let point = answer(folder, &["probe", name, "--point=16,48", "--json", "-"]);
+        let point = json(folder, &["probe", name, "--point=16,48", "--json", "-"]);
         assert!((point["height"].as_f64().unwrap() - height(16, 48) - 3.0 - 0.16 + 0.96).abs() < 1e-9, "{point:#}");
     }
     // Of these heights as many are above 0 as below, and the material ratio curve says so.
@@ -208,7 +198,7 @@ fn what_is_measured_is_what_formulas_say() {
     // Under the middle of a picture from above lies what is there; beside the field nothing.
     let camera =
         ["--eye", "100.3,90.4,300", "--target", "100.3,90.4,0", "--up", "0,1,0", "--size", "101x101", "--fov", "60"];
-    let picks = answer(
+    let picks = json(
         folder,
         &[&["probe", "whole.df", "--pixel", "50,50", "--pixel", "0,0", "--json", "-"][..], &camera].concat(),
     );
@@ -227,13 +217,13 @@ fn what_is_measured_is_what_formulas_say() {
         assert!(points.iter().all(|point| (point[0].as_f64().unwrap() - level).abs() < 1e-12));
     }
     written(&folder.join("step.npy"), [100, 50], |column, _| column as f64 + if column >= 50 { 7.0 } else { 0.0 });
-    let told = answer(folder, &["difference", "ramp.npy", "step.npy", "-o", "change.df", "--json", "-"]);
+    let told = json(folder, &["difference", "ramp.npy", "step.npy", "-o", "change.df", "--json", "-"]);
     let volume = 7.0 * 49.0 * 49.5;
     assert!(
         (told["volume_above"].as_f64().unwrap() / volume - 1.0).abs() < 1e-9 && told["volume_below"] == 0.0,
         "{told:#}"
     );
-    assert_eq!(answer(folder, &["info", "change.df", "--json"])["max"], 7.0);
+    assert_eq!(json(folder, &["info", "change.df", "--json"])["max"], 7.0);
 }
 
 /// The lines of an SVG picture: the height, the points, and whether it is closed.
@@ -308,7 +298,7 @@ fn lines_are_written_and_plotted_and_discs_are_measured() {
     refused(folder, &[&ramp[..], &["lines.txt"]].concat(), ending);
     // The frame is 492 pixels wide for 100, and 214 high for heights from -6 to 106.
     let line = ["probe", "ramp.npy", "--line=0,20.25,100,20.25", "-o", "line.png", "--size", "600x300", "--json", "-"];
-    let told = answer(folder, &line);
+    let told = json(folder, &line);
     let is_near = |told: &Value, expected: f64| (told.as_f64().unwrap() - expected).abs() < 1e-9;
     assert!(is_near(&told["length"], 100.0) && is_near(&told["valid_length"], 70.0), "{told:#}");
     let plot = picture_at(&folder.join("line.png"));
@@ -331,13 +321,13 @@ fn lines_are_written_and_plotted_and_discs_are_measured() {
     }
     assert!(curve(305).is_empty());
     let disc = ["probe", "ramp.npy", "--disc", "80,20,7.5", "--json", "-"];
-    let told = answer(folder, &disc);
+    let told = json(folder, &disc);
     let squares = (-7..=7_i32).flat_map(|x| (-7..=7_i32).map(move |y| x * x + y * y));
     let inside = squares.filter(|square| *square <= 56).count();
     assert_eq!((&told["samples"], &told["valid"]), (&225.into(), &inside.into()));
     let iso = &told["iso"];
     assert!(is_near(&told["mean"], 80.0) && is_near(&iso["Sp"], 7.0) && is_near(&iso["Sv"], 7.0), "{told:#}");
-    let told = answer(folder, &[&disc[..], &["--form", "plane"]].concat());
+    let told = json(folder, &[&disc[..], &["--form", "plane"]].concat());
     assert!(is_near(&told["iso"]["Sq"], 0.0), "{told:#}");
 }
 
@@ -354,15 +344,15 @@ fn regions_and_lines_go_over_the_seam_of_a_globe() {
         ok(folder, &["build", &source, "-o", &built, "--xy-unit", "deg", "--height-unit", "m"]);
     }
     for rectangle in ["-25,-80,25,80", "335,-80,385,80"] {
-        let told = answer(folder, &["probe", "globe.df", "--rectangle", rectangle, "--json", "-"]);
+        let told = json(folder, &["probe", "globe.df", "--rectangle", rectangle, "--json", "-"]);
         // Columns 34, 35, 0, 1 and 2.
         let is_right = |told: &Value| (told["mean"].as_f64().unwrap() - 14.4).abs() < 1e-9;
         assert!(told["samples"] == 85 && is_right(&told), "{told:#}");
         ok(folder, &["select", "globe.df", "--rectangle", rectangle, "-o", "part.npy"]);
-        let told = answer(folder, &["info", "part.npy", "--json"]);
+        let told = json(folder, &["info", "part.npy", "--json"]);
         assert!(told["columns"] == 5 && is_right(&told), "{told:#}");
     }
-    let told = answer(folder, &["probe", "globe.df", "--line", "325,0,375,0", "--json", "-"]);
+    let told = json(folder, &["probe", "globe.df", "--line", "325,0,375,0", "--json", "-"]);
     assert!((told["valid_length"].as_f64().unwrap() / told["length"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{told:#}");
     let lines = ok(folder, &["contours", "globe.df", "--interval", "10", "-o", "lines.geojson"]);
     // Three between the last column and the first, too.

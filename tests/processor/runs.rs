@@ -2,12 +2,11 @@
 //! words, tours go through them, and no damage goes unnoticed or panics.
 
 use crate::support::hdf5::{Hdf5, Values};
-use crate::support::run;
+use crate::support::{json, ok, run};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
 /// Times of the steps: intervals differ.
 const TIMES: [f64; 4] = [0.0, 0.5, 0.75, 2.0];
@@ -37,22 +36,12 @@ fn built() -> tempfile::TempDir {
     folder
 }
 
-fn ok(folder: &Path, arguments: &[&str]) -> Output {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output
-}
-
 /// The last line of what a command says that fails.
 fn refused(folder: &Path, arguments: &[&str]) -> String {
     let output = run(folder, arguments);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{arguments:?}: {told}");
     told.lines().last().unwrap_or_default().to_owned()
-}
-
-fn json(folder: &Path, arguments: &[&str]) -> Value {
-    serde_json::from_slice(&ok(folder, arguments).stdout).unwrap()
 }
 
 fn read(folder: &Path, name: &str) -> Vec<u8> {

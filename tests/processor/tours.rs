@@ -4,6 +4,8 @@
 use crate::support::{in_repository, program};
 use deepfield::annotate::overlay::read_png;
 use deepfield::build::{BuildOptions, build};
+use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
+use deepfield::heights::model::HeightField;
 use deepfield::hierarchy::OctreeOptions;
 use deepfield::synth::{dataset, merger::Merger};
 use std::collections::BTreeMap;
@@ -211,9 +213,9 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
 /// Half a turn of which no frame fits into a mebibyte.
 const WIDE: &str = r#"(
     version: 1,
-    size: (48, 32),
+    size: (240, 160),
     rate: 4.0,
-    keyframes: [(mode: "sorted-splats", error_px: 0.005), (after: 1.0, orbit: 40.0)],
+    keyframes: [(mode: "sorted-splats", error_px: 0.05), (after: 1.0, orbit: 40.0)],
 )"#;
 
 /// Frames that need more memory than there is are coarser, the same in whichever part of the tour they are drawn, and told once.
@@ -251,6 +253,83 @@ fn frames_that_do_not_fit_into_memory_are_the_same_in_parts() {
     let silent = said(run(of_tour(&["--frame", "3", &at("fine.png"), "--memory", "1GiB"])));
     assert!(!silent.contains("coarser"), "{silent}");
     assert!(read_png(Path::new(&at("fine.png"))).unwrap() != read_png(Path::new(&at("still.png"))).unwrap());
+}
+
+/// A quarter of a turn about heights of which no frame fits into two mebibytes.
+const ROUGH: &str = r#"(
+    version: 1,
+    size: (240, 160),
+    rate: 4.0,
+    keyframes: [(mode: "surface", error_px: 0.05), (after: 1.0, orbit: 90.0)],
+)"#;
+
+/// As of particles, and what draws the scene of such a frame in as much memory draws that frame.
+#[test]
+fn frames_of_heights_that_do_not_fit_into_memory_are_the_same_in_parts() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("rough.ron"), ROUGH).unwrap();
+    let (columns, rows) = (701_u64, 521_u64);
+    let height = |index: u64| {
+        let [x, y] = [index % columns, index / columns].map(|at| at as f64);
+        20.0 * ((0.02 * x).sin() + (0.03 * y).cos()) + 4.0 * (0.7 * x).sin() * (0.9 * y).cos()
+    };
+    let field = HeightField::of(columns, rows, (0..columns * rows).map(height).collect());
+    let path = at("rough.df");
+    build_heights(&field, &HeightOrigin::default(), &HeightBuildOptions::default(), Path::new(&path), &()).unwrap();
+    let of_tour = |arguments: &[&str]| {
+        let mut command = tour(&[&at("rough.ron"), &path]);
+        command.args(arguments);
+        command
+    };
+    let said = |output: Output| String::from_utf8(output.stderr).unwrap();
+    let told = said(run(of_tour(&["--record", &at("whole"), "--memory", "2MiB"])));
+    let messages: Vec<&str> = told.lines().filter(|line| line.contains("is drawn coarser")).collect();
+    assert!(matches!(&messages[..], [only] if only.contains("--memory") && only.contains("rough.df")), "{told}");
+    let whole = contents(Path::new(&at("whole")));
+    assert_eq!(whole.len(), 2 * 5 + 2);
+    run(of_tour(&["--frame", "3", &at("still.png"), "--memory", "2MiB", "--threads", "1"]));
+    let still = std::fs::read(at("still.png")).unwrap();
+    assert!(still == whole[Path::new("frame-00003.png")]);
+    let scene = Path::new(&at("whole")).join("scenes/frame-00003.scene.ron");
+    let mut render = program();
+    render.arg("render").arg(scene).args(["--backend", "cpu", "--memory", "2MiB", "-o"]).arg(at("again.png"));
+    assert!(said(run(render)).contains("is drawn coarser"));
+    assert!(read_png(Path::new(&at("again.png"))).unwrap() == read_png(Path::new(&at("still.png"))).unwrap());
+    // A recording goes on in the memory that its frames are coarser for, and in no other: not in what is usual, either.
+    run(of_tour(&["--record", &at("parts"), "--memory", "2MiB", "--end", "0.5"]));
+    let (_, refused) = failure(of_tour(&["--record", &at("parts"), "--memory", "1GiB"]));
+    assert!(refused.contains("--memory") && refused.contains("was 2097152 bytes, now 1073741824 bytes"), "{refused}");
+    run(of_tour(&["--record", &at("parts")]));
+    assert!(contents(Path::new(&at("parts"))) == whole);
+    // What is usual is enough: nothing is told or noted, and frames are finer.
+    let silent = said(run(of_tour(&["--record", &at("fine"), "--end", "0.25"])));
+    assert!(!silent.contains("coarser"), "{silent}");
+    let fine = contents(Path::new(&at("fine")));
+    assert!(fine[Path::new("frame-00000.png")] != whole[Path::new("frame-00000.png")]);
+    let is_noted = |files: &BTreeMap<PathBuf, Vec<u8>>| {
+        String::from_utf8_lossy(&files[Path::new("recording.ron")]).contains("memory:")
+    };
+    assert!(is_noted(&whole) && !is_noted(&fine));
+}
+
+/// What keeps to a time that it is given has not converged, and is a frame.
+#[test]
+fn frames_of_a_volume_may_keep_to_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 24 24 24\nencoding: raw\n\n";
+    let samples: Vec<u8> = (0..24_usize.pow(3)).map(|i| (10 * (i % 24)) as u8).collect();
+    std::fs::write(at("ramp.nrrd"), [head.as_bytes(), &samples].concat()).unwrap();
+    let text = r#"(
+        version: 1,
+        size: (48, 32),
+        keyframes: [(mode: "volume", budget: {"frame-ms": 20.0}), (after: 1.0, orbit: 40.0)],
+    )"#;
+    std::fs::write(at("timed.ron"), text).unwrap();
+    run(tour(&[&at("timed.ron"), &at("ramp.nrrd"), "--frame", "7", &at("still.png")]));
+    let still = read_png(Path::new(&at("still.png"))).unwrap();
+    assert!((still.width, still.height) == (48, 32) && still.rgba.iter().any(|pixel| pixel[..3] != still.rgba[0][..3]));
 }
 
 /// Compares a frame with its golden one.

@@ -1,7 +1,7 @@
 //! Selections of a run that follow their particles: the same ones at every step and in between, however they are found, in pictures,
 //! tables and tours.
 
-use crate::support::run;
+use crate::support::{json, ok, run};
 use deepfield::explore::{Following, Members, Region, Work};
 use deepfield::hierarchy::spacetime::Interpolation;
 use deepfield::look::SceneFile;
@@ -9,20 +9,8 @@ use deepfield::model::{Moment, ReadMethod, When};
 use deepfield::store::RunFile;
 use glam::DVec3;
 use proptest::prelude::*;
-use serde_json::Value;
 use std::path::Path;
-use std::process::Output;
 use std::sync::{Arc, OnceLock};
-
-fn ok(folder: &Path, arguments: &[&str]) -> Output {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output
-}
-
-fn json(folder: &Path, arguments: &[&str]) -> Value {
-    serde_json::from_slice(&ok(folder, arguments).stdout).unwrap()
-}
 
 fn text(folder: &Path, name: &str) -> String {
     std::fs::read_to_string(folder.join(name)).unwrap()

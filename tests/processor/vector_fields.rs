@@ -1,11 +1,10 @@
 //! Velocity fields from the command line: a run of the particles that they carry along, with tracks that paths are drawn from.
 
 use crate::support::golden::picture_at;
-use crate::support::run;
+use crate::support::{json, ok, run};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
 /// Times, rows and columns of the double gyre that is written here.
 const SHAPE: [usize; 3] = [21, 33, 65];
@@ -33,12 +32,6 @@ fn written(folder: &Path) {
     std::fs::write(folder.join("gyre.npy"), bytes).unwrap();
 }
 
-fn ok(folder: &Path, arguments: &[&str]) -> Output {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output
-}
-
 /// Pixels of a picture that are not black.
 fn lit(path: &Path) -> usize {
     picture_at(path).rgba.iter().filter(|pixel| pixel[..3].iter().any(|part| *part > 0)).count()
@@ -58,7 +51,7 @@ fn a_field_is_a_run_whose_paths_are_drawn() {
     let whole = build("flow.df", &["--threads", "1"]);
     assert!(whole == build("other.df", &["--threads", "3"]));
     ok(folder, &["verify", "flow.df"]);
-    let about: Value = serde_json::from_slice(&ok(folder, &["info", "flow.df", "--json"]).stdout).unwrap();
+    let about = json(folder, &["info", "flow.df", "--json"]);
     assert_eq!(about["kind"], "run");
     let steps = about["steps"].as_array().unwrap();
     let times: Vec<f64> = steps.iter().map(|step| step["time"].as_f64().unwrap()).collect();
@@ -91,7 +84,7 @@ fn a_field_is_a_run_whose_paths_are_drawn() {
     std::fs::write(folder.join("lead.ron"), r#"(mode: "paths", paths: (tail: 0, lead: 2))"#).unwrap();
     for (more, step) in [(&["--mode", "paths"][..], 10), (&["--config", "lead.ron"], 0), (&["--mode", "points"], 0)] {
         let common = ["render", "flow.df", "-o", "end.png", "--json", "-", "--size", "160x100", "--backend", "cpu"];
-        let told: Value = serde_json::from_slice(&ok(folder, &[&common[..], more].concat()).stdout).unwrap();
+        let told = json(folder, &[&common[..], more].concat());
         assert_eq!(told["step"], step, "{more:?}: {told}");
     }
 }

@@ -35,8 +35,8 @@ pub struct Hdf5 {
 #[derive(Clone, Debug, Default)]
 struct Group {
     attributes: Vec<(String, Values)>,
-    /// With how many columns each has.
-    datasets: Vec<(String, usize, Values)>,
+    /// With the length of each axis.
+    datasets: Vec<(String, Vec<usize>, Values)>,
 }
 
 impl Hdf5 {
@@ -47,7 +47,13 @@ impl Hdf5 {
 
     /// Adds a data set of so many columns to a group.
     pub fn dataset(&mut self, group: &str, name: &str, columns: usize, values: Values) {
-        self.groups.entry(group.into()).or_default().datasets.push((name.into(), columns, values));
+        let (rows, axes) = (values.len() / columns, if columns == 1 { 1 } else { 2 });
+        self.array(group, name, &[rows, columns][..axes], values);
+    }
+
+    /// Adds a data set of these axes to a group.
+    pub fn array(&mut self, group: &str, name: &str, shape: &[usize], values: Values) {
+        self.groups.entry(group.into()).or_default().datasets.push((name.into(), shape.into(), values));
     }
 
     /// Writes the file.
@@ -68,15 +74,13 @@ impl Hdf5 {
         let none = Group::default();
         let group = self.groups.get(path).unwrap_or(&none);
         let mut messages = vec![link_info()];
-        for (name, columns, values) in &group.datasets {
+        for (name, shape, values) in &group.datasets {
             let at = bytes.len() as u64;
             let content = values.bytes();
             bytes.extend(&content);
             bytes.resize(bytes.len().next_multiple_of(8), 0);
-            let rows = values.len() / columns;
-            let shape = if *columns == 1 { vec![rows] } else { vec![rows, *columns] };
             let layout = [&[3, 1][..], &at.to_le_bytes(), &(content.len() as u64).to_le_bytes()].concat();
-            let mut own = vec![(DATASPACE, dataspace(&shape)), (DATATYPE, values.datatype()), (LAYOUT, layout)];
+            let mut own = vec![(DATASPACE, dataspace(shape)), (DATATYPE, values.datatype()), (LAYOUT, layout)];
             own.extend(self.groups.get(&inside(name)).unwrap_or(&none).messages());
             messages.push((LINK, link(name, object(bytes, &own))));
         }

@@ -23,6 +23,6 @@ pub use pages::{
 };
 #[cfg(target_os = "linux")]
 pub use program::peak_memory;
-pub use program::{alone, error, program, run, text};
+pub use program::{alone, error, json, ok, program, run, text};
 pub use random::Random;
 pub use told::Told;

@@ -1,5 +1,6 @@
 //! The program under test, and tests in processes of their own.
 
+use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -16,11 +17,21 @@ pub fn run(folder: &Path, arguments: &[&str]) -> Output {
     program().args(arguments).current_dir(folder).env("XDG_CACHE_HOME", folder).output().unwrap()
 }
 
-/// Standard output of a run that must succeed.
-pub fn text(folder: &Path, arguments: &[&str]) -> String {
+/// A run that must succeed.
+pub fn ok(folder: &Path, arguments: &[&str]) -> Output {
     let output = run(folder, arguments);
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
+    output
+}
+
+/// Standard output of a run that must succeed.
+pub fn text(folder: &Path, arguments: &[&str]) -> String {
+    String::from_utf8(ok(folder, arguments).stdout).unwrap()
+}
+
+/// The same, as JSON.
+pub fn json(folder: &Path, arguments: &[&str]) -> Value {
+    serde_json::from_slice(&ok(folder, arguments).stdout).unwrap()
 }
 
 /// Standard error of a run that must fail with one line.

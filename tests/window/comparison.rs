@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 /// Few pixels, since an adapter in software draws the window.
 const SIZE: [u16; 2] = [960, 540];
+const F6: u32 = 0xffc3;
+const RIGHT: u32 = 0xff53;
 
 fn found(status: &Value) -> Option<([u64; 2], f64)> {
     let found = &status["comparison"][0];
@@ -69,6 +71,17 @@ fn two_hierarchies_stand_at_both_sides_of_a_divider() {
     };
     let moved = repeat(&program, "a drag of the divider", drag, |status| divider(status) < 0.45);
     assert_eq!((&moved["eye"], &moved["target"]), (&both["eye"], &both["target"]));
+
+    // F6 goes from the left dock to the right one and on to the divider, which arrow keys move.
+    let walk = || {
+        for key in [F6, F6, F6, RIGHT] {
+            desktop.press(key);
+            // A frame that sees two presses of a key takes one step.
+            std::thread::sleep(Duration::from_millis(700));
+        }
+    };
+    let dragged = divider(&moved);
+    repeat(&program, "keys for the divider", walk, |status| divider(status) > dragged + 0.005);
 
     // What is the same at both sides does not differ: its difference is black.
     let screen = desktop.screenshot();

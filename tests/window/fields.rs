@@ -6,7 +6,7 @@ use std::path::Path;
 const SIZE: [u16; 2] = [640, 400];
 
 /// A volume of a ball in haze beside a denser, smaller one.
-fn balls(path: &Path) {
+pub(super) fn balls(path: &Path) {
     let value = |i: usize| {
         let at = [i % 40, i / 40 % 36, i / 1440].map(|x| x as f64);
         let away = |center: [f64; 3]| at.iter().zip(center).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
@@ -32,12 +32,15 @@ pub(super) fn render(folder: &Path, scene: &Path, backend: &str, size: [u16; 2])
     picture.rgba.iter().map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect()
 }
 
+/// Whether a pixel is more than a little off.
+pub(super) fn is_off(found: [u8; 3], expected: [u8; 3]) -> bool {
+    found.iter().zip(expected).any(|(a, b)| a.abs_diff(b) > 4)
+}
+
 /// Share of the pixels in the upper three quarters of a screen of this size that are more than a little off.
 pub(super) fn difference(screen: &Screen, expected: &[[u8; 3]], size: [u16; 2]) -> f64 {
     let [width, height] = size.map(usize::from);
-    let off = |(i, pixel): (usize, &[u8; 3])| {
-        screen.at(i % width, i / width).iter().zip(pixel).any(|(a, b)| a.abs_diff(*b) > 4)
-    };
+    let off = |(i, pixel): (usize, &[u8; 3])| is_off(screen.at(i % width, i / width), *pixel);
     let compared = 3 * height / 4 * width;
     expected.iter().enumerate().take(compared).filter(|pixel| off(*pixel)).count() as f64 / compared as f64
 }

@@ -1,4 +1,4 @@
-//! A window without a file: its first page, a path that is typed where there are no dialogs, another process that has a file opened in it,
+//! A window without a file: its first page, paths that are typed where there are no dialogs, another process that has a file opened in it,
 //! and the list of what was opened.
 
 use super::desktop::{Desktop, HEIGHT, Program, WIDTH, keep, repeat};
@@ -7,6 +7,7 @@ use std::path::Path;
 
 const RETURN: u32 = 0xff0d;
 const CONTROL: u32 = 0xffe3;
+const SHIFT: u32 = 0xffe1;
 
 #[test]
 fn a_window_without_a_file_opens_one_and_another_process_hands_it_the_next() {
@@ -34,6 +35,16 @@ fn a_window_without_a_file_opens_one_and_another_process_hands_it_the_next() {
     };
     let opened = window.wait("the file that was typed", is_open("first.hdf5"));
     assert!(opened["first_page"] == false && opened["typing"] == false, "{opened:#}");
+
+    let save_as = || desktop.press_with(&[CONTROL, SHIFT], u32::from('s'));
+    repeat(&window, "Ctrl+Shift+S", save_as, |status| status["typing"] == true);
+    desktop.type_text("kept");
+    desktop.press(RETURN);
+    let is_kept =
+        |status: &serde_json::Value| status["scene"].as_str().is_some_and(|path| path.ends_with("kept.scene.ron"));
+    window.wait("the scene under the name that was typed", is_kept);
+    let scene = std::fs::read_to_string(folder.path().join("kept.scene.ron")).unwrap();
+    assert!(scene.contains("path: \"first.hdf5\""), "{scene}");
 
     let reused = program()
         .arg("view")

@@ -9,6 +9,7 @@ mod support;
 mod budgets;
 mod comparison;
 mod desktop;
+mod effects;
 mod fields;
 mod files;
 mod frames;

@@ -1,7 +1,7 @@
 //! Heights that a user names, opened: a source in any format, or a page file.
 
 use crate::build::{HeightBuildError, HeightBuildOptions, HeightOrigin, build_heights};
-use crate::import::summary::{HeightSummary, PlaneSummary, short_name};
+use crate::import::summary::{HeightSummary, PlaneSummary};
 use crate::import::{
     HeightOptions, HeightSource, NO_SPACING, height_format, open_heights, proportions, summarize_heights,
 };
@@ -179,29 +179,7 @@ impl Heights for OpenHeights {
 /// What a page file's footer says of its field.
 fn summary_of(file: &HeightFile) -> HeightSummary {
     let HeightAbout { grid, facts, invalid, notes, format, photo, .. } = file.about();
-    let photo = photo.iter().map(|photo| PlaneSummary::of_photo(&photo.about, grid));
-    HeightSummary {
-        kind: "heights",
-        path: file.path().display().to_string(),
-        format: format.clone(),
-        bytes: file.bytes(),
-        columns: grid.columns,
-        rows: grid.rows,
-        samples: grid.samples(),
-        valid: facts.valid,
-        valid_share: facts.valid as f64 / grid.samples() as f64,
-        invalid: *invalid,
-        lone: facts.lone,
-        origin: grid.origin,
-        spacing: grid.step,
-        xy_unit: grid.xy_unit.clone(),
-        height_unit: grid.height_unit.clone(),
-        sample_type: short_name(grid.sample_type),
-        min: facts.min,
-        max: facts.max,
-        mean: facts.mean,
-        planes: grid.planes.iter().map(PlaneSummary::of).chain(photo).collect(),
-        crs: grid.crs.clone(),
-        notes: notes.clone(),
-    }
+    let mut summary = HeightSummary::of((file.path(), format, file.bytes()), grid, facts, *invalid, notes.clone());
+    summary.planes.extend(photo.iter().map(|photo| PlaneSummary::of_photo(&photo.about, grid)));
+    summary
 }

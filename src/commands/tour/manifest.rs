@@ -34,7 +34,7 @@ pub(super) struct Manifest {
     scenes: bool,
     /// What draws.
     backend: String,
-    /// What `--memory` was, bytes, where frames are coarser since they do not fit into it; others do not depend on it.
+    /// What `--memory` was, or is where it is not given, bytes, where frames are coarser since they do not fit into it; others do not depend on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub memory: Option<u64>,
 }
@@ -88,9 +88,10 @@ impl Manifest {
         Ok(path)
     }
 
-    /// What differs from another one, for which there is so much memory, with both values; `None` where nothing does.
-    pub fn difference(&self, other: &Manifest, memory: u64) -> Option<String> {
+    /// What differs from another one, for which there is so much memory where that matters, with both values; `None` where nothing does.
+    pub fn difference(&self, other: &Manifest, memory: Option<u64>) -> Option<String> {
         let data = |data: &Fingerprint| format!("{} bytes with checksum {:08x}", data.bytes, data.crc32c);
+        let memory_of = |memory: Option<u64>| memory.map_or_else(String::new, |bytes| format!("{bytes} bytes"));
         let pairs = [
             ("the program's version", self.deepfield.clone(), other.deepfield.clone()),
             ("the data", data(&self.data), data(&other.data)),
@@ -104,8 +105,8 @@ impl Manifest {
             ("the tour", format!("checksum {:08x}", self.tour), format!("checksum {:08x}", other.tour)),
             (
                 "--memory, which some of its frames are coarser for,",
-                format!("{} bytes", self.memory.unwrap_or(memory)),
-                format!("{memory} bytes"),
+                memory_of(self.memory.or(memory)),
+                memory_of(memory),
             ),
         ];
         let differing = pairs.into_iter().filter(|(_, own, others)| own != others);

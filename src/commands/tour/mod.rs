@@ -104,10 +104,10 @@ pub struct Arguments {
     /// What draws: cpu, or compute or raster (an adapter, opened anew for each frame) [default: cpu].
     #[arg(long)]
     pub backend: Option<Backend>,
-    /// Memory that pages of particles may take, with what is drawn of them at a time: they stay from frame to frame, and those of the
-    /// next frame are read ahead. Sums that need more are drawn in passes, volumes in slabs, and all else is drawn coarser, the same
-    /// however often with as much [default: half of what is free; what coarser frames of the recording were drawn in]. And what chunks
-    /// of heights may take [default: 1GiB].
+    /// Memory that pages of particles may take, with what is drawn of them at a time [default: half of what is free], and what chunks of
+    /// heights may take [default: 1GiB]: they stay from frame to frame, and pages of the next frame are read ahead. Sums that need more
+    /// are drawn in passes, volumes in slabs, and all else, heights too, is drawn coarser, the same however often with as much: a
+    /// recording goes on in what its coarser frames were drawn in.
     #[arg(long, value_name = "BYTES", value_parser = super::arguments::bytes)]
     pub memory: Option<u64>,
     /// Threads that draw [default: all].
@@ -143,8 +143,7 @@ fn render(arguments: &Arguments) -> CommandResult {
         return Err("--video: a video is made of PNG frames, add png to --format".into());
     }
     let folder = arguments.record.clone().or_else(|| arguments.video.as_deref().map(video::frames_folder));
-    let memory = memory(arguments, folder.as_deref())?;
-    let mut show = open(arguments, memory)?;
+    let mut show = open(arguments, memory(arguments, folder.as_deref())?)?;
     if arguments.check {
         return Ok(std::io::stdout().write_all(timetable::text(&show).as_bytes())?);
     }
@@ -160,7 +159,7 @@ fn render(arguments: &Arguments) -> CommandResult {
         return show.still(frames.time(number), output.as_ref());
     }
     let Some(folder) = folder else { return Ok(()) };
-    let recorded = record::record(&mut show, &frames, (arguments, memory), &folder)?;
+    let recorded = record::record(&mut show, &frames, arguments, &folder)?;
     eprintln!("deepfield: {recorded}");
     if let (Some(encoder), Some(path)) = (video, arguments.video.as_deref()) {
         encoder.encode(path, &folder, &frames, arguments)?;
@@ -183,14 +182,14 @@ fn no_tour(path: &Path, error: TourError) -> Failure {
     }
 }
 
-/// Memory that pages may take, bytes. A recording that goes on has what its coarser frames were drawn in: what is free now may be another amount.
-fn memory(arguments: &Arguments, folder: Option<&Path>) -> Result<u64, String> {
+/// Memory that is asked for, bytes. A recording that goes on has what its coarser frames were drawn in: what is free now may be another amount.
+fn memory(arguments: &Arguments, folder: Option<&Path>) -> Result<Option<u64>, String> {
     let before = folder.filter(|_| !arguments.restart).map(manifest::Manifest::read).transpose()?.flatten();
-    Ok(arguments.memory.or(before.and_then(|before| before.memory)).unwrap_or_else(default_memory))
+    Ok(arguments.memory.or(before.and_then(|before| before.memory)))
 }
 
-/// The tour that the arguments name, with its data, of which pages may take so much memory.
-fn open(arguments: &Arguments, memory: u64) -> Result<Show, Failure> {
+/// The tour that the arguments name, with its data, of which pages or chunks may take so much memory, or the usual amount.
+fn open(arguments: &Arguments, memory: Option<u64>) -> Result<Show, Failure> {
     let (mut tour, file, data) = match (&arguments.around, &arguments.tour) {
         (Some(data), _) => {
             let mut tour = around_data(arguments.seconds.unwrap_or(10.0).max(2.0));
@@ -235,8 +234,8 @@ fn open(arguments: &Arguments, memory: u64) -> Result<Show, Failure> {
     }
     let options = SessionOptions {
         backend: Some(arguments.backend.unwrap_or(Backend::Cpu)),
-        page_memory: Some(memory),
-        chunk_memory: arguments.memory,
+        page_memory: Some(memory.unwrap_or_else(default_memory)),
+        chunk_memory: memory,
         ..SessionOptions::default()
     };
     let session = request::open_any(std::slice::from_ref(&data), options, [])?;

@@ -65,14 +65,14 @@ impl Files {
     }
 }
 
-/// Records the frames that are not finished, in so much memory.
+/// Records the frames that are not finished.
 ///
 /// # Errors
 /// When the folder holds another recording, a frame cannot be drawn, or a file cannot be written. What is finished stays.
 pub(super) fn record(
     show: &mut Show,
     frames: &Frames,
-    (arguments, memory): (&Arguments, u64),
+    arguments: &Arguments,
     folder: &Path,
 ) -> Result<Recorded, Error> {
     let create =
@@ -82,7 +82,7 @@ pub(super) fn record(
         create(&folder.join(SCENES))?;
     }
     let mut journal = Journal::open(folder)?;
-    let mut manifest = begin(show, frames, (arguments, memory), folder, &mut journal)?;
+    let mut manifest = begin(show, frames, arguments, folder, &mut journal)?;
     let (finished, open): (Vec<u32>, Vec<u32>) = frames
         .range
         .clone()
@@ -100,7 +100,7 @@ pub(super) fn record(
             last = Some((shot.clone(), take));
         }
         if show.is_coarser() && manifest.memory.is_none() {
-            manifest.memory = Some(memory);
+            manifest.memory = show.memory();
             manifest.write(folder)?;
         }
         if let Some((_, take)) = &last {
@@ -126,7 +126,7 @@ pub(super) fn record(
 fn begin(
     show: &Show,
     frames: &Frames,
-    (arguments, memory): (&Arguments, u64),
+    arguments: &Arguments,
     folder: &Path,
     journal: &mut Journal,
 ) -> Result<Manifest, Error> {
@@ -135,7 +135,7 @@ fn begin(
     let before = if arguments.restart { None } else { Manifest::read(folder)? };
     let manifest = match before {
         Some(before) => {
-            if let Some(difference) = before.difference(&now, memory) {
+            if let Some(difference) = before.difference(&now, show.memory()) {
                 let folder = folder.display();
                 return Err(format!(
                     "{folder}: it holds another recording: {difference}; choose another folder, or --restart to overwrite it"

@@ -8,6 +8,7 @@ pub mod layout;
 
 use super::field_samples::HeldSamples;
 use super::measure::measure_splats;
+use super::news::News;
 use super::shaders;
 use super::splat::{SplatBuffers, accumulate_splats, prepare_splats};
 use super::timing::PassTimer;
@@ -28,8 +29,8 @@ use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
 use layout::{IntegralUniform, Sight};
 use std::num::NonZeroU64;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Invocations of a workgroup along each axis of the picture.
 const GROUP: u32 = 8;
@@ -59,21 +60,8 @@ pub struct IntegralFindings {
     pub is_drawn: bool,
 }
 
-/// What the render world tells the main world of line integrals. Clones share it.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct IntegralNews(Arc<Mutex<IntegralFindings>>);
-
-impl IntegralNews {
-    /// What is known now.
-    pub fn now(&self) -> IntegralFindings {
-        *self.lock()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, IntegralFindings> {
-        // Every change is one assignment: whoever panicked left something consistent.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+/// What is known of line integrals.
+pub type IntegralNews = News<IntegralFindings>;
 
 /// Adds the pass that integrates.
 pub struct IntegralPlugin;

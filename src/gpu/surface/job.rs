@@ -1,10 +1,11 @@
 //! What a camera is told to draw of measured heights, and what is known of it.
 
 use super::work::SurfaceWork;
+use crate::gpu::news::News;
 use crate::picture::adapter::AdapterSurface;
 use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponent;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// On a camera with a [`LightView`](crate::gpu::LightView): it shows measured heights (main world, extracted).
 #[derive(Component, Clone, ExtractComponent)]
@@ -31,23 +32,5 @@ pub struct SurfaceFindings {
     pub is_drawn: bool,
 }
 
-/// What the render world tells the main world of surfaces. Clones share it.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct SurfaceNews(Arc<Mutex<SurfaceFindings>>);
-
-impl SurfaceNews {
-    /// What is known now.
-    pub fn now(&self) -> SurfaceFindings {
-        *self.lock()
-    }
-
-    /// Tells.
-    pub(super) fn tell(&self, found: SurfaceFindings) {
-        *self.lock() = found;
-    }
-
-    fn lock(&self) -> MutexGuard<'_, SurfaceFindings> {
-        // Every change is one assignment: whoever panicked left something consistent.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+/// What is known of surfaces.
+pub type SurfaceNews = News<SurfaceFindings>;

@@ -108,7 +108,7 @@ pub fn prepare_surfaces(
             continue;
         }
         let made = SurfaceWork::new(view, before, &pipelines, &mut arena, cells, (&cache, &device, &queue));
-        news.tell(SurfaceFindings { number: view.number, no_room: made.is_none(), is_drawn: false });
+        *news.lock() = SurfaceFindings { number: view.number, no_room: made.is_none(), is_drawn: false };
         if let Some((work, cells)) = made {
             commands.entity(entity).insert((work, cells));
         }
@@ -130,7 +130,7 @@ pub fn draw_surfaces(
     let ready = pipelines.ready(Variant::of(&work.job), &cache);
     if work.draw(&ready, wanted.is_colored, &timer, context.command_encoder()).is_some() {
         cells.complete = true;
-        news.tell(SurfaceFindings { number: work.number, no_room: false, is_drawn: true });
+        *news.lock() = SurfaceFindings { number: work.number, no_room: false, is_drawn: true };
     }
 }
 

@@ -9,6 +9,7 @@ use crate::cpu::volume::OpaqueDepths;
 use crate::gpu::answer::Answer;
 use crate::gpu::capabilities::Capabilities;
 use crate::gpu::light::{self, LightCells, LightView, prepare_light, show_light};
+use crate::gpu::news::News;
 use crate::gpu::splat::layout::Grids;
 use crate::gpu::splat::resources::at_least;
 use crate::gpu::splat::{SplatBuffers, SplatPipelines, prepare_splats};
@@ -28,7 +29,7 @@ use bevy::render::sync_component::SyncComponent;
 use bevy::render::{Render, RenderApp, RenderSystems};
 use std::marker::PhantomData;
 use std::mem;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::task::Poll;
 
 /// A mode whose passes draw particles in slabs of depth.
@@ -97,26 +98,8 @@ pub struct TileFindings {
     pub bytes: u64,
 }
 
-/// What the render world tells the main world of pictures by tiles. Clones share it.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct TileNews(Arc<Mutex<TileFindings>>);
-
-impl TileNews {
-    /// What is known now.
-    pub fn now(&self) -> TileFindings {
-        self.lock().clone()
-    }
-
-    fn drew(&self, number: u64, opaque: Option<Arc<OpaqueDepths>>) {
-        let mut found = self.lock();
-        (found.drawn, found.opaque) = (Some(number), opaque);
-    }
-
-    fn lock(&self) -> MutexGuard<'_, TileFindings> {
-        // Every change is one assignment: whoever panicked left something consistent.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+/// What is known of pictures by tiles.
+pub type TileNews = News<TileFindings>;
 
 /// What a mode's passes are bound to.
 pub struct Binding<'a, M: TileMode> {
@@ -373,7 +356,8 @@ fn take_in<M: TileMode>(mut cameras: Query<&mut TileBindings<M>>, news: Res<Tile
                 let ends: Vec<f32> = words.iter().take(pixels).map(|word| f32::from_le_bytes(*word)).collect();
                 Arc::new(of.opaque(view, &ends))
             });
-            news.drew(*number, opaque);
+            let mut found = news.lock();
+            (found.drawn, found.opaque) = (Some(*number), opaque);
             false
         });
     }

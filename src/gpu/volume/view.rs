@@ -9,11 +9,12 @@ use crate::cpu::volume::attributes::ColumnMarch;
 use crate::cpu::volume::extents::planes_and_widest;
 use crate::cpu::volume::{FieldRange, OpaqueDepths, Scenery, VolumeError, VolumeOptions};
 use crate::gpu::light::LightCells;
+use crate::gpu::news::News;
 use crate::mode::{FieldMarch, LightPasses};
 use crate::view::{Extent, PerspectiveGrid, View};
-use bevy::prelude::{Component, Resource};
+use bevy::prelude::Component;
 use bevy::render::extract_component::ExtractComponent;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 /// The particles in a camera's [`SplatView`](crate::gpu::SplatView) are drawn as a volume, in place of splats, or looked at as one; or a
 /// sampled field is drawn in their place.
@@ -296,18 +297,5 @@ pub struct VolumeFindings {
     pub coarser: Option<(u64, usize)>,
 }
 
-/// What the render world tells the main world of volumes. Clones share it.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct VolumeNews(Arc<Mutex<VolumeFindings>>);
-
-impl VolumeNews {
-    /// What is known now.
-    pub fn now(&self) -> VolumeFindings {
-        self.lock().clone()
-    }
-
-    pub(super) fn lock(&self) -> MutexGuard<'_, VolumeFindings> {
-        // Every change is one assignment: whoever panicked left something consistent.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
+/// What is known of volumes.
+pub type VolumeNews = News<VolumeFindings>;

@@ -1,6 +1,6 @@
-//! Two pictures over the window's own, with a divider that can be dragged between them.
+//! Two pictures over the window's own, with a divider that can be dragged, or moved with arrow keys, between them.
 
-use super::theme;
+use super::theme::{self, Asked, Handle, Ways};
 use crate::annotate::number;
 use crate::window::comparison::{Comparison, Found};
 use crate::window::sheet;
@@ -10,6 +10,8 @@ use bevy_egui::egui::{Align2, Color32, CursorIcon, Id, Rect, Sense, Stroke, Ui, 
 const REACH_PX: f32 = 5.0;
 /// Its knob.
 const KNOB: [f32; 2] = [9.0, 34.0];
+/// Where the divider may be.
+const PLACES: [f32; 2] = [0.02, 0.98];
 
 /// Draws the pictures of a comparison, where there are some, and follows the divider; whether the pointer is on that, and not on the picture.
 pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) -> bool {
@@ -43,12 +45,19 @@ pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) -> bool {
     let handle = Rect::from_x_y_ranges(at - REACH_PX..=at + REACH_PX, picture.y_range());
     theme::register(ui, "divider", knob);
     let response = ui.interact(handle, Id::new("divider"), Sense::drag());
-    theme::call(&response, "Divider between the two hierarchies");
+    let (words, number) = (format!("{:.0} %", 100.0 * divider), f64::from(divider));
+    let (name, range) = ("Divider between the two hierarchies", PLACES.map(f64::from));
+    let moved = match (Handle { name, place: &words, number, range, ways: Ways::Across }).asked(ui, &response) {
+        Some(Asked::Move((right, _))) => Some(divider + right),
+        Some(Asked::Number(asked)) => Some(asked as f32).filter(|asked| asked.is_finite()),
+        Some(Asked::Remove) | None => None,
+    };
     if response.hovered() || response.dragged() {
         ctx.set_cursor_icon(CursorIcon::ResizeHorizontal);
     }
-    if let Some(at) = response.interact_pointer_pos().filter(|_| response.dragged()) {
-        comparison.divider = ((at.x - picture.left()) / picture.width()).clamp(0.02, 0.98);
+    let dragged = response.interact_pointer_pos().filter(|_| response.dragged());
+    if let Some(place) = dragged.map(|at| (at.x - picture.left()) / picture.width()).or(moved) {
+        comparison.divider = place.clamp(PLACES[0], PLACES[1]);
     }
     // Not by what has been hovered over: a press may come in the same frame as the pointer.
     response.dragged() || ctx.pointer_latest_pos().is_some_and(|at| handle.contains(at))

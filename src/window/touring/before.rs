@@ -276,7 +276,6 @@ mod tests {
     use crate::window::touring::ranges::{hold_ranges, measure_ahead};
     use crate::window::touring::tests::surroundings;
     use crate::window::transfer_presets::TransferPresets;
-    use std::time::Duration;
 
     /// A cut to a volume at 3 s, a blend on the move to another mode at 8 s.
     const TOUR: &str = r#"(version: 1, size: (300, 200), keyframes: [
@@ -305,15 +304,6 @@ mod tests {
         window
     }
 
-    fn wait(window: &mut Window, what: &str, until: impl Fn(&App) -> bool) {
-        let start = Instant::now();
-        while !until(&window.app) {
-            window.frame(0.0);
-            std::thread::sleep(Duration::from_millis(1));
-            assert!(start.elapsed() < Duration::from_secs(240), "waited in vain for {what}");
-        }
-    }
-
     fn before(window: &Window) -> &Before {
         window.app.world().resource()
     }
@@ -323,11 +313,11 @@ mod tests {
         let mut window = window();
         let timeline = Arc::clone(window.player().timeline().unwrap());
         let all = |app: &App| matches!(app.world().resource::<Ranges>().progress(), [known, all] if known == all);
-        wait(&mut window, "ranges", all);
+        window.wait("ranges", all);
         // Drawn before it begins.
         window.ask(Asked::Seek(2.0));
-        wait(&mut window, "the picture", |app| app.world().resource::<Before>().drawn.is_some());
-        wait(&mut window, "its thread", |app| app.world().resource::<Before>().coming.is_none());
+        window.wait("the picture", |app| app.world().resource::<Before>().drawn.is_some());
+        window.wait("its thread", |app| app.world().resource::<Before>().coming.is_none());
         assert!(before(&window).fade().is_none() && before(&window).is_settled());
         window.ask(Asked::Seek(4.0));
         window.frame(0.0);
@@ -356,10 +346,10 @@ mod tests {
         let mut window = window();
         // Ranges that are found later are another picture.
         let all = |app: &App| matches!(app.world().resource::<Ranges>().progress(), [known, all] if known == all);
-        wait(&mut window, "ranges", all);
+        window.wait("ranges", all);
         window.ask(Asked::Seek(7.9));
-        wait(&mut window, "the first picture", |app| app.world().resource::<Before>().drawn.is_some());
-        wait(&mut window, "its thread", |app| app.world().resource::<Before>().coming.is_none());
+        window.wait("the first picture", |app| app.world().resource::<Before>().drawn.is_some());
+        window.wait("its thread", |app| app.world().resource::<Before>().coming.is_none());
         window.ask(Asked::Toggle);
         window.frame(0.1);
         let mut views = Vec::new();
@@ -367,7 +357,7 @@ mod tests {
             // The clock stands while it is drawn.
             let number = before(&window).number();
             window.frame(0.1);
-            wait(&mut window, "another picture", |app| app.world().resource::<Before>().number() > number);
+            window.wait("another picture", |app| app.world().resource::<Before>().number() > number);
             views.push(before(&window).drawn.as_ref().unwrap().wanted.key.view);
             assert!(before(&window).fade().is_some() && !before(&window).is_settled());
         }
@@ -376,7 +366,7 @@ mod tests {
         // At rest it becomes what it is to be.
         window.ask(Asked::Seek(9.0));
         window.ask(Asked::Toggle);
-        wait(&mut window, "rest", |app| app.world().resource::<Before>().is_settled());
+        window.wait("rest", |app| app.world().resource::<Before>().is_settled());
         let state = window.player().state().unwrap().clone();
         let view = before(&window).drawn.as_ref().unwrap().wanted.key.view;
         assert!(view.eye.to_array() == state.blend.unwrap().camera.eye && view.width == 900);

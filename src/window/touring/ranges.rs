@@ -2,7 +2,7 @@
 //! those first that are needed first. While the tour is shown and its ranges are known, the picture has these.
 
 use super::Player;
-use crate::color::transfer::{Levels, TransferFunction};
+use crate::color::transfer::Levels;
 use crate::look::LookPatch;
 use crate::mode::Footprint;
 use crate::picture::ranges::{Format, Measured};
@@ -93,15 +93,7 @@ impl Rehearsed {
     fn levels(&self, state: &State, look: &Look) -> Option<Levels> {
         let shown = LookPatch { transfer: Some(look.transfer.clone()), ..state.look.clone() };
         if is_searched(&shown) {
-            let measured = self.exposure.measured(state.keyframe, state.time)?;
-            let scales = |transfer: &TransferFunction| (transfer.scale, transfer.hue.as_ref().map(|hue| hue.scale));
-            let attribute = look.depiction.attribute.as_ref().map(|coloring| &coloring.name);
-            let same = measured.mode == look.depiction.mode
-                && measured.attribute.as_ref() == attribute
-                && scales(&measured.transfer) == scales(&look.transfer);
-            if !same {
-                return None;
-            }
+            self.exposure.measured(state.keyframe, state.time).filter(|measured| look.shows(measured))?;
         }
         self.exposure.exposed(state.keyframe, state.time, &shown)?.transfer?.numbers()
     }
@@ -250,7 +242,6 @@ mod tests {
     use crate::window::touring::player::tests::Window;
     use crate::window::transfer_presets::TransferPresets;
     use std::path::Path;
-    use std::time::{Duration, Instant};
 
     /// A window with the shipped tour, at a small size.
     fn window() -> Window {
@@ -271,19 +262,6 @@ mod tests {
         window
     }
 
-    fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
-        let start = Instant::now();
-        while !until(&window.app) {
-            window.frame(0.0);
-            std::thread::sleep(Duration::from_millis(1));
-            assert!(
-                start.elapsed() < Duration::from_secs(240),
-                "{:?}",
-                window.app.world().resource::<Ranges>().progress()
-            );
-        }
-    }
-
     fn look(window: &Window) -> Look {
         window.app.world().resource::<Look>().clone()
     }
@@ -296,10 +274,10 @@ mod tests {
         window.frame(0.0);
         window.ask(Asked::Toggle);
         window.ask(Asked::Seek(50.0));
-        wait(&mut window, |app| app.world().resource::<Held>().0.is_some());
+        window.wait("ranges", |app| app.world().resource::<Held>().0.is_some());
         let [known, all] = window.app.world().resource::<Ranges>().progress();
         assert!(known < 12 && all > 40, "{known} of {all}");
-        wait(&mut window, |app| {
+        window.wait("all ranges", |app| {
             let [known, all] = app.world().resource::<Ranges>().progress();
             known == all && all > 0
         });
@@ -335,7 +313,7 @@ mod tests {
         assert!(kept > left / 2 && left < all, "{kept} of {left}");
         // What the user sets is the user's.
         window.ask(Asked::Seek(20.0));
-        wait(&mut window, |app| app.world().resource::<Held>().0.is_some());
+        window.wait("ranges", |app| app.world().resource::<Held>().0.is_some());
         window.app.world_mut().resource_mut::<crate::window::scene::Settings>().transfer.scale =
             crate::color::transfer::Scale::Linear;
         window.frame(0.0);

@@ -1,54 +1,11 @@
 //! Photos over fields by an adapter's passes.
 
 use super::*;
+use covered::{Covered, Pixels};
 use deepfield::heights::model::{HeightError, HeightGrid, Heights, PhotoAbout, PhotoPlace, PhotoRows, Window};
 
-/// A field with a photo over it.
-struct Covered {
-    field: HeightField,
-    photo: Pixels,
-}
-
-struct Pixels {
-    about: PhotoAbout,
-    values: Vec<u8>,
-}
-
-impl PhotoRows for Pixels {
-    fn about(&self) -> &PhotoAbout {
-        &self.about
-    }
-
-    fn memory_bytes(&self) -> u64 {
-        0
-    }
-
-    fn rows(&self, first: u64, count: u64, out: &mut [u8]) -> Result<(), HeightError> {
-        let row = 3 * self.about.size[1] as usize;
-        out.copy_from_slice(&self.values[first as usize * row..][..count as usize * row]);
-        Ok(())
-    }
-}
-
-impl Heights for Covered {
-    fn grid(&self) -> &HeightGrid {
-        self.field.grid()
-    }
-
-    fn stored(&self, window: Window, out: &mut [f64]) -> Result<(), HeightError> {
-        self.field.stored(window, out)
-    }
-
-    fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
-        self.field.plane(plane, window, out)
-    }
-}
-
-impl Measured for Covered {
-    fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
-        Some(Box::new(&self.photo))
-    }
-}
+#[path = "../../support/covered.rs"]
+mod covered;
 
 /// A field under a photo of waves and a little noise, several pixels to a sample, over all of it or somewhere.
 fn covered(mut field: HeightField, place: Option<PhotoPlace>) -> Covered {

@@ -2,7 +2,7 @@
 //! step to step, and links that lead nowhere are refused.
 
 use crate::support::hdf5::{Hdf5, Values};
-use crate::support::run;
+use crate::support::{run, text};
 use deepfield::explore::{Catalogue, MergerTree};
 use glam::DVec3;
 use proptest::prelude::*;
@@ -196,11 +196,7 @@ fn the_history_of_a_halo_is_a_table() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     catalogues(folder, &made());
-    let ok = |arguments: &[&str]| {
-        let output = run(folder, arguments);
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).unwrap()
-    };
+    let ok = |arguments: &[&str]| text(folder, arguments);
     let catalogue = "fof_subhalo_tab_010.hdf5";
     let text = ok(&["catalogue", catalogue, "--history", "subhalo 1"]);
     let expected = "step,time,redshift,id,name,x,y,z,radius,mass,mergers,merged-mass\n\

@@ -1,7 +1,7 @@
 //! Commands around measured heights: what is made up, what is damaged, and options and commands that heights have no use for.
 
-use super::{answer, array, misused, ok, refused, waves, written};
-use crate::support::run;
+use super::{array, misused, refused, waves, written};
+use crate::support::{json, ok, run};
 
 #[test]
 fn synthetic_surfaces_and_bad_input() {
@@ -12,7 +12,7 @@ fn synthetic_surfaces_and_bad_input() {
     ok(folder, &[&fbm[..], &["b.npy"]].concat());
     assert!(std::fs::read(folder.join("a.npy")).unwrap() == std::fs::read(folder.join("b.npy")).unwrap());
     ok(folder, &["build", "a.npy", "-o", "a.df"]);
-    let told = answer(folder, &["info", "a.df", "--json"]);
+    let told = json(folder, &["info", "a.df", "--json"]);
     assert!(
         told["bytes_per_sample"].as_f64().unwrap() < 3.0 && told["notes"].to_string().contains("--spacing"),
         "{told:#}"

@@ -1,7 +1,8 @@
 //! Pictures of measured heights show the surface and nothing but it.
 
-use super::{AMPLITUDE, SIZE, answer, doubles, height, ok, refused, waves, written};
+use super::{AMPLITUDE, SIZE, doubles, height, refused, waves, written};
 use crate::support::golden::{difference, picture_at};
+use crate::support::{json, ok};
 use deepfield::color::composite::Image;
 use deepfield::color::output::write_png;
 use serde_json::Value;
@@ -175,7 +176,7 @@ fn differences_lie_over_the_later_surface() {
         "after.df and degrees.df: unit of x and y: found no unit and deg",
     );
     // Spacings count in probes and lines as they do in builds.
-    let told = answer(folder, &["probe", "after.npy", "--spacing", "2,3", "--point", "40,30", "--json", "-"]);
+    let told = json(folder, &["probe", "after.npy", "--spacing", "2,3", "--point", "40,30", "--json", "-"]);
     assert_eq!(told["height"].as_f64(), Some(height(20, 10) + 4.0));
 }
 
@@ -189,7 +190,7 @@ fn eyes_stay_above_ground() {
     let eye = |z: &str, settings: &[&str]| {
         let (eye, target) = (format!("20,15,{z}"), format!("20,25,{z}"));
         let arguments = ["render", "flat.df", "-o", "x.png", "--json", "-", "--eye", &eye, "--target", &target];
-        answer(folder, &[&arguments[..], &["--size", "60x40"], settings].concat())["eye"].clone()
+        json(folder, &[&arguments[..], &["--size", "60x40"], settings].concat())["eye"].clone()
     };
     assert_eq!(eye("-5", &["--set", "clearance=2.0"]), serde_json::json!([20.0, 15.0, 9.0]));
     let twice = ["--set", "clearance=2.0", "--set", "exaggeration=2.0"];
@@ -212,7 +213,7 @@ fn eyes_stay_above_ground() {
     let pixels =
         ["probe", "flat.df", "--pixel", "30,30", "--eye", "20,15,-5", "--target", "20,25,-5", "--size", "60x40"];
     std::fs::write(folder.join("c.ron"), "(mode: \"surface\", settings: {\"clearance\": 2.0})").unwrap();
-    let told = answer(folder, &[&pixels[..], &["--config", "c.ron", "--json", "-"]].concat());
+    let told = json(folder, &[&pixels[..], &["--config", "c.ron", "--json", "-"]].concat());
     assert_eq!(told["picks"][0]["height"].as_f64(), Some(7.0), "{told:#}");
 }
 
@@ -227,7 +228,7 @@ fn photos_lie_over_surfaces() {
     write_png(&folder.join("photo.png"), &Image { width: 64, height: 64, rgba }).unwrap();
     ok(folder, &["build", "waves.npy", "-o", "waves.df", "--spacing", "1,1", "--texture", "photo.png"]);
     ok(folder, &["verify", "waves.df"]);
-    let told = answer(folder, &["info", "waves.df", "--json"]);
+    let told = json(folder, &["info", "waves.df", "--json"]);
     let corners = serde_json::json!([[0.0, 0.0], [330.0, 289.0]]);
     let plane =
         serde_json::json!({ "name": "texture", "columns": 64, "rows": 64, "source": "photo.png", "corners": corners });
@@ -365,10 +366,10 @@ fn page_files_without_a_unit_are_drawn_as_their_sources_are() {
     assert!(is_told(&told, "") && is_told(&told_again, ", when it is built"), "{told}{told_again}");
     assert!(!other.contains("count as degrees"), "{other}");
     let [source, built] =
-        ["hills.asc", "hills.df"].map(|name| answer(folder, &["probe", name, "--point", "-84.3,36.9", "--json", "-"]));
+        ["hills.asc", "hills.df"].map(|name| json(folder, &["probe", name, "--point", "-84.3,36.9", "--json", "-"]));
     assert!(built["slope"].as_f64().unwrap() > 100.0, "{built}");
     assert_eq!((&source["height"], &source["slope"]), (&built["height"], &built["slope"]));
-    let told = answer(folder, &["info", "hills.df", "--json"]);
+    let told = json(folder, &["info", "hills.df", "--json"]);
     assert_eq!(told["xy_unit"], "");
     assert!(told["notes"].to_string().contains("--xy-unit deg if these are degrees"), "{told}");
 }

@@ -5,7 +5,8 @@ use super::{data, message, read_all};
 use crate::support::hdf5::{Hdf5, Values};
 use deepfield::build::{BuildOptions, RunBuild, TrackOptions, compare_with_sources};
 use deepfield::import::{
-    AttributeChoice, FieldKind, LoadOptions, RunOptions, Smoothing, Source, load, open, open_run, summarize,
+    AttributeChoice, FieldKind, GridOptions, LoadOptions, RunOptions, Smoothing, Source, grid_format, load, open,
+    open_grid, open_run, summarize,
 };
 use deepfield::model::{FamilyName, Kernel, ReadMethod};
 use deepfield::store::RunFile;
@@ -399,6 +400,37 @@ fn columns_at_the_root_are_a_table() {
     uneven.write(&path);
     let told = message(&open(&path).err().unwrap(), &path);
     assert!(told.contains("z: found 2 rows, expected 3, as x has"), "{told}");
+}
+
+#[test]
+fn columns_of_several_numbers_are_of_the_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("columns.hdf5");
+    let numbers = |count: u32| Values::F64((0..count).map(f64::from).collect());
+    let mut file = Hdf5::default();
+    for name in ["x", "y", "z"] {
+        file.array("", name, &[4, 1], numbers(4));
+    }
+    file.array("", "vel", &[4, 3], numbers(12));
+    file.write(&path);
+    assert_eq!(grid_format(&path).unwrap(), None);
+    let source = open(&path).unwrap();
+    let places: Vec<f64> = (0..4).flat_map(|row| [f64::from(row); 3]).collect();
+    assert_eq!(read_all(&*source, 0, "position", 3), places);
+    assert_eq!(read_all(&*source, 0, "vel", 3), (0..12).map(f64::from).collect::<Vec<f64>>());
+    // What is named is an image all the same.
+    let named = folder.path().join("columns.hdf5#vel");
+    assert_eq!(open_grid(&named, &GridOptions::default()).unwrap().grid().shape, [3, 4, 1]);
+    // Of an image or a volume they are the places of samples along its axes; what is elsewhere is of no table.
+    for (group, shape) in [("", &[4, 4, 4][..]), ("", &[4, 4][..]), ("Slices", &[4, 3][..])] {
+        let mut file = Hdf5::default();
+        for name in ["x", "y", "z"] {
+            file.dataset("", name, 1, numbers(4));
+        }
+        file.array(group, "density", shape, numbers(shape.iter().product::<usize>() as u32));
+        file.write(&path);
+        assert_eq!(grid_format(&path).unwrap(), Some("hdf5"), "{group} {shape:?}");
+    }
 }
 
 /// Haloes that h5py wrote in the layout of VELOCIraptor.

@@ -1,6 +1,6 @@
 //! Images and volumes by the program: from a file to points, to pictures, and back.
 
-use crate::support::run;
+use crate::support::{run, text};
 use std::path::Path;
 
 /// A volume of three blobs, in NRRD with a spacing.
@@ -20,12 +20,6 @@ fn blobs(folder: &Path) -> Vec<u8> {
     samples
 }
 
-fn done(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
 fn number(json: &str, path: &[&str]) -> f64 {
     let value: serde_json::Value = serde_json::from_str(json).unwrap();
     path.iter().fold(&value, |value, key| &value[*key]).as_f64().unwrap_or_else(|| panic!("{path:?} in {json}"))
@@ -36,11 +30,11 @@ fn a_volume_is_built_told_drawn_and_given_back() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let samples = blobs(folder);
-    done(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
-    done(folder, &["verify", "blobs.df"]);
-    let told = done(folder, &["info", "blobs.df", "--json"]);
+    text(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
+    text(folder, &["verify", "blobs.df"]);
+    let told = text(folder, &["info", "blobs.df", "--json"]);
     assert!(told.contains("\"wavelet\"") && told.contains("wavelet_levels"), "{told}");
-    done(folder, &["reconstruct", "blobs.df", "-o", "back.nrrd", "--exact"]);
+    text(folder, &["reconstruct", "blobs.df", "-o", "back.nrrd", "--exact"]);
     let back = std::fs::read(folder.join("back.nrrd")).unwrap();
     assert!(back.ends_with(&samples), "the same samples");
     let size = ["--size", "120x90"];
@@ -48,7 +42,7 @@ fn a_volume_is_built_told_drawn_and_given_back() {
         let draw = |data: &str, more: &[&str]| {
             let out = format!("{mode}.png");
             let words = [&["render", data, "-o", &out, "--mode", mode, "--json", "-"], &size[..], more].concat();
-            (done(folder, &words), crate::support::golden::picture_at(&folder.join(out)))
+            (text(folder, &words), crate::support::golden::picture_at(&folder.join(out)))
         };
         let (_, exact) = draw("blobs.nrrd", &[]);
         let lit = exact.rgba.iter().filter(|pixel| pixel[..3].iter().any(|byte| *byte > 24)).count();
@@ -72,13 +66,13 @@ fn a_volume_is_built_told_drawn_and_given_back() {
     }
     // What draws particles alone draws the source's voxels.
     let voxels = ["render", "blobs.nrrd", "-o", "x.png", "--mode", "sorted-splats", "--size", "80x60", "--json", "-"];
-    let told = done(folder, &voxels);
+    let told = text(folder, &voxels);
     assert!(number(&told, &["particles_drawn"]) > 1000.0, "{told}");
     // Of what was built the points are drawn.
     for mode in ["sorted-splats", "primitives"] {
         let words =
             [&["render", "blobs.df", "-o", "x.png", "--mode", mode, "--splats", "2000", "--json", "-"], &size[..]];
-        let told = done(folder, &words.concat());
+        let told = text(folder, &words.concat());
         assert_eq!((number(&told, &["particles_drawn"]), number(&told, &["budget"])), (0.0, 2000.0), "{told}");
         let [points, seen] = [&["points"][..], &["grid", "particles"]].map(|path| number(&told, path));
         assert!(points <= 2000.0 && seen > 200.0 && seen < points, "{told}");
@@ -105,11 +99,11 @@ fn a_slice_shows_what_a_look_through_the_volume_leaves_out() {
     let samples: Vec<u8> = (0..48 * 48 * 24).map(|i| value(i) as u8).collect();
     let head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 48 48 24\nencoding: raw\nspacings: 1 1 2\n\n";
     std::fs::write(folder.join("waves.nrrd"), [head.as_bytes(), &samples].concat()).unwrap();
-    done(folder, &["build", "waves.nrrd", "-o", "waves.df"]);
+    text(folder, &["build", "waves.nrrd", "-o", "waves.df"]);
     for axis in ["axis=x", "axis=y", "axis=z", "normal=[1.0,2.0,3.0]"] {
         let draw = |more: &[&str]| {
             let words = ["render", "waves.df", "-o", "slice.png", "--mode", "slice", "--set", axis, "--size", "96x96"];
-            done(folder, &[&words, more].concat());
+            text(folder, &[&words, more].concat());
             crate::support::golden::picture_at(&folder.join("slice.png"))
         };
         let (near, exact) = (draw(&[]), draw(&["--exact"]));
@@ -128,7 +122,7 @@ fn tours_domes_and_pairs_of_pictures_show_volumes() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     blobs(folder);
-    done(
+    text(
         folder,
         &["tour", "--around", "blobs.nrrd", "--seconds", "0.1", "--fps", "20", "--size", "96x64", "--record", "frames"],
     );
@@ -138,13 +132,13 @@ fn tours_domes_and_pairs_of_pictures_show_volumes() {
     };
     assert!(lit(&frame(0)) > 100 && frame(0).rgba != frame(1).rgba);
     // Any frame again, from its scene.
-    done(folder, &["render", "frames/scenes/frame-00001.scene.ron", "-o", "again.png"]);
+    text(folder, &["render", "frames/scenes/frame-00001.scene.ron", "-o", "again.png"]);
     assert!(crate::support::golden::picture_at(&folder.join("again.png")).rgba == frame(1).rgba);
     let pair = ["--stereo", "off-axis", "--eye-separation", "1", "--zero-parallax", "40"];
     for (mode, more, size) in [("volume", &["--projection", "dome"][..], [64, 64]), ("xray", &pair[..], [128, 64])] {
         let words =
             ["render", "blobs.nrrd", "-o", "p.png", "--mode", mode, "--attribute", "gradient", "--size", "64x64"];
-        done(folder, &[&words[..], more].concat());
+        text(folder, &[&words[..], more].concat());
         let picture = crate::support::golden::picture_at(&folder.join("p.png"));
         assert_eq!([picture.width, picture.height], size);
         assert!(lit(&picture) > 300, "{mode}: {}", lit(&picture));
@@ -164,17 +158,17 @@ fn parts_are_given_back_as_they_are_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let samples = blobs(folder);
-    done(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
+    text(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
     // A layer as a picture; standard output has the JSON alone.
     let layer = ["reconstruct", "blobs.df", "-o", "layer.png", "--exact", "--region", "0:32,0:32,12:13", "--json", "-"];
-    let told = done(folder, &layer);
+    let told = text(folder, &layer);
     assert_eq!((number(&told, &["points"]), number(&told, &["leaves"])), (1024.0, 1024.0));
     assert!(!folder.join("-").exists());
     let picture = crate::support::golden::picture_at(&folder.join("layer.png"));
     assert_eq!([picture.width, picture.height], [32, 32]);
     // A grey picture's bytes lie at the beginning.
     assert!(picture.rgba.as_flattened()[..1024] == samples[12 * 1024..13 * 1024]);
-    let told = done(folder, &["reconstruct", "blobs.df", "-o", "few.npy", "--points", "2e3"]);
+    let told = text(folder, &["reconstruct", "blobs.df", "-o", "few.npy", "--points", "2e3"]);
     assert!(told.contains(" points, "), "{told}");
     let say = |words: &[&str]| refused(folder, &[&["reconstruct"][..], words].concat());
     let why = say(&["blobs.df", "-o", "x.npy", "--region", "0:1000,0:10"]);
@@ -185,7 +179,7 @@ fn parts_are_given_back_as_they_are_asked_for() {
     let both = run(folder, &["reconstruct", "blobs.df", "-o", "x.npy", "--level", "2", "--points", "9"]);
     assert_eq!(both.status.code(), Some(2), "{}", String::from_utf8_lossy(&both.stderr));
     let of_level = |data: &str, level: &str| {
-        let told = done(folder, &["reconstruct", data, "-o", "level.nrrd", "--level", level, "--json", "-"]);
+        let told = text(folder, &["reconstruct", data, "-o", "level.nrrd", "--level", level, "--json", "-"]);
         (number(&told, &["points"]), number(&told, &["error_value", "rms"]))
     };
     let levels = ["5", "4", "3", "2", "1", "0"].map(|level| of_level("blobs.df", level));
@@ -201,20 +195,20 @@ fn parts_are_given_back_as_they_are_asked_for() {
     let output = run(folder, &["build", "blobs.nrrd", "-o", "air.df", "--ignore-below", "5"]);
     let noted = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && noted.contains("values below 5 count as air"), "{noted}");
-    assert!(done(folder, &["info", "air.df"]).contains("values below 5 count as air"));
+    assert!(text(folder, &["info", "air.df"]).contains("values below 5 count as air"));
     let matter = samples.iter().filter(|value| **value >= 5).count() as f64;
     for data in [&["air.df"][..], &["blobs.nrrd", "--ignore-below", "5"]] {
         let words = ["reconstruct", "-o", "x.npy", "--error-value", "1.5", "--json", "-"];
-        let told = done(folder, &[&words[..], data].concat());
+        let told = text(folder, &[&words[..], data].concat());
         assert!(number(&told, &["points"]) <= matter && number(&told, &["error_value", "max"]) <= 1.5, "{told}");
     }
     for mode in ["volume", "primitives"] {
-        done(folder, &["render", "air.df", "-o", "air.png", "--mode", mode, "--splats", "500", "--size", "60x40"]);
+        text(folder, &["render", "air.df", "-o", "air.png", "--mode", mode, "--splats", "500", "--size", "60x40"]);
     }
     let why = say(&["air.df", "-o", "x.npy", "--ignore-below", "5"]);
     assert!(why.contains("air.df: --ignore-below: found a built image or volume"), "{why}");
     // What holds no grid.
-    done(folder, &["build", "blobs.nrrd", "-o", "v.df", "--as", "particles"]);
+    text(folder, &["build", "blobs.nrrd", "-o", "v.df", "--as", "particles"]);
     std::fs::write(folder.join("p.csv"), "x,y,z\n0,0,0\n1,2,3\n").unwrap();
     let why = say(&["v.df", "-o", "x.npy"]);
     assert!(why.contains("v.df: content: found a page file of particles, expected an image or a volume"), "{why}");
@@ -233,7 +227,7 @@ fn what_was_built_of_a_volume_is_no_particles() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     blobs(folder);
-    done(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
+    text(folder, &["build", "blobs.nrrd", "-o", "blobs.df"]);
     std::fs::write(folder.join("p.csv"), "x,y,z\n0,0,0\n4,5,6\n9,9,9\n").unwrap();
     let small = ["--size", "60x40"];
     let render = |first: &'static str, other: &'static str| {
@@ -241,10 +235,10 @@ fn what_was_built_of_a_volume_is_no_particles() {
     };
     // Beside particles it is drawn as what it is, built or not; a source's voxels are particles where that is said.
     for [first, other] in [["p.csv", "blobs.nrrd"], ["p.csv", "blobs.df"], ["blobs.df", "p.csv"]] {
-        done(folder, &render(first, other));
+        text(folder, &render(first, other));
     }
     let as_particles = ["--kind", "particles"];
-    done(folder, &[&render("p.csv", "blobs.nrrd")[..], &as_particles].concat());
+    text(folder, &[&render("p.csv", "blobs.nrrd")[..], &as_particles].concat());
     let alone = refused(folder, &render("blobs.df", "blobs.df"));
     assert!(alone.contains("found column-density, which draws no volume among other data"), "{alone}");
     let expected = "blobs.df: content: found a built image or volume, expected particles, or a source";
@@ -258,7 +252,7 @@ fn what_was_built_of_a_volume_is_no_particles() {
     // The time that was asked for is told.
     let draw = |data: &str, more: &[&str]| {
         let words = ["render", data, "-o", "p.png", "--backend", "cpu", "--json", "-"];
-        done(folder, &[&words[..], &small, more].concat())
+        text(folder, &[&words[..], &small, more].concat())
     };
     let told = draw("blobs.df", &["--frame-ms", "50"]);
     assert_eq!(number(&told, &["budget_ms"]), 50.0);
@@ -275,11 +269,11 @@ fn a_folder_of_slices_is_drawn_and_asked_as_a_volume() {
     for z in 0..24 {
         let name = format!("slices/s{z}.png");
         let region = format!("0:32,0:32,{z}:{}", z + 1);
-        done(folder, &["reconstruct", "blobs.nrrd", "-o", &name, "--exact", "--region", &region]);
+        text(folder, &["reconstruct", "blobs.nrrd", "-o", &name, "--exact", "--region", &region]);
     }
     let draw = |out: &str, more: &[&str]| {
         let words = ["render", "slices", "-o", out, "--size", "60x40", "--backend", "cpu"];
-        done(folder, &[&words[..], more].concat());
+        text(folder, &[&words[..], more].concat());
     };
     draw("a.png", &["--mode", "xray"]);
     let picture = crate::support::golden::picture_at(&folder.join("a.png"));
@@ -287,9 +281,9 @@ fn a_folder_of_slices_is_drawn_and_asked_as_a_volume() {
     // As particles, too.
     draw("b.png", &["--mode", "column-density"]);
     draw("c.png", &["--exact"]);
-    let told = done(folder, &["probe", "slices", "--json", "-"]);
+    let told = text(folder, &["probe", "slices", "--json", "-"]);
     assert_eq!(number(&told, &["samples"]), samples.len() as f64, "{told}");
-    done(folder, &["tour", "--around", "slices", "--frame", "0", "frame.png", "--size", "48x32"]);
+    text(folder, &["tour", "--around", "slices", "--frame", "0", "frame.png", "--size", "48x32"]);
     assert!(folder.join("frame.png").exists());
 }
 
@@ -300,8 +294,8 @@ fn voxels_are_particles_where_particles_are_asked_for() {
     let samples = blobs(folder);
     let refused = run(folder, &["build", "blobs.nrrd", "-o", "v.df", "--hierarchy", "octree"]);
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--as particles"));
-    done(folder, &["build", "blobs.nrrd", "-o", "v.df", "--as", "particles"]);
-    let told = done(folder, &["info", "v.df", "--json"]);
+    text(folder, &["build", "blobs.nrrd", "-o", "v.df", "--as", "particles"]);
+    let told = text(folder, &["info", "v.df", "--json"]);
     let most = f64::from(*samples.iter().max().unwrap());
     let kept = samples.iter().filter(|sample| f64::from(**sample) > 0.02 * most).count();
     let value: serde_json::Value = serde_json::from_str(&told).unwrap();
@@ -311,7 +305,7 @@ fn voxels_are_particles_where_particles_are_asked_for() {
     let draw = |data: &str, mode: &str, raw: &str| {
         let eye = ["--eye", "8,8,200", "--target", "8,8,12", "--ortho", "40", "--size", "160x160"];
         let words = [&["render", data, "-o", "p.png", "--mode", mode, "--raw", raw, "--backend", "cpu"], &eye[..]];
-        done(folder, &words.concat());
+        text(folder, &words.concat());
         let bytes = std::fs::read(folder.join(raw)).unwrap();
         let numbers =
             bytes[bytes.len() - 4 * 160 * 160..].chunks(4).map(|p| f32::from_le_bytes([p[0], p[1], p[2], p[3]]));

@@ -2,7 +2,7 @@
 //! and a globe on a dome. `DEEPFIELD_BLESS=1` writes them anew; look at them before committing.
 
 use crate::support::golden::{TOLERANCE, check, difference, golden, picture_at};
-use crate::support::{in_reference_data, in_repository, run};
+use crate::support::{in_reference_data, in_repository, ok};
 use deepfield::color::composite::Image;
 use deepfield::color::output::write_png;
 use std::path::Path;
@@ -13,11 +13,6 @@ const BY_POINTS: f64 = 0.5;
 
 /// The techniques that draw what hybrid does.
 const OTHERS: [&str; 3] = ["points", "triangles", "rays"];
-
-fn ok(folder: &Path, arguments: &[&str]) {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-}
 
 /// Builds `NAME.df` of a synthetic field of this shape.
 fn built(folder: &Path, name: &str, shape: &[&str]) {

@@ -1,16 +1,9 @@
 //! Paths in pictures of more than one view, by the program, and those of selections where clusters stand for particles.
 
 use crate::support::golden::picture_at;
-use crate::support::run;
+use crate::support::{json, ok};
 use deepfield::color::Image;
-use serde_json::Value;
 use std::path::Path;
-
-fn ok(folder: &Path, arguments: &[&str]) -> Vec<u8> {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output.stdout
-}
 
 /// A run of 2000 particles on orbits around the origin, with flow levels.
 fn built() -> tempfile::TempDir {
@@ -24,8 +17,7 @@ fn built() -> tempfile::TempDir {
 fn drawn(folder: &Path, config: &str, arguments: &[&str]) -> (Image, u64) {
     std::fs::write(folder.join("c.ron"), config).unwrap();
     let common = ["render", "run.df", "-o", "c.png", "--backend", "cpu", "--config", "c.ron", "--time", "step:2"];
-    let told = ok(folder, &[&common[..], &["--json", "-"], arguments].concat());
-    let told: Value = serde_json::from_slice(&told).unwrap();
+    let told = json(folder, &[&common[..], &["--json", "-"], arguments].concat());
     let tracks = told["tracks_drawn"].as_u64().unwrap_or_else(|| panic!("{told}"));
     (picture_at(&folder.join("c.png")), tracks)
 }

@@ -2,13 +2,8 @@
 //! whose paths cross its faces. `DEEPFIELD_BLESS=1` writes them anew; look at them before committing.
 
 use crate::support::golden::{self, picture_at};
-use crate::support::run;
+use crate::support::ok;
 use std::path::{Path, PathBuf};
-
-fn ok(folder: &Path, arguments: &[&str]) {
-    let output = run(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-}
 
 /// Draws a moment of `run.df` and compares it.
 fn check(folder: &Path, name: &str, arguments: &[&str]) {

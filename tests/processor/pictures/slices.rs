@@ -1,14 +1,12 @@
 //! Slices with lines and vectors by the program: of a volume, of particles from a page file and from their source.
 
 use crate::support::golden::picture_at;
-use crate::support::run;
+use crate::support::{json, ok, run};
 use std::fmt::Write as _;
 use std::path::Path;
 
 fn told(folder: &Path, arguments: &[&str]) -> serde_json::Value {
-    let output = run(folder, &[&["render"][..], arguments, &["--json", "-"]].concat());
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
+    json(folder, &[&["render"][..], arguments, &["--json", "-"]].concat())
 }
 
 fn refused(folder: &Path, arguments: &[&str]) -> String {
@@ -58,10 +56,7 @@ fn a_volume_of_vectors_has_arrows_and_streaks() {
 fn a_cross_section_has_the_vectors_that_its_file_has() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let done = |arguments: &[&str]| {
-        let output = run(folder, arguments);
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    };
+    let done = |arguments: &[&str]| ok(folder, arguments);
     done(&["synth", "merger", "-n", "3000", "-o", "merger.g2"]);
     done(&["build", "merger.g2", "-o", "flow.df", "--attributes", "internal-energy,velocity-x,velocity-y,velocity-z"]);
     let view = ["--eye", "0,0,500", "--target", "0,0,0", "--ortho", "120", "--size", "120x100"];

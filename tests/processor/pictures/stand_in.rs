@@ -173,6 +173,12 @@ fn hue_waits_until_the_view_rests() {
         assert_eq!(shown(&mut frames, moving), (whole, false));
         assert_eq!(shown(&mut frames, RESTING), (quarter, true));
     }
+    // Where nothing is in view nothing is left to wait for, either.
+    let view = frames.view;
+    frames.view.forward = -view.forward;
+    frames.view.right = -view.right;
+    assert_eq!(shown(&mut frames, MOVING), (whole, true));
+    frames.view = view;
     // Without hue nothing is left to wait for.
     frames.depiction.attribute = None;
     assert_eq!([MOVING, RESTING].map(|pace| shown(&mut frames, pace)), [(whole, true); 2]);

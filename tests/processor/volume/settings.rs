@@ -1,7 +1,7 @@
 //! Settings of volumes that make no sense, given to the program as a user gives them: one line that names the field, and no
 //! picture.
 
-use crate::support::run;
+use crate::support::{json, run};
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -154,9 +154,7 @@ fn a_comparison_writes_every_picture_and_its_errors() {
     let folder = folder();
     let arguments = ["bench", "compare", "merger", "--size", "60x40", "--eye", "60,120,225", "--target", "0,0,0"];
     let more = ["--repeat", "1", "--layers", "64", "--cells", "48", "--frames", "2", "--output", "out", "--json", "-"];
-    let output = run(folder, &[&arguments[..], &more[..]].concat());
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = json(folder, &[&arguments[..], &more[..]].concat());
     let error = |name: &str, kind: &str| {
         let outcomes = report["outcomes"].as_array().unwrap();
         let outcome = outcomes.iter().find(|outcome| outcome["name"] == name).unwrap();

@@ -99,6 +99,7 @@ impl Outline {
         let has_derived = is_complete && self.derived_columns() > 0;
         survey.check(3 + if has_derived { attributes.len() } else { *columns })?;
         expect_within("neighbours", neighbours.map_or(0, |count| count as u64), 0..=u32::MAX.into())?;
+        expect_that(survey.bounds.min.cmple(survey.bounds.max).all(), "bounds", "a box around the particles")?;
         let is_length = |length: f64| length > 0.0 && length.is_finite();
         expect_that(root.min.is_finite() && is_length(root.size), "root cell", "a cube")?;
         expect_that(edge.is_none_or(is_length), "edge", "that of a periodic box")

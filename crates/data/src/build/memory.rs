@@ -1,6 +1,7 @@
 //! How much memory each part of a build may take.
 
-use super::partition::particle_bytes;
+use super::cluster::MOST_TASKS;
+use super::partition::{RUN, particle_bytes};
 use super::spill::Blob;
 use super::survey::Survey;
 use super::{BuildError, BuildOptions};
@@ -29,9 +30,15 @@ const VOLUME_PARTICLES: f64 = 1.4;
 /// Bytes by which a task of a job that reads particles tells of those of a bucket, and of those of a group of buckets beside that.
 const JOB_SHARE: u64 = 1 + Blob::TOLD;
 const JOB_SHARES: u64 = 16 + Blob::TOLD;
-/// Bytes by which a task knows of a bucket, and of what each task that has read particles has of it: in a list that has just grown.
+/// Bytes by which a process knows of a bucket, and of a run of its particles, such as what a task that has read some has of it: in a list that
+/// has just grown.
 const HELD_BUCKET: u64 = 512;
 const HELD_SHARE: u64 = 2 * size_of::<Blob>() as u64;
+/// Particles of a bucket that have room to wait on average, however little memory there is: shorter runs are read no faster, and where they are takes
+/// memory, too.
+const SHORTEST_RUN: u64 = 64;
+/// Groups of buckets around a task's own that it keeps at most: as many as cubes around one.
+const AROUND: u64 = 26;
 /// Bytes of the sample of a column that is found for the particles of a bucket.
 const JOB_FOUND: u64 = 4 << 10;
 /// Bytes of what a job's tasks hand on whatever they read: codebooks, histograms, metadata.
@@ -48,6 +55,8 @@ pub(super) struct Memory {
     pub folder: PathBuf,
     /// For the particles of buckets; what exceeds it goes to the disk.
     pub particles: u64,
+    /// For particles that wait in their buckets until they are put away.
+    pub waiting: u64,
     /// For the particles of nodes.
     pub nodes: u64,
     /// Bytes of temporary files, at most about.
@@ -75,10 +84,9 @@ impl Memory {
         let particle = particle_bytes(attributes);
         let bucket_particle = BUCKET_PARTICLE + BUCKET_ATTRIBUTE * attributes as u64;
         let bucket = bucket_particle * (most as u64).min(count);
-        // Particles that wait for company in each bucket: half of a run on average.
-        let waiting = 1024 * particle * buckets as u64;
-        let fixed = BASE.min(allowed / 3) + waiting.min(count * particle);
-        let rest = allowed.saturating_sub(fixed);
+        let rest = beside(allowed, buckets as u64 * HELD_BUCKET);
+        let waiting = most_waiting(rest, particle, buckets);
+        let rest = rest.saturating_sub(waiting.min(count * particle));
         let workers = (rayon::current_num_threads() as u64).min((rest / 2) / bucket.max(1)).max(1);
         let building = (workers * bucket).min(rest);
         // A fifth is left to the allocator's gaps.
@@ -92,16 +100,17 @@ impl Memory {
             // The output itself comes on top.
             check_room(&folder, on_disk + OUTPUT_PARTICLE * count, out)?;
         }
-        Ok(Memory { folder, particles, nodes, on_disk, buckets: rest, bucket_particle, allowed })
+        Ok(Memory { folder, particles, waiting, nodes, on_disk, buckets: rest, bucket_particle, allowed })
     }
 
     /// Shares out what a task of a job may take for a family with so many attributes, beside bytes that it holds whatever that is. What it hands
     /// on goes to its file; what it cannot hold goes to the disk in `folder`.
     pub fn of_task(allowed: u64, folder: &Path, attributes: usize, held: u64) -> Memory {
-        let rest = allowed.saturating_sub(BASE.min(allowed / 3).saturating_add(held));
+        let rest = beside(allowed, held);
         Memory {
             folder: folder.to_owned(),
             particles: rest / 5 * 4,
+            waiting: 0,
             nodes: rest / 4,
             on_disk: 0,
             buckets: rest,
@@ -110,9 +119,49 @@ impl Memory {
         }
     }
 
-    /// Bytes that a task holds which sorts so many particles with so many attributes into buckets: those that wait for company.
-    pub fn waiting(attributes: usize, buckets: usize, particles: u64) -> u64 {
-        (1024 * buckets as u64).min(particles).saturating_mul(particle_bytes(attributes))
+    /// The same of a task that sorts so many particles, of `all` of the job, into so many buckets.
+    ///
+    /// # Errors
+    /// When the buckets, each with room for as few particles as may be, take more than a task of `out` may.
+    pub fn of_sorting(
+        allowed: u64,
+        folder: &Path,
+        attributes: usize,
+        buckets: usize,
+        (particles, all): (u64, u64),
+        out: &Path,
+    ) -> Result<Memory, BuildError> {
+        let known = (buckets as u64).saturating_mul(HELD_BUCKET);
+        let (particle, rest) = (particle_bytes(attributes), beside(allowed, known));
+        let waiting = most_waiting(rest, particle, buckets);
+        // Room doubles as particles come.
+        let room = 2 * particle;
+        let runs = particles / (waiting / (particle * buckets as u64).max(1)).max(1);
+        let held = known
+            .saturating_add(waiting.min(particles.saturating_mul(room)))
+            .saturating_add(runs.saturating_mul(HELD_SHARE));
+        // So much the program takes itself.
+        if held > beside(allowed, 0).max(BASE) {
+            // Where all of a task's particles may wait, and where they are put away then.
+            let each = room + HELD_SHARE.div_ceil(SHORTEST_RUN);
+            let tasks = all.saturating_mul(each).checked_div(rest).map(|tasks| tasks + 1);
+            let tasks = tasks.filter(|tasks| *tasks <= u64::from(MOST_TASKS));
+            let fewer = tasks.map(|tasks| format!(" (--tasks {tasks} would leave it few enough)"));
+            let fewer = fewer.unwrap_or_default();
+            return Err(BuildError::Memory {
+                path: out.to_owned(),
+                what: format!("a task that sorts {particles} particles into {buckets} buckets{fewer}"),
+                needed: held.div_ceil(1 << 20),
+                allowed,
+            });
+        }
+        Ok(Memory { waiting, ..Memory::of_task(allowed, folder, attributes, held) })
+    }
+
+    /// How many groups of buckets around its own a task keeps that finds columns, where one of `groups` takes `each` bytes: one at least, which it
+    /// reads, and else no more than an eighth of what it may take.
+    pub fn groups_around(allowed: u64, each: u64, groups: u32) -> usize {
+        (allowed / 8 / each.max(1)).min(u64::from(groups).saturating_sub(1)).clamp(1, AROUND) as usize
     }
 
     /// Bytes that a task holds which reads the particles of so many buckets: where each of `tasks` has put some of them.
@@ -169,6 +218,18 @@ impl Memory {
     }
 }
 
+/// Bytes that are left of what a process may take beside the program and bytes that it holds whatever that is.
+fn beside(allowed: u64, held: u64) -> u64 {
+    allowed.saturating_sub(BASE.min(allowed / 3).saturating_add(held))
+}
+
+/// Bytes for particles that wait in so many buckets until they are put away, of those that are left: half, as they are kept in memory then, too,
+/// where there is room.
+fn most_waiting(rest: u64, particle: u64, buckets: usize) -> u64 {
+    let one_each = particle * buckets as u64;
+    (rest / 2).clamp(SHORTEST_RUN * one_each, RUN as u64 * one_each)
+}
+
 /// Particles that the nodes of all trees draw for each source particle, about.
 fn node_particles(options: &BuildOptions) -> f64 {
     NODE_PARTICLES + if options.octree.volume_levels { VOLUME_PARTICLES } else { 0.0 }
@@ -223,5 +284,38 @@ mod tests {
         assert_eq!(block(buckets), 0);
         assert!(10 * block(of_group) > 9 * block(0), "{} of {}", block(of_group), block(0));
         assert!(block(2 * of_group) < block(of_group));
+    }
+
+    /// The same many, of which all of a task's wait in their buckets if they may.
+    #[test]
+    fn tasks_that_sort_take_what_they_may_or_say_how_many_there_should_be() {
+        let (buckets, all) = (953_674, 1_000_000_000_000_u64);
+        let of = |allowed: u64, tasks: u64| {
+            Memory::of_sorting(allowed, Path::new(""), 1, buckets, (all / tasks, all), Path::new("huge.df"))
+        };
+        for allowed in [4 << 30, 8 << 30, 64 << 30] {
+            let memory = of(allowed, 4096).unwrap();
+            let run = memory.waiting / (particle_bytes(1) * buckets as u64);
+            assert!((SHORTEST_RUN..=RUN as u64).contains(&run), "{run}");
+            // No more wait than there are.
+            let waiting = memory.waiting.min(2 * particle_bytes(1) * all / 4096);
+            assert!(waiting + memory.particles + buckets as u64 * HELD_BUCKET < allowed, "{memory:?}");
+        }
+        let refused = of(2 << 30, 4096).unwrap_err().to_string();
+        assert!(refused.starts_with("huge.df: ") && refused.contains("more than the 2048 MiB"), "{refused}");
+        let (_, tasks) = refused.split_once("--tasks ").unwrap();
+        let tasks: u64 = tasks.split_once(' ').unwrap().0.parse().unwrap();
+        assert!(of(2 << 30, tasks).is_ok() && of(2 << 30, tasks / 2).is_err(), "{refused}");
+        // Nor is there any number where buckets alone are too many.
+        assert!(!of(256 << 20, 4096).unwrap_err().to_string().contains("--tasks"));
+        // Of few buckets the program takes more.
+        assert!(Memory::of_sorting(0, Path::new(""), 1, 1000, (1_000_000, all), Path::new("")).is_ok());
+    }
+
+    #[test]
+    fn groups_around_are_kept_where_there_is_room() {
+        let kept = |allowed: u64, groups: u32| Memory::groups_around(allowed, 1 << 20, groups);
+        assert_eq!([kept(0, 9), kept(40 << 20, 9), kept(1 << 30, 9), kept(1 << 40, 4096)], [1, 5, 8, 26]);
+        assert_eq!(kept(1 << 30, 1), 1);
     }
 }

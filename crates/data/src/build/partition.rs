@@ -1,5 +1,7 @@
 //! The second pass over a family: every particle goes to the bucket that its Morton key says, and into the histograms.
 
+mod distribute;
+
 use super::BuildError;
 use super::spill::{Blob, Spill};
 use crate::hierarchy::attribute_info::{HistogramBins, Range, missing_replaced};
@@ -8,12 +10,12 @@ use crate::hierarchy::{Histogram, RootCell};
 use crate::model::portable::{Portable, expect, expect_that, expect_within, portable, total};
 use crate::model::progress::Progress;
 use crate::model::{Chunk, ParticleStream};
+use distribute::{Buckets, Scratch};
 use rayon::prelude::*;
 use std::io;
-use std::sync::Mutex;
 
-/// Particles of a bucket that are put away together while a family is read.
-const RUN: usize = 1024;
+/// Particles of a bucket that are put away together while a family is read, where there is room for as many to wait.
+pub(super) const RUN: usize = 1024;
 
 /// The particles of all buckets, or of some that follow each other.
 pub(super) struct Partition {
@@ -55,10 +57,13 @@ pub(super) struct Shares {
 portable!(Shares { all, runs });
 
 impl Shares {
-    /// Whether they are those of so many buckets, of at most `most` particles with so many attributes; else what was found and expected.
-    pub fn check(&self, buckets: usize, attributes: usize, most: u64) -> Result<(), String> {
+    /// Whether they are those of so many buckets, of at most `most` particles with so many attributes, in the file of task `part`, which is the
+    /// one to blame for them; else what was found and expected.
+    pub fn check(&self, buckets: usize, attributes: usize, most: u64, part: Option<u32>) -> Result<(), String> {
         expect("buckets", self.runs.len(), buckets)?;
         expect_within("particles", self.all, 0..=most)?;
+        let are_own = self.runs.iter().flatten().all(|run| run.part() == part);
+        expect_that(are_own, "runs of particles", "those in the same file")?;
         let each = particle_bytes(attributes);
         let bytes = || self.runs.iter().flatten().map(|run| run.len() as u64);
         expect_that(bytes().all(|bytes| bytes > 0 && bytes.is_multiple_of(each)), "run of particles", "whole ones")?;
@@ -72,7 +77,7 @@ pub(super) fn particle_bytes(attributes: usize) -> u64 {
 }
 
 impl Partition {
-    /// Reads the whole family.
+    /// Reads the whole family. Particles that wait for company in their buckets may take `waiting` bytes of memory beside `spill`.
     ///
     /// # Errors
     /// When it cannot be read, or its particles not be put away.
@@ -81,11 +86,11 @@ impl Partition {
         ranges: &[Range],
         plan: &Plan,
         root: RootCell,
-        spill: Spill,
+        (spill, waiting): (Spill, u64),
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Histogram>), BuildError> {
-        let chunks = 0..stream.chunks();
-        let (partition, counts) = Partition::of_chunks(stream, chunks, ranges, plan, root, spill, progress)?;
+        let (chunks, room) = (0..stream.chunks(), (spill, waiting));
+        let (partition, counts) = Partition::of_chunks(stream, chunks, ranges, plan, root, room, progress)?;
         Ok((partition, histograms(ranges, counts)))
     }
 
@@ -99,14 +104,13 @@ impl Partition {
         ranges: &[Range],
         plan: &Plan,
         root: RootCell,
-        spill: Spill,
+        (spill, waiting): (Spill, u64),
         progress: &dyn Progress,
     ) -> Result<(Partition, Vec<Vec<u64>>), BuildError> {
         let (own, columns) = (stream.attributes().len(), stream.columns());
         let share = chunks.len() as f64 / stream.chunks().max(1) as f64;
         progress.begin(&format!("sorting {}", stream.family()), (stream.particles() as f64 * share) as u64);
-        let empty = || Bucket { columns: Columns::with_capacity(columns, 0), ..Bucket::default() };
-        let buckets: Vec<Mutex<Bucket>> = (0..plan.len()).map(|_| Mutex::new(empty())).collect();
+        let to = Buckets::new(plan, root, &spill, columns, waiting);
         let bins: Vec<HistogramBins> = ranges.iter().map(HistogramBins::of).collect();
         let counts = chunks
             .into_par_iter()
@@ -119,7 +123,6 @@ impl Partition {
                 let columns: Vec<&Vec<f32>> = quantities.into_iter().chain(&chunk.attributes).collect();
                 let counts: Vec<Vec<u64>> =
                     columns.iter().zip(&bins).map(|(column, bins)| bins.count(column)).collect();
-                let to = Buckets { plan, root, buckets: &buckets, spill: &spill };
                 to.distribute(&chunk.positions, &columns, scratch)?;
                 progress.advance(chunk.positions.len() as u64);
                 Ok(counts)
@@ -129,8 +132,7 @@ impl Partition {
                 Ok::<_, BuildError>(all)
             })
             .unwrap_or_else(|| Ok(bins.iter().map(|bins| bins.count(&[])).collect()))?;
-        let buckets =
-            buckets.into_iter().map(|bucket| bucket.into_inner().unwrap_or_else(|e| e.into_inner())).collect();
+        let buckets = to.filled();
         Ok((Partition { spill, columns, own, means: Vec::new(), first: 0, buckets }, counts))
     }
 
@@ -364,84 +366,4 @@ fn run(places: &[Place], columns: &Columns, put: impl FnOnce(&[&[u8]]) -> io::Re
     let mut parts: Vec<&[u8]> = vec![bytemuck::cast_slice(&keys), bytemuck::cast_slice(&rests)];
     parts.extend(columns.iter().map(|column| bytemuck::cast_slice::<f32, u8>(column)));
     put(&parts)
-}
-
-/// Memory for distributing chunks.
-#[derive(Default)]
-struct Scratch {
-    places: Vec<Place>,
-    /// Bucket of each particle.
-    buckets: Vec<u32>,
-    /// Where each bucket's particles end in `order`.
-    ends: Vec<u32>,
-    /// Particles by bucket.
-    order: Vec<u32>,
-}
-
-/// Where particles go.
-struct Buckets<'a> {
-    plan: &'a Plan,
-    root: RootCell,
-    buckets: &'a [Mutex<Bucket>],
-    spill: &'a Spill,
-}
-
-impl Buckets<'_> {
-    /// Sends the particles of a chunk to their buckets.
-    fn distribute(
-        &self,
-        positions: &[[f64; 3]],
-        columns: &[&Vec<f32>],
-        scratch: &mut Scratch,
-    ) -> Result<(), BuildError> {
-        let Scratch { places, buckets, ends, order } = scratch;
-        places.clear();
-        places.extend(positions.iter().map(|&position| Place::of(position, self.root)));
-        buckets.clear();
-        buckets.extend(places.iter().map(|place| self.plan.bucket(place.key) as u32));
-        ends.clear();
-        ends.resize(self.buckets.len(), 0);
-        buckets.iter().for_each(|&bucket| ends[bucket as usize] += 1);
-        let mut end = 0;
-        for count in &mut *ends {
-            end += std::mem::replace(count, end);
-        }
-        order.resize(places.len(), 0);
-        for (&bucket, i) in buckets.iter().zip(0..) {
-            let end = &mut ends[bucket as usize];
-            order[*end as usize] = i;
-            *end += 1;
-        }
-        let mut start = 0;
-        for (bucket, &end) in self.buckets.iter().zip(&*ends).filter(|(_, end)| **end > 0) {
-            let mut rest = &order[start as usize..end as usize];
-            start = end;
-            if rest.is_empty() {
-                continue;
-            }
-            let mut bucket = bucket.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-            while !rest.is_empty() {
-                let (now, after) = rest.split_at(rest.len().min(RUN - bucket.places.len()));
-                bucket.places.extend(now.iter().map(|&i| places[i as usize]));
-                for (own, column) in bucket.columns.iter_mut().zip(columns) {
-                    own.extend(now.iter().map(|&i| column[i as usize]));
-                }
-                rest = after;
-                if bucket.places.len() == RUN {
-                    bucket.put_away(self.spill)?;
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Bucket {
-    fn put_away(&mut self, spill: &Spill) -> Result<(), BuildError> {
-        let run = run(&self.places, &self.columns, |parts| spill.put(parts));
-        self.runs.push(run.map_err(|error| BuildError::temporary(spill, error))?);
-        self.places.clear();
-        self.columns.iter_mut().for_each(Vec::clear);
-        Ok(())
-    }
 }

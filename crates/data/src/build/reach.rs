@@ -10,6 +10,7 @@ use crate::model::periodic::images;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Cells along each axis of the grid that says where the balls of some particles reach.
 const CELLS: usize = 128;
@@ -30,7 +31,7 @@ pub(super) fn around_ball(at: [f64; 3], radius: f64) -> Bounds {
 }
 
 /// Who knows of the buckets that are not at hand: gives a group of them, which one is in.
-pub(super) type Others<'a> = dyn Fn(usize) -> Result<Partition, BuildError> + Sync + 'a;
+pub(super) type Others<'a> = dyn Fn(usize) -> Result<Arc<Partition>, BuildError> + Sync + 'a;
 
 /// What is known of all particles among which neighbours are looked for, whoever has them.
 #[derive(Clone, Copy)]
@@ -49,7 +50,7 @@ pub(super) struct Surroundings<'a> {
 
 impl Surroundings<'_> {
     /// What `read` makes of each bucket beside some that may have particles within reach; of all without. Of those that the partition has not
-    /// one group is known at a time.
+    /// one group is asked for at a time.
     ///
     /// # Errors
     /// When something cannot be read back.
@@ -70,7 +71,7 @@ impl Surroundings<'_> {
         while let Some(&bucket) = left.first() {
             let has_it = partition.numbers().contains(&bucket);
             let group = self.others.filter(|_| !has_it).map(|others| others(bucket)).transpose()?;
-            let group = group.as_ref().unwrap_or(partition);
+            let group = group.as_deref().unwrap_or(partition);
             let (now, later) = left.split_at(left.partition_point(|bucket| *bucket < group.numbers().end));
             let found: Vec<T> = now.par_iter().map(|bucket| read(group, *bucket)).collect::<Result<_, _>>()?;
             all.extend(found);
@@ -230,7 +231,7 @@ mod tests {
         let asked = Mutex::new(Vec::new());
         let others = |bucket: usize| {
             asked.lock().unwrap().push(bucket / each);
-            Ok::<_, BuildError>(partition(bucket / each))
+            Ok::<_, BuildError>(Arc::new(partition(bucket / each)))
         };
         let surroundings = Surroundings { others: Some(&others), ..surroundings };
         let mine = partition(own.start / each);

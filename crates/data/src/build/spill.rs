@@ -92,6 +92,14 @@ impl Blob {
     pub fn len(&self) -> usize {
         self.len as usize
     }
+
+    /// The number of the task in whose file it is, if it is in one.
+    pub fn part(&self) -> Option<u32> {
+        match self.place {
+            Place::Part(place) => Some(place.part()),
+            Place::Memory(_) | Place::Disk(_) => None,
+        }
+    }
 }
 
 /// Only blobs in the files of tasks are known to other processes.
@@ -227,9 +235,9 @@ impl Spill {
         // Behind the length of the list.
         let at = size_of::<u64>() as u64 + Blob::TOLD * u64::from(number);
         let blob: Blob = files.index_at(part, at, Blob::TOLD)?;
-        match blob.place {
-            Place::Part(place) if place.part() == part => Ok(blob),
-            _ => Err(files.damaged(part, "index: found a place in another file, expected one in the same")),
+        match blob.part() == Some(part) {
+            true => Ok(blob),
+            false => Err(files.damaged(part, "index: found a place in another file, expected one in the same")),
         }
     }
 

@@ -277,7 +277,8 @@ impl Sender<'_> {
             BuildOptions { memory: Some(options.memory.unwrap_or_else(default_memory) / 2), ..options.clone() };
         let memory = Memory::plan(&halved, out, survey.count, columns, most, plan.len())?;
         let spill = Spill::new(out, &memory.folder, memory.particles, options.read);
-        let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, spill, progress)?;
+        let room = (spill, memory.waiting);
+        let (mut partition, _) = Partition::of(&carrier, &survey.ranges, &plan, root, room, progress)?;
         let Survey { bounds, count, .. } = survey;
         let edge = stream.periodic_edge(bounds);
         let surroundings = Surroundings { plan: &plan, root, edge, bounds, count, others: None };

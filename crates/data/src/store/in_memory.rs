@@ -1,7 +1,7 @@
 //! Particles in memory as a tree: a single node for each family, which holds them at their full precision.
 
 use super::content::{Content, Particles};
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use super::metadata::{AttributeInfo, FamilyMetadata, Metadata};
 use super::page::{Branch, NODE_MEMORY, Node, Page, PageId};
 use super::page_file::PageBytes;
@@ -118,11 +118,8 @@ impl Tree for InMemory {
 
     fn decode_page(&self, bytes: PageBytes) -> Result<Page, StoreError> {
         let page = bytes.page();
-        let absent = || StoreError::Damaged {
-            path: self.path().to_path_buf(),
-            place: format!("page {}", page.0),
-            expected: format!("one of {}", self.families.len()),
-        };
+        let absent =
+            || Damage::new(format!("page {}", page.0), format!("one of {}", self.families.len())).in_file(self.path());
         let particles = self.families.get(page.0 as usize).ok_or_else(absent)?;
         let family = &self.metadata.families[page.0 as usize];
         let largest = particles.values.smoothing_length.iter().copied().fold(0.0, f32::max);

@@ -1,7 +1,7 @@
 //! A flat Gaussian cloud, turned: what one ellipsoid represents.
 
-use super::random::{Random, cbrt};
-use super::{Chunk, Generator, Scalar};
+use super::random::{Random, cbrt, cross};
+use super::{Chunk, Generator, INTERNAL_ENERGY, Scalar};
 use crate::model::{Bounds, FamilyName};
 use std::f64::consts::PI;
 
@@ -27,8 +27,7 @@ impl Cloud {
         let b: [f64; 3] = std::array::from_fn(|k| b[k] - dot(a, b) * a[k]);
         let length = dot(b, b).sqrt();
         let b = b.map(|x| x / length);
-        let c = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        Cloud { seed, count, axes: [a, b, c] }
+        Cloud { seed, count, axes: [a, b, cross(a, b)] }
     }
 }
 
@@ -54,7 +53,7 @@ impl Generator for Cloud {
     }
 
     fn scalars(&self) -> &'static [Scalar] {
-        &[Scalar { label: "U   ", name: "internal-energy", unit: "(km/s)^2" }]
+        &[INTERNAL_ENERGY]
     }
 
     fn chunk(&self, index: u64) -> Chunk {

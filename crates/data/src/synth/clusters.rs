@@ -1,8 +1,8 @@
 //! A box of gas that looks like a cosmological simulation: haloes with a power-law mass function, curved filaments
 //! between them, and a thin background. Smoothing lengths follow the local density as in SPH with 64 neighbours.
 
-use super::random::{Random, cbrt};
-use super::{Chunk, Generator, Scalar};
+use super::random::{Random, cbrt, wrap};
+use super::{Chunk, Generator, INTERNAL_ENERGY, Scalar};
 use crate::model::{Bounds, FamilyName};
 use std::f64::consts::PI;
 
@@ -134,12 +134,6 @@ impl Clusters {
     }
 }
 
-/// Into [0, 1).
-fn wrap(x: f64) -> f64 {
-    let wrapped = x - x.floor();
-    if wrapped < 1.0 { wrapped } else { 0.0 }
-}
-
 /// The shortest way from one point of the periodic unit box to another.
 fn relative(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| {
@@ -166,7 +160,7 @@ impl Generator for Clusters {
     }
 
     fn scalars(&self) -> &'static [Scalar] {
-        &[Scalar { label: "U   ", name: "internal-energy", unit: "(km/s)^2" }]
+        &[INTERNAL_ENERGY]
     }
 
     fn chunk(&self, index: u64) -> Chunk {

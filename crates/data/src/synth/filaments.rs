@@ -1,7 +1,7 @@
 //! Gas in straight, thin filaments in any direction: what round splats cannot simplify.
 
-use super::random::{Random, cbrt};
-use super::{Chunk, Generator, Scalar};
+use super::random::{Random, cbrt, cross};
+use super::{Chunk, Generator, INTERNAL_ENERGY, Scalar};
 use crate::model::{Bounds, FamilyName};
 use std::f64::consts::PI;
 
@@ -55,7 +55,7 @@ impl Generator for Filaments {
     }
 
     fn scalars(&self) -> &'static [Scalar] {
-        &[Scalar { label: "U   ", name: "internal-energy", unit: "(km/s)^2" }]
+        &[INTERNAL_ENERGY]
     }
 
     fn chunk(&self, index: u64) -> Chunk {
@@ -86,8 +86,6 @@ impl Generator for Filaments {
 fn across(along: [f64; 3]) -> ([f64; 3], [f64; 3]) {
     let axis = (0..3).min_by(|&a, &b| along[a].abs().total_cmp(&along[b].abs())).unwrap_or(0);
     let unit: [f64; 3] = std::array::from_fn(|k| f64::from(u8::from(k == axis)));
-    let cross =
-        |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let u = cross(along, unit);
     let length = u.iter().map(|x| x * x).sum::<f64>().sqrt();
     let u = u.map(|x| x / length);

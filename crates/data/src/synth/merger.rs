@@ -5,7 +5,7 @@
 //! place: they differ about 1400-fold, as in the data sets of F12 chapter 5. Lengths in Mm, masses in Msun.
 
 use super::random::{Random, cbrt};
-use super::{Chunk, Generator, Scalar};
+use super::{Chunk, Generator, INTERNAL_ENERGY, Scalar};
 use crate::model::{Bounds, FamilyName};
 use std::f64::consts::PI;
 
@@ -326,10 +326,7 @@ impl Generator for Merger {
     }
 
     fn scalars(&self) -> &'static [Scalar] {
-        &[
-            Scalar { label: "U   ", name: "internal-energy", unit: "(km/s)^2" },
-            Scalar { label: "TEMP", name: "temperature", unit: "K" },
-        ]
+        &[INTERNAL_ENERGY, Scalar { label: "TEMP", name: "temperature", unit: "K" }]
     }
 
     fn chunk(&self, index: u64) -> Chunk {

@@ -62,6 +62,9 @@ pub struct Scalar {
     pub unit: &'static str,
 }
 
+/// The internal energy of gas.
+const INTERNAL_ENERGY: Scalar = Scalar { label: "U   ", name: "internal-energy", unit: "(km/s)^2" };
+
 /// A way to make particles of one family.
 pub trait Generator: Sync {
     /// Number of particles.

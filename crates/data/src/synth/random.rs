@@ -49,6 +49,17 @@ impl Random {
     }
 }
 
+/// Into [0, 1).
+pub fn wrap(x: f64) -> f64 {
+    let wrapped = x - x.floor();
+    if wrapped < 1.0 { wrapped } else { 0.0 }
+}
+
+/// The cross product of two vectors.
+pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 /// Cube root of a positive number, to within two units of the last place.
 pub fn cbrt(x: f64) -> f64 {
     // A first guess from a third of the exponent, then Newton's iteration.

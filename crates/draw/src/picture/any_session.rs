@@ -80,6 +80,26 @@ impl AnySession {
         }
     }
 
+    /// Bytes that what pictures are drawn from may take, where that may make them coarser.
+    pub fn page_memory(&self) -> Option<u64> {
+        match self {
+            AnySession::Particles(session) => session.page_memory(),
+            AnySession::Field(_) => None,
+            AnySession::Surface(session) => Some(session.page_memory()),
+            AnySession::Mixed(session) => session.page_memory(),
+        }
+    }
+
+    /// Whether the picture that was drawn last, or what was found of a view since, needed more than these.
+    pub fn lacks_memory(&self) -> bool {
+        match self {
+            AnySession::Particles(session) => session.lacks_memory(),
+            AnySession::Field(_) => false,
+            AnySession::Surface(session) => session.lacks_memory(),
+            AnySession::Mixed(session) => session.lacks_memory(),
+        }
+    }
+
     /// Draws a shot.
     ///
     /// # Errors

@@ -38,7 +38,7 @@ pub struct Picture {
     /// Whether everything that the view needs at its error bound was drawn.
     pub converged: bool,
     /// Whether it is not converged since there is no memory for what is asked for, and is whole in the finest detail that there is memory for: then
-    /// it is the same whenever it is drawn with as much.
+    /// it is the same whenever it is drawn with as much. Of heights also where as many chunks are drawn as may be at most.
     pub is_coarser: bool,
     /// Largest displacement of a drawn particle, pixels.
     pub error_px: f64,

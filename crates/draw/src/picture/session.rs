@@ -63,7 +63,7 @@ pub struct SessionOptions {
     /// Bytes that pages of particles may take, with what is drawn of them at a time: sums whose pages do not fit are drawn in passes, flat pictures of
     /// volumes in slabs, and all else is drawn coarser then, by these bytes alone. `None`: whatever a picture needs is held at once.
     pub page_memory: Option<u64>,
-    /// Bytes that decoded chunks of heights may take.
+    /// Bytes that decoded chunks of heights may take; what needs more is drawn coarser, by these bytes alone. `None`: 1 GiB.
     pub chunk_memory: Option<u64>,
     /// Whether the raw channels of heights are wanted, too.
     pub raw: bool,

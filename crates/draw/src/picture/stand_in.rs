@@ -91,7 +91,9 @@ impl StandIn {
             self.asked = Asked::Nothing;
             let shown = if moves { depiction.detail_in_motion(view, tau, metadata) } else { detail };
             let selection = streamer.select(&seen, shown, &roots);
-            return Chosen { detail: shown, at_rest: shown == detail, ..own(selection) };
+            // Of nothing in view there is nothing finer.
+            let at_rest = shown == detail || selection.draw.is_empty() && selection.is_converged();
+            return Chosen { detail: shown, at_rest, ..own(selection) };
         };
         // Nothing comes any more of what was asked for.
         let is_over = !streamer.is_busy();

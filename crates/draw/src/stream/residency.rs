@@ -7,7 +7,7 @@ use crate::hierarchy::pca::Step;
 use crate::store::{Encoding, Node, NodeRef, Page, PageId, StoreError, Tree};
 use crate::view::{Extent, NodeInfo, NodeTree};
 use std::collections::{HashMap, HashSet, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 /// Where a page stands.
@@ -94,6 +94,8 @@ pub struct Residency {
     evicted: Vec<(PageId, Option<Arc<Page>>)>,
     now: Duration,
     budget_bytes: u64,
+    /// Whether that has room for all pages, once somebody has asked: of a run there are very many.
+    has_room_for_all: OnceLock<bool>,
     /// Bytes of the budget that are not for pages.
     aside_bytes: u64,
     most_bytes: u64,
@@ -121,6 +123,7 @@ impl Residency {
             evicted: Vec::new(),
             now: Duration::ZERO,
             budget_bytes,
+            has_room_for_all: OnceLock::new(),
             aside_bytes: 0,
             most_bytes: 0,
             over_budget: false,
@@ -142,9 +145,13 @@ impl Residency {
 
     /// Whether the budget has room for all pages of the tree at once.
     pub fn has_room_for_all(&self) -> bool {
-        let pages = (0..self.tree.page_count()).map(PageId);
-        let all = || pages.map(|page| self.tree.page_memory(page)).fold(0, u64::saturating_add);
-        self.budget_bytes == u64::MAX || all() <= self.budget_bytes
+        *self.has_room_for_all.get_or_init(|| {
+            let add = |sum: u64, page: u32| {
+                let sum = sum.checked_add(self.tree.page_memory(PageId(page)))?;
+                (sum <= self.budget_bytes).then_some(sum)
+            };
+            self.budget_bytes == u64::MAX || (0..self.tree.page_count()).try_fold(0, add).is_some()
+        })
     }
 
     /// The tree.

@@ -50,7 +50,7 @@ pub struct SceneNode {
 pub struct SceneSelection {
     /// The nodes; none is an ancestor of another.
     pub nodes: Vec<SceneNode>,
-    /// Whether every page that the view needs at its error bound is resident.
+    /// Whether every page that the view needs in the detail that it was selected in is resident.
     pub converged: bool,
     /// How many nodes the view lacks.
     pub missing: usize,
@@ -234,7 +234,7 @@ impl Scene {
         }
     }
 
-    /// [`Scene::converge`] for callers who look at `converged` alone.
+    /// [`Scene::converge`] for callers who have nobody to tell.
     ///
     /// # Errors
     /// As [`Scene::converge`].

@@ -96,6 +96,11 @@ impl Show {
         self.timeline.repeats()
     }
 
+    /// Bytes that what is drawn may take in memory, where frames that need more are coarser.
+    pub fn memory(&self) -> Option<u64> {
+        self.session.page_memory()
+    }
+
     /// Whether a frame so far, or a picture that ranges were found from, was drawn coarser than the tour asks for, since memory has no room for more:
     /// then frames are the same only with as much.
     pub fn is_coarser(&self) -> bool {
@@ -103,7 +108,7 @@ impl Show {
     }
 
     fn note_memory(&mut self) {
-        self.is_coarser |= self.session.particles().is_some_and(|session| session.lacks_memory());
+        self.is_coarser |= self.session.lacks_memory();
     }
 
     /// The scene of a look from a camera, as a file in `place` names the data.
@@ -175,9 +180,9 @@ impl Show {
         let shot = Shot::of_scene(shot.clone(), Path::new(""));
         let picture = self.session.draw(&shot)?;
         self.note_memory();
-        if !picture.converged && !picture.is_coarser {
-            let lacks_memory = self.session.particles().is_some_and(|session| session.lacks_memory());
-            let why = match lacks_memory {
+        // All of an image or a volume is there: what is not converged keeps to the time that its look leaves it.
+        if !picture.converged && !picture.is_coarser && self.session.field().is_none() {
+            let why = match self.session.lacks_memory() {
                 true => "a page that the frame needs does not fit into memory; --memory sets how much there is",
                 false => "pages that the frame needs cannot be read",
             };

@@ -5,10 +5,11 @@ use super::source::is_masked;
 use super::suspects::Suspects;
 use super::{HeightDescription, HeightSource};
 use crate::model::facts::facts_by;
-use crate::model::{HeightGrid, Invalid, PhotoAbout, Plane, Window};
+use crate::model::{Facts, HeightGrid, Invalid, PhotoAbout, Plane, Window};
 use deepfield_data::import::ImportError;
 use deepfield_data::model::{SampleType, Unit};
 use serde::Serialize;
+use std::path::Path;
 
 /// A colour plane's name.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,7 +36,7 @@ pub struct PhotoSummary {
 
 impl PlaneSummary {
     /// Of a colour plane.
-    pub(crate) fn of(plane: &Plane) -> PlaneSummary {
+    fn of(plane: &Plane) -> PlaneSummary {
         PlaneSummary { name: plane.name.clone(), photo: None }
     }
 
@@ -97,6 +98,42 @@ pub struct HeightSummary {
     pub notes: Vec<String>,
 }
 
+impl HeightSummary {
+    /// Of a file of this format and so many bytes, by what its samples say.
+    pub(crate) fn of(
+        (path, format, bytes): (&Path, &str, u64),
+        grid: &HeightGrid,
+        facts: &Facts,
+        invalid: Invalid,
+        notes: Vec<String>,
+    ) -> HeightSummary {
+        HeightSummary {
+            kind: "heights",
+            path: path.display().to_string(),
+            format: format.to_owned(),
+            bytes,
+            columns: grid.columns,
+            rows: grid.rows,
+            samples: grid.samples(),
+            valid: facts.valid,
+            valid_share: facts.valid as f64 / grid.samples() as f64,
+            invalid,
+            lone: facts.lone,
+            origin: grid.origin,
+            spacing: grid.step,
+            xy_unit: grid.xy_unit.clone(),
+            height_unit: grid.height_unit.clone(),
+            sample_type: short_name(grid.sample_type),
+            min: facts.min,
+            max: facts.max,
+            mean: facts.mean,
+            planes: grid.planes.iter().map(PlaneSummary::of).collect(),
+            crs: grid.crs.clone(),
+            notes,
+        }
+    }
+}
+
 /// Reads all samples once, in bounded bands.
 ///
 /// # Errors
@@ -141,30 +178,7 @@ pub fn summarize_heights(source: &HeightSource) -> Result<HeightSummary, ImportE
     }
     notes.extend(suspects.note(&grid));
     notes.extend(proportions::note(&grid, [facts.min, facts.max]));
-    Ok(HeightSummary {
-        kind: "heights",
-        path: path.display().to_string(),
-        format: format.to_owned(),
-        bytes,
-        columns: grid.columns,
-        rows: grid.rows,
-        samples: grid.samples(),
-        valid: facts.valid,
-        valid_share: facts.valid as f64 / grid.samples() as f64,
-        invalid,
-        lone: facts.lone,
-        origin: grid.origin,
-        spacing: grid.step,
-        xy_unit: grid.xy_unit.clone(),
-        height_unit: grid.height_unit.clone(),
-        sample_type: short_name(grid.sample_type),
-        min: facts.min,
-        max: facts.max,
-        mean: facts.mean,
-        planes: grid.planes.iter().map(PlaneSummary::of).collect(),
-        crs: grid.crs.clone(),
-        notes,
-    })
+    Ok(HeightSummary::of((&path, format, bytes), &grid, &facts, invalid, notes))
 }
 
 /// Counts in words.

@@ -1,7 +1,7 @@
 //! What is under a pixel of a globe: the first place where a ray meets T as it stands on the body.
 
 use super::course::{Course, Courses, Spread};
-use super::pick::Pick;
+use super::pick::{Pick, STEPS};
 use super::ray::{Hit, MinMax, Ray};
 use super::tiles::{height_in, samples_of};
 use crate::model::Cell;
@@ -122,7 +122,7 @@ impl Search<'_> {
     }
 }
 
-/// What a ray finds on a globe. A ray that meets no triangle looks at the place where it goes into the body, and at none where it does not.
+/// What a ray finds on a globe. A ray that meets no triangle looks at the hole through which it goes into the body, and at none where it does not.
 ///
 /// # Errors
 /// Where the field cannot be read.
@@ -145,21 +145,39 @@ pub fn pick_on_globe<M: MinMax>(field: &mut M, spread: &Spread, ray: &Ray) -> Re
     if let Some(hit) = best {
         return Ok(Pick::Hit(hit));
     }
-    Ok(beside(&courses, spread, range))
+    beside(&mut round, &courses, spread, range)
 }
 
-/// Where a ray that meets nothing first has the middle height of a field.
-fn beside(courses: &Courses<'_>, spread: &Spread, range: Option<[f64; 2]>) -> Pick {
+/// A place in the hole that a ray goes through which meets nothing, else where it first has the middle height of the field.
+fn beside<M: MinMax>(
+    field: &mut Round<'_, M>,
+    courses: &Courses<'_>,
+    spread: &Spread,
+    range: Option<[f64; 2]>,
+) -> Result<Pick, M::Error> {
+    let [columns, rows] = spread.last;
+    let place = |height: f64| {
+        courses.iter().find_map(|course| {
+            let span = course.within([0.0, rows], [0.0, columns], [height, height], course.span)?;
+            let [row, column, _] = course.place(span[0]);
+            Some([row.clamp(0.0, rows), column.clamp(0.0, columns)])
+        })
+    };
     let middle = range.map_or(0.0, |range| spread.lifted(range).iter().sum::<f64>() * 0.5);
-    let last = spread.last;
-    let found = courses.iter().find_map(|course| {
-        let span = course.within([0.0, last[1]], [0.0, last[0]], [middle, middle], course.span)?;
-        Some(course.place(span[0]))
-    });
-    found.map_or(Pick::Beside, |[row, column, _]| {
-        let (row, column) = (row.clamp(0.0, last[1]), column.clamp(0.0, last[0]));
-        let [x, y] = [column, row];
-        let Spread { origin, step, .. } = spread;
-        Pick::NotMeasured { row, column, x: origin[0] + x * step[0], y: origin[1] + y * step[1] }
-    })
+    let Some(mut found) = place(middle) else { return Ok(Pick::Beside) };
+    let mut next = found;
+    // As of a flat field.
+    for _ in 0..STEPS {
+        let [row, column] = next;
+        let first = [row.min(rows - 1.0), column.min(columns - 1.0)].map(|at| at as u64);
+        let height = field.cell(first[0], first[1])?.height(column - first[1] as f64, row - first[0] as f64);
+        if height.is_nan() {
+            found = next;
+            break;
+        }
+        let Some(nearer) = place(spread.lifted([height; 2])[0]) else { break };
+        next = nearer;
+    }
+    let ([row, column], Spread { origin, step, .. }) = (found, spread);
+    Ok(Pick::NotMeasured { row, column, x: origin[0] + column * step[0], y: origin[1] + row * step[1] })
 }

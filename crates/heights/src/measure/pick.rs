@@ -3,7 +3,7 @@
 use super::ray::{Hit, MinMax, Ray, Rise, cast};
 
 /// Most steps from the middle height of a field to a hole.
-const STEPS: u32 = 8;
+pub(super) const STEPS: u32 = 8;
 
 /// What a ray finds.
 #[derive(Clone, Copy, Debug, PartialEq)]

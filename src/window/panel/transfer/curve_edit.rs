@@ -49,6 +49,16 @@ pub fn add(curve: &Curve, at: Point) -> Option<Curve> {
     put(curve.points().to_vec(), index, at)
 }
 
+/// The curve with another point on it, in the middle of the widest gap, and its index; `None` where there is no room for one.
+pub fn add_in_gap(curve: &Curve) -> Option<(Curve, usize)> {
+    let places = curve.points().iter().map(|point| point.0);
+    let edges: Vec<f32> = std::iter::once(0.0).chain(places).chain(std::iter::once(1.0)).collect();
+    let gap = edges.windows(2).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
+    let place = 0.5 * (gap[0] + gap[1]);
+    let index = curve.points().partition_point(|point| point.0 <= place);
+    Some((add(curve, (place, curve.at(place)))?, index))
+}
+
 /// The curve without a point; `None` where it is the last one.
 pub fn remove(curve: &Curve, index: usize) -> Option<Curve> {
     let mut points = curve.points().to_vec();
@@ -128,6 +138,17 @@ mod tests {
         assert_eq!(remove(&curve, 1), Some(Curve::identity()));
         assert_eq!(remove(&Curve::new(vec![(0.3, 0.3)]).unwrap(), 0), None, "the last point stays");
         assert_eq!(add(&curve, (f32::NAN, 0.5)), None);
+    }
+
+    #[test]
+    fn a_point_in_the_widest_gap_lies_on_the_curve() {
+        let (curve, index) = add_in_gap(&Curve::identity()).unwrap();
+        assert_eq!((curve.points(), index), ([(0.0, 0.0), (0.5, 0.5), (1.0, 1.0)].as_slice(), 1));
+        // Beyond the ends there may be most room.
+        let (curve, index) = add_in_gap(&Curve::new(vec![(0.75, 0.25)]).unwrap()).unwrap();
+        assert_eq!((curve.points(), index), ([(0.375, 0.25), (0.75, 0.25)].as_slice(), 0));
+        let full = Curve::new((0..MOST_POINTS).map(|k| (k as f32 / MOST_POINTS as f32, 0.5)).collect()).unwrap();
+        assert_eq!(add_in_gap(&full), None);
     }
 
     proptest! {

@@ -1,10 +1,10 @@
 //! A curve over a histogram: points are dragged, added by a double click, removed by the right button or by dragging them
-//! out, and typed.
+//! out, and typed; Space adds one in the widest gap, arrow keys move it, Delete removes it.
 
 use super::curve_edit::{self, CurveEdit};
 use super::plot::{Gesture, Plot};
 use crate::color::transfer::{Curve, Scale};
-use crate::window::theme;
+use crate::window::theme::{self, Asked, Handle, Ways};
 use bevy_egui::egui::{self, Color32, DragValue, Rect, RichText, Ui};
 
 /// What a curve is drawn over.
@@ -24,7 +24,7 @@ const HEIGHT_PX: f32 = 104.0;
 
 /// Draws the plot, and gives the curve where it was edited.
 pub fn show(ui: &mut Ui, id: &str, curve: &Curve, backdrop: &Backdrop<'_>) -> Option<Curve> {
-    let plot = Plot::new(ui, id, HEIGHT_PX);
+    let plot = Plot::new(ui, id, "another point", HEIGHT_PX);
     let memory = plot.response.id;
     let (mut edit, mut chosen) = ui.data(|data| {
         (data.get_temp::<CurveEdit>(memory).unwrap_or_default(), data.get_temp::<Option<usize>>(memory).flatten())
@@ -48,8 +48,16 @@ pub fn show(ui: &mut Ui, id: &str, curve: &Curve, backdrop: &Backdrop<'_>) -> Op
             edited = under.and_then(|index| curve_edit::remove(curve, index));
             chosen = None;
         }
+        Some(Gesture::Add) => {
+            if let Some((next, index)) = curve_edit::add_in_gap(curve) {
+                plot.give_keyboard(ui, (index, 0));
+                (edited, chosen) = (Some(next), Some(index));
+            }
+        }
         None => {}
     }
+    let (under_keys, next) = by_keys(ui, &plot, id, curve, backdrop);
+    (edited, chosen) = (next.or(edited), under_keys.or(chosen));
     let shown = edited.as_ref().unwrap_or(curve);
     chosen = chosen.filter(|index| *index < shown.points().len());
     draw(&plot, shown, chosen, backdrop);
@@ -65,6 +73,37 @@ pub fn show(ui: &mut Ui, id: &str, curve: &Curve, backdrop: &Backdrop<'_>) -> Op
         data.insert_temp(memory, chosen);
     });
     edited
+}
+
+/// The point that has the keyboard or is moved by a screen reader, and the curve where that was edited.
+fn by_keys(ui: &Ui, plot: &Plot, name: &str, curve: &Curve, backdrop: &Backdrop<'_>) -> (Option<usize>, Option<Curve>) {
+    let count = curve.points().len();
+    let (mut chosen, mut edited) = (None, None);
+    for (index, &(place, height)) in curve.points().iter().enumerate() {
+        let name = format!("{name}: point {} of {count}", index + 1);
+        let value = theme::brief(backdrop.scale.value(place, backdrop.range));
+        let words = format!("{} at {value}", theme::brief(f64::from(height)));
+        let (number, range) = (f64::from(height), [0.0, 1.0]);
+        let handle = Handle { name: &name, place: &words, number, range, ways: Ways::Both };
+        let (has_keyboard, asked) = plot.reach_by_keys(ui, (index, 0), (place, height), &handle);
+        let next = match asked {
+            Some(Asked::Move((right, up))) => curve_edit::set(curve, index, (place + right, height + up)),
+            Some(Asked::Number(height)) => curve_edit::set(curve, index, (place, height as f32)),
+            Some(Asked::Remove) => curve_edit::remove(curve, index),
+            None => None,
+        };
+        if has_keyboard || next.is_some() {
+            let left = next.as_ref().map_or(count, |next| next.points().len());
+            // The keyboard stays in the plot where its point has gone.
+            let index = index.min(left - 1);
+            if left < count {
+                plot.give_keyboard(ui, (index, 0));
+            }
+            chosen = Some(index);
+            edited = next.filter(|next| next != curve).or(edited);
+        }
+    }
+    (chosen, edited)
 }
 
 fn draw(plot: &Plot, curve: &Curve, chosen: Option<usize>, backdrop: &Backdrop<'_>) {
@@ -141,6 +180,7 @@ pub fn counts_over(counts: &[f64], position: impl Fn(f64) -> f64, range: [f64; 2
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bevy_egui::egui::{Context, Event, Key, Modifiers, RawInput};
 
     #[test]
     fn counts_of_a_part_of_the_axis_add_up() {
@@ -152,5 +192,44 @@ mod tests {
         // Beyond the axis there is nothing.
         assert!((counts_over(&counts, |value| value, [-1.0, 2.0]).iter().sum::<f64>() - 40.0).abs() < 1e-9);
         assert!(counts_over(&counts, |value| value, [1.0, 1.0]).is_empty());
+    }
+
+    #[test]
+    fn points_are_added_moved_and_removed_by_keys() {
+        let ctx = Context::default();
+        let mut curve = Curve::identity();
+        let mut press = |key: Key, modifiers: Modifiers| {
+            let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
+            // Arrow keys are a control's from the second frame on that it has the keyboard.
+            for events in [vec![Event::ModifiersChanged(modifiers), event], Vec::new(), Vec::new()] {
+                let mut output = ctx.run_ui(RawInput { events, ..RawInput::default() }, |ui| {
+                    ui.set_max_width(300.0);
+                    let (range, scale) = ([0.0, 10.0], Scale::Linear);
+                    let backdrop = Backdrop { counts: &[], range, scale, color: &|_| Color32::WHITE };
+                    if let Some(edited) = show(ui, "brightness", &curve, &backdrop) {
+                        curve = edited;
+                    }
+                });
+                // Nobody draws them.
+                output.textures_delta.clear();
+            }
+            curve.points().to_vec()
+        };
+        let is = |points: Vec<(f32, f32)>, expected: &[(f32, f32)]| {
+            let near = |(a, b): (&(f32, f32), &(f32, f32))| (a.0 - b.0).hypot(a.1 - b.1) < 1e-5;
+            points.len() == expected.len() && points.iter().zip(expected).all(near)
+        };
+        let ends = [(0.0, 0.0), (1.0, 1.0)];
+        assert!(is(press(Key::Tab, Modifiers::NONE), &ends));
+        assert!(is(press(Key::Space, Modifiers::NONE), &[ends[0], (0.5, 0.5), ends[1]]));
+        assert!(is(press(Key::ArrowUp, Modifiers::NONE), &[ends[0], (0.5, 0.51), ends[1]]));
+        assert!(is(press(Key::ArrowLeft, Modifiers::SHIFT), &[ends[0], (0.499, 0.51), ends[1]]));
+        // The one before it is at the edge of the plot already.
+        press(Key::Tab, Modifiers::SHIFT);
+        assert!(is(press(Key::ArrowDown, Modifiers::NONE), &[ends[0], (0.499, 0.51), ends[1]]));
+        press(Key::Tab, Modifiers::NONE);
+        assert!(is(press(Key::Delete, Modifiers::NONE), &ends));
+        assert!(is(press(Key::Backspace, Modifiers::NONE), &ends[..1]), "the next one has the keyboard");
+        assert!(is(press(Key::Delete, Modifiers::NONE), &ends[..1]), "the last point stays");
     }
 }

@@ -7,7 +7,9 @@ type At = (f32, f32);
 
 /// Half the size of a region that is added.
 const NEW: At = (0.15, 0.2);
-/// The least radius.
+/// The least and the greatest radius that is typed or made by keys.
+pub const RADII: [f32; 2] = [0.001, 4.0];
+/// The least radius that is dragged.
 const SMALLEST: f32 = 0.01;
 /// A region whose middle is dragged this far out of the plot is let go of for good.
 const OUT: f32 = 0.2;
@@ -38,6 +40,22 @@ pub fn handles(region: &Region) -> [(RegionPart, At); 3] {
         (RegionPart::Width, ((p + width).min(1.0), s)),
         (RegionPart::Height, (p, (s + height).min(1.0))),
     ]
+}
+
+/// The plane with a part of a region shifted so far; a middle stays in the plot, a radius within [`RADII`].
+pub fn shift(plane: &Plane, (index, part): (usize, RegionPart), (right, up): At) -> Option<Plane> {
+    if !(right.is_finite() && up.is_finite()) {
+        return None;
+    }
+    let mut plane = plane.clone();
+    let Region { at, radius, .. } = plane.regions.get_mut(index)?;
+    let [least, most] = RADII;
+    match part {
+        RegionPart::Middle => *at = ((at.0 + right).clamp(0.0, 1.0), (at.1 + up).clamp(0.0, 1.0)),
+        RegionPart::Width => radius.0 = (radius.0 + right).clamp(least, most),
+        RegionPart::Height => radius.1 = (radius.1 + up).clamp(least, most),
+    }
+    Some(plane)
 }
 
 /// The part nearest to a place, of those within `reach`; of several regions at one place the uppermost.
@@ -138,6 +156,19 @@ mod tests {
         assert_eq!((edit.drag((0.5, 0.5)), edit.held()), (None, None));
         assert_eq!(remove(&plane, 0), Some(Plane::default()));
         assert_eq!(remove(&plane, 1), None);
+    }
+
+    #[test]
+    fn parts_of_regions_are_shifted_but_never_out_of_the_plot() {
+        let (plane, _) = add(&Plane::default(), (0.5, 0.75)).unwrap();
+        let shifted = |part, by| shift(&plane, (0, part), by).unwrap().regions[0].clone();
+        assert_eq!(shifted(RegionPart::Middle, (0.25, 0.125)).at, (0.75, 0.875));
+        assert_eq!(shifted(RegionPart::Middle, (-9.0, 9.0)).at, (0.0, 1.0));
+        let wide = shifted(RegionPart::Width, (0.1, 0.0)).radius;
+        assert!((wide.0 - 0.25).abs() < 1e-6 && wide.1 == NEW.1);
+        assert_eq!(shifted(RegionPart::Height, (0.0, -9.0)).radius, (NEW.0, RADII[0]));
+        assert_eq!(shift(&plane, (1, RegionPart::Middle), (0.1, 0.1)), None);
+        assert_eq!(shift(&plane, (0, RegionPart::Middle), (f32::NAN, 0.1)), None);
     }
 
     proptest! {

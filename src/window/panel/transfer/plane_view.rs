@@ -1,11 +1,11 @@
-//! Regions over the joint histogram of brightness (or density) and the attribute.
+//! Regions over the joint histogram of brightness (or density) and the attribute, edited with the pointer or with keys.
 
-use super::plane_edit::{self, PlaneEdit};
+use super::plane_edit::{self, PlaneEdit, RADII, RegionPart};
 use super::plot::{Gesture, Plot};
 use crate::color::colormap::HexColor;
 use crate::color::transfer::{MOST_FACTOR, Plane, Region};
 use crate::window::exposure::Joint;
-use crate::window::theme;
+use crate::window::theme::{self, Asked, Handle, Ways};
 use bevy_egui::egui::{self, Color32, DragValue, RichText, Stroke, Ui};
 
 /// Height of the plot, logical pixels.
@@ -13,7 +13,7 @@ const HEIGHT_PX: f32 = 150.0;
 
 /// Draws the plot and the chosen region's fields, and gives the plane where it was edited.
 pub fn show(ui: &mut Ui, plane: &Plane, joint: Option<&Joint>, color: &dyn Fn(f32, f32) -> Color32) -> Option<Plane> {
-    let plot = Plot::new(ui, "plane", HEIGHT_PX);
+    let plot = Plot::new(ui, "plane", "another region", HEIGHT_PX);
     let memory = plot.response.id;
     let (mut edit, mut chosen) = ui.data(|data| {
         (data.get_temp::<PlaneEdit>(memory).unwrap_or_default(), data.get_temp::<Option<usize>>(memory).flatten())
@@ -39,8 +39,16 @@ pub fn show(ui: &mut Ui, plane: &Plane, joint: Option<&Joint>, color: &dyn Fn(f3
             edited = under.and_then(|(index, _)| plane_edit::remove(plane, index));
             chosen = None;
         }
+        Some(Gesture::Add) => {
+            if let Some((next, index)) = plane_edit::add(plane, (0.5, 0.5)) {
+                plot.give_keyboard(ui, (index, 0));
+                (edited, chosen) = (Some(next), Some(index));
+            }
+        }
         None => {}
     }
+    let (under_keys, next) = by_keys(ui, &plot, plane);
+    (edited, chosen) = (next.or(edited), under_keys.or(chosen));
     let mut shown = edited.clone().unwrap_or_else(|| plane.clone());
     chosen = chosen.filter(|index| *index < shown.regions.len());
     if let Some(joint) = joint {
@@ -70,6 +78,50 @@ pub fn show(ui: &mut Ui, plane: &Plane, joint: Option<&Joint>, color: &dyn Fn(f3
         data.insert_temp(memory, chosen);
     });
     (shown != *plane).then_some(shown)
+}
+
+/// The region of which a part has the keyboard or is moved by a screen reader, and the plane where that was edited.
+fn by_keys(ui: &Ui, plot: &Plot, plane: &Plane) -> (Option<usize>, Option<Plane>) {
+    let (mut chosen, mut edited) = (None, None);
+    for (index, region) in plane.regions.iter().enumerate() {
+        for (which, (part, at)) in plane_edit::handles(region).into_iter().enumerate() {
+            let (what, number, range, ways) = match part {
+                RegionPart::Middle => ("middle", region.at.1, [0.0, 1.0], Ways::Both),
+                RegionPart::Width => ("radius across", region.radius.0, RADII, Ways::Across),
+                RegionPart::Height => ("radius upwards", region.radius.1, RADII, Ways::Upwards),
+            };
+            let name = format!("plane: {what} of region {} of {}", index + 1, plane.regions.len());
+            let number = f64::from(number);
+            let words = match part {
+                RegionPart::Middle => format!("{} at {}", theme::brief(number), theme::brief(f64::from(region.at.0))),
+                RegionPart::Width | RegionPart::Height => theme::brief(number),
+            };
+            let handle = Handle { name: &name, place: &words, number, range: range.map(f64::from), ways };
+            let (has_keyboard, asked) = plot.reach_by_keys(ui, (index, which), at, &handle);
+            let next = match asked {
+                Some(Asked::Move(by)) => plane_edit::shift(plane, (index, part), by),
+                Some(Asked::Number(asked)) => {
+                    let by = (asked - number) as f32;
+                    let by = if ways == Ways::Across { (by, 0.0) } else { (0.0, by) };
+                    plane_edit::shift(plane, (index, part), by)
+                }
+                Some(Asked::Remove) => plane_edit::remove(plane, index),
+                None => None,
+            };
+            if next.as_ref().is_some_and(|next| next.regions.len() < plane.regions.len()) {
+                // The keyboard stays with the regions where one has gone, and with the plot where none is left.
+                match plane.regions.len().checked_sub(2) {
+                    Some(last) => plot.give_keyboard(ui, (index.min(last), 0)),
+                    None => plot.response.request_focus(),
+                }
+            }
+            if has_keyboard || next.is_some() {
+                chosen = Some(index);
+                edited = next.filter(|next| next != plane).or(edited);
+            }
+        }
+    }
+    (chosen, edited)
 }
 
 /// How often pairs of places occur, in the colours that they have; rare ones darker.
@@ -105,7 +157,7 @@ fn draw_region(plot: &Plot, region: &Region, chosen: bool) {
         Color32::TRANSPARENT,
     );
     for (part, at) in plane_edit::handles(region) {
-        plot.handle(at, if part == plane_edit::RegionPart::Middle { 4.5 } else { 3.0 }, chosen);
+        plot.handle(at, if part == RegionPart::Middle { 4.5 } else { 3.0 }, chosen);
     }
 }
 
@@ -127,15 +179,15 @@ fn fields(ui: &mut Ui, region: &mut Region) -> bool {
     let mut gone = false;
     factors(ui, "Region", &mut region.brightness, &mut region.opacity);
     theme::row(ui, "At", |ui| {
-        let number = |ui: &mut Ui, name: &str, value: &mut f32, most: f32, least: f32| {
+        let number = |ui: &mut Ui, name: &str, value: &mut f32, [least, most]: [f32; 2]| {
             let field = ui.add(DragValue::new(value).range(least..=most).speed(0.005).max_decimals(3));
             theme::call(&field, name);
         };
-        number(ui, "Radius of the region upwards", &mut region.radius.1, 4.0, 0.001);
-        number(ui, "Radius of the region across", &mut region.radius.0, 4.0, 0.001);
+        number(ui, "Radius of the region upwards", &mut region.radius.1, RADII);
+        number(ui, "Radius of the region across", &mut region.radius.0, RADII);
         ui.label(RichText::new("±").color(theme::LABEL));
-        number(ui, "Middle of the region upwards", &mut region.at.1, 1.0, 0.0);
-        number(ui, "Middle of the region across", &mut region.at.0, 1.0, 0.0);
+        number(ui, "Middle of the region upwards", &mut region.at.1, [0.0, 1.0]);
+        number(ui, "Middle of the region across", &mut region.at.0, [0.0, 1.0]);
     });
     theme::row(ui, "Rim, hue", |ui| {
         gone = ui.small_button("remove").clicked();

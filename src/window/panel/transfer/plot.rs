@@ -1,13 +1,19 @@
 //! A plot of places from 0 to 1 in both directions: where it is in the window, what is under the pointer.
 
-use crate::window::theme;
-use bevy_egui::egui::{self, Color32, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, pos2, vec2};
+use crate::window::theme::{self, Asked, Handle};
+use bevy_egui::egui::{
+    self, Color32, Id, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, pos2, vec2,
+};
 
 /// A place: to the right, up.
 pub type At = (f32, f32);
+/// A handle: of which point or region, and which one of those there.
+pub type Part = (usize, usize);
 
 /// How near the pointer must be to a handle, logical pixels.
 const REACH_PX: f32 = 9.0;
+/// Width and height of a handle that has the keyboard, logical pixels.
+const HANDLE_PX: f32 = 10.0;
 
 /// A plot that was laid out.
 pub struct Plot {
@@ -19,7 +25,7 @@ pub struct Plot {
     pub painter: egui::Painter,
 }
 
-/// What the pointer asks for.
+/// What is asked of a plot as a whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gesture {
     /// The button went down.
@@ -32,14 +38,16 @@ pub enum Gesture {
     Double(At),
     /// A click with the other button.
     Secondary(At),
+    /// Space or Enter while the plot has the keyboard, or a press by a screen reader.
+    Add,
 }
 
 impl Plot {
-    /// Lays out a plot as wide as there is room, and draws its well.
-    pub fn new(ui: &mut Ui, id: &str, height: f32) -> Plot {
+    /// Lays out a plot as wide as there is room, and draws its well; `adds` is what [`Gesture::Add`] adds to it.
+    pub fn new(ui: &mut Ui, id: &str, adds: &str, height: f32) -> Plot {
         let (outer, _) = ui.allocate_exact_size(vec2(ui.available_width(), height), Sense::hover());
         let response = ui.interact(outer, ui.id().with(("plot", id)), Sense::click_and_drag());
-        theme::call(&response, id);
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("{id}: {adds}")));
         theme::register(ui, &format!("plot:{id}"), outer.shrink2(vec2(7.0, 6.0)));
         let painter = ui.painter().with_clip_rect(outer.expand(6.0));
         painter.rect_filled(outer, 4.0, theme::WELL);
@@ -61,7 +69,7 @@ impl Plot {
         (REACH_PX / self.rect.width(), REACH_PX / self.rect.height())
     }
 
-    /// What the pointer asks for in this frame.
+    /// What is asked for in this frame.
     pub fn gesture(&self, ui: &Ui) -> Option<Gesture> {
         let at = self.response.interact_pointer_pos().map(|point| self.place(point));
         if self.response.double_clicked() {
@@ -80,8 +88,25 @@ impl Plot {
         if self.response.dragged() {
             return at.map(Gesture::Drag);
         }
-        // A click without a drag chooses what is there.
-        if self.response.clicked() { at.map(Gesture::Press) } else { None }
+        // A click without a drag chooses what is there. One without a pointer is of the keyboard.
+        self.response.clicked().then(|| at.map_or(Gesture::Add, Gesture::Press))
+    }
+
+    /// Lets the keyboard and screen readers reach the handle at a place: whether it has the keyboard, and what is asked of it.
+    pub fn reach_by_keys(&self, ui: &Ui, part: Part, at: At, handle: &Handle<'_>) -> (bool, Option<Asked>) {
+        let rect = Rect::from_center_size(self.point(at), Vec2::splat(HANDLE_PX));
+        let response = ui.interact(rect, self.id(part), Sense::focusable_noninteractive());
+        (response.has_focus(), handle.asked(ui, &response))
+    }
+
+    /// Gives the keyboard to a handle.
+    pub fn give_keyboard(&self, ui: &Ui, part: Part) {
+        let id = self.id(part);
+        ui.memory_mut(|memory| memory.request_focus(id));
+    }
+
+    fn id(&self, part: Part) -> Id {
+        self.response.id.with(part)
     }
 
     /// Says below the plot what the pointer does in it.

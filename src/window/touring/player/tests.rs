@@ -78,6 +78,16 @@ impl Window {
         self.app.update();
     }
 
+    /// Frames until something is so.
+    pub fn wait(&mut self, what: &str, mut until: impl FnMut(&App) -> bool) {
+        let start = Instant::now();
+        while !until(&self.app) {
+            self.frame(0.0);
+            std::thread::sleep(Duration::from_millis(1));
+            assert!(start.elapsed() < Duration::from_secs(240), "waited in vain for {what}");
+        }
+    }
+
     pub fn ask(&mut self, what: Asked) {
         self.app.world_mut().resource_mut::<Player>().ask(what);
         self.frame(0.0);

@@ -56,7 +56,7 @@ const TASK_PARTICLES: u64 = 1 << 24;
 /// Fewest and most tasks by default that a source is read by.
 const TASKS: (u64, u64) = (8, 4096);
 /// Tasks of a stage at most, so that their numbers fit everywhere.
-const MOST_TASKS: u32 = 1 << 16;
+pub(super) const MOST_TASKS: u32 = 1 << 16;
 /// Particles of a job at most, so that bytes of them can be counted.
 const MOST_PARTICLES: u64 = 1 << 56;
 /// Codebooks of a family, about: no more tasks have anything to train.

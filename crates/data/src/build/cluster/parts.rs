@@ -354,18 +354,21 @@ impl Parts {
     /// The file of a task that is done.
     fn file(&self, number: u32) -> io::Result<Arc<Opened>> {
         // A map is whole before its lock is given back.
-        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(opened) = open.get(number) {
+        let open = || self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = open().get(number);
+        if let Some(opened) = known {
             return Ok(opened);
         }
+        // Others open theirs meanwhile.
         let Some((file, header)) = self.names.open(number)? else {
             return Err(io::Error::other(self.names.error(number, "found no file, expected the result of a task")));
         };
-        let lanes = match open.lanes(number, &header) {
+        let known = open().lanes(number, &header);
+        let lanes = match known {
             Some(lanes) => lanes,
             None => Arc::new(self.read_lanes(number, &file, &header)?),
         };
-        Ok(open.keep(number, file, header, lanes))
+        Ok(open().keep(number, file, header, lanes))
     }
 
     /// Where the lanes of a task's file begin.

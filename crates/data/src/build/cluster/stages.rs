@@ -5,6 +5,7 @@ mod codes;
 mod division;
 mod output;
 mod particles;
+mod reading;
 mod tables;
 mod trees;
 mod verify;
@@ -244,8 +245,12 @@ impl<'a> Task<'a> {
 
     /// What a task may take that looks after a family, beside bytes that it holds whatever that is.
     fn memory(&self, outline: &Outline, held: u64) -> Memory {
-        let allowed = self.options.memory.unwrap_or_else(default_memory);
-        Memory::of_task(allowed, self.parts.folder(), outline.most_columns(), held)
+        Memory::of_task(self.allowed(), self.parts.folder(), outline.most_columns(), held)
+    }
+
+    /// Bytes that the task may take.
+    fn allowed(&self) -> u64 {
+        self.options.memory.unwrap_or_else(default_memory)
     }
 
     /// Where blobs are, and where the task puts its own.

@@ -228,7 +228,8 @@ proptest! {
             for i in (1..order.len()).rev() {
                 order.swap(i, random(i as u64 + 1) as usize);
             }
-            let memory = Some((24 + random(40)) << 20);
+            // With none runs of particles are as short as may be.
+            let memory = Some(if name == "partition" { 0 } else { (24 + random(40)) << 20 });
             order.par_iter().for_each(|task| job.run(name, *task, memory, &()).unwrap());
         }
         prop_assert!(case.built() == case.expected());

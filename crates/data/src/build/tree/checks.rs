@@ -97,6 +97,11 @@ impl Draft {
         expect_within("particles of nodes", particles, 0..=most_in_nodes(sources))
     }
 
+    /// Particles of all its leaves.
+    pub fn leaf_particles(&self) -> u64 {
+        total(self.levels.iter().map(|level| level.leaf_particles))
+    }
+
     /// Whether it has the cells of the tree that has the leaves, and the same of them are leaves; else what was found and expected.
     pub fn check_cells(
         &self,
@@ -190,7 +195,7 @@ mod tests {
 
     #[test]
     fn forged_trees_are_told() {
-        assert_eq!(draft().check(8), Ok(()));
+        assert_eq!((draft().check(8), draft().leaf_particles()), (Ok(()), 8));
         let forgeries: [(&str, fn(&mut Draft)); 10] = [
             ("roots: found 0", |draft| draft.nodes[0].clear()),
             ("depths with positions: found 1", |draft| draft.positions.truncate(1)),

@@ -8,10 +8,11 @@ use super::source::checked;
 use super::{GridArray, GridDescription, GridFormat, GridSource, choice};
 use crate::import::ImportError;
 use crate::import::hdf5::{Array, Attributes, H5, is_hdf5, is_of_particles};
+use crate::import::table::are_columns;
 use crate::model::Grid;
 
-/// HDF5: the data set that is named behind the file, else the only one that is a grid. Files of particles are left to their formats,
-/// unless a data set is named.
+/// HDF5: the data set that is named behind the file, else the only one that is a grid. Files of particles, and tables, are left to their
+/// formats, unless a data set is named.
 pub(super) const HDF5: GridFormat =
     GridFormat { name: "hdf5", extensions: &["h5", "hdf5", "nc4"], has_parts: true, detect, open };
 
@@ -35,12 +36,10 @@ fn detect(content: &Content) -> bool {
 /// Whether there is a grid in a file that is none of particles, or one is named.
 fn holds_grids(content: &Content) -> Result<bool, ImportError> {
     let file = file(content)?;
-    let is_of_particles = is_of_particles(&file)?;
     match &content.part {
         // Of particles a number names a step.
-        Some(part) => Ok(!is_of_particles || !part.bytes().all(|byte| byte.is_ascii_digit())),
-        None if is_of_particles => Ok(false),
-        None => Ok(!grids(&file)?.is_empty()),
+        Some(part) => Ok(!is_of_particles(&file)? || !part.bytes().all(|byte| byte.is_ascii_digit())),
+        None => Ok(!own_grids(&file)?.is_empty()),
     }
 }
 
@@ -73,17 +72,20 @@ fn grids(file: &H5) -> Result<Vec<Array<'_>>, ImportError> {
         .collect())
 }
 
-/// The data sets of a file that are images or volumes; none of one of particles.
+/// The data sets that are images or volumes: none of a file of particles, nor of a table whose columns they are.
+fn own_grids(file: &H5) -> Result<Vec<Array<'_>>, ImportError> {
+    let found = if is_of_particles(file)? { Vec::new() } else { grids(file)? };
+    Ok(if are_columns(file, &found) { Vec::new() } else { found })
+}
+
+/// What is known of these.
 pub(super) fn arrays(content: &Content) -> Result<Vec<GridArray>, ImportError> {
     let file = file(content)?;
-    if is_of_particles(&file)? {
-        return Ok(Vec::new());
-    }
     let about = |array: Array| {
         let unit = array.attributes().ok().and_then(|about| about.text("units")).unwrap_or_default();
         GridArray { shape: axes(&array.shape).to_vec(), name: array.label, unit }
     };
-    Ok(grids(&file)?.into_iter().map(about).collect())
+    Ok(own_grids(&file)?.into_iter().map(about).collect())
 }
 
 /// The axes of a grid: those of one sample in front of three others say nothing.

@@ -4,7 +4,7 @@
 use super::catalogue::Catalogue;
 use super::columns::{Column, Opened, Table, left_out_note, shown};
 use super::sky;
-use crate::import::hdf5::{Column as Stored, H5};
+use crate::import::hdf5::{Array, Column as Stored, H5};
 use crate::import::{ImportError, Source};
 use std::ops::Range;
 
@@ -13,6 +13,25 @@ use std::ops::Range;
 /// # Errors
 /// When the file cannot be read, or is damaged, or columns that positions need have different numbers of rows.
 pub(in crate::import) fn in_root(file: &H5) -> Result<Option<Box<dyn Source>>, ImportError> {
+    let Some((table, left_out)) = columns(file)? else { return Ok(None) };
+    let notes = left_out_note(&left_out).into_iter().collect();
+    let opened = Opened { table: Box::new(table), format: "hdf5", bytes: file.bytes, notes };
+    Ok(Some(Box::new(Catalogue::new(&file.path, opened)?)))
+}
+
+/// Whether data sets, one at least, are columns of such a table, with a number or some a row. A square one is none: its axes may be those that
+/// the columns of positions have the places of.
+pub(in crate::import) fn are_columns(file: &H5, arrays: &[Array]) -> bool {
+    let Ok(Some((table, _))) = columns(file) else { return false };
+    let is_column = |array: &Array| {
+        let stored = table.stored.iter().find(|stored| stored.label == array.label);
+        stored.is_some_and(|stored| stored.components == 1 || stored.components as u64 != table.rows)
+    };
+    !arrays.is_empty() && sky::has_positions(&table.columns) && arrays.iter().all(is_column)
+}
+
+/// The columns, and the names of the data sets that are left out.
+fn columns(file: &H5) -> Result<Option<(Columns, Vec<String>)>, ImportError> {
     let root = file.root()?;
     let (_, names) = root.members()?;
     let named: Vec<Column> = names.iter().map(|name| Column::new(name)).collect();
@@ -46,9 +65,7 @@ pub(in crate::import) fn in_root(file: &H5) -> Result<Option<Box<dyn Source>>, I
     table.rows = first.map_or(0, |(_, rows)| rows);
     others.retain(|(_, stored)| stored.rows == table.rows);
     others.into_iter().for_each(|(column, stored)| table.push(column, stored));
-    let notes = left_out_note(&left_out).into_iter().collect();
-    let opened = Opened { table: Box::new(table), format: "hdf5", bytes: file.bytes, notes };
-    Ok(Some(Box::new(Catalogue::new(&file.path, opened)?)))
+    Ok(Some((table, left_out)))
 }
 
 /// Data sets of one number of rows.
@@ -83,6 +100,7 @@ impl Table for Columns {
         if !stored.is_whole() {
             return Ok(false);
         }
+        // Of those below 0 the sign is a bit like others, as in snapshots: ids are often written with the wrong one.
         let mut numbers = vec![0; out.len()];
         stored.read_whole(rows, &mut numbers)?;
         out.iter_mut().zip(numbers).for_each(|(out, number)| *out = Some(number));

@@ -26,7 +26,7 @@ pub(super) use csv::Csv;
 pub(super) use ecsv::Ecsv;
 pub(super) use fits::FitsTable;
 pub(super) use geojson::GeoJson;
-pub(super) use hdf5::in_root;
+pub(super) use hdf5::{are_columns, in_root};
 pub(super) use kstars::KStars;
 pub(super) use parquet::{Hats, Parquet, catalogue_in, is_partitioned};
 pub(super) use parts::{Parts, same_columns};

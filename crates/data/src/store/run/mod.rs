@@ -32,7 +32,7 @@ pub use verify::{VerifiedRun, verify_run};
 pub use writer::RunFileWriter;
 
 use super::disk::{Disk, Window, room};
-use super::error::StoreError;
+use super::error::{Damage, StoreError};
 use super::open_disk::open_disk;
 use super::page_file::PageFile;
 use crate::hierarchy::spacetime::{Interval, Tracks};
@@ -81,11 +81,7 @@ impl RunFile {
             }
             HeaderError::Damaged(damage) => damage.in_file(path),
         })?;
-        let damaged = |place: &str, expected: &str| StoreError::Damaged {
-            path: path.to_path_buf(),
-            place: place.into(),
-            expected: expected.into(),
-        };
+        let damaged = |place: &str, expected: &str| Damage::new(place, expected).in_file(path);
         // The directory ends the file, so it is no longer than that.
         let len = room(header.directory.len).ok_or_else(|| damaged("header", "a directory that fits in memory"))?;
         let mut bytes = vec![0; len];
@@ -297,7 +293,7 @@ impl RunFile {
     }
 
     fn damaged(&self, place: String, expected: &str) -> StoreError {
-        StoreError::Damaged { path: self.path.clone(), place, expected: expected.into() }
+        Damage::new(place, expected).in_file(&self.path)
     }
 
     /// Whether steps have stills; else what is shown of them is drawn from tracks.

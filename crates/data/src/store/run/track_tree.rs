@@ -10,7 +10,7 @@ use crate::hierarchy::spacetime::{Interpolation, Interval, Motion, Tracks};
 use crate::hierarchy::{Encoding, Purpose};
 use crate::model::{Bounds, Moment, Provenance, Unit};
 use crate::store::content::{Content, Particles};
-use crate::store::error::StoreError;
+use crate::store::error::{Damage, StoreError};
 use crate::store::metadata::{AttributeInfo, FamilyMetadata, Metadata};
 use crate::store::page::{Branch, NODE_MEMORY, Node, NodeRef, Page, PageId};
 use crate::store::page_file::PageBytes;
@@ -130,10 +130,8 @@ impl RunTree {
     }
 
     fn node(&self, page: PageId) -> Result<(usize, Arc<TrackIndex>, usize), StoreError> {
-        let absent = || StoreError::Damaged {
-            path: self.run.path().to_path_buf(),
-            place: format!("page {}", page.0),
-            expected: format!("one of {}", self.page_count()),
+        let absent = || {
+            Damage::new(format!("page {}", page.0), format!("one of {}", self.page_count())).in_file(self.run.path())
         };
         let (number, node) = self.place(page).ok_or_else(absent)?;
         Ok((number, self.index(number)?, node))

@@ -5,7 +5,7 @@ use super::tracks::TrackIndex;
 use super::{RunFile, in_step};
 use crate::hierarchy::spacetime::{Chains, Links, TrackFlags};
 use crate::model::{Bounds, Progress, ReadMethod};
-use crate::store::error::StoreError;
+use crate::store::error::{Damage, StoreError};
 use crate::store::layout::ALIGNMENT;
 use crate::store::page_file::PageFile;
 use crate::store::verify::{Verified, verify_file};
@@ -40,11 +40,8 @@ pub fn verify_run(path: &Path, progress: &dyn Progress) -> Result<VerifiedRun, S
     let mut all = VerifiedRun { bytes: run.bytes(), steps: steps.len(), stills: Verified::default(), tracks: 0 };
     for (number, step) in steps.iter().enumerate() {
         let still = run.still(number)?;
-        agrees(&still, step).map_err(|expected| StoreError::Damaged {
-            path: path.to_path_buf(),
-            place: format!("directory, step {number}"),
-            expected: expected.into(),
-        })?;
+        let wrong = |expected: &str| Damage::new(format!("directory, step {number}"), expected).in_file(path);
+        agrees(&still, step).map_err(wrong)?;
         let outline = || run.damaged(format!("step {number}"), "an outline without pages, or a still");
         if (still.page_count() > 0) != run.directory.has_stills {
             return Err(outline());
@@ -204,11 +201,7 @@ fn agrees(still: &PageFile, step: &Step) -> Result<(), &'static str> {
 
 fn check_zeros(run: &RunFile, start: u64, end: u64) -> Result<(), StoreError> {
     if run.raw(start, end)?.iter().any(|&byte| byte != 0) {
-        return Err(StoreError::Damaged {
-            path: run.path.clone(),
-            place: format!("bytes {start} to {end}"),
-            expected: "zeros".into(),
-        });
+        return Err(run.damaged(format!("bytes {start} to {end}"), "zeros"));
     }
     Ok(())
 }

@@ -5,7 +5,7 @@
 use super::field::{Field, PEAK_SCALE};
 use super::nfw::{Nfw, Profile, concentration};
 use super::power::{MEAN_DENSITY, MassFunction, Power, lagrangian_radius};
-use crate::synth::random::Random;
+use crate::synth::random::{Random, wrap};
 use rayon::prelude::*;
 
 /// Share of the particles in haloes, as far as the box can hold them: about what the mass function has above 1e10 Msun/h.
@@ -79,7 +79,7 @@ impl Catalogue {
         center: [f64; 3],
         velocity: [f32; 3],
     ) {
-        let own = |x: f64| super::wrap(x / edge) * edge;
+        let own = |x: f64| wrap(x / edge) * edge;
         let mut satellites = Vec::new();
         let mut left = particles;
         if particles >= WITH_SATELLITES {

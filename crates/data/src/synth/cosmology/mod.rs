@@ -11,7 +11,7 @@ mod local;
 mod nfw;
 mod power;
 
-use super::random::Random;
+use super::random::{Random, wrap};
 use super::{Chunk, Generator, Scalar};
 use crate::model::progress::Progress;
 use crate::model::{Bounds, FamilyName};
@@ -215,12 +215,6 @@ fn determinant(gradient: &[[f64; 3]; 3]) -> f64 {
     let [[a, b, c], [d, e, f], [g, h, i]] = *gradient;
     let (a, e, i) = (1.0 + a, 1.0 + e, 1.0 + i);
     a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-}
-
-/// Into [0, 1).
-fn wrap(x: f64) -> f64 {
-    let wrapped = x - x.floor();
-    if wrapped < 1.0 { wrapped } else { 0.0 }
 }
 
 /// What makes a halo differ from others of its mass.

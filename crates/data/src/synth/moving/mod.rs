@@ -17,7 +17,7 @@ pub use orbits::Orbits;
 pub use pancake::Pancake;
 
 use super::files::WriteError;
-use super::random::Random;
+use super::random::{Random, cross};
 use crate::model::{FamilyName, Progress};
 use std::path::{Path, PathBuf};
 
@@ -138,8 +138,7 @@ fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// A direction at a right angle to a unit vector.
 fn across(direction: [f64; 3], random: &mut Random) -> [f64; 3] {
     loop {
-        let [a, b] = [direction, random.direction()];
-        let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let cross = cross(direction, random.direction());
         let length = cross.iter().map(|x| x * x).sum::<f64>().sqrt();
         if length > 0.1 {
             return scaled(cross, length.recip());

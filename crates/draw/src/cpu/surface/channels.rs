@@ -33,18 +33,13 @@ pub(super) fn channels_of(
 impl SurfacePicture {
     /// Adds channels, and the depths that they tell, to a picture that has colours or nothing yet; `report` is of what they were found in.
     pub(crate) fn add_channels(&mut self, channels: Vec<[f64; CHANNELS]>, report: SurfaceReport) {
-        self.report = match self.colors.rgba.is_empty() {
-            // Both pictures are within what is reported.
-            false => SurfaceReport {
-                error_px: report.error_px.max(self.report.error_px),
-                is_converged: report.is_converged && self.report.is_converged,
-                ..self.report
-            },
+        match self.colors.rgba.is_empty() {
+            false => self.report.bound(&report),
             true => {
                 let covered = channels.iter().map(|channels| channels[6]).filter(|covered| !covered.is_nan()).sum();
-                SurfaceReport { covered, ..report }
+                self.report = SurfaceReport { covered, ..report };
             }
-        };
+        }
         let depth = |channels: &[f64; CHANNELS]| if channels[0].is_nan() { f32::INFINITY } else { channels[0] as f32 };
         self.depth = channels.iter().map(depth).collect();
         self.raw = channels;

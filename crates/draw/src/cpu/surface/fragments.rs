@@ -193,11 +193,23 @@ fn gather(parts: &mut [Part], together: impl Fn(f64) -> f64, out: &mut Vec<PathF
 }
 
 impl SurfaceReport {
+    /// Whether what could be read of it is all that there is room for.
+    pub fn is_whole(&self) -> bool {
+        self.is_converged || self.is_coarser
+    }
+
+    /// Both keep within what is told then.
+    pub fn bound(&mut self, other: &SurfaceReport) {
+        let is_whole = self.is_whole() && other.is_whole();
+        self.error_px = self.error_px.max(other.error_px);
+        self.is_converged &= other.is_converged;
+        self.is_coarser = is_whole && !self.is_converged;
+    }
+
     /// Adds what was drawn of another surface, or of another part of the picture.
     pub fn add(&mut self, other: &SurfaceReport) {
         let is_first = self.nodes_drawn == 0;
-        self.error_px = self.error_px.max(other.error_px);
-        self.is_converged &= other.is_converged;
+        self.bound(other);
         self.samples_drawn += other.samples_drawn;
         self.points += other.points;
         self.triangles += other.triangles;

@@ -280,6 +280,7 @@ impl Field<'_> {
 const NO_BOUND: SurfaceReport = SurfaceReport {
     error_px: f64::INFINITY,
     is_converged: true,
+    is_coarser: false,
     samples_drawn: 0,
     points: 0,
     triangles: 0,

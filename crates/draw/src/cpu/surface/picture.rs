@@ -85,6 +85,8 @@ pub struct SurfaceReport {
     pub error_px: f64,
     /// Whether nothing is missing.
     pub is_converged: bool,
+    /// Whether it is not converged for want of room alone: then it is the same whenever it is drawn with as much.
+    pub is_coarser: bool,
     /// Samples of the chunks that were drawn.
     pub samples_drawn: u64,
     /// Samples drawn as points.
@@ -297,6 +299,7 @@ pub(super) fn reported(cut: &SurfaceCut, [samples_drawn, points, triangles]: [u6
     SurfaceReport {
         error_px: error / parts,
         is_converged: cut.is_converged,
+        is_coarser: cut.is_coarser,
         samples_drawn,
         points,
         triangles,

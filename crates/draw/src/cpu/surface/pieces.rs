@@ -60,7 +60,7 @@ impl Drawn {
 
     fn add(&mut self, scene: &Scene, counts: [u64; 3]) {
         (0..3).for_each(|k| self.counts[k] += counts[k]);
-        self.is_all &= scene.cut.is_converged;
+        self.is_all &= scene.cut.is_converged || scene.cut.is_coarser;
     }
 }
 
@@ -154,7 +154,8 @@ impl Pieces {
 
     fn report(&self, drawn: &Drawn, parts: f64) -> SurfaceReport {
         let report = reported(&self.cut, drawn.counts, parts);
-        SurfaceReport { is_converged: report.is_converged && drawn.is_all, ..report }
+        let (is_converged, is_coarser) = (report.is_converged && drawn.is_all, report.is_coarser && drawn.is_all);
+        SurfaceReport { is_converged, is_coarser, ..report }
     }
 }
 

@@ -139,6 +139,8 @@ pub struct SurfaceCut {
     pub missing: Vec<(ChunkKey, f64)>,
     /// Whether nothing is missing and the budget sufficed.
     pub is_converged: bool,
+    /// Whether nothing is missing, but the budget did not suffice: then it follows from the field, the view and the budget alone.
+    pub is_coarser: bool,
 }
 
 impl SurfaceCut {
@@ -159,9 +161,9 @@ impl SurfaceCut {
 
     /// The same without some chunks.
     pub fn without(self, is_left_out: impl Fn(&ChunkKey) -> bool) -> SurfaceCut {
-        let SurfaceCut { nodes, missing, is_converged, last_column, .. } = self;
+        let SurfaceCut { nodes, missing, is_converged, is_coarser, last_column, .. } = self;
         let nodes = nodes.into_iter().filter(|node| !is_left_out(&node.key)).collect();
-        SurfaceCut { missing, is_converged, last_column, ..SurfaceCut::new(nodes) }
+        SurfaceCut { missing, is_converged, is_coarser, last_column, ..SurfaceCut::new(nodes) }
     }
 
     /// The same of a field that may be closed.
@@ -256,7 +258,7 @@ pub fn choose(source: &dyn SurfaceNodes, placed: &Placed, sight: &Sight, choice:
     }
     let mut cut = chooser.balanced(done, most, &mut missing, &mut is_within);
     missing.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
-    cut.is_converged = is_within && missing.is_empty();
+    (cut.is_converged, cut.is_coarser) = (is_within && missing.is_empty(), !is_within && missing.is_empty());
     cut.missing = missing;
     cut
 }

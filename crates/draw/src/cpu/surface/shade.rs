@@ -4,6 +4,9 @@
 //! colours, and the range of heights that a sample stands for, over which elevation colours are averaged. So a far picture is the mean of a near
 //! one, and techniques differ only by where they see the surface. Normals are turned to the eye.
 
+mod lines;
+mod texel;
+
 use super::holes::Holes;
 use super::labels::ContourLabel;
 use super::lambert::Facets;
@@ -12,7 +15,7 @@ use super::photo::{self, PhotoLook};
 use super::placed::Map;
 use super::raster::Visibility;
 use super::rays::Caster;
-use super::resolve::{Between, Hit, Resolver};
+use super::resolve::{Hit, Resolver};
 use super::rims::Rims;
 use super::select::Primitive;
 use super::sight::Sight;
@@ -24,22 +27,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
+use texel::Texel;
 
 pub use super::look::{Contours, Look};
-
-/// Most colour planes that a place is read with.
-const PLANES: usize = 4;
-
-/// How much finer than a pixel a level is taken: what is read between its samples is a mean over about twice their distance, and pixels of a
-/// small picture are nearest to the means of a large one with this.
-pub const FINER: f64 = 0.65;
+pub use lines::{REACH, SECANTS};
+pub use texel::FINER;
 
 /// How many times as far as from above a sample may reach where the surface is seen from its edge.
 pub const MOST_LONGER: f64 = 16.0;
-/// Widths of a line from it within which a sample looks where it really is.
-pub const REACH: f64 = 1.2;
-/// Most steps to where a line is.
-pub const SECANTS: u32 = 8;
 /// From a stripe of the membrane to the next, pixels.
 pub const HATCH: f64 = 5.0;
 /// The colour of what a form or an earlier field is not over, linear light.
@@ -50,19 +45,6 @@ pub const WALL: [f32; 3] = [0.34, 0.29, 0.24];
 pub const RIM: [f32; 3] = [0.8, 0.08, 0.01];
 /// Rays along a pixel's side where a surface ends in it.
 pub const ENDS: u32 = 4;
-
-/// What a place looks like.
-#[derive(Clone, Copy, Debug, Default)]
-struct Texel {
-    /// Mean normal: world directions of x and y, z up, at true height.
-    normal: [f32; 3],
-    /// Least and largest height.
-    range: [f64; 2],
-    curvature: f32,
-    planes: [f32; PLANES],
-    /// How much higher it is than an earlier field; NaN where that is not known.
-    change: f32,
-}
 
 /// Shades a picture.
 pub struct Shader<'a> {
@@ -437,168 +419,5 @@ impl<'a> Shader<'a> {
             crate::color::transfer::Scale::Linear => (value - low) / (high - low),
             scale => f64::from(scale.place(value as f32, self.look.range)),
         }
-    }
-
-    /// The height at a place of the picture, and what a sample to the right and one down add to it on the triangle or the plane that is seen
-    /// there; the sample's place is where it is met.
-    fn relief(&self, hit: &Hit, [x, y]: [f64; 2]) -> Option<(f64, [f64; 2])> {
-        let placed = &self.resolver.scene.placed;
-        let ([row, column, here], slope) = (hit.under, hit.slope);
-        if !placed.is_flat() {
-            // A point is beside the sample's middle.
-            let moves = self.resolver.moves(hit)?;
-            let rise = moves.rise(slope)?;
-            return Some((here + rise[0] * (x - moves.at[0]) + rise[1] * (y - moves.at[1]), rise));
-        }
-        let height = |x: f64, y: f64| {
-            let (origin, direction) = self.resolver.ray([x, y])?;
-            let ray = placed.ray(origin, direction)?;
-            ray.on_plane([row, column], here, slope).map(|[_, _, height]| height)
-        };
-        const STEP: f64 = 0.25;
-        let (right, below) = (height(x + STEP, y)?, height(x, y + STEP)?);
-        Some((here, [(right - here) / STEP, (below - here) / STEP]))
-    }
-
-    /// The height that is seen at a place of the picture near a hit.
-    fn height_at(&self, hit: &Hit, place: [f64; 2]) -> Option<f64> {
-        if self.resolver.scene.placed.is_flat() {
-            let near = self.resolver.height_near(hit, place);
-            return near.or_else(|| Some(self.resolver.cast(place)?.under[2]));
-        }
-        let seen = self.seen?;
-        let [x, y] = place.map(f64::floor);
-        if x < 0.0 || y < 0.0 || x >= seen.width as f64 || y >= seen.height as f64 {
-            return None;
-        }
-        let hit = self.resolver.hit(seen.at(y as usize * seen.width + x as usize)?, place)?;
-        Some(self.relief(&hit, place)?.0)
-    }
-
-    /// How much of a place is a line of equal height.
-    fn line(&self, contours: &Contours, hit: &Hit, [x, y]: [f64; 2]) -> f32 {
-        let parts = f64::from(self.parts);
-        // A surface that is seen from its edge has all of its lines there.
-        let Some((here, rise)) = self.relief(hit, [x, y]) else {
-            return contours.share(contours.nearest(hit.under[2]), 0.0, f64::MAX, 1.0);
-        };
-        let nearest = contours.nearest(here);
-        // Widths are in pixels, this is in samples.
-        let steep = rise[0].hypot(rise[1]);
-        let mut away = (nearest - here).abs() / steep;
-        // Where the line is told to be the surface may have another slope: by secants to where it is.
-        let is_single = contours.interval > contours.width * steep * parts;
-        // What is well within the line stays so.
-        if is_single && (0.02..REACH).contains(&(away / (contours.width * parts))) {
-            let up = rise.map(|rise| rise / steep * (nearest - here).signum());
-            let (mut last, mut is_found) = ((0.0, here), false);
-            for _ in 0..SECANTS {
-                let Some(there) = self.height_at(hit, [x + up[0] * away, y + up[1] * away]) else { break };
-                let next = away + (nearest - there) * (away - last.0) / (there - last.1);
-                if next.is_nan() || next <= 0.0 {
-                    break;
-                }
-                last = (away, there);
-                away = next.clamp(0.25 * away, 4.0 * away);
-                if (next - last.0).abs() < 0.02 {
-                    is_found = true;
-                    break;
-                }
-            }
-            // The surface ends before, or another one is in front of it.
-            if !is_found {
-                away = f64::INFINITY;
-            }
-        }
-        contours.share(nearest, away / parts, steep * parts, 1.0 / parts)
-    }
-
-    /// What a hit looks like at the distance of its pixels.
-    fn texel(&self, hit: &Hit) -> Texel {
-        let wanted = self.resolver.level_at(hit.depth) - FINER;
-        let (first, share) = self.resolver.levels(hit.shown.node, wanted);
-        let nothing = Texel { normal: [0.0, 0.0, 1.0], range: [hit.under[2]; 2], change: f32::NAN, ..Texel::default() };
-        let mut texel = self.texel_at(hit, first).unwrap_or(nothing);
-        if share > 0.0
-            && let Some(coarse) = self.texel_at(hit, first + 1)
-        {
-            let mix = |a: f32, b: f32| a + share as f32 * (b - a);
-            texel.normal = std::array::from_fn(|k| mix(texel.normal[k], coarse.normal[k]));
-            texel.curvature = mix(texel.curvature, coarse.curvature);
-            // What is known of finer samples alone is theirs.
-            if !coarse.change.is_nan() {
-                texel.change = mix(texel.change, coarse.change);
-            }
-            texel.planes = std::array::from_fn(|k| mix(texel.planes[k], coarse.planes[k]));
-            texel.range = std::array::from_fn(|k| texel.range[k] + share * (coarse.range[k] - texel.range[k]));
-        }
-        let level = f64::from(first) + share;
-        if wanted < level {
-            // A sample stands for more than the pixel does.
-            let shrunk = (wanted - level).exp2();
-            texel.range.iter_mut().for_each(|end| *end = hit.under[2] + shrunk * (*end - hit.under[2]));
-        }
-        texel
-    }
-
-    /// What a hit looks like in a level: between four samples, of which only those count that stand for something.
-    fn texel_at(&self, hit: &Hit, level: u8) -> Option<Texel> {
-        let between = self.resolver.between(hit.shown.node, level, [hit.under[0], hit.under[1]])?;
-        let samples = between.samples;
-        let mut texel = Texel::default();
-        let mut sum = 0.0_f64;
-        let mut normal = [0.0_f64; 3];
-        let mut planes = [0.0_f64; PLANES];
-        let (mut change, mut known) = (0.0_f64, 0.0_f64);
-        let has_range = level > 0 && matches!(self.look.attribute, Attribute::Height | Attribute::Residual);
-        for corner in 0..4 {
-            let (index, mut weight) = (between.indices[corner], between.weights[corner]);
-            if !samples.coverage.is_empty() {
-                weight = weight * f64::from(samples.coverage_at(index)) / 255.0;
-            }
-            if weight <= 0.0 {
-                continue;
-            }
-            let found = samples.normals.at(index);
-            sum += weight;
-            (0..3).for_each(|k| normal[k] += weight * f64::from(found[k]));
-            if has_range {
-                let range = samples.range_at(index);
-                (0..2).for_each(|k| texel.range[k] += weight * f64::from(range[k]));
-            }
-            for (value, plane) in planes.iter_mut().zip(&self.planes) {
-                *value += weight * samples.planes.get(*plane).map_or(0.0, |plane| f64::from(plane[index]));
-            }
-            if let Some(own) = samples.changes.get(index).filter(|own| !own.is_nan()) {
-                known += weight;
-                change += weight * f64::from(*own);
-            }
-        }
-        if sum <= 0.0 {
-            return None;
-        }
-        (0..3).for_each(|k| texel.normal[k] = (normal[k] / sum) as f32);
-        (0..self.planes.len().min(PLANES)).for_each(|k| texel.planes[k] = (planes[k] / sum) as f32);
-        texel.change = if 2.0 * known >= sum { (change / known) as f32 } else { f32::NAN };
-        match has_range {
-            true => texel.range.iter_mut().for_each(|end| *end /= sum),
-            false => texel.range = [hit.under[2]; 2],
-        }
-        if self.look.attribute == Attribute::Curvature {
-            texel.curvature = self.curvature(&between);
-        }
-        Some(texel)
-    }
-
-    /// The mean curvature per world unit of the slopes between four samples.
-    fn curvature(&self, between: &Between<'_>) -> f32 {
-        let step = self.resolver.scene.placed.lengths();
-        let leans = between.indices.map(|index| {
-            let [x, y, z] = between.samples.normals.at(index).map(f64::from);
-            [x / z.max(1e-6), y / z.max(1e-6)]
-        });
-        let across = 0.5 * (leans[1][0] + leans[3][0] - leans[0][0] - leans[2][0]) / (step[0] * between.apart[1]);
-        let along = 0.5 * (leans[2][1] + leans[3][1] - leans[0][1] - leans[1][1]) / (step[1] * between.apart[0]);
-        (0.5 * (across + along)) as f32
     }
 }

@@ -293,7 +293,7 @@ impl Scene {
             let missing: Vec<(ChunkKey, f64)> = missing.map(|(node, _)| (node.key, f64::INFINITY)).collect();
             cut = cut.without(|key| missing.iter().any(|(missing, _)| missing == key));
             cut.missing.extend(missing);
-            cut.is_converged = false;
+            (cut.is_converged, cut.is_coarser) = (false, false);
         }
         let read: Vec<Arc<NodeSamples>> = read.into_iter().flatten().collect();
         let mut above: Vec<ChunkKey> = cut

@@ -163,19 +163,7 @@ impl Table for Fits<'_> {
     type Piece = (Vec<u8>, usize);
 
     fn prepare(block: Block) -> (Vec<u8>, usize) {
-        let mut bytes = Vec::with_capacity(block.rows * (9 + 8 * block.columns.len()));
-        for row in 0..block.rows {
-            bytes.push(block.family.gadget_type().unwrap_or(u8::MAX));
-            if block.has_ids {
-                let id = block.ids.as_ref().and_then(|ids| ids.get(row)).copied().unwrap_or(u64::MAX);
-                bytes.extend((id ^ SIGN).to_be_bytes());
-            }
-            for column in &block.columns {
-                let value = column.as_ref().and_then(|column| column.get(row)).copied().unwrap_or(f64::NAN);
-                bytes.extend(value.to_be_bytes());
-            }
-        }
-        (bytes, block.rows)
+        block.packed(|id| (id ^ SIGN).to_be_bytes(), f64::to_be_bytes)
     }
 
     fn write(&mut self, (bytes, rows): (Vec<u8>, usize)) -> io::Result<()> {

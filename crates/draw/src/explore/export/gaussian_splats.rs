@@ -14,11 +14,11 @@
 //! sides. With an optical depth of `k` for a column of 1 it is `1 - exp(-k w / (2 pi s^2))`, within [`OPACITIES`].
 
 use super::Out;
-use super::ply::count_line;
+use super::ply::{self, count_line};
 use crate::model::{Covariance, Unit};
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::TAU;
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, Write};
 
 /// The constant spherical harmonic, `1 / (2 sqrt(pi))`.
 pub const C0: f64 = 0.28209479177387814;
@@ -136,12 +136,8 @@ impl<'a> GaussianSplats<'a> {
     ///
     /// # Errors
     /// When nothing can be written.
-    pub fn finish(mut self) -> io::Result<u64> {
-        self.out.flush()?;
-        let file = self.out.get_mut();
-        file.seek(SeekFrom::Start(self.count_at))?;
-        file.write_all(count_line(self.rows).as_bytes())?;
-        Ok(self.rows)
+    pub fn finish(self) -> io::Result<u64> {
+        ply::finish(self.out, self.count_at, self.rows)
     }
 }
 

@@ -395,6 +395,25 @@ struct Block {
     columns: Vec<Option<Vec<f64>>>,
 }
 
+impl Block {
+    /// Its rows as bytes, and how many there are: the type of Gadget or 255, the id, all bits set where there is none, and each column.
+    fn packed(&self, id_bytes: impl Fn(u64) -> [u8; 8], value_bytes: impl Fn(f64) -> [u8; 8]) -> (Vec<u8>, usize) {
+        let mut bytes = Vec::with_capacity(self.rows * (9 + 8 * self.columns.len()));
+        for row in 0..self.rows {
+            bytes.push(self.family.gadget_type().unwrap_or(u8::MAX));
+            if self.has_ids {
+                let id = self.ids.as_ref().and_then(|ids| ids.get(row)).copied().unwrap_or(u64::MAX);
+                bytes.extend(id_bytes(id));
+            }
+            for column in &self.columns {
+                let value = column.as_ref().and_then(|column| column.get(row)).copied().unwrap_or(f64::NAN);
+                bytes.extend(value_bytes(value));
+            }
+        }
+        (bytes, self.rows)
+    }
+}
+
 /// A kind of table that rows are written to.
 trait Table: Send {
     /// What becomes of a block before its turn to be written comes.

@@ -47,23 +47,20 @@ pub(super) fn count_line(rows: u64) -> String {
     format!("{number}\ncomment {rest}-\n")
 }
 
+/// Writes what is left, and the number of points where it belongs.
+pub(super) fn finish(mut out: Out<'_>, count_at: u64, rows: u64) -> io::Result<u64> {
+    out.flush()?;
+    let file = out.get_mut();
+    file.seek(SeekFrom::Start(count_at))?;
+    file.write_all(count_line(rows).as_bytes())?;
+    Ok(rows)
+}
+
 impl Table for Ply<'_> {
     type Piece = (Vec<u8>, usize);
 
     fn prepare(block: Block) -> (Vec<u8>, usize) {
-        let mut bytes = Vec::with_capacity(block.rows * (9 + 8 * block.columns.len()));
-        for row in 0..block.rows {
-            bytes.push(block.family.gadget_type().unwrap_or(u8::MAX));
-            if block.has_ids {
-                let id = block.ids.as_ref().and_then(|ids| ids.get(row)).copied().unwrap_or(u64::MAX);
-                bytes.extend(id.to_le_bytes());
-            }
-            for column in &block.columns {
-                let value = column.as_ref().and_then(|column| column.get(row)).copied().unwrap_or(f64::NAN);
-                bytes.extend(value.to_le_bytes());
-            }
-        }
-        (bytes, block.rows)
+        block.packed(u64::to_le_bytes, f64::to_le_bytes)
     }
 
     fn write(&mut self, (bytes, rows): (Vec<u8>, usize)) -> io::Result<()> {
@@ -71,11 +68,7 @@ impl Table for Ply<'_> {
         self.out.write_all(&bytes)
     }
 
-    fn finish(mut self) -> io::Result<u64> {
-        self.out.flush()?;
-        let file = self.out.get_mut();
-        file.seek(SeekFrom::Start(self.count_at))?;
-        file.write_all(count_line(self.rows).as_bytes())?;
-        Ok(self.rows)
+    fn finish(self) -> io::Result<u64> {
+        finish(self.out, self.count_at, self.rows)
     }
 }

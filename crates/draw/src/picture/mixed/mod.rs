@@ -164,6 +164,18 @@ impl MixedSession {
         self.particles.as_mut()
     }
 
+    /// Bytes that pages of its particles may take, or where there are none, chunks of its heights; `None` where nothing limits them.
+    pub fn page_memory(&self) -> Option<u64> {
+        let of_heights = || self.heights.first().map(|(_, session)| session.page_memory());
+        self.particles.as_ref().map_or_else(of_heights, Session::page_memory)
+    }
+
+    /// Whether the picture that was drawn last has no memory for all of its particles, or of its heights.
+    pub fn lacks_memory(&self) -> bool {
+        self.particles.as_ref().is_some_and(Session::lacks_memory)
+            || self.heights.first().is_some_and(|(_, session)| session.lacks_memory())
+    }
+
     /// What is to be told of pages of heights since the last call, as [`SurfaceSession::take_messages`] has it.
     pub fn take_messages(&self) -> Vec<String> {
         self.heights.iter().flat_map(|(_, session)| session.take_messages()).collect()
@@ -368,7 +380,9 @@ impl MixedSession {
         let shown = (!ground.heights.is_empty()).then_some(SurfaceShown { report, channels, labels: None, lifted });
         drop(ground);
         self.take_messages().into_iter().chain(of_fields).for_each(|message| self.reporter.tell(message));
-        let is_whole = report.is_converged && error.is_none();
+        let (is_whole, is_coarser) = (report.is_converged && error.is_none(), report.is_coarser && error.is_none());
+        // What is told of one field holds for all of them.
+        self.heights.first_mut().into_iter().for_each(|(_, session)| session.note_shortage(is_coarser));
         let names = names.map(|names| names.seen(&view));
         let points = ready.fields.first().map(|first| first.report);
         let (first_heights, first_field) = (self.heights.first(), self.fields.first());
@@ -392,7 +406,8 @@ impl MixedSession {
                 };
                 let annotation = picture.annotation.naming(names);
                 let error_px = picture.error_px.max(report.error_px);
-                return Ok(Picture { converged: is_whole, error_px, annotation, points, surface: shown, ..picture });
+                let (converged, surface) = (is_whole, shown);
+                return Ok(Picture { converged, is_coarser, error_px, annotation, points, surface, ..picture });
             }
             Drawn::Particles(picture) => *picture,
         };
@@ -410,9 +425,10 @@ impl MixedSession {
             }
             _ => (picture.annotation.depiction.clone(), picture.annotation.units().clone(), None),
         };
+        let converged = picture.converged && is_whole;
         Ok(Picture {
-            converged: picture.converged && is_whole,
-            is_coarser: picture.is_coarser && is_whole,
+            converged,
+            is_coarser: !converged && (picture.converged || picture.is_coarser) && (is_whole || is_coarser),
             error_px: picture.error_px.max(report.error_px),
             annotation: picture.annotation.telling(depiction, Units { length: unit, ..units }).naming(names),
             told,

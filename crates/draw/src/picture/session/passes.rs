@@ -354,6 +354,11 @@ impl Session {
         ));
     }
 
+    /// Bytes that pages may take, with what is drawn of them at a time; `None` where nothing limits them.
+    pub fn page_memory(&self) -> Option<u64> {
+        self.options.page_memory
+    }
+
     /// Whether the picture that was drawn last, or what was found of a view since, needed more memory than pages may take.
     pub fn lacks_memory(&self) -> bool {
         self.shortage.is_coarser || self.shortage.is_missing

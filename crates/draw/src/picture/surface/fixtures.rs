@@ -1,13 +1,28 @@
-//! Fields for tests, from files.
+//! Fields for tests, from files, and whoever keeps what is told of them.
 
 #![allow(clippy::unwrap_used, reason = "a failed helper fails its test")]
 
 use super::session::SurfaceSession;
 use crate::look::HeightsSaid;
-use crate::model::Unit;
+use crate::model::{Progress, Unit};
 use crate::picture::SessionOptions;
+use crate::picture::session::Reporter;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+
+/// Keeps what it is told.
+#[derive(Default)]
+pub(super) struct Told(pub(super) Mutex<Vec<String>>);
+
+impl Reporter for Told {
+    fn tell(&self, message: String) {
+        self.0.lock().unwrap().push(message);
+    }
+
+    fn progress(&self) -> Box<dyn Progress + '_> {
+        Box::new(())
+    }
+}
 
 /// A field of heights in metres as text, its first sample at the lowest x and y.
 pub(in crate::picture) fn field(

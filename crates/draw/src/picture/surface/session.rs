@@ -22,7 +22,7 @@ use crate::cpu::surface::look::{Attribute, Look};
 use crate::cpu::surface::means;
 use crate::cpu::surface::paged::PagedSurface;
 use crate::cpu::surface::placed::Placed;
-use crate::cpu::surface::select::Coarse;
+use crate::cpu::surface::select::{Coarse, MOST_NODES};
 use crate::cpu::surface::sight::Sight;
 use crate::cpu::surface::since::Since;
 use crate::cpu::surface::{SurfaceOptions, SurfacePicture};
@@ -73,6 +73,7 @@ pub struct SurfaceSession {
     painter: Painter,
     /// Names that stand on it.
     names: Option<Names>,
+    shortage: Shortage,
 }
 
 /// What is drawn of a field, whatever the view.
@@ -122,12 +123,13 @@ impl SurfaceSession {
 
     /// A field that is open.
     pub fn of(opened: Arc<OpenSurface>, options: SessionOptions, reporter: Arc<dyn Reporter>) -> SurfaceSession {
-        let memory = options.chunk_memory.unwrap_or(CHUNK_MEMORY);
+        let memory = memory_of(&options);
         // Of both fields about as many samples are read.
         let since = opened.earlier().map(|earlier| earlier.since(memory / 2));
         let own = if since.is_some() { memory / 2 } else { memory };
         let nodes = PagedSurface::new(Arc::clone(opened.file()), own);
-        SurfaceSession { options, reporter, opened, nodes, since, painter: Painter::default(), names: None }
+        let (painter, shortage) = (Painter::default(), Shortage::default());
+        SurfaceSession { options, reporter, opened, nodes, since, painter, names: None, shortage }
     }
 
     /// The same with an adapter, which draws what it is asked for or is faster at.
@@ -145,6 +147,16 @@ impl SurfaceSession {
     /// The field.
     pub fn file(&self) -> &HeightFile {
         self.nodes.file()
+    }
+
+    /// Bytes that decoded chunks may take.
+    pub fn page_memory(&self) -> u64 {
+        memory_of(&self.options)
+    }
+
+    /// Whether the picture that was drawn last has coarser chunks than it asks for, for want of room alone.
+    pub fn lacks_memory(&self) -> bool {
+        self.shortage.is_coarser
     }
 
     /// What is to be told of the field's pages since the last call, one sentence each, where a picture was not told of by [`SurfaceSession::draw`].
@@ -319,9 +331,25 @@ impl SurfaceSession {
         let is_labelled = prepared.look.contours.as_ref().is_some_and(|contours| contours.labels.is_some());
         let shown = SurfaceShown { report, channels, labels: is_labelled.then_some(labels), lifted };
         let picture = self.pictured(shot, (view, bounds), prepared, colors, shown, times.medians())?;
-        let converged = picture.converged && self.nodes.error().is_none();
+        let is_readable = self.nodes.error().is_none();
+        let (converged, is_coarser) = (picture.converged && is_readable, picture.is_coarser && is_readable);
+        self.note_shortage(is_coarser);
         let annotation = picture.annotation.naming(names.map(|names| names.seen(&view)));
-        Ok(Picture { converged, annotation, drawn_by: drawn_by.names, ..picture })
+        Ok(Picture { converged, is_coarser, annotation, drawn_by: drawn_by.names, ..picture })
+    }
+
+    /// Notes whether a picture is coarser for want of room, and tells once that there are such.
+    pub(in crate::picture) fn note_shortage(&mut self, is_coarser: bool) {
+        self.shortage.is_coarser = is_coarser;
+        if !is_coarser || std::mem::replace(&mut self.shortage.is_told, true) {
+            return;
+        }
+        self.reporter.tell(format!(
+            "{}: what is in view does not fit into the {} MiB, or the {MOST_NODES} chunks, that heights may take and is drawn coarser; --memory sets how \
+             much a command has, and a larger --error-px takes less",
+            self.opened.path().display(),
+            self.page_memory() >> 20
+        ));
     }
 
     /// What a legend tells of a look: the mode with its attribute, and units.
@@ -365,7 +393,7 @@ impl SurfaceSession {
             annotation,
             transfer: prepared.look.transfer,
             converged: report.is_converged,
-            is_coarser: false,
+            is_coarser: report.is_coarser,
             error_px: report.error_px,
             particles: 0,
             nodes: report.nodes_drawn as usize,
@@ -435,8 +463,7 @@ impl SurfaceSession {
             let sight = Sight::Around { panorama, eye: view.eye, cut: view.cut };
             let channels = SurfaceOptions { look: None, raw: true, ..own };
             let one = self.drawn(placed, &sight, &channels)?.0;
-            whole.report.error_px = whole.report.error_px.max(one.report.error_px);
-            whole.report.is_converged &= one.report.is_converged;
+            whole.report.bound(&one.report);
             (whole.raw, whole.depth) = (one.raw, one.depth);
         }
         whole.report.covered = whole.colors.rgba.iter().map(|color| f64::from(color[3])).sum();
@@ -472,6 +499,20 @@ impl SurfaceSession {
         let levels = Levels { p: own.range, s: [0.0, 1.0] };
         Ok(Measured { mode, attribute, transfer: own.transfer, levels })
     }
+}
+
+/// What pictures have no room for.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shortage {
+    /// Whether the last one is coarser therefore.
+    is_coarser: bool,
+    /// Whether it was told of any.
+    is_told: bool,
+}
+
+/// Bytes that decoded chunks may take.
+fn memory_of(options: &SessionOptions) -> u64 {
+    options.chunk_memory.unwrap_or(CHUNK_MEMORY)
 }
 
 /// The page file of what a user names; a source's is built in a folder that goes when nobody needs it any more.

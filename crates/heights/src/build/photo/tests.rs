@@ -7,58 +7,13 @@ use crate::model::light;
 use crate::model::photo::{PhotoAbout, PhotoPlace, PhotoRows};
 use crate::model::{Cell, HeightError, HeightField, HeightGrid, Heights, Window};
 use crate::store::{HeightFile, PhotoOfFile, Tile, verify_heights};
+use covered::{Covered, Pixels};
 use deepfield_data::model::{ReadMethod, Unit};
 use proptest::prelude::*;
 use std::path::Path;
 
-/// A photo in memory.
-#[derive(Clone)]
-struct Pixels {
-    about: PhotoAbout,
-    values: Vec<u8>,
-}
-
-impl PhotoRows for Pixels {
-    fn about(&self) -> &PhotoAbout {
-        &self.about
-    }
-
-    fn memory_bytes(&self) -> u64 {
-        0
-    }
-
-    fn rows(&self, first: u64, count: u64, out: &mut [u8]) -> Result<(), HeightError> {
-        let len = self.about.size[1] as usize * self.about.planes();
-        out.copy_from_slice(&self.values[first as usize * len..][..count as usize * len]);
-        Ok(())
-    }
-}
-
-/// A field with a photo over it.
-struct Covered {
-    field: HeightField,
-    photo: Pixels,
-}
-
-impl Heights for Covered {
-    fn grid(&self) -> &HeightGrid {
-        &self.field.grid
-    }
-
-    fn stored(&self, window: Window, out: &mut [f64]) -> Result<(), HeightError> {
-        self.field.stored(window, out)
-    }
-
-    fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
-        self.field.plane(plane, window, out)
-    }
-}
-
-impl Measured for Covered {
-    fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
-        Some(Box::new(&self.photo))
-    }
-}
+#[path = "../../../../../tests/support/covered.rs"]
+mod covered;
 
 /// `holes` is the share of samples that were not measured, in lumps.
 fn covered(samples: [u64; 2], size: [u64; 2], place: PhotoPlace, is_grey: bool, holes: f64, seed: u64) -> Covered {

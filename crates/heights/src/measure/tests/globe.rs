@@ -118,3 +118,32 @@ proptest! {
         }
     }
 }
+
+/// From aside as from above, also where the field is far from level.
+#[test]
+fn picks_through_a_hole_of_a_globe_are_in_it() {
+    let (columns, rows, origin, step) = (81, 61, [-20.0, 15.0], [0.5, -0.5]);
+    let height = |column: f64| 0.01 + 0.002 * column;
+    let is_open = |row: u64, column: u64| (20..30).contains(&row) && (50..64).contains(&column);
+    let mut field = field(columns, rows, origin, step, 0.0, 1);
+    for (n, stored) in (0_u64..).zip(&mut field.stored) {
+        let (row, column) = (n / columns, n % columns);
+        *stored = if is_open(row, column) { f64::NAN } else { height(column as f64) };
+    }
+    let globe = Globe::sphere(1.0);
+    let spread = Spread::new(globe, &field.grid, [0.0, 1.0]);
+    let pyramid = Pyramid::read(&field).unwrap();
+    for [longitude, latitude, up] in [[-20.0, 0.0, 1.0], [0.0, 10.0, 3.0], [30.0, 5.0, 1.5], [5.0, -35.0, 1.2]] {
+        let eye = globe.place(longitude, latitude, up);
+        for (row, column) in (21..29).flat_map(|row| (51..63).map(move |column| (f64::from(row), f64::from(column)))) {
+            let to = globe.place(origin[0] + column * step[0], origin[1] + row * step[1], height(column));
+            let way: [f64; 3] = std::array::from_fn(|axis| to[axis] - eye[axis]);
+            let found = pick_on_globe(&mut &pyramid, &spread, &Ray::new(eye, way)).unwrap();
+            let Pick::NotMeasured { row: down, column: right, .. } = found else {
+                panic!("{found:?} from {eye:?} at {row}, {column}")
+            };
+            let is_in = (19.0..=30.0).contains(&down) && (49.0..=64.0).contains(&right);
+            assert!(is_in, "{down}, {right} from {eye:?} at {row}, {column}");
+        }
+    }
+}

@@ -1,6 +1,7 @@
 //! The structures that the program writes, by the names that shaders have for the buffers.
 
 use super::{Layout, Member, Scalars};
+use crate::gpu::blending::SortedUniform;
 use crate::gpu::bloom::levels::{Givers, LevelUniform, Takers};
 use crate::gpu::composite::CompositeUniform;
 use crate::gpu::integrals::layout::IntegralUniform;
@@ -10,7 +11,6 @@ use crate::gpu::matter::LookupUniform;
 use crate::gpu::measure::Reduction;
 use crate::gpu::over_splats::SplatLookUniform;
 use crate::gpu::scene::{RawParticle, TableEntry};
-use crate::gpu::sorted_splats::SortedUniform;
 use crate::gpu::spheres::SphereUniform;
 use crate::gpu::splat::layout::{Block, Node, Pass, SplatUniform};
 use crate::gpu::surface::layout::{Draw, SurfaceStep, SurfaceUniform};

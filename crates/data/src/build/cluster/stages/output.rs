@@ -133,6 +133,11 @@ impl Task<'_> {
         for task in self.settings.inputs().nth(family).into_iter().flatten() {
             source = added(source, self.counted(&spill, task, outline)?);
         }
+        let (counted, count) = (total(source.iter().flatten().copied()), outline.survey.count);
+        let expected = count.saturating_mul(source.len() as u64);
+        if counted != expected {
+            return Err(self.mixed("partition", "counted values", counted, expected));
+        }
         let complete = &scaled.outline;
         let columns = [Self::found_columns("neighbours", complete), complete.derived_columns()];
         for (counts, columns) in [estimated.len(), derived.len()].into_iter().zip(columns) {

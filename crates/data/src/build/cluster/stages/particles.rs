@@ -1,6 +1,10 @@
 //! The first stages: the source is looked through, its particles go to their buckets, and what they lack is found.
 
+use super::reading::{Kept, each};
 use super::*;
+
+/// Tasks whose files are read at a time.
+const AT_ONCE: u32 = 64;
 
 impl Task<'_> {
     pub(super) fn survey(self, task: u32) -> Result<(), BuildError> {
@@ -71,8 +75,9 @@ impl Task<'_> {
         self.check_columns(&outline, &streams.families[number])?;
         let chunks = own.input(input);
         let particles = (own.particles as f64 * chunks.len() as f64 / own.chunks.max(1) as f64) as u64;
-        let memory = self.memory(&outline, Memory::waiting(outline.most_columns(), outline.plan.len(), particles));
-        let folder = self.parts.folder();
+        let (folder, columns, buckets) = (self.parts.folder(), outline.most_columns(), outline.plan.len());
+        let counts = (particles, self.settings.particles());
+        let memory = Memory::of_sorting(self.allowed(), folder, columns, buckets, counts, self.job.output())?;
         let spill = Spill::new(&folder.join(format!("{SPILL}.{task}")), folder, memory.particles, self.options.read);
         let (partition, counts) = Partition::of_chunks(
             &streams.families[number],
@@ -80,11 +85,11 @@ impl Task<'_> {
             &outline.survey.ranges,
             &outline.plan,
             outline.root,
-            spill,
+            (spill, memory.waiting),
             self.progress,
         )?;
         let spill = self.spill();
-        let groups = (0..own.groups).map(|group| shares(outline.plan.len(), own.groups, group));
+        let groups = (0..own.groups).map(|group| shares(buckets, own.groups, group));
         let shares = partition.hand_on(groups, outline.has_neighbours(), &spill)?;
         let counted = spill.put(&[&counts.bytes()]).map_err(|error| BuildError::temporary(&spill, error))?;
         let sorted: Sorted = std::iter::once(counted).chain(shares).collect();
@@ -107,11 +112,12 @@ impl Task<'_> {
         let spill = self.spill();
         let mut partition = Partition::of_group(self.spill(), columns, &outline.plan, buckets.clone());
         let (mut found, count) = (0, outline.survey.count);
-        for task in self.settings.inputs().nth(family).into_iter().flatten() {
-            let shares = self.sorted(&spill, task, group, (buckets.len(), outline))?;
+        let tasks = self.settings.inputs().nth(family).unwrap_or(0..0);
+        let read = |task: u32| self.sorted(&spill, task, group, (buckets.len(), outline));
+        each(tasks, AT_ONCE, read, |shares: Shares| {
             found = total([found, shares.all]);
             partition.add(shares);
-        }
+        })?;
         if found != count {
             return Err(self.mixed("partition", "particles", found, count));
         }
@@ -120,15 +126,10 @@ impl Task<'_> {
             let bytes = Self::found_columns(stage, outline) * size_of::<f32>();
             for (bucket, (_, blob)) in buckets.clone().zip(self.found_of(stage, task, outline)?) {
                 let expected = bytes * partition.len(bucket);
-                match &blob {
-                    Some(blob) if blob.len() != expected => {
-                        let what = format!("columns of a bucket: found {} bytes, expected {expected}", blob.len());
-                        return Err(BuildError::temporary(&spill, spill.damaged(blob, &what)));
-                    }
-                    None if expected > 0 => {
-                        return Err(self.unsound(&format!("a bucket without columns of stage {stage}")));
-                    }
-                    _ => {}
+                let len = blob.as_ref().map_or(0, Blob::len);
+                if len != expected {
+                    let what = format!("columns of a bucket: found {len} bytes, expected {expected}");
+                    return Err(self.damaged(stage, task, &what));
                 }
                 let found = if *stage == "motion" { [None, blob] } else { [blob, None] };
                 partition.found(bucket, found);
@@ -137,9 +138,13 @@ impl Task<'_> {
         Ok(partition)
     }
 
-    /// What a task may take that finds columns for a group of so many buckets: it holds what is known of them, and of one more group around them.
-    fn memory_of_finding(&self, outline: &Outline, own: &FamilyTasks, buckets: usize) -> Memory {
-        self.memory(outline, Memory::shares(2 * buckets + 1, own.input))
+    /// What a task may take that finds columns for a group of so many buckets, and the groups around it that it keeps: it holds what is known of
+    /// these and of its own. Blocks of buckets that follow each other have mostly the same groups around them.
+    fn memory_of_finding(&self, outline: &Outline, own: &FamilyTasks, buckets: usize) -> (Memory, Kept<Partition>) {
+        // Some groups have one more.
+        let each = Memory::shares(buckets + 1, own.input);
+        let around = Memory::groups_around(self.allowed(), each, own.groups);
+        (self.memory(outline, each.saturating_mul(1 + around as u64)), Kept::new(around))
     }
 
     pub(super) fn neighbours(self, task: u32) -> Result<(), BuildError> {
@@ -150,19 +155,23 @@ impl Task<'_> {
             return self.hand_on(&Found::new(), 0, 0);
         };
         let of_group = |group: u32| self.particles(number, group, outline, &[]);
-        let others = |bucket: usize| of_group(sharer(bucket, outline.plan.len(), own.groups));
-        let surroundings = Surroundings { others: Some(&others), ..estimating.surroundings };
         let mut partition = of_group(group)?;
         let buckets = partition.numbers();
-        let block = self.memory_of_finding(outline, own, buckets.len()).neighbour_block();
+        let (memory, kept) = self.memory_of_finding(outline, own, buckets.len());
+        let others = |bucket: usize| {
+            let group = sharer(bucket, outline.plan.len(), own.groups);
+            kept.get(group, || of_group(group))
+        };
+        let surroundings = Surroundings { others: Some(&others), ..estimating.surroundings };
         let estimating = Estimating { surroundings, ..estimating };
+        let block = memory.neighbour_block();
         let seen = estimating.of_buckets(&mut partition, buckets.clone(), block, self.progress)?;
         let of_bucket = |(bucket, seen)| {
             let [estimates, _] = partition.take_found(bucket);
             (seen, estimates)
         };
         let found: Found = buckets.zip(seen).map(of_bucket).collect();
-        drop(partition);
+        drop((partition, kept));
         self.hand_on(&found, 0, 0)
     }
 
@@ -176,20 +185,24 @@ impl Task<'_> {
         };
         self.check_columns(&outline, &streams.families[number])?;
         let of_group = |group: u32| self.particles(number, group, &outline, &["neighbours"]);
-        let others = |bucket: usize| of_group(sharer(bucket, outline.plan.len(), own.groups));
-        let deriving = outline.deriving(derivation, streams.about.kernel);
-        let surroundings = Surroundings { others: Some(&others), ..deriving.surroundings };
         let mut partition = of_group(group)?;
         let buckets = partition.numbers();
-        let block = self.memory_of_finding(&outline, own, buckets.len()).motion_block();
+        let (memory, kept) = self.memory_of_finding(&outline, own, buckets.len());
+        let others = |bucket: usize| {
+            let group = sharer(bucket, outline.plan.len(), own.groups);
+            kept.get(group, || of_group(group))
+        };
+        let deriving = outline.deriving(derivation, streams.about.kernel);
+        let surroundings = Surroundings { others: Some(&others), ..deriving.surroundings };
         let deriving = Deriving { surroundings, ..deriving };
+        let block = memory.motion_block();
         let seen = deriving.of_buckets(&mut partition, buckets.clone(), block, self.progress)?;
         let of_bucket = |(bucket, seen)| {
             let [_, derived] = partition.take_found(bucket);
             (seen, derived)
         };
         let found: Found = buckets.zip(seen).map(of_bucket).collect();
-        drop(partition);
+        drop((partition, kept));
         self.hand_on(&found, 0, 0)
     }
 

@@ -101,8 +101,9 @@ impl Task<'_> {
         group: u32,
         (buckets, outline): (usize, &Outline),
     ) -> Result<Shares, BuildError> {
-        let check = |shares: &Shares| shares.check(buckets, outline.columns, outline.survey.count);
-        self.checked_value(spill, &self.of_sorted(spill, task, 1 + group)?, check)
+        let blob = self.of_sorted(spill, task, 1 + group)?;
+        let check = |shares: &Shares| shares.check(buckets, outline.columns, outline.survey.count, blob.part());
+        self.checked_value(spill, &blob, check)
     }
 
     /// How often which values are in the columns of the chunks that a task has sorted.

@@ -86,6 +86,10 @@ impl Task<'_> {
                 let mixed = |what| job_error(self.parts.folder(), &format!("{what}, of all results of stage grow"));
                 let check_cells = |first: &Draft| draft.check_cells(first.cells());
                 draft.check(count).and_then(|()| first.as_ref().map_or(Ok(()), check_cells)).map_err(mixed)?;
+                let found = draft.leaf_particles();
+                if found != count {
+                    return Err(self.mixed("partition or grow", "particles of leaves", found, count));
+                }
                 let book = |own: &Shared| Ok(Book { parts: own.parts(), shared: spill.put(&[&own.bytes()])? });
                 let books = shared(&draft.nodes, batches, bits, scope(*kind));
                 let books = books.iter().map(book).collect::<io::Result<Vec<_>>>().map_err(temporary)?;

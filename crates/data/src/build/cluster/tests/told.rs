@@ -2,10 +2,12 @@
 
 use super::*;
 use crate::build::coding::CodedBatches;
-use crate::build::spill::Blob;
+use crate::build::found::Seen;
+use crate::build::spill::{Blob, Spill};
 use crate::build::tree::Built;
 use crate::hierarchy::Encoding;
 use crate::model::portable::Portable;
+use std::sync::Arc;
 
 /// With all checksums right: whoever puts results together says that they do not fit, and what tells of them counts them.
 #[test]
@@ -93,6 +95,21 @@ fn nodes_where_they_cannot_be_are_told_of_their_task() {
     assert!(case.built() == case.expected());
 }
 
+/// The file of a task of `partition` with one of the blobs that its index lists changed, and the checksums that it has then.
+fn with_blob(sound: &[u8], number: usize, change: impl FnOnce(&mut [u8])) -> Vec<u8> {
+    let place_at = |at: usize| u64::from_le_bytes(sound[at..at + 8].try_into().unwrap()) as usize;
+    let start = place_at(24);
+    // Length, a 1, the numbers of task and lane, place, checksum.
+    let told = start + 8 + number * Blob::TOLD as usize;
+    let (len, at) = (place_at(told), place_at(told + 17));
+    let mut bytes = sound.to_vec();
+    change(&mut bytes[at..at + len]);
+    let crc = crc32c::crc32c(&bytes[at..at + len]);
+    bytes[told + 25..told + 29].copy_from_slice(&crc.to_le_bytes());
+    let index = Vec::<Blob>::of_bytes(&bytes[start..]).unwrap();
+    with_index(&bytes, start, &index)
+}
+
 /// Of shares that are another group's or another task's the task is told that has left them, and its file made again.
 #[test]
 fn shares_of_others_are_told_of_their_task() {
@@ -111,13 +128,109 @@ fn shares_of_others_are_told_of_their_task() {
     elsewhere[start + 8 + Blob::TOLD as usize + 9] ^= 1;
     let mut longer = sound.clone();
     longer[start + 8 + Blob::TOLD as usize] ^= 1;
-    for (what, forged) in [("", swapped), ("index: found a place in another file", elsewhere), ("blob: ", longer)] {
+    // The first run of particles, behind the length of the list and two others: a 1, its length, another 1, the task in whose file it is.
+    let other = job.number("partition", 1).unwrap();
+    let foreign = with_blob(&sound, 1, |shares| {
+        let run = (16..shares.len()).find(|at| shares[*at] == 1).unwrap();
+        shares[run + 10..run + 14].copy_from_slice(&other.to_le_bytes());
+    });
+    for (what, forged) in [
+        ("", swapped),
+        ("index: found a place in another file", elsewhere),
+        ("blob: ", longer),
+        ("runs of particles: ", foreign),
+    ] {
         std::fs::write(&path, forged).unwrap();
         let told = job.run("grow", 0, None, &()).unwrap_err().to_string();
         assert!(told.contains("partition.0: ") && told.contains(what), "{what}: {told}");
         assert!(told.ends_with("run stage partition, task 0") && !path.exists(), "{what}: {told}");
         job.run("partition", 0, None, &()).unwrap();
     }
+    run_all(&job);
+    assert!(case.built() == case.expected());
+}
+
+/// Where a bucket has no columns, whoever has found those of its group is told.
+#[test]
+fn columns_that_are_missing_are_told_of_their_task() {
+    let made_up = MadeUp { seed: 1, gas: 3000, dark: 0, is_lacking: true };
+    let case = Case::new(&made_up, LoadOptions::default(), options(VqBits::Eight, 300, 100, true));
+    let job = case.plan(2).unwrap();
+    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
+    job.stages().iter().take_while(|stage| stage.name != "grow").for_each(run);
+    let number = job.number("neighbours", 1).unwrap();
+    let mut found: Vec<(Seen, Option<Blob>)> = Parts::reader(job.names()).index(number).unwrap();
+    let bucket = found.iter().position(|(_, blob)| blob.as_ref().is_some_and(|blob| blob.len() > 0)).unwrap();
+    found[bucket].1 = None;
+    Parts::of_task(job.names(), number).unwrap().finish(&found, 0, 0).unwrap();
+    let told = job.run("grow", 1, None, &()).unwrap_err().to_string();
+    assert!(told.contains("columns of a bucket: found 0 bytes"), "{told}");
+    assert!(told.ends_with("run stage neighbours, task 1") && !job.names().path(number).exists(), "{told}");
+    run_all(&job);
+    assert!(case.built() == case.expected());
+}
+
+/// Where a task tells of more particles than its runs hold, leaves lack them: of all results together, for no one knows which of them is wrong.
+#[test]
+fn particles_that_are_missing_are_told() {
+    let case = Case::small();
+    let job = case.plan(2).unwrap();
+    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
+    job.stages().iter().take_while(|stage| stage.name != "grow").for_each(run);
+    let number = job.number("partition", 0).unwrap();
+    let path = job.names().path(number);
+    let sound = std::fs::read(&path).unwrap();
+    let sorted: Vec<Blob> = Parts::reader(job.names()).index(number).unwrap();
+    let old = Spill::of_parts(Arc::new(Parts::reader(job.names())));
+    let parts = Arc::new(Parts::of_task(job.names(), number).unwrap());
+    let new = Spill::of_parts(Arc::clone(&parts));
+    let copy = |blob: &Blob| new.put(&[&old.get(blob).unwrap()]).unwrap();
+    let mut is_lost = false;
+    let shares = sorted[1..].iter().map(|shares| {
+        // Particles of all groups, and a run of each bucket.
+        let (all, runs): (u64, Vec<Option<Blob>>) = Portable::of_bytes(&old.get(shares).unwrap()).unwrap();
+        let mut runs: Vec<Option<Blob>> = runs.iter().map(|run| run.as_ref().map(copy)).collect();
+        if !is_lost {
+            is_lost = runs.iter_mut().find_map(Option::take).is_some();
+        }
+        new.put(&[&(all, runs).bytes()]).unwrap()
+    });
+    let index: Vec<Blob> = std::iter::once(copy(&sorted[0])).chain(shares).collect();
+    assert!(is_lost);
+    drop((old, new));
+    Arc::into_inner(parts).unwrap().finish(&index, 0, 0).unwrap();
+    let grow = job.stages().iter().find(|stage| stage.name == "grow").unwrap();
+    run(grow);
+    let told = job.run("join", 0, None, &()).unwrap_err().to_string();
+    assert!(
+        told.contains("particles of leaves: found ") && told.contains("results of stage partition or grow"),
+        "{told}"
+    );
+    std::fs::write(&path, sound).unwrap();
+    (0..grow.tasks).for_each(|task| job.names().forget(job.number("grow", task).unwrap()));
+    run_all(&job);
+    assert!(case.built() == case.expected());
+}
+
+/// The same of values.
+#[test]
+fn values_that_were_not_counted_are_told() {
+    let case = Case::small();
+    let job = case.plan(2).unwrap();
+    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
+    job.stages().iter().take_while(|stage| stage.name != "pages").for_each(run);
+    let path = job.names().path(job.number("partition", 0).unwrap());
+    let sound = std::fs::read(&path).unwrap();
+    // One less in each column.
+    let forged = with_blob(&sound, 0, |counts| {
+        let mut all = Vec::<Vec<u64>>::of_bytes(counts).unwrap();
+        all.iter_mut().for_each(|column| *column.iter_mut().find(|count| **count > 0).unwrap() -= 1);
+        counts.copy_from_slice(&all.bytes());
+    });
+    std::fs::write(&path, forged).unwrap();
+    let told = job.run("pages", 0, None, &()).unwrap_err().to_string();
+    assert!(told.contains("counted values: found ") && told.contains("in all results of stage partition"), "{told}");
+    std::fs::write(&path, sound).unwrap();
     run_all(&job);
     assert!(case.built() == case.expected());
 }

@@ -10,6 +10,7 @@ use super::*;
 use crate::color::TransferFunction;
 use crate::color::colors::to_encoded;
 use crate::view::{Projection, View};
+use covered::{Covered, Pixels};
 use deepfield_data::model::{ReadMethod, Unit};
 use deepfield_heights::build::{HeightBuildOptions, HeightOrigin, Measured, build_heights};
 use deepfield_heights::model::{Globe, HeightError, HeightField, HeightGrid, Heights, PhotoAbout, PhotoRows, Window};
@@ -20,51 +21,8 @@ use rand_pcg::rand_core::{Rng, SeedableRng};
 use std::collections::BTreeSet;
 use std::sync::Mutex;
 
-struct Pixels {
-    about: PhotoAbout,
-    values: Vec<u8>,
-}
-
-impl PhotoRows for Pixels {
-    fn about(&self) -> &PhotoAbout {
-        &self.about
-    }
-
-    fn memory_bytes(&self) -> u64 {
-        0
-    }
-
-    fn rows(&self, first: u64, count: u64, out: &mut [u8]) -> Result<(), HeightError> {
-        let len = self.about.size[1] as usize * 3;
-        out.copy_from_slice(&self.values[first as usize * len..][..count as usize * len]);
-        Ok(())
-    }
-}
-
-struct Covered {
-    field: HeightField,
-    photo: Pixels,
-}
-
-impl Heights for Covered {
-    fn grid(&self) -> &HeightGrid {
-        &self.field.grid
-    }
-
-    fn stored(&self, window: Window, out: &mut [f64]) -> Result<(), HeightError> {
-        self.field.stored(window, out)
-    }
-
-    fn plane(&self, plane: usize, window: Window, out: &mut [u8]) -> Result<(), HeightError> {
-        self.field.plane(plane, window, out)
-    }
-}
-
-impl Measured for Covered {
-    fn photo_rows(&self) -> Option<Box<dyn PhotoRows + '_>> {
-        Some(Box::new(&self.photo))
-    }
-}
+#[path = "../../../../../../tests/support/covered.rs"]
+mod covered;
 
 impl Covered {
     /// Of `rows` x `columns` samples and `size` random pixels over all of them.

@@ -63,7 +63,8 @@ fn little_room_is_for_what_shows_most() {
     let chosen = |room: u64| choose(&Rough { lattice: Lattice::new(side, side), room }, &placed, &sight, &choice);
     let (whole, scant) = (chosen(u64::MAX), chosen(38));
     assert!(whole.is_converged && whole.nodes.iter().all(|node| node.error_px <= 0.8));
-    assert!(!scant.is_converged && (20..=38).contains(&scant.nodes.len()), "{}", scant.nodes.len());
+    assert!(scant.is_coarser && !scant.is_converged && !whole.is_coarser);
+    assert!((20..=38).contains(&scant.nodes.len()), "{}", scant.nodes.len());
     let levels: Vec<u8> = scant.nodes.iter().map(|node| node.key.level).collect();
     let [finest, coarsest] = [levels.iter().min().unwrap(), levels.iter().max().unwrap()];
     assert!(coarsest - finest >= 4, "{levels:?}");

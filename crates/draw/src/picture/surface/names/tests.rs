@@ -5,26 +5,10 @@
 use super::*;
 use crate::annotate::Annotations;
 use crate::look::LookPatch;
-use crate::model::progress::Progress;
 use crate::picture::surface::SurfaceSession;
-use crate::picture::surface::fixtures::opened;
+use crate::picture::surface::fixtures::{Told, opened};
 use crate::view::Projection;
 use glam::DVec3;
-use std::sync::Mutex;
-
-/// Keeps what it is told.
-#[derive(Default)]
-struct Told(Mutex<Vec<String>>);
-
-impl Reporter for Told {
-    fn tell(&self, message: String) {
-        self.0.lock().unwrap().push(message);
-    }
-
-    fn progress(&self) -> Box<dyn Progress + '_> {
-        Box::new(())
-    }
-}
 
 /// A table in a folder that goes with it.
 fn table(text: &str) -> (tempfile::TempDir, PathBuf) {

@@ -8,7 +8,7 @@ use crate::look::CameraConfig;
 use crate::mode::LevelChoice;
 use crate::model::Unit;
 use crate::modes::surface::MODE;
-use crate::picture::surface::fixtures::{field, opened};
+use crate::picture::surface::fixtures::{Told, field, opened};
 use crate::view::{Eyes, Stereo, StereoKind};
 
 /// A ramp from -300 to 900 along x, drawn from above without shades: its picture.
@@ -115,6 +115,45 @@ fn pyramids_of_means_have_no_error_to_tell() {
         let [one, other] = [&nested, &means].map(|picture| color(picture, height));
         assert!((0..3).all(|k| (one[k] - other[k]).abs() < 0.02), "{height}: {one:?} {other:?}");
     }
+}
+
+/// A picture without room for its chunks is coarser, whatever was drawn before it, and told of once.
+#[test]
+fn pictures_without_room_are_coarser_by_their_views_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let rough = |x: f64, y: f64| 8.0 * (0.7 * x).sin() * (0.9 * y).cos();
+    let path = field(folder.path(), "rough.asc", [601, 401], [0.0, 0.0], 1.0, rough);
+    let told = Arc::new(Told::default());
+    let open = |memory: u64| {
+        let options = SessionOptions { chunk_memory: Some(memory), ..SessionOptions::default() };
+        SurfaceSession::open(&path, &HeightsSaid::default(), options, told.clone()).unwrap()
+    };
+    let draw = |session: &mut SurfaceSession, middle: [f64; 2], ortho: f64| {
+        let [x, y] = middle;
+        let (eye, target) = (Some([x, y, 400.0]), Some([x, y, 0.0]));
+        let camera = CameraConfig { eye, target, up: Some([0.0, 1.0, 0.0]), fov: None, ortho: Some(ortho) };
+        let look = LookPatch { error_px: Some(0.01), ..LookPatch::default() };
+        let picture = session.draw(&Shot { look, camera, size: Some((90, 60)), ..Shot::default() }).unwrap();
+        let Raw::Light(light) = &picture.values else { panic!("light") };
+        (light.colors.rgba.clone(), [picture.converged, picture.is_coarser, session.lacks_memory()])
+    };
+    let about_memory = || told.0.lock().unwrap().iter().filter(|message| message.contains("drawn coarser")).count();
+    let (all, near) = ([300.0, 200.0], [60.0, 40.0]);
+    let mut ample = open(1 << 30);
+    let (fine, facts) = draw(&mut ample, all, 200.0);
+    assert_eq!((facts, about_memory()), ([true, false, false], 0));
+    let (mut first, mut later) = (open(1 << 20), open(1 << 20));
+    let (coarse, facts) = draw(&mut first, all, 200.0);
+    assert_eq!((facts, about_memory()), ([false, true, true], 1));
+    assert!(coarse != fine);
+    // What is near has room, and is what it is with ample memory.
+    assert!(draw(&mut later, near, 10.0) == draw(&mut ample, near, 10.0));
+    assert!(draw(&mut later, all, 200.0) == (coarse, [false, true, true]));
+    assert_eq!(draw(&mut later, near, 10.0).1, [true, false, false]);
+    draw(&mut later, all, 200.0);
+    // Each of the two has told it.
+    assert_eq!(about_memory(), 2);
+    assert!(told.0.lock().unwrap().iter().any(|message| message.contains("rough.asc") && message.contains("--memory")));
 }
 
 #[test]
