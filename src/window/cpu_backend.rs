@@ -502,11 +502,15 @@ mod tests {
         }
         window.app.world_mut().resource_mut::<Preset>().motion.rest_ms = 0;
         let mut found = Vec::new();
-        window.wait("all samples", |app| {
-            let whole = latest(app).filter(|drawn| drawn.key.size == full);
+        let start = Instant::now();
+        while !window.app.world().resource::<Converged>().0 {
+            // Ranges glide for some seconds.
+            window.frame(0.05);
+            std::thread::sleep(Duration::from_millis(1));
+            assert!(start.elapsed() < Duration::from_secs(60), "waited in vain for all samples");
+            let whole = latest(&window.app).filter(|drawn| drawn.key.size == full);
             found.extend(whole.and_then(|drawn| drawn.key.light_samples.zip(drawn.painted)));
-            app.world().resource::<Converged>().0
-        });
+        }
         found.dedup_by_key(|(samples, _)| *samples);
         let samples: Vec<u32> = found.iter().map(|(samples, _)| *samples).collect();
         assert_eq!(samples, [4, 16, 20]);

@@ -33,6 +33,7 @@ const WINDOW: [&[&str]; 4] = [
         "state",
         "input",
         "theme",
+        "panes",
         "camera",
         "picture",
         "sheet",

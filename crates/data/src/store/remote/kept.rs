@@ -287,7 +287,8 @@ mod tests {
     #[test]
     fn ends_are_there_as_long_as_their_file_is_used() {
         let folder = tempfile::tempdir().unwrap();
-        let kept = Kept::within(folder.path().into(), 10_000, "https://h/a.df", "https://h/a.df");
+        let mut kept = Kept::within(folder.path().into(), 10_000, "https://h/a.df", "https://h/a.df");
+        kept.open(&ends());
         let path = kept.folder.join("ends");
         let age = |path: &Path, seconds| {
             let file = File::options().write(true).open(path).unwrap();

@@ -129,7 +129,7 @@ fn shares_of_others_are_told_of_their_task() {
     let mut longer = sound.clone();
     longer[start + 8 + Blob::TOLD as usize] ^= 1;
     // The first run of particles, behind the length of the list and two others: a 1, its length, another 1, the task in whose file it is.
-    let other = job.number("partition", 1).unwrap();
+    let other = job.number("survey", 0).unwrap();
     let foreign = with_blob(&sound, 1, |shares| {
         let run = (16..shares.len()).find(|at| shares[*at] == 1).unwrap();
         shares[run + 10..run + 14].copy_from_slice(&other.to_le_bytes());
