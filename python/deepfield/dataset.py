@@ -99,7 +99,7 @@ class Data:
     def __init__(self, native):
         about = json.loads(native.about)
         self._native = native
-        self.paths = [os.fspath(path) for path in native.paths]
+        self.paths = native.paths
         self.kind = about["kind"]
         self.unit = about["unit"]
         self.mass_unit = about.get("mass_unit", "")

@@ -17,6 +17,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::Value;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -88,8 +89,9 @@ impl Dataset {
 
     /// What files it is of.
     #[getter]
-    fn paths(&self) -> Vec<PathBuf> {
-        self.paths.to_vec()
+    fn paths(&self) -> Vec<OsString> {
+        // Python's own paths would have one slash of a URL's two.
+        self.paths.iter().map(|path| path.as_os_str().to_owned()).collect()
     }
 
     /// A picture, and what there was to tell.
