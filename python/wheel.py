@@ -43,10 +43,10 @@ def cargo(*arguments):
 def output_folder(metadata, profile, glibc=None):
     """Where cargo puts what it compiles, for a glibc 2 of its own where its minor version is given."""
     folder = pathlib.Path(metadata["target_directory"])
-    return (folder if glibc is None else folder / linux()) / ("debug" if profile == "dev" else profile)
+    return (folder if glibc is None else folder / linux_target()) / ("debug" if profile == "dev" else profile)
 
 
-def linux():
+def linux_target():
     """The target of a Linux on this machine."""
     return f"{platform.machine()}-unknown-linux-gnu"
 
@@ -63,7 +63,7 @@ def minor_of_glibc(text):
 def built(metadata, profile, *chosen, glibc=None):
     """Compiles what is chosen; returns the folder of what cargo makes."""
     # Zig brings the symbols of every glibc to link with, and a compiler of C for what C there is.
-    command = ["build"] if glibc is None else ["zigbuild", "--target", f"{linux()}.2.{glibc}"]
+    command = ["build"] if glibc is None else ["zigbuild", "--target", f"{linux_target()}.2.{glibc}"]
     cargo(*command, "--locked", *chosen, "--profile", profile)
     return output_folder(metadata, profile, glibc)
 

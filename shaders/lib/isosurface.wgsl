@@ -1,4 +1,4 @@
-// Where rays cross the isosurfaces of a volume, and how these are lit, as src/cpu/volume/surface.rs has it, whose comments say why.
+// Where rays cross the isosurfaces of a volume, and how these are lit, as crates/draw/src/cpu/volume/surface.rs has it, whose comments say why.
 //
 // Whoever imports this has binding 0 of group 0 taken.
 #define_import_path deepfield::isosurface

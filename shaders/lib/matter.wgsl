@@ -1,4 +1,4 @@
-// What densities and attributes emit and absorb: the tables of a transfer function, as src/cpu/volume/classify.rs reads them.
+// What densities and attributes emit and absorb: the tables of a transfer function, as crates/draw/src/cpu/volume/classify.rs reads them.
 //
 // Whoever imports this has bindings 0 and 1 of group 1 taken. The Rust twin of `Lookup` is in src/gpu/matter.rs.
 #define_import_path deepfield::matter

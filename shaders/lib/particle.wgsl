@@ -203,7 +203,7 @@ fn load_cluster(axes: mat3x3<f32>, node: Node, index: u32) -> Particle {
     );
 }
 
-/// What the view leaves of the weight of a particle at a place in camera space (src/view/cut.rs).
+/// What the view leaves of the weight of a particle at a place in camera space (crates/draw/src/view/cut.rs).
 fn cut_factor(axes: mat3x3<f32>, position: vec3<f32>) -> f32 {
     // The rows of the rotation back are the columns of `axes`.
     let world = position * axes;

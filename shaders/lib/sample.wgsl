@@ -1,4 +1,4 @@
-// Which particles of a node a thinned picture draws. The Rust twin, with the why, is src/raster/sample.rs: both must keep
+// Which particles of a node a thinned picture draws. The Rust twin, with the why, is crates/draw/src/mode/sample.rs: both must keep
 // the same particles.
 #define_import_path deepfield::sample
 

@@ -1,4 +1,4 @@
-// Splats that lie over each other, in the order of their distance, each with its colour: what src/cpu/over.rs blends. One invocation for
+// Splats that lie over each other, in the order of their distance, each with its colour: what crates/draw/src/cpu/over.rs blends. One invocation for
 // each. shaders/sorted/blend.wgsl blends them.
 #import deepfield::tile_reach::tiles_of
 #import deepfield::tile_view::{TileView, Spot}

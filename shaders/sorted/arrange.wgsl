@@ -1,4 +1,4 @@
-// Particles in the order of their depth, classified each on its own: what src/cpu/sorted.rs blends. One invocation for each.
+// Particles in the order of their depth, classified each on its own: what crates/draw/src/cpu/sorted.rs blends. One invocation for each.
 #import deepfield::matter::matter_of
 #import deepfield::tile_reach::tiles_of
 #import deepfield::tile_view::{TileView, Spot}

@@ -1,4 +1,4 @@
-// Blends the particles of each tile front to back (F12 5.9), as src/cpu/sorted.rs does. One invocation for each pixel.
+// Blends the particles of each tile front to back (F12 5.9), as crates/draw/src/cpu/sorted.rs does. One invocation for each pixel.
 #import deepfield::kernel::{box_profile, evaluate}
 #import deepfield::tile_view::{line_through, square_from}
 #import deepfield::tile_walk::{tiles, progress, Walk, begin_walk, head_of, advance, is_spent, NONE}

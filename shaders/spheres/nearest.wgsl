@@ -1,4 +1,4 @@
-// The first sphere along each line of sight, as src/cpu/screen_spheres.rs finds it. One invocation for each pixel.
+// The first sphere along each line of sight, as crates/draw/src/cpu/screen_spheres.rs finds it. One invocation for each pixel.
 #import deepfield::sphere_view::{SphereView, Hit, FAR}
 #import deepfield::tile_view::{Spot, line_through, square_from}
 #import deepfield::tile_walk::{tiles, progress, Walk, begin_walk, head_of, advance, is_spent, NONE}

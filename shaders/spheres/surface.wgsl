@@ -1,4 +1,4 @@
-// From the spheres that pixels show to one smooth surface and its light, as src/cpu/screen_spheres.rs has it, whose comments say
+// From the spheres that pixels show to one smooth surface and its light, as crates/draw/src/cpu/screen_spheres.rs has it, whose comments say
 // why. One invocation for each pixel.
 #import deepfield::tile_constants::{NEIGHBOUR, WIDEST}
 #import deepfield::sphere_view::{SphereView, Hit, FAR}

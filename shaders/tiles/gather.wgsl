@@ -53,7 +53,7 @@ fn keys_of(spot: Spot, slab: vec4<u32>) -> vec2<u32> {
     return vec2(first, behind - min(first, behind));
 }
 
-/// The smoothing length of a splat blurred by a kernel of some pixels (src/cpu/over/blurred.rs). What has no end in the picture is large
+/// The smoothing length of a splat blurred by a kernel of some pixels (crates/draw/src/cpu/over/blurred.rs). What has no end in the picture is large
 /// enough.
 fn blurred(place: vec4<f32>) -> f32 {
     let h = place.w;

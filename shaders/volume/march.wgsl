@@ -1,5 +1,5 @@
 // Ray casting through a Cartesian grid all of which is held: emission and absorption with post-classification, isosurfaces, or both;
-// step for step what src/cpu/cartesian/march.rs does, whose comments say why.
+// step for step what crates/draw/src/cpu/cartesian/march.rs does, whose comments say why.
 //
 // `find_rooms` finds how dense the field is at most in each room and those around it; then `march`, one invocation for each pixel.
 //

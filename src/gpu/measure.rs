@@ -3,6 +3,7 @@
 //! A camera with [`Measure`] has every picture measured that it accumulates, but for those that come while one is being read.
 
 use super::answer::Answer;
+use super::news::News;
 use super::shaders;
 use super::splat::resources::at_least;
 use super::splat::{SplatBuffers, accumulate_splats, prepare_splats};
@@ -25,8 +26,8 @@ use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery
 use bevy::render::{Render, RenderApp, RenderStartup, RenderSystems};
 use bytemuck::{Pod, Zeroable};
 use std::num::NonZeroU64;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::task::Poll;
 
 /// Longest side of what is read back, pixels.
@@ -50,21 +51,8 @@ pub struct Measured {
     pub cells: Accumulation,
 }
 
-/// The last picture that has been measured. Clones share it.
-#[derive(Resource, Clone, Debug, Default)]
-pub struct MeasuredPicture(Arc<Mutex<Option<Arc<Measured>>>>);
-
-impl MeasuredPicture {
-    /// The last one.
-    pub fn get(&self) -> Option<Arc<Measured>> {
-        // One assignment: whoever panicked left something consistent.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    fn set(&self, measured: Measured) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(measured));
-    }
-}
+/// The last picture that has been measured.
+pub type MeasuredPicture = News<Option<Arc<Measured>>>;
 
 /// WGSL `Reduction`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -184,7 +172,8 @@ fn prepare_measurements(
             match known.answer.take() {
                 Poll::Ready(Some(bytes)) => {
                     let items = Arc::clone(&known.items);
-                    measured.set(Measured { view: known.view, items, cells: known.cells(&bytes) });
+                    let found = Measured { view: known.view, items, cells: known.cells(&bytes) };
+                    *measured.lock() = Some(Arc::new(found));
                 }
                 // What cannot be read is measured again with the next picture.
                 Poll::Ready(None) => {}

@@ -18,7 +18,6 @@
 
 pub mod answer;
 pub mod arena;
-pub mod blending;
 pub mod bloom;
 pub mod capabilities;
 pub mod clusters;
@@ -29,6 +28,7 @@ pub mod depiction;
 pub mod device;
 pub mod environment;
 pub mod field_samples;
+pub mod front_to_back;
 pub mod headless;
 pub mod integrals;
 pub mod layered;

@@ -4,12 +4,12 @@
 //! Particles are blurred and get their own columns where they are listed (`shaders/tiles/gather.wgsl`). What is equally far away has the order
 //! of the draw list.
 
-use super::blending::{self, BlendGroups, BlendPipelines};
 use super::capabilities::Capabilities;
+use super::front_to_back::{BlendGroups, BlendPipelines};
 use super::matter::map_to_place;
 use super::splat::layout::Grids;
 use super::tiles::spots::listed_within;
-use super::tiles::{Binding, Canvas, OverRequest, TileList, TileMode, TileRequest};
+use super::tiles::{Binding, Canvas, OverRequest, TileList, TileMode, TileRequest, opaque_depths};
 use crate::color::splat_colors::{OwnColumn, SplatColors};
 use crate::color::transfer::Scale;
 use crate::cpu::over::{LOW_PASS, TERMINATION};
@@ -159,6 +159,6 @@ impl TileMode for OverSplats {
     }
 
     fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
-        blending::opaque(view, ends, 0.0)
+        opaque_depths(view, ends, 0.0)
     }
 }

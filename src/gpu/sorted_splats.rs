@@ -1,12 +1,12 @@
 //! Order-dependent splatting (F12 5.9) on the adapter: particles by tiles, classified each on its own and blended front to back
 //! for each pixel, as [`crate::cpu::sorted`] does, which its pictures are held against.
 
-use super::blending::{self, BlendGroups, BlendPipelines};
 use super::capabilities::Capabilities;
+use super::front_to_back::{BlendGroups, BlendPipelines};
 use super::matter::{LookupUniform, table};
 use super::splat::layout::Grids;
 use super::tiles::spots::listed_within;
-use super::tiles::{Binding, Canvas, TileList, TileMode, TileRequest};
+use super::tiles::{Binding, Canvas, TileList, TileMode, TileRequest, opaque_depths};
 use crate::cpu::volume::{Classifier, OpaqueDepths};
 use crate::view::View;
 use bevy::asset::AssetServer;
@@ -86,6 +86,6 @@ impl TileMode for SortedSplats {
     }
 
     fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
-        blending::opaque(view, ends, self.smallest)
+        opaque_depths(view, ends, self.smallest)
     }
 }

@@ -9,7 +9,7 @@ use super::splat::resources::whole;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, portion, queue, read, tile_view, uniform, walk_layout, write};
 use super::tiles::spots::listed_within;
-use super::tiles::{Binding, Canvas, Drawing, TileBindings, TileList, TileMode, TileRequest};
+use super::tiles::{Binding, Canvas, Drawing, TileBindings, TileList, TileMode, TileRequest, opaque_depths};
 use crate::cpu::screen_spheres::{Front, Hit, ROUNDS, SurfaceColors};
 use crate::cpu::volume::{Light, OpaqueDepths};
 use crate::view::{Projection, View};
@@ -203,8 +203,7 @@ impl TileMode for Spheres {
 
     fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths {
         // Before they are smoothed: smoothing looks at no more than what each pixel shows.
-        let depths = ends.iter().map(|&end| if end == 0.0 { f32::INFINITY } else { end });
-        OpaqueDepths::new(view, depths.collect(), 1.0, 0.0).reaching(self.radius)
+        opaque_depths(view, ends, 0.0).reaching(self.radius)
     }
 }
 

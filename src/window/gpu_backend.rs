@@ -478,7 +478,7 @@ pub(super) fn draw_on_gpu(
         let shown = SplatView { view, footprint, backend, culling, faintest, items, always: false, keeps_last };
         commands.entity(entity).insert(shown);
     }
-    let found = measured.get();
+    let found = measured.now();
     let is_current = found.as_ref().is_some_and(|found| found.view == view && Arc::ptr_eq(&found.items, &tables.items));
     let paced = tables.measured.is_none_or(|since| since.elapsed() > MEASURE_EVERY);
     if let Some(found) = found

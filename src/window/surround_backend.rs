@@ -82,7 +82,7 @@ impl Wanted {
 
     /// Leaves what hue alone asks for to the picture at rest, as flat views do ([`Depiction::detail_in_motion`]).
     fn leave_hue(&mut self, depiction: &Depiction) {
-        let share = depiction.tolerance();
+        let share = depiction.error_share();
         // Else it stays what is wanted at rest, too, and need not be drawn again.
         if share < 1.0 {
             for look in [&mut self.shot.look, &mut self.content.shot.look] {

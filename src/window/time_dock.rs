@@ -167,8 +167,8 @@ fn line(ui: &mut Ui, playhead: &mut Playhead, marks: Along, words: f32) {
             let time = playhead.time_at(playhead.share(number, marks) + f64::from(right), marks);
             playhead.seek(time);
         }
-        Some(Asked::Number(time)) if time.is_finite() => playhead.seek(time),
-        Some(Asked::Number(_) | Asked::Remove) | None => {}
+        Some(Asked::Number(time)) => playhead.seek(time),
+        Some(Asked::Remove) | None => {}
     }
 }
 

@@ -1,6 +1,6 @@
 //! Surfaces of particles and volumes by the program, and their files read back.
 
-use crate::support::{ok, run};
+use crate::support::{self, run};
 use serde_json::json;
 use std::collections::HashMap;
 use std::path::Path;
@@ -112,7 +112,7 @@ fn read_stl(path: &Path) -> Mesh {
 fn made(folder: &Path, name: &str, more: &[&str]) -> serde_json::Value {
     let isovalue: &[&str] = if more.contains(&"--isovalue") { &[] } else { &["--isovalue", "1"] };
     let arguments = [&["surface", "cloud.g2", "-o", name, "--json", "-"][..], isovalue, more].concat();
-    serde_json::from_slice(&ok(folder, &arguments).stdout).unwrap()
+    support::json(folder, &arguments)
 }
 
 #[test]
@@ -224,7 +224,7 @@ fn volumes_have_surfaces_built_or_not() {
     assert!(run(folder, &["build", "ball.nrrd", "-o", "ball.df"]).status.success());
     let made = |data: &str, name: &str, more: &[&str]| -> serde_json::Value {
         let arguments = [&["surface", data, "--isovalue", "-0.25", "-o", name, "--json", "-"][..], more].concat();
-        serde_json::from_slice(&ok(folder, &arguments).stdout).unwrap()
+        support::json(folder, &arguments)
     };
     let told = made("ball.nrrd", "source.ply", &[]);
     made("ball.df", "built.ply", &[]);

@@ -2,6 +2,7 @@
 
 use deepfield::look::HeightsSaid;
 use deepfield::look::page_cache::{cached_name, page_file};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
@@ -62,4 +63,11 @@ pub fn keep_demo_pages(folder: &Path) {
     });
     std::fs::create_dir_all(&pages).unwrap();
     std::fs::write(path, kept).unwrap();
+}
+
+/// Bytes in gzip.
+pub fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
 }

@@ -15,7 +15,7 @@ mod random;
 mod told;
 
 pub use eclipse::eclipse;
-pub use files::{demo, in_reference_data, in_repository, keep_demo_pages, kept_page_file};
+pub use files::{demo, gzip, in_reference_data, in_repository, keep_demo_pages, kept_page_file};
 pub use gas::{dataset_of, gas};
 pub use pages::{
     Built, built, built_from, built_from_dataset, built_plainly, core, draw_nodes, draw_pages, draw_source,

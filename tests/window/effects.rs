@@ -24,14 +24,15 @@ fn vectors_shadows_and_bloom_are_those_of_files() {
     // What the window leaves undrawn of sums, files have.
     let all = r#"budget: {"thinning": 0.0}"#;
     let bloom = "bloom: (strength: 0.6, threshold: 0.2, radius: 0.1)";
-    let glow = format!("{all}, exposure: adaptive(bright: 0.1, dark: 0.2), {bloom}");
+    let adaptive = format!("{all}, exposure: adaptive(bright: 0.1, dark: 0.2)");
+    let glow = format!("{adaptive}, {bloom}");
     // What a scene says, and the same without what is looked at.
     let scenes = [
         (MERGER, "cross-section", [arrows, slice], ["cpu"; 2]),
         // Planes are the processor's.
         (MERGER, "cross-section", [streaks, slice], ["compute", "cpu"]),
         (MERGER, "spheres", [dark, "settings: {}"], ["cpu"; 2]),
-        (MERGER, "column-density", [&*glow, all], ["cpu"; 2]),
+        (MERGER, "column-density", [&*glow, &*adaptive], ["cpu"; 2]),
         (BALLS, "volume", [bloom, "settings: {}"], ["compute"; 2]),
     ];
     for (number, ([data, camera], mode, says, [asked, draws])) in scenes.into_iter().enumerate() {
@@ -46,8 +47,11 @@ fn vectors_shadows_and_bloom_are_those_of_files() {
             std::fs::write(scene, text).unwrap();
         }
         let [expected, plain] = [&with, &without].map(|scene| render(folder, scene, "cpu", SIZE));
-        let changed = expected.iter().zip(&plain).filter(|(with, without)| is_off(**with, **without)).count();
-        assert!(100 * changed > expected.len(), "{mode} {number}: {changed} pixels show it");
+        // More of what is compared below than may be off there.
+        let compared = 3 * expected.len() / 4;
+        let pairs = expected.iter().zip(&plain).take(compared);
+        let changed = pairs.filter(|(with, without)| is_off(**with, **without)).count();
+        assert!(200 * changed > 3 * compared, "{mode} {number}: {changed} of {compared} pixels show it");
         let desktop = Desktop::with_screen(SIZE);
         let mut program = Program::open(&desktop, folder, &with, SIZE, &["--backend", asked]);
         let status = program.wait("a converged picture", |status| status["converged"] == true);

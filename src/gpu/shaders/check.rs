@@ -2,8 +2,8 @@
 //! No graphics adapter is needed.
 
 use super::{ShaderFile, sources};
-use crate::gpu::blending;
 use crate::gpu::bloom;
+use crate::gpu::front_to_back;
 use crate::gpu::splat::compute::pipeline::project_defs;
 use crate::gpu::splat::compute::sums::{accumulate_defs, slices_defs};
 use crate::gpu::splat::layout::Shape;
@@ -93,7 +93,7 @@ pub fn variants() -> Vec<Variant> {
     for is_software in [false, true] {
         all.push(plain("spheres/nearest.wgsl", walk_defs(is_software), vec!["nearest"]));
         for kernel in Kernel::ALL {
-            all.push(plain("sorted/blend.wgsl", blending::blend_defs(kernel, is_software), vec!["blend"]));
+            all.push(plain("sorted/blend.wgsl", front_to_back::blend_defs(kernel, is_software), vec!["blend"]));
         }
     }
     for kind in Kind::ALL {

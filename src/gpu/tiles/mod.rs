@@ -26,7 +26,9 @@ mod mode;
 pub mod spots;
 
 pub use list::{Drawing, TileList};
-pub use mode::{Binding, Canvas, TileBindings, TileFindings, TileMode, TileNews, TilePicture, TilePlugin};
+pub use mode::{
+    Binding, Canvas, TileBindings, TileFindings, TileMode, TileNews, TilePicture, TilePlugin, opaque_depths,
+};
 pub use spots::SpotList;
 
 /// Layers of depth, equally deep but for the depth itself in perspective.

@@ -60,6 +60,12 @@ pub trait TileMode: Clone + PartialEq + Send + Sync + 'static {
     fn opaque(&self, view: &View, ends: &[f32]) -> OpaqueDepths;
 }
 
+/// What a picture hides, by the depths where its pixels become opaque.
+pub fn opaque_depths(view: &View, ends: &[f32], smallest: f64) -> OpaqueDepths {
+    let depths = ends.iter().map(|&end| if end == 0.0 { f32::INFINITY } else { end });
+    OpaqueDepths::new(view, depths.collect(), 1.0, smallest)
+}
+
 /// On a camera with a [`LightView`]: its particles are drawn by a mode's passes (main world, extracted).
 #[derive(Component, Clone, Debug)]
 pub struct TilePicture<M: TileMode> {

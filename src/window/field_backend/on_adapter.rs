@@ -265,7 +265,7 @@ pub(in crate::window) fn draw_field_on_adapter(
                 camera.insert(composite);
             }
             let is_own = |found: &Arc<Measured>| found.view == from && Arc::ptr_eq(&found.items, &field.items);
-            let sums = measured.get().filter(is_own);
+            let sums = measured.now().filter(is_own);
             if let Some(sums) = &sums
                 && (field.exposed.as_ref().is_none_or(|known| !Arc::ptr_eq(known, sums)) || look.is_changed())
             {

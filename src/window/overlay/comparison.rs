@@ -49,7 +49,7 @@ pub fn draw(ui: &mut Ui, picture: Rect, comparison: &mut Comparison) -> bool {
     let (name, range) = ("Divider between the two hierarchies", PLACES.map(f64::from));
     let moved = match (Handle { name, place: &words, number, range, ways: Ways::Across }).asked(ui, &response) {
         Some(Asked::Move((right, _))) => Some(divider + right),
-        Some(Asked::Number(asked)) => Some(asked as f32).filter(|asked| asked.is_finite()),
+        Some(Asked::Number(asked)) => Some(asked as f32),
         Some(Asked::Remove) | None => None,
     };
     if response.hovered() || response.dragged() {

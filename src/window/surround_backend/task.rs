@@ -249,7 +249,7 @@ mod tests {
         let colored = Depiction { attribute, ..plain };
         moving.leave_hue(&colored);
         for look in [&moving.shot.look, &moving.content.shot.look] {
-            assert_eq!(colored.tolerance() * look.error_px(), LookPatch::default().error_px());
+            assert_eq!(colored.error_share() * look.error_px(), LookPatch::default().error_px());
         }
         assert!(moving != at_rest);
     }

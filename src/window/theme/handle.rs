@@ -64,7 +64,8 @@ impl Handle<'_> {
             let mut number = None;
             for request in input.accesskit_action_requests(response.id, Action::SetValue) {
                 if let Some(ActionData::NumericValue(asked)) = request.data {
-                    number = Some(asked);
+                    // What is no number is the least.
+                    number = Some(asked.max(least).min(most));
                 }
             }
             let requests = |action| input.num_accesskit_action_requests(response.id, action) as f32;
@@ -139,8 +140,10 @@ mod tests {
         };
         assert_eq!(request(Action::Increment, None), Some(Asked::Move((STEP, 0.0))));
         assert_eq!(request(Action::Decrement, None), Some(Asked::Move((-STEP, 0.0))));
-        let seven = Some(ActionData::NumericValue(7.0));
-        assert_eq!(request(Action::SetValue, seven), Some(Asked::Number(7.0)));
+        for (asked, number) in [(7.0, 7.0), (99.0, 9.0), (f64::NAN, 0.0)] {
+            let asked = request(Action::SetValue, Some(ActionData::NumericValue(asked)));
+            assert_eq!(asked, Some(Asked::Number(number)));
+        }
         // Keys are for what has the keyboard.
         assert_eq!([Key::ArrowLeft, Key::Delete].map(|key| press(key, Modifiers::NONE)), [None, None]);
         assert_eq!(request(Action::Focus, None), None);

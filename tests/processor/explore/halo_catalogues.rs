@@ -1,11 +1,9 @@
 //! Catalogues of halo finders: haloes that were written in their layouts are read, and what is damaged is refused by file and line.
 
-use crate::support::in_repository;
+use crate::support::{gzip, in_repository};
 use deepfield::explore::{Catalogue, Object};
-use flate2::{Compression, write::GzEncoder};
 use glam::DVec3;
 use proptest::prelude::*;
-use std::io::Write;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
@@ -158,9 +156,7 @@ fn compressed_haloes_in_hdf5_are_those_of_the_files_without() {
     let plain = |name: &str| in_repository("tests/data").join(name);
     let packed = |name: &str| folder.path().join(format!("{name}.gz"));
     for name in FILES {
-        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-        encoder.write_all(&std::fs::read(plain(name)).unwrap()).unwrap();
-        std::fs::write(packed(name), encoder.finish().unwrap()).unwrap();
+        std::fs::write(packed(name), gzip(&std::fs::read(plain(name)).unwrap())).unwrap();
     }
     for name in FILES {
         let expected = Catalogue { path: packed(name), ..Catalogue::read(&plain(name)).unwrap() };

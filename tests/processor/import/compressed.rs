@@ -3,15 +3,8 @@
 use super::hostile::{gadget, tipsy};
 use super::writers::file;
 use super::{data, las, message, phantom, ply, read_all, vtk_points};
+use crate::support::gzip;
 use deepfield::import::{LoadOptions, files_of, load, open};
-use flate2::{Compression, write::GzEncoder};
-use std::io::Write;
-
-fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-    encoder.write_all(bytes).unwrap();
-    encoder.finish().unwrap()
-}
 
 /// The bytes of a file of `tests/data`.
 fn stored(name: &str) -> Vec<u8> {

@@ -2,22 +2,17 @@
 
 use super::writers::file;
 use super::{message, read_all};
+use crate::support::gzip;
 use deepfield::import::{AttributeChoice, LoadOptions, load, open, summarize};
 use deepfield::model::FamilyName;
 use flate2::{Compression, write::GzEncoder};
 use std::io::Write;
 
-fn gzip(text: &str) -> Vec<u8> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
-    encoder.write_all(text.as_bytes()).unwrap();
-    encoder.finish().unwrap()
-}
-
 #[test]
 fn coordinates_with_units_plain_and_gzip() {
     let text = "x [kpc],y,z,vx,vy,vz,mass,Name\n1,2,3,0,0,5,2.5,first\n-4,5e-1,6,3,4,0,1,\"se,cond\"\n";
     let folder = tempfile::tempdir().unwrap();
-    for (name, bytes) in [("plain", text.as_bytes().to_vec()), ("packed", gzip(text))] {
+    for (name, bytes) in [("plain", text.as_bytes().to_vec()), ("packed", gzip(text.as_bytes()))] {
         let path = file(folder.path(), name, &bytes);
         let source = open(&path).unwrap();
         let family = &source.description().families[0];
@@ -73,7 +68,7 @@ fn the_columns_of_kstars_are_where_they_are() {
         064508.92 -164258.0 -000546.0-001223.100379.2 -1.4400.01A0 1            , alp CMa, Sirius\n\
         000000.00 +900000.0 -000546.0-001223.101000.0 12.00-0.50A0 1            ,\n";
     let folder = tempfile::tempdir().unwrap();
-    let path = file(folder.path(), "stars.dat", &gzip(text));
+    let path = file(folder.path(), "stars.dat", &gzip(text.as_bytes()));
     let source = open(&path).unwrap();
     assert_eq!(source.description().format, "kstars");
     let ra = read_all(source.as_ref(), 0, "ra", 1);

@@ -86,7 +86,7 @@ impl Memory {
         let bucket = bucket_particle * (most as u64).min(count);
         let rest = beside(allowed, buckets as u64 * HELD_BUCKET);
         let waiting = most_waiting(rest, particle, buckets);
-        let rest = rest.saturating_sub(waiting.min(count * particle));
+        let rest = rest.saturating_sub(waiting.min(count * while_waiting(particle)));
         let workers = (rayon::current_num_threads() as u64).min((rest / 2) / bucket.max(1)).max(1);
         let building = (workers * bucket).min(rest);
         // A fifth is left to the allocator's gaps.
@@ -134,8 +134,7 @@ impl Memory {
         let known = (buckets as u64).saturating_mul(HELD_BUCKET);
         let (particle, rest) = (particle_bytes(attributes), beside(allowed, known));
         let waiting = most_waiting(rest, particle, buckets);
-        // Room doubles as particles come.
-        let room = 2 * particle;
+        let room = while_waiting(particle);
         let runs = particles / (waiting / (particle * buckets as u64).max(1)).max(1);
         let held = known
             .saturating_add(waiting.min(particles.saturating_mul(room)))
@@ -221,6 +220,11 @@ impl Memory {
 /// Bytes that are left of what a process may take beside the program and bytes that it holds whatever that is.
 fn beside(allowed: u64, held: u64) -> u64 {
     allowed.saturating_sub(BASE.min(allowed / 3).saturating_add(held))
+}
+
+/// Bytes that a particle of so many takes while it waits in a bucket: room doubles as particles come.
+fn while_waiting(particle: u64) -> u64 {
+    2 * particle
 }
 
 /// Bytes for particles that wait in so many buckets until they are put away, of those that are left: half, as they are kept in memory then, too,

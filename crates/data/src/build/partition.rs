@@ -166,7 +166,7 @@ impl Partition {
                 places = order.iter().map(|&i| places[i as usize]).collect();
                 columns = columns.gather(&order);
             }
-            let run = run(&places, &columns, |parts| to.put_at(first + start, &parts.concat()));
+            let run = run(&places, &columns, |parts| to.put_at(first + start, parts));
             run.map(Some).map_err(temporary)
         };
         let runs = self.numbers().into_par_iter().zip(starts).map(hand_on);

@@ -221,9 +221,10 @@ impl Spill {
     ///
     /// # Errors
     /// When the disk takes no more.
-    pub fn put_at(&self, offset: u64, bytes: &[u8]) -> io::Result<Blob> {
-        let place = self.files()?.put_at(offset, &[bytes])?;
-        Ok(Blob { len: bytes.len() as u64, place: Place::Part(place) })
+    pub fn put_at(&self, offset: u64, parts: &[&[u8]]) -> io::Result<Blob> {
+        let place = self.files()?.put_at(offset, parts)?;
+        let len: usize = parts.iter().map(|part| part.len()).sum();
+        Ok(Blob { len: len as u64, place: Place::Part(place) })
     }
 
     /// A blob of those in the file of a task whose index is a list of them. Nothing else of that list is read.

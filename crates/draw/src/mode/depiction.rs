@@ -190,13 +190,13 @@ impl Depiction {
     }
 
     /// Of the displacement that a picture may have, the share that it has at most: what its mode tolerates where an attribute gives the hue.
-    pub fn tolerance(&self) -> f64 {
+    pub fn error_share(&self) -> f64 {
         if self.attribute.is_some() { self.mode.hue_tolerance } else { 1.0 }
     }
 
-    /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels: by [`Depiction::tolerance`] of that.
+    /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels: by [`Depiction::error_share`] of that.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
-        self.detail_in_motion(view, self.tolerance() * tau, metadata)
+        self.detail_in_motion(view, self.error_share() * tau, metadata)
     }
 
     /// The same of a view that moves: its hue waits until it rests. A sample of finer particles would be less of the picture in the same time,

@@ -81,12 +81,12 @@ impl AnySession {
     }
 
     /// Bytes that what pictures are drawn from may take, where that may make them coarser.
-    pub fn page_memory(&self) -> Option<u64> {
+    pub fn memory(&self) -> Option<u64> {
         match self {
             AnySession::Particles(session) => session.page_memory(),
             AnySession::Field(_) => None,
-            AnySession::Surface(session) => Some(session.page_memory()),
-            AnySession::Mixed(session) => session.page_memory(),
+            AnySession::Surface(session) => Some(session.chunk_memory()),
+            AnySession::Mixed(session) => session.memory(),
         }
     }
 

@@ -85,8 +85,7 @@ impl Scene {
 
     /// Whether what is known of pages leaves too little room for what a list's nodes are drawn from, or for more that this one needs.
     pub(super) fn is_full(&self, selection: &Selection<NodeRef>) -> bool {
-        let is_stopped = !selection.is_converged() && self.streamer.residency.statistics().over_budget;
-        is_stopped || self.outline.bytes() > self.most(Held::Outlines)
+        self.is_stopped(selection) || self.outline.bytes() > self.most(Held::Outlines)
     }
 
     fn fits(
@@ -98,8 +97,12 @@ impl Scene {
     ) -> Result<bool, StoreError> {
         let (selection, is_exceeded) = self.outlined(view, detail, exceeds, tell)?;
         // What is damaged is missing in any detail.
-        let is_stopped = !selection.is_converged() && self.streamer.residency.statistics().over_budget;
-        Ok(!is_exceeded && !is_stopped)
+        Ok(!is_exceeded && !self.is_stopped(&selection))
+    }
+
+    /// Whether there is no room for what a selection lacks.
+    fn is_stopped(&self, selection: &Selection<NodeRef>) -> bool {
+        !selection.is_converged() && self.streamer.residency.statistics().over_budget
     }
 
     /// Selects what a view draws in this detail by what is known of pages, and looks at those that it lacks, waiting for the disk, until there are

@@ -98,7 +98,7 @@ impl Show {
 
     /// Bytes that what is drawn may take in memory, where frames that need more are coarser.
     pub fn memory(&self) -> Option<u64> {
-        self.session.page_memory()
+        self.session.memory()
     }
 
     /// Whether a frame so far, or a picture that ranges were found from, was drawn coarser than the tour asks for, since memory has no room for more:
@@ -182,7 +182,7 @@ impl Show {
         self.note_memory();
         // All of an image or a volume is there: what is not converged keeps to the time that its look leaves it.
         if !picture.converged && !picture.is_coarser && self.session.field().is_none() {
-            let why = match self.session.lacks_memory() {
+            let why = match self.session.particles().is_some_and(|session| session.misses_for_memory()) {
                 true => "a page that the frame needs does not fit into memory; --memory sets how much there is",
                 false => "pages that the frame needs cannot be read",
             };

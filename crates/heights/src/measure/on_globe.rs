@@ -1,7 +1,7 @@
 //! What is under a pixel of a globe: the first place where a ray meets T as it stands on the body.
 
 use super::course::{Course, Courses, Spread};
-use super::pick::{Pick, STEPS};
+use super::pick::{Pick, in_hole};
 use super::ray::{Hit, MinMax, Ray};
 use super::tiles::{height_in, samples_of};
 use crate::model::Cell;
@@ -164,20 +164,9 @@ fn beside<M: MinMax>(
         })
     };
     let middle = range.map_or(0.0, |range| spread.lifted(range).iter().sum::<f64>() * 0.5);
-    let Some(mut found) = place(middle) else { return Ok(Pick::Beside) };
-    let mut next = found;
-    // As of a flat field.
-    for _ in 0..STEPS {
-        let [row, column] = next;
-        let first = [row.min(rows - 1.0), column.min(columns - 1.0)].map(|at| at as u64);
-        let height = field.cell(first[0], first[1])?.height(column - first[1] as f64, row - first[0] as f64);
-        if height.is_nan() {
-            found = next;
-            break;
-        }
-        let Some(nearer) = place(spread.lifted([height; 2])[0]) else { break };
-        next = nearer;
-    }
-    let ([row, column], Spread { origin, step, .. }) = (found, spread);
+    let Some(found) = place(middle) else { return Ok(Pick::Beside) };
+    let cell = |row, column| field.cell(row, column);
+    let [row, column] = in_hole(found, [rows, columns], cell, |height| place(spread.lifted([height; 2])[0]))?;
+    let Spread { origin, step, .. } = spread;
     Ok(Pick::NotMeasured { row, column, x: origin[0] + column * step[0], y: origin[1] + row * step[1] })
 }

@@ -1,9 +1,10 @@
 //! What is under a pixel: a triangle of T, a place that was not measured, or nothing of the field.
 
 use super::ray::{Hit, MinMax, Ray, Rise, cast};
+use crate::model::Cell;
 
 /// Most steps from the middle height of a field to a hole.
-pub(super) const STEPS: u32 = 8;
+const STEPS: u32 = 8;
 
 /// What a ray finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,29 +55,41 @@ pub fn pick<M: MinMax>(field: &mut M, rise: Rise, ray: &Ray) -> Result<Pick, M::
     if !(part[0] <= part[1] && part[0] < f64::INFINITY) {
         return Ok(Pick::Beside);
     }
-    let mut t = middle.unwrap_or(part[0]).clamp(part[0], part[1]);
+    let t = middle.unwrap_or(part[0]).clamp(part[0], part[1]);
     let place = |t: f64| {
         let moved = |from: f64, way: f64| if way == 0.0 { from } else { from + t * way };
         [moved(row, down).clamp(0.0, last_row), moved(column, right).clamp(0.0, last_column)]
     };
-    // Where the field slopes that may be beside the hole: where the ray is as high as what was measured there is nearer to it.
-    let mut next = t;
-    for _ in 0..STEPS {
-        let [row, column] = place(next);
-        let first = [row.min(last_row - 1.0), column.min(last_column - 1.0)].map(|at| at as u64);
-        let height = field.cell(first[0], first[1])?.height(column - first[1] as f64, row - first[0] as f64);
-        if height.is_nan() {
-            t = next;
-            break;
-        }
-        next = ((rise.world(height) - ray.origin[2]) / ray.direction[2]).clamp(part[0], part[1]);
-        if !next.is_finite() {
-            break;
-        }
-    }
-    let [row, column] = place(t);
+    let as_high = |height: f64| {
+        let t = ((rise.world(height) - ray.origin[2]) / ray.direction[2]).clamp(part[0], part[1]);
+        t.is_finite().then(|| place(t))
+    };
+    let cell = |row, column| field.cell(row, column);
+    let [row, column] = in_hole(place(t), [last_row, last_column], cell, as_high)?;
     let [x, y] = field.grid().place(row, column);
     Ok(Pick::NotMeasured { row, column, x, y })
+}
+
+/// The row and column of the hole that a ray goes through which is as high as the middle of a field of `last` row and column at `found`. Where
+/// the field slopes that may be beside the hole, and where the ray is `as_high` as what was measured there is nearer to it.
+pub(super) fn in_hole<E>(
+    found: [f64; 2],
+    last: [f64; 2],
+    mut cell: impl FnMut(u64, u64) -> Result<Cell, E>,
+    as_high: impl Fn(f64) -> Option<[f64; 2]>,
+) -> Result<[f64; 2], E> {
+    let mut next = found;
+    for _ in 0..STEPS {
+        let [row, column] = next;
+        let first = [row.min(last[0] - 1.0), column.min(last[1] - 1.0)].map(|at| at as u64);
+        let height = cell(first[0], first[1])?.height(column - first[1] as f64, row - first[0] as f64);
+        if height.is_nan() {
+            return Ok(next);
+        }
+        let Some(nearer) = as_high(height) else { break };
+        next = nearer;
+    }
+    Ok(found)
 }
 
 /// Where a coordinate that starts somewhere and changes at a rate is in a range.

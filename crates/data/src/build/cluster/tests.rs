@@ -187,7 +187,12 @@ fn options(bits: VqBits, bucket: usize, leaf: usize, volume_levels: bool) -> Bui
 }
 
 fn run_all(job: &Job) {
-    for Stage { name, tasks, .. } in job.stages() {
+    run_before(job, "");
+}
+
+/// Runs all stages before the one of this name.
+fn run_before(job: &Job, stage: &str) {
+    for Stage { name, tasks, .. } in job.stages().iter().take_while(|own| own.name != stage) {
         (0..*tasks).for_each(|task| job.run(name, task, None, &()).unwrap());
     }
 }

@@ -164,16 +164,14 @@ impl MixedSession {
         self.particles.as_mut()
     }
 
-    /// Bytes that pages of its particles may take, or where there are none, chunks of its heights; `None` where nothing limits them.
-    pub fn page_memory(&self) -> Option<u64> {
-        let of_heights = || self.heights.first().map(|(_, session)| session.page_memory());
-        self.particles.as_ref().map_or_else(of_heights, Session::page_memory)
+    /// Bytes that chunks of its heights may take. A tour, which asks, is of one member: of particles it is [`Session`] that draws.
+    pub fn memory(&self) -> Option<u64> {
+        self.heights.first().map(|(_, session)| session.chunk_memory())
     }
 
-    /// Whether the picture that was drawn last has no memory for all of its particles, or of its heights.
+    /// Whether the picture that was drawn last has no memory for all of its heights.
     pub fn lacks_memory(&self) -> bool {
-        self.particles.as_ref().is_some_and(Session::lacks_memory)
-            || self.heights.first().is_some_and(|(_, session)| session.lacks_memory())
+        self.heights.first().is_some_and(|(_, session)| session.lacks_memory())
     }
 
     /// What is to be told of pages of heights since the last call, as [`SurfaceSession::take_messages`] has it.

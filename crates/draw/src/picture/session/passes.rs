@@ -359,6 +359,11 @@ impl Session {
         self.options.page_memory
     }
 
+    /// Whether the picture that was drawn last lacks some that no coarser one would have, for want of memory.
+    pub fn misses_for_memory(&self) -> bool {
+        self.shortage.is_missing
+    }
+
     /// Whether the picture that was drawn last, or what was found of a view since, needed more memory than pages may take.
     pub fn lacks_memory(&self) -> bool {
         self.shortage.is_coarser || self.shortage.is_missing

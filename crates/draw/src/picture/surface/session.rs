@@ -150,7 +150,7 @@ impl SurfaceSession {
     }
 
     /// Bytes that decoded chunks may take.
-    pub fn page_memory(&self) -> u64 {
+    pub fn chunk_memory(&self) -> u64 {
         memory_of(&self.options)
     }
 
@@ -348,7 +348,7 @@ impl SurfaceSession {
             "{}: what is in view does not fit into the {} MiB, or the {MOST_NODES} chunks, that heights may take and is drawn coarser; --memory sets how \
              much a command has, and a larger --error-px takes less",
             self.opened.path().display(),
-            self.page_memory() >> 20
+            self.chunk_memory() >> 20
         ));
     }
 

@@ -218,13 +218,8 @@ pub fn plu() -> Vec<u8> {
 
 /// The same as a newer file, of this description and these heights.
 pub fn plux(index: &str, heights: &[f32]) -> Vec<u8> {
-    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     let bytes: Vec<u8> = heights.iter().flat_map(|height| height.to_le_bytes()).collect();
-    for (name, bytes) in [("index.xml", index.as_bytes()), ("LAYER_0.raw", &bytes), ("LAYER_0.stack.raw", &[7; 18])] {
-        archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
-        archive.write_all(bytes).unwrap();
-    }
-    archive.finish().unwrap().into_inner()
+    zip(&[("index.xml", index.as_bytes()), ("LAYER_0.raw", &bytes), ("LAYER_0.stack.raw", &[7; 18])])
 }
 
 /// Such a description.

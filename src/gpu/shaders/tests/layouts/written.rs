@@ -1,9 +1,9 @@
 //! The structures that the program writes, by the names that shaders have for the buffers.
 
 use super::{Layout, Member, Scalars};
-use crate::gpu::blending::SortedUniform;
 use crate::gpu::bloom::levels::{Givers, LevelUniform, Takers};
 use crate::gpu::composite::CompositeUniform;
+use crate::gpu::front_to_back::SortedUniform;
 use crate::gpu::integrals::layout::IntegralUniform;
 use crate::gpu::layered::{LayerGroup, LayerUniform};
 use crate::gpu::light::LightUniform;

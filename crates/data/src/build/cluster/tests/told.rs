@@ -15,9 +15,7 @@ fn results_of_other_numbers_are_told() {
     type CodedBooks = (Vec<(usize, CodedBatches)>, Vec<((usize, usize), [f64; 2])>);
     let case = Case::small();
     let job = case.plan(1).unwrap();
-    for Stage { name, tasks, .. } in job.stages().iter().take_while(|stage| stage.name != "pages") {
-        (0..*tasks).for_each(|task| job.run(name, task, None, &()).unwrap());
-    }
+    run_before(&job, "pages");
     let number = job.number("quantize", 0).unwrap();
     let mut coded: CodedBooks = Parts::reader(job.names()).index(number).unwrap();
     let write = |coded: &CodedBooks| {
@@ -53,8 +51,7 @@ fn nodes_where_they_cannot_be_are_told_of_their_task() {
     type Grown = (Vec<Built>, (Vec<Vec<u64>>, Vec<Vec<u64>>));
     let case = Case::small();
     let job = case.plan(2).unwrap();
-    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
-    job.stages().iter().take_while(|stage| stage.name != "join").for_each(run);
+    run_before(&job, "join");
     let path = job.names().path(job.number("grow", 1).unwrap());
     let read = || {
         let sound = std::fs::read(&path).unwrap();
@@ -115,8 +112,7 @@ fn with_blob(sound: &[u8], number: usize, change: impl FnOnce(&mut [u8])) -> Vec
 fn shares_of_others_are_told_of_their_task() {
     let case = Case::small();
     let job = case.plan(2).unwrap();
-    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
-    job.stages().iter().take_while(|stage| stage.name != "grow").for_each(run);
+    run_before(&job, "grow");
     let path = job.names().path(job.number("partition", 0).unwrap());
     let sound = std::fs::read(&path).unwrap();
     let start = u64::from_le_bytes(sound[24..32].try_into().unwrap()) as usize;
@@ -156,8 +152,7 @@ fn columns_that_are_missing_are_told_of_their_task() {
     let made_up = MadeUp { seed: 1, gas: 3000, dark: 0, is_lacking: true };
     let case = Case::new(&made_up, LoadOptions::default(), options(VqBits::Eight, 300, 100, true));
     let job = case.plan(2).unwrap();
-    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
-    job.stages().iter().take_while(|stage| stage.name != "grow").for_each(run);
+    run_before(&job, "grow");
     let number = job.number("neighbours", 1).unwrap();
     let mut found: Vec<(Seen, Option<Blob>)> = Parts::reader(job.names()).index(number).unwrap();
     let bucket = found.iter().position(|(_, blob)| blob.as_ref().is_some_and(|blob| blob.len() > 0)).unwrap();
@@ -175,8 +170,7 @@ fn columns_that_are_missing_are_told_of_their_task() {
 fn particles_that_are_missing_are_told() {
     let case = Case::small();
     let job = case.plan(2).unwrap();
-    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
-    job.stages().iter().take_while(|stage| stage.name != "grow").for_each(run);
+    run_before(&job, "grow");
     let number = job.number("partition", 0).unwrap();
     let path = job.names().path(number);
     let sound = std::fs::read(&path).unwrap();
@@ -200,7 +194,7 @@ fn particles_that_are_missing_are_told() {
     drop((old, new));
     Arc::into_inner(parts).unwrap().finish(&index, 0, 0).unwrap();
     let grow = job.stages().iter().find(|stage| stage.name == "grow").unwrap();
-    run(grow);
+    (0..grow.tasks).for_each(|task| job.run("grow", task, None, &()).unwrap());
     let told = job.run("join", 0, None, &()).unwrap_err().to_string();
     assert!(
         told.contains("particles of leaves: found ") && told.contains("results of stage partition or grow"),
@@ -217,8 +211,7 @@ fn particles_that_are_missing_are_told() {
 fn values_that_were_not_counted_are_told() {
     let case = Case::small();
     let job = case.plan(2).unwrap();
-    let run = |stage: &Stage| (0..stage.tasks).for_each(|task| job.run(&stage.name, task, None, &()).unwrap());
-    job.stages().iter().take_while(|stage| stage.name != "pages").for_each(run);
+    run_before(&job, "pages");
     let path = job.names().path(job.number("partition", 0).unwrap());
     let sound = std::fs::read(&path).unwrap();
     // One less in each column.

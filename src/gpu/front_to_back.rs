@@ -6,9 +6,7 @@ use super::splat::resources::whole;
 use super::tiles::constants::walk_defs;
 use super::tiles::pipelines::{arrange_layout, layout, queue, read, uniform, walk_layout, write};
 use super::tiles::{Binding, Canvas, Drawing, TileList, TileMode};
-use crate::cpu::volume::OpaqueDepths;
 use crate::model::Kernel;
-use crate::view::View;
 use bevy::asset::AssetServer;
 use bevy::platform::collections::HashMap;
 use bevy::render::render_resource::{
@@ -120,10 +118,4 @@ impl BlendGroups {
         self.list.draw(on.spots, on.particles, &on.steps, &drawing, context);
         Some(())
     }
-}
-
-/// What a picture hides, by the depths where its pixels become opaque.
-pub fn opaque(view: &View, ends: &[f32], smallest: f64) -> OpaqueDepths {
-    let depths = ends.iter().map(|&end| if end == 0.0 { f32::INFINITY } else { end });
-    OpaqueDepths::new(view, depths.collect(), 1.0, smallest)
 }
