@@ -1,12 +1,14 @@
 //! Tours from the command line: the shipped one looks as it should, recordings are the same files however often they are
 //! interrupted, and every frame can be made again from its scene.
 
+use crate::stream::disk::offset_of;
 use crate::support::{in_repository, program};
 use deepfield::annotate::overlay::read_png;
 use deepfield::build::{BuildOptions, build};
 use deepfield::heights::build::{HeightBuildOptions, HeightOrigin, build_heights};
 use deepfield::heights::model::HeightField;
 use deepfield::hierarchy::OctreeOptions;
+use deepfield::store::{PageFile, PageId};
 use deepfield::synth::{dataset, merger::Merger};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -253,6 +255,17 @@ fn frames_that_do_not_fit_into_memory_are_the_same_in_parts() {
     let silent = said(run(of_tour(&["--frame", "3", &at("fine.png"), "--memory", "1GiB"])));
     assert!(!silent.contains("coarser"), "{silent}");
     assert!(read_png(Path::new(&at("fine.png"))).unwrap() != read_png(Path::new(&at("still.png"))).unwrap());
+    // What cannot be read is no want of memory, in a frame that is coarser either.
+    let mut bytes = std::fs::read(at("merger.df")).unwrap();
+    let pages = PageFile::open(Path::new(&at("merger.df"))).unwrap().page_count();
+    for page in (1..pages).step_by(4) {
+        let start = offset_of(&bytes, PageId(page)) as usize;
+        bytes[start + 500] ^= 1;
+    }
+    std::fs::write(at("merger.df"), bytes).unwrap();
+    let (_, told) = failure(of_tour(&["--frame", "3", &at("damaged.png"), "--memory", "1MiB"]));
+    let last = told.lines().last().unwrap();
+    assert!(last.ends_with("merger.df: pages that the frame needs cannot be read"), "{told}");
 }
 
 /// A quarter of a turn about heights of which no frame fits into two mebibytes.
