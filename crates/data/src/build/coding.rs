@@ -4,21 +4,23 @@
 //! are of no use to any one leaf; with several, each of its own range of densities, the same bits give much smaller
 //! errors. Each costs `entries * (3 + attributes) * 4` bytes once.
 
+mod books;
+
 use super::column_error::{Pair, Picture};
 use super::spill::{Blob, Spill};
 use crate::codec::coordinates::unpack_leaf;
 use crate::codec::positions::leaf_words;
-use crate::codec::quantize::{Trained, parts};
+use crate::codec::quantize::{Coded, Trained};
 use crate::codec::{
     BatchInfo, Batches, CodeBits, Codebook, CodebookScope, Quantities, Quantized, Refinement, Scaling, VqBits, quantize,
 };
-use crate::hierarchy::Encoding;
 use crate::hierarchy::octree::TreeNode;
-use crate::model::portable::{expect_that, expect_within, portable, total};
+use crate::hierarchy::{Encoding, NodeKey};
+use crate::model::portable::{expect_that, portable};
 use crate::model::progress::Progress;
+pub(super) use books::{Book, Gathering, Part};
 use rayon::prelude::*;
 use std::io;
-use std::ops::Range;
 
 /// Leaf particles for each codebook at least: with 8 bits the entries of one take a fortieth of the space of so many.
 const PARTICLES: u64 = 1 << 14;
@@ -81,7 +83,8 @@ pub(super) struct Measured<'a> {
 pub(super) struct Drawn {
     /// The codebook, among those of leaves.
     pub book: usize,
-    leaf: usize,
+    /// Its number among those that share it.
+    pub leaf: usize,
     factor: f64,
 }
 
@@ -122,32 +125,22 @@ pub(super) type CodedBatches = Quantized<(Blob, usize)>;
 
 /// A batch of a node.
 pub(super) struct Entry {
-    depth: usize,
-    index: usize,
-    batch: Batch,
+    pub depth: usize,
+    pub index: usize,
+    pub batch: Batch,
 }
 
 portable!(Entry { depth, index, batch });
 
-/// Batches that share a codebook.
+/// Batches that share a codebook, or a run of them.
 pub(super) struct Shared {
     scope: CodebookScope,
     /// Codebooks that share the effort of training.
     books: usize,
+    /// Batches before the first one.
+    first: usize,
     entries: Vec<Entry>,
 }
-
-portable!(Shared { scope, books, entries });
-
-/// A run of batches of [`Shared`], all of one group.
-#[derive(PartialEq)]
-pub(super) struct Part {
-    pub group: u32,
-    pub particles: u64,
-    pub batches: Range<usize>,
-}
-
-portable!(Part { group, particles, batches });
 
 /// What shares a codebook, the leaves first, then the grid nodes of each depth, the deepest first.
 pub(super) fn shared(
@@ -167,12 +160,12 @@ pub(super) fn shared(
     }
     let groups = by_density(leaves, bits.entries);
     let books = groups.len();
-    let leaves = groups.into_iter().map(|entries| Shared { scope: CodebookScope::Leaves, books, entries });
+    let leaves = groups.into_iter().map(|entries| Shared { scope: CodebookScope::Leaves, books, first: 0, entries });
     let grids = grids.into_iter().enumerate().rev().filter(|(_, entries)| !entries.is_empty());
     let grids = grids.map(|(depth, mut entries)| {
         // Those of a node stay in their order.
         entries.sort_by_key(|entry| entry.batch.group);
-        Shared { scope: scope(depth as u8), books: 1, entries }
+        Shared { scope: scope(depth as u8), books: 1, first: 0, entries }
     });
     leaves.chain(grids).collect()
 }
@@ -182,22 +175,30 @@ pub(super) fn leaf_books(particles: u64, bits: VqBits) -> u64 {
     (particles / PARTICLES).clamp(1, (ENTRIES / bits.entries()).max(1) as u64)
 }
 
+/// The codebook of each leaf, the thinnest first, of which these are the particles: of each about as many. Some may have no leaf.
+fn books_by_density(particles: impl Iterator<Item = u64> + Clone, bits: VqBits) -> impl Iterator<Item = usize> {
+    let total: u64 = particles.clone().sum();
+    let count = leaf_books(total, bits);
+    let mut before = 0;
+    particles.map(move |particles| {
+        let share = (before + particles / 2) * count / total.max(1);
+        before += particles;
+        share.min(count - 1) as usize
+    })
+}
+
 /// Leaves in groups of about the same number of particles and of similar mean density.
 fn by_density(leaves: Vec<Entry>, bits: VqBits) -> Vec<Vec<Entry>> {
-    let total: u64 = leaves.iter().map(|leaf| leaf.batch.info.particles as u64).sum();
-    let count = leaf_books(total, bits);
     let mut order: Vec<(f32, usize)> = leaves.iter().map(|leaf| leaf.batch.density).zip(0..).collect();
     order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let mut leaves: Vec<Option<Entry>> = leaves.into_iter().map(Some).collect();
-    let mut groups: Vec<Vec<Entry>> = (0..count).map(|_| Vec::new()).collect();
-    let mut before = 0;
-    for (_, leaf) in order {
-        let Some(entry) = leaves[leaf].take() else { continue };
-        let particles = entry.batch.info.particles as u64;
-        let share = (before + particles / 2) * count / total.max(1);
-        groups[share.min(count - 1) as usize].push(entry);
-        before += particles;
-    }
+    let mut books = vec![0; leaves.len()];
+    let particles = order.iter().map(|&(_, leaf)| leaves[leaf].batch.info.particles as u64);
+    let most = order.iter().zip(books_by_density(particles, bits)).map(|(&(_, leaf), book)| {
+        books[leaf] = book;
+        book + 1
+    });
+    let mut groups: Vec<Vec<Entry>> = (0..most.max().unwrap_or(0)).map(|_| Vec::new()).collect();
+    leaves.into_iter().zip(books).for_each(|(leaf, book)| groups[book].push(leaf));
     groups.retain(|group| !group.is_empty());
     // By the groups of buckets, and in the order of the tree: neighbours on the disk are read together.
     let order = |entry: &Entry| (entry.batch.group, entry.depth, entry.index);
@@ -209,40 +210,6 @@ impl Shared {
     /// Whether these are leaves.
     pub fn is_of_leaves(&self) -> bool {
         self.scope == CodebookScope::Leaves
-    }
-
-    /// Runs of batches that can be coded by themselves, each with its group and number of particles.
-    pub fn parts(&self) -> Vec<Part> {
-        let of = |entry: &Entry| (entry.batch.group, entry.batch.info.particles);
-        let about: Vec<(u32, usize)> = self.entries.iter().map(of).collect();
-        let part = |batches: Range<usize>| {
-            let own = &about[batches.clone()];
-            let particles = own.iter().map(|(_, particles)| *particles as u64).sum();
-            Part { group: own.first().map_or(0, |(group, _)| *group), particles, batches }
-        };
-        parts(&about).into_iter().map(part).collect()
-    }
-
-    /// Whether its batches have the values that they tell of, so many columns, and together at most `most` particles; and whether they make these
-    /// parts; else what was found and expected.
-    pub fn check(&self, columns: usize, most: u64, parts: &[Part]) -> Result<(), String> {
-        self.entries.iter().try_for_each(|entry| entry.batch.check(columns))?;
-        let particles = self.entries.iter().map(|entry| entry.batch.info.particles as u64);
-        expect_within("particles", total(particles), 0..=most)?;
-        expect_that(self.parts()[..] == *parts, "parts", "those that batches make")
-    }
-
-    /// Whether its batches are of nodes of a tree; else what was expected.
-    pub fn check_nodes(&self, nodes: &[Vec<TreeNode<()>>]) -> Result<(), String> {
-        self.entries.iter().try_for_each(|Entry { depth, index, batch }| {
-            let node = nodes.get(*depth).and_then(|level| level.get(*index));
-            let particles = batch.info.particles as u64;
-            let is_of = |node: &TreeNode<()>| match node.encoding {
-                Encoding::Leaf => self.is_of_leaves() && particles == node.particles,
-                _ => !self.is_of_leaves() && particles <= node.particles,
-            };
-            expect_that(node.is_some_and(is_of), "batch", "one of a node of its tree")
-        })
     }
 
     /// Copies the quantities of all batches to where the coding will look for them.
@@ -261,7 +228,7 @@ impl Shared {
 
     /// The batches, and where they are.
     pub fn group<'a>(&'a self, spill: &'a Spill, bits: CodeBits, progress: &'a dyn Progress) -> Group<'a> {
-        Group { entries: &self.entries, spill, bits: bits.of(self.is_of_leaves()), progress }
+        Group { entries: &self.entries, first: self.first, spill, bits: bits.of(self.is_of_leaves()), progress }
     }
 
     /// Trains the quantiser; where a code of a leaf has more bits than an entry's number it is refined.
@@ -291,6 +258,8 @@ impl Shared {
 /// Batches that share a codebook, and where they are.
 pub(super) struct Group<'a> {
     entries: &'a [Entry],
+    /// Batches before the first of them.
+    first: usize,
     spill: &'a Spill,
     /// Those of a code.
     bits: VqBits,
@@ -302,7 +271,7 @@ impl Measured<'_> {
     ///
     /// # Errors
     /// When something cannot be read back.
-    pub fn error(
+    fn error(
         &self,
         nodes: &[Vec<TreeNode<()>>],
         shared: &[Shared],
@@ -310,55 +279,71 @@ impl Measured<'_> {
         spill: &Spill,
         bits: CodeBits,
     ) -> io::Result<Option<f64>> {
-        let drawn = self.drawn(nodes, shared);
+        let books: Vec<usize> = shared.iter().map(|own| own.entries.len()).collect();
+        let about = shared.iter().flat_map(|own| &own.entries).map(|entry| (entry.depth, entry.batch.info.mass));
         let squares = |drawn: &Drawn| {
-            let (shared, coded) = (&shared[drawn.book], &coded[drawn.book]);
-            self.squares(nodes, shared, coded, drawn, spill, bits)
+            let (entry, coded) = (&shared[drawn.book].entries[drawn.leaf], &coded[drawn.book]);
+            let leaf = Leaf {
+                entry,
+                node: &nodes[entry.depth][entry.index],
+                positions: (self.positions)(entry.depth, entry.index),
+                decoded: &coded.batches[drawn.leaf],
+            };
+            drawn.squares(self.picture, &leaf, coded, spill, bits)
         };
+        let drawn = drawn(self.picture, &books, about);
         let squares: Vec<[f64; 2]> = drawn.par_iter().map(squares).collect::<Result<_, _>>()?;
         Ok(picture_error(squares))
     }
+}
 
-    /// The leaves to draw.
-    pub fn drawn(&self, nodes: &[Vec<TreeNode<()>>], shared: &[Shared]) -> Vec<Drawn> {
-        let leaves: Vec<(usize, usize)> =
-            (0..shared.len()).flat_map(|book| (0..shared[book].entries.len()).map(move |leaf| (book, leaf))).collect();
-        let about = |&(book, leaf): &(usize, usize)| {
-            let Entry { depth, index, batch } = &shared[book].entries[leaf];
-            (nodes[*depth][*index].key, batch.info.mass)
-        };
-        let drawn = |(number, factor): (usize, f64)| {
-            let (book, leaf) = leaves[number];
-            Drawn { book, leaf, factor }
-        };
-        self.picture.chosen(leaves.iter().map(about)).into_iter().map(drawn).collect()
-    }
+/// The leaves to draw, of which these are depth and mass, in the order of the codebooks that so many share each.
+pub(super) fn drawn(picture: &Picture, books: &[usize], about: impl Iterator<Item = (usize, f64)>) -> Vec<Drawn> {
+    // Of a cell its size counts.
+    let cell = |(depth, mass): (usize, f64)| (NodeKey { depth: depth as u8, ..NodeKey::ROOT }, mass);
+    let drawn = |(number, factor): (usize, f64)| {
+        let (mut book, mut leaf) = (0, number);
+        while book + 1 < books.len() && leaf >= books[book] {
+            leaf -= books[book];
+            book += 1;
+        }
+        Drawn { book, leaf, factor }
+    };
+    picture.chosen(about.map(cell)).into_iter().map(drawn).collect()
+}
 
-    /// The squares of a leaf that is drawn, which shares a codebook with these.
+/// A leaf that was coded.
+pub(super) struct Leaf<'a> {
+    pub entry: &'a Entry,
+    pub node: &'a TreeNode<()>,
+    /// Where its section of positions is.
+    pub positions: Option<&'a Blob>,
+    pub decoded: &'a Coded<(Blob, usize)>,
+}
+
+impl Drawn {
+    /// The squares of the leaf, which was coded with others as `coded` says.
     ///
     /// # Errors
     /// When something cannot be read back.
     pub fn squares(
         &self,
-        nodes: &[Vec<TreeNode<()>>],
-        shared: &Shared,
+        picture: &Picture,
+        &Leaf { entry, node, positions, decoded }: &Leaf<'_>,
         coded: &CodedBatches,
-        &Drawn { leaf, factor, .. }: &Drawn,
         spill: &Spill,
         bits: CodeBits,
     ) -> io::Result<[f64; 2]> {
-        let group = shared.group(spill, bits, &());
-        let Entry { depth, index, batch } = &group.entries[leaf];
-        let decoded = &coded.batches[leaf];
-        let node = &nodes[*depth][*index];
-        let Some(positions) = (self.positions)(*depth, *index) else { return Ok([0.0; 2]) };
-        let section = group.spill.get(positions)?;
+        let Some(positions) = positions else { return Ok([0.0; 2]) };
+        let batch = &entry.batch;
+        let group = Group { entries: std::slice::from_ref(entry), first: 0, spill, bits: bits.of(true), progress: &() };
+        let section = spill.get(positions)?;
         let words = leaf_words(&section, node.points as usize, node.particles as usize)
             .map_err(|expected| spill.damaged(positions, &format!("positions: found others, expected {expected}")))?;
-        let codes = group.codes(&decoded.codes, leaf, coded.codes())?;
+        let codes = group.codes(&decoded.codes, 0, coded.codes())?;
         // As the mode weighs it: so that the leaf's mass is its own.
         let scale = super::tree::scale(batch.info.mass, decoded.mass);
-        let squares = batch.with(group.spill, |own| {
+        let squares = batch.with(spill, |own| {
             let pairs = words.iter().zip(&codes).enumerate().map(|(i, (&word, &code))| {
                 let entry = usize::from(coded.numbers[usize::from(code)]);
                 let book = &coded.codebook;
@@ -368,9 +353,9 @@ impl Measured<'_> {
                     decoded: [scale * book.mass[entry], book.smoothing_length[entry]],
                 }
             });
-            self.picture.squares(node.key, batch.info.mass, pairs)
+            picture.squares(node.key, batch.info.mass, pairs)
         })?;
-        Ok(squares.map(|sum| sum * factor))
+        Ok(squares.map(|sum| sum * self.factor))
     }
 }
 
@@ -409,6 +394,12 @@ impl Batch {
     }
 }
 
+impl Group<'_> {
+    fn batch(&self, batch: usize) -> &Batch {
+        &self.entries[batch - self.first].batch
+    }
+}
+
 impl Batches for Group<'_> {
     type Error = io::Error;
     type Kept = (Blob, usize);
@@ -418,16 +409,16 @@ impl Batches for Group<'_> {
     }
 
     fn info(&self, batch: usize) -> BatchInfo {
-        self.entries[batch].batch.info
+        self.batch(batch).info
     }
 
     fn group(&self, batch: usize) -> u32 {
-        self.entries[batch].batch.group
+        self.batch(batch).group
     }
 
     fn with<R>(&self, batch: usize, read: impl FnOnce(&Quantities) -> R) -> io::Result<R> {
         self.go_on();
-        self.entries[batch].batch.with(self.spill, read)
+        self.batch(batch).with(self.spill, read)
     }
 
     fn go_on(&self) {
@@ -441,7 +432,7 @@ impl Batches for Group<'_> {
     }
 
     fn codes(&self, (blob, count): &(Blob, usize), batch: usize, end: usize) -> io::Result<Vec<u16>> {
-        let particles = self.entries[batch].batch.info.particles;
+        let particles = self.batch(batch).info.particles;
         if *count != particles || self.bits.packed_len(particles) != Some(blob.len()) {
             let what = format!("codes: found {count} in {} bytes, expected {particles}", blob.len());
             return Err(self.spill.damaged(blob, &what));
@@ -457,6 +448,17 @@ impl Batches for Group<'_> {
 
     fn forget(&self, kept: (Blob, usize)) {
         self.spill.forget(kept.0);
+    }
+}
+
+impl CodedNode {
+    /// Adds a batch, coded.
+    pub fn add(&mut self, batch: &Batch, coded: Coded<(Blob, usize)>) {
+        self.codes.push(coded.codes);
+        self.mass += coded.mass;
+        self.mass_density += coded.mass_density;
+        self.true_mass_density += batch.info.mass_density;
+        self.smoothing_length_max = self.smoothing_length_max.max(coded.smoothing_length_max);
     }
 }
 
@@ -484,11 +486,7 @@ impl Coding {
                 || io::Error::other(format!("node: found number {index} of depth {depth}, expected one of the tree"));
             let node = node.ok_or_else(unknown)?;
             node.codebook = number;
-            node.codes.push(coded.codes);
-            node.mass += coded.mass;
-            node.mass_density += coded.mass_density;
-            node.true_mass_density += batch.info.mass_density;
-            node.smoothing_length_max = node.smoothing_length_max.max(coded.smoothing_length_max);
+            node.add(&batch, coded);
             spill.forget(batch.quantities);
         }
         self.codebooks.push(coded.codebook);
@@ -512,7 +510,7 @@ mod tests {
         let batch = Batch { quantities: spill.put(&[]).unwrap(), info, group: 0, density: 0.0 };
         let entries = [Entry { depth: 0, index: 0, batch }];
         for bits in [VqBits::Eight, VqBits::Twelve, VqBits::Sixteen] {
-            let group = Group { entries: &entries, spill: &spill, bits, progress: &() };
+            let group = Group { entries: &entries, first: 0, spill: &spill, bits, progress: &() };
             let mut kept = group.keep(vec![1, 200, 3]).unwrap();
             assert_eq!(group.codes(&kept, 0, 201).unwrap(), [1, 200, 3]);
             assert!(group.codes(&kept, 0, 200).is_err());

@@ -1,13 +1,14 @@
 //! What is known of a family from step to step of its build, whichever process takes the steps: what was seen in it, how it is cut into
 //! buckets, and in the end what the file says of it.
 
+use super::clusters::CodedClusters;
 use super::column_error::Picture;
 use super::derive::Deriving;
 use super::estimates::Estimating;
 use super::found::Seen;
 use super::reach::Surroundings;
 use super::survey::{Survey, column_error};
-use super::tree::CodedTrees;
+use super::tree::{Books, CodedTrees};
 use super::{BuildError, BuildOptions};
 use crate::codec::quantize::MAX_ATTRIBUTES;
 use crate::codec::{AttributeMerge, CodeBits, Scaling};
@@ -22,6 +23,39 @@ use crate::store::paging::{FamilyTrees, PlannedNode, Written};
 use crate::store::{ClusterLevel, ClusterTree, FamilyMetadata, VolumeTree};
 use std::path::Path;
 use std::sync::Arc;
+
+/// What of a family's trees its metadata tells.
+pub(super) struct Summary {
+    /// Mass of all particles, and their `sum m rho`.
+    pub mass: f64,
+    pub mass_density: f64,
+    /// Levels of the tree that has the leaves, without bytes.
+    pub levels: Vec<LevelInfo>,
+    /// Those for volumes, without leaves.
+    pub volume: Option<Vec<LevelInfo>>,
+    pub clusters: Option<CodedClusters>,
+    pub books: Books,
+    /// Whether merged particles are written.
+    pub has_octree: bool,
+}
+
+impl Summary {
+    /// That of coded trees.
+    pub fn of(coded: CodedTrees, options: &BuildOptions) -> Summary {
+        let has_octree = has_octree(&coded, options);
+        let CodedTrees { splats, volume, clusters, books, .. } = coded;
+        let top = &splats.nodes[0][0].node;
+        Summary {
+            mass: top.mass,
+            mass_density: top.mass_density,
+            levels: splats.levels,
+            volume: volume.map(|tree| tree.levels),
+            clusters,
+            books,
+            has_octree,
+        }
+    }
+}
 
 /// A family that has been looked through.
 pub(super) struct Outline {
@@ -186,16 +220,16 @@ impl Outline {
     pub fn metadata(
         &self,
         histograms: &[Histogram],
-        coded: CodedTrees,
+        summary: Summary,
         written: Vec<Written>,
         options: &BuildOptions,
     ) -> Result<FamilyMetadata, BuildError> {
-        let has_octree = has_octree(&coded, options);
+        let has_octree = summary.has_octree;
         let mut written = written.into_iter();
         let (Some(splats), volume, clusters) = (
             written.next(),
-            coded.volume.as_ref().and_then(|_| written.next()),
-            coded.clusters.as_ref().and_then(|_| written.next()),
+            summary.volume.as_ref().and_then(|_| written.next()),
+            summary.clusters.as_ref().and_then(|_| written.next()),
         ) else {
             return Err(column_error(self.name, "count", "at least one particle"));
         };
@@ -209,26 +243,25 @@ impl Outline {
         let unit = Unit::default();
         let quantities =
             [describe(0, "mass", &unit), describe(1, "density", &unit), describe(2, "smoothing-length", &unit)];
-        let top = &coded.splats.nodes[0][0].node;
         Ok(FamilyMetadata {
             name: self.name,
             count: survey.count,
-            mass: top.mass,
-            mass_density: top.mass_density,
+            mass: summary.mass,
+            mass_density: summary.mass_density,
             bounds: survey.bounds,
             root: self.root,
             root_page: clusters.as_ref().filter(|_| !has_octree).map_or(splats.root_page, |tree| tree.root_page),
             quantities,
             attributes: (3..).zip(&self.attributes).map(|(k, (name, unit))| describe(k, name, unit)).collect(),
-            levels: own_levels(with_bytes(&coded.splats.levels, splats.bytes), has_octree),
-            volume: volume.zip(coded.volume.as_ref()).map(|(written, tree)| VolumeTree {
+            levels: own_levels(with_bytes(&summary.levels, splats.bytes), has_octree),
+            volume: volume.zip(summary.volume.as_ref()).map(|(written, levels)| VolumeTree {
                 root_page: written.root_page,
-                levels: with_bytes(&tree.levels, written.bytes),
+                levels: with_bytes(levels, written.bytes),
             }),
-            codebooks: coded.books.codebooks,
-            refinements: coded.books.refinements,
-            column_error: coded.books.column_error,
-            clusters: clusters.zip(coded.clusters).map(|(written, tree)| ClusterTree {
+            codebooks: summary.books.codebooks,
+            refinements: summary.books.refinements,
+            column_error: summary.books.column_error,
+            clusters: clusters.zip(summary.clusters).map(|(written, tree)| ClusterTree {
                 root_page: written.root_page,
                 levels: tree
                     .levels

@@ -119,6 +119,25 @@ impl Memory {
         }
     }
 
+    /// The same of a task that cannot do with less than it holds.
+    ///
+    /// # Errors
+    /// When that is more than a task of `out` may take; `what` needs it.
+    pub fn of_whole(
+        allowed: u64,
+        folder: &Path,
+        attributes: usize,
+        held: u64,
+        (what, out): (&str, &Path),
+    ) -> Result<Memory, BuildError> {
+        // So much the program takes itself.
+        if held > beside(allowed, 0).max(BASE) {
+            let needed = held.saturating_add(BASE).div_ceil(1 << 20);
+            return Err(BuildError::Memory { path: out.to_owned(), what: what.to_owned(), needed, allowed });
+        }
+        Ok(Memory::of_task(allowed, folder, attributes, held))
+    }
+
     /// The same of a task that sorts so many particles, of `all` of the job, into so many buckets.
     ///
     /// # Errors
@@ -314,6 +333,17 @@ mod tests {
         assert!(!of(256 << 20, 4096).unwrap_err().to_string().contains("--tasks"));
         // Of few buckets the program takes more.
         assert!(Memory::of_sorting(0, Path::new(""), 1, 1000, (1_000_000, all), Path::new("")).is_ok());
+    }
+
+    #[test]
+    fn tasks_that_hold_too_much_say_with_how_much_memory_they_would_not() {
+        let of =
+            |allowed: u64| Memory::of_whole(allowed, Path::new(""), 1, 5 << 30, ("stage join", Path::new("huge.df")));
+        let told = of(5 << 30).unwrap_err().to_string();
+        assert!(told.starts_with("huge.df: stage join takes about 5216 MiB of memory"), "{told}");
+        assert_eq!(of(5216 << 20).unwrap().particles, 0);
+        // Of few nodes the program takes more.
+        assert!(Memory::of_whole(0, Path::new(""), 1, BASE, ("stage join", Path::new("small.df"))).is_ok());
     }
 
     #[test]

@@ -52,7 +52,7 @@ use crate::store::writer::CompletePageFile;
 use crate::store::{FamilyMetadata, Metadata, PageFileWriter};
 pub use against_sources::compare_with_sources;
 pub use error::BuildError;
-use family::Outline;
+use family::{Outline, Summary};
 pub use flow::FlowOptions;
 use memory::Memory;
 pub use memory::default_memory;
@@ -284,7 +284,8 @@ impl<'a> Build<'a> {
         let others = family::others(&coded);
         let trees = family::trees(&coded, &others, options);
         let written = write_trees(&mut self.writer, number, trees, options.page_bytes, sections, progress)?;
-        self.families.push(outline.metadata(&histograms, coded, written, options)?);
+        let summary = Summary::of(coded, options);
+        self.families.push(outline.metadata(&histograms, summary, written, options)?);
         Ok(())
     }
 

@@ -2,24 +2,26 @@
 //! which belong to the first.
 
 mod checks;
+mod joining;
 
 use super::BuildError;
 use super::clusters::{CodedClusters, Maker};
-use super::coding::{self, Batch, Coding, Measured};
+use super::coding::{self, Batch, CodedNode, Coding, Measured};
 use super::column_error::Picture;
 use super::partition::Partition;
 use super::spill::{Blob, Spill};
 use crate::codec::coordinates::unpack_leaf;
 use crate::codec::positions::{encode_grid, encode_leaf, leaf_words};
 use crate::codec::{BatchInfo, CodeBits, Codebook, CodebookScope, Quantities, Refinement, Scaling};
-use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words, assemble, join};
+use crate::hierarchy::octree::{Bucket, Columns, Context, Open, Piece, Plan, Tree, TreeNode, Words};
 use crate::hierarchy::{ClusterOptions, Encoding, LevelInfo, Purpose};
 use crate::model::portable::{Portable, portable};
 use crate::model::progress::Progress;
 use crate::model::{FamilyName, Kernel};
 use crate::store::layout::StoredNode;
 use crate::store::paging::{PlannedNode, Sections};
-pub(super) use checks::{check_built, most_in_nodes};
+pub(super) use checks::{Checked, check_built, most_in_nodes};
+use joining::Nodes;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -104,6 +106,11 @@ pub(super) struct NodeSections {
 portable!(NodeSections { positions, codes });
 
 impl NodeSections {
+    /// Of a node with its section of positions there, if it has one.
+    pub fn new(positions: Option<Blob>, coded: CodedNode) -> NodeSections {
+        NodeSections { positions, codes: coded.codes }
+    }
+
     /// The sections as they are stored; `numbers` are those of [`Books`].
     ///
     /// # Errors
@@ -195,36 +202,15 @@ impl Grower<'_> {
     /// # Errors
     /// When something cannot be put away.
     pub fn join(&self, built: impl IntoIterator<Item = Built>) -> Result<Vec<Grown>, BuildError> {
-        let Grower { context, family, plan, .. } = *self;
-        let kinds = context.options.levels();
-        let mut gathered: Vec<(Vec<Piece<Option<Kept>>>, Vec<Open>)> =
-            kinds.iter().map(|_| Default::default()).collect();
-        for bucket in built {
-            for ((pieces, open), (more, left)) in gathered.iter_mut().zip(bucket) {
-                pieces.extend(more);
-                open.extend(left);
-            }
-        }
-        let mut trees = Vec::with_capacity(kinds.len());
-        let mut leaves: Vec<Piece<Option<Kept>>> = Vec::new();
-        for (&levels, (mut pieces, open)) in kinds.iter().zip(gathered) {
-            join(context, levels, open, &mut |piece| {
-                let bucket = plan.bucket(piece.first);
-                pieces.push(self.keep(piece, bucket, self.spill)?);
-                Ok::<_, BuildError>(())
-            })?;
-            if levels == Purpose::Splats && kinds.len() > 1 {
-                let own = pieces.iter().filter(|piece| piece.encoding == Encoding::Leaf);
-                leaves = own.map(|leaf| leaf.with(None)).collect();
-            } else {
-                pieces.append(&mut leaves);
-            }
+        let mut joiner = self.joiner();
+        let nodes = joiner.add(built, self.plan.len())?;
+        let trees = nodes.into_iter().zip(joiner.levels()).map(|(nodes, levels)| Tree { nodes, levels });
+        let trees: Vec<Grown> = trees.collect();
+        match trees.iter().any(|tree| tree.nodes.is_empty()) {
             // A stream without particles was refused before.
-            let tree = assemble(pieces, levels, context.root, context.options)
-                .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
-            trees.push(tree);
+            true => Err(super::survey::column_error(self.family, "count", "at least one particle")),
+            false => Ok(trees),
         }
-        Ok(trees)
     }
 }
 
@@ -255,13 +241,14 @@ pub(super) fn code(
     let mut trees = trees.into_iter();
     let mut next = |levels: Purpose, splats: Option<&CodedTree>| -> Result<Option<CodedTree>, BuildError> {
         let Some(tree) = trees.next() else { return Ok(None) };
-        let (draft, batches) = Draft::of(tree, &spill, progress).map_err(temporary)?;
+        let Tree { nodes, levels: about } = tree;
+        let (draft, batches) = Draft::of(nodes, &spill, progress).map_err(temporary)?;
         let positions = |depth: usize, index: usize| draft.positions(depth, index);
         // Leaves that are shared were measured with the tree that has them.
         let picture = picture.as_ref().filter(|_| splats.is_none());
         let measured = picture.map(|picture| Measured { picture, positions: &positions });
         let coded = coding::code(&draft.nodes, batches, scaling, &spill, bits, scope(levels), measured, progress);
-        Ok(Some(draft.coded(levels, coded.map_err(temporary)?, splats, bits, &mut books)))
+        Ok(Some(draft.coded((levels, about), coded.map_err(temporary)?, splats, bits, &mut books)))
     };
     let splats = next(Purpose::Splats, None)?
         .ok_or_else(|| super::survey::column_error(family, "count", "at least one particle"))?;
@@ -280,24 +267,23 @@ pub(super) fn scope(levels: Purpose) -> fn(u8) -> CodebookScope {
     }
 }
 
-/// A tree whose positions are sections as they will be stored, without quantities.
+/// The nodes of a tree, or some that follow each other at each depth; positions are sections as they will be stored, and there are no
+/// quantities.
 pub(super) struct Draft {
     /// The nodes.
     pub nodes: Vec<Vec<TreeNode<()>>>,
     positions: Vec<Vec<Option<Blob>>>,
-    levels: Vec<LevelInfo>,
 }
 
-portable!(Draft { nodes, positions, levels });
+portable!(Draft { nodes, positions });
 
 impl Draft {
     /// Makes sections of positions; gives the quantities of each node, too, in batches that are still to be coded.
     ///
     /// # Errors
     /// When something cannot be put away or read back.
-    pub fn of(tree: Grown, spill: &Spill, progress: &dyn Progress) -> std::io::Result<(Draft, Vec<Vec<Vec<Batch>>>)> {
-        let Tree { nodes, levels } = tree;
-        let mut all = Draft { nodes: Vec::new(), positions: Vec::new(), levels };
+    pub fn of(nodes: Nodes, spill: &Spill, progress: &dyn Progress) -> std::io::Result<(Draft, Vec<Vec<Vec<Batch>>>)> {
+        let mut all = Draft { nodes: Vec::new(), positions: Vec::new() };
         let mut batches: Vec<Vec<Vec<Batch>>> = Vec::with_capacity(nodes.len());
         for level in nodes {
             let one = |node| {
@@ -327,21 +313,31 @@ impl Draft {
         self.positions[depth][index].as_ref()
     }
 
-    /// The tree with its codes, whose leaves are those of `shared`, if that is there; appends its codebooks.
+    /// The nodes of each depth, and where their sections of positions are.
+    pub fn into_levels(
+        self,
+    ) -> impl ExactSizeIterator<Item = (Vec<TreeNode<()>>, Vec<Option<Blob>>)> + DoubleEndedIterator {
+        self.nodes.into_iter().zip(self.positions)
+    }
+
+    /// The tree of a kind and with these levels with its codes, whose leaves are those of `shared`, if that is there; appends its codebooks.
     pub fn coded(
         self,
-        kind: Purpose,
+        (kind, mut levels): (Purpose, Vec<LevelInfo>),
         mut coded: Coding,
         shared: Option<&CodedTree>,
         bits: CodeBits,
         books: &mut Books,
     ) -> CodedTree {
-        let Draft { nodes, positions, mut levels } = self;
+        let Draft { nodes, positions } = self;
         let before = books.codebooks.len() as u16;
         books.codebooks.append(&mut coded.codebooks);
         books.refinements.append(&mut coded.refinements);
         books.numbers.append(&mut coded.numbers);
         books.column_error = books.column_error.or(coded.column_error);
+        if shared.is_some() {
+            levels.iter_mut().for_each(without_leaves);
+        }
         let mut planned: Vec<Vec<PlannedNode>> = Vec::with_capacity(nodes.len());
         let mut sections: Vec<Vec<NodeSections>> = Vec::with_capacity(nodes.len());
         for (depth, ((level, positions), coded)) in nodes.into_iter().zip(positions).zip(coded.nodes).enumerate().rev()
@@ -353,44 +349,17 @@ impl Draft {
                     // Both trees have the same cells, in the same order.
                     own.push(shared.nodes[depth][index].clone());
                     own_sections.push(NodeSections::default());
-                    levels[depth].leaf_nodes -= 1;
-                    levels[depth].leaf_particles -= draft.particles;
                     continue;
                 }
                 let below = planned.last().map_or(&[][..], |level: &Vec<PlannedNode>| level);
                 let children = draft.children.iter().flatten().filter_map(|&child| below.get(child));
-                let smoothing_length_max = children
-                    .map(|child| child.node.smoothing_length_max)
-                    .fold(draft.smoothing_length_max.max(coded.smoothing_length_max), f32::max);
-                let packing = bits.of(draft.encoding == Encoding::Leaf);
-                let codes = packing.packed_len(draft.particles as usize).unwrap_or(0);
-                // Particles that were enlarged have lost density: only what coding has changed is made up for.
-                let mass_density = match kind {
-                    Purpose::Splats => draft.mass_density,
-                    Purpose::Samples | Purpose::Clusters => coded.true_mass_density,
-                };
+                let lengths = children.map(|child| child.node.smoothing_length_max);
                 own.push(PlannedNode {
-                    sections: (positions.as_ref().map_or(0, Blob::len), codes),
+                    sections: section_lengths(&draft, positions.as_ref(), bits),
                     children: draft.children,
-                    node: StoredNode {
-                        key: draft.key,
-                        encoding: draft.encoding,
-                        codebook: before + coded.codebook,
-                        // Nodes with more are relays, and leaves with more were refused.
-                        particles: draft.particles as u32,
-                        points: draft.points as u32,
-                        source_particles: draft.source_particles,
-                        delta: draft.delta,
-                        bounds: draft.bounds,
-                        smoothing_length_max,
-                        mass: draft.mass,
-                        mass_density: draft.mass_density,
-                        mass_scale: scale(draft.mass, coded.mass),
-                        mass_density_scale: scale(mass_density, coded.mass_density),
-                        children: [None; 8],
-                    },
+                    node: stored(&draft, &coded, (kind, before), lengths),
                 });
-                own_sections.push(NodeSections { positions, codes: coded.codes });
+                own_sections.push(NodeSections::new(positions, coded));
             }
             planned.push(own);
             sections.push(own_sections);
@@ -398,6 +367,49 @@ impl Draft {
         planned.reverse();
         sections.reverse();
         CodedTree { nodes: planned, sections, levels }
+    }
+}
+
+/// Takes the leaves, which are another tree's, off a level.
+pub(super) fn without_leaves(level: &mut LevelInfo) {
+    (level.leaf_nodes, level.leaf_particles) = (0, 0);
+}
+
+/// Bytes of a node's positions and of its codes.
+pub(super) fn section_lengths(node: &TreeNode<()>, positions: Option<&Blob>, bits: CodeBits) -> (usize, usize) {
+    let packing = bits.of(node.encoding == Encoding::Leaf);
+    (positions.map_or(0, Blob::len), packing.packed_len(node.particles as usize).unwrap_or(0))
+}
+
+/// A node of a tree of a kind as it is stored, but for the places of its children, below which smoothing lengths are up to these. Its tree's
+/// codebooks come after so many others.
+pub(super) fn stored(
+    node: &TreeNode<()>,
+    coded: &CodedNode,
+    (kind, before): (Purpose, u16),
+    lengths: impl Iterator<Item = f32>,
+) -> StoredNode {
+    // Particles that were enlarged have lost density: only what coding has changed is made up for.
+    let mass_density = match kind {
+        Purpose::Splats => node.mass_density,
+        Purpose::Samples | Purpose::Clusters => coded.true_mass_density,
+    };
+    StoredNode {
+        key: node.key,
+        encoding: node.encoding,
+        codebook: before + coded.codebook,
+        // Nodes with more are relays, and leaves with more were refused.
+        particles: node.particles as u32,
+        points: node.points as u32,
+        source_particles: node.source_particles,
+        delta: node.delta,
+        bounds: node.bounds,
+        smoothing_length_max: lengths.fold(node.smoothing_length_max.max(coded.smoothing_length_max), f32::max),
+        mass: node.mass,
+        mass_density: node.mass_density,
+        mass_scale: scale(node.mass, coded.mass),
+        mass_density_scale: scale(mass_density, coded.mass_density),
+        children: [None; 8],
     }
 }
 
@@ -509,11 +521,6 @@ fn borrowed(columns: &Columns) -> Quantities<'_> {
 }
 
 impl CodedTrees {
-    /// Trees without clusters.
-    pub fn new(spill: Spill, splats: CodedTree, volume: Option<CodedTree>, books: Books) -> CodedTrees {
-        CodedTrees { spill, splats, volume, clusters: None, books }
-    }
-
     /// A tree.
     fn tree(&self, levels: Purpose) -> &CodedTree {
         match (&self.volume, levels) {
@@ -532,11 +539,6 @@ impl CodedTrees {
         }
         let tree = self.tree(levels);
         tree.sections[depth][index].read(&tree.nodes[depth][index].node, &self.books.numbers, bits, &self.spill)
-    }
-
-    /// Where the sections of a node are.
-    pub fn places(&self, levels: Purpose, depth: usize, index: usize) -> &NodeSections {
-        &self.tree(levels).sections[depth][index]
     }
 
     /// What could not be read or put away.

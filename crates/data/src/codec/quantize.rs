@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 pub use batches::{BatchInfo, Batches, Coded, Quantities};
-pub use steps::{CodedPart, Draft, SettledPart, Totals, Trained, parts};
+pub use steps::{CodedPart, Draft, SettledPart, Totals, Trained, group_parts, parts, parts_of_each};
 pub use sums::Sums;
 pub use vectors::Scaling;
 
@@ -109,7 +109,12 @@ pub fn quantize<B: Batches>(
     }
     let settle = |(part, kept): (&Range<usize>, Vec<B::Kept>)| draft.settle(batches, part.clone(), kept, scaling);
     let settled: Vec<_> = parts.par_iter().zip(kept).map(settle).collect::<Result<_, _>>()?;
-    Ok(draft.finished(parts.iter().map(group_of).zip(settled)))
+    let (mut batches, mut errors) = (Vec::with_capacity(batches.len()), Vec::with_capacity(parts.len()));
+    for (part, (coded, own)) in parts.iter().zip(settled) {
+        batches.extend(coded);
+        errors.push((group_of(part), own));
+    }
+    Ok(draft.finished(&errors, batches))
 }
 
 #[cfg(test)]

@@ -8,6 +8,8 @@
 //! Levels for volumes and clusters are further trees over the same leaves. Their inner nodes have pages of their own, which come first:
 //! so every child comes after its parents in all trees.
 
+mod sizes;
+
 use super::error::StoreError;
 use super::layout::{PAGE_HEADER_LEN, StoredNode, particles_memory};
 use super::page::{Encoding, NodeRef, PageId};
@@ -15,6 +17,7 @@ use super::writer::{PageFileWriter, PageNode, encode_page, node_bytes};
 use crate::hierarchy::Purpose;
 use crate::model::progress::Progress;
 use rayon::prelude::*;
+pub use sizes::{PageSize, Placed, TreeSizes};
 use std::collections::VecDeque;
 
 /// Bytes that a page aims at (F12 4.8.1) unless a build says otherwise; only a page of a single node may be longer.
@@ -56,16 +59,42 @@ struct Group {
     parent_page: Option<usize>,
 }
 
-/// The nodes of each page of about `page_bytes`, in order, as far as they are `own`. Parents come before children.
-fn plan(nodes: &[Vec<PlannedNode>], page_bytes: usize, own: impl Fn(&PlannedNode) -> bool) -> Vec<Vec<Place>> {
-    let own = |&(depth, index): &Place| own(&nodes[depth][index]);
-    let bytes = |&(depth, index): &Place| nodes[depth][index].bytes();
-    let children = |(depth, index): Place| -> Vec<Place> {
-        nodes[depth][index].children.iter().flatten().map(|&child| (depth + 1, child)).filter(own).collect()
-    };
-    let mut pages: Vec<Vec<Place>> = Vec::new();
+/// What decides which page a node is in.
+trait Nodes {
+    /// Bytes that a node takes.
+    fn bytes(&self, place: Place) -> usize;
+    /// Its children.
+    fn children(&self, place: Place) -> impl Iterator<Item = Place>;
+    /// Whether it is a leaf.
+    fn is_leaf(&self, place: Place) -> bool;
+}
+
+impl Nodes for [Vec<PlannedNode>] {
+    fn bytes(&self, (depth, index): Place) -> usize {
+        self[depth][index].bytes()
+    }
+
+    fn children(&self, (depth, index): Place) -> impl Iterator<Item = Place> {
+        self[depth][index].children.iter().flatten().map(move |&child| (depth + 1, child))
+    }
+
+    fn is_leaf(&self, (depth, index): Place) -> bool {
+        self[depth][index].node.encoding == Encoding::Leaf
+    }
+}
+
+/// Hands out the nodes of each page of about `page_bytes`, in order, as far as they are `own`. Parents come before children.
+fn plan(
+    nodes: &(impl Nodes + ?Sized),
+    page_bytes: usize,
+    own: impl Fn(Place) -> bool,
+    mut sink: impl FnMut(Vec<Place>),
+) {
+    let bytes = |place: &Place| nodes.bytes(*place);
+    let children = |place: Place| -> Vec<Place> { nodes.children(place).filter(|place| own(*place)).collect() };
+    let mut pages = 0;
     let mut waiting = VecDeque::new();
-    if own(&(0, 0)) {
+    if own((0, 0)) {
         waiting.push_back(Group { members: vec![(0, 0)], parent_page: None });
     }
     while let Some(mut group) = waiting.pop_front() {
@@ -97,7 +126,7 @@ fn plan(nodes: &[Vec<PlannedNode>], page_bytes: usize, own: impl Fn(&PlannedNode
                     len += more;
                     page.extend(below);
                 } else {
-                    waiting.push_back(Group { members: below, parent_page: Some(pages.len()) });
+                    waiting.push_back(Group { members: below, parent_page: Some(pages) });
                 }
             }
             let joins = |other: &Group| {
@@ -112,9 +141,9 @@ fn plan(nodes: &[Vec<PlannedNode>], page_bytes: usize, own: impl Fn(&PlannedNode
             len += other.members.iter().map(bytes).sum::<usize>();
             page.extend(other.members);
         }
-        pages.push(page);
+        sink(page);
+        pages += 1;
     }
-    pages
 }
 
 /// Where a tree was written.
@@ -210,16 +239,18 @@ impl<'a> FamilyTrees<'a> {
         let is_inner = |node: &PlannedNode| node.node.encoding != Encoding::Leaf;
         let own = |node: &PlannedNode| self.has_octree || !is_inner(node);
         let others = self.others.iter().map(|(purpose, nodes)| {
-            let pages = plan(nodes, page_bytes, is_inner);
+            let mut pages = Vec::new();
+            plan(*nodes, page_bytes, |place| !nodes.is_leaf(place), |page| pages.push(page));
             let from = first;
             first += pages.len() as u32;
             (*purpose, *nodes, pages, from)
         });
         let others: Vec<_> = others.collect();
-        let splat_pages = match self.has_octree {
-            true => plan(self.splats, page_bytes, |_| true),
-            false => leaf_pages(self.splats, page_bytes),
-        };
+        let mut splat_pages = Vec::new();
+        match self.has_octree {
+            true => plan(self.splats, page_bytes, |_| true, |page| splat_pages.push(page)),
+            false => splat_pages = leaf_pages(self.splats, page_bytes),
+        }
         let nowhere =
             self.splats.iter().map(|level| vec![NodeRef { page: PageId(first), node: 0 }; level.len()]).collect();
         let splats = Paged::new(Purpose::Splats, self.splats, splat_pages, first, nowhere);

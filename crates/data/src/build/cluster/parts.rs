@@ -40,7 +40,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// First bytes of a task's file.
 const MAGIC: [u8; 8] = *b"\x89DFT\r\n\x1a\n";
 /// What is written and read; processes of a job are of one version of the program.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Bytes of a header.
 const HEADER: usize = 80;
 /// What is wrong with an index that is of something else.
@@ -88,6 +88,11 @@ impl Header {
     /// Length of the file.
     pub fn bytes(&self) -> u64 {
         self.index_offset + self.index_len
+    }
+
+    /// Length of the index.
+    pub fn index_bytes(&self) -> u64 {
+        self.index_len
     }
 
     fn encode(&self, job: u64, number: u32) -> [u8; HEADER] {
@@ -237,6 +242,12 @@ impl Parts {
     /// For reading only.
     pub(super) fn reader(names: Names) -> Parts {
         Parts { names, own: None, open: Mutex::new(OpenFiles::new()), read: AtomicU64::new(0) }
+    }
+
+    /// For the only task of a job in a folder.
+    #[cfg(test)]
+    pub fn of_one(folder: &std::path::Path) -> Result<Parts, BuildError> {
+        Parts::of_task(Names { folder: folder.to_owned(), job: 1, stages: vec![("survey".into(), 1)] }, 0)
     }
 
     /// For task `number`, whose file is begun.

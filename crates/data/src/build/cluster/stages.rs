@@ -3,44 +3,44 @@
 mod books;
 mod codes;
 mod division;
+mod drawn;
 mod output;
+mod pages;
 mod particles;
 mod reading;
 mod tables;
 mod trees;
 mod verify;
 
-use super::super::coding::{CodedBatches, Coding, Drawn, Group, Measured, Part, Shared, picture_error, shared};
+use super::super::coding::{Book, CodedBatches, Entry, Gathering, Group, Part, Shared};
 use super::super::derive::Deriving;
 use super::super::estimates::Estimating;
-use super::super::family::{self, Outline};
+use super::super::family::Outline;
 use super::super::found::{self, Finding, Seen, added};
 use super::super::memory::{Memory, default_memory};
 use super::super::partition::{Partition, Shares, histograms};
 use super::super::reach::Surroundings;
 use super::super::spill::{Blob, Spill};
 use super::super::survey::Survey;
-use super::super::tree::{
-    Books, Built, CodedTree, CodedTrees, Draft, Grower, NodeSections, check_built, most_in_nodes, scope,
-};
+use super::super::tree::{Built, Checked, Draft, Grower, NodeSections, check_built, most_in_nodes, scope};
 use super::super::{BuildError, BuildOptions, metadata, streams_of};
 use super::parts::Parts;
 use super::settings::{FamilyTasks, Settings, sharer, shares};
 use super::{Job, job_error};
-use crate::codec::Scaling;
-use crate::codec::quantize::{Draft as DraftBook, SettledPart, Sums, Trained};
+use crate::codec::quantize::{Coded, Draft as DraftBook, Sums, Trained};
+use crate::codec::{QuantityError, Scaling};
 use crate::hierarchy::attribute_info::check_counts;
 use crate::hierarchy::octree::{Columns, Context};
-use crate::hierarchy::{Histogram, Purpose};
+use crate::hierarchy::{Histogram, LevelInfo, Purpose};
 use crate::import::{ImportError, LeftOut, Source, Streams, open_with};
 use crate::model::portable::{Portable, expect, expect_that, expect_within, portable, total};
 use crate::model::positioned::{read_exact_at, write_all_at};
-use crate::model::{Dataset, Kernel, ParticleStream, Progress};
+use crate::model::{Dataset, ParticleStream, Progress};
 use crate::store::layout::{ALIGNMENT, MAGIC, PageEntry, StoredNode, align_up};
 use crate::store::paging::{EncodedPage, TOO_LONG};
 use crate::store::writer::{about, ends, is_about};
-use crate::store::{FamilyMetadata, PageId, StoreError};
-use books::books_by_task;
+use crate::store::{FamilyMetadata, NodeRef, PageId, StoreError};
+use books::{CodedBook, books_by_task};
 use division::{balanced, runs, units};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -93,21 +93,14 @@ struct JoinedFamily {
 
 portable!(JoinedFamily { trees, estimated, derived });
 
-/// A tree that is to be coded: where its nodes are, and what shares a codebook.
+/// A tree that is to be coded: where the nodes are that were whole with each group of buckets, what its depths have, and what shares a codebook.
 struct Joined {
-    draft: Blob,
+    drafts: Vec<Blob>,
+    levels: Vec<LevelInfo>,
     books: Vec<Book>,
 }
 
-portable!(Joined { draft, books });
-
-/// What shares a codebook: where it is, and the parts that can be coded by themselves.
-struct Book {
-    shared: Blob,
-    parts: Vec<Part>,
-}
-
-portable!(Book { shared, parts });
+portable!(Joined { drafts, levels, books });
 
 /// What is coded by itself: a part of what shares a codebook.
 struct Unit<'a> {
@@ -141,15 +134,33 @@ impl Pages {
     }
 }
 
-/// A page that is to be written.
-struct Page {
+/// The pages that a task writes, in order, and where their nodes are.
+struct OwnPages {
+    pages: Vec<PageHead>,
+    nodes: Vec<Blob>,
+}
+
+portable!(OwnPages { pages, nodes });
+
+/// A page that is to be written, without its nodes, of which there are so many.
+#[derive(Clone, Copy)]
+struct PageHead {
     id: PageId,
     family: u32,
     offset: u64,
-    nodes: Vec<(StoredNode, NodeSections)>,
+    nodes: u32,
 }
 
-portable!(Page { id, family, offset, nodes });
+portable!(PageHead { id, family, offset, nodes });
+
+/// A node that is to be written, at its place.
+type PlacedNode = (NodeRef, (StoredNode, NodeSections));
+
+/// A page that is to be written.
+struct Page {
+    head: PageHead,
+    nodes: Vec<(StoredNode, NodeSections)>,
+}
 
 /// The index of a task that has read chunks of a family.
 type Surveyed = (Vec<(usize, Survey)>, LeftOut);
@@ -167,10 +178,12 @@ type Found = Vec<(Seen, Option<Blob>)>;
 /// Where codes of a batch are, and their number.
 type Codes = (Blob, usize);
 
-/// The indices of tasks that code, by unit: where its codes are, what their particles have together, or how often each refined one is.
+/// The indices of tasks that code, by unit: where its codes are, what their particles have together, or how often each refined one is; in the end
+/// where its batches are, and sum and maximum of each quantity's errors.
 type CodedUnits = Vec<(usize, (Blob, Sums))>;
 type RefinedUnits = Vec<(usize, (Blob, Vec<u64>))>;
-type SettledUnits = Vec<(usize, SettledPart<Codes>)>;
+type SettledUnits = Vec<(usize, SettledUnit)>;
+type SettledUnit = (Blob, Vec<QuantityError>);
 
 impl<'a> Task<'a> {
     /// Task `number` of a job.
@@ -246,6 +259,15 @@ impl<'a> Task<'a> {
     /// What a task may take that looks after a family, beside bytes that it holds whatever that is.
     fn memory(&self, outline: &Outline, held: u64) -> Memory {
         Memory::of_task(self.allowed(), self.parts.folder(), outline.most_columns(), held)
+    }
+
+    /// What a task may take for a family that holds so much of all of it.
+    ///
+    /// # Errors
+    /// When that is more than the task may take; `what` needs it.
+    fn memory_of_whole(&self, outline: &Outline, held: u64, what: &str) -> Result<Memory, BuildError> {
+        let columns = outline.most_columns();
+        Memory::of_whole(self.allowed(), self.parts.folder(), columns, held, (what, self.job.output()))
     }
 
     /// Bytes that the task may take.

@@ -1,6 +1,6 @@
 //! Whether what other tasks have left of trees can be what it is taken for: whatever is used as an index, a length or a summand.
 
-use super::{Built, CodedTree, Draft, Kept, Positions};
+use super::{Built, Draft, Kept, Positions};
 use crate::codec::positions::most_bytes;
 use crate::hierarchy::cell::{CELL_DEPTH, MAX_DEPTH};
 use crate::hierarchy::octree::{Piece, Plan, TreeNode};
@@ -73,56 +73,92 @@ impl Kept {
     }
 }
 
-impl Draft {
-    /// Whether all nodes hang below one root, and are as their levels tell; else what was found and expected. `sources` is the number of
-    /// particles of the family.
-    pub fn check(&self, sources: u64) -> Result<(), String> {
-        let Draft { nodes, positions, levels } = self;
-        expect_within("depths", nodes.len() as u64, 1..=u64::from(MAX_DEPTH) + 1)?;
+/// A tree that is looked through as its nodes come, those of each depth in order, children with their parents or before them.
+#[derive(Default)]
+pub(in crate::build) struct Checked {
+    depths: Vec<Counted>,
+    particles: u64,
+}
+
+/// Nodes of a depth that have come.
+#[derive(Clone, Copy, Default)]
+struct Counted {
+    nodes: usize,
+    /// Those that have a parent, which are the first ones.
+    children: usize,
+    leaves: u64,
+    leaf_particles: u64,
+}
+
+impl Checked {
+    /// Whether nodes can follow those before them; else what was found and expected.
+    pub fn add(&mut self, draft: &Draft) -> Result<(), String> {
+        let Draft { nodes, positions } = draft;
+        expect_within("depths", nodes.len() as u64, 0..=u64::from(MAX_DEPTH) + 1)?;
         expect("depths with positions", positions.len(), nodes.len())?;
-        expect("levels", levels.len(), nodes.len())?;
-        expect("roots", nodes[0].len(), 1)?;
-        let mut particles = 0_u64;
-        for (depth, ((level, positions), info)) in nodes.iter().zip(positions).zip(levels).enumerate() {
+        self.depths.resize(nodes.len().max(self.depths.len()), Counted::default());
+        for (depth, (level, positions)) in nodes.iter().zip(positions).enumerate().rev() {
             expect("positions of a depth", positions.len(), level.len())?;
             for (node, positions) in level.iter().zip(positions) {
                 check_node(node, depth)?;
                 let bytes = positions.as_ref().map_or(0, |blob| blob.len() as u64);
                 expect_within("bytes of positions", bytes, 0..=most_bytes(node.particles as usize) as u64)?;
+                self.take(node, depth)?;
             }
-            particles = level.iter().fold(particles, |sum, node| sum.saturating_add(node.particles));
-            check_links(level, nodes.get(depth + 1).map_or(0, Vec::len))?;
-            check_level(level, info)?;
+            expect_within("nodes of a depth", self.depths[depth].nodes as u64, 0..=u32::MAX.into())?;
         }
-        expect_within("particles of nodes", particles, 0..=most_in_nodes(sources))
+        Ok(())
     }
 
-    /// Particles of all its leaves.
-    pub fn leaf_particles(&self) -> u64 {
-        total(self.levels.iter().map(|level| level.leaf_particles))
+    /// Counts a node and its children.
+    fn take(&mut self, node: &TreeNode<()>, depth: usize) -> Result<(), String> {
+        self.particles = self.particles.saturating_add(node.particles);
+        let own = &mut self.depths[depth];
+        own.nodes += 1;
+        if node.encoding == Encoding::Leaf {
+            own.leaves += 1;
+            own.leaf_particles = own.leaf_particles.saturating_add(node.particles);
+        }
+        let mut below = self.depths.get_mut(depth + 1);
+        for &child in node.children.iter().flatten() {
+            match &mut below {
+                Some(below) if child == below.children && child < below.nodes => below.children += 1,
+                _ => return Err(format!("child of a node: found number {child}, expected the next one of its depth")),
+            }
+        }
+        Ok(())
     }
 
-    /// Whether it has the cells of the tree that has the leaves, and the same of them are leaves; else what was found and expected.
-    pub fn check_cells(
-        &self,
-        other: impl ExactSizeIterator<Item = impl Iterator<Item = (NodeKey, bool)>>,
-    ) -> Result<(), String> {
-        expect("depths", self.nodes.len(), other.len())?;
-        let is_same = self.cells().zip(other).all(|(own, other)| own.eq(other));
-        expect_that(is_same, "cells", "those of the tree that has the leaves")
+    /// Number of nodes of each depth that have come.
+    pub fn nodes(&self) -> impl Iterator<Item = usize> {
+        self.depths.iter().map(|depth| depth.nodes)
     }
 
-    /// Its cells by depth, each with whether it is a leaf.
-    pub fn cells(&self) -> impl ExactSizeIterator<Item = impl Iterator<Item = (NodeKey, bool)>> {
-        self.nodes.iter().map(|level| level.iter().map(|node| (node.key, node.encoding == Encoding::Leaf)))
+    /// Whether all nodes hang below one root, and are as their levels tell; else what was found and expected. `sources` is the number of
+    /// particles of the family.
+    pub fn end(&self, levels: &[LevelInfo], sources: u64) -> Result<(), String> {
+        let Checked { depths, particles } = self;
+        expect("roots", depths.first().map_or(0, |root| root.nodes), 1)?;
+        expect("levels", levels.len(), depths.len())?;
+        let have_parents = depths.iter().skip(1).all(|depth| depth.children == depth.nodes);
+        expect_that(have_parents, "child of a node", "each of the next depth once")?;
+        for (depth, info) in depths.iter().zip(levels) {
+            expect("leaves of a level", info.leaf_nodes, depth.leaves)?;
+            expect("particles of a level's leaves", info.leaf_particles, depth.leaf_particles)?;
+        }
+        expect_within("particles of nodes", *particles, 0..=most_in_nodes(sources))
     }
 }
 
-impl CodedTree {
-    /// Its cells by depth, each with whether it is a leaf.
-    pub fn cells(&self) -> impl ExactSizeIterator<Item = impl Iterator<Item = (NodeKey, bool)>> {
-        let levels = self.nodes.iter();
-        levels.map(|level| level.iter().map(|planned| (planned.node.key, planned.node.encoding == Encoding::Leaf)))
+impl Draft {
+    /// Whether it has the cells of the tree that has the leaves, and the same of them are leaves; else what was found and expected.
+    pub fn check_cells(&self, other: &Draft) -> Result<(), String> {
+        expect("depths", self.nodes.len(), other.nodes.len())?;
+        let cells = |draft: &Draft, depth: usize| -> Vec<(NodeKey, bool)> {
+            draft.nodes[depth].iter().map(|node| (node.key, node.encoding == Encoding::Leaf)).collect()
+        };
+        let are_same = (0..self.nodes.len()).all(|depth| cells(self, depth) == cells(other, depth));
+        expect_that(are_same, "cells", "those of the tree that has the leaves")
     }
 }
 
@@ -136,33 +172,25 @@ fn check_node(node: &TreeNode<()>, depth: usize) -> Result<(), String> {
     expect("pieces of a node", data.len(), 0)
 }
 
-/// Whether each of the nodes of the next depth has one parent.
-fn check_links(level: &[TreeNode<()>], below: usize) -> Result<(), String> {
-    let mut has_parent = vec![false; below];
-    for &child in level.iter().flat_map(|node| node.children.iter().flatten()) {
-        match has_parent.get_mut(child) {
-            Some(has_parent) if !*has_parent => *has_parent = true,
-            _ => return Err(format!("child of a node: found number {child}, expected each of {below} once")),
-        }
-    }
-    expect_that(!has_parent.contains(&false), "child of a node", "each of the next depth once")
-}
-
-/// Whether a level tells of its leaves what they are: where these are another tree's they are taken off.
-fn check_level(level: &[TreeNode<()>], info: &LevelInfo) -> Result<(), String> {
-    let leaves = || level.iter().filter(|node| node.encoding == Encoding::Leaf);
-    expect("leaves of a level", info.leaf_nodes, leaves().count() as u64)?;
-    expect("particles of a level's leaves", info.leaf_particles, total(leaves().map(|leaf| leaf.particles)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::build::coding::Coding;
-    use crate::build::tree::Books;
-    use crate::codec::{CodeBits, VqBits};
-    use crate::hierarchy::Purpose;
     use crate::model::Bounds;
+
+    /// A tree, and what is told of its levels.
+    struct Told {
+        draft: Draft,
+        levels: Vec<LevelInfo>,
+    }
+
+    impl Told {
+        /// Looks it through as a whole.
+        fn check(&self, sources: u64) -> Result<(), String> {
+            let mut checked = Checked::default();
+            checked.add(&self.draft)?;
+            checked.end(&self.levels, sources)
+        }
+    }
 
     fn node(key: NodeKey, encoding: Encoding, children: [Option<usize>; 8]) -> TreeNode<()> {
         TreeNode {
@@ -182,7 +210,7 @@ mod tests {
     }
 
     /// A root above two leaves.
-    fn draft() -> Draft {
+    fn told() -> Told {
         let mut children = [None; 8];
         (children[0], children[5]) = (Some(0), Some(1));
         let leaf = |octant: u8| node(NodeKey::ROOT.child(octant), Encoding::Leaf, [None; 8]);
@@ -190,41 +218,61 @@ mod tests {
         let leaves = LevelInfo { depth: 1, leaf_nodes: 2, leaf_particles: 8, ..LevelInfo::default() };
         let levels = vec![LevelInfo { grid_nodes: 1, ..LevelInfo::default() }, leaves];
         let positions = nodes.iter().map(|level| level.iter().map(|_| None).collect()).collect();
-        Draft { nodes, positions, levels }
+        Told { draft: Draft { nodes, positions }, levels }
     }
 
     #[test]
     fn forged_trees_are_told() {
-        assert_eq!((draft().check(8), draft().leaf_particles()), (Ok(()), 8));
-        let forgeries: [(&str, fn(&mut Draft)); 10] = [
-            ("roots: found 0", |draft| draft.nodes[0].clear()),
-            ("depths with positions: found 1", |draft| draft.positions.truncate(1)),
-            ("child of a node: found number 2", |draft| draft.nodes[0][0].children[7] = Some(2)),
-            ("child of a node: found number 1", |draft| draft.nodes[0][0].children[7] = Some(1)),
-            ("child of a node: found something else", |draft| draft.nodes[0][0].children[5] = None),
-            ("depth of a node: found 0", |draft| draft.nodes[1][0].key = NodeKey::ROOT),
-            ("particles of a node: found 18446744073709551615", |draft| draft.nodes[1][0].particles = u64::MAX),
-            ("points of a node: found 5", |draft| draft.nodes[1][0].points = 5),
-            ("leaves of a level: found 1", |draft| draft.levels[1].leaf_nodes = 1),
-            ("particles of nodes: found 508", |draft| draft.nodes[0][0].particles = 500),
+        assert_eq!(told().check(8), Ok(()));
+        let forgeries: [(&str, fn(&mut Told)); 11] = [
+            ("roots: found 0", |told| {
+                told.draft.nodes[0].clear();
+                told.draft.positions[0].clear();
+            }),
+            ("positions of a depth: found 1", |told| told.draft.nodes[0].clear()),
+            ("depths with positions: found 1", |told| told.draft.positions.truncate(1)),
+            ("child of a node: found number 2", |told| told.draft.nodes[0][0].children[7] = Some(2)),
+            ("child of a node: found number 1", |told| told.draft.nodes[0][0].children[7] = Some(1)),
+            ("child of a node: found something else", |told| told.draft.nodes[0][0].children[5] = None),
+            ("depth of a node: found 0", |told| told.draft.nodes[1][0].key = NodeKey::ROOT),
+            ("particles of a node: found 18446744073709551615", |told| told.draft.nodes[1][0].particles = u64::MAX),
+            ("points of a node: found 5", |told| told.draft.nodes[1][0].points = 5),
+            ("leaves of a level: found 1", |told| told.levels[1].leaf_nodes = 1),
+            ("particles of nodes: found 508", |told| told.draft.nodes[0][0].particles = 500),
         ];
-        for (told, forge) in forgeries {
-            let mut forged = draft();
+        for (what, forge) in forgeries {
+            let mut forged = told();
             forge(&mut forged);
             let found = forged.check(8).unwrap_err();
-            assert!(found.starts_with(told), "{told}: {found}");
+            assert!(found.starts_with(what), "{what}: {found}");
         }
     }
 
-    /// By those of a tree before it is coded and after.
+    /// Leaves one by one, and the root when it is theirs.
+    #[test]
+    fn trees_that_come_bit_by_bit_are_told_as_whole_ones_are() {
+        let Told { draft: Draft { nodes, .. }, levels } = told();
+        let [root, leaves] = [&nodes[0][0], &nodes[1][1]];
+        let some = |root: Option<&TreeNode<()>>, leaf: Option<&TreeNode<()>>| {
+            let nodes: Vec<Vec<TreeNode<()>>> = [root, leaf].map(|node| node.cloned().into_iter().collect()).into();
+            let positions = nodes.iter().map(|level| level.iter().map(|_| None).collect()).collect();
+            Draft { nodes, positions }
+        };
+        let mut checked = Checked::default();
+        assert_eq!(checked.add(&some(None, Some(leaves))), Ok(()));
+        assert!(checked.end(&levels, 8).is_err());
+        assert_eq!(checked.add(&some(Some(root), Some(leaves))), Ok(()));
+        assert_eq!((checked.end(&levels, 8), checked.nodes().collect::<Vec<_>>()), (Ok(()), vec![1, 2]));
+        // A parent before its second child.
+        let mut checked = Checked::default();
+        assert_eq!(checked.add(&some(None, Some(leaves))), Ok(()));
+        assert!(checked.add(&some(Some(root), None)).unwrap_err().starts_with("child of a node: found number 1"));
+    }
+
     #[test]
     fn trees_of_other_cells_are_told() {
-        let coded = |draft: Draft| {
-            let coding = Coding::of(&draft.nodes);
-            draft.coded(Purpose::Splats, coding, None, CodeBits::plain(VqBits::Eight), &mut Books::default())
-        };
-        assert_eq!(draft().check_cells(draft().cells()), Ok(()));
-        assert_eq!(draft().check_cells(coded(draft()).cells()), Ok(()));
+        let draft = || told().draft;
+        assert_eq!(draft().check_cells(&draft()), Ok(()));
         let forgeries: [(&str, fn(&mut Draft)); 4] = [
             ("cells", |draft| draft.nodes[1][1].encoding = Encoding::Grid),
             ("cells", |draft| draft.nodes[1][1].key = NodeKey::ROOT.child(6)),
@@ -234,8 +282,7 @@ mod tests {
         for (told, forge) in forgeries {
             let mut other = draft();
             forge(&mut other);
-            assert!(draft().check_cells(other.cells()).unwrap_err().starts_with(told), "{told}");
-            assert!(draft().check_cells(coded(other).cells()).unwrap_err().starts_with(told), "{told}, coded");
+            assert!(draft().check_cells(&other).unwrap_err().starts_with(told), "{told}");
         }
     }
 }

@@ -350,14 +350,9 @@ impl Draft {
         Ok((coded, errors))
     }
 
-    /// The codebook and what it codes, of parts in their order, each with its group.
-    pub fn finished<Kept>(self, parts: impl IntoIterator<Item = (u32, SettledPart<Kept>)>) -> Quantized<Kept> {
+    /// The codebook and the batches that it codes. Of parts in their order, each with its group, these are the errors.
+    pub fn finished<Kept>(self, errors: &[(u32, Vec<QuantityError>)], batches: Vec<Coded<Kept>>) -> Quantized<Kept> {
         let Draft { mut codebook, numbers, lines, .. } = self;
-        let (mut batches, mut errors): (Vec<Coded<Kept>>, Vec<(u32, Vec<QuantityError>)>) = (Vec::new(), Vec::new());
-        for (group, (coded, own)) in parts {
-            batches.extend(coded);
-            errors.push((group, own));
-        }
         let quantities = 3 + codebook.attributes.len();
         codebook.errors = (0..quantities)
             .map(|k| {
@@ -374,19 +369,35 @@ impl Draft {
 /// Runs of batches, of which groups and particles are told: parts of about the same number of particles of each group.
 pub fn parts(batches: &[(u32, usize)]) -> Vec<Range<usize>> {
     let groups = || batches.chunk_by(|a, b| a.0 == b.0);
-    let each = PARTS.div_ceil(groups().count().max(1));
-    let mut parts = Vec::new();
+    let each = parts_of_each(groups().count());
     let mut first = 0;
-    for group in groups() {
-        let total: usize = group.iter().map(|(_, particles)| particles).sum();
-        let goal = total.div_ceil(each).max(1);
-        let (end, mut len) = (first + group.len(), 0);
-        for (batch, (_, particles)) in (first..).zip(group) {
-            len += particles;
-            if len >= goal || batch + 1 == end {
-                parts.push(first..batch + 1);
-                (first, len) = (batch + 1, 0);
-            }
+    let parts_of = |group: &[(u32, usize)]| {
+        let parts = group_parts(first, group.iter().map(|(_, particles)| *particles), each);
+        first += group.len();
+        parts
+    };
+    groups().flat_map(parts_of).collect()
+}
+
+/// Parts that each of so many groups is cut into, about.
+pub fn parts_of_each(groups: usize) -> usize {
+    PARTS.div_ceil(groups.max(1))
+}
+
+/// The parts, about `each`, of the batches of a group, of which these are the particles, behind `first` others.
+pub fn group_parts(
+    first: usize,
+    particles: impl ExactSizeIterator<Item = usize> + Clone,
+    each: usize,
+) -> Vec<Range<usize>> {
+    let goal = particles.clone().sum::<usize>().div_ceil(each).max(1);
+    let end = first + particles.len();
+    let (mut parts, mut start, mut len) = (Vec::new(), first, 0);
+    for (batch, particles) in (first..).zip(particles) {
+        len += particles;
+        if len >= goal || batch + 1 == end {
+            parts.push(start..batch + 1);
+            (start, len) = (batch + 1, 0);
         }
     }
     parts

@@ -1,11 +1,13 @@
-//! Putting the pieces of all buckets together to the nodes of a tree.
+//! Putting the pieces of all buckets together to the nodes of a tree, all at once or as buckets come.
 
 use super::piece::Piece;
 use super::{Encoding, LevelInfo, OctreeOptions, Purpose, is_relay};
+use crate::hierarchy::cell::CELL_DEPTH;
 use crate::hierarchy::{NodeKey, RootCell};
 use crate::model::Bounds;
 use crate::model::portable::portable;
 use glam::DVec3;
+use std::collections::VecDeque;
 
 /// A node of a finished tree. [`crate::store::Node`] shares most fields and is a type of its own on purpose: that one is what a
 /// reader knows of a node (children by page, particles elsewhere in the page), this one is what a build has of it before there
@@ -62,56 +64,144 @@ pub struct Tree<Data> {
     pub levels: Vec<LevelInfo>,
 }
 
-/// Puts the pieces of a family's tree together, in whatever order they come; `None` if there is none.
-pub fn assemble<Data>(
-    pieces: Vec<Piece<Data>>,
+/// A family's tree while its pieces come. Nodes are handed out once no piece of theirs or of what lies below them can come any more; so
+/// whoever has the pieces in about the order of their keys need not have them all at once.
+#[derive(Debug)]
+pub struct Assembly<Data> {
     levels_of: Purpose,
     root: RootCell,
-    options: &OctreeOptions,
-) -> Option<Tree<Data>> {
-    let deepest = pieces.iter().map(|piece| piece.key.depth).max()?;
-    let mut by_depth: Vec<Vec<(u128, Piece<Data>)>> = (0..=deepest).map(|_| Vec::new()).collect();
-    for piece in pieces {
-        by_depth[usize::from(piece.key.depth)].push((piece.key.order(), piece));
+    options: OctreeOptions,
+    depths: Vec<Depth<Data>>,
+}
+
+impl<Data> Assembly<Data> {
+    /// A tree without a piece.
+    pub fn new(levels_of: Purpose, root: RootCell, options: OctreeOptions) -> Assembly<Data> {
+        Assembly { levels_of, root, options, depths: Vec::new() }
     }
-    let (mut nodes, mut levels) = (Vec::new(), Vec::new());
-    let mut below: Vec<Draft<Data>> = Vec::new();
-    for (depth, mut pieces) in by_depth.into_iter().enumerate().rev() {
-        pieces.sort_unstable_by_key(|(cell, piece)| (*cell, piece.first));
-        let mut level = LevelInfo { depth: depth as u8, ..LevelInfo::default() };
-        let mut own: Vec<Draft<Data>> = Vec::new();
-        let mut children = below.iter().enumerate().peekable();
-        let mut pieces = pieces.into_iter().peekable();
+
+    /// Adds a piece of a node that has not been handed out.
+    pub fn add(&mut self, piece: Piece<Data>) {
+        while self.depths.len() <= usize::from(piece.key.depth) {
+            self.depths.push(Depth::new(self.depths.len() as u8));
+        }
+        let cell = piece.key.order();
+        let depth = &mut self.depths[usize::from(piece.key.depth)];
+        depth.first = depth.first.min(cell);
+        depth.pieces.push((cell, piece));
+    }
+
+    /// The nodes of each depth whose keys end at the `end` of that depth or before, in Morton order: those that follow the ones handed out
+    /// before. Pieces that still come are of nodes that end behind it, and no end lies before that of a lesser depth. Indices of children count
+    /// all nodes of their depth.
+    pub fn complete(&mut self, end: impl Fn(u8) -> u64) -> Vec<Vec<TreeNode<Data>>> {
+        let Assembly { levels_of, root, options, depths } = self;
+        let mut nodes = Vec::with_capacity(depths.len());
+        for depth in (0..depths.len()).rev() {
+            let (own, below) = depths.split_at_mut(depth + 1);
+            let children = below.first_mut().map(|below| &mut below.waiting);
+            nodes.push(own[depth].complete(end(depth as u8), children, *levels_of, *root, options));
+        }
+        nodes.reverse();
+        nodes
+    }
+
+    /// What each depth has, once all nodes have been handed out.
+    pub fn levels(self) -> Vec<LevelInfo> {
+        self.depths.into_iter().map(|depth| depth.level).collect()
+    }
+}
+
+/// The nodes of a depth.
+#[derive(Debug)]
+struct Depth<Data> {
+    /// What it has so far.
+    level: LevelInfo,
+    /// Pieces of nodes that have not been handed out, each with its node's [`NodeKey::order`], and the first of these.
+    pieces: Vec<(u128, Piece<Data>)>,
+    first: u128,
+    /// Nodes whose parents have not been handed out, in their order.
+    waiting: VecDeque<Child>,
+    /// Nodes that have been handed out.
+    count: usize,
+}
+
+impl<Data> Depth<Data> {
+    fn new(depth: u8) -> Depth<Data> {
+        let level = LevelInfo { depth, ..LevelInfo::default() };
+        Depth { level, pieces: Vec::new(), first: u128::MAX, waiting: VecDeque::new(), count: 0 }
+    }
+
+    fn complete(
+        &mut self,
+        end: u64,
+        mut children: Option<&mut VecDeque<Child>>,
+        levels_of: Purpose,
+        root: RootCell,
+        options: &OctreeOptions,
+    ) -> Vec<TreeNode<Data>> {
+        let depth = self.level.depth;
+        let mut nodes = Vec::new();
+        if self.pieces.is_empty() || cell_end(self.first, depth) > end {
+            return nodes;
+        }
+        self.pieces.sort_unstable_by_key(|(cell, piece)| (*cell, piece.first));
+        let complete = self.pieces.partition_point(|(cell, _)| cell_end(*cell, depth) <= end);
+        let rest = self.pieces.split_off(complete);
+        self.first = rest.first().map_or(u128::MAX, |(cell, _)| *cell);
+        let mut pieces = std::mem::replace(&mut self.pieces, rest).into_iter().peekable();
         while let Some((cell, first)) = pieces.next() {
             let mut all = vec![first];
             while let Some((_, more)) = pieces.next_if(|(other, _)| *other == cell) {
                 all.push(more);
             }
             let mut draft = Draft::of(all, root);
-            while let Some((index, child)) = children.next_if(|(_, child)| child.cell >> 3 == cell) {
-                draft.adopt(index, child);
+            while let Some(child) = children.as_mut().and_then(|waiting| next_of(waiting, cell)) {
+                draft.adopt(&child);
             }
-            draft.settle(levels_of, options, &mut level);
-            draft.cell = cell;
-            own.push(draft);
+            draft.settle(levels_of, options, &mut self.level);
+            self.waiting.push_back(draft.child(self.count, cell));
+            self.count += 1;
+            nodes.push(draft.finish(root));
         }
-        levels.push(level);
-        nodes.push(below.into_iter().map(|draft| draft.finish(root)).collect::<Vec<_>>());
-        below = own;
+        nodes
     }
-    nodes.push(below.into_iter().map(|draft| draft.finish(root)).collect());
-    // The list that came before the deepest level is empty.
-    nodes.remove(0);
-    nodes.reverse();
-    levels.reverse();
-    Some(Tree { nodes, levels })
+}
+
+/// The first of the nodes that wait for their parents, if its parent is this one.
+fn next_of(waiting: &mut VecDeque<Child>, parent: u128) -> Option<Child> {
+    let is_next = waiting.front().is_some_and(|child| child.cell >> 3 == parent);
+    if is_next { waiting.pop_front() } else { None }
+}
+
+/// First key behind a cell, of which this is the [`NodeKey::order`], or behind the smallest one that it is a part of.
+fn cell_end(cell: u128, depth: u8) -> u64 {
+    let first_behind = match depth.checked_sub(CELL_DEPTH) {
+        Some(below) => (cell >> (3 * below)) + 1,
+        None => (cell + 1) << (3 * (CELL_DEPTH - depth)),
+    };
+    first_behind as u64
+}
+
+/// What a parent needs to know of a node.
+#[derive(Debug)]
+struct Child {
+    /// Among the nodes of its depth.
+    index: usize,
+    /// [`NodeKey::order`].
+    cell: u128,
+    source_particles: u64,
+    mass: f64,
+    mass_density: f64,
+    smoothing_length_max: f32,
+    /// Root fractions.
+    bounds: Bounds,
+    draw_cost: u64,
 }
 
 /// A node that is being put together, with lengths in root fractions.
 struct Draft<Data> {
     node: TreeNode<Data>,
-    /// [`NodeKey::order`].
-    cell: u128,
     whole: bool,
     input: u64,
     merged: u64,
@@ -139,7 +229,6 @@ impl<Data> Draft<Data> {
                 children: [None; 8],
                 data: Vec::with_capacity(pieces.len()),
             },
-            cell: 0,
             whole: first.whole,
             input: 0,
             merged: 0,
@@ -164,15 +253,22 @@ impl<Data> Draft<Data> {
         draft
     }
 
-    fn adopt(&mut self, index: usize, child: &Draft<Data>) {
+    fn adopt(&mut self, child: &Child) {
         let node = &mut self.node;
-        node.children[(child.cell & 7) as usize] = Some(index);
-        node.source_particles += child.node.source_particles;
-        node.mass += child.node.mass;
-        node.mass_density += child.node.mass_density;
-        node.smoothing_length_max = node.smoothing_length_max.max(child.node.smoothing_length_max);
-        node.bounds = node.bounds.union(child.node.bounds);
+        node.children[(child.cell & 7) as usize] = Some(child.index);
+        node.source_particles += child.source_particles;
+        node.mass += child.mass;
+        node.mass_density += child.mass_density;
+        node.smoothing_length_max = node.smoothing_length_max.max(child.smoothing_length_max);
+        node.bounds = node.bounds.union(child.bounds);
         self.children_cost += child.draw_cost;
+    }
+
+    /// What its parent will know of it.
+    fn child(&self, index: usize, cell: u128) -> Child {
+        let &TreeNode { source_particles, mass, mass_density, smoothing_length_max, bounds, .. } = &self.node;
+        let draw_cost = self.draw_cost;
+        Child { index, cell, source_particles, mass, mass_density, smoothing_length_max, bounds, draw_cost }
     }
 
     /// Decides whether it is a relay and counts it.

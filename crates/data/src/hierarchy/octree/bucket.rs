@@ -25,6 +25,16 @@ pub struct Open {
 portable!(Open { depth, block });
 
 impl Open {
+    /// The first of its keys.
+    pub fn key(&self) -> u64 {
+        self.block.keys[0]
+    }
+
+    /// Depth at which it was merged: what is joined with it are nodes of lesser ones.
+    pub fn depth(&self) -> u8 {
+        self.depth
+    }
+
     /// Whether it is what a bucket of a plan leaves open, of particles with so many attributes; else what was found and expected.
     pub fn check(&self, plan: &Plan, bucket: usize, attributes: usize) -> Result<(), String> {
         let Open { depth, block } = self;

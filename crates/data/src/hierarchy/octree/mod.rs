@@ -39,7 +39,7 @@ mod sorted;
 mod thin;
 mod volume;
 
-pub use assemble::{Tree, TreeNode, assemble};
+pub use assemble::{Assembly, Tree, TreeNode};
 pub use bucket::{Bucket, Open};
 pub use joint::join;
 pub use level_info::LevelInfo;

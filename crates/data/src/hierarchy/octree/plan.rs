@@ -97,6 +97,12 @@ impl Plan {
         start(bucket)..start(bucket + 1)
     }
 
+    /// The key before which all that buckets have left open can be joined once those before one of this number are built.
+    pub fn joined_before(&self, bucket: usize) -> u64 {
+        let within = cell_keys(CELL_BITS as u8) - 1;
+        self.starts.get(bucket).map_or(END, |start| start & !within)
+    }
+
     /// The largest cells that a bucket is made of, in order: depth and first key of each.
     pub fn cells(&self, bucket: usize) -> impl Iterator<Item = (u32, u64)> {
         let Range { start: mut key, end } = self.keys(bucket);

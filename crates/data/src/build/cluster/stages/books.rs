@@ -1,13 +1,22 @@
 //! What shares a codebook, and the stage that codes it as a whole: what takes six stages in parts takes one where each task has codebooks of
 //! its own, and quantities are read once instead of four times.
 
+use super::drawn::DrawnLeaf;
 use super::*;
 
-/// What came of drawing leaves, by family and number among its leaves that are drawn: [`Measured::squares`].
+/// What came of drawing leaves, by family and number among its leaves that are drawn.
 pub(super) type Squares = BTreeMap<(usize, usize), [f64; 2]>;
 
+/// What shares a codebook, coded: the codebook without its batches, and where these are, by part.
+pub(super) struct CodedBook {
+    pub book: CodedBatches,
+    pub parts: Vec<Blob>,
+}
+
+portable!(CodedBook { book, parts });
+
 /// The index of a task that codes what shares some codebooks, by number of the codebook.
-pub(super) type CodedBooks = (Vec<(usize, CodedBatches)>, Vec<((usize, usize), [f64; 2])>);
+pub(super) type CodedBooks = (Vec<(usize, CodedBook)>, Vec<((usize, usize), [f64; 2])>);
 
 impl Task<'_> {
     /// What shares a codebook, of all families, with the number of its family; codebooks are numbered in this order.
@@ -34,7 +43,7 @@ impl Task<'_> {
         let own = books_by_task(&books, self.settings.code).swap_remove(task as usize);
         self.progress.begin("coding", own.len() as u64);
         let spill = self.spill();
-        let mut coded: Vec<(usize, CodedBatches)> = Vec::with_capacity(own.len());
+        let mut coded: Vec<(usize, CodedBook)> = Vec::with_capacity(own.len());
         for number in own {
             let (family, book) = &books[number];
             let scaled = self.scaled_family(&scaled, *family)?;
@@ -48,16 +57,9 @@ impl Task<'_> {
     }
 
     /// Codes what shares a codebook.
-    fn quantized_book(
-        &self,
-        task: u32,
-        scaled: &Scaled,
-        book: &Book,
-        spill: &Spill,
-    ) -> Result<CodedBatches, BuildError> {
+    fn quantized_book(&self, task: u32, scaled: &Scaled, book: &Book, spill: &Spill) -> Result<CodedBook, BuildError> {
         let temporary = |error| BuildError::temporary(spill, error);
-        let (folder, room) = (self.parts.folder(), self.memory(&scaled.outline, 0).particles);
-        let near = Spill::new(&folder.join(format!("{SPILL}.{task}")), folder, room, self.options.read);
+        let near = self.near(task, self.memory(&scaled.outline, 0).particles);
         let mut shared = self.shared(spill, scaled, book)?;
         shared.copy(spill, &near).map_err(temporary)?;
         let bits = self.options.octree.code_bits();
@@ -69,14 +71,20 @@ impl Task<'_> {
             drop(codes);
             batch.codes.0 = handed_on;
         }
-        Ok(coded)
+        let mut batches = std::mem::take(&mut coded.batches).into_iter();
+        let put = |part: &Part| {
+            let own: Vec<Coded<Codes>> = batches.by_ref().take(part.batches.len()).collect();
+            spill.put(&[&own.bytes()])
+        };
+        let parts = book.parts.iter().map(put).collect::<io::Result<_>>().map_err(temporary)?;
+        Ok(CodedBook { book: coded, parts })
     }
 
     /// Draws those of the leaves that are drawn which the task has coded.
     fn squares(
         &self,
         scaled: &[Option<Scaled>],
-        coded: &[(usize, CodedBatches)],
+        coded: &[(usize, CodedBook)],
         spill: &Spill,
     ) -> Result<Vec<((usize, usize), [f64; 2])>, BuildError> {
         let bits = self.options.octree.code_bits();
@@ -90,39 +98,23 @@ impl Task<'_> {
         for (family, (joined, scaled)) in self.joined()?.into_iter().zip(scaled).enumerate() {
             let picture = scaled.as_ref().and_then(|scaled| scaled.outline.picture(kernel, bits));
             if let Some(((tree, picture), scaled)) = joined.trees.first().zip(picture).zip(scaled.as_ref()) {
-                let draft = self.tree_draft(spill, tree, None, &scaled.outline)?;
-                let leaves = self.leaves(tree, scaled, spill, &draft)?;
-                let positions = |depth: usize, index: usize| draft.positions(depth, index);
-                let measured = Measured { picture: &picture, positions: &positions };
-                let draw = |(number, drawn): (usize, &Drawn)| {
-                    let (_, coded) = coded.iter().find(|(book, _)| *book == first + drawn.book)?;
-                    let squares = measured.squares(&draft.nodes, &leaves[drawn.book], coded, drawn, spill, bits);
+                let leaves = self.drawn_leaves(spill, tree, scaled, &picture)?;
+                let draw = |(number, leaf): (usize, &DrawnLeaf)| {
+                    let book = leaf.book();
+                    let (_, coded) = coded.iter().find(|(own, _)| *own == first + book)?;
+                    let squares = self.leaf_squares(spill, &picture, leaf, &tree.books[book], coded);
                     Some(squares.map(|squares| ((family, number), squares)))
                 };
-                let drawn = measured.drawn(&draft.nodes, &leaves);
-                let squares = drawn.par_iter().enumerate().filter_map(draw).collect::<io::Result<Vec<_>>>();
-                all.extend(squares.map_err(|error| BuildError::temporary(spill, error))?);
+                let squares = leaves.par_iter().enumerate().filter_map(draw).collect::<Result<Vec<_>, BuildError>>();
+                all.extend(squares?);
             }
             first += joined.trees.iter().map(|tree| tree.books.len()).sum::<usize>();
         }
         Ok(all)
     }
 
-    /// What shares the codebooks of a tree's leaves.
-    fn leaves(&self, tree: &Joined, scaled: &Scaled, spill: &Spill, draft: &Draft) -> Result<Vec<Shared>, BuildError> {
-        let mut leaves = Vec::new();
-        for book in &tree.books {
-            let shared = self.shared_of(spill, scaled, book, draft)?;
-            if !shared.is_of_leaves() {
-                break;
-            }
-            leaves.push(shared);
-        }
-        Ok(leaves)
-    }
-
     /// All that is coded, by codebook, and what came of drawing leaves, where those who coded have drawn them.
-    pub(super) fn coded_books(&self) -> Result<(Vec<CodedBatches>, Option<Squares>), BuildError> {
+    pub(super) fn coded_books(&self) -> Result<(Vec<CodedBook>, Option<Squares>), BuildError> {
         if !self.settings.has_whole_books() {
             return Ok((self.quantized()?, None));
         }
@@ -147,13 +139,12 @@ impl Task<'_> {
         &self,
         scaled: &[Option<Scaled>],
         (family, book): &(usize, Book),
-        coded: &CodedBatches,
+        coded: &CodedBook,
     ) -> Result<(), String> {
         let scaled = scaled.get(*family).and_then(Option::as_ref);
         let attributes = scaled.map_or(0, |scaled| scaled.scaling.attributes.len());
-        // Parts follow each other, which is checked where batches are read.
-        let batches = book.parts.last().map_or(0, |part| part.batches.end);
-        coded.check(batches, attributes, self.options.octree.code_bits())
+        coded.book.check(0, attributes, self.options.octree.code_bits())?;
+        expect("parts of a codebook", coded.parts.len(), book.parts.len())
     }
 }
 

@@ -53,27 +53,20 @@ impl Task<'_> {
         let own = self.own_units(&books, task);
         self.progress.begin("coding", own.len() as u64);
         let bits = self.options.octree.code_bits();
-        let mut done = Vec::with_capacity(own.len());
-        // Batches of one codebook at a time.
-        for own in own.chunk_by(|a, b| units[*a].0 == units[*b].0) {
-            let number = units[own[0]].0;
+        let one = |(place, &unit): (usize, &usize)| {
+            let (number, part) = units[unit];
             let (family, book) = &books[number];
             let scaled = self.scaled_family(&scaled, *family)?;
-            let shared = self.shared(spill, scaled, book)?;
-            let (before, scaling) = (done.len(), &scaled.scaling);
-            let one = |(i, &unit): (usize, &usize)| {
-                let part = book.parts[units[unit].1].batches.clone();
-                let lane = spill.lane(unit);
-                let group = shared.group(&lane, bits, self.progress);
-                let unit_of = Unit { place: before + i, book: number, group: &group, part, scaling, spill: &lane };
-                let worked = work(unit_of)?;
-                lane.close().map_err(|error| BuildError::temporary(spill, error))?;
-                self.progress.advance(1);
-                Ok((unit, worked))
-            };
-            done.extend(own.par_iter().enumerate().with_max_len(1).map(one).collect::<Result<Vec<_>, BuildError>>()?);
-        }
-        Ok(done)
+            let shared = self.shared_around(spill, scaled, book, part)?;
+            let lane = spill.lane(unit);
+            let group = shared.group(&lane, bits, self.progress);
+            let (part, scaling) = (book.parts[part].batches.clone(), &scaled.scaling);
+            let worked = work(Unit { place, book: number, group: &group, part, scaling, spill: &lane })?;
+            lane.close().map_err(|error| BuildError::temporary(spill, error))?;
+            self.progress.advance(1);
+            Ok((unit, worked))
+        };
+        own.par_iter().enumerate().with_max_len(1).map(one).collect()
     }
 
     pub(super) fn code(self, task: u32) -> Result<(), BuildError> {
@@ -267,26 +260,30 @@ impl Task<'_> {
         };
         let settled: SettledUnits = self.with_units(task, &spill, |unit| {
             let (draft, codes) = (self.draft_of(&drafts, &unit)?, self.codes_of(&spill, &kept, &unit)?);
-            draft.settle(unit.group, unit.part, codes, unit.scaling).map_err(temporary)
+            let (spill, scaling) = (unit.spill, unit.scaling);
+            let (batches, errors) = draft.settle(unit.group, unit.part, codes, scaling).map_err(temporary)?;
+            Ok((spill.put(&[&batches.bytes()]).map_err(temporary)?, errors))
         })?;
         drop(spill);
         self.hand_on(&settled, 0, 0)
     }
 
     /// All that is coded in parts, by codebook.
-    pub(super) fn quantized(&self) -> Result<Vec<CodedBatches>, BuildError> {
+    pub(super) fn quantized(&self) -> Result<Vec<CodedBook>, BuildError> {
         let (scaled, books) = (self.scaled()?, self.books()?);
         let drafts = self.drafts(self.last_drafts(), &scaled, &books)?;
-        let settled = self.of_units("settle", &books, |book, part, (coded, errors): &SettledPart<Codes>| {
+        let settled = self.of_units("settle", &books, |book, _, (_, errors): &SettledUnit| {
             let scaled = scaled.get(books[book].0).and_then(Option::as_ref);
             let attributes = scaled.map_or(0, |scaled| scaled.scaling.attributes.len());
-            expect("errors of a part", errors.len(), 3 + attributes)?;
-            expect("batches of a part", coded.len(), part.batches.len())
+            expect("errors of a part", errors.len(), 3 + attributes)
         })?;
         let mut settled = settled.into_iter();
         let of_book = |(book, draft): (&(usize, Book), DraftBook)| {
             let groups = book.1.parts.iter().map(|part| part.group);
-            let coded = draft.finished(groups.zip(settled.by_ref()));
+            let of_part = |(group, (batches, errors)): (u32, SettledUnit)| (batches, (group, errors));
+            let (parts, errors): (Vec<Blob>, Vec<(u32, Vec<QuantityError>)>) =
+                groups.zip(settled.by_ref()).map(of_part).unzip();
+            let coded = CodedBook { book: draft.finished(&errors, Vec::new()), parts };
             let checked = self.check_coded(&scaled, book, &coded);
             checked.map(|()| coded).map_err(|what| self.damaged(self.last_drafts(), 0, &what))
         };

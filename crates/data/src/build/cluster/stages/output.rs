@@ -1,124 +1,8 @@
-//! The last stages: pages are planned and written to their places, and the file gets its name.
+//! The last stages: pages are written to their places, and the file gets its name.
 
 use super::*;
 
 impl Task<'_> {
-    pub(super) fn pages(self) -> Result<(), BuildError> {
-        let source = self.source()?;
-        let about_source = self.streams(source.as_ref())?.about;
-        let kernel = about_source.kernel;
-        let (scaled, joined) = (self.scaled()?, self.joined()?);
-        let (outlines, left_out) = self.outlines()?;
-        let (batches, squares) = self.coded_books()?;
-        let mut batches = batches.into_iter();
-        let (mut families, mut notes, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
-        // Each with its length, and as bytes.
-        let mut pages: Vec<(u64, Vec<u8>)> = Vec::new();
-        let mut end = ALIGNMENT;
-        let known = scaled.into_iter().zip(outlines).zip(joined).enumerate();
-        for (number, ((scaled, outline), joined)) in known {
-            let Some((scaled, outline)) = scaled.zip(outline) else { continue };
-            let JoinedFamily { trees, estimated, derived } = joined;
-            let drawn = squares.as_ref().map(|all| all.range((number, 0)..(number + 1, 0)).map(|(_, own)| *own));
-            let error = drawn.map(picture_error);
-            let coded = self.coded(&scaled, trees, &mut batches, (kernel, error))?;
-            let others = family::others(&coded);
-            let trees = family::trees(&coded, &others, self.options);
-            let (trees, written) = trees.paged(pages.len() as u32, self.options.page_bytes);
-            for tree in &trees {
-                for page in 0..tree.len() {
-                    let (id, nodes) = tree.page(page);
-                    let mut bytes = Vec::new();
-                    (id, (families.len() as u32, end)).put(&mut bytes);
-                    let nodes: Vec<_> = nodes.collect();
-                    nodes.len().put(&mut bytes);
-                    for (node, (depth, index)) in nodes {
-                        node.put(&mut bytes);
-                        coded.places(tree.purpose, depth, index).put(&mut bytes);
-                    }
-                    let len = tree.page_bytes(page);
-                    pages.push((len, bytes));
-                    end = align_up(end + len, ALIGNMENT).unwrap_or(end + len);
-                }
-            }
-            numbers.push(coded.books.numbers.clone());
-            notes.extend(scaled.note.clone());
-            let histograms = self.histograms(number, &outline, &scaled, estimated, derived)?;
-            families.push(scaled.outline.metadata(&histograms, coded, written, self.options)?);
-        }
-        let about_source = Dataset { skipped: left_out.into_skipped(), ..about_source };
-        let (version, about) = self.footer(about_source, families, notes, pages.len())?;
-        let spill = self.spill();
-        let temporary = |error| BuildError::temporary(&spill, error);
-        let tasks = self.settings.write;
-        let lengths: Vec<u64> = pages.iter().map(|(len, _)| *len).collect();
-        let put = |range: Range<usize>| {
-            let count = range.len() as u64;
-            let len = count.bytes();
-            let mut bytes: Vec<&[u8]> = vec![&len];
-            bytes.extend(pages[range].iter().map(|(_, page)| &page[..]));
-            Ok((spill.put(&bytes)?, count))
-        };
-        let blobs: io::Result<Vec<(Blob, u64)>> = runs(&lengths, tasks).into_iter().map(put).collect();
-        let index = Pages {
-            tasks: blobs.map_err(temporary)?,
-            numbers: spill.put(&[&numbers.bytes()]).map_err(temporary)?,
-            end,
-            version,
-            about,
-        };
-        drop(spill);
-        self.hand_on(&index, 0, 0)
-    }
-
-    /// The coded trees of a family, of which `coded` has what shares each codebook, in order. `error` is what the codes do to the picture, which
-    /// may be none; `None` where it is still to be measured.
-    pub(super) fn coded(
-        &self,
-        scaled: &Scaled,
-        joined: Vec<Joined>,
-        coded: &mut impl Iterator<Item = CodedBatches>,
-        (kernel, error): (Kernel, Option<Option<f64>>),
-    ) -> Result<CodedTrees, BuildError> {
-        let spill = self.spill();
-        let temporary = |error| BuildError::temporary(&spill, error);
-        let bits = self.options.octree.code_bits();
-        let mut books = Books::default();
-        let (mut splats, mut volume) = (None, None);
-        for (&kind, joined) in self.options.octree.levels().iter().zip(&joined) {
-            let draft = self.tree_draft(&spill, joined, splats.as_ref(), &scaled.outline)?;
-            let shared = joined.books.iter().map(|book| self.shared_of(&spill, scaled, book, &draft));
-            let shared: Vec<Shared> = shared.collect::<Result<_, _>>()?;
-            let own: Vec<CodedBatches> = coded.by_ref().take(shared.len()).collect();
-            if own.len() != shared.len() {
-                return Err(self.unsound("fewer codebooks than stage join has told"));
-            }
-            let mut coding = Coding::of(&draft.nodes);
-            let leaves = shared.iter().take_while(|own| own.is_of_leaves()).count();
-            match (kind, error, scaled.outline.picture(kernel, bits)) {
-                (Purpose::Splats, Some(known), _) => coding.column_error = known,
-                (Purpose::Splats, None, Some(picture)) => {
-                    let positions = |depth: usize, index: usize| draft.positions(depth, index);
-                    let measured = Measured { picture: &picture, positions: &positions };
-                    let error = measured.error(&draft.nodes, &shared[..leaves], &own[..leaves], &spill, bits);
-                    coding.column_error = error.map_err(temporary)?;
-                }
-                _ => {}
-            }
-            let taken = shared.into_iter().zip(own).try_for_each(|(shared, own)| coding.take(shared, own, &spill));
-            taken.map_err(temporary)?;
-            let tree = draft.coded(kind, coding, splats.as_ref(), bits, &mut books);
-            match kind {
-                Purpose::Splats => splats = Some(tree),
-                Purpose::Samples | Purpose::Clusters => volume = Some(tree),
-            }
-        }
-        match splats {
-            Some(splats) => Ok(CodedTrees::new(spill, splats, volume, books)),
-            None => Err(self.unsound("a family without a tree")),
-        }
-    }
-
     /// How often which values are in the columns of a family.
     pub(super) fn histograms(
         &self,
@@ -188,13 +72,14 @@ impl Task<'_> {
         let file = open_growing(&path)?;
         let bits = self.options.octree.code_bits();
         let write = |page: &Page| -> Result<PageEntry, BuildError> {
-            let numbers = numbers.get(page.family as usize).ok_or_else(|| self.unsound("pages of another family"))?;
+            let PageHead { id, family, offset, .. } = page.head;
+            let numbers = numbers.get(family as usize).ok_or_else(|| self.unsound("pages of another family"))?;
             let sections = |(node, places): &(StoredNode, NodeSections)| {
                 Ok((node.clone(), places.read(node, numbers, bits, &spill)?))
             };
             let records = page.nodes.iter().map(sections).collect::<io::Result<Vec<_>>>();
             let records = records.map_err(|error| BuildError::temporary(&spill, error))?;
-            let page_of = EncodedPage::new(page.id, page.family, &records).ok_or_else(|| unwritable(TOO_LONG))?;
+            let page_of = EncodedPage::new(id, family, &records).ok_or_else(|| unwritable(TOO_LONG))?;
             let EncodedPage { nodes, memory, bytes } = page_of;
             let memory =
                 u32::try_from(memory).map_err(|_| unwritable("a page would take more than 4 GiB of memory"))?;
@@ -202,12 +87,12 @@ impl Task<'_> {
             // With the zeros behind it: something else may be there by now.
             let mut bytes = bytes;
             bytes.resize(bytes.len().next_multiple_of(ALIGNMENT as usize), 0);
-            if page.offset.checked_add(bytes.len() as u64).is_none_or(|end| end > index.end) {
+            if offset.checked_add(bytes.len() as u64).is_none_or(|end| end > index.end) {
                 return Err(self.damaged("pages", 0, "page: found one beyond the end of all, expected room for it"));
             }
-            write_all_at(&file, &bytes, page.offset).map_err(|source| io_error(&path, "write", source))?;
+            write_all_at(&file, &bytes, offset).map_err(|source| io_error(&path, "write", source))?;
             self.progress.advance(1);
-            Ok(PageEntry { offset: page.offset, len, nodes, family: page.family, crc, memory })
+            Ok(PageEntry { offset, len, nodes, family, crc, memory })
         };
         let entries = pages.par_iter().with_max_len(1).map(write).collect::<Result<Vec<PageEntry>, _>>()?;
         let written = entries.iter().map(|entry| u64::from(entry.len)).sum();

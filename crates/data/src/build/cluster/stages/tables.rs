@@ -187,8 +187,13 @@ impl Task<'_> {
         self.checked("join", 0, |families: &Vec<JoinedFamily>| {
             expect("families", families.len(), self.settings.families.len())?;
             let kinds = self.options.octree.levels().len() as u64;
-            for family in families.iter().filter(|family| !family.trees.is_empty()) {
+            let known = families.iter().zip(self.settings.groups()).filter(|(family, _)| !family.trees.is_empty());
+            for (family, tasks) in known {
                 expect("trees", family.trees.len() as u64, kinds)?;
+                for Joined { drafts, books, .. } in &family.trees {
+                    expect("runs of nodes", drafts.len(), tasks.len())?;
+                    books.iter().try_for_each(Book::check)?;
+                }
                 let mut counted = family.estimated.iter().chain(&family.derived);
                 counted.try_for_each(|counts| check_counts(counts, total(counts.iter().copied())))?;
             }
@@ -203,39 +208,55 @@ impl Task<'_> {
         most_in_nodes(self.settings.particles()).saturating_mul(self.options.octree.levels().len() as u64)
     }
 
-    /// The nodes of a tree, whose leaves are those of `splats`, if that is there.
-    pub(super) fn tree_draft(
-        &self,
-        spill: &Spill,
-        tree: &Joined,
-        splats: Option<&CodedTree>,
-        outline: &Outline,
-    ) -> Result<Draft, BuildError> {
-        self.checked_value(spill, &tree.draft, |draft: &Draft| {
-            draft.check(outline.survey.count)?;
-            splats.map_or(Ok(()), |splats| draft.check_cells(splats.cells()))
-        })
+    /// Nodes of a tree that follow those before them, which have been checked.
+    pub(super) fn next_draft(&self, spill: &Spill, blob: &Blob, checked: &mut Checked) -> Result<Draft, BuildError> {
+        self.checked_value(spill, blob, |draft: &Draft| checked.add(draft))
     }
 
-    /// What shares a codebook of a family.
-    pub(super) fn shared(&self, spill: &Spill, scaled: &Scaled, book: &Book) -> Result<Shared, BuildError> {
-        let (columns, most) = (3 + scaled.scaling.attributes.len(), self.most_particles());
-        self.checked_value(spill, &book.shared, |shared: &Shared| shared.check(columns, most, &book.parts))
-    }
-
-    /// The same of a tree, which its batches are of.
-    pub(super) fn shared_of(
+    /// The batches of a run of those that share a codebook of a family, which has these parts.
+    pub(super) fn run_of(
         &self,
         spill: &Spill,
         scaled: &Scaled,
         book: &Book,
-        draft: &Draft,
-    ) -> Result<Shared, BuildError> {
-        let shared = self.shared(spill, scaled, book)?;
-        match shared.check_nodes(&draft.nodes) {
-            Ok(()) => Ok(shared),
-            Err(what) => Err(BuildError::temporary(spill, spill.damaged(&book.shared, &what))),
+        parts: &[Part],
+        run: &Blob,
+    ) -> Result<Vec<Entry>, BuildError> {
+        let (columns, most) = (3 + scaled.scaling.attributes.len(), self.most_particles());
+        self.checked_value(spill, run, |entries: &Vec<Entry>| book.check_run(parts, entries, columns, most))
+    }
+
+    /// What shares a codebook of a family, all of it.
+    pub(super) fn shared(&self, spill: &Spill, scaled: &Scaled, book: &Book) -> Result<Shared, BuildError> {
+        let bytes = total(book.runs().map(|(_, run)| run.len() as u64));
+        let what = "a task that trains a codebook";
+        self.memory_of_whole(&scaled.outline, bytes.saturating_mul(BATCH), what)?;
+        let mut all: Vec<Entry> = Vec::new();
+        for (parts, run) in book.runs() {
+            all.extend(self.run_of(spill, scaled, book, parts, run)?);
         }
+        Ok(book.shared(0, all))
+    }
+
+    /// The run of what shares a codebook of a family that a part is of.
+    pub(super) fn shared_around(
+        &self,
+        spill: &Spill,
+        scaled: &Scaled,
+        book: &Book,
+        part: usize,
+    ) -> Result<Shared, BuildError> {
+        let group = book.parts[part].group;
+        let own = book.runs().find(|(parts, _)| parts[0].group == group);
+        let (parts, run) = own.ok_or_else(|| self.unsound("parts of no batches"))?;
+        Ok(book.shared(parts[0].batches.start, self.run_of(spill, scaled, book, parts, run)?))
+    }
+
+    /// The batches of a part, coded.
+    pub(super) fn coded_part(&self, spill: &Spill, part: &Part, coded: &Blob) -> Result<Vec<Coded<Codes>>, BuildError> {
+        self.checked_value(spill, coded, |batches: &Vec<Coded<Codes>>| {
+            expect("batches of a part", batches.len(), part.batches.len())
+        })
     }
 
     /// What the tasks of a stage have left for each of so many things, of which `own` are those of each task.
@@ -287,15 +308,41 @@ impl Task<'_> {
     pub(super) fn own_pages(&self, spill: &Spill, index: &Pages, task: u32) -> Result<Vec<Page>, BuildError> {
         let own = index.tasks.get(task as usize);
         let (blob, count) = own.ok_or_else(|| self.unsound("pages of fewer tasks"))?;
-        self.checked_value(spill, blob, |pages: &Vec<Page>| {
+        let OwnPages { pages, nodes } = self.checked_value(spill, blob, |own: &OwnPages| {
+            let pages = &own.pages;
             expect("pages", pages.len() as u64, *count)?;
-            let offsets = || pages.iter().map(|page| page.offset);
-            expect_that(offsets().is_sorted_by(|a, b| a < b), "pages", "one behind the other")?;
+            expect_that(pages.is_sorted_by(|a, b| a.offset < b.offset), "pages", "one behind the other")?;
             let is_place = |offset: u64| (ALIGNMENT..index.end).contains(&offset) && offset.is_multiple_of(ALIGNMENT);
-            expect_that(offsets().all(is_place), "page", "a place before the end of all")
-        })
+            expect_that(pages.iter().all(|page| is_place(page.offset)), "page", "a place before the end of all")
+        })?;
+        let mut all: Vec<PlacedNode> = Vec::new();
+        for blob in &nodes {
+            all.extend(self.portable::<Vec<PlacedNode>>(spill, blob)?);
+        }
+        // Those of a page are of several groups of buckets.
+        all.sort_by_key(|(place, _)| (place.page, place.node));
+        let mut rest = all.into_iter().peekable();
+        let mut whole = Vec::with_capacity(pages.len());
+        for head in pages {
+            let mut nodes = Vec::new();
+            while let Some((_, node)) =
+                rest.next_if(|(place, _)| place.page == head.id && place.node as usize == nodes.len())
+            {
+                nodes.push(node);
+            }
+            expect("nodes of a page", nodes.len() as u64, head.nodes.into())
+                .map_err(|what| self.damaged("pages", 0, &what))?;
+            whole.push(Page { head, nodes });
+        }
+        match rest.next() {
+            None => Ok(whole),
+            Some(_) => Err(self.damaged("pages", 0, "nodes of a page: found more, expected those of the task's pages")),
+        }
     }
 }
+
+/// Bytes that a batch takes in memory, in a list that has just grown, for each byte that tells of it.
+const BATCH: u64 = 3;
 
 /// Whether these are counts of so many columns, of no more values than there are particles.
 fn check_columns_counted(counts: &[Vec<u64>], columns: usize, particles: u64) -> Result<(), String> {

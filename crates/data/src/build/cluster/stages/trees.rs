@@ -53,52 +53,99 @@ impl Task<'_> {
 
     pub(super) fn join(self) -> Result<(), BuildError> {
         let spill = self.spill();
-        let temporary = |error| BuildError::temporary(&spill, error);
-        let bits = self.options.octree.code_bits();
         let mut all: Vec<JoinedFamily> = Vec::new();
-        for ((scaled, tasks), own) in
-            self.scaled()?.into_iter().zip(self.settings.groups()).zip(&self.settings.families)
-        {
-            let Some(Scaled { outline, scaling, .. }) = scaled else {
-                all.push(JoinedFamily::default());
-                continue;
-            };
-            self.progress.begin(&format!("joining {}", own.name), 0);
-            let mut built = Vec::with_capacity(outline.plan.len());
-            let mut joined = JoinedFamily::default();
-            let mut counts = 0_u64;
-            for task in tasks {
-                let (group, own) = self.built(task, &outline)?;
-                counts = total([counts, own]);
-                built.extend(group.built);
-                joined.estimated = added(joined.estimated, group.estimated);
-                joined.derived = added(joined.derived, group.derived);
-            }
-            let (kinds, count) = (self.options.octree.levels(), outline.survey.count);
-            let most = most_in_nodes(count).saturating_mul(kinds.len() as u64).saturating_add(count);
-            if counts > most {
-                return Err(self.mixed("grow", "particles of nodes", counts, format!("at most {most}")));
-            }
-            let trees = self.grown(&outline, &scaling, &spill, |grower| grower.join(built))?;
-            let mut first: Option<Draft> = None;
-            for (tree, kind) in trees.into_iter().zip(kinds) {
-                let (draft, batches) = Draft::of(tree, &spill, self.progress).map_err(temporary)?;
-                let mixed = |what| job_error(self.parts.folder(), &format!("{what}, of all results of stage grow"));
-                let check_cells = |first: &Draft| draft.check_cells(first.cells());
-                draft.check(count).and_then(|()| first.as_ref().map_or(Ok(()), check_cells)).map_err(mixed)?;
-                let found = draft.leaf_particles();
-                if found != count {
-                    return Err(self.mixed("partition or grow", "particles of leaves", found, count));
-                }
-                let book = |own: &Shared| Ok(Book { parts: own.parts(), shared: spill.put(&[&own.bytes()])? });
-                let books = shared(&draft.nodes, batches, bits, scope(*kind));
-                let books = books.iter().map(book).collect::<io::Result<Vec<_>>>().map_err(temporary)?;
-                joined.trees.push(Joined { draft: spill.put(&[&draft.bytes()]).map_err(temporary)?, books });
-                first = first.or(Some(draft));
-            }
-            all.push(joined);
+        for (scaled, tasks) in self.scaled()?.into_iter().zip(self.settings.groups()) {
+            all.push(match scaled {
+                Some(Scaled { outline, scaling, .. }) => self.grown(&outline, &scaling, &spill, |grower| {
+                    self.progress.begin(&format!("joining {}", outline.name), tasks.len() as u64);
+                    self.joined_family(grower, &outline, tasks)
+                })?,
+                None => JoinedFamily::default(),
+            });
         }
         drop(spill);
         self.hand_on(&all, 0, 0)
     }
+
+    /// Joins what tasks have built of a family, one after the other: of most nodes only what decides which share a codebook is held.
+    fn joined_family(
+        &self,
+        grower: &Grower<'_>,
+        outline: &Outline,
+        tasks: Range<u32>,
+    ) -> Result<JoinedFamily, BuildError> {
+        let spill = grower.spill;
+        let temporary = |error| BuildError::temporary(spill, error);
+        let mixed = |what| job_error(self.parts.folder(), &format!("{what}, of all results of stage grow"));
+        let (kinds, count) = (self.options.octree.levels(), outline.survey.count);
+        let most = most_in_nodes(count).saturating_mul(kinds.len() as u64).saturating_add(count);
+        let held = self.held_by_joining(tasks.clone());
+        let what = "stage join, which knows all leaves and builds the nodes of one group of buckets at a time,";
+        let room = self.memory_of_whole(outline, held, what)?.particles;
+        let near = self.near(0, room);
+        let mut joiner = grower.joiner();
+        let mut trees: Vec<Growing> = kinds.iter().map(|_| Growing::default()).collect();
+        let (mut joined, mut counts) = (JoinedFamily::default(), 0_u64);
+        for task in tasks {
+            let (group, own) = self.built(task, outline)?;
+            counts = total([counts, own]);
+            if counts > most {
+                return Err(self.mixed("grow", "particles of nodes", counts, format!("at most {most}")));
+            }
+            joined.estimated = added(joined.estimated, group.estimated);
+            joined.derived = added(joined.derived, group.derived);
+            let mut first: Option<Draft> = None;
+            for (tree, nodes) in trees.iter_mut().zip(joiner.add(group.built, self.buckets(task, outline).end)?) {
+                let (draft, batches) = Draft::of(nodes, spill, self.progress).map_err(temporary)?;
+                let check_cells = |first: &Draft| draft.check_cells(first);
+                tree.checked.add(&draft).and_then(|()| first.as_ref().map_or(Ok(()), check_cells)).map_err(mixed)?;
+                tree.gathering.add(&draft.nodes, batches, &near).map_err(temporary)?;
+                tree.drafts.push(spill.put(&[&draft.bytes()]).map_err(temporary)?);
+                first = first.or(Some(draft));
+            }
+            self.progress.advance(1);
+        }
+        for ((tree, levels), kind) in trees.into_iter().zip(joiner.levels()).zip(kinds) {
+            let Growing { drafts, checked, gathering } = tree;
+            checked.end(&levels, count).map_err(mixed)?;
+            let found = total(levels.iter().map(|level| level.leaf_particles));
+            if found != count {
+                return Err(self.mixed("partition or grow", "particles of leaves", found, count));
+            }
+            self.memory_of_whole(outline, held.saturating_add(SORTED * gathering.largest()), what)?;
+            let books = gathering.books(&near, spill, self.options.octree.code_bits().entries, scope(*kind));
+            joined.trees.push(Joined { drafts, levels, books: books.map_err(temporary)? });
+        }
+        Ok(joined)
+    }
+
+    /// Bytes that are held, about, where what these tasks have built is joined.
+    fn held_by_joining(&self, tasks: Range<u32>) -> u64 {
+        let names = self.job.names();
+        let header = |task: u32| names.done(self.job.number("grow", task).ok()?);
+        let bytes: Vec<u64> = tasks.filter_map(header).map(|header| header.index_bytes()).collect();
+        let all = total(bytes.iter().copied()) / PIECE_TOLD * Gathering::HELD;
+        all.saturating_add(bytes.into_iter().max().unwrap_or(0).saturating_mul(JOINED))
+    }
+
+    /// A place for what the task needs again itself, of which so much is kept in memory.
+    pub(super) fn near(&self, task: u32, room: u64) -> Spill {
+        let folder = self.parts.folder();
+        Spill::new(&folder.join(format!("{SPILL}.{task}")), folder, room, self.options.read)
+    }
 }
+
+/// A tree whose nodes come.
+#[derive(Default)]
+struct Growing {
+    drafts: Vec<Blob>,
+    checked: Checked,
+    gathering: Gathering,
+}
+
+/// Bytes by which a task that builds tells of a piece: more.
+const PIECE_TOLD: u64 = 200;
+/// Bytes that what a task has built takes while it is joined, for each byte that tells of it: read, as pieces, as nodes, and as batches.
+const JOINED: u64 = 8;
+/// The same of batches that are sorted out, for each byte that tells of them.
+const SORTED: u64 = 5;

@@ -43,13 +43,16 @@ impl Task<'_> {
             "grow" => self.has_index::<Grown>(stage, task),
             "join" => {
                 let families: Vec<JoinedFamily> = self.index(stage, task)?;
-                for Joined { draft, books } in families.into_iter().flat_map(|family| family.trees) {
-                    self.has_values::<Draft>([draft])?;
-                    self.has_values::<Shared>(books.into_iter().map(|book| book.shared))?;
+                for Joined { drafts, books, .. } in families.into_iter().flat_map(|family| family.trees) {
+                    self.has_values::<Draft>(drafts)?;
+                    self.has_values::<Vec<Entry>>(books.into_iter().flat_map(Book::blobs))?;
                 }
                 Ok(())
             }
-            "quantize" => self.has_index::<CodedBooks>(stage, task),
+            "quantize" => {
+                let (coded, _): CodedBooks = self.index(stage, task)?;
+                self.has_values::<Vec<Coded<Codes>>>(coded.into_iter().flat_map(|(_, coded)| coded.parts))
+            }
             "train" => {
                 let trained: Vec<(usize, Blob)> = self.index(stage, task)?;
                 self.has_values::<Trained>(trained.into_iter().map(|(_, trained)| trained))
@@ -66,11 +69,18 @@ impl Task<'_> {
                 let drafts: Vec<Blob> = self.index(stage, task)?;
                 self.has_values::<DraftBook>(drafts)
             }
-            "settle" => self.has_index::<SettledUnits>(stage, task),
+            "settle" => {
+                let units: SettledUnits = self.index(stage, task)?;
+                self.has_values::<Vec<Coded<Codes>>>(units.into_iter().map(|(_, (batches, _))| batches))
+            }
             "pages" => {
                 let Pages { tasks, numbers, .. } = self.index(stage, task)?;
                 self.has_values::<Vec<Vec<Vec<u16>>>>([numbers])?;
-                self.has_values::<Vec<Page>>(tasks.into_iter().map(|(pages, _)| pages))
+                let spill = self.spill();
+                tasks.iter().try_for_each(|(pages, _)| {
+                    let own: OwnPages = self.portable(&spill, pages)?;
+                    self.has_values::<Vec<PlacedNode>>(own.nodes)
+                })
             }
             "write" => self.has_index::<Vec<PageEntry>>(stage, task),
             _ => self.has_index::<()>(stage, task),

@@ -1,8 +1,13 @@
-//! What a task reads of those that have sorted particles: what they have of its own group of buckets, and no more.
+//! What a task reads of those that have sorted particles: what they have of its own group of buckets, and no more. And what one task does for all
+//! groups: it has the nodes of one of them at a time.
 
 use super::*;
-use crate::build::spill::Blob;
+use crate::build::coding::{Book, Entry};
+use crate::build::spill::{Blob, Spill};
+use crate::build::tree::Draft;
+use crate::hierarchy::LevelInfo;
 use crate::model::portable::Portable;
+use std::sync::Arc;
 
 /// Bytes of the header of a task's file, and of a table of no lanes.
 const FIXED: u64 = 80 + 8;
@@ -61,4 +66,73 @@ fn shares_are_where_they_were_when_they_are_made_again() {
     std::fs::remove_file(&path).unwrap();
     job.run("partition", 1, Some(0), &()).unwrap();
     assert!(std::fs::read(&path).unwrap() == first);
+}
+
+/// What the index of `join` has of a family: nodes, levels and codebooks of each tree, and counts.
+type Joined = (Vec<(Vec<Blob>, (Vec<LevelInfo>, Vec<Book>))>, (Vec<Vec<u64>>, Vec<Vec<u64>>));
+/// The index of `pages`, where a task's are found by their heads and nodes.
+type Pages = (Vec<(Blob, u64)>, (Blob, (u64, (u32, Vec<u8>))));
+type OwnPages = (Vec<(u32, (u32, (u64, u32)))>, Vec<Blob>);
+
+/// Whatever is put away at once, on the way from leaves to pages, is of a part of the nodes; and the file is the same.
+#[test]
+fn nodes_are_joined_and_paged_a_group_at_a_time() {
+    let made_up = MadeUp { seed: 6, gas: 24_000, dark: 0, is_lacking: false };
+    let case = Case::new(&made_up, LoadOptions::default(), options(VqBits::Eight, 600, 60, true));
+    let job = case.plan(8).unwrap();
+    run_before(&job, "write");
+    let groups = job.stages().iter().find(|own| own.name == "grow").unwrap().tasks as usize;
+    assert_eq!(groups, 8);
+    let spill = Spill::of_parts(Arc::new(Parts::reader(job.names())));
+    let bytes = |blob: &Blob| spill.get(blob).unwrap().to_vec();
+    let families = Vec::<Joined>::of_bytes(&index(&job, "join", 0).1).unwrap();
+    let (trees, _) = &families[0];
+    assert_eq!(trees.len(), 2);
+    let mut written = 0;
+    for (kind, (drafts, (levels, books))) in trees.iter().enumerate() {
+        let count = |blob: &Blob| Draft::of_bytes(&bytes(blob)).unwrap().nodes.iter().map(Vec::len).sum::<usize>();
+        let counts: Vec<usize> = drafts.iter().map(count).collect();
+        let all: usize = counts.iter().sum();
+        assert_eq!((counts.len(), all as u64), (groups, levels.iter().map(LevelInfo::nodes).sum::<u64>()));
+        // Beside the nodes of a group there are those above that were whole with it.
+        assert!(counts.iter().all(|count| (1..all / 3).contains(count)), "{counts:?}");
+        // Leaves are written with the first tree.
+        let leaves: u64 = levels.iter().map(|level| level.leaf_nodes).sum();
+        written += all as u64 - if kind > 0 { leaves } else { 0 };
+        // Runs of batches, which are coded and read by themselves, are of a group that sums are taken of.
+        for book in books {
+            let runs: Vec<usize> =
+                book.runs().map(|(_, run)| Vec::<Entry>::of_bytes(&bytes(run)).unwrap().len()).collect();
+            assert_eq!(runs.iter().sum::<usize>(), book.batches());
+            assert!(book.batches() < 120 || runs.iter().all(|run| 3 * run < book.batches()), "{runs:?}");
+        }
+    }
+    let (tasks, _) = Pages::of_bytes(&index(&job, "pages", 0).1).unwrap();
+    let own: Vec<OwnPages> = tasks.iter().map(|(blob, _)| OwnPages::of_bytes(&bytes(blob)).unwrap()).collect();
+    let nodes: u64 = own.iter().flat_map(|(pages, _)| pages).map(|(_, (_, (_, nodes)))| u64::from(*nodes)).sum();
+    assert_eq!(nodes, written);
+    let put: Vec<usize> = own.iter().flat_map(|(_, nodes)| nodes).map(Blob::len).collect();
+    assert!(put.iter().all(|len| 3 * len < put.iter().sum::<usize>()), "{put:?}");
+    run_all(&job);
+    assert!(case.built() == case.expected());
+}
+
+/// By the lengths of their files alone.
+#[test]
+fn what_takes_too_much_memory_to_be_joined_is_refused_before_it_is_read() {
+    let case = case(false);
+    let job = job_before(&case, "join");
+    let number = job.number("grow", 1).unwrap();
+    Parts::of_task(job.names(), number).unwrap().finish(&vec![0_u8; 20 << 20], 0, 0).unwrap();
+    let join = |memory: u64| job.run("join", 0, Some(memory), &()).unwrap_err().to_string();
+    let told = join(32 << 20);
+    assert!(told.contains("out.df: stage join, which ") && told.ends_with("that the build may take"), "{told}");
+    let (_, needed) = told.split_once("takes about ").unwrap();
+    let needed: u64 = needed.split_once(" MiB").unwrap().0.parse().unwrap();
+    assert!((200..400).contains(&needed), "{told}");
+    // With as much as it says it is read.
+    let told = join(needed << 20);
+    assert!(told.contains("grow.1: index: found other values") && told.ends_with("run stage grow, task 1"), "{told}");
+    run_all(&job);
+    assert!(case.built() == case.expected());
 }

@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// With all checksums right: whoever puts results together says that they do not fit, and what tells of them counts them.
 #[test]
 fn results_of_other_numbers_are_told() {
-    type CodedBooks = (Vec<(usize, CodedBatches)>, Vec<((usize, usize), [f64; 2])>);
+    type CodedBooks = (Vec<(usize, (CodedBatches, Vec<Blob>))>, Vec<((usize, usize), [f64; 2])>);
     let case = Case::small();
     let job = case.plan(1).unwrap();
     run_before(&job, "pages");
@@ -28,9 +28,9 @@ fn results_of_other_numbers_are_told() {
     let told = write(&coded);
     assert!(told.contains("those of the task's codebooks; run stage quantize, task 0"), "{told}");
     coded.0[0].0 -= 1;
-    coded.0[0].1.batches.pop();
+    coded.0[0].1.1.pop();
     let told = write(&coded);
-    assert!(told.contains("batches: found ") && told.ends_with("run stage quantize, task 0"), "{told}");
+    assert!(told.contains("parts of a codebook: found ") && told.ends_with("run stage quantize, task 0"), "{told}");
 }
 
 /// A task's file with another index of the same length, and the checksums that it has then.
