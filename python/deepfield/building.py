@@ -59,8 +59,8 @@ def build(
     ``height_error`` is how far heights of a file may be from the source's, in their unit: a larger one makes a smaller file [None: they are
     the source's own].
 
-    ``memory`` is what the build may take, in bytes or as "2GiB", ``threads`` how many build [all]; ``progress`` is called with the stage, the steps done and their number, some
-    times a second, or True for a bar. What it raises, and Ctrl-C, end the build, and nothing is left behind.
+    ``memory`` is what the build may take beside arrays, in bytes or as "2GiB" [half of what is free], ``threads`` how many build [all];
+    ``progress`` is called with the stage, the steps done and their number, some times a second, or True for a bar. What it raises, and Ctrl-C, end the build, and nothing is left behind.
     """
     out = os.fspath(out)
     wanted = kept(attributes, families, derive, hierarchy, smoothing)

@@ -10,8 +10,8 @@ use deepfield_draw::heights::import::HeightOptions;
 use deepfield_draw::heights::{OpenHeights, is_heights};
 use deepfield_draw::hierarchy::{Kinds, Matter};
 use deepfield_draw::import::{
-    AttributeChoice, GridOptions, LoadOptions, Run, RunOptions, Smoothing, Source as _, grid_format, is_one_table,
-    open_grid, open_run, sources_of, steps_in,
+    AttributeChoice, GridOptions, LoadOptions, Run, RunOptions, Smoothing, Source as _, UnpackedOnce, grid_format,
+    is_one_table, open_grid, open_run, sources_of, steps_in,
 };
 use deepfield_draw::look::DataKind;
 use deepfield_draw::model::{DerivedQuantity, FamilyName, ReadMethod, Skipped};
@@ -176,6 +176,8 @@ pub fn build_files(
 
 fn of_files(sources: &[PathBuf], out: &Path, asked: &Asked, state: &State) -> Result<(), Failure> {
     refuse_built(sources)?;
+    // What it is, and of how many steps, is asked before it is opened.
+    let _held = if let [only] = sources { Some(UnpackedOnce::of(only)) } else { None };
     if let [only] = sources
         && is_heights(only)
     {

@@ -16,8 +16,8 @@ use crate::codec::VqBits;
 use crate::hierarchy::Matter;
 use crate::hierarchy::kind::WAVELET;
 use crate::import::{
-    AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, grid_format, is_one_table, open_grid,
-    open_run, sources_of, steps_in,
+    AttributeChoice, GridOptions, LoadOptions, RunOptions, Smoothing, Times, UnpackedOnce, grid_format, is_one_table,
+    open_grid, open_run, sources_of, steps_in,
 };
 use crate::look::DataKind;
 use crate::model::{ClockVariable, FamilyName, ReadMethod, Skipped, is_url};
@@ -204,6 +204,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     if let Some(done) = arguments.job.of_job() {
         return done;
     }
+    // What it is, and of how many steps, is asked before it is opened.
+    let _held = if let [only] = &arguments.sources[..] { Some(UnpackedOnce::of(only)) } else { None };
     let raw = arguments.raw.grid()?;
     let trace = arguments.tracing.trace(arguments.times.as_ref());
     if let [only] = &arguments.sources[..]

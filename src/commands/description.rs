@@ -88,6 +88,8 @@ pub fn parse() -> Result<Option<Command>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::build::{BuildOptions, build};
+    use crate::import::{LoadOptions, load};
 
     /// What is said of the places of the files that a command is to write.
     fn said(arguments: &[&str]) -> Result<(), String> {
@@ -148,6 +150,21 @@ mod tests {
         let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
         let [run, pattern, list] = [at("run"), at("run/p_*.csv"), format!("@{}", at("list.txt"))];
         let (other_name, of_b) = (at("run/../a.csv"), format!("{b}#0"));
+        let built = at("a.df");
+        let dataset = load(Path::new(&a), &LoadOptions::default(), &()).unwrap();
+        build(dataset, &BuildOptions::default(), Path::new(&built), &()).unwrap();
+        let [scene, tour] = [
+            ("s.scene.ron", "(version: 1, datasets: [(path: \"a.csv\", texture: \"b.csv\")], labels: \"who.ids\")"),
+            (
+                "t.ron",
+                "(version: 1, dataset: (path: \"a.csv\"),
+                  keyframes: [(around: (what: object(\"b.csv#0\")), images: [(path: \"who.ids\")])])",
+            ),
+        ]
+        .map(|(name, text)| {
+            std::fs::write(folder.path().join(name), text).unwrap();
+            at(name)
+        });
         let parts = [0, 1].map(|k| format!("{}/tests/data/arepo.{k}.hdf5", env!("CARGO_MANIFEST_DIR")));
         for (arguments, over) in [
             (vec!["build", &a, "-o", &a], &a),
@@ -158,6 +175,7 @@ mod tests {
             (vec!["build", &list, "-o", &b], &b),
             (vec!["build", &parts[0], "-o", &parts[1]], &parts[1]),
             (vec!["select", &a, "-o", &a], &a),
+            (vec!["select", &built, "-o", &a], &a),
             (vec!["select", &a, "--ids", &ids, "-o", &ids], &ids),
             (vec!["select", &a, "--at", &of_b, "-o", &b], &b),
             (vec!["plot", &a, "--histogram", "mass", "-o", "plot.png", "-o", &a], &a),
@@ -166,6 +184,12 @@ mod tests {
             (vec!["view", &a, "--picture", &a], &a),
             (vec!["view", &run, "--status", &run_1], &run_1),
             (vec!["tour", "--around", &a, "--frame", "0", &a], &a),
+            (vec!["render", &scene, "-o", &a], &a),
+            (vec!["render", &scene, "-o", "picture.png", "--raw", &b], &b),
+            (vec!["render", &run, "--scene", &scene, "-o", &ids], &ids),
+            (vec!["tour", &tour, "--frame", "0", &a], &a),
+            (vec!["tour", &tour, "--video", &b], &b),
+            (vec!["tour", &tour, "--frame", "0", &ids], &ids),
         ] {
             let why = format!("{over}: cannot be written: found a file that is read, expected another name");
             assert_eq!(said(&arguments), Err(why), "{arguments:?}");
@@ -173,6 +197,8 @@ mod tests {
         let fresh = at("run/p.df");
         for arguments in [
             vec!["build", &a, "-o", &b],
+            vec!["select", &built, "-o", &b],
+            vec!["build", &a, "-o", &built],
             vec!["build", &run, "-o", &a],
             vec!["build", &run, "-o", &fresh],
             vec!["probe", &a, "--json", "-"],

@@ -5,7 +5,8 @@ use super::raw_options::RawOptions;
 use super::{CommandResult, grid_info, page_file_info, run_info, text_of};
 use crate::import::vector_field::velocities_in;
 use crate::import::{
-    FamilySummary, Field, GridOptions, Statistic, Summary, grid_format, open_grid, summarize, summarize_grid,
+    FamilySummary, Field, GridOptions, Statistic, Summary, UnpackedOnce, grid_format, open_grid, summarize,
+    summarize_grid,
 };
 use crate::look::{DataKind, data_file};
 use crate::model::ReadMethod;
@@ -49,6 +50,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> CommandResult {
     let Arguments { path, json, raw, heights: said } = arguments;
     let path = &data_file(path)?;
+    // What it is is asked before it is opened.
+    let _held = UnpackedOnce::of(path);
     let options = GridOptions { raw: raw.grid()?, ..GridOptions::default() };
     if options.raw.is_none() && said.takes(path) {
         let open = said.open(path, &raw.spacing, ReadMethod::default())?;

@@ -155,7 +155,11 @@ fn write_family(text: &mut String, family: &FamilyMetadata) -> std::fmt::Result 
         let [min, max, mean] = [field.min, field.max, field.mean].map(|value| format!("{value:.6e}"));
         writeln!(text, "  {:<28} {unit:<24} {min:>14} {max:>14} {mean:>14}", field.name)?;
         if field.missing > 0 {
-            writeln!(text, "  {:<28} {} values were not finite; the mean stands for them", "", field.missing)?;
+            writeln!(
+                text,
+                "  {:<28} {} values were not finite in single precision; the mean stands for them",
+                "", field.missing
+            )?;
         }
     }
     write_levels(text, &family.levels)?;

@@ -189,6 +189,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         None => arguments.who.members(&arguments.region, data)?,
     };
     let region = wanted.region().cloned().unwrap_or_default();
+    let whom = in_words(&wanted, data);
     let tracked_at = match &wanted {
         Members::Tracked { at, .. } => Some(*at),
         _ => None,
@@ -223,7 +224,7 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         return write_json(out, &Answer { path, region: &region, tracked_at, probe: &found, histograms });
     }
     let text = text_of(|text| {
-        write_tables(text, data, &region, &found)?;
+        write_tables(text, data, &whom, &found)?;
         histograms.iter().try_for_each(|histogram| write_histogram(text, histogram))
     });
     Ok(std::io::stdout().write_all(text.as_bytes())?)
@@ -283,9 +284,9 @@ struct AnswerOverTime<'a> {
 }
 
 /// The tables for people.
-fn write_tables(text: &mut String, data: Data, region: &Region, probe: &Probe) -> std::fmt::Result {
+fn write_tables(text: &mut String, data: Data, whom: &str, probe: &Probe) -> std::fmt::Result {
     let length = &probe.length_unit;
-    writeln!(text, "{}: {} particles {}", data.path().display(), probe.count, described(region, data))?;
+    writeln!(text, "{}: {} particles {whom}", data.path().display(), probe.count)?;
     writeln!(text, "mass: {} {}", short(probe.mass), probe.mass_unit)?;
     if let Some([x, y, z]) = probe.center_of_mass {
         writeln!(text, "centre of mass: {}, {}, {} {length}", short(x), short(y), short(z))?;
@@ -299,6 +300,16 @@ fn write_tables(text: &mut String, data: Data, region: &Region, probe: &Probe) -
         write_family(text, family, probe)?;
     }
     probe.profile.iter().try_for_each(|profile| write_profile(text, profile, probe))
+}
+
+/// Who is asked for.
+fn in_words(members: &Members, data: Data) -> String {
+    match members {
+        Members::Region(region) => described(region, data),
+        // Where these differ, the data lacks some of the ids, or has others several times.
+        Members::Ids(ids) => format!("with one of {} ids", ids.len()),
+        Members::Tracked { at, region } => format!("that are {} at {at}", described(region, data)),
+    }
 }
 
 /// The region in words.

@@ -6,6 +6,7 @@ use super::render_arguments::splat_count;
 use super::statistics::write_json;
 use super::wavelet_options::WaveletOptions;
 use super::{CommandResult, print_line};
+use crate::annotate::number::short;
 use crate::explore::export::grid::{GridFormat, write_grid};
 use crate::hierarchy::wavelet::{Bricks, Hierarchy, Samples, errors};
 use crate::import::{self, GridOptions, GridSource, ImportError, grid_format, open_grid};
@@ -13,7 +14,7 @@ use crate::look::DataKind;
 use crate::model::{Grid, ReadMethod, Region, SampleType};
 use crate::picture::field::{ErrorValue, PointsReport};
 use crate::store::GridFile;
-use crate::store::grid::planes_of;
+use crate::store::grid::{beyond_single, planes_of};
 use std::fmt::{Display, Formatter};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -208,7 +209,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
     }
     let points = if told.points == 1 { "1 point".to_owned() } else { format!("{} points", told.points) };
-    print_line(format_args!("{points}, {} of them samples; off by {rms:.4} (rms), {max:.4} at most", told.leaves))?;
+    let [rms, max] = [rms, max].map(|error| short(f64::from(error)));
+    print_line(format_args!("{points}, {} of them samples; off by {rms} (rms), {max} at most", told.leaves))?;
     Ok(())
 }
 
@@ -247,6 +249,9 @@ fn approximate(
     let whole = opened.bytes_of(grid, &grid.region())?;
     let planes = planes_of(grid.sample_type, grid.channels.len(), &whole);
     drop(whole);
+    if let Some(note) = beyond_single(grid.sample_type, &planes) {
+        eprintln!("deepfield: {}: {note}", arguments.path.display());
+    }
     let shape = grid.shape.map(|side| side as usize);
     let channels = planes.iter().map(Vec::as_slice).collect();
     let samples = Samples { dimensions: grid.dimensions, shape, channels };

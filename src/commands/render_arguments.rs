@@ -72,9 +72,9 @@ pub struct Arguments {
     /// Where the picture goes: .png (colours) or .exr (the raw channels P and S).
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top; for volumes premultiplied linear RGBA; for
-    /// cross-section the field's values, NaN where nothing is; for heights depth, x, y, height, row, column and coverage at the middle of each pixel
-    /// as float64.
+    /// Also save the raw accumulation P as a float32 NumPy array, row 0 at the top, rounded to 1e-7 of its largest value, so that pixels with
+    /// nothing in them may be that little below 0; for volumes premultiplied linear RGBA; for cross-section the field's values, NaN where nothing
+    /// is; for heights depth, x, y, height, row, column and coverage at the middle of each pixel as float64.
     #[arg(long, value_name = "FILE.npy")]
     pub raw: Option<PathBuf>,
     /// Picture size in pixels [default: 1200x800].

@@ -90,9 +90,9 @@ impl Kind {
   deepfield synth cosmology -n 1e9 -o universe.gadget2         40 GB
   deepfield synth cosmology -n 1e7 --box 50 --seed 7 -o small.gadget2
   deepfield synth merger -n 2e6 -o merger.gadget2
-  deepfield synth orbits -n 1e5 --steps 32 -o orbits/run       a run of 32 snapshots
-  deepfield synth merger -n 2e6 --steps 84 -o merger/run
-  deepfield synth pancake -n 1e5 --steps 9 --irregular 3 -o pancake/run
+  deepfield synth orbits -n 1e5 --steps 32 -o orbits           a run of 32 snapshots, orbits_000 to orbits_031
+  deepfield synth merger -n 2e6 --steps 84 -o merger
+  deepfield synth pancake -n 1e5 --steps 9 --irregular 3 -o pancake
   deepfield synth blobs --size 1024,1024,1024 -o blobs.nrrd    1 GiB of bytes
   deepfield synth surface --shape fbm --size 4000x3000 --type i16 -o hills.npy
   deepfield synth wave --size 128,128 --level 3 --direction 1 -o wave.npy")]

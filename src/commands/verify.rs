@@ -47,8 +47,8 @@ pub fn run(arguments: &Arguments) -> CommandResult {
         }
         return Ok(());
     }
-    if arguments.sources {
-        return Err(format!("{path}: --sources: is for runs").into());
+    if arguments.sources && arguments.path.exists() {
+        return Err(format!("{path}: --sources: found no run, expected one").into());
     }
     if let Ok(DataKind::Heights) = DataKind::of(&arguments.path) {
         let VerifiedHeights { bytes, pages, chunks, tiles, valid } =

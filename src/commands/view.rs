@@ -363,6 +363,12 @@ pub fn show(path: &Path, settings: &WindowArguments) -> CommandResult {
     if settings.lead.is_some() || settings.follow.is_some() || settings.outputs.is_some() {
         return Err(format!("{reason}: a show needs a window").into());
     }
+    if settings.tour.is_some() {
+        return Err(format!(
+            "{reason}: a tour needs a window to play in; deepfield tour makes pictures and videos of it"
+        )
+        .into());
+    }
     let named = settings.scene.as_deref().filter(|_| path.as_os_str().is_empty()).unwrap_or(path);
     if named.as_os_str().is_empty() {
         return Err(format!("{reason}: name a file to draw its picture, as in deepfield view snapshot.hdf5").into());

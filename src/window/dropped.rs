@@ -10,9 +10,9 @@ use crate::tour::TourFile;
 use bevy::prelude::*;
 use std::path::Path;
 
-/// Whether a file is RON that reads as a tour.
+/// Whether a file is RON that reads as a tour: a scene has the same ending.
 fn is_tour(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == "ron") && !is_scene_file(path) && TourFile::read(path).is_ok()
+    is_scene_file(path) && TourFile::read(path).is_ok()
 }
 
 /// Starts to open files that are dropped on the window: in the place of what is open, or with it where the user wants that; what is asked for
@@ -75,6 +75,22 @@ mod tests {
             );
         let window = app.world_mut().spawn_empty().id();
         (app, window)
+    }
+
+    #[test]
+    fn tours_are_told_from_scenes_and_catalogues() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text, tour) in [
+            ("show.ron", "(version: 1, keyframes: [()])", true),
+            ("a.scene.ron", "(version: 1, datasets: [(path: \"a.df\")])", false),
+            ("names.ron", "(objects: [(name: \"Coma\", position: (1.0, 2.0, 3.0))])", false),
+            ("show.txt", "(version: 1, keyframes: [()])", false),
+        ] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            assert_eq!(is_tour(&path), tour, "{name}");
+        }
+        assert!(!is_tour(&folder.path().join("none.ron")));
     }
 
     #[test]

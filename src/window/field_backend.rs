@@ -498,7 +498,7 @@ mod tests {
             settings.look.settings.set(setting, SettingValue::Number(number));
         }
         let look = settings.look.patch();
-        let view = opened.home(&settings.look.settings, 40.0, (full.x, full.y)).unwrap();
+        let (view, _) = opened.home(&settings.look.settings, 40.0, (full.x, full.y)).unwrap();
         app.world_mut().resource_mut::<Scene>().field = Some(SceneField::new(Sampled::Heights(opened)));
         app.insert_resource(ViewSelection { view: Some(view), ..default() })
             .insert_resource(ActiveBackend::Field)

@@ -396,10 +396,7 @@ pub fn home_of(
     let (fov_deg, size) = (fov_y.to_degrees(), (size.x, size.y));
     let found = match opened {
         Sampled::Field(_) => None,
-        Sampled::Heights(opened) => {
-            let view = opened.home(settings, fov_deg, size).map_err(told)?;
-            Some((view, opened.bounds(settings).map_err(told)?.center()))
-        }
+        Sampled::Heights(opened) => Some(opened.home(settings, fov_deg, size).map_err(told)?),
         Sampled::Mixed(opened) => opened.home(settings, fov_deg, size).map_err(told)?,
     };
     let (view, target) = found.ok_or("there are no heights")?;

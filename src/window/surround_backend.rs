@@ -28,7 +28,6 @@ use crate::annotate::overlay::Overlay;
 use crate::color::transfer::Levels;
 use crate::hierarchy::spacetime::Interpolation;
 use crate::look::{CameraConfig, Film, LookPatch, Member, SceneFile, Shot};
-use crate::mode::Depiction;
 use crate::picture::{AnySession, PictureError, Session};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
@@ -80,9 +79,12 @@ impl Wanted {
         }
     }
 
-    /// Leaves what hue alone asks for to the picture at rest, as flat views do ([`Depiction::detail_in_motion`]).
-    fn leave_hue(&mut self, depiction: &Depiction) {
-        let share = depiction.error_share();
+    /// Leaves what hue alone asks for, a share of the error ([`Depiction::error_share`]), to the picture at rest, as flat views do
+    /// ([`Depiction::detail_in_motion`]).
+    ///
+    /// [`Depiction::error_share`]: crate::mode::Depiction::error_share
+    /// [`Depiction::detail_in_motion`]: crate::mode::Depiction::detail_in_motion
+    fn leave_hue(&mut self, share: f64) {
         // Else it stays what is wanted at rest, too, and need not be drawn again.
         if share < 1.0 {
             for look in [&mut self.shot.look, &mut self.content.shot.look] {
@@ -401,7 +403,7 @@ pub(super) fn draw_surround(
             if let Some(found) = exposure.levels.filter(|_| is_light && surround.has_shown(&wanted)) {
                 small.fix_ranges(&found);
             }
-            small.leave_hue(&look.depiction);
+            small.leave_hue(look.depiction.error_share(scene.file.metadata()));
             small
         }
         false => wanted,

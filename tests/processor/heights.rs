@@ -256,6 +256,9 @@ fn lines_are_written_and_plotted_and_discs_are_measured() {
     let sorted = |one: f64, other: f64| [one.min(other), one.max(other)];
     let told = ok(folder, &[&ramp[..], &["lines.csv"]].concat());
     assert!(String::from_utf8_lossy(&told.stdout).starts_with("7 lines at 10 heights"), "{told:?}");
+    refused(folder, &[&ramp[..], &["missing/lines.csv"]].concat(), "missing/lines.csv: cannot be written: ");
+    let as_image = [&ramp[..], &["lines.csv", "--kind", "image"]].concat();
+    refused(folder, &as_image, "ramp.npy: --kind: found image, expected heights");
     let table = text("lines.csv");
     let row = |line: &str| -> [f64; 4] {
         let parts: Vec<f64> = line.split(',').map(|part| part.parse().unwrap()).collect();

@@ -334,10 +334,14 @@ fn particles_move_between_steps_in_pictures_selections_tables_and_tours() {
     assert!((family["velocity_factor"].as_f64().unwrap() - 1.0).abs() < 0.05);
     assert_eq!(about["intervals"].as_array().unwrap().len(), 4);
     ok(folder, &["verify", "run.df", "--sources"]);
-    names.iter().for_each(|name| std::fs::remove_file(folder.join(name)).unwrap());
-    // A picture between steps is that of the particles that a selection has there.
     let time = 0.5 * (about["steps"][1]["time"].as_f64().unwrap() + about["steps"][2]["time"].as_f64().unwrap());
     let time = time.to_string();
+    // Snapshots are of steps alone.
+    let output = run(folder, &["render", "run.df", "--time", &time, "--exact", "-o", "step.png", "--size", "24x18"]);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && told.contains("between steps: what is drawn is of step 1"), "{told}");
+    names.iter().for_each(|name| std::fs::remove_file(folder.join(name)).unwrap());
+    // A picture between steps is that of the particles that a selection has there.
     let camera =
         ["--size", "96x72", "--backend", "cpu", "--eye", "0,0,9", "--target", "0,0,0", "--mode", "column-density"];
     let picture = |arguments: &[&str], name: &str| {

@@ -185,6 +185,11 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
     let (_, said) = failure(record("once"));
     assert!(said.contains("another recording: the tour was checksum"), "{said}");
     std::fs::write(folder.path().join("everything.ron"), EVERYTHING).unwrap();
+    // Another logo of the same name is another tour, too.
+    std::fs::copy(at("once").join("frame-00000.png"), at("logo.png")).unwrap();
+    let (_, said) = failure(record("once"));
+    assert!(said.contains("another recording: the tour was checksum"), "{said}");
+    std::fs::copy(in_repository("tests/golden/points.png"), at("logo.png")).unwrap();
 
     // Any frame is made again from its scene: in a pause, within cross-fades, with words and pictures.
     for frame in ["frame-00000", "frame-00010", "frame-00016", "frame-00018"] {
@@ -210,6 +215,17 @@ fn recordings_are_the_same_files_however_they_are_interrupted() {
     let one = at("one.png").display().to_string();
     run(tour(&[&path, &demo(), "--frame", "9", &one]));
     assert!(read_png(Path::new(&one)).unwrap() == read_png(&at("once").join("frame-00009.png")).unwrap());
+
+    // Begun anew, a folder has nothing left of another recording, and still has other parts of the same.
+    let anew = |part: [&str; 2]| {
+        let mut anew = tour(&[&path, &demo(), "--no-scenes", "--fps", "1", "--restart"]);
+        anew.args(part).arg("--record").arg(at("part"));
+        run(anew);
+        contents(&at("part")).into_keys().collect::<Vec<_>>()
+    };
+    let own = ["frame-00000.png", "frame-00001.png", "recording.journal", "recording.ron"].map(PathBuf::from);
+    assert_eq!(anew(["--end", "1.5"]), own);
+    assert_eq!(anew(["--start", "3.5"])[..2], own[..2]);
 }
 
 /// Half a turn of which no frame fits into a mebibyte.
@@ -410,7 +426,18 @@ fn any_data_has_a_tour_and_a_video() {
     run(tour(&[&["--around", &demo(), "--seconds", "2", "--fps", "5", "--video", &name][..], &size].concat()));
     let bytes = std::fs::read(&video).unwrap();
     assert!(bytes.starts_with(b"RIFF") && bytes.windows(4).filter(|word| word == b"00dc").count() >= 20);
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only the video stays");
+    let files = || std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(files(), 1, "only the video stays");
+
+    // Of one that was interrupted frames stay, and another of its name begins anew when that is said.
+    let of_demo = |fps: &str, more: &[&str]| {
+        tour(&[&["--around", &demo(), "--seconds", "2", "--fps", fps][..], &size, more].concat())
+    };
+    run(of_demo("1", &["--record", &format!("{name}.frames")]));
+    let (code, said) = failure(of_demo("2", &["--video", &name]));
+    assert!(code == Some(1) && said.contains("--fps was 1, now 2") && said.contains("--restart"), "{said}");
+    run(of_demo("2", &["--video", &name, "--restart"]));
+    assert_eq!(files(), 1);
 }
 
 #[test]
@@ -436,11 +463,17 @@ fn mistakes_are_told_in_a_line() {
     let (code, said) = failure(tour(&[&text, &demo(), "--frame", "7", "a.png"]));
     assert!(code == Some(1) && said.contains("expected a number from 0 to 0"), "{said}");
     // Before anything is drawn: the end of a long recording is no place to be told.
-    std::fs::write(&path, "(version: 1, keyframes: [(), (after: 9.0, attribute: named(\"beauty\"))])").unwrap();
-    for what in [&["--check"][..], &["--frame", "0", "a.png"]] {
-        let (code, said) = failure(tour(&[&[&text[..], &demo()][..], what].concat()));
-        assert!(code == Some(1) && said.contains("t.ron: keyframe 2: ") && said.contains("beauty"), "{said}");
+    for (wrong, told) in [("attribute: named(\"beauty\")", "beauty"), ("images: [(path: \"none.png\")]", "none.png")] {
+        std::fs::write(&path, format!("(version: 1, keyframes: [(), (after: 9.0, {wrong})])")).unwrap();
+        for what in [&["--check"][..], &["--frame", "0", "a.png"]] {
+            let (code, said) = failure(tour(&[&[&text[..], &demo()][..], what].concat()));
+            assert!(code == Some(1) && said.contains("t.ron: keyframe 2: ") && said.contains(told), "{said}");
+        }
     }
+    let mut view = program();
+    view.args(["view", &demo(), "--tour", &text]).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    let (code, said) = failure(view);
+    assert!(code == Some(1) && said.contains("deepfield tour makes pictures and videos of it"), "{said}");
     let video = folder.path().join("a.avi").display().to_string();
     let (code, said) = failure(tour(&["--around", &demo(), "--video", &video, "--format", "exr"]));
     assert!(code == Some(1) && said.contains("add png to --format"), "{said}");

@@ -1,11 +1,13 @@
 //! Lines of equal height, written as vectors.
 
+use crate::color::output::OutputError;
 use crate::commands::contours::Arguments;
 use crate::commands::{CommandResult, print_line};
-use crate::heights::measure::{Contour, GeoJson, Part, contours, levels};
+use crate::heights::measure::{Contour, ContourError, GeoJson, Part, contours, levels};
 use crate::heights::model::Heights;
 use crate::model::new_file;
 use std::io::{BufWriter, Write};
+use std::path::Path;
 
 type Failure = Box<dyn std::error::Error + Send + Sync>;
 
@@ -21,27 +23,36 @@ pub fn run(arguments: &Arguments) -> CommandResult {
     let ending = output.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
     let closed = Part::closed(&open);
     let field = closed.as_ref().map_or(&open as &dyn Heights, |closed| closed);
-    let write: fn(&dyn Heights, &[f64], &mut dyn Write) -> Result<usize, Failure> = match ending.as_str() {
+    let write: fn(&dyn Heights, &[f64], &mut dyn Write) -> Result<usize, ContourError> = match ending.as_str() {
         "geojson" | "json" => write_geojson,
         "csv" => write_csv,
         "svg" => write_svg,
         _ => return Err(format!("{}: expected a name that ends in .geojson, .csv or .svg", output.display()).into()),
     };
-    let named = |error: std::io::Error| format!("{}: {error}", output.display());
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(std::path::Path::new("."));
-    let mut file = new_file::builder().tempfile_in(folder).map_err(named)?;
+    let refused = |error: std::io::Error| named(output, error.into());
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = new_file::builder().tempfile_in(folder);
+    let mut file = file.map_err(|error| refused(new_file::without_name(&error)))?;
     let count = {
         let mut out = BufWriter::new(file.as_file_mut());
-        let count = write(field, &wanted, &mut out)?;
-        out.flush().map_err(named)?;
+        let count = write(field, &wanted, &mut out).map_err(|error| named(output, error))?;
+        out.flush().map_err(refused)?;
         count
     };
-    file.persist(output).map_err(|error| named(error.error))?;
+    file.persist(output).map_err(|error| refused(error.error))?;
     print_line(format_args!("{count} lines at {} heights in {}", wanted.len(), output.display()))?;
     Ok(())
 }
 
-fn write_geojson(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+/// Why there are no lines, with the name of the file that cannot take them.
+fn named(output: &Path, error: ContourError) -> Failure {
+    match error {
+        ContourError::Io(source) => OutputError::Io { path: output.into(), source }.into(),
+        error => error.into(),
+    }
+}
+
+fn write_geojson(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, ContourError> {
     let mut count = 0;
     let mut writer = GeoJson::new(out, field.grid())?;
     contours(field, wanted, |line| {
@@ -52,7 +63,7 @@ fn write_geojson(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Re
     Ok(count)
 }
 
-fn write_csv(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+fn write_csv(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, ContourError> {
     let mut count = 0;
     writeln!(out, "line,level,x,y")?;
     contours(field, wanted, |Contour { level, points }| {
@@ -65,7 +76,7 @@ fn write_csv(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result
 /// Pictures are so wide, in their own units.
 const WIDTH: f64 = 1000.0;
 
-fn write_svg(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, Failure> {
+fn write_svg(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result<usize, ContourError> {
     let grid = field.grid();
     let (from, to) = (grid.place(0.0, 0.0), grid.place(grid.rows as f64 - 1.0, grid.columns as f64 - 1.0));
     let low = [from[0].min(to[0]), from[1].min(to[1])];
@@ -90,4 +101,16 @@ fn write_svg(field: &dyn Heights, wanted: &[f64], out: &mut dyn Write) -> Result
     })?;
     writeln!(out, "</svg>")?;
     Ok(count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_with_the_name_of_the_file() {
+        let full = std::io::Error::other("no space left");
+        let told = named(Path::new("lines.csv"), full.into()).to_string();
+        assert_eq!(told, "lines.csv: cannot be written: no space left");
+    }
 }

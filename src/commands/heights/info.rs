@@ -94,10 +94,12 @@ fn write_table(text: &mut String, summary: &HeightSummary) -> std::fmt::Result {
 /// A height, with six digits of how far heights are apart where that is more than other numbers have: those of a microscope may count from far below.
 fn told(height: f64, range: f64) -> String {
     let text = short(height);
-    let decimals = (5.0 - range.log10().floor()).min(15.0);
-    match range > 0.0 && decimals > 6.0 && !text.contains('e') {
-        true => format!("{height:.*}", decimals as usize),
-        false => text,
+    let decimals = 5.0 - range.log10().floor();
+    let digits = height.abs().log10().floor() + decimals;
+    match (range > 0.0, text.contains('e')) {
+        (true, true) if digits > 6.0 => format!("{height:.*e}", digits.min(15.0) as usize),
+        (true, false) if decimals > 6.0 => format!("{height:.*}", decimals.min(15.0) as usize),
+        _ => text,
     }
 }
 
@@ -112,6 +114,8 @@ mod tests {
             (0.076_323_271_2, 0.0, "0.076323"),
             (-9026.625, 15_255.4, "-9026.625000"),
             (2.5e-7, 5e-7, "2.500000e-7"),
+            (1_000_000_000.25, 2.0, "1.00000000025000e9"),
+            (2e9, 4e9, "2.000000e9"),
         ] {
             assert_eq!(told(height, range), text, "{range}");
         }

@@ -3,6 +3,7 @@
 use crate::commands::arguments::Given;
 use crate::heights::model::{HeightError, HeightGrid, Lengths};
 use crate::heights::{OpenHeights, is_heights};
+use crate::import::ImportError;
 use crate::look::{HeightsSaid, TakenFor};
 use crate::model::{ReadMethod, Unit};
 use crate::modes::surface::radius_of;
@@ -96,6 +97,10 @@ impl HeightsOptions {
     /// # Errors
     /// When it cannot be read, or what is said of it cannot be.
     pub fn open(&self, path: &Path, spacing: &[f64], read: ReadMethod) -> Result<OpenHeights, HeightError> {
+        if let Some(kind @ (Kind::Particles | Kind::Image)) = self.kind {
+            let found = if kind == Kind::Image { "image" } else { "particles" };
+            return Err(ImportError::malformed(path, "--kind", found, "heights, as nothing else is asked for").into());
+        }
         OpenHeights::open(path, &self.said(spacing).options(read))
     }
 }

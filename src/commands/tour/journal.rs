@@ -54,6 +54,17 @@ impl Journal {
         self.file.set_len(0).map_err(|error| format!("{}: {error}", self.path.display()))
     }
 
+    /// Removes the files that it knows, and forgets them.
+    ///
+    /// # Errors
+    /// When a file cannot be removed, or the journal not written.
+    pub fn remove_files(&mut self) -> Result<(), String> {
+        for file in self.known.keys().map(|name| self.path.with_file_name(name)).filter(|file| file.is_file()) {
+            std::fs::remove_file(&file).map_err(|error| format!("{}: {error}", file.display()))?;
+        }
+        self.clear()
+    }
+
     /// Whether a file of the folder is finished, and still what it was then.
     pub fn is_finished(&self, file: &Path) -> bool {
         self.known.get(&name_of(file)).is_some_and(|known| content_of(file).is_ok_and(|found| found == *known))
@@ -102,7 +113,9 @@ fn parse(line: &str) -> Option<(String, Content)> {
     let mut parts = line.splitn(3, ' ');
     let crc = u32::from_str_radix(parts.next()?, 16).ok()?;
     let bytes = parts.next()?.parse().ok()?;
-    Some((parts.next()?.to_owned(), (bytes, crc)))
+    // A name that leads out of the folder is nobody's frame.
+    let name = parts.next().filter(|name| name_of(Path::new(name)) == *name)?;
+    Some((name.to_owned(), (bytes, crc)))
 }
 
 #[cfg(test)]
@@ -135,5 +148,26 @@ mod tests {
         assert!(!journal.is_finished(&a));
         journal.clear().unwrap();
         assert!(!journal.is_finished(&b));
+    }
+
+    #[test]
+    fn what_it_knows_is_removed_and_nothing_else() {
+        let outside = tempfile::tempdir().unwrap();
+        let folder = outside.path().join("frames");
+        std::fs::create_dir_all(folder.join("scenes")).unwrap();
+        let [a, b, scene] = ["a.png", "b.png", "scenes/a.scene.ron"].map(|name| folder.join(name));
+        let other = outside.path().join("other.png");
+        for file in [&a, &b, &scene, &other] {
+            std::fs::write(file, b"one").unwrap();
+        }
+        Journal::open(&folder).unwrap().note(&[a.clone(), scene.clone()]).unwrap();
+        let lines = std::fs::read_to_string(folder.join(NAME)).unwrap();
+        std::fs::write(folder.join(NAME), format!("{lines}00000000 3 ../other.png\n")).unwrap();
+        let mut journal = Journal::open(&folder).unwrap();
+        journal.remove_files().unwrap();
+        assert!(!a.exists() && !scene.exists() && b.exists() && other.exists());
+        assert!(!journal.is_finished(&a));
+        drop(journal);
+        assert_eq!(std::fs::read_to_string(folder.join(NAME)).unwrap(), "");
     }
 }

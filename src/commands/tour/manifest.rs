@@ -3,6 +3,7 @@
 use super::Arguments;
 use crate::color::output::write_atomically;
 use crate::look::dataset::Fingerprint;
+use crate::model::is_url;
 use crate::tour::{Frames, Show};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ pub(super) const NAME: &str = "recording.ron";
 pub(super) struct Manifest {
     /// The program's version.
     deepfield: String,
-    /// CRC-32C of the tour, as it was resolved.
+    /// CRC-32C of the tour, as it was resolved, and of the fingerprints of files that it names beside the data.
     tour: u32,
     /// The data.
     data: Fingerprint,
@@ -47,9 +48,18 @@ impl Manifest {
     pub fn new(show: &Show, frames: &Frames, arguments: &Arguments) -> Result<Manifest, std::io::Error> {
         let name =
             |error: std::io::Error| std::io::Error::new(error.kind(), format!("{}: {error}", show.data.path.display()));
+        let named = arguments.tour.as_ref().map(|file| show.tour.files(file)).unwrap_or_default();
+        let beside = named.iter().filter(|path| **path != show.data.path && !is_url(path));
+        // A logo that is exchanged after an interruption would be on a part of the frames.
+        let tour = beside.filter_map(|path| Fingerprint::of(path).ok()).fold(
+            crc32c::crc32c(show.tour.to_ron().as_bytes()),
+            |crc, Fingerprint { bytes, crc32c }| {
+                crc32c::crc32c_append(crc32c::crc32c_append(crc, &bytes.to_le_bytes()), &crc32c.to_le_bytes())
+            },
+        );
         Ok(Manifest {
             deepfield: env!("CARGO_PKG_VERSION").to_owned(),
-            tour: crc32c::crc32c(show.tour.to_ron().as_bytes()),
+            tour,
             data: Fingerprint::of(&show.data.path).map_err(name)?,
             size: show.tour.size,
             rate: frames.rate,

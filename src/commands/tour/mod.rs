@@ -91,8 +91,8 @@ pub struct Arguments {
     /// Write no scene file for each frame.
     #[arg(long)]
     pub no_scenes: bool,
-    /// Begin anew in a folder that holds another recording: its frames are overwritten.
-    #[arg(long, requires = "record")]
+    /// Begin anew in a folder that holds another recording, or that of a video which was interrupted: its frames are removed.
+    #[arg(long, conflicts_with_all = ["frame", "check"])]
     pub restart: bool,
     /// How light is exposed and spreads.
     #[command(flatten)]

@@ -145,7 +145,13 @@ fn begin(
             before
         }
         None => {
-            journal.clear()?;
+            // Frames of another, longer recording would seem to be the end of this one. Other parts of this one stay.
+            let before = Manifest::read(folder).ok().flatten();
+            if before.is_some_and(|before| before.difference(&now, show.memory()).is_some()) {
+                journal.remove_files()?;
+            } else {
+                journal.clear()?;
+            }
             now.write(folder)?;
             now
         }
@@ -165,9 +171,8 @@ fn begin(
 /// # Errors
 /// When a file cannot be removed.
 pub(super) fn remove(folder: &Path) -> Result<(), Error> {
-    let text = std::fs::read_to_string(folder.join(journal::NAME)).unwrap_or_default();
-    let names = text.lines().filter_map(|line| line.splitn(3, ' ').nth(2));
-    for name in names.chain([manifest::NAME, journal::NAME]) {
+    Journal::open(folder)?.remove_files()?;
+    for name in [manifest::NAME, journal::NAME] {
         let file = folder.join(name);
         if file.is_file() {
             std::fs::remove_file(&file).map_err(|error| format!("{}: {error}", file.display()))?;

@@ -70,12 +70,12 @@ impl Sketch {
             }
             (false, false) => None,
         };
-        let notes = field.note().map(|note| format!("{}: {note}", path.display()));
+        let notes = field.notes().iter().map(|note| format!("{}: {note}", path.display())).collect();
         let field = SceneField { sketch: Some(Arc::new(folder)), ..SceneField::new(Sampled::Field(field)) };
         let first = Opened {
             path,
             members,
-            notes: notes.into_iter().collect(),
+            notes,
             run: None,
             tracks: None,
             field: Some(field.clone()),

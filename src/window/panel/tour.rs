@@ -1,6 +1,7 @@
 //! The section about tours: what plays, the timeline with its keyframes, and the one that is edited.
 
-use super::{Dock, PanelState, Section, theme};
+use super::theme::{self, Handle, Ways};
+use super::{Dock, PanelState, Section};
 use crate::annotate::number;
 use crate::tour::Timeline;
 use crate::window::touring::{Asked, Player};
@@ -14,6 +15,8 @@ pub static SECTION: Section =
 const HEIGHT_PX: f32 = 34.0;
 /// Half the width of a keyframe's mark, logical pixels.
 const MARK_PX: f32 = 5.0;
+/// The latest time of a keyframe that is typed or moved, seconds.
+const LATEST_SECS: f64 = 1e6;
 
 fn show(ui: &mut Ui, state: &mut PanelState<'_, '_>) {
     let player = &*state.player;
@@ -88,7 +91,7 @@ fn transport(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<
     });
 }
 
-/// The timeline: a click or drag above shows a time, keyframes below are chosen and dragged.
+/// The timeline: a click or drag above shows a time, keyframes below are chosen and dragged; arrow keys move both, Delete removes a keyframe.
 fn strip(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<Asked>, selected: &mut Option<usize>) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT_PX), Sense::hover());
     theme::register(ui, "tour:timeline", rect);
@@ -101,19 +104,27 @@ fn strip(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<Aske
     let painter = ui.painter().clone();
     painter.rect_filled(rect, 3.0, theme::WELL);
     let scrub = ui.interact(bar, ui.id().with("scrub"), Sense::click_and_drag());
-    theme::call(&scrub, "Time of the tour");
-    if let Some(at) = scrub.interact_pointer_pos().filter(|_| scrub.dragged() || scrub.clicked()) {
-        asked.push(Asked::Seek(time_at(at.x).clamp(0.0, duration)));
+    let now = player.state().map_or(0.0, |state| state.time);
+    let words = seconds(now);
+    let (name, range) = ("Time of the tour", [0.0, duration]);
+    let by_keys = (Handle { name, place: &words, number: now, range, ways: Ways::Across }).asked(ui, &scrub);
+    let by_keys = by_keys.and_then(|asked| moved(asked, now, duration));
+    let dragged = scrub.interact_pointer_pos().filter(|_| scrub.dragged() || scrub.clicked());
+    if let Some(time) = dragged.map(|at| time_at(at.x)).or(by_keys) {
+        asked.push(Asked::Seek(time.clamp(0.0, duration)));
     }
     let middle = bar.bottom() + 0.5 * (rect.bottom() - bar.bottom());
-    for (i, stop) in timeline.stops().iter().enumerate() {
+    let plot = ui.id();
+    let mark_of = |i: usize| plot.with(("mark", i));
+    let stops = timeline.stops();
+    for (i, stop) in stops.iter().enumerate() {
         let color = if *selected == Some(i) { theme::ACCENT } else { theme::LABEL };
         let stay = Rect::from_x_y_ranges(x(stop.arrive)..=x(stop.leave), (middle - 1.5)..=(middle + 1.5));
         painter.rect_filled(stay, 0.0, color.gamma_multiply(0.6));
         let at = pos2(x(stop.arrive), middle);
         let mark = Rect::from_center_size(at, egui::Vec2::splat(2.0 * MARK_PX + 2.0));
         theme::register(ui, &format!("tour:{i}"), mark);
-        let response = ui.interact(mark, ui.id().with(("mark", i)), Sense::click_and_drag());
+        let response = ui.interact(mark, mark_of(i), Sense::click_and_drag());
         let corners =
             [vec2(0.0, -MARK_PX), vec2(MARK_PX, 0.0), vec2(0.0, MARK_PX), vec2(-MARK_PX, 0.0)].map(|side| at + side);
         let hot = if response.hovered() || response.dragged() { theme::TEXT } else { color };
@@ -136,13 +147,44 @@ fn strip(ui: &mut Ui, player: &Player, timeline: &Timeline, asked: &mut Vec<Aske
             asked.push(Asked::Retime(i, time_at(pointer.x)));
         }
         let named = stop.label.as_deref().map_or_else(|| format!("keyframe {}", i + 1), str::to_owned);
-        theme::call(&response, &named);
-        response.on_hover_text(format!("{named}, at {:.1} s", stop.arrive));
+        let words = seconds(stop.arrive);
+        let before = i.checked_sub(1).map_or(0.0, |before| stops[before].leave);
+        let after = stops.get(i + 1).map_or(LATEST_SECS, |next| next.arrive - (stop.leave - stop.arrive));
+        let range = [before, after];
+        let handle = Handle { name: &named, place: &words, number: stop.arrive, range, ways: Ways::Across };
+        if let Some(by_keys) = handle.asked(ui, &response) {
+            *selected = Some(i);
+            match moved(by_keys, stop.arrive, duration) {
+                Some(time) => asked.push(Asked::Retime(i, time)),
+                None => {
+                    asked.push(Asked::Remove(i));
+                    // The one that comes to its place is next, and after the last one that before it.
+                    let next = i.min(stops.len().saturating_sub(2));
+                    *selected = Some(next);
+                    ui.memory_mut(|memory| memory.request_focus(mark_of(next)));
+                }
+            }
+        }
+        response.on_hover_text(format!("{named}, at {words}"));
     }
     if let Some(state) = player.state() {
         painter.vline(x(state.time), rect.y_range(), Stroke::new(1.5, theme::TEXT));
     }
     ui.add_space(3.0);
+}
+
+/// Where what is asked by keys takes a time on a timeline that is so long; `None` where it is to go.
+fn moved(asked: theme::Asked, time: f64, duration: f64) -> Option<f64> {
+    match asked {
+        theme::Asked::Move((right, _)) => Some(time + duration * f64::from(right)),
+        theme::Asked::Number(asked) => Some(asked),
+        theme::Asked::Remove => None,
+    }
+}
+
+/// A time as it is told.
+fn seconds(time: f64) -> String {
+    format!("{time:.1} s")
 }
 
 /// The keyframe that is edited.
@@ -154,7 +196,7 @@ fn keyframe(ui: &mut Ui, player: &Player, timeline: &Timeline, index: usize, ask
     };
     let mut at = stop.arrive;
     theme::row(ui, &format!("Keyframe {}", index + 1), |ui| {
-        let drag = egui::DragValue::new(&mut at).range(0.0..=1e6).speed(0.05).max_decimals(2).suffix(" s");
+        let drag = egui::DragValue::new(&mut at).range(0.0..=LATEST_SECS).speed(0.05).max_decimals(2).suffix(" s");
         let response = ui.add(drag);
         theme::call(&response, &format!("Time of keyframe {}", index + 1));
         theme::register(ui, "tour:at", response.rect);
@@ -188,4 +230,68 @@ fn keyframe(ui: &mut Ui, player: &Player, timeline: &Timeline, index: usize, ask
             .map_or_else(String::new, |way| format!("{} s to the next", number::quantity((10.0 * way).round() / 10.0)));
         ui.add(egui::Label::new(RichText::new(text).size(12.0).color(theme::LABEL)));
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::window::touring::tests::timeline;
+    use bevy_egui::egui::accesskit::{Action, ActionData, ActionRequest, TreeId};
+    use bevy_egui::egui::{Context, Event, Key, Modifiers, RawInput};
+
+    #[test]
+    fn keys_and_screen_readers_move_the_time_and_keyframes_and_remove_these() {
+        // Keyframes at 0, 4 and 9 s; at the second, "halo", the tour stays for a second.
+        let (player, timeline) = (Player::default(), timeline(false));
+        let ctx = Context::default();
+        ctx.enable_accesskit();
+        let frame = |events: Vec<Event>| {
+            let (mut asked, mut selected) = (Vec::new(), None);
+            let mut output = ctx.run_ui(RawInput { events, ..RawInput::default() }, |ui| {
+                ui.set_max_width(300.0);
+                strip(ui, &player, &timeline, &mut asked, &mut selected);
+            });
+            // Nobody draws them.
+            output.textures_delta.clear();
+            (asked, selected, output.platform_output.accesskit_update.unwrap().nodes)
+        };
+        let press = |key: Key| {
+            let modifiers = Modifiers::NONE;
+            let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
+            let (asked, selected, _) = frame(vec![event]);
+            // Arrow keys are a control's from the second frame on that it has the keyboard.
+            frame(Vec::new());
+            frame(Vec::new());
+            (asked, selected)
+        };
+        let moves_to = |(asked, selected): (Vec<Asked>, Option<usize>), index: usize, time: f64| {
+            let is = |to: f64| (to - time).abs() < 1e-5 && selected == Some(index);
+            matches!(&asked[..], [Asked::Retime(moved, to)] if *moved == index && is(*to))
+        };
+        let nothing: (Vec<Asked>, Option<usize>) = (Vec::new(), None);
+        assert_eq!(press(Key::Tab), nothing);
+        let (asked, _) = press(Key::ArrowRight);
+        assert!(matches!(asked[..], [Asked::Seek(time)] if (time - 0.09).abs() < 1e-5), "{asked:?}");
+        assert_eq!(press(Key::Delete), nothing, "time does not go");
+        press(Key::Tab);
+        assert_eq!(press(Key::Tab), nothing);
+        assert!(moves_to(press(Key::ArrowLeft), 1, 3.91));
+        assert_eq!(press(Key::Space), (vec![Asked::Seek(4.0)], Some(1)));
+        assert_eq!(press(Key::Delete), (vec![Asked::Remove(1)], Some(1)));
+        assert!(moves_to(press(Key::ArrowRight), 1, 4.09), "the one in its place has the keyboard");
+        assert_eq!(press(Key::Tab), nothing);
+        assert!(moves_to(press(Key::ArrowRight), 2, 9.09), "beyond the end the tour grows");
+        assert_eq!(press(Key::Delete), (vec![Asked::Remove(2)], Some(1)));
+        assert!(moves_to(press(Key::ArrowRight), 1, 4.09), "that before it has the keyboard");
+
+        let (_, _, nodes) = frame(Vec::new());
+        let (target_node, node) = nodes.into_iter().find(|(_, node)| node.label() == Some("halo")).unwrap();
+        assert_eq!((node.value(), node.numeric_value()), (Some("4.0 s"), Some(4.0)));
+        for (time, expected) in [(6.0, 6.0), (100.0, 8.0)] {
+            let (action, data) = (Action::SetValue, Some(ActionData::NumericValue(time)));
+            let request = ActionRequest { action, target_tree: TreeId::ROOT, target_node, data };
+            let (asked, selected, _) = frame(vec![Event::AccessKitActionRequest(request)]);
+            assert!(moves_to((asked, selected), 1, expected), "within those beside it");
+        }
+    }
 }

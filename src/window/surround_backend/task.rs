@@ -180,8 +180,6 @@ mod tests {
     use crate::build::{BuildOptions, build_source};
     use crate::import::LoadOptions;
     use crate::look::{LookPatch, Member, Shot};
-    use crate::mode::{Coloring, Depiction, LevelChoice, Settings};
-    use crate::modes::density_squared;
     use crate::picture::Session;
     use crate::store::PageFile;
     use crate::view::Surround;
@@ -241,15 +239,11 @@ mod tests {
         let content = Content { dataset: 1, backend: Backend::Auto, members: Vec::new(), shot: shot.clone() };
         let at_rest = Wanted { content, area: UVec2::splat(64), shot, levels: None, is_empty: false };
         let mut moving = at_rest.clone();
-        let (mode, settings, choice) = (&density_squared::MODE, Settings::default(), LevelChoice::default());
-        let plain = Depiction { mode, settings, attribute: None, choice };
-        moving.leave_hue(&plain);
+        moving.leave_hue(1.0);
         assert!(moving == at_rest);
-        let attribute = Some(Coloring { name: "temperature".into(), fallback: 1.0, least: 0.0 });
-        let colored = Depiction { attribute, ..plain };
-        moving.leave_hue(&colored);
+        moving.leave_hue(0.25);
         for look in [&moving.shot.look, &moving.content.shot.look] {
-            assert_eq!(colored.error_share() * look.error_px(), LookPatch::default().error_px());
+            assert_eq!(0.25 * look.error_px(), LookPatch::default().error_px());
         }
         assert!(moving != at_rest);
     }

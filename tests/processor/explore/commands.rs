@@ -82,6 +82,8 @@ fn a_user_probes_selects_and_goes_back_in_time() {
     text(folder, &["select", "box.csv", "--ids", "large.ids", "-o", "large.csv"]);
     let rows = std::fs::read_to_string(folder.join("large.csv")).unwrap();
     assert_eq!(rows.lines().count() as u64, large + 1);
+    let said = text(folder, &["probe", "box.csv", "--ids", "large.ids"]);
+    assert!(said.contains(&format!("{large} particles with one of ")), "{said}");
     text(folder, &["select", "box.df", "--box", "-1,-1,-1,40,40,40", "--family", "dark", "-o", "corner.parquet"]);
     assert!(std::fs::read(folder.join("corner.parquet")).unwrap().ends_with(b"PAR1"));
 

@@ -161,7 +161,7 @@ fn particles_that_cannot_be_drawn_are_left_out_and_counted() {
     assert_eq!(summary.particles, 6);
     assert_eq!(summary.families[0].mass, 2.0);
     let counts: Vec<(&str, u64)> = summary.skipped.iter().map(|one| (one.reason.as_str(), one.count)).collect();
-    assert_eq!(counts, [("non-finite position", 2), ("mass not positive", 2)]);
+    assert_eq!(counts, [("non-finite position", 2), ("mass not positive, or beyond single precision", 2)]);
     assert_eq!(summary.bounds.unwrap().max.to_array(), [1.0, 0.0, 0.0]);
     let loaded = load(&path, &LoadOptions::default(), &()).unwrap();
     assert_eq!(loaded.len(), 2);

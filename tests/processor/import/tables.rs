@@ -3,6 +3,7 @@
 use super::writers::file;
 use super::{message, read_all};
 use crate::support::gzip;
+use deepfield::build::{BuildOptions, build_source};
 use deepfield::import::{AttributeChoice, LoadOptions, load, open, summarize};
 use deepfield::model::FamilyName;
 use flate2::{Compression, write::GzEncoder};
@@ -45,6 +46,16 @@ fn parallaxes_become_distances_and_stars_without_are_left_out() {
     }
     assert_eq!(stars.attribute("magnitude").unwrap().values, [1.0, 2.0, 3.0]);
     assert!(stars.attribute("color-index").unwrap().values[1].is_nan());
+}
+
+#[test]
+fn stars_at_negative_distances_do_not_stand_on_the_other_side_of_the_sky() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "stars", b"ra,dec,dist,mag\n0,0,10,1\n0,0,-10,2\n90,0,0,3\n");
+    let summary = summarize(&path).unwrap();
+    assert_eq!((summary.particles, summary.skipped[0].count), (3, 1));
+    let loaded = load(&path, &LoadOptions::default(), &()).unwrap();
+    assert_eq!(loaded.family(FamilyName::Stars).unwrap().positions, [[10.0, 0.0, 0.0], [0.0; 3]]);
 }
 
 #[test]
@@ -194,4 +205,50 @@ fn smoothing_lengths_take_the_unit_of_positions_and_attributes_keep_theirs() {
         ["kpc", "furlong", "stones/ell^3"].map(str::to_string)
     );
     assert!(source.description().notes.iter().any(|note| note == "h is converted from pc to kpc"));
+}
+
+#[test]
+fn masses_and_lengths_that_single_precision_does_not_hold_are_not_taken_for_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = |rows: &[[&str; 2]]| {
+        let rows = rows.iter().enumerate().map(|(row, [mass, length])| format!("{row},2,3,{mass},{length}\n"));
+        let text = format!("x,y,z,mass,smoothing-length\n{}", rows.collect::<String>());
+        file(folder.path(), "table.csv", text.as_bytes())
+    };
+    for (rows, field) in [
+        ([["8e39", "0.1"], ["-1", "0.1"]], "mass of dark: found 8e39"),
+        ([["1", "1e-60"], ["1", "0"]], "smoothing length of dark: found 1e-60"),
+    ] {
+        let path = table(&rows);
+        for error in [load(&path, &LoadOptions::default(), &()).unwrap_err(), summarize(&path).unwrap_err()] {
+            assert!(error.to_string().contains(field), "{error}");
+        }
+    }
+    // So is an attribute that is asked for, and no other.
+    let path = file(folder.path(), "lit.csv", b"x,y,z,glow\n1,2,3,0\n2,2,3,1e44\n");
+    assert!(load(&path, &LoadOptions::default(), &()).is_ok());
+    let named = LoadOptions { attributes: AttributeChoice::Named(vec!["glow".into()]), ..LoadOptions::default() };
+    let error = load(&path, &named, &()).unwrap_err().to_string();
+    assert!(error.contains("glow of dark: found 1e44"), "{error}");
+    // Some that it does not hold are left out; without a positive one there are none.
+    let summary = summarize(&table(&[["8e39", "0.1"], ["2", "0.1"]])).unwrap();
+    assert_eq!((summary.families[0].mass, summary.skipped[0].count), (2.0, 1));
+    let summary = summarize(&table(&[["-1", "0.1"], ["0", "0.1"]])).unwrap();
+    assert_eq!(summary.families[0].mass, 2.0);
+    let note = "dark: no mass is positive, each particle counts 1";
+    assert!(summary.about.notes.iter().any(|said| said == note), "{:?}", summary.about.notes);
+}
+
+#[test]
+fn a_build_keeps_attributes_by_their_names_and_by_the_sources_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = file(folder.path(), "table.csv", b"x,y,z,temp\n1,2,3,5\n2,2,3,6\n");
+    for name in ["temp", "temperature"] {
+        let names = vec![name.to_owned()];
+        let load = LoadOptions { attributes: AttributeChoice::Named(names.clone()), ..LoadOptions::default() };
+        let options = BuildOptions { attributes: Some(names), ..BuildOptions::default() };
+        let built = build_source(&path, &load, &options, &folder.path().join("table.df"), &()).unwrap();
+        let kept = built.metadata.families[0].attributes.iter().map(|attribute| attribute.name.as_str());
+        assert_eq!(kept.collect::<Vec<_>>(), ["temperature"], "{name}");
+    }
 }

@@ -170,6 +170,12 @@ fn parts_are_given_back_as_they_are_asked_for() {
     assert!(picture.rgba.as_flattened()[..1024] == samples[12 * 1024..13 * 1024]);
     let told = text(folder, &["reconstruct", "blobs.df", "-o", "few.npy", "--points", "2e3"]);
     assert!(told.contains(" points, "), "{told}");
+    // Errors of small values are told in digits that these have.
+    let head = b"NRRD0004\ntype: float\ndimension: 3\nsizes: 8 8 8\nencoding: raw\nendian: little\n\n";
+    let small = (0..512_u32).flat_map(|k| (1e-9 * (k * 37 % 101) as f32).to_le_bytes());
+    std::fs::write(folder.join("small.nrrd"), head.iter().copied().chain(small).collect::<Vec<u8>>()).unwrap();
+    let told = text(folder, &["reconstruct", "small.nrrd", "-o", "x.nrrd", "--points", "9"]);
+    assert!(told.contains("e-8 (rms), ") && told.contains("e-8 at most"), "{told}");
     let say = |words: &[&str]| refused(folder, &[&["reconstruct"][..], words].concat());
     let why = say(&["blobs.df", "-o", "x.npy", "--region", "0:1000,0:10"]);
     assert!(why.contains("--region: found 0:1000,0:10, expected a part of 32 x 32 x 24 of uint8"), "{why}");

@@ -1,8 +1,8 @@
-//! Golden images, one for each mode: the whole way from the demo snapshot to colours. `DEEPFIELD_BLESS=1` writes them
-//! anew; look at them before committing.
+//! Golden images, one for each mode: the whole way from the demo snapshot to colours; and of what settings add to modes, by the program.
+//! `DEEPFIELD_BLESS=1` writes them anew; look at them before committing.
 
-use crate::support::golden::{TOLERANCE, check, difference, golden};
-use crate::support::{built, demo, draw_pages, draw_source, paint_pages, view_of};
+use crate::support::golden::{TOLERANCE, check, difference, golden, picture_at};
+use crate::support::{built, demo, draw_pages, draw_source, ok, paint_pages, view_of};
 use deepfield::annotate::{self, Annotations, Label, Legend, Subject, Units};
 use deepfield::codec::VqBits;
 use deepfield::color::Accumulation;
@@ -65,6 +65,44 @@ fn an_annotated_picture_is_its_golden_image() {
     let all = Annotations { axes: true, triad: true, caption: "A box of dark matter".into(), ..Annotations::default() };
     annotate::paint(&mut image, &annotate::layout(&all, &subject), 1.0, annotate::Paper::Dark);
     check("annotated", &image);
+}
+
+#[test]
+fn shadows_lit_fields_and_vectors_are_their_golden_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    ok(folder, &["synth", "merger", "-n", "3000", "-o", "merger"]);
+    let attributes = "internal-energy,velocity-x,velocity-y,velocity-z";
+    ok(folder, &["build", "merger", "-o", "flow.df", "--attributes", attributes]);
+    let drawn = |look: &[&str], settings: &[&str]| -> Image {
+        let common = ["render", "flow.df", "-o", "picture.png", "--size", "120x80", "--backend", "cpu"];
+        let settings = settings.iter().flat_map(|setting| ["--set", *setting]);
+        let arguments: Vec<&str> = common.into_iter().chain(look.iter().copied()).chain(settings).collect();
+        ok(folder, &arguments);
+        picture_at(&folder.join("picture.png"))
+    };
+    let dense = "--mode spheres --eye 25,40,60 --set threshold=5e-6 --set sphere-radius=0.3 --set smoothing=0.5";
+    let surface = "--mode isosurface --eye 25,40,60 --set isovalues=[5e-6] --set iso-opacities=[1]";
+    let shadows = ["ambient-occlusion=0.7", "shadows=0.7", "light-size=8", "shadow-azimuth=-60", "shadow-altitude=15"];
+    // Surfaces of density, coloured by velocity, in a volume of energy; what is around it is wide, and takes long.
+    let field = "--mode volume-isosurface --eye 30,50,160 --set near=120 --set far=260 \
+                 --set field=internal-energy --attribute velocity-y";
+    let slice = "--mode cross-section --eye 0,0,500 --ortho 100 --set through=[0,0,0]";
+    let heat = format!("{slice} --set field=internal-energy");
+    let looks: [(&str, &str, &[&str]); 5] = [
+        ("spheres-shadows", dense, &shadows),
+        ("isosurface-shadows", surface, &shadows),
+        ("volume-isosurface-lit", field, &["volume-lighting=true"]),
+        ("cross-section-arrows", slice, &["vectors=arrows"]),
+        ("cross-section-streaks", &heat, &["vectors=lic"]),
+    ];
+    for (name, look, added) in looks {
+        let look: Vec<&str> = look.split(' ').chain(["--target", "0,0,0"]).collect();
+        check(name, &drawn(&look, added));
+        // What the tolerance is worth.
+        let found = difference(&drawn(&look, &[]), &golden(&format!("{name}.png")));
+        assert!(found > 2.0 * TOLERANCE, "{name}: {added:?} changes only {found:.3}/255");
+    }
 }
 
 #[test]

@@ -4,9 +4,9 @@ use crate::support::{Random, dataset_of, gas, sum_nodes};
 use deepfield::build::{BuildOptions, build};
 use deepfield::codec::VqBits;
 use deepfield::look::{Attribute, CameraConfig, LookPatch, Shot};
-use deepfield::mode::{Depiction, Mode, Raw, Settings};
-use deepfield::model::Dataset;
-use deepfield::modes::{column_density, density_squared};
+use deepfield::mode::{Columns, Depiction, Mode, Raw, Settings};
+use deepfield::model::{self, Dataset, Unit};
+use deepfield::modes::{column_density, density_squared, points};
 use deepfield::picture::{Picture, Session};
 use deepfield::store::PageFile;
 use deepfield::stream::Scene;
@@ -37,12 +37,25 @@ fn clumps() -> Dataset {
     dataset_of(family)
 }
 
-/// The mean temperature, weighted with masses and this power of densities.
-fn mean(dataset: &Dataset, power: i32) -> f64 {
+/// The same with magnitudes: the dense and hot one of a clump is a thousand times as bright as another.
+fn stars() -> Dataset {
+    let mut dataset = clumps();
+    let family = &mut dataset.families[0];
+    let values = (0..CLUMPS * OF_CLUMP).map(|i| if i % OF_CLUMP == 0 { 0.0 } else { 7.5 }).collect();
+    family.attributes.push(model::Attribute { name: "magnitude".into(), unit: Unit::new("mag"), values });
+    dataset
+}
+
+/// The mean temperature, weighted as a mode does.
+fn mean(dataset: &Dataset, mode: &Mode) -> f64 {
     let gas = &dataset.families[0];
-    let weights = gas.mass.iter().zip(&gas.density).map(|(&m, &rho)| f64::from(m) * f64::from(rho).powi(power));
-    let add = |[sum, hot]: [f64; 2], (weight, &t): (f64, &f32)| [sum + weight, hot + weight * f64::from(t)];
-    let [sum, hot] = weights.zip(&gas.attributes[0].values).fold([0.0; 2], add);
+    let attributes: Vec<(&str, &[f32])> = gas.attributes.iter().map(|one| (&*one.name, &one.values[..])).collect();
+    let (mass, density, smoothing_length) = (&gas.mass, &gas.density, &gas.smoothing_length);
+    let weights = (mode.weight)(&Columns { mass, density, smoothing_length, attributes: &attributes });
+    let add = |[sum, hot]: [f64; 2], (&weight, &t): (&f32, &f32)| {
+        [sum + f64::from(weight), hot + f64::from(weight) * f64::from(t)]
+    };
+    let [sum, hot] = weights.iter().zip(&gas.attributes[0].values).fold([0.0; 2], add);
     hot / sum
 }
 
@@ -59,7 +72,7 @@ fn built(dataset: Dataset, leaf_capacity: usize) -> (Arc<PageFile>, TempDir) {
 #[test]
 fn means_of_an_attribute_are_those_of_the_source_in_merged_particles() {
     let dataset = clumps();
-    let expected = mean(&dataset, 0);
+    let expected = mean(&dataset, &column_density::MODE);
     let (file, _folder) = built(dataset, 64);
     let middle = DVec3::splat(0.5 * EDGE);
     let projection = Projection::Orthographic { height: 1.2 * EDGE };
@@ -81,10 +94,8 @@ fn means_of_an_attribute_are_those_of_the_source_in_merged_particles() {
 }
 
 /// Merged particles have means by mass, so that a mode that weighs otherwise draws what is not merged, within the same error.
-#[test]
-fn squared_densities_have_the_hue_of_the_source_where_others_draw_merged_particles() {
-    let dataset = clumps();
-    let [by_mass, expected] = [0, 1].map(|power| mean(&dataset, power));
+fn has_the_hue_of_the_source(dataset: Dataset, own: &'static Mode) {
+    let [by_mass, expected] = [&column_density::MODE, own].map(|mode| mean(&dataset, mode));
     // Leaves right below the first node.
     let (file, _folder) = built(dataset, 2000);
     let mut session = Session::of(file, u64::MAX);
@@ -93,6 +104,7 @@ fn squared_densities_have_the_hue_of_the_source_where_others_draw_merged_particl
         sums.ps.iter().map(|&ps| f64::from(ps)).sum::<f64>() / sums.sum()
     };
     for (surround, ortho) in [(Surround::Flat, Some(1.2 * EDGE)), (Surround::Equirectangular, None)] {
+        let about = format!("{}, {surround:?}", own.name);
         let mut draw = |mode: &'static Mode, is_colored: bool, error_px: f64| {
             let attribute = if is_colored { Attribute::Named("temperature".into()) } else { Attribute::None };
             let (mode, attribute, error_px) = (Some(mode), Some(attribute), Some(error_px));
@@ -102,25 +114,39 @@ fn squared_densities_have_the_hue_of_the_source_where_others_draw_merged_particl
             let camera = CameraConfig { eye, target, ortho, ..CameraConfig::default() };
             let picture =
                 session.draw(&Shot { look, camera, size: Some((64, 32)), surround, ..Shot::default() }).unwrap();
-            assert!(picture.converged);
+            assert!(picture.converged, "{about}");
             picture
         };
-        let merged = draw(&density_squared::MODE, false, 64.0);
+        let merged = draw(own, false, 64.0);
         let tau = 1.25 * merged.error_px;
-        let plain = draw(&density_squared::MODE, false, tau);
+        let plain = draw(own, false, tau);
         let mass = draw(&column_density::MODE, true, tau);
-        assert_eq!([plain.particles, mass.particles], [merged.particles; 2], "{surround:?}");
-        assert!((hue(&mass) / by_mass - 1.0).abs() < 0.02, "{surround:?}: {} {by_mass}", hue(&mass));
-        let squared = draw(&density_squared::MODE, true, tau);
-        assert!(squared.particles > 4 * merged.particles, "{surround:?}: {} {}", squared.particles, merged.particles);
-        assert!(squared.error_px <= 0.25 * tau, "{surround:?}: {} of {tau}", squared.error_px);
-        assert!((hue(&squared) / expected - 1.0).abs() < 0.01, "{surround:?}: {} {expected}", hue(&squared));
+        assert_eq!([plain.particles, mass.particles], [merged.particles; 2], "{about}");
+        assert!((hue(&mass) / by_mass - 1.0).abs() < 0.02, "{about}: {} {by_mass}", hue(&mass));
+        let colored = draw(own, true, tau);
+        assert!(colored.particles > 4 * merged.particles, "{about}: {} {}", colored.particles, merged.particles);
+        assert!(colored.error_px <= own.hue_tolerance * tau, "{about}: {} of {tau}", colored.error_px);
+        assert!((hue(&colored) / expected - 1.0).abs() < 0.01, "{about}: {} {expected}", hue(&colored));
         // What it is of merged particles.
-        let coarse = draw(&density_squared::MODE, true, 4.0 * tau);
-        assert!(
-            coarse.particles == merged.particles && hue(&coarse) < 0.3 * expected,
-            "{surround:?}: {}",
-            hue(&coarse)
-        );
+        let coarse = draw(own, true, tau / own.hue_tolerance);
+        assert!(coarse.particles == merged.particles && hue(&coarse) < 0.3 * expected, "{about}: {}", hue(&coarse));
     }
+}
+
+#[test]
+fn squared_densities_have_the_hue_of_the_source_where_others_draw_merged_particles() {
+    has_the_hue_of_the_source(clumps(), &density_squared::MODE);
+}
+
+/// Colours of stars are those of the bright ones. Points of mass are no finer than others.
+#[test]
+fn stars_have_the_hue_of_the_source_where_others_draw_merged_particles() {
+    has_the_hue_of_the_source(stars(), &points::MODE);
+    let shares = [stars(), clumps()].map(|dataset| {
+        let (file, _folder) = built(dataset, 2000);
+        let metadata = file.metadata();
+        let depiction = Depiction::new(&points::MODE, Settings::default(), Some("temperature"), metadata).unwrap();
+        depiction.error_share(metadata)
+    });
+    assert_eq!(shares, [points::MODE.hue_tolerance, 1.0]);
 }

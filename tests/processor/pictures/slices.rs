@@ -73,4 +73,6 @@ fn a_cross_section_has_the_vectors_that_its_file_has() {
     done(&["build", "merger.g2", "-o", "plain.df"]);
     let why = refused(folder, &[&["plain.df", "-o", "x.png"][..], &view, &flow].concat());
     assert!(why.contains("field velocity-x is not in the data") && why.contains("build --attributes"), "{why}");
+    let why = refused(folder, &["plain.df", "-o", "x.png", "--attribute", "velocity-x"]);
+    assert!(why.contains("attribute velocity-x is not in the data") && why.contains("build --attributes"), "{why}");
 }

@@ -2,7 +2,7 @@
 
 use super::BuildError;
 use crate::hierarchy::spacetime::Interpolation;
-use crate::import::{FieldKind, LoadOptions, Source, StateChunk, open, streams};
+use crate::import::{FieldKind, LoadOptions, Source, StateChunk, find_source, open, streams};
 use crate::model::{FamilyName, Moment, ParticleStream, Progress};
 use crate::store::StoreError;
 use crate::store::run::{RunFile, RunSnapshot, Step};
@@ -29,7 +29,8 @@ pub fn compare_with_sources(run: &Arc<RunFile>, progress: &dyn Progress) -> Resu
     for (number, step) in run.directory().steps.iter().enumerate() {
         progress.begin(&format!("step {number}: comparing"), step.particles);
         let own = run.at(Moment { step: number, u: 0.0 }, Interpolation::Auto)?;
-        let source = open(&step.source)?;
+        let there = find_source(&step.source, run.path(), step.source_bytes);
+        let source = open(there.as_deref().unwrap_or(&step.source))?;
         let wrong = |what: String| {
             BuildError::Store(StoreError::Damaged {
                 path: run.path().to_owned(),

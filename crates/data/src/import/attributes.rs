@@ -1,6 +1,7 @@
 //! Which scalar attributes a load brings along, and how they come out of a source's fields.
 
-use super::{AttributeChoice, Description, FamilyInfo, FieldKind, LoadOptions};
+use super::check::chunks;
+use super::{AttributeChoice, Description, FamilyInfo, FieldKind, ImportError, LoadOptions, Source};
 use crate::model::Unit;
 use std::collections::BTreeSet;
 
@@ -9,6 +10,9 @@ const USUAL: [&str; 5] = ["velocity-dispersion", "temperature", "internal-energy
 
 /// What tells kinds of particles apart; kept beside the usual ones.
 const KINDS: [&str; 3] = ["atomic-number", "particle-type", "species"];
+
+/// How many runs of values, evenly spread, are looked at to tell whether single precision holds an attribute.
+const LOOKED_AT: usize = 8;
 
 /// How one number comes out of a field's components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +46,8 @@ impl Part {
 pub(super) struct Planned {
     /// Its name in the dataset.
     pub name: String,
+    /// The name that it is asked for by: that one, or the source's own.
+    pub asked: String,
     /// Its unit.
     pub unit: Unit,
     /// The field it comes from.
@@ -69,7 +75,7 @@ pub(super) fn plan(about: &Description, info: &FamilyInfo, options: &LoadOptions
         if let Some(attribute) = named(about, info, &name)
             && !planned.iter().any(|other| other.name == attribute.name)
         {
-            planned.push(attribute);
+            planned.push(Planned { asked: name, ..attribute });
         }
     }
     planned
@@ -79,6 +85,7 @@ pub(super) fn plan(about: &Description, info: &FamilyInfo, options: &LoadOptions
 pub(super) fn named(about: &Description, info: &FamilyInfo, name: &str) -> Option<Planned> {
     let planned = |field: usize, part, name: &str| Planned {
         name: name.into(),
+        asked: name.into(),
         unit: match info.fields[field].kind {
             FieldKind::Position => about.length_unit.clone(),
             _ => info.fields[field].unit.clone(),
@@ -96,6 +103,38 @@ pub(super) fn named(about: &Description, info: &FamilyInfo, name: &str) -> Optio
     let component = ["x", "y", "z"].iter().position(|letter| *letter == axis)?;
     let field = info.named(vector).filter(|field| info.fields[*field].components == 3)?;
     Some(planned(field, Part::Component(component), name))
+}
+
+/// Looks whether single precision holds an attribute of a family: where it holds none of its values, there would be nothing but their
+/// stand-ins.
+///
+/// # Errors
+/// [`ImportError`] where it does not, or when the source cannot be read.
+pub(super) fn check_precision(
+    source: &dyn Source,
+    family: usize,
+    info: &FamilyInfo,
+    planned: &Planned,
+) -> Result<(), ImportError> {
+    let components = info.fields[planned.field].components;
+    let chunks = chunks(info.count);
+    let (mut values, mut lost) = (Vec::new(), None);
+    for range in chunks.iter().step_by(chunks.len().div_ceil(LOOKED_AT).max(1)) {
+        values.resize((range.end - range.start) as usize * components, 0.0);
+        source.read(family, planned.field, range.clone(), &mut values)?;
+        for value in values.chunks_exact(components).map(|values| planned.part.exact(values)) {
+            let held = value as f32;
+            if held.is_finite() && held != 0.0 {
+                return Ok(());
+            }
+            lost = lost.or(Some(value).filter(|value| value.is_finite() && *value != 0.0));
+        }
+    }
+    let refused = |value| {
+        let field = format!("{} of {}", planned.name, info.name);
+        Err(ImportError::beyond_precision(&source.description().path, field, value))
+    };
+    lost.map_or(Ok(()), refused)
 }
 
 /// Names of the scalar fields that are attributes.

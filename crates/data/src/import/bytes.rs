@@ -1,30 +1,12 @@
 //! Files read by byte range, and numbers in either byte order.
 
 use super::ImportError;
-use super::packed::{MOST_EXPANSION, Packing};
+use super::unpacking::unpacked_once;
 use crate::model::{ReadFile, ReadMethod};
 use std::cell::RefCell;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
-
-/// The file, or where it is compressed what is in it, as a temporary file without a name; whether it is compressed.
-pub(super) fn unpacked(path: &Path) -> Result<(File, bool), ImportError> {
-    let io = |source| ImportError::io(path, "file", source);
-    let mut packed = BufReader::new(File::open(path).map_err(io)?);
-    let Some(packing) = Packing::of(packed.fill_buf().map_err(io)?) else {
-        return Ok((packed.into_inner(), false));
-    };
-    let most = packed.get_ref().metadata().map_err(io)?.len().saturating_mul(MOST_EXPANSION);
-    let unpacking = |source| ImportError::io(path, "unpacking", source);
-    let mut unpacked = tempfile::tempfile().map_err(unpacking)?;
-    let mut content = packing.unpacked(packed).take(most.saturating_add(1));
-    if std::io::copy(&mut content, &mut unpacked).map_err(unpacking)? > most {
-        let expected = format!("at most {MOST_EXPANSION} times the file");
-        return Err(ImportError::malformed(path, "unpacking", format!("more than {most} bytes"), expected));
-    }
-    Ok((unpacked, true))
-}
 
 /// A file that several threads read at once by offset. One that shrinks meanwhile gives an error.
 pub(super) struct RangeFile {
@@ -42,9 +24,9 @@ impl RangeFile {
         RangeFile::of(path, File::open(path).map_err(io)?, method)
     }
 
-    /// The same of [what is in](unpacked) the file.
+    /// The same of [what is in](unpacked_once) the file.
     pub(super) fn open_unpacked(path: &Path, method: ReadMethod) -> Result<RangeFile, ImportError> {
-        RangeFile::of(path, unpacked(path)?.0, method)
+        RangeFile::of(path, unpacked_once(path)?, method)
     }
 
     /// The same of an open file, which is called `path`.

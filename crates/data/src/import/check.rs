@@ -92,8 +92,8 @@ impl LeftOut {
     pub fn into_skipped(self) -> Vec<Skipped> {
         let reasons = [
             ("non-finite position", self.position),
-            ("mass not positive", self.mass),
-            ("smoothing length not positive", self.smoothing),
+            ("mass not positive, or beyond single precision", self.mass),
+            ("smoothing length not positive, or beyond single precision", self.smoothing),
         ];
         let counted = reasons.into_iter().filter(|(_, count)| *count > 0);
         counted.map(|(reason, count)| Skipped { reason: reason.into(), count }).collect()

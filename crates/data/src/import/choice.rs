@@ -23,12 +23,11 @@ pub(super) struct Chosen {
 }
 
 impl Chosen {
-    /// Chooses the fields of family `family` of the source's description. A field without any value that can be drawn, which is
-    /// positive and finite in single precision, is none.
+    /// Chooses the fields of family `family` of the source's description. A field without any positive value is none.
     ///
     /// # Errors
     /// When the source cannot be read, or there is no such family or it lacks positions or the field of smoothing lengths that is
-    /// named.
+    /// named, or single precision holds none of its positive masses or smoothing lengths.
     pub(super) fn of(source: &dyn Source, family: usize, smoothing: &Smoothing) -> Result<Chosen, ImportError> {
         let about = source.description();
         let Some(info) = about.families.get(family) else {
@@ -39,18 +38,28 @@ impl Chosen {
         let Some(position) = info.find(FieldKind::Position) else {
             return Err(ImportError::missing(&about.path, format!("positions of {name}"), "coordinates"));
         };
-        let usable = |field: Option<usize>| -> Result<Option<usize>, ImportError> {
-            let Some(field) = field else { return Ok(None) };
-            Ok(any_drawable(source, family, info, field)?.then_some(field))
+        let find = |field: Option<usize>| -> Result<(Option<usize>, Option<f64>), ImportError> {
+            let Some(field) = field else { return Ok((None, None)) };
+            let (is_drawable, positive) = any_drawable(source, family, info, field)?;
+            Ok((is_drawable.then_some(field), positive))
+        };
+        // To count each particle as 1, or to estimate, in place of values that are there would be wrong without a word.
+        let usable = |field: Option<usize>, what: &str| -> Result<Option<usize>, ImportError> {
+            let (usable, positive) = find(field)?;
+            match positive.filter(|_| usable.is_none()) {
+                Some(value) => Err(ImportError::beyond_precision(&about.path, format!("{what} of {name}"), value)),
+                None => Ok(usable),
+            }
         };
         let (stated, neighbours) = match smoothing {
             Smoothing::Auto => (info.find(FieldKind::SmoothingLength), DEFAULT_NEIGHBOURS),
             Smoothing::Field(field) => (Some(named_scalar(source, info, field)?), DEFAULT_NEIGHBOURS),
             Smoothing::Knn(k) => (None, *k),
         };
-        let smoothing_length = usable(stated)?;
-        let mass = usable(info.find(FieldKind::Mass))?;
-        let density = usable(info.find(FieldKind::Density))?;
+        let smoothing_length = usable(stated, "smoothing length")?;
+        let stated_mass = info.find(FieldKind::Mass);
+        let mass = usable(stated_mass, "mass")?;
+        let (density, _) = find(info.find(FieldKind::Density))?;
         let mut notes = Vec::new();
         if stated.is_some() && smoothing_length.is_none() {
             notes.push(format!("{name}: no smoothing length is positive, so they are estimated"));
@@ -63,7 +72,8 @@ impl Chosen {
             notes.push(format!("{name}: density from mass and {that}smoothing length"));
         }
         if mass.is_none() {
-            notes.push(format!("{name}: no masses, each particle counts 1"));
+            let why = if stated_mass.is_some() { "no mass is positive" } else { "no masses" };
+            notes.push(format!("{name}: {why}, each particle counts 1"));
         }
         Ok(Chosen { position, mass, smoothing_length, density, neighbours, notes })
     }
@@ -85,15 +95,22 @@ fn named_scalar(source: &dyn Source, info: &FamilyInfo, name: &str) -> Result<us
     })
 }
 
-/// Whether a scalar field has a value that can be drawn; reads until it finds one.
-fn any_drawable(source: &dyn Source, family: usize, info: &FamilyInfo, field: usize) -> Result<bool, ImportError> {
-    let mut values = Vec::new();
+/// Whether a scalar field has a value that can be drawn, and the first positive one that it has before that; reads until it finds one
+/// that can.
+fn any_drawable(
+    source: &dyn Source,
+    family: usize,
+    info: &FamilyInfo,
+    field: usize,
+) -> Result<(bool, Option<f64>), ImportError> {
+    let (mut values, mut positive) = (Vec::new(), None);
     for range in chunks(info.count) {
         values.resize((range.end - range.start) as usize, 0.0);
         source.read(family, field, range, &mut values)?;
         if values.iter().any(|&value| drawable(value as f32)) {
-            return Ok(true);
+            return Ok((true, positive));
         }
+        positive = positive.or_else(|| values.iter().copied().find(|value| *value > 0.0 && value.is_finite()));
     }
-    Ok(false)
+    Ok((false, positive))
 }

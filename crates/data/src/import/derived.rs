@@ -73,6 +73,7 @@ pub(super) fn plan(
     }
     let planned = |field: usize, component| Planned {
         name: info.fields[field].name.clone(),
+        asked: info.fields[field].name.clone(),
         unit: info.fields[field].unit.clone(),
         field,
         part: Part::Component(component),

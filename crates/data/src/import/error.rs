@@ -94,6 +94,12 @@ impl ImportError {
         }
     }
 
+    /// An [`ImportError::Malformed`] for values of which single precision holds none, such as `value`.
+    pub(super) fn beyond_precision(path: &Path, field: impl Into<String>, value: f64) -> ImportError {
+        let found = format!("{value:e} and no value that single precision holds");
+        ImportError::malformed(path, field, found, "sizes from 1e-38 to 3e38, in other units")
+    }
+
     /// An [`ImportError::Missing`].
     pub fn missing(path: &Path, field: impl Into<String>, expected: impl Into<String>) -> ImportError {
         ImportError::Missing { path: path.into(), field: field.into(), expected: expected.into() }

@@ -1,7 +1,7 @@
 //! The formats that can be imported, each recognised by its content.
 
 use super::packed::Packing;
-use super::{ImportError, Source};
+use super::{ImportError, Source, UnpackedOnce};
 use crate::model::ReadMethod;
 use std::io::{BufReader, Read, Seek};
 use std::path::{Path, PathBuf};
@@ -183,6 +183,7 @@ pub fn open_with(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, Imp
 /// [`open_with`] of a file, or of a step in a file.
 pub(super) fn open_file(path: &Path, method: ReadMethod) -> Result<Box<dyn Source>, ImportError> {
     let (file, step) = super::step_name::parts(path);
+    let _held = UnpackedOnce::of(file);
     let format = format_at(file)?;
     match step {
         Some(step) => format.open_step(file, step, method),
@@ -197,6 +198,7 @@ pub(super) fn open_file(path: &Path, method: ReadMethod) -> Result<Box<dyn Sourc
 pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let path = super::file_in(path, &[])?;
     let (file, _) = super::step_name::parts(&path);
+    let _held = UnpackedOnce::of(file);
     format_at(file)?.files(file)
 }
 
@@ -207,7 +209,10 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
 pub fn steps_in(path: &Path) -> Result<u64, ImportError> {
     match super::step_name::parts(path) {
         (_, Some(_)) => Ok(1),
-        (file, None) => format_at(file)?.steps(file),
+        (file, None) => {
+            let _held = UnpackedOnce::of(file);
+            format_at(file)?.steps(file)
+        }
     }
 }
 

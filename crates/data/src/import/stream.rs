@@ -5,7 +5,7 @@ use super::check::{CHUNK_LENGTH, Flaws, LeftOut, chunks, drawable};
 use super::choice::Chosen;
 use super::derived;
 use super::load::{about_dataset, check_families};
-use super::{FamilyInfo, FieldKind, ImportError, LoadOptions, Source};
+use super::{AttributeChoice, FamilyInfo, FieldKind, ImportError, LoadOptions, Source};
 use crate::model::{Chunk, Dataset, Derivation, FamilyName, Kernel, ParticleStream, Skipped, StreamError, Unit};
 use std::cell::RefCell;
 use std::ops::Range;
@@ -20,7 +20,7 @@ pub struct Streams<'a> {
     pub families: Vec<SourceStream<'a>>,
 }
 
-/// The streams of the chosen families, with those of the attributes that `choose` names by index.
+/// The streams of the chosen families, with those of the attributes that `choose` names by index, of their names as the options have them.
 ///
 /// # Errors
 /// When the source cannot be read, or lacks a family or attribute that was asked for.
@@ -51,8 +51,11 @@ pub fn streams<'a>(
             inputs = derived.inputs;
             derivation = Some(derived.derivation);
         }
-        let names: Vec<&str> = planned.iter().map(|planned| planned.name.as_str()).collect();
+        let names: Vec<&str> = planned.iter().map(|planned| planned.asked.as_str()).collect();
         let mut planned: Vec<Planned> = choose(&names).into_iter().map(|index| planned[index].clone()).collect();
+        if matches!(options.attributes, AttributeChoice::Named(_)) {
+            planned.iter().try_for_each(|planned| attributes::check_precision(source, index, info, planned))?;
+        }
         let attributes = planned.iter().map(|planned| (planned.name.clone(), planned.unit.clone())).collect();
         planned.extend(inputs);
         families.push(SourceStream {

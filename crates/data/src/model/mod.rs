@@ -26,6 +26,7 @@ pub mod progress;
 pub mod read_file;
 pub mod ron_file;
 pub mod ron_place;
+mod ron_words;
 pub mod sample_type;
 #[allow(unsafe_code, reason = "only the C library can be told to give back what it keeps")]
 pub mod spare_memory;

@@ -58,7 +58,7 @@ impl Family {
 /// Particles that an import left out, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Skipped {
-    /// A reason a person understands: `non-finite position`, `mass not positive`.
+    /// A reason a person understands: `non-finite position`, `mass not positive, or beyond single precision`.
     pub reason: String,
     /// How many particles.
     pub count: u64,

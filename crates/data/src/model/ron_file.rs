@@ -1,8 +1,9 @@
 //! RON that a user writes: read in one way everywhere, with one kind of error.
 
+use super::ron_words::Marked;
 use super::url::{is_url, refused, shown};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, IgnoredAny};
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::path::Path;
@@ -53,24 +54,37 @@ impl RonError {
     }
 }
 
-/// Reads a value from RON text; `file` is what errors call it. `Some(...)` may be left out.
+/// Reads a value from RON text; `file` is what errors call it. `Some(...)` may be left out, and words with hyphens are words.
 ///
 /// # Errors
 /// [`RonError::Syntax`].
 pub fn parse<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, RonError> {
     let options = ron::Options::default().with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
-    options.from_str(text).map_err(|error| RonError::Syntax {
-        file: file.to_owned(),
-        line: error.span.start.line,
-        column: error.span.start.col,
-        field: field_at(text, error.span.end.line, error.span.end.col).unwrap_or("the text").to_owned(),
-        message: match error.code {
-            // Who comes from --attribute or from a configuration has a text there.
-            ron::Error::ExpectedIdentifier => {
-                "Expected identifier: a word without quotes, such as flat or named(\"NAME\")".into()
-            }
-            code => code.to_string().replace(['\n', '\r'], " "),
-        },
+    let marked = Marked::new(text);
+    options.from_str(&marked.text).map_err(|error| {
+        let column = |at: ron::error::Position| marked.column(text, at.line, at.col);
+        let kind = match error.code {
+            ron::Error::NoSuchStructField { expected, .. } => other_kind(text, expected),
+            _ => None,
+        };
+        RonError::Syntax {
+            file: file.to_owned(),
+            line: error.span.start.line,
+            column: column(error.span.start),
+            field: field_at(text, error.span.end.line, column(error.span.end)).unwrap_or("the text").to_owned(),
+            message: match (error.code, kind) {
+                (_, Some(kind)) => format!("the file is {kind}"),
+                // Who comes from --attribute or from a configuration has a text there.
+                (ron::Error::ExpectedIdentifier, None) => {
+                    "Expected identifier: a word without quotes, such as flat or named(\"NAME\")".into()
+                }
+                // Who comes from an option has `dome`, whose fields may all be left out.
+                (ron::Error::ExpectedStructLike, None) => {
+                    "Expected opening `(`, also before no fields, as in dome()".into()
+                }
+                (code, None) => code.to_string().replace(['\n', '\r'], " ").replace("`r#", "`"),
+            },
+        }
     })
 }
 
@@ -122,6 +136,25 @@ pub fn later_version(text: &str, known: u32) -> Option<u32> {
     parse("", text).ok().map(|AnyVersion { version }| version).filter(|version| *version > known)
 }
 
+/// What a text is that has a field which is not among those `expected` at its top, where it is a file of another kind.
+fn other_kind(text: &str, expected: &[&str]) -> Option<&'static str> {
+    #[derive(Default, Deserialize)]
+    #[serde(default)]
+    struct Fields {
+        datasets: Option<IgnoredAny>,
+        keyframes: Option<IgnoredAny>,
+        outputs: Option<IgnoredAny>,
+    }
+    // Files of these kinds, and nothing in them, have a version.
+    let fields: Fields = expected.contains(&"version").then(|| parse("", text).ok()).flatten()?;
+    let kinds = [
+        ("datasets", fields.datasets, "a scene: deepfield view FILE, or deepfield render FILE"),
+        ("keyframes", fields.keyframes, "a tour: deepfield tour FILE, or deepfield view --tour FILE"),
+        ("outputs", fields.outputs, "one of outputs: deepfield view DATA --outputs FILE"),
+    ];
+    kinds.into_iter().find(|(name, value, _)| value.is_some() && !expected.contains(name)).map(|(_, _, kind)| kind)
+}
+
 /// The name before the last colon that stands before a place in RON text (line and column from 1): the field whose value is
 /// there.
 fn field_at(text: &str, line: usize, column: usize) -> Option<&str> {
@@ -131,7 +164,7 @@ fn field_at(text: &str, line: usize, column: usize) -> Option<&str> {
     let within: usize = rest.chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
     // The name itself may be what is wrong, and its colon behind the place.
     let end = rest[within..]
-        .find(|c: char| !c.is_alphanumeric() && c != '_' && c != '"')
+        .find(|c: char| !c.is_alphanumeric() && !matches!(c, '_' | '-' | '"'))
         .map_or(rest.len(), |end| within + end);
     let head = &text[..before + end];
     let named = if rest[end..].trim_start().starts_with(':') {
@@ -184,6 +217,53 @@ mod tests {
         assert_eq!(field_at("(\u{3d000}size: 3)", 1, 3), Some("size"), "behind a character of several bytes");
         let example: Example = parse("my.ron", "(inner: (width: (1.0, 2.0)))").unwrap();
         assert_eq!((example.size, example.inner.unwrap().width), (1, (1.0, 2.0)));
+    }
+
+    #[test]
+    fn words_with_hyphens_are_words() {
+        #[derive(Debug, PartialEq, Deserialize)]
+        #[serde(rename_all = "kebab-case")]
+        enum Eyes {
+            Left,
+            SideBySide,
+        }
+        #[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Pair {
+            eyes: Vec<Eyes>,
+            #[serde(default)]
+            size: u32,
+        }
+        let pair: Pair = parse("my.ron", "(eyes: [side-by-side, left, r#side-by-side], size: 3)").unwrap();
+        assert_eq!((pair.eyes, pair.size), (vec![Eyes::SideBySide, Eyes::Left, Eyes::SideBySide], 3));
+        let message = |text: &str| parse::<Pair>("my.ron", text).unwrap_err().to_string();
+        for (text, parts) in [
+            ("(eyes: [left, over-under])", ["my.ron:1:", "`over-under`", "`side-by-side`"]),
+            ("(eyes: [], frame-ms: 3)", ["my.ron:1:", ": frame-ms: ", "`frame-ms`"]),
+        ] {
+            let found = message(text);
+            assert!(parts.iter().all(|part| found.contains(part)), "{text:?} gave {found:?}");
+        }
+        let [hyphens, none] = ["(eyes: [side-by-side], size: -3)", "(eyes: [left        ], size: -3)"];
+        assert_eq!(message(hyphens), message(none), "places are those of the text that was written");
+    }
+
+    #[test]
+    fn files_of_another_kind_are_told() {
+        #[derive(Debug, Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Tour {
+            version: u32,
+            keyframes: Vec<u32>,
+        }
+        let tour: Tour = parse("t.ron", "(version: 1, keyframes: [3])").unwrap();
+        assert_eq!((tour.version, tour.keyframes), (1, vec![3]));
+        let message = |text: &str| parse::<Tour>("t.ron", text).unwrap_err().to_string();
+        let scene = message("(version: 1, size: (1, 2), datasets: [(path: \"a.df\", look: (mode: \"points\"))])");
+        assert!(scene.contains(": size: the file is a scene: deepfield view FILE"), "{scene}");
+        for own in ["(version: 1, keyframe: [])", "(version: 1, keyframes: [], title: \"outputs: 3\")"] {
+            assert!(message(own).contains("Unexpected field named"), "{own}");
+        }
     }
 
     #[test]

@@ -188,6 +188,9 @@ fn what_is_wrong_with_a_table_is_said() {
         let told = refused(&file(folder.path(), "t", text.as_bytes()));
         assert!(told.contains(expected), "{told}");
     }
+    let scene = file(folder.path(), "t.scene.ron", b"(version: 1, datasets: [(path: \"a.csv\")],\n size: (60,40))\n");
+    let told = refused(&scene);
+    assert!(told.contains("positions: missing, expected data in the place of a scene or a tour"), "{told}");
     let long = format!("# x y z\n1 2 3\n{}\n", "4 ".repeat(1 << 20));
     let told = refused(&file(folder.path(), "t", long.as_bytes()));
     assert!(told.contains("line 3: found 4 4 4") && told.contains("a line of fewer than 1048576 bytes"), "{told}");

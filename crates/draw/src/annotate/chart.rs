@@ -77,7 +77,17 @@ pub fn roomy(values: impl Iterator<Item = f64>, logarithmic: bool) -> Option<[f6
     if low > high {
         return None;
     }
-    let least = if logarithmic { 3_f64.ln() } else { 1e-6 * low.abs().max(high.abs()).max(1e-300) };
+    let size = low.abs().max(high.abs());
+    let least = if logarithmic {
+        3_f64.ln()
+    } else if low < high {
+        1e-6 * size.max(1e-300)
+    } else if size > 0.0 {
+        // About one value alone there is room for round numbers.
+        0.2 * size
+    } else {
+        2.0
+    };
     let margin = (0.04 * (high - low)).max(0.5 * (least - (high - low)));
     let range = [low - margin, high + margin];
     Some(if logarithmic { range.map(f64::exp) } else { range })
@@ -86,7 +96,7 @@ pub fn roomy(values: impl Iterator<Item = f64>, logarithmic: bool) -> Option<[f6
 /// What is in the frame.
 #[derive(Clone, Copy, Debug)]
 pub enum Marks<'a> {
-    /// A bar for each bin, from the lower end of the axis upwards.
+    /// A bar for each bin, from zero to its value; a logarithmic axis begins at its lower end.
     Bars {
         /// Edges of the bins: one more than there are values.
         edges: &'a [f64],
@@ -176,10 +186,11 @@ impl Chart<'_> {
         let ink = |color: Rgba| Paper::Light.ink(color);
         match self.marks {
             Marks::Bars { edges, values } => {
+                let zero = self.at(frame, [0.0, 0.0])[1];
                 for (ends, &value) in edges.windows(2).zip(values) {
                     let [from, to] = [ends[0], ends[1]].map(|edge| self.at(frame, [edge, value]));
-                    if from[1] < frame.max[1] && value.is_finite() {
-                        let area = Area { min: from, max: [to[0], frame.max[1]] };
+                    if from[1] != zero && value.is_finite() {
+                        let area = Area { min: [from[0], from[1].min(zero)], max: [to[0], from[1].max(zero)] };
                         list.shapes.push(Shape::Rect { area, color: ink(FILL) });
                     }
                 }
@@ -356,6 +367,12 @@ mod tests {
         let area = (900.0 - left - right) * (600.0 - top - bottom);
         let share = pixels(&image, FILL) as f32 / area;
         assert!((share - 0.375).abs() < 0.01, "{share}");
+        // Negative ones hang from zero, and nothing is below those that are zero.
+        let up = ChartAxis { range: [-4.0, 4.0], ..UP };
+        let marks = Marks::Bars { edges: &edges, values: &[2.0, 0.0, -4.0, 0.0] };
+        let image = Chart { up, ..chart(marks) }.picture([900, 600]);
+        let share = pixels(&image, FILL) as f32 / area;
+        assert!((share - 0.1875).abs() < 0.01, "{share}");
     }
 
     #[test]
@@ -397,5 +414,13 @@ mod tests {
         assert_eq!(roomy(std::iter::empty(), false), None);
         let [low, high] = roomy([5.0, 5.0].into_iter(), false).unwrap();
         assert!(low < 5.0 && high > 5.0);
+        // The axis of one value has numbers that fit beside it.
+        for value in [0.0, 0.286_978_617_860_480_9, -3e7] {
+            let up = ChartAxis { range: roomy([value].into_iter(), false).unwrap(), ..UP };
+            let points = [[10.0, value]];
+            let text = Chart { up, ..chart(Marks::Line { points: &points, spreads: &[] }) }.svg([900, 600]);
+            let labels = text.matches(r#"text-anchor="end""#).count();
+            assert!(labels > 1, "{value}: {text}");
+        }
     }
 }

@@ -22,6 +22,17 @@ fn font_of(letter: char) -> Option<(&'static FontRef<'static>, GlyphId)> {
     found.or_else(|| fonts().first().map(|font| (font, font.glyph_id(letter))))
 }
 
+/// The letters of a text that no font has, each once: a box stands for them in pictures.
+pub fn lacking(text: &str) -> String {
+    let mut lacking = String::new();
+    for letter in text.chars().filter(|letter| !letter.is_control()) {
+        if !lacking.contains(letter) && fonts().iter().all(|font| font.glyph_id(letter).0 == 0) {
+            lacking.push(letter);
+        }
+    }
+    lacking
+}
+
 /// A font's own scale where an em has `size` pixels.
 fn scale(font: &FontRef<'_>, size: f32) -> f32 {
     size * font.height_unscaled() / font.units_per_em().unwrap_or(1000.0)
@@ -142,6 +153,7 @@ mod tests {
         for letter in "0123456789.−×⁰¹²³⁴⁵⁶⁷⁸⁹¯…–·/() kpcMsun".chars() {
             assert_ne!(fonts()[0].glyph_id(letter).0, 0, "{letter}");
         }
+        assert_eq!(lacking("Sterne über Köln\n★ Ωξ Звезда, 星と星"), "星と");
     }
 
     #[test]

@@ -39,7 +39,12 @@ const DEFLATE: png::DeflateCompression = png::DeflateCompression::Level(4);
 /// # Errors
 /// [`OutputError`] with the file named.
 pub fn write_png(path: &Path, image: &Image) -> Result<(), OutputError> {
-    write_with(path, |out| encode_png(out, image).map_err(encode(path)))
+    write_with(path, |out| {
+        encode_png(out, image).map_err(|error| match error {
+            png::EncodingError::IoError(source) => refused(path)(source),
+            error => encode(path)(error),
+        })
+    })
 }
 
 /// The bytes of such a file.
@@ -164,10 +169,10 @@ pub fn write_npy_doubles(path: &Path, shape: &[u64], values: &[f64]) -> Result<(
 fn write_array<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[u64], values: &[T]) -> Result<(), OutputError> {
     use npyz::WriterBuilder;
     write_with(path, |out| {
-        let mut writer =
-            npyz::WriteOptions::<T>::new().default_dtype().shape(shape).writer(out).begin_nd().map_err(encode(path))?;
-        writer.extend(values.iter().copied()).map_err(encode(path))?;
-        writer.finish().map_err(encode(path))
+        let options = npyz::WriteOptions::<T>::new().default_dtype().shape(shape);
+        let mut writer = options.writer(out).begin_nd().map_err(refused(path))?;
+        writer.extend(values.iter().copied()).map_err(refused(path))?;
+        writer.finish().map_err(refused(path))
     })
 }
 
@@ -176,22 +181,26 @@ fn write_array<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[u64], values
 /// # Errors
 /// [`OutputError::Io`] with the file named.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
-    write_with(path, |out| out.write_all(bytes).map_err(encode(path)))
+    write_with(path, |out| out.write_all(bytes).map_err(refused(path)))
 }
 
 fn write_with(
     path: &Path,
     content: impl FnOnce(&mut BufWriter<&mut std::fs::File>) -> Result<(), OutputError>,
 ) -> Result<(), OutputError> {
-    let io = |source| OutputError::Io { path: path.to_owned(), source };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = new_file::builder().tempfile_in(folder).map_err(|error| io(new_file::without_name(&error)))?;
+    let mut file =
+        new_file::builder().tempfile_in(folder).map_err(|error| refused(path)(new_file::without_name(&error)))?;
     let mut out = BufWriter::new(file.as_file_mut());
     content(&mut out)?;
-    out.flush().map_err(io)?;
+    out.flush().map_err(refused(path))?;
     drop(out);
-    file.persist(path).map_err(|error| io(error.error))?;
+    file.persist(path).map_err(|error| refused(path)(error.error))?;
     Ok(())
+}
+
+fn refused(path: &Path) -> impl Fn(std::io::Error) -> OutputError + '_ {
+    |source| OutputError::Io { path: path.to_owned(), source }
 }
 
 fn encode<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> OutputError + '_ {

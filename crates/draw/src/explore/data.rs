@@ -1,7 +1,7 @@
 //! The two kinds of data that can be asked: a page file and a source.
 
 use super::error::ExploreError;
-use crate::import::{FamilyInfo, FieldKind, Scalar, Source, file_of_step, open_with};
+use crate::import::{FamilyInfo, FieldKind, Scalar, Source, find_source, open_with};
 use crate::model::{Bounds, FamilyName, PeriodicBox, Unit, is_url};
 use crate::store::{FamilyMetadata, PageFile, Tree};
 use std::path::{Path, PathBuf};
@@ -136,18 +136,15 @@ impl<'a> Data<'a> {
     }
 }
 
-/// Where the source is that a page file was built from: under the path that it was built with, or under that beside the page
-/// file. `None` where it is not there any more, or where
+/// Where the source is that a page file was built from, as [`find_source`] has it. `None` where it is not there any more, or where
 /// there are several.
 pub fn source_path(file: &PageFile) -> Option<PathBuf> {
     // One source does not say what several files hold, nor where a file lies that was moved; and what comes from afar names no file here.
     if !file.is_as_its_source() || is_url(file.path()) {
         return None;
     }
-    let named = &file.metadata().provenance.path;
-    let beside = file.path().parent().map(|folder| folder.join(named));
-    let is_there = |file: &Path| file.is_file() || file.is_dir();
-    [Some(named.clone()), beside].into_iter().flatten().find(|source| is_there(file_of_step(source)))
+    let source = &file.metadata().provenance;
+    find_source(&source.path, file.path(), source.bytes)
 }
 
 /// Opens a source at `path`, from which a page file was built.

@@ -272,6 +272,13 @@ impl DatasetRef {
         let own_look = self.own_look.clone();
         Ok(Located { members: vec![Member { path, offset, scale, families, said, own_look }], notes })
     }
+
+    /// The files that it names for the scene file `scene`: its data, and what lies over that or is compared with it.
+    pub fn files(&self, scene: &Path) -> impl Iterator<Item = PathBuf> {
+        let HeightsSaid { texture, before, .. } = &self.said;
+        let named = [Some(&self.path), texture.as_ref().map(|photo| &photo.path), before.as_ref()];
+        named.into_iter().flatten().map(move |path| located(path, scene))
+    }
 }
 
 impl SceneFile {
@@ -289,6 +296,13 @@ impl SceneFile {
             all.notes.extend(one.notes);
         }
         Ok(all)
+    }
+
+    /// The files that this scene, which is the file `scene`, names: data, labels, and pictures that lie over it.
+    pub fn files(&self, scene: &Path) -> Vec<PathBuf> {
+        let data = self.datasets.iter().flat_map(|dataset| dataset.files(scene));
+        let images = self.film.iter().flat_map(|film| &film.overlay.images).map(|image| &image.path);
+        data.chain(self.labels.iter().chain(images).map(|path| located(path, scene))).collect()
     }
 }
 

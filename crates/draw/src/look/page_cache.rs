@@ -8,7 +8,7 @@ use crate::heights::store::HeightFile;
 use crate::heights::{OpenHeights, is_heights};
 use crate::hierarchy::Kinds;
 use crate::hierarchy::kind::{OCTREE, PCA};
-use crate::import::{LoadOptions, file_of_step, files_of};
+use crate::import::{LoadOptions, UnpackedOnce, file_of_step, files_of};
 use crate::model::{DerivedQuantity, Progress, ReadMethod};
 use crate::store::budget::{CachedFile, make_room};
 use crate::store::temporary::free_bytes;
@@ -39,6 +39,8 @@ pub fn page_file(
         return Ok((path.to_owned(), None));
     }
     let folder = folder()?;
+    // What it is, and of which files, is asked before it is opened.
+    let _held = UnpackedOnce::of(path);
     let of_heights = said.is_heights().unwrap_or_else(|| is_heights(path));
     let cached = folder.join(match of_heights {
         true => cached_name_of_heights(path, said)?,

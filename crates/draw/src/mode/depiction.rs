@@ -85,17 +85,18 @@ impl Depiction {
         let mut names: Vec<&str> = columns.clone().map(|(info, _)| info.name.as_str()).collect();
         names.sort_unstable();
         names.dedup();
+        let absent = |what: &str, name: &str| {
+            let expected = names.join(", ");
+            let others = "(build --attributes keeps others that its source has)";
+            Err(format!("{what} {name} is not in the data, expected one of {expected} {others}"))
+        };
         for field in mode.technique.fields(&settings) {
             if !names.contains(&field.as_str()) {
-                let expected = names.join(", ");
-                let others = "(build --attributes keeps others that its source has)";
-                return Err(format!("field {field} is not in the data, expected one of {expected} {others}"));
+                return absent("field", &field);
             }
         }
         let attribute = match mode.attribute(attribute, &names) {
-            Some(name) if !names.contains(&name) => {
-                return Err(format!("attribute {name} is not in the data, expected one of {}", names.join(", ")));
-            }
+            Some(name) if !names.contains(&name) => return absent("attribute", name),
             Some(name) => {
                 let own = columns.filter(|(info, _)| info.name == name);
                 let (sum, count) =
@@ -189,14 +190,18 @@ impl Depiction {
         self.mode.technique.takes_clusters()
     }
 
-    /// Of the displacement that a picture may have, the share that it has at most: what its mode tolerates where an attribute gives the hue.
-    pub fn error_share(&self) -> f64 {
-        if self.attribute.is_some() { self.mode.hue_tolerance } else { 1.0 }
+    /// Of the displacement that a picture of a file may have, the share that it has at most: what its mode tolerates where an attribute gives
+    /// the hue, and the file has what the mode weighs with.
+    pub fn error_share(&self, metadata: &Metadata) -> f64 {
+        let attributes = metadata.families.iter().flat_map(|family| &family.attributes);
+        let has = |name: &&str| attributes.clone().any(|info| info.name == *name);
+        let weighs = self.mode.weight_attributes.iter().all(has);
+        if self.attribute.is_some() && weighs { self.mode.hue_tolerance } else { 1.0 }
     }
 
     /// How far the nodes of a file are refined for a view, where splats may be displaced by `tau` pixels: by [`Depiction::error_share`] of that.
     pub fn detail(&self, view: &View, tau: f64, metadata: &Metadata) -> Detail {
-        self.detail_in_motion(view, self.error_share() * tau, metadata)
+        self.detail_in_motion(view, self.error_share(metadata) * tau, metadata)
     }
 
     /// The same of a view that moves: its hue waits until it rests. A sample of finer particles would be less of the picture in the same time,

@@ -51,7 +51,7 @@ pub struct Mode {
     pub conserves: Conserved,
     /// Of the displacement on the screen that a picture may have, the share that it has at most where an attribute gives the hue. Merged
     /// particles have means of attributes weighted by mass: 1 for a mode that weighs with that, too, and less for one that weighs
-    /// otherwise, whose hue is off where particles are merged.
+    /// otherwise, whose hue is off where particles are merged. Of data without its `weight_attributes` it weighs with mass.
     pub hue_tolerance: f64,
     /// Names of attributes that colour the picture when the user names none: the first that the data has is used.
     /// Without any, the picture has no `S` and its colour follows `P`.

@@ -18,7 +18,7 @@ pub static MODE: Mode = Mode {
     },
     weight: |columns| columns.mass.iter().zip(columns.density).map(|(m, rho)| m * rho).collect(),
     conserves: Conserved::MassDensity,
-    // Measured: `docs/results.md`, hue of squared densities.
+    // Measured: `docs/results.md`, hue of squared densities and of stars.
     hue_tolerance: 0.25,
     usual_attributes: &["velocity-dispersion", "temperature", "internal-energy", "speed"],
     weight_attributes: &[],

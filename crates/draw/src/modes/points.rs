@@ -25,7 +25,8 @@ pub static MODE: Mode = Mode {
         None => columns.mass.to_vec(),
     },
     conserves: Conserved::Neither,
-    hue_tolerance: 1.0,
+    // Measured: `docs/results.md`, hue of squared densities and of stars.
+    hue_tolerance: 0.25,
     usual_attributes: &["color-index", "temperature", "speed"],
     weight_attributes: &["magnitude"],
     transfer: ["density", "stars"],

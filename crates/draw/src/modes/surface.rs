@@ -17,7 +17,7 @@ use crate::heights::model::HeightGrid;
 use crate::mode::{Job, Mode, Output, Raw, Setting, SettingKind, Settings, Technique};
 use maps::{MAPS, map_of};
 
-pub use attributes::{ATTRIBUTES, attribute_of, quantity_of, range_of, usual_heights, usual_transfer, with_shore};
+pub use attributes::{ATTRIBUTES, attribute_of, quantity_of, range_of, suited_transfer, usual_heights, usual_transfer};
 pub use maps::radius_of;
 
 /// How it is drawn.

@@ -5,7 +5,7 @@ use super::session::Reporter;
 use crate::explore::data::source_path;
 use crate::import::{AttributeChoice, LoadOptions, derivable, load_source, open};
 use crate::look::{DataKind, LookPatch, Member};
-use crate::model::{Bounds, Dataset, FamilyName, ReadMethod, When};
+use crate::model::{Bounds, Dataset, FamilyName, Moment, ReadMethod, When};
 use crate::store::{PageFile, RunFile};
 use crate::view::frame;
 use glam::DVec3;
@@ -84,7 +84,7 @@ pub fn particles(
 }
 
 fn load_one(member: &Member, wanted: &Wanted, reporter: &dyn Reporter) -> Result<(PathBuf, Dataset), PictureError> {
-    let source = source_of(&member.path, wanted.time)?;
+    let source = source_of(&member.path, wanted.time, reporter)?;
     let opened = open(&source)?;
     // A page file may have been built with attributes that follow from velocities.
     let mut derive = member.said.derive.clone();
@@ -99,8 +99,9 @@ fn load_one(member: &Member, wanted: &Wanted, reporter: &dyn Reporter) -> Result
     Ok((source, dataset))
 }
 
-/// The source itself, or the one that a page file, or the step of a run, was built from, if it is still there.
-fn source_of(path: &Path, time: Option<When>) -> Result<PathBuf, PictureError> {
+/// The source itself, or the one that a page file, or the step of a run, was built from, if it is still there. Between steps it is the one
+/// before, which is told.
+fn source_of(path: &Path, time: Option<When>, reporter: &dyn Reporter) -> Result<PathBuf, PictureError> {
     let file = match DataKind::of(path).map_err(|error| PictureError::Asked(error.to_string()))? {
         DataKind::Source => return Ok(path.to_owned()),
         DataKind::Pages => PageFile::open(path)?,
@@ -108,7 +109,13 @@ fn source_of(path: &Path, time: Option<When>) -> Result<PathBuf, PictureError> {
         DataKind::Grid => return Err(PictureError::of(path, "an image or a volume, expected particles")),
         DataKind::Run => {
             let run = RunFile::open(path, ReadMethod::default())?;
-            run.still(time.map_or(Ok(0), |when| run.moment(when).map(|moment| moment.step))?)?
+            let moment = time.map_or(Ok(Moment::default()), |when| run.moment(when))?;
+            if moment.u > 0.0 {
+                let at = run.times().times[moment.step];
+                let what = format!("between steps: what is drawn is of step {}, at {at}", moment.step);
+                reporter.tell(format!("{}: {what}", path.display()));
+            }
+            run.still(moment.step)?
         }
     };
     source_path(&file).ok_or_else(|| {
@@ -122,5 +129,7 @@ fn source_of(path: &Path, time: Option<When>) -> Result<PathBuf, PictureError> {
 pub fn framed(dataset: &Dataset) -> Bounds {
     let positions = dataset.families.iter().flat_map(|family| &family.positions);
     let samples: Vec<(DVec3, f64)> = positions.map(|&position| (DVec3::from_array(position), 1.0)).collect();
-    frame::frame(dataset.bounds(), &samples)
+    let lengths = dataset.families.iter().flat_map(|family| &family.smoothing_length).map(|&length| f64::from(length));
+    let reach = lengths.fold([f64::INFINITY, 0.0], |[least, most], length| [least.min(length), most.max(length)]);
+    frame::with_kernels(frame::frame(dataset.bounds(), &samples), reach)
 }

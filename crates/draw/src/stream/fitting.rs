@@ -106,7 +106,8 @@ impl Scene {
     }
 
     /// Selects what a view draws in this detail by what is known of pages, and looks at those that it lacks, waiting for the disk, until there are
-    /// none, no more can be had, or the selection exceeds what there is room for: whether it does.
+    /// none, no more can be had, or the selection exceeds what there is room for: whether it does. What is known counts in the budget
+    /// ([`Scene::look_at`]), so that no more of it is looked at than leaves room for a next page, whatever detail is asked for.
     ///
     /// # Errors
     /// As [`Scene::list`].

@@ -37,6 +37,7 @@ fn within(tree: &dyn Tree, families: &[u32], time: f64, nodes: usize) -> Bounds 
     let mut open: BinaryHeap<(u64, NodeRef)> =
         roots.into_iter().zip(chosen()).map(|(root, family)| (family.count, root)).collect();
     let (mut samples, mut now) = (Vec::new(), Bounds::EMPTY);
+    let mut reach = [f64::INFINITY, 0.0_f64];
     let mut opened = 0;
     while let Some((_, at)) = open.pop() {
         let Some((page, node)) = pages.node(at) else { continue };
@@ -62,6 +63,11 @@ fn within(tree: &dyn Tree, families: &[u32], time: f64, nodes: usize) -> Bounds 
         }
         let stride = particles.len().div_ceil(SAMPLES).max(1);
         let taken = || (0..particles.len()).step_by(stride);
+        let lengths = particles.table().map(|table| &table.smoothing_length[..]);
+        for i in taken() {
+            let length = lengths.and_then(|lengths| lengths.get(particles.entry(i)?)).copied().map(f64::from);
+            reach = length.map_or(reach, |length| [reach[0].min(length), reach[1].max(length)]);
+        }
         // A merged particle stands for as many as its mass says: those of a dense place are few, and heavy.
         let masses = particles.table().map(|table| &table.mass[..]);
         let mass = |i: usize| {
@@ -75,7 +81,7 @@ fn within(tree: &dyn Tree, families: &[u32], time: f64, nodes: usize) -> Bounds 
         let whole = particles.is_empty().then(|| (node.bounds.center(), node.source_particles as f64));
         samples.extend(places.chain(whole).filter(|(position, _): &(DVec3, f64)| position.is_finite()));
     }
-    frame::frame(if now.is_empty() { full } else { now }, &samples)
+    frame::with_kernels(frame::frame(if now.is_empty() { full } else { now }, &samples), reach)
 }
 
 /// The pages of a tree that have been read.
@@ -266,5 +272,18 @@ mod tests {
             let bound = 0.1 * exact + bounds.size() / 128.0;
             assert!((found - exact).abs().cmple(bound).all(), "{nodes} nodes: {found}, exact {exact}");
         }
+    }
+    #[test]
+    fn particles_at_one_place_are_seen_from_outside_of_their_kernels() {
+        let mut dataset = crate::synth::dataset(&Merger::new(3, 100));
+        let family = &mut dataset.families[0];
+        family.positions.fill([1.0, 2.0, 3.0]);
+        family.smoothing_length.fill(0.5);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("place.df");
+        build::build(dataset, &BuildOptions::default(), &path, &()).unwrap();
+        let framed = first_frame(&PageFile::open(&path).unwrap(), &[0], 0.0);
+        assert!((framed.size() - DVec3::ONE).abs().max_element() < 0.01, "{framed:?}");
+        assert!((framed.center() - DVec3::new(1.0, 2.0, 3.0)).length() < 0.01, "{framed:?}");
     }
 }

@@ -164,3 +164,41 @@ impl Scene {
         nodes.iter().take_while(fits).count().max(1)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::{self, BuildOptions};
+    use crate::hierarchy::OctreeOptions;
+    use crate::store::PageFile;
+    use crate::synth::merger::Merger;
+    use crate::view::Projection;
+    use glam::DVec3;
+    use std::sync::Arc;
+
+    #[test]
+    fn what_is_known_of_pages_takes_no_more_than_there_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("merger.df");
+        let octree = OctreeOptions { leaf_capacity: 40, ..OctreeOptions::default() };
+        let options = BuildOptions { octree, page_bytes: 4 << 10, ..BuildOptions::default() };
+        build::build(crate::synth::dataset(&Merger::new(3, 20_000)), &options, &path, &()).unwrap();
+        let file = Arc::new(PageFile::open(&path).unwrap());
+        let (middle, size) = (file.metadata().bounds().center(), file.metadata().bounds().size().max_element());
+        let projection = Projection::Orthographic { height: 1.2 * size };
+        let view = View::look_at(middle + 2.0 * size * DVec3::Z, middle, DVec3::Y, projection, 64, 64).unwrap();
+        let mut whole = Scene::new(Arc::clone(&file), u64::MAX);
+        let all = whole.list(&view, 0.0, &mut |_| {}).unwrap();
+        assert!(all.converged && !whole.take_coarser());
+        // Less than what all pages tell.
+        let budget = whole.outline.bytes() / 4 * 3;
+        let mut scene = Scene::new(file, budget);
+        let (selection, _) = scene.outlined(&view, Detail::from(0.0), &|_, _| false, &mut |_| {}).unwrap();
+        let known = scene.outline.bytes();
+        assert!(!selection.is_converged() && known <= budget, "{known} bytes of {budget}");
+        let listing = scene.list(&view, 0.0, &mut |_| {}).unwrap();
+        let (known, nodes) = (scene.outline.bytes(), listing.nodes.len());
+        assert!(scene.take_coarser() && known <= budget / 2, "{known} bytes of {budget}");
+        assert!(nodes > 0 && nodes < all.nodes.len(), "{nodes} nodes of {}", all.nodes.len());
+    }
+}

@@ -2,6 +2,7 @@
 
 use crate::annotate::overlay::Picture;
 use crate::explore::ExploreError;
+use crate::look::dataset::located;
 use crate::look::{Attribute, Camera, DatasetRef, LookPatch, define_look_text, with_look_fields};
 use crate::model::new_file;
 use crate::model::ron_file::{self, RonError};
@@ -9,7 +10,7 @@ use crate::view::{Stereo, Surround};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The version of tour files without times of the data.
 pub const VERSION: u32 = 1;
@@ -342,6 +343,19 @@ impl TourFile {
     /// The direction that is up: y where nobody says another one.
     pub fn upward(&self) -> DVec3 {
         self.up.map_or(DVec3::Y, DVec3::from)
+    }
+
+    /// The files that this tour, which is the file `tour`, names: data, catalogues and pictures.
+    pub fn files(&self, tour: &Path) -> Vec<PathBuf> {
+        let data = self.dataset.iter().flat_map(|dataset| dataset.files(tour));
+        let named = self.keyframes.iter().flat_map(|Keyframe { around, images, .. }| {
+            let object = around.as_ref().and_then(|around| match &around.what {
+                What::Object(named) => named.rsplit_once('#').map(|(file, _)| Path::new(file)),
+                _ => None,
+            });
+            images.iter().flatten().map(|image| image.path.as_path()).chain(object)
+        });
+        data.chain(named.map(|path| located(path, tour))).collect()
     }
 
     /// Reads a tour file.

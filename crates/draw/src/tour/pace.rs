@@ -1,9 +1,10 @@
-//! What an audience would find too fast, measured along a tour.
+//! What an audience would find too fast, measured along a tour, and words that it could not read.
 
 use super::file::{Comfort, Move};
 use super::spline::turn;
 use super::timeline::Timeline;
 use super::zoom_pan::ZoomPan;
+use crate::annotate::font;
 
 /// How fast the camera is on the way to a keyframe, and what is wrong with that.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +36,12 @@ pub fn remarks(timeline: &Timeline, comfort: &Comfort) -> Vec<Remark> {
 fn remark(timeline: &Timeline, comfort: &Comfort, index: usize) -> Remark {
     let mut remark = Remark { keyframe: index, turn: 0.0, zoom: 1.0, warnings: Vec::new() };
     let stop = &timeline.stops()[index];
-    let Some(before) = index.checked_sub(1).map(|before| &timeline.stops()[before]) else { return remark };
+    let before = index.checked_sub(1).map(|before| &timeline.stops()[before]);
+    let lacking = font::lacking(&stop.caption);
+    if !lacking.is_empty() && before.is_none_or(|before| before.caption != stop.caption) {
+        remark.warnings.push(format!("the font has no {lacking}: boxes stand for them in the caption"));
+    }
+    let Some(before) = before else { return remark };
     let (path, up, way) = (timeline.path(), timeline.up(), stop.arrive - before.leave);
     let (from, to) = (path.pose(before.leave), path.pose(stop.arrive));
     if stop.motion == Move::Cut {

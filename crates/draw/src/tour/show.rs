@@ -2,7 +2,7 @@
 
 use super::exposure::is_searched;
 use super::{Exposure, State, Surroundings, Timeline, TourFile, play_along};
-use crate::annotate::overlay::Overlay;
+use crate::annotate::overlay::{Overlay, read_png};
 use crate::color::{Image, output};
 use crate::look::{Camera, DatasetRef, Film, LookPatch, Member, SceneFile, Shot};
 use crate::picture::ranges::Format;
@@ -39,7 +39,8 @@ impl Show {
     /// Resolves a tour, of a file or of none, for data that is open; what there is to tell goes to `tell`.
     ///
     /// # Errors
-    /// When the data cannot be read, or a keyframe looks at something that is not there, or shows it by what is not in the data.
+    /// When the data or a picture to lay over it cannot be read, or a keyframe looks at something that is not there, or shows it by what is not
+    /// in the data.
     pub fn open(
         mut tour: TourFile,
         file: Option<PathBuf>,
@@ -71,9 +72,14 @@ impl Show {
         }
         let timeline = Timeline::new(&tour, &surroundings)?;
         // Not only when the recording comes there.
+        let place = |number: usize| format!("{}: keyframe {}", surroundings.file, number + 1);
         for (number, stop) in timeline.stops().iter().enumerate() {
-            let refused = |error| format!("{}: keyframe {}: {error}", surroundings.file, number + 1);
-            session.check(&stop.look).map_err(refused)?;
+            session.check(&stop.look).map_err(|error| format!("{}: {error}", place(number)))?;
+        }
+        for (number, keyframe) in tour.keyframes.iter().enumerate() {
+            for image in keyframe.images.iter().flatten() {
+                read_png(&folder.join(&image.path)).map_err(|error| format!("{}: {error}", place(number)))?;
+            }
         }
         Ok(Show {
             exposure: Exposure::new(&timeline),

@@ -32,7 +32,7 @@ pub struct Stop {
     pub(super) easing: Easing,
     time_easing: TimeEasing,
     pub(super) look: LookPatch,
-    caption: String,
+    pub(super) caption: String,
     images: Vec<Picture>,
 }
 

@@ -1,4 +1,5 @@
-//! What the first picture of a dataset shows: all of it, unless a few far outliers would make the rest tiny.
+//! What the first picture of a dataset shows: all of it, unless a few far outliers would make the rest tiny, and kernels that are
+//! wider than what they are around.
 
 use crate::model::Bounds;
 use glam::DVec3;
@@ -27,6 +28,16 @@ pub fn frame(full: Bounds, samples: &[(DVec3, f64)]) -> Bounds {
     // Where all but a few particles coincide there is nothing to look at between the quantiles.
     let stretched = full_extent > STRETCH * core_extent && core_extent > 1e-9 * full_extent;
     if stretched { core } else { full }
+}
+
+/// A framed box that is narrower than every kernel in it, as that of a single particle is, grown by the widest: a camera at the
+/// distance that fits the box alone would stand inside of them all. `reach` is the least and the largest smoothing length.
+pub fn with_kernels(framed: Bounds, reach: [f64; 2]) -> Bounds {
+    let [least, most] = reach;
+    if framed.is_empty() || most <= 0.0 || framed.size().max_element() >= least {
+        return framed;
+    }
+    Bounds { min: framed.min - most, max: framed.max + most }
 }
 
 /// The weighted quantiles `TAIL` and `1 - TAIL`; `None` without weight.
@@ -93,5 +104,16 @@ mod tests {
         let mut samples = vec![(DVec3::ONE, 1.0); 1000];
         samples.push((DVec3::splat(9.0), 1.0));
         assert_eq!(frame(box_of(&samples), &samples), box_of(&samples));
+    }
+    #[test]
+    fn a_box_inside_of_every_kernel_is_grown_to_them() {
+        let point = Bounds { min: DVec3::ONE, max: DVec3::ONE };
+        let grown = with_kernels(point, [0.2, 0.5]);
+        assert_eq!((grown.min, grown.max), (DVec3::splat(0.5), DVec3::splat(1.5)));
+        let cube = Bounds { min: DVec3::ZERO, max: DVec3::ONE };
+        for unchanged in [[0.2, 30.0], [f64::INFINITY, 0.0]] {
+            assert_eq!(with_kernels(cube, unchanged), cube);
+        }
+        assert_eq!(with_kernels(Bounds::EMPTY, [1.0, 1.0]), Bounds::EMPTY);
     }
 }

@@ -1,6 +1,7 @@
 //! Why heights cannot be written.
 
 use crate::model::HeightError;
+use deepfield_data::model::new_file;
 use std::path::{Path, PathBuf};
 
 /// Heights that cannot be written, in one line.
@@ -10,7 +11,7 @@ pub enum ExportError {
     #[error(transparent)]
     Heights(#[from] HeightError),
     /// The operating system refused to write the file.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: cannot be written: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
@@ -34,7 +35,7 @@ pub enum ExportError {
 impl ExportError {
     /// An [`ExportError::Io`].
     pub(crate) fn io(path: &Path, source: std::io::Error) -> ExportError {
-        ExportError::Io { path: path.into(), source }
+        ExportError::Io { path: path.into(), source: new_file::without_name(&source) }
     }
 
     /// An [`ExportError::Refused`].

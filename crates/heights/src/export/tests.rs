@@ -223,7 +223,10 @@ fn what_cannot_be_written_is_named_and_leaves_nothing() {
     says(&huge, "a.tif", Window::all(&huge.grid), &["1048576 x 4096 of float64", "4032 MiB"]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     let text = write(&field, whole, &folder.path().join("missing/a.npy")).unwrap_err().to_string();
-    assert!(text.contains("a.npy") && !text.contains('\n'), "{text}");
+    assert!(
+        text.contains("a.npy: cannot be written: ") && !text.contains(" at path ") && !text.contains('\n'),
+        "{text}"
+    );
 }
 
 /// Fields of every kind as files, with what is in them, for readers of other programs.

@@ -33,8 +33,9 @@ const SHARE: u64 = 1000;
 /// Samples with suspicious values, and the range of the others.
 #[derive(Clone, Debug)]
 pub struct Suspects {
-    /// Of [`USUAL`], and of what is huge.
+    /// Of [`USUAL`], and of `huge`.
     counts: [u64; USUAL.len() + 1],
+    /// The huge value that is farthest from 0.
     huge: f64,
     min: f64,
     max: f64,
@@ -66,23 +67,29 @@ impl Suspects {
 
     fn see(&mut self, stored: f64) {
         match which(stored) {
-            Some(index) => {
-                self.counts[index] += 1;
-                if index == USUAL.len() {
-                    self.huge = stored;
-                }
-            }
+            Some(index) if index == USUAL.len() => self.see_huge(stored, 1),
+            Some(index) => self.counts[index] += 1,
             None => (self.min, self.max) = (self.min.min(stored), self.max.max(stored)),
+        }
+    }
+
+    /// Huge values are one number where they stand for no data: of several the one farthest from 0 counts.
+    fn see_huge(&mut self, stored: f64, times: u64) {
+        let count = &mut self.counts[USUAL.len()];
+        if *count == 0 || (stored.abs(), stored) > (self.huge.abs(), self.huge) {
+            (self.huge, *count) = (stored, times);
+        } else if stored == self.huge {
+            *count += times;
         }
     }
 
     /// These, and those of other rows.
     pub fn and(mut self, other: &Suspects) -> Suspects {
-        for (count, more) in self.counts.iter_mut().zip(other.counts) {
+        for (count, more) in self.counts[..USUAL.len()].iter_mut().zip(other.counts) {
             *count += more;
         }
         if other.counts[USUAL.len()] > 0 {
-            self.huge = other.huge;
+            self.see_huge(other.huge, other.counts[USUAL.len()]);
         }
         (self.min, self.max) = (self.min.min(other.min), self.max.max(other.max));
         self

@@ -1,5 +1,6 @@
 //! A chart in a panel: its frame with ticks and numbers, what is under the pointer, and the part of it that is brushed.
 
+use super::ends::{self, Parts};
 use super::marks;
 use crate::annotate::number;
 use crate::annotate::ticks::ticks;
@@ -25,13 +26,13 @@ pub struct Shown {
     pub revision: u64,
     /// The part that is brushed.
     pub part: Option<Part>,
-    /// Whether parts have ends upwards, too; `None` where nothing can be brushed.
-    pub flat: Option<bool>,
+    /// Which parts can be brushed; `None` where nothing can.
+    pub parts: Option<Parts>,
     /// Height of the whole figure, logical pixels.
     pub height: f32,
 }
 
-/// What the pointer asks for.
+/// What the pointer or the keyboard asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Brushing {
     /// This part is brushed.
@@ -70,13 +71,13 @@ impl Frame<'_> {
     }
 
     /// The part between two points of the screen.
-    fn part(&self, from: Pos2, to: Pos2, flat: bool) -> Part {
+    pub fn part(&self, from: Pos2, to: Pos2, flat: bool) -> Part {
         let ([ax, ay], [bx, by]) = (self.values(from), self.values(to));
         Part { across: [ax.min(bx), ax.max(bx)], up: flat.then_some([ay.min(by), ay.max(by)]) }
     }
 
     /// Where a part is on the screen.
-    fn place(&self, part: &Part) -> Rect {
+    pub fn place(&self, part: &Part) -> Rect {
         let [low, high] = part.up.unwrap_or(self.up.range);
         Rect::from_two_pos(self.at([part.across[0], low]), self.at([part.across[1], high]))
     }
@@ -99,7 +100,6 @@ pub fn show(ui: &mut Ui, chart: &Chart<'_>, shown: &Shown) -> Option<Brushing> {
     }
     let frame = Frame { rect, across: chart.across, up: chart.up };
     let response = ui.interact(rect, ui.id().with("plot frame"), Sense::click_and_drag());
-    theme::call(&response, "Plot: drag to select");
     theme::register(ui, "plots:frame", rect);
 
     painter.rect_filled(rect, 3.0, theme::WELL);
@@ -146,7 +146,7 @@ pub fn show(ui: &mut Ui, chart: &Chart<'_>, shown: &Shown) -> Option<Brushing> {
     let told = pointer.map(|at| {
         let line = Stroke::new(1.0, theme::TEXT.gamma_multiply(0.35));
         inside.vline(at.x, rect.y_range(), line);
-        if shown.flat == Some(true) {
+        if shown.parts == Some(Parts::Rectangles) {
             inside.hline(rect.x_range(), at.y, line);
         }
         marks::told(&frame, &chart.marks, at)
@@ -154,17 +154,24 @@ pub fn show(ui: &mut Ui, chart: &Chart<'_>, shown: &Shown) -> Option<Brushing> {
     if let Marks::Cells { colors, .. } = &chart.marks {
         key(ui, colors);
     }
-    let usual = match shown.flat {
-        Some(true) => "Drag a rectangle to select",
-        Some(false) => "Drag a range to select",
+    let usual = match shown.parts {
+        Some(Parts::Rectangles) => "Drag a rectangle to select",
+        Some(Parts::Ranges | Parts::Balls) => "Drag a range to select",
         None => "Who they are is known: nothing to select",
     };
     let (text, color) = told.as_deref().map_or((usual, theme::LABEL), |told| (told, theme::TEXT));
     ui.add(egui::Label::new(egui::RichText::new(text).size(theme::SMALL).color(color)).truncate());
 
-    let flat = shown.flat?;
+    let Some(parts) = shown.parts else {
+        theme::call(&response, "Plot");
+        return None;
+    };
     if response.hovered() {
         ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
+    }
+    let asked = ends::by_keys(ui, &response, &frame, parts, shown.part.as_ref());
+    if asked.is_some() {
+        return asked;
     }
     if response.clicked() {
         return Some(Brushing::Clear);
@@ -173,7 +180,7 @@ pub fn show(ui: &mut Ui, chart: &Chart<'_>, shown: &Shown) -> Option<Brushing> {
         return None;
     }
     let from = ui.input(|input| input.pointer.press_origin())?;
-    Some(Brushing::To(frame.part(from, response.interact_pointer_pos()?, flat)))
+    Some(Brushing::To(frame.part(from, response.interact_pointer_pos()?, parts == Parts::Rectangles)))
 }
 
 /// What the colours of cells mean: a bar with its ends.
@@ -199,7 +206,7 @@ mod tests {
 
     const ACROSS: ChartAxis = ChartAxis { title: "density [g/cm^3]", range: [1.0, 1e4], logarithmic: true };
     const UP: ChartAxis = ChartAxis { title: "mass", range: [0.0, 8.0], logarithmic: false };
-    const SHOWN: Shown = Shown { revision: 1, part: None, flat: Some(false), height: 180.0 };
+    const SHOWN: Shown = Shown { revision: 1, part: None, parts: Some(Parts::Ranges), height: 180.0 };
 
     /// A window of 300 by 300 in which the chart is shown, and what a gesture of it asks for, frame by frame.
     fn gesture(marks: Marks<'_>, shown: &Shown, frames: &[Vec<Event>]) -> Vec<Option<Brushing>> {
@@ -244,10 +251,10 @@ mod tests {
         let Some(Brushing::To(part)) = asked[4] else { panic!("{asked:?}") };
         assert!(part.up.is_none() && part.across[0] > 1.0 && part.across[0] < part.across[1] && part.across[1] < 1e4);
         let points = Marks::Points { x: &values, y: &values };
-        let asked = gesture(points, &Shown { flat: Some(true), ..SHOWN }, &drag);
+        let asked = gesture(points, &Shown { parts: Some(Parts::Rectangles), ..SHOWN }, &drag);
         let Some(Brushing::To(flat)) = asked[4] else { panic!("{asked:?}") };
         assert!(flat.up.is_some_and(|[low, high]| 0.0 < low && low < high && high < 8.0), "{flat:?}");
-        let none = gesture(points, &Shown { flat: None, ..SHOWN }, &drag);
+        let none = gesture(points, &Shown { parts: None, ..SHOWN }, &drag);
         assert!(none.iter().all(Option::is_none), "{none:?}");
 
         let click = [vec![], vec![Event::PointerMoved(from)], vec![button(from, true)], vec![button(from, false)]];

@@ -1,5 +1,6 @@
 //! The section of plots: which one and of whom, the chart, and what is brushed in it.
 
+mod ends;
 mod figure;
 mod marks;
 
@@ -11,6 +12,7 @@ use crate::window::looking::plotting::{BRUSH, Found, Plotting, brush, brush_of, 
 use crate::window::state::answer::Answer;
 use bevy::prelude::DetectChangesMut;
 use bevy_egui::egui::{self, ComboBox, RichText, Ui};
+use ends::Parts;
 use figure::{Brushing, Shown};
 
 /// The section.
@@ -200,7 +202,7 @@ fn chart(
     let mut shown = Shown {
         revision: plotting.revision,
         part: brushed.and_then(|region| found.plot.part_of(region)),
-        flat: found.region.as_ref().map(|_| found.plot.has_flat_parts()),
+        parts: found.region.as_ref().map(|_| Parts::of(&found.plot)),
         height: HEIGHT,
     };
     found.plot.chart(&found.path, &found.notes, chosen.chart_scales(), |chart| {

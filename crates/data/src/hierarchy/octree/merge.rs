@@ -3,8 +3,8 @@
 //! In each of the 256^3 cells of edge `q`, particles with `h <= q` ("points") become one; those with larger `h`
 //! ("sprites") are merged in groups whose smoothing lengths differ by at most `fusion * q`. A merged particle has the sum
 //! of the masses and the mass-weighted mean position, smoothing length, density (so that `sum m rho` is kept, F12 4.1) and
-//! attributes. F12 4.2 weights attributes with `m rho`, by which its one mode draws; all modes but that one draw `m`, or `m / rho` times
-//! something, and a file has one value of each attribute. Its position is quantised to a quarter of the cell along each axis.
+//! attributes. F12 4.2 weights attributes with `m rho`, by which its one mode draws; all modes but that one, and stars as points of light, draw
+//! `m`, or `m / rho` times something, and a file has one value of each attribute. Its position is quantised to a quarter of the cell along each axis.
 
 use super::block::{Block, Box3, Content, View};
 use super::sorted::{Columns, Sorted, keyed_depth};

@@ -1,9 +1,10 @@
 //! What is in a file, unpacked where it is compressed with gzip or Zstandard, whatever its name says.
 
 use super::super::ImportError;
-use super::super::bytes::{RangeFile, unpacked};
+use super::super::bytes::RangeFile;
 pub(super) use super::super::packed::MOST_EXPANSION;
 use super::super::packed::Packing;
+use super::super::unpacking::unpacked_once;
 use super::part_name;
 use super::scratch::{Scratch, Storage};
 use crate::model::{Grid, ReadMethod};
@@ -103,12 +104,12 @@ impl Content {
         Ok(Box::new(reader))
     }
 
-    /// The file itself, or what is in it as a temporary one without a name.
+    /// The file itself, or what is in it as a temporary one without a name, which is read by offset alone.
     ///
     /// # Errors
     /// When it cannot be read, or is damaged.
     pub(in crate::import) fn file(&self) -> Result<File, ImportError> {
-        Ok(unpacked(&self.path)?.0)
+        unpacked_once(&self.path)
     }
 
     /// All of it, where that is at most `most` bytes.

@@ -50,10 +50,10 @@ pub(super) use vtk::{TYPES as VTK_TYPES, is_of_points as is_vtk_of_points};
 pub(super) use vtk_array::{VtkArray, XML_POINTS, XML_TYPES, xml_data_set};
 pub(super) use xml::{Element, elements as xml_elements};
 
-use super::ImportError;
 use super::folder::is_of_slices;
 use super::guarded::guarded;
 use super::hdf5::is_hdf5;
+use super::{ImportError, UnpackedOnce};
 use crate::model::ReadMethod;
 use std::path::Path;
 
@@ -108,6 +108,7 @@ pub fn open_grid(path: &Path, options: &GridOptions) -> Result<GridSource, Impor
         return slices::open(path, options);
     }
     let content = Content::open(path, options.read)?;
+    let _held = UnpackedOnce::of(&content.path);
     if let Some(raw) = &options.raw {
         return raw.open(&content);
     }

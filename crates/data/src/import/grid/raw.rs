@@ -75,7 +75,11 @@ pub(super) fn open_described(content: &Content) -> Result<GridSource, ImportErro
     let description = description_of(&content.path);
     if !description.is_file() {
         let name = description.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        return Err(ImportError::missing(&content.path, "shape", format!("--shape or {name}")));
+        return Err(ImportError::missing(
+            &content.path,
+            "shape",
+            format!("{name} beside it, or --shape of info, build or reconstruct"),
+        ));
     }
     let wrong = |message: String| ImportError::malformed(&content.path, "description", message, "one that can be read");
     let read: Described = ron_file::read(&description).map_err(|error| wrong(error.to_string()))?;

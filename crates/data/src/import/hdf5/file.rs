@@ -2,9 +2,9 @@
 //! [`ImportError`], and sizes are held against the file before anything is allocated.
 
 use crate::import::ImportError;
-use crate::import::bytes::unpacked;
 use crate::import::guarded::guarded;
 use crate::import::source::exact_id;
+use crate::import::unpacking::unpacked_once;
 use crate::model::{ReadFile, ReadMethod};
 use hdf5_reader::group::Group;
 use hdf5_reader::{Attribute, Dataset, Datatype, Hdf5File, OpenOptions, RangeRequestStorage, SliceInfo, SliceInfoElem};
@@ -33,7 +33,7 @@ pub(in crate::import) struct H5 {
 impl H5 {
     /// Opens the file, unpacked where it is compressed as a whole, to be read in the way `method`, and reads its superblock.
     pub(super) fn open(path: &Path, method: ReadMethod) -> Result<H5, ImportError> {
-        H5::of(path, unpacked(path)?.0, method)
+        H5::of(path, unpacked_once(path)?, method)
     }
 
     /// The same of an open file, which is called `path`.

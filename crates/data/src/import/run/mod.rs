@@ -122,8 +122,8 @@ pub fn sources_of(names: &[PathBuf]) -> Result<Vec<PathBuf>, ImportError> {
 /// fit to the others.
 pub fn open_run(files: &[PathBuf], options: &RunOptions, method: ReadMethod) -> Result<Run, ImportError> {
     let mut notes = Vec::new();
-    let opened = describe(files, options.skip_damaged, method, &mut notes)?;
-    let mut steps = timed(opened, options.times.as_ref())?;
+    let (opened, places) = describe(files, options.skip_damaged, method, &mut notes)?;
+    let mut steps = timed(opened, places, options.times.as_ref())?;
     let in_order = |steps: &[RunStep]| {
         steps.windows(2).all(|pair| names::by_numbers(&pair[0].about.path, &pair[1].about.path).is_le())
     };
@@ -178,13 +178,14 @@ fn steps_of(files: &[PathBuf], skip_damaged: bool, notes: &mut Vec<String>) -> R
     Ok(all)
 }
 
-/// What each source says about itself, in the order of `files`, with a place in that order.
+/// What each source says about itself, in the order of `files`, with a place in that order; and how many places there are, with those of
+/// what is left out.
 fn describe(
     files: &[PathBuf],
     skip_damaged: bool,
     method: ReadMethod,
     notes: &mut Vec<String>,
-) -> Result<Vec<(usize, Description)>, ImportError> {
+) -> Result<(Vec<(usize, Description)>, usize), ImportError> {
     let mut parts: HashSet<PathBuf> = HashSet::new();
     let mut opened = Vec::new();
     let mut first_error = None;
@@ -212,18 +213,19 @@ fn describe(
             Err(error) => return Err(error),
         }
     }
+    let places = opened.len();
     opened.retain(|(_, about)| !about.format.is_empty());
     match first_error {
         Some(error) if opened.is_empty() => Err(error),
-        _ => Ok(opened),
+        _ => Ok((opened, places)),
     }
 }
 
-/// The steps with their times.
-fn timed(opened: Vec<(usize, Description)>, times: Option<&Times>) -> Result<Vec<RunStep>, ImportError> {
-    if let (Some(Times::List(list)), Some((last, about))) = (times, opened.last()) {
-        let expected = format!("{}, one for each file", last + 1);
-        if list.len() <= *last {
+/// The steps with their times; `places` is how many sources were named.
+fn timed(opened: Vec<(usize, Description)>, places: usize, times: Option<&Times>) -> Result<Vec<RunStep>, ImportError> {
+    if let (Some(Times::List(list)), Some((_, about))) = (times, opened.last()) {
+        let expected = format!("{places}, one for each file");
+        if list.len() != places {
             return Err(ImportError::malformed(&about.path, "--times", format!("{} times", list.len()), expected));
         }
     }
@@ -301,7 +303,10 @@ mod tests {
         assert_eq!(run.steps.iter().map(|step| step.time).collect::<Vec<_>>(), [0.0, 2.0]);
         assert!(run.notes[0].contains("no file between t1.csv and t3.csv"), "{:?}", run.notes);
 
-        assert!(opened(&files, "0,1").unwrap_err().contains("--times: found 2 times, expected 3"));
+        for (list, found) in [("0,1", 2), ("0,1,2,3", 4)] {
+            let refused = opened(&files, list).unwrap_err();
+            assert!(refused.contains(&format!("--times: found {found} times, expected 3")), "{refused}");
+        }
         let twice = opened(&files, "0,1,1").unwrap_err();
         assert!(twice.contains("t3.csv: time: found 1, that of t1.csv too"), "{twice}");
         let untimed = open_run(&files, &RunOptions::default(), ReadMethod::default()).unwrap_err().to_string();

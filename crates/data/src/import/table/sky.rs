@@ -1,7 +1,7 @@
 //! Positions from the columns of a table: `x, y, z`, or right ascension, declination and a distance or parallax.
 //!
 //! Equatorial coordinates become `d (cos dec cos ra, cos dec sin ra, sin dec)`. A table without any distance is placed on
-//! the unit sphere. In one with distances a star that has none (a parallax that is not positive) has no position.
+//! the unit sphere. In one with distances a star that has none (a negative one, a parallax that is not positive) has no position.
 //!
 //! A unit stands in brackets or behind the name (`dist [kpc]`, `dist_kpc`). One that is not known is an error: these columns
 //! say where things are.
@@ -61,9 +61,10 @@ impl Distance {
     fn of(&self, value: f64) -> f64 {
         match self {
             Distance::Unknown => 1.0,
-            Distance::Column(_) => value,
+            Distance::Column(_) if value >= 0.0 => value,
             Distance::Parallax(_, per_mas) if value > 0.0 => 1000.0 / (value * per_mas),
-            Distance::Parallax(..) => f64::NAN,
+            // One over a parallax that noise has made negative, among others: it would stand on the other side of the sky.
+            Distance::Column(_) | Distance::Parallax(..) => f64::NAN,
         }
     }
 
@@ -163,7 +164,12 @@ fn unit_of<'a>(column: &'a Column, name: &str, measure: Measure) -> Option<&'a s
 
 /// The error of a table without them.
 pub(super) fn missing(path: &Path) -> ImportError {
-    ImportError::missing(path, "positions", "columns x, y, z, or ra, dec and possibly dist or parallax")
+    let is_ron = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ron"));
+    let expected = match is_ron {
+        true => "data in the place of a scene or a tour, which names its own",
+        false => "columns x, y, z, or ra, dec and possibly dist or parallax",
+    };
+    ImportError::missing(path, "positions", expected)
 }
 
 /// Whether there are columns that positions can be made of.

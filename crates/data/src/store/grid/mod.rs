@@ -220,3 +220,16 @@ pub fn planes_of(sample_type: SampleType, channels: usize, samples: &[u8]) -> Ve
         })
         .collect()
 }
+
+/// A sentence where doubles of such planes have become infinite, and so have no value in points and pictures.
+pub fn beyond_single(sample_type: SampleType, planes: &[Vec<f32>]) -> Option<String> {
+    let is_wide = sample_type == SampleType::F64;
+    let infinite = planes.iter().filter(|_| is_wide).flatten().filter(|value| value.is_infinite()).count();
+    let all: usize = planes.iter().map(Vec::len).sum();
+    (infinite > 0).then(|| {
+        format!(
+            "{infinite} of {all} values are infinite or beyond single precision ({:.1e}): points and pictures have none there",
+            f32::MAX
+        )
+    })
+}

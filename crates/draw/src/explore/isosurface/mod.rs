@@ -163,7 +163,14 @@ fn isosurface_in_bricks(
     let searched = Searched { path: tree.path(), lattice: &field.lattice, side, bricks: &plan.bricks };
     let Some((mesh, bytes)) = write_surface(&planned, searched, options, &about, (format, out), work)? else {
         let quantity = column.unwrap_or("density");
-        let expected = format!("less than the largest {quantity}; particles have up to {}", survey.largest as f32);
+        let largest = survey.largest as f32;
+        // Between the points of a coarse lattice there may be more.
+        let expected = match isovalue < survey.largest {
+            true => format!(
+                "less, or a finer --spacing than {spacing}: particles have up to {largest}, and its points less than the isovalue"
+            ),
+            false => format!("less than the largest {quantity}; particles have up to {largest}"),
+        };
         return Err(ExploreError::malformed(tree.path(), "--isovalue", isovalue, expected));
     };
     Ok(Isosurface {

@@ -476,6 +476,8 @@ fn what_cannot_be_is_told() {
     let error = |options: &IsosurfaceOptions| written(&tree, options, 8).unwrap_err().to_string();
     let high = error(&options(1e9, 0.05));
     assert!(high.contains("--isovalue") && high.contains("largest density") && !high.contains('\n'), "{high}");
+    let coarse = error(&options(50.0, 3.0));
+    assert!(coarse.contains("finer --spacing than 3: particles have up to"), "{coarse}");
     let many = error(&IsosurfaceOptions { most_cells: 512, ..options(50.0, 0.01) });
     assert!(many.contains("--spacing") && many.contains("512"), "{many}");
     let unknown = error(&IsosurfaceOptions { attribute: Some("heat".into()), ..options(50.0, 0.05) });

@@ -58,6 +58,10 @@ impl Plot {
                 if found.missing > 0 {
                     notes.push(format!("{} particles left out: without a value", found.missing));
                 }
+                let below = found.weights.iter().filter(|weight| **weight < 0.0).count();
+                if found.axes.len() > 1 && below > 0 {
+                    notes.push(format!("{below} cells are empty in pictures: their {} is negative", found.weight));
+                }
                 let missing = found.error.map_or(0, |error| error.missing_values);
                 notes.extend(stand_ins(missing));
             }
@@ -139,6 +143,39 @@ fn stand_ins(missing: u64) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::explore::Axis;
+    use crate::model::Unit;
+
+    #[test]
+    fn cells_that_no_colour_stands_for_are_told() {
+        let axis = |field: &str| Axis {
+            field: field.into(),
+            unit: Unit::default(),
+            logarithmic: false,
+            min: 0.0,
+            max: 1.0,
+            bins: 2,
+        };
+        let found = Binned {
+            axes: vec![axis("density"), axis("charge")],
+            weight: Weight::Field("charge".into()),
+            weight_unit: Unit::default(),
+            weights: vec![-3.0, 0.0, 2.0, -1.0],
+            counts: vec![3, 0, 2, 1],
+            total: -2.0,
+            count: 6,
+            not_positive: 0,
+            outside: 0,
+            missing: 0,
+            exact: true,
+            error: None,
+            estimate: None,
+        };
+        let notes = Plot::Binned(found.clone()).notes();
+        assert_eq!(notes[1..], ["2 cells are empty in pictures: their charge is negative"]);
+        let histogram = Binned { axes: vec![axis("density")], ..found };
+        assert_eq!(Plot::Binned(histogram).notes().len(), 1);
+    }
 
     #[test]
     fn shares_are_told() {

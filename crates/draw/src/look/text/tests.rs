@@ -12,7 +12,7 @@ use crate::look::{
     VERSION_TIME,
 };
 use crate::mode::{Focus, PathSettings, PathShape, PathsOf, SettingValue, Settings, Span};
-use crate::model::{Unit, When};
+use crate::model::{FamilyName, Unit, When};
 use crate::modes::volume_isosurface;
 use crate::view::cut::{Axis, ClipBox, Fade, Slab};
 use glam::DVec3;
@@ -278,8 +278,22 @@ fn values_out_of_range_are_named_with_their_place() {
     }
     let quoted = parse("(version: 1, datasets: [(path: \"a.df\")], attribute: \"slope\")").unwrap_err();
     assert!(quoted.contains("attribute: Expected identifier: a word without quotes"), "{quoted}");
+    let bare = parse("(version: 1, datasets: [(path: \"a.df\")], projection: dome)").unwrap_err();
+    assert!(bare.contains("projection: Expected opening `(`, also before no fields, as in dome()"), "{bare}");
     let none = "(version: 1, datasets: [])";
     assert!(parse(none).unwrap_err().contains("datasets: found a list of 0, expected 1 to 64 datasets"));
+}
+
+#[test]
+fn words_with_hyphens_stand_as_the_documents_have_them() {
+    let scene = parse(
+        "(version: 1, datasets: [(path: \"a.df\", families: [gas, black-holes])],
+          stereo: (kind: off-axis, separation: 0.5, zero_parallax: 60.0, eyes: side-by-side))",
+    )
+    .unwrap();
+    assert_eq!(scene.datasets[0].families, Some(vec![FamilyName::Gas, FamilyName::BlackHoles]));
+    let read = parse(&text(&scene)).unwrap();
+    assert!(read.stereo.is_some() && read == scene);
 }
 
 proptest! {

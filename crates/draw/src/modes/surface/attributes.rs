@@ -73,9 +73,9 @@ pub fn usual_transfer(attribute: Attribute) -> TransferFunction {
     TransferFunction::preset(name).unwrap_or_default()
 }
 
-/// A transfer function as a field has it, whose colours are spread over these `heights`: where places are degrees and the range goes across height 0,
-/// the colours of `terrain` have their shore there.
-pub fn with_shore(
+/// A transfer function as a field has it, whose colours are spread over these `heights`. Where its range goes down to 0 or below there are no
+/// logarithms, and the scale is linear. Where places are degrees and the range goes across height 0, the colours of `terrain` have their shore there.
+pub fn suited_transfer(
     transfer: TransferFunction,
     attribute: Attribute,
     grid: &HeightGrid,
@@ -83,6 +83,8 @@ pub fn with_shore(
 ) -> TransferFunction {
     let is_of_places = attribute == Attribute::Height && units::is_degrees(&grid.xy_unit);
     let [low, high] = range_of(&transfer, attribute, heights, 2, 1.0);
+    let scale = if low > 0.0 { transfer.scale } else { Scale::Linear };
+    let transfer = TransferFunction { scale, ..transfer };
     match is_of_places && low < 0.0 && high > 0.0 {
         true => transfer.with_shore(Scale::Linear.place(0.0, [low, high])),
         false => transfer,
@@ -135,6 +137,7 @@ pub fn range_of(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::SampleType;
 
     #[test]
     fn a_few_outliers_do_not_have_the_colours() {
@@ -154,6 +157,28 @@ mod tests {
         assert_eq!(usual_heights(&facts(2.0, 7.0), bump), [2.0, 7.0]);
         assert_eq!(usual_heights(&facts(1.0, 3.0), std::iter::empty()), [1.0, 3.0]);
         assert_eq!(usual_heights(&facts(1.0, 3.0), std::iter::once(f64::NAN)), [1.0, 3.0]);
+    }
+
+    #[test]
+    fn ranges_without_logarithms_are_linear() {
+        let grid = HeightGrid::new(5, 5, SampleType::F32);
+        let scale = |text: &str, attribute: Attribute, heights: [f64; 2]| {
+            let transfer = TransferFunction::parse(text, "x").expect("a transfer function");
+            suited_transfer(transfer, attribute, &grid, heights).scale
+        };
+        let (plain, stated) = ("(color_map: \"viridis\")", "(color_map: \"viridis\", scale: log)");
+        for (text, attribute, heights, expected) in [
+            (plain, Attribute::Height, [-1437.0, 2205.0], Scale::Linear),
+            (stated, Attribute::Height, [0.0, 7.0], Scale::Linear),
+            (plain, Attribute::Height, [141.0, 547.0], Scale::Log),
+            ("(range: fixed(0.0, 60.0))", Attribute::Slope, [1.0, 2.0], Scale::Linear),
+            ("(range: fixed(0.1, 60.0))", Attribute::Slope, [1.0, 2.0], Scale::Log),
+            (plain, Attribute::Curvature, [1.0, 2.0], Scale::Linear),
+            (plain, Attribute::Residual, [1.0, 2.0], Scale::Linear),
+            ("(scale: linear)", Attribute::Height, [141.0, 547.0], Scale::Linear),
+        ] {
+            assert_eq!(scale(text, attribute, heights), expected, "{text} {attribute:?} {heights:?}");
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::mode::ValueStatistics;
 use crate::model::{Channel, Grid, ReadMethod, Region, SampleType, Scale, Unit};
 use crate::picture::PictureError;
 use crate::store::GridFile;
-use crate::store::grid::planes_of;
+use crate::store::grid::{beyond_single, planes_of};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
@@ -118,8 +118,13 @@ impl OpenField {
         self.data.grid().shape.iter().fold(1, |samples, &side| samples.saturating_mul(side))
     }
 
+    /// What pictures do not show, a sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        [self.left_out(), beyond_single(self.grid.sample_type, &self.stored)].into_iter().flatten().collect()
+    }
+
     /// What is left out for want of memory, in a sentence.
-    pub fn note(&self) -> Option<String> {
+    fn left_out(&self) -> Option<String> {
         let whole = self.data.grid().described();
         let why = "since all of them would take more memory than they may (--memory)";
         (self.every > 1).then(|| format!("{whole}: one of {} samples along each axis is drawn, {why}", self.every))
@@ -207,7 +212,7 @@ impl OpenField {
     fn read_points(&self) -> Result<Points, PictureError> {
         let file = match &self.data {
             Data::File(file) if self.every == 1 => file,
-            Data::File(_) => return Err(PictureError::of(&self.path, self.note().unwrap_or_default())),
+            Data::File(_) => return Err(PictureError::of(&self.path, self.left_out().unwrap_or_default())),
             Data::Source(_) => {
                 let why = "no points stand for its samples: build a file of it first (deepfield build)";
                 return Err(PictureError::of(&self.path, why));

@@ -65,7 +65,7 @@ impl FieldSession {
         progress.begin("reading", 1);
         let memory = options.exact.is_none().then_some(options.memory.unwrap_or(MEMORY));
         let opened = Arc::new(OpenField::open(path, options.read, memory)?);
-        if let Some(note) = opened.note() {
+        for note in opened.notes() {
             reporter.tell(format!("{}: {note}", path.display()));
         }
         progress.advance(1);

@@ -322,6 +322,25 @@ fn what_was_prepared_is_used_again_for_other_colours() {
 }
 
 #[test]
+fn values_beyond_single_precision_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let notes = |beyond: usize| {
+        let grid = Grid::volume([4, 4, 4], SampleType::F64, Channel::numbered(1));
+        let value = |k: usize| if k < beyond { 1e43 } else { k as f64 };
+        let samples: Vec<u8> = (0..64).flat_map(|k| value(k).to_ne_bytes()).collect();
+        let path = folder.path().join("heavy.nrrd");
+        write_grid(&path, GridFormat::Nrrd, &grid, &samples).unwrap();
+        OpenField::open(&path, ReadMethod::default(), None).unwrap().notes()
+    };
+    assert!(notes(0).is_empty());
+    let told = notes(3);
+    assert!(
+        told.len() == 1 && told[0].starts_with("3 of 64 values are infinite or beyond single precision"),
+        "{told:?}"
+    );
+}
+
+#[test]
 fn what_is_too_large_is_thinned_and_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let value = |[x, y, z]: [u64; 3]| ((3 * x + 7 * y + 11 * z) % 251) as f64;
@@ -332,11 +351,11 @@ fn what_is_too_large_is_thinned_and_says_so() {
     let samples = 41 * 70 * 66;
     for path in [&source, &built] {
         let whole = OpenField::open(path, ReadMethod::default(), Some(10 * samples)).unwrap();
-        assert!(whole.note().is_none() && whole.grid().shape == [41, 70, 66]);
+        assert!(whole.notes().is_empty() && whole.grid().shape == [41, 70, 66]);
         // A third along each axis is what a twentieth of the memory has room for.
         let thinned = OpenField::open(path, ReadMethod::default(), Some(samples / 2)).unwrap();
         assert_eq!((thinned.grid().shape, thinned.samples()), ([14, 24, 22], samples));
-        assert!(thinned.note().unwrap().contains("one of 3 samples") && !thinned.has_points());
+        assert!(thinned.notes()[0].contains("one of 3 samples") && !thinned.has_points());
         assert!(thinned.shown(Some(&Wanted::Points(9, Weighting::Rms)), &[0], false).is_err());
         let shown = thinned.shown(None, &[0], false).unwrap();
         let place = thinned.grid().to_world.transform_point3(DVec3::new(13.0, 23.0, 21.0));

@@ -14,7 +14,7 @@ use crate::picture::field::{FieldSession, OpenField};
 use crate::picture::placement::FieldPlacement;
 use crate::picture::session::Reporter;
 use crate::picture::surface::painting::Painter;
-use crate::picture::surface::standing::standing;
+use crate::picture::surface::standing::view_of;
 use crate::picture::surface::{FieldInScene, OpenSurface, SurfaceSession};
 use crate::picture::{PictureError, Session, SessionOptions};
 use crate::store::PageFile;
@@ -96,7 +96,7 @@ impl OpenMixed {
                 }
                 MemberKind::Field => {
                     let opened = OpenField::open(&member.path, read, Some(sample_memory))?;
-                    notes.extend(opened.note().map(|note| format!("{}: {note}", member.path.display())));
+                    notes.extend(opened.notes().iter().map(|note| format!("{}: {note}", member.path.display())));
                     fields.push(FieldAmong { index, member, opened: Arc::new(opened) });
                 }
                 MemberKind::Particles => others.push(member),
@@ -308,13 +308,15 @@ impl OpenMixed {
     ) -> Result<Option<(View, DVec3)>, PictureError> {
         let camera = CameraConfig { fov: Some(fov_deg), ..CameraConfig::default() };
         let shot = Shot { camera, size: Some(size), ..Shot::default() };
-        let view = |bounds: Bounds, shot: &Shot| Ok(Some((shot.view(bounds, None)?, bounds.center())));
         match (self.first_kind(), self.heights.first()) {
             (MemberKind::Heights, Some(first)) => {
                 let bounds = self.bounds(settings)?;
-                view(bounds, &standing(&shot, bounds, &first.opened.placed(settings)?)?)
+                view_of(&shot, bounds, &first.opened.placed(settings)?).map(Some)
             }
-            (MemberKind::Field, _) => view(self.bounds(settings)?, &shot),
+            (MemberKind::Field, _) => {
+                let bounds = self.bounds(settings)?;
+                Ok(Some((shot.view(bounds, None)?, bounds.center())))
+            }
             _ => Ok(None),
         }
     }

@@ -190,12 +190,12 @@ impl OpenSurface {
 
     /// A transfer function as a depiction of it has it.
     pub fn shown_transfer(&self, depiction: &Depiction, transfer: &TransferFunction) -> TransferFunction {
-        self.with_shore(transfer.clone(), self.coloured(depiction))
+        self.suited_transfer(transfer.clone(), self.coloured(depiction))
     }
 
     /// A transfer function as an attribute of it has it.
-    pub(super) fn with_shore(&self, transfer: TransferFunction, attribute: Coloured) -> TransferFunction {
-        surface::with_shore(transfer, attribute, &self.file.about().grid, self.usual_heights)
+    pub(super) fn suited_transfer(&self, transfer: TransferFunction, attribute: Coloured) -> TransferFunction {
+        surface::suited_transfer(transfer, attribute, &self.file.about().grid, self.usual_heights)
     }
 
     /// The heights that colours are spread over where nothing else is said: without a few that are far from all others, which `reporter` is told once.
@@ -219,9 +219,10 @@ impl OpenSurface {
         let (facts, [low, high]) = (&self.file.about().facts, self.usual_heights);
         let heights = self.coarse.heights();
         let beyond = heights.iter().filter(|height| !(low..=high).contains(*height)).count();
+        let percent = 100.0 * beyond as f64 / heights.len().max(1) as f64;
         // Of few the coarse samples may have none.
-        let percent = (100.0 * beyond as f64 / heights.len().max(1) as f64).max(0.1);
-        ([low, high] != [facts.min, facts.max]).then(|| format!("{percent:.1} % beyond"))
+        let share = if percent < 0.1 { "< 0.1".to_owned() } else { format!("{percent:.1}") };
+        ([low, high] != [facts.min, facts.max]).then(|| format!("{share} % beyond"))
     }
 
     /// What a legend calls the values of a depiction.
@@ -308,11 +309,11 @@ impl OpenSurface {
         Ok(super::standing::bounds_of(&self.placed(settings)?, [facts.min, facts.max]))
     }
 
-    /// The view that shows all of it, as pictures have it whose camera nobody has placed.
+    /// The view that shows all of it, as pictures have it whose camera nobody has placed, and what it looks at.
     ///
     /// # Errors
     /// As [`OpenSurface::placed`], and sizes and fields of view that are none.
-    pub fn home(&self, settings: &Settings, fov_deg: f64, size: (u32, u32)) -> Result<View, PictureError> {
+    pub fn home(&self, settings: &Settings, fov_deg: f64, size: (u32, u32)) -> Result<(View, DVec3), PictureError> {
         let camera = CameraConfig { fov: Some(fov_deg), ..CameraConfig::default() };
         let shot = Shot { camera, size: Some(size), ..Shot::default() };
         super::standing::view_of(&shot, self.bounds(settings)?, &self.placed(settings)?)

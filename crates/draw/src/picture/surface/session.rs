@@ -216,7 +216,7 @@ impl SurfaceSession {
         let attribute = self.opened.attribute(look.attribute_name()).map_err(refuse)?;
         let placed = self.placed(&settings);
         let transfer = look.transfer.clone().unwrap_or_else(|| surface::usual_transfer(attribute));
-        let transfer = self.opened.with_shore(transfer, attribute);
+        let transfer = self.opened.suited_transfer(transfer, attribute);
         let [x, y] = placed.spacing();
         let curvature = placed.true_lift * (about.facts.max - about.facts.min) / (64.0 * x * y).max(1e-300);
         let levels = match settings.coarse {

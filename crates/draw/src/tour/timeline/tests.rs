@@ -179,6 +179,16 @@ fn fast_turns_are_told_and_stretched() {
 }
 
 #[test]
+fn captions_that_the_font_cannot_write_are_told_once() {
+    let text = "(version: 1, keyframes: [(caption: \"Sterne\"), (after: 5.0, caption: \"星 ★\"), (after: 5.0)])";
+    let tour = TourFile::parse("t", text).unwrap();
+    let timeline = Timeline::new(&tour, &surroundings(text)).unwrap();
+    let found: Vec<Vec<String>> = remarks(&timeline, &tour.comfort).into_iter().map(|remark| remark.warnings).collect();
+    assert!(found[0].is_empty() && found[2].is_empty(), "{found:?}");
+    assert!(found[1].len() == 1 && found[1][0].starts_with("the font has no 星: "), "{found:?}");
+}
+
+#[test]
 fn the_usual_tour_goes_round_without_a_stop() {
     let tour = around_data(10.0);
     let timeline = Timeline::new(&tour, &surroundings("")).unwrap();

@@ -131,6 +131,16 @@ fn values_that_look_like_no_data_are_noted() {
     // Within the others' range, and not far from them.
     let near: Vec<f64> = (0..10_000).map(|index| -f64::from(index)).collect();
     assert!(summary(100, near, NoData::Nothing).notes.is_empty());
+    // Many huge numbers are heights, and of two the one farther off is named with its own count.
+    let strange: Vec<f64> = (0..10_000).map(|index| 1e30 * f64::from(index)).collect();
+    assert!(summary(100, strange, NoData::Nothing).notes.is_empty());
+    let two = (0..10_000).map(|index| match index % 100 {
+        0 => 1e30,
+        1 | 2 => -3e38,
+        other => f64::from(other),
+    });
+    let found = summary(100, two.collect(), NoData::Nothing).notes;
+    assert!(found.len() == 1 && found[0].starts_with("200 of 10000 samples are -3e38, far from"), "{found:?}");
 }
 
 #[test]

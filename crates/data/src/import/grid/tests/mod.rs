@@ -146,7 +146,11 @@ fn messages_name_file_field_found_and_expected() {
     for (name, bytes, message) in [
         ("c.nrrd", raw[..raw.len() - 9].to_vec(), "c.nrrd: data: found 231 bytes, expected 240 (6 x 5 x 4 of int16)"),
         ("x.nii", nifti(128, b"n+1\0", &[]), "x.nii: datatype: found 128 (RGB24 volumes), expected a scalar type"),
-        ("v.raw", vec![0; 1000], "v.raw: shape: missing, expected --shape or v.raw.ron"),
+        (
+            "v.raw",
+            vec![0; 1000],
+            "v.raw: shape: missing, expected v.raw.ron beside it, or --shape of info, build or reconstruct",
+        ),
         (
             "e.nrrd",
             nrrd("encoding: bzip2\nendian: little\n\n", b""),

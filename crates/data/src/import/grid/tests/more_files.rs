@@ -61,6 +61,11 @@ pub fn fits(first: &str, body: &[u8]) -> Vec<u8> {
 
 /// Pages of 6 x `heights` samples of 16 bits in big endian, each in strips of two rows.
 pub fn tiff(heights: &[u32], samples: &[u8]) -> Vec<u8> {
+    described_tiff("", heights, samples)
+}
+
+/// The same with a description in the first page, unless it is empty.
+pub fn described_tiff(description: &str, heights: &[u32], samples: &[u8]) -> Vec<u8> {
     let mut bytes = b"MM\0*\0\0\0\0".to_vec();
     let (mut link, mut from) = (4, 0);
     for &height in heights {
@@ -76,26 +81,41 @@ pub fn tiff(heights: &[u32], samples: &[u8]) -> Vec<u8> {
             bytes.extend(list.iter().flat_map(|number| number.to_be_bytes()));
             (at, list)
         });
+        let text = bytes.len() as u32;
+        let is_described = link == 4 && !description.is_empty();
+        if is_described {
+            bytes.extend_from_slice(description.as_bytes());
+            bytes.push(0);
+        }
         let at = bytes.len() as u32;
         bytes[link..link + 4].copy_from_slice(&at.to_be_bytes());
         let [places, sizes] = lists.map(|(at, list)| if list.len() == 1 { list[0] } else { at });
         let count = strips.len() as u32;
-        let tags: [(u16, u32, u32); 9] = [
+        let tags: [(u16, u32, u32); 10] = [
             (256, 1, 6),
             (257, 1, height),
             (258, 1, 16),
             (259, 1, 1),
             (262, 1, 1),
+            (270, description.len() as u32 + 1, text),
             (273, count, places),
             (278, 1, 2),
             (279, count, sizes),
             (339, 1, 2),
         ];
+        let tags: Vec<_> = tags.into_iter().filter(|(tag, ..)| *tag != 270 || is_described).collect();
         bytes.extend_from_slice(&(tags.len() as u16).to_be_bytes());
         for (tag, count, number) in tags {
             bytes.extend_from_slice(&tag.to_be_bytes());
             let is_short = matches!(tag, 258 | 259 | 262 | 339);
-            bytes.extend_from_slice(&(if is_short { 3_u16 } else { 4 }).to_be_bytes());
+            let kind = if tag == 270 {
+                2_u16
+            } else if is_short {
+                3
+            } else {
+                4
+            };
+            bytes.extend_from_slice(&kind.to_be_bytes());
             bytes.extend_from_slice(&count.to_be_bytes());
             bytes.extend_from_slice(&(if is_short { number << 16 } else { number }).to_be_bytes());
         }

@@ -109,6 +109,37 @@ fn a_folder_of_pictures_is_a_volume() {
 }
 
 #[test]
+fn pages_of_a_tiff_are_channels_where_it_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cells.ome.tif");
+    // The page of each channel's slices.
+    for (order, pages) in [("XYZCT", [[0, 1], [2, 3]]), ("XYCZT", [[0, 2], [1, 3]])] {
+        let text = format!(
+            "<OME><Image><Pixels DimensionOrder=\"{order}\" SizeC=\"2\" SizeZ=\"2\" SizeT=\"1\" PhysicalSizeX=\"0.5\" \
+             PhysicalSizeY=\"0.25\" PhysicalSizeZ=\"2\"/></Image></OME>"
+        );
+        std::fs::write(&path, super::more_files::described_tiff(&text, &[5; 4], &super::files::big())).unwrap();
+        let source = open(&path).unwrap();
+        let grid = source.grid();
+        assert_eq!((grid.shape, grid.channels.len(), grid.spacing()), ([6, 5, 2], 2, vec![0.5, 0.25, 2.0]));
+        assert!(source.description().notes.is_empty(), "{:?}", source.description().notes);
+        let mut found = vec![0; 240];
+        source.read(&grid.region(), &mut found).unwrap();
+        let (found, all) = (found.as_chunks::<2>().0, super::files::native());
+        let written = all.as_chunks::<2>().0;
+        for (index, sample) in found.iter().enumerate() {
+            let (channel, pixel, slice) = (index % 2, index / 2 % 30, index / 60);
+            assert_eq!(*sample, written[30 * pages[channel][slice] + pixel], "{order} {channel} {slice} {pixel}");
+        }
+    }
+    let text = "ImageJ=1.53t\nimages=9\nslices=3\nframes=3\n";
+    std::fs::write(&path, super::more_files::described_tiff(text, &[5; 4], &super::files::big())).unwrap();
+    let source = open(&path).unwrap();
+    assert_eq!((source.grid().shape, source.grid().channels.len()), ([6, 5, 4], 1));
+    assert!(source.description().notes[0].starts_with("4 pages are slices"), "{:?}", source.description().notes);
+}
+
+#[test]
 fn what_is_decoded_in_one_piece_is_bounded() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.png");

@@ -2,6 +2,7 @@
 
 mod directory;
 mod geo;
+mod stack;
 
 use super::content::{Content, MOST_EXPANSION, in_one_line, too_few};
 use super::layout::{INTERLEAVED, Layout, NATIVE};
@@ -12,6 +13,7 @@ use super::{GridDescription, GridFormat, GridSource};
 use crate::import::ImportError;
 use crate::model::{Channel, Grid, SampleType};
 use geo::Geo;
+use stack::Stack;
 use std::io::{BufReader, Seek, SeekFrom};
 use tiff::ColorType;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
@@ -79,7 +81,7 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
     let decoder = Decoder::new(reader).map_err(|error| wrong(1, error))?;
     let mut decoder = decoder.with_limits(limits(0, content.most()));
     let first = page(&mut decoder, content, 1)?;
-    let geo = Geo::read(&mut decoder);
+    let (geo, stack) = (Geo::read(&mut decoder), Stack::read(&mut decoder));
     let one = first.grid();
     let bytes = checked(path, &one, "page 1", "page 1")?;
     let most = content.most().saturating_mul(MOST_EXPANSION);
@@ -121,16 +123,22 @@ fn open(content: &Content) -> Result<GridSource, ImportError> {
         }
         decoder.next_image().map_err(|error| wrong(pages + 1, error))?;
     }
-    let mut grid = match pages {
-        1 => one,
-        _ => Grid::volume([first.width.into(), first.height.into(), pages], first.kind, one.channels),
-    };
+    let arranged = stack.as_ref().and_then(|stack| stack.arranged(&one, pages));
+    let unlike = stack.as_ref().filter(|_| arranged.is_none() && pages > 1).map(|stack| stack.unlike(pages));
+    let (mut grid, apart) = arranged.unwrap_or_else(|| match pages {
+        1 => (one, None),
+        _ => (Grid::volume([first.width.into(), first.height.into(), pages], first.kind, one.channels), None),
+    });
+    if let Some(stack) = &stack {
+        stack.scale(&mut grid);
+    }
     geo.apply(&mut grid);
     checked(path, &grid, "pages", "ModelPixelScale")?;
     // Of a page whose values lie apart, all of the first come first.
-    let axes = if first.is_planar { [1, 2, 0, 3] } else { INTERLEAVED };
+    let axes = apart.unwrap_or(if first.is_planar { [1, 2, 0, 3] } else { INTERLEAVED });
     let layout = Layout::packed(&grid, axes, 0, NATIVE);
     let mut about = GridDescription::new(path, TIFF.name, content.length, grid);
+    about.notes.extend(unlike);
     if matches!(first.color, ColorType::Palette(_)) {
         about.notes.push("values are places in a palette, which is left out".into());
     }

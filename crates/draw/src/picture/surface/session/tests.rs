@@ -171,6 +171,10 @@ fn spikes_do_not_have_the_colours_of_a_field() {
         opened("m", [101, 101], [0.0, 0.0], 1.0, |x, y| if x == 0.0 && y < 60.0 { 900.0 } else { hill(x, y) });
     let told = |look: &LookPatch| session.told(&session.prepare(look).unwrap(), look).1.value;
     assert_eq!(told(&LookPatch::default()), Shown::Named("height, 0.6 % beyond".into(), Unit::new("m")));
+    let single = opened("m", [101, 101], [0.0, 0.0], 1.0, |x, y| if [x, y] == [7.0, 9.0] { 900.0 } else { hill(x, y) });
+    let look = LookPatch::default();
+    let named = single.told(&single.prepare(&look).unwrap(), &look).1.value;
+    assert_eq!(named, Shown::Named("height, < 0.1 % beyond".into(), Unit::new("m")));
     // What lies about singly is much of a field's samples, and nothing of its surface.
     let dust = |x: f64, y: f64| if (x + y) % 7.0 < 0.5 && x % 2.0 == 0.0 { 900.0 + x } else { f64::NAN };
     let dusty = opened("m", [301, 301], [0.0, 0.0], 1.0, |x, y| if y < 150.0 { hill(x, y) } else { dust(x, y) });
